@@ -58,8 +58,9 @@ from .periodic.fold_statement import fold_statement as fold_statement
 from .periodic.orbit import Orbit
 from .proof.prove import prove, prove_absence, prove_fold
 from .proof.theorem import Proof
+from .return_map.bifurcation import Bifurcation as Bifurcation
 from .return_map.bifurcations import bifurcations
-from .return_map.diagram import Bifurcation as Bifurcation, BifurcationDiagram, Branch as Branch, BranchEnd as BranchEnd
+from .return_map.diagram import BifurcationDiagram, Branch as Branch, BranchEnd as BranchEnd
 from .return_map.event_curve import EventCurve as EventCurve
 from .return_map.hops import FixedPoint as FixedPoint, Hops as Hops
 from .return_map.launch_hops import LaunchHops as LaunchHops

@@ -66,6 +66,7 @@ TESTED_WITH = {
     "proof/branch_words": "proof/test_branch",
     "proof/launches": "proof/test_attraction",
     "proof/wording": "proof/test_attraction",
+    "return_map/bifurcation": "return_map/test_diagram",
     "return_map/cycles": "return_map/test_bifurcations",
     "return_map/fixed_point_statement": "return_map/test_proved_map",
     "return_map/hops": "return_map/test_return_map",

@@ -17,9 +17,10 @@ from ..periodic.find import Progress
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..simulation.impacts import CAP
+from .bifurcation import Bifurcation, name_of_hops
 from .branches import BESIDE_LOSSLESS, SAME_PLACE, BranchTracer, FoundEvent, PeriodicLaunch
-from .cycles import INJECT, MapsAlong
-from .diagram import RESERVED_IN_DIAGRAMS, Bifurcation, BifurcationDiagram, Branch, name_of_hops
+from .cycles import INJECT, MapsAlong, range_of
+from .diagram import RESERVED_IN_DIAGRAMS, BifurcationDiagram, Branch
 from .launch_branches import launch_diagram
 from .resolved_map import ROUNDED
 
@@ -68,8 +69,8 @@ def bifurcations(
     in addition to the error of the map. A branch ends where the map is not continuous, as its `End` says. Raises
     `InputError` for an invalid range or name, and where every fixed point is a lossless hop, which `follow` follows.
     """
-    low, high = _range("span", span)
-    slow, fast = _range("between", between)
+    low, high = range_of("span", span)
+    slow, fast = range_of("between", between)
     if slow <= 0 and machine.model.one_speed:
         raise InputError(f"between = {between!r}; launch speeds are above 0")
     several = not machine.model.one_speed
@@ -110,18 +111,6 @@ def bifurcations(
             search.doubled(doublings)
     visits = _attractor(maps, (slow, fast), count)
     return BifurcationDiagram(*about, tuple(search.branches), search.located(), visits=visits, units=maps.units, **own)
-
-
-def _range(name: str, ends: tuple[float, float]) -> tuple[float, float]:
-    """The two ends of a range, checked."""
-    try:
-        low, high = ends
-    except (TypeError, ValueError):
-        raise InputError(f"{name} = {ends!r}; it is a pair (low, high)") from None
-    low, high = finite_number(name, low), finite_number(name, high)
-    if not low < high:
-        raise InputError(f"{name} = ({low:g}, {high:g}); a range goes up, low < high")
-    return low, high
 
 
 class _Search:

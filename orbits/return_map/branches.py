@@ -24,8 +24,8 @@ from ..errors import NoOrbit
 from ..numerics.roots import bracketed_root, solve
 from ..running import interrupts
 from ..simulation.impacts import STATUSES
+from .bifurcation import name_of_hops
 from .cycles import INJECT, MapsAlong, excess_of
-from .diagram import name_of_hops
 from .map_pieces import CONTINUOUS, MapBorder
 
 Vector = np.ndarray

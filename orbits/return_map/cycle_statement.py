@@ -20,10 +20,10 @@ from ..units import LIFTOFF_SPEED
 
 INJECT = "inject"  # the parameter of these statements beside those of the model
 # The multipliers of bifurcations, by their kind.
-MULTIPLIERS = {"fold": 1.0, "flip": -1.0}
+MULTIPLIER_AT = {"fold": 1.0, "flip": -1.0}
 
 
-LEAVES, GRAZES, LOSSLESS = "leaves", "grazes", "lossless"  # the kinds of borders
+LEAVES_OR_STAYS, GRAZES, LOSSLESS = "leaves", "grazes", "lossless"  # the kinds of borders
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Border:
 
     hop: int
     impact: int
-    kind: str = LEAVES
+    kind: str = LEAVES_OR_STAYS
 
     def in_words(self) -> str:
         if self.kind == LOSSLESS:
@@ -89,7 +89,7 @@ def cycle_statement(model: Model, impacts: tuple[int, ...], border: Border | Non
         here = border if border and border.hop == hop else None
         if here and here.kind == LOSSLESS:
             durations.append(names_of("half_flight", hop))
-            arcs.append(_lossless(model, own, following, durations[-1]))
+            arcs.append(_lossless_hop(model, own, following, durations[-1]))
             continue
         times = [names_of(f"flight_{i + 1}", hop) for i in range(count)]
         if here and here.kind == GRAZES:
@@ -97,18 +97,20 @@ def cycle_statement(model: Model, impacts: tuple[int, ...], border: Border | Non
         durations += [*times, names_of("contact", hop)]
         for i, time in enumerate(times):
             ends = here if here and here.impact == i else None
-            arcs.append(_flight(model, own if i == 0 else None, time, ends, i > 0 and times[i - 1].startswith("graze")))
+            arcs.append(
+                _flight_of_hop(model, own if i == 0 else None, time, ends, i > 0 and times[i - 1].startswith("graze"))
+            )
         arcs.append(_contact(model, following, durations[-1]))
     return Statement("cycle of hops", (*unknowns, *durations), tuple(arcs), tuple(durations))
 
 
-def _flight(model: Model, launch: Sequence[str] | None, time: str, border: Border | None, flies_on: bool) -> Arc:
+def _flight_of_hop(model: Model, launch: Sequence[str] | None, time: str, border: Border | None, flies_on: bool) -> Arc:
     """A flight up to the ground: from a launch with unknowns of these names, else from an impact, or without one where
     the machine `flies_on` after a graze."""
 
     def start(u: Parameters, before: Scalars, p: Parameters) -> list[Algebraic]:
         if launch:
-            return model.launch(_launched(u, launch), p)
+            return model.launch(_launch_of(u, launch), p)
         return list(before) if flies_on else model.landed(before, p)
 
     def conditions(u: Parameters, x: Scalars, p: Parameters) -> list[Algebraic]:
@@ -117,27 +119,27 @@ def _flight(model: Model, launch: Sequence[str] | None, time: str, border: Borde
             return closed
         return [*closed, gap_speed(model, x, p) if border.kind == GRAZES else pressing(model, x, p)]
 
-    guard = (lambda u, x, p, q: model.liftoff(_launched(u, launch), p, q)) if launch else (lambda u, x, p, q: [])
-    return Arc(_integrated(model.flight), start, lambda u, p: u[time], conditions, guard)
+    guard = (lambda u, x, p, q: model.liftoff(_launch_of(u, launch), p, q)) if launch else (lambda u, x, p, q: [])
+    return Arc(_without_closed_form(model.flight), start, lambda u, p: u[time], conditions, guard)
 
 
-def _launched(u: Parameters, names: Sequence[str]) -> dict[str, Algebraic]:
+def _launch_of(u: Parameters, names: Sequence[str]) -> dict[str, Algebraic]:
     """The unknowns of a launch by the names that the model has for them."""
     return dict(zip(("liftoff", "alpha"), (u[name] for name in names), strict=True))
 
 
-def _lossless(model: Model, launch: Sequence[str], following: str, time: str) -> Arc:
+def _lossless_hop(model: Model, launch: Sequence[str], following: str, time: str) -> Arc:
     """Half the flight of a lossless hop, after which the next launch is faster by the injection alone."""
 
     def conditions(u: Parameters, x: Scalars, p: Parameters) -> list[Algebraic]:
         return [*model.reversal.fixed(x, p), u[launch[1]] + injected_speed(model, p) - u[following]]
 
     return Arc(
-        _integrated(model.flight),
-        start=lambda u, before, p: model.launch(_launched(u, launch), p),
+        _without_closed_form(model.flight),
+        start=lambda u, before, p: model.launch(_launch_of(u, launch), p),
         duration=lambda u, p: u[time],
         conditions=conditions,
-        guard=lambda u, x, p, q: model.liftoff(_launched(u, launch), p, q),
+        guard=lambda u, x, p, q: model.liftoff(_launch_of(u, launch), p, q),
     )
 
 
@@ -155,11 +157,11 @@ def _contact(model: Model, following: str, time: str) -> Arc:
     def conditions(u: Parameters, x: Scalars, p: Parameters) -> list[Algebraic]:
         return [force_in_contact(model, x, p), model.contact_speed.at(x) + injected_speed(model, p) - u[following]]
 
-    return Arc(_integrated(model.contact), start, lambda u, p: u[time], conditions)
+    return Arc(_without_closed_form(model.contact), start, lambda u, p: u[time], conditions)
 
 
 @lru_cache(maxsize=64)
-def _integrated(phase: Phase) -> Phase:
+def _without_closed_form(phase: Phase) -> Phase:
     """A phase without its closed form: many motions are integrated together, and with derivatives by parameters."""
     return replace(phase, closed_form=None) if phase.closed_form else phase
 
@@ -177,6 +179,6 @@ def event_statement(model: Model, impacts: tuple[int, ...], event: str | Border,
     def conditions(u: Parameters, x: Scalars, p: Parameters) -> list[Algebraic]:
         # The last derivative is that of the speed after the cycle less that before it, which is 1.
         *equations, change = last.conditions(u, x, p)
-        return [*equations, change + 1.0 - MULTIPLIERS[event]]
+        return [*equations, change + 1.0 - MULTIPLIER_AT[event]]
 
     return replace(doubled, name=f"{event} of the cycle of hops", arcs=(*others, replace(last, conditions=conditions)))

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,54 +14,13 @@ from ..errors import InputError
 from ..io import Document, one_line
 from ..model.machine import Machine, title_of_machine
 from ..result import Axes, Result, Row, known, shown, stored
-
-if TYPE_CHECKING:
-    from .event_curve import EventCurve
+from .bifurcation import WORDS_OF_STABILITY, Bifurcation, name_of_hops
+from .event_curve import EventCurve
+from .followed_events import follow_bifurcation
 
 BranchEnd = End  # both names can be imported
-PERIODS_IN_WORDS = {2: "two", 3: "three", 4: "four", 5: "five", 6: "six", 8: "eight"}  # others are figures
 # Names that the parameter of a diagram cannot have, since tables and documents have these names too.
 RESERVED_IN_DIAGRAMS = ("branch", "period", "value", "alpha", "other", "multiplier", "stable", "ends", "kind", "note")
-
-WORDS_OF_STABILITY = {True: "stable", False: "unstable", None: "stability unknown"}
-
-
-def name_of_hops(period: int) -> str:
-    """What launches of a period are called: "fixed points", or "hops of period two"."""
-    return "fixed points" if period == 1 else f"hops of period {PERIODS_IN_WORDS.get(period, period)}"
-
-
-@dataclass(frozen=True)
-class Bifurcation:
-    """A bifurcation on a branch of periodic launches, located.
-
-    kind : "flip" (multiplier -1: hops of twice the period begin), "fold" (multiplier 1: the branch turns round in the
-        parameter), "branch point" (multiplier 1, and the branch does not turn), "Neimark-Sacker" (a pair of complex
-        multipliers crosses the unit circle), "border collision" (a launch passes a border of the map: a bounce more or
-        less, or a graze; or its slope jumps, and the multiplier with it past 1 or -1), or "non-smooth fold" (the branch
-        turns round at a border)
-    value : of the parameter
-    alphas : the launch speeds (period,) of the periodic hops
-    multiplier : of these hops; NaN at a border, where there are two
-    branch : index of the branch
-    note : in words, for example which branch begins or ends there, or that the hop is lossless; may be ""
-    border : the kind of the border that a launch passes, "lossless", "graze" or "bounce"; else ""
-    sides : the multipliers on both sides of the border, that before it on the branch first
-    """
-
-    kind: str
-    value: float
-    alphas: tuple[float, ...]
-    multiplier: float = np.nan
-    branch: int = -1
-    note: str = ""
-    border: str = ""
-    sides: tuple[float, ...] = ()
-
-    @property
-    def alpha(self) -> float:
-        """The first of the launch speeds."""
-        return self.alphas[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +172,7 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
         self, event: Bifurcation | str, second: str, stop: float | tuple[float, float], *,
         machine: Machine | None = None, at: Sequence[float] = Options.at, longest: float = Options.longest,
         most: int = Options.most, step_control: StepControl = Options.step_control, output: str | Path | None = None,
-    ) -> "EventCurve":  # fmt: skip
+    ) -> EventCurve:  # fmt: skip
         """Follow a flip, a fold or a border collision of the diagram as a second parameter goes to `stop`: a curve in
         two parameters.
 
@@ -235,8 +194,6 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
         >>> [round(number, 6) for number in (diagram.events[0].value, *flips.at(1.2))]
         [0.071587, 0.073422]
         """
-        from .followed_events import follow_bifurcation
-
         if (machine := machine or self.source) is None:
             raise InputError("a diagram from a file does not hold its machine: name it, machine=")
         if isinstance(event, str):

@@ -9,7 +9,7 @@ import numpy as np
 from ..continuation.point import End
 from ..model.machine import title_of_machine
 from ..result import Axes, Result, Row, shown
-from .diagram import name_of_hops
+from .bifurcation import name_of_hops
 
 
 @dataclass(frozen=True)

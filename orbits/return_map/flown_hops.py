@@ -14,9 +14,9 @@ from ..shooting.formulations import vector
 from ..shooting.single_shooting import shooting_equations
 from ..simulation.hand_over import landed
 from ..simulation.impacts import LIFTOFF_ORDER, TURNS, Impacts
+from ..simulation.multiplier import TANGENTIAL
 from .cycle_statement import INJECT, cycle_statement
 
-TANGENTIAL = 1e-7  # an impact slower than this, as a share of the launch speed, is tangential: the hop has no slope
 MOST_IMPACTS = 100  # of a hop that is followed impact by impact
 
 
@@ -102,11 +102,11 @@ def slopes_of_hops(impacts: Impacts, alphas: np.ndarray) -> np.ndarray:
             us = hops.unknowns(impacts, which)
             done, evaluation = equations.evaluate_lanes(us, np.tile(vector(p), (len(us), 1)))
             if evaluation is not None:
-                slopes[which[done]] = _slopes(evaluation.jacobian)
+                slopes[which[done]] = _slopes_of_jacobians(evaluation.jacobian)
     return slopes
 
 
-def _slopes(jacobians: np.ndarray) -> np.ndarray:
+def _slopes_of_jacobians(jacobians: np.ndarray) -> np.ndarray:
     """The slopes (k,) from the derivatives (k, n, n) of the equations of one hop. All but the last equation determine
     the other unknowns from the launch speed, the second unknown; the last is that of the next speed less this one."""
     others = np.delete(np.arange(jacobians.shape[1]), 1)

@@ -29,12 +29,13 @@ from ..shooting.single_shooting import shooting_equations
 from ..simulation.hand_over import landed
 from ..simulation.impacts import LIFTOFF_ORDER, Impacts
 from ..units import LIFTOFF_SPEED, Units
+from .bifurcation import Bifurcation
 from .cycle_statement import (
     GRAZES,
     INJECT,
-    LEAVES,
+    LEAVES_OR_STAYS,
     LOSSLESS,
-    MULTIPLIERS,
+    MULTIPLIER_AT,
     Border,
     cycle_statement,
     event_statement,
@@ -43,23 +44,22 @@ from .cycle_statement import (
     pressing,
 )
 from .cycles import RESTITUTION, parameters_of_maps
-from .diagram import Bifurcation
 from .event_curve import CurveEvent, EventCurve
 from .flown_hops import flown_hops
 
 # Shares of the time of a flight or contact at which the gap and the contact force are tested; the places nearer to its
 # ends, where they vanish, belong to the events there.
-SHARES = np.linspace(0.03, 0.97, 48)
+SHARES_OF_ARC = np.linspace(0.03, 0.97, 48)
 # A solved bifurcation may lie this far from where the diagram has it, as a share of the parameter, which is located to
 # some 1e-11; and a border condition is the one that vanishes to this share of the largest launch speed.
-SAME_EVENT, AT_BORDER = 1e-6, 1e-3
+SAME_EVENT, NEAR_BORDER = 1e-6, 1e-3
 # At a cusp the share of the first parameter in the tangent vanishes beside that of the second one.
 CUSP = 1e-5
 BORDERS = (
     "border collision",
     "non-smooth fold",
 )  # the kinds of events at which a hop is about to have another number of impacts
-TANGENTIAL = 1e-6  # the first landing of a lossless hop is slower than this share of the launch speed, by rounding
+SLOW_LANDING = 1e-6  # the first landing of a lossless hop is slower than this share of the launch speed, by rounding
 SMALL_FORCE = 0.05  # a contact force below this, where 1 lifts the foot, vanishes near a lossless hop
 
 
@@ -126,11 +126,11 @@ class EventEquations(Curve):
         found = [*points[:end]]
         new = [i for i, point in enumerate(found) if point.certified is None]
         if new:
-            for i, made in zip(new, self._points(CurvePoints.of([found[i] for i in new]), ps[new]), strict=True):
+            for i, made in zip(new, self._event_points(CurvePoints.of([found[i] for i in new]), ps[new]), strict=True):
                 found[i] = found[i]._replace(certified=[cast(Any, made)])
         return found, refused.get(end)
 
-    def _points(self, points: CurvePoints, ps: np.ndarray) -> list[EventPoint]:
+    def _event_points(self, points: CurvePoints, ps: np.ndarray) -> list[EventPoint]:
         """The points of the curve with their parameters (m, np) as they are stored."""
         p = dict(zip(self.names, ps.T, strict=True))
         speed = self.machine.model.units(p).of(LIFTOFF_SPEED) if self.machine.model.units else 1.0
@@ -146,13 +146,14 @@ class EventEquations(Curve):
 
     def _tests(self, arcs: Sequence[Trajectories], p: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The test functions (m,) of points with parameters (m,), by what happens where they vanish."""
-        model, tests, border = self.machine.model, dict[str, np.ndarray](), self.event
-        many = {name: np.repeat(values, len(SHARES)) for name, values in p.items()}
+        model, tests = self.machine.model, dict[str, np.ndarray]()
+        border: str | Border | None = self.event
+        many = {name: np.repeat(values, len(SHARES_OF_ARC)) for name, values in p.items()}
         hop, impact = 0, 0
         for arc, motions in zip(self.cycle.arcs, arcs, strict=True):
             size = len(arc.phase.states)
-            rows, end = [*_within(motions)[:, :size].T], [*motions.finals[:, :size].T]
-            least = lambda values: np.reshape(values, (-1, len(SHARES))).min(1)  # noqa: E731
+            rows, end = [*_rows_within(motions)[:, :size].T], [*motions.finals[:, :size].T]
+            least = lambda values: np.reshape(values, (-1, len(SHARES_OF_ARC))).min(1)  # noqa: E731
             if arc.phase.name == model.contact.name:
                 force = np.broadcast_to(force_in_contact(model, rows, many), rows[0].shape)
                 tests[f"the contact of hop {hop + 1} opens earlier"] = least(force)
@@ -160,7 +161,11 @@ class EventEquations(Curve):
                 continue
             here = Border(hop, impact)
             tests[replace(here, kind=GRAZES).in_words()] = least(model.gap(many).at(rows))
-            if isinstance(border, Border) and (hop, impact) == (border.hop, border.impact) and border.kind != LEAVES:
+            if (
+                isinstance(border, Border)
+                and (hop, impact) == (border.hop, border.impact)
+                and border.kind != LEAVES_OR_STAYS
+            ):
                 hop += border.kind == LOSSLESS  # a flight up to a graze is followed by that up to the impact
                 border = None
                 continue
@@ -174,9 +179,9 @@ class EventEquations(Curve):
         return tests
 
 
-def _within(motions: Trajectories) -> np.ndarray:
+def _rows_within(motions: Trajectories) -> np.ndarray:
     """The rows (m k, rows) of motions (m,) at k shares of the time of each."""
-    places, apart = SHARES * motions.ends[:, None], 2.0 * float(motions.ends.max())
+    places, apart = SHARES_OF_ARC * motions.ends[:, None], 2.0 * float(motions.ends.max())
     each = apart * np.arange(len(motions))
     step = np.searchsorted(motions.starts + apart * motions.owner, places + each[:, None], side="right") - 1
     return evaluate(motions.coefficients[step.ravel()], (places - motions.starts[step]).ravel()[:, None])
@@ -250,7 +255,7 @@ def follow_bifurcation(
     """The curve of a bifurcation of hops along `along` as a second parameter goes to `stop`, from an event of a
     diagram of a machine with an injection; the other arguments as in `BifurcationDiagram.follow_event`."""
     options = checked_options(at=at, longest=longest, most=most, step_control=step_control)
-    machine, curve, x = _begun(machine, along, event, second, inject)
+    machine, curve, x = _event_equations(machine, along, event, second, inject)
     start, least = float(x[-1]), curve.least
     behind, stop = bounds_of(second, start, stop, options.at)
     curve.span, row = abs(stop - behind), np.eye(len(x))[-1]
@@ -278,18 +283,18 @@ def follow_bifurcation(
 def located(machine: Machine, along: str, event: Bifurcation, inject: float = 0.0) -> Bifurcation:
     """A flip, fold or border collision of hops by Newton's method on its equations, from a guess of it: with the exact
     value of the parameter and launch speeds. Raises `NoOrbit` where the method does not converge."""
-    _, curve, x = _begun(machine, along, event, "", inject)
+    _, curve, x = _event_equations(machine, along, event, "", inject)
     row = np.eye(len(x))[-1]
     point = cast(EventPoint, curve.certify(correct(curve, x, row, float(x[-1]), row)).point)
-    return replace(event, value=point.first, alphas=point.alphas, multiplier=MULTIPLIERS.get(event.kind, np.nan))
+    return replace(event, value=point.first, alphas=point.alphas, multiplier=MULTIPLIER_AT.get(event.kind, np.nan))
 
 
-def _begun(
+def _event_equations(
     machine: Machine, along: str, event: Bifurcation, second: str, inject: float
 ) -> tuple[Machine, EventEquations, np.ndarray]:
     """The machine at a bifurcation, the equations of its curve along a second parameter, for "" along any other one,
     and a guess of the point there."""
-    _check(machine, along, event, second)
+    _check_event(machine, along, event, second)
     if along == INJECT:
         inject = event.value
     else:
@@ -297,9 +302,9 @@ def _begun(
     second = second or next(name for name in (*machine.values, INJECT) if name != along)
     speed = machine.units.of(LIFTOFF_SPEED) if machine.units else 1.0
     cycle = _Cycle(Impacts(machine), [alpha / speed for alpha in event.alphas])
-    if cycle.lossless(TANGENTIAL) is not None and (event.kind == "fold" or len(event.alphas) == 1):
+    if cycle.lossless(SLOW_LANDING) is not None and (event.kind == "fold" or len(event.alphas) == 1):
         raise InputError("this fold is a lossless hop: `follow` follows it along a parameter, without an injection")
-    kind: str | Border = event.kind if event.kind in MULTIPLIERS else cycle.border()
+    kind: str | Border = event.kind if event.kind in MULTIPLIER_AT else cycle.border()
     impacts, u = cycle.unknowns(kind)
     start = inject if second == INJECT else machine.values[second]
     curve = EventEquations(machine, along, second, kind, impacts, inject, max(abs(start), 1.0))
@@ -307,13 +312,13 @@ def _begun(
         equations = shooting_equations(cycle_statement(machine.model, impacts), curve.names)
         jacobian = equations.evaluate(u, curve.parameters).jacobian.copy()
         place = equations.statement.unknowns.index("alpha")
-        jacobian[-1, place] += 1.0 - MULTIPLIERS[kind]
+        jacobian[-1, place] += 1.0 - MULTIPLIER_AT[kind]
         direction = np.linalg.svd(jacobian)[2][-1]
         u = [*u, *np.delete(direction / direction[place], place)]
     return machine, curve, np.array([*u, event.value, start])
 
 
-def _check(machine: Machine, along: str, event: Bifurcation, second: str) -> None:
+def _check_event(machine: Machine, along: str, event: Bifurcation, second: str) -> None:
     """Raise `InputError` where a bifurcation cannot be followed along a second parameter."""
     model = machine.model
     if not isinstance(event, Bifurcation):
@@ -322,9 +327,9 @@ def _check(machine: Machine, along: str, event: Bifurcation, second: str) -> Non
         other = "steps" if model.one_speed else "has a launch of several numbers"
         what = "has hysteresis" if model.hysteretic else other
         raise InputError(f"a {model.name} {what}: bifurcations are followed where a launch is a speed alone")
-    if event.kind not in (*MULTIPLIERS, *BORDERS):
-        known = ", ".join((*MULTIPLIERS, *BORDERS))
-        raise InputError(f"a {event.kind} has no curve in two parameters here: {known} have")
+    if event.kind not in (*MULTIPLIER_AT, *BORDERS):
+        have = ", ".join((*MULTIPLIER_AT, *BORDERS))
+        raise InputError(f"a {event.kind} has no curve in two parameters here: {have} have")
     known = [name for name in parameters_of_maps(machine) if name not in (along, RESTITUTION)]
     if second and second not in known:
         raise InputError(f"second = '{second}'; {event.kind}s in {along} are followed along {', '.join(known)}")
@@ -355,7 +360,7 @@ class _Cycle:
 
     def border(self) -> Border:
         """The border that the cycle is at; raises `NoOrbit` where there is none."""
-        if (hop := self.lossless(AT_BORDER)) is not None:
+        if (hop := self.lossless(NEAR_BORDER)) is not None:
             return Border(hop, 0, LOSSLESS)
         found = list[tuple[float, Border]]()
         for hop, (alpha, count) in enumerate(zip(self.hops.alphas, self.hops.counts.tolist(), strict=True)):
@@ -366,7 +371,7 @@ class _Cycle:
                     found.append((speed / alpha, Border(hop, impact, GRAZES)))
                 found += [(size / alpha, Border(hop, impact, GRAZES)) for size, _ in self._near_grazes(hop, impact)]
         size, border = min(found, key=lambda each: each[0])
-        if not size <= AT_BORDER:
+        if not size <= NEAR_BORDER:
             raise NoOrbit(
                 "at these launch speeds no impact is about to vanish: the map's slope jumps for another reason"
             )
@@ -399,7 +404,7 @@ class _Cycle:
         counts, launches, times = self.hops.counts.tolist(), list[float](), list[float]()
         for hop, count in enumerate(self.hops.counts.tolist()):
             liftoff, alpha, *own = self.hops.unknowns(self.impacts, np.array([hop]))[0].tolist()
-            if isinstance(kind, Border) and kind.hop == hop and kind.kind != LEAVES:
+            if isinstance(kind, Border) and kind.hop == hop and kind.kind != LEAVES_OR_STAYS:
                 near = self._near_grazes(hop, kind.impact)
                 speed, _ = self._at(self.hops.landings[hop, kind.impact])
                 if kind.kind == LOSSLESS:

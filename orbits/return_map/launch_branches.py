@@ -18,8 +18,9 @@ from ..errors import InputError, NoOrbit, OrbitsError
 from ..numerics.roots import bracketed_root
 from ..running import interrupts
 from ..simulation.multipliers import HopsDerivative, derivative_of_hops
+from .bifurcation import Bifurcation
 from .cycles import INJECT, STEP_ALONG, MapsAlong
-from .diagram import Bifurcation, Branch
+from .diagram import Branch
 from .periodic_hop import SAME_PERIODIC, PeriodicHop, listed_starts
 
 # Steps along a curve, as shares of the ranges; the cosine of the largest turn in one; and the most points of a curve.

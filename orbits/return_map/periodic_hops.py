@@ -9,7 +9,7 @@ import numpy as np
 from ..numerics.roots import UNIT, solve
 from ..result import Axes, Report, Result, Row, reported, shown
 from ..units import LENGTH, LIFTOFF_SPEED, Units
-from .diagram import WORDS_OF_STABILITY
+from .bifurcation import WORDS_OF_STABILITY
 from .hops import Hops
 from .itineraries import MonotoneBranches, intervals_of, periodic_launches
 from .map_pieces import MapPieces

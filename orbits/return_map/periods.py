@@ -21,18 +21,18 @@ from ..running.exclusive import exclusive
 from ..simulation.feet import LIFTS_OFF
 from ..simulation.impacts import CAP
 from ..units import LIFTOFF_SPEED
-from .cycles import INJECT, RESTITUTION, MapsAlong, parameters_of_maps
+from .cycles import INJECT, RESTITUTION, MapsAlong, parameters_of_maps, range_of
 from .diagram import RESERVED_IN_DIAGRAMS
 from .return_map import ReturnMap
 
 # What launches settle to besides the statuses of a hop that has no next launch.
-PERIODIC, OUTSIDE, CHAOTIC, LONGER, LEAVES = "periodic", "outside", "chaotic", "longer", "leaves"
+HAS_PERIOD, ELSEWHERE, CHAOTIC, UNSETTLED, ESCAPES = "periodic", "outside", "chaotic", "longer", "leaves"
 FIRST_HOPS = 128  # after this many hops launches are examined, and after each doubling of their number
 # Launches that differ by a share below the first come back; below the second they may be approaching each other.
 SAME_LAUNCH, APPROACHED = 1e-8, 1e-5
-CHAOS = 1e-3  # the mean logarithm of the slopes of a chaotic motion is larger
-STARTS = 3
-FARTHEST = 10.0  # a launch this many times faster than the range leaves it
+CHAOTIC_SLOPES = 1e-3  # the mean logarithm of the slopes of a chaotic motion is larger
+STARTS_IN_RANGE = 3
+ESCAPED = 10.0  # a launch this many times faster than the range leaves it
 
 
 class SettlingMap:
@@ -67,7 +67,7 @@ def settled(
     """What launches (m,) settle to with injections (m,): the statuses (m,), periods (m,), 0 where there is none, the
     launch speeds (m,) last visited, the largest of a cycle, and the mean logarithms (m,) of the slopes."""
     m, window = len(starts), 2 * longest
-    status, periods = np.full(m, LONGER, dtype=object), np.zeros(m, int)
+    status, periods = np.full(m, UNSETTLED, dtype=object), np.zeros(m, int)
     last, exponents = np.full(m, np.nan), np.full(m, np.nan)
     x, going, done, until = starts.copy(), np.arange(m), 0, min(FIRST_HOPS, hops)
     recent, logs = np.full((window + 1, m), np.nan), np.zeros((2, m))
@@ -84,7 +84,7 @@ def settled(
         stops = (following <= 0) & np.isfinite(following)
         status[going[stops]] = "rests"
         away = following > fastest
-        status[going[away]] = LEAVES
+        status[going[away]] = ESCAPES
         alive = np.isfinite(following) & ~stops & ~away
         x[going[alive]] = following[alive]
         going = going[alive]
@@ -94,12 +94,12 @@ def settled(
         path = recent[order][:, going]
         period = _periods(path, longest, done >= hops)
         found = going[period > 0]
-        status[found], periods[found], last[found] = PERIODIC, period[period > 0], path[-longest:, period > 0].max(0)
+        status[found], periods[found], last[found] = HAS_PERIOD, period[period > 0], path[-longest:, period > 0].max(0)
         going = going[period == 0]
         if done >= hops:
             with np.errstate(divide="ignore", invalid="ignore"):
                 exponents[going] = logs[0, going] / logs[1, going]
-            status[going[exponents[going] > CHAOS]] = CHAOTIC
+            status[going[exponents[going] > CHAOTIC_SLOPES]] = CHAOTIC
             last[going] = x[going]
             break
         until = min(2 * until, hops)
@@ -175,7 +175,7 @@ class PeriodDiagram(Result, what="diagram of periods", dimension="launch"):
 
     def _kinds(self) -> Iterator[tuple[str, np.ndarray]]:
         """The names of what is found, "period 1" before others, each with where it is (ny, nx, k)."""
-        inside = self.status == PERIODIC
+        inside = self.status == HAS_PERIOD
         for period in np.unique(self.periods[inside]).tolist():
             yield f"period {period}", inside & (self.periods == period)
         for name in np.unique(self.status[~inside].astype(str)).tolist():
@@ -198,7 +198,7 @@ class PeriodDiagram(Result, what="diagram of periods", dimension="launch"):
     @property
     def _stays(self) -> np.ndarray:
         """Which launches (ny, nx, k) go on in the range."""
-        return np.isin(self.status, (PERIODIC, CHAOTIC, LONGER))
+        return np.isin(self.status, (HAS_PERIOD, CHAOTIC, UNSETTLED))
 
     @property
     def several(self) -> np.ndarray:
@@ -255,75 +255,65 @@ def period_diagram(
     injection among the two each place has its own. A launch is periodic where the launches of twice the longest period
     come back to a share of 1e-8. Raises `InputError` for invalid arguments.
     """
-    names, ranges = [*over], [*over.values()] if isinstance(over, Mapping) else []
-    if len(names) != 2:
-        raise InputError(f"over = {over!r}; it maps the names of two parameters to their ranges")
-    if not machine.model.one_speed:
-        raise InputError(f"a launch of a {machine.model.name} is more than a speed: it has no diagram of periods")
-    for name in names:
-        if name in (*RESERVED_IN_DIAGRAMS, "start", "status", "launch", "exponent"):
-            raise InputError(f"a parameter called '{name}' cannot be told from the diagram's own; give it another name")
-        if name not in (known := parameters_of_maps(machine)):
-            raise InputError(f"the return map has no parameter '{name}'; it has {', '.join(known)}")
-    if INJECT in names and inject != 0:
-        raise InputError(f"inject = {inject:g} beside a range of it: the range says it all")
-    low, high = _ascending("between", between)
+    axes, (low, high) = _checked_axes(machine, over, samples, inject), range_of("between", between)
     if not low > 0:
         raise InputError(f"between = {between!r}; launch speeds are above 0")
-    counts = [whole_number("samples", count, "values", 2) for count in samples]
-    axes = [
-        np.linspace(*_ascending(name, ends), count) for name, ends, count in zip(names, ranges, counts, strict=True)
-    ]
-    own = np.linspace(low, high, STARTS + 2)[1:-1] if starts is None else np.array([*map(float, starts)])
+    own = np.linspace(low, high, STARTS_IN_RANGE + 2)[1:-1] if starts is None else np.array([*map(float, starts)])
     if not (len(own) and np.isfinite(own).all() and (own > 0).all()):
         raise InputError(f"starts = {starts!r}; they are launch speeds above 0")
     longest, hops = whole_number("longest", longest, "hops"), whole_number("hops", hops, "hops")
     if hops < 4 * longest:
         raise InputError(f"hops = {hops}: a period of {longest} shows after {4 * longest} hops at least")
-    grid = whole_number("grid", grid, "launches", 2)
-    shape = (counts[1], counts[0], len(own))
-    found = np.full(shape, "", dtype=object), np.zeros(shape, int), np.full(shape, np.nan), np.full(shape, np.nan)
-    place = names.index(INJECT) if INJECT in names else None
-    fixed = [name for name in names if name != INJECT]
-    values = [axes[names.index(name)] for name in fixed]
-    indices = np.ndindex(*(len(each) for each in values))
-    total = int(np.prod([len(each) for each in values]))
-    for done, index in enumerate(indices):
-        changed = {name: float(each[i]) for name, each, i in zip(fixed, values, index, strict=True)}
-        one = _changed(machine, changed)
-        units = one.units
-        speed = units.of(LIFTOFF_SPEED) if units else 1.0
-        added = (axes[place] if place is not None else np.array([inject])) / speed
+    grid, (along, second) = whole_number("grid", grid, "launches", 2), axes
+    maps = {name: values for name, values in axes.items() if name != INJECT}
+    injections, shape = axes.get(INJECT, np.array([inject])), [len(values) for values in maps.values()]
+    parts = list[tuple[np.ndarray, ...]]()
+    for index in np.ndindex(*shape):
+        one = _machine_with(machine, {name: float(maps[name][i]) for name, i in zip(maps, index, strict=True)})
+        speed = one.units.of(LIFTOFF_SPEED) if one.units else 1.0
         step = SettlingMap(ReturnMap(one, cap=cap).dimensionless(), (low / speed, high / speed), grid)
-        many = np.tile(own / speed, len(added)), np.repeat(added, len(own))
-        status, periods, launches, exponents = settled(step, *many, longest, hops, FARTHEST * high / speed)
-        where = (slice(None), index[0]) if place == 1 else (index[0], slice(None)) if place == 0 else index[::-1]
-        away = (status == PERIODIC) & ~((launches >= low / speed) & (launches <= high / speed))
-        status[away] = OUTSIDE
-        for whole, part in zip(found, (status, periods, launches * speed, exponents), strict=True):
-            whole[where] = part.reshape(len(added), len(own)) if place is not None else part
+        many = np.tile(own / speed, len(injections)), np.repeat(injections / speed, len(own))
+        status, periods, launches, exponents = settled(step, *many, longest, hops, ESCAPED * high / speed)
+        launches = launches * speed
+        status[(status == HAS_PERIOD) & ~((launches >= low) & (launches <= high))] = ELSEWHERE
+        parts.append((status, periods, launches, exponents))
         if progress:
-            progress((done + 1) / total)
-    words = machine_in_words(machine)
-    maps = MapsAlong(machine, names[0], *map(float, axes[0][[0, -1]]), 0.0, cap)
-    numbers = (tuple(own.tolist()), *found, longest, hops, maps.units)
-    return PeriodDiagram(*names, words, *axes, *numbers)
+            progress(len(parts) / int(np.prod(shape)))
+    # The injection, which each map has all values of, comes after the other parameters.
+    places = [[*maps, *([INJECT] if INJECT in axes else [])].index(name) for name in (second, along)]
+    whole = [*shape, *([len(injections)] if INJECT in axes else []), len(own)]
+    found = [np.stack(each).reshape(whole).transpose(*places, 2) for each in zip(*parts, strict=True)]
+    first, last = axes[along][[0, -1]].tolist()
+    texts = MapsAlong(machine, along, first, last, 0.0, cap).units
+    about = along, second, machine_in_words(machine), axes[along], axes[second], tuple(own.tolist())
+    return PeriodDiagram(*about, found[0], found[1], found[2], found[3], longest, hops, texts)
 
 
-def _changed(machine: Machine, values: Mapping[str, float]) -> Machine:
+def _checked_axes(
+    machine: Machine, over: Mapping[str, tuple[float, float]], samples: tuple[int, int], inject: float
+) -> dict[str, np.ndarray]:
+    """The values of both parameters by name."""
+    if not isinstance(over, Mapping) or len(over) != 2:
+        raise InputError(f"over = {over!r}; it maps the names of two parameters to their ranges")
+    if not machine.model.one_speed:
+        raise InputError(f"a launch of a {machine.model.name} is more than a speed: it has no diagram of periods")
+    for name in over:
+        if name in (*RESERVED_IN_DIAGRAMS, "start", "status", "launch", "exponent"):
+            raise InputError(f"a parameter called '{name}' cannot be told from the diagram's own; give it another name")
+        if name not in (known := parameters_of_maps(machine)):
+            raise InputError(f"the return map has no parameter '{name}'; it has {', '.join(known)}")
+    if INJECT in over and finite_number("inject", inject) != 0:
+        raise InputError(f"inject = {inject:g} beside a range of it: the range says it all")
+    try:
+        counts = [whole_number("samples", count, "values", 2) for count in samples]
+        pairs = [*zip(over.items(), counts, strict=True)]
+    except (TypeError, ValueError):
+        raise InputError(f"samples = {samples!r}; they are two numbers of values") from None
+    return {name: np.linspace(*range_of(name, ends), count) for (name, ends), count in pairs}
+
+
+def _machine_with(machine: Machine, values: Mapping[str, float]) -> Machine:
     """The machine with other values, the restitution among them."""
     own = {name: value for name, value in values.items() if name != RESTITUTION}
     machine = machine.with_values(**own) if own else machine
     return replace(machine, restitution=values[RESTITUTION]) if RESTITUTION in values else machine  # type: ignore
-
-
-def _ascending(name: str, ends: object) -> tuple[float, float]:
-    """The two ends of a range, checked."""
-    try:
-        low, high = ends  # type: ignore[misc]
-    except (TypeError, ValueError):
-        raise InputError(f"{name} = {ends!r}; it is a pair (low, high)") from None
-    low, high = finite_number(name, low), finite_number(name, high)
-    if not low < high:
-        raise InputError(f"{name} = ({low:g}, {high:g}); a range goes up, low < high")
-    return low, high

@@ -16,7 +16,7 @@ from ..running.exclusive import exclusive
 from ..running.time_limit import LIMIT, time_limit
 from ..simulation.multiplier import multiplier
 from ..simulation.simulation import simulate
-from .diagram import Bifurcation
+from .bifurcation import Bifurcation
 from .return_map import FixedPoint, ReturnMap
 
 if TYPE_CHECKING:

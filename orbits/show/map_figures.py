@@ -8,7 +8,7 @@ import numpy as np
 from ..errors import InputError, finite_number
 from ..model.machine import title_of_machine
 from ..result import Axes
-from ..return_map.diagram import WORDS_OF_STABILITY, name_of_hops
+from ..return_map.bifurcation import WORDS_OF_STABILITY, name_of_hops
 from ..units import LIFTOFF_SPEED
 from .plot import COLOURS, cobweb, finished, new_axes, plain, sampled_map
 

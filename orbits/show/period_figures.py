@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from ..result import Axes
-from ..return_map.diagram import name_of_hops
+from ..return_map.bifurcation import name_of_hops
 from .plot import COLOURS, finished, legend_below, new_axes, plain
 
-REST, CHAOS, UNSETTLED = -2, -1, 0  # places where no launch goes on, and where one does without a period
+IN_REST, IN_CHAOS, WITHOUT_PERIOD = -2, -1, 0  # places where no launch goes on, and where one does without a period
 # The colours of the periods after those of all figures.
 FURTHER_COLOURS = ("#882255", "#999933", "#44AA99", "#332288", "#AA4499", "#DDCC77", "#117733", "#661100", "#6699CC")
 STYLES_OF_CURVES = {"flip": "-", "fold": "--", "border collision": ":", "non-smooth fold": ":"}
@@ -23,11 +23,16 @@ def plot_periods(diagram: Any, axes: Axes | None = None) -> Axes:
     axes = axes or new_axes(6.8, 5.0)
     periods, several = diagram.period(), diagram.several
     status = np.take_along_axis(diagram.status, diagram.first[:, :, None], axis=2)[:, :, 0]
-    periods = np.where(periods < 0, REST, np.where(status == "chaotic", CHAOS, periods))
+    periods = np.where(periods < 0, IN_REST, np.where(status == "chaotic", IN_CHAOS, periods))
     known = np.unique(periods[periods > 0]).tolist()
-    names = {REST: "no hops go on", CHAOS: "chaotic", UNSETTLED: f"no period up to {diagram.longest}"}
+    names = {IN_REST: "no hops go on", IN_CHAOS: "chaotic", WITHOUT_PERIOD: f"no period up to {diagram.longest}"}
     names |= {period: f"period {period}" for period in known}
-    colours = {REST: "0.93", CHAOS: "0.25", UNSETTLED: "0.6", **dict(zip(known, cycle((*COLOURS, *FURTHER_COLOURS))))}
+    colours = {
+        IN_REST: "0.93",
+        IN_CHAOS: "0.25",
+        WITHOUT_PERIOD: "0.6",
+        **dict(zip(known, cycle((*COLOURS, *FURTHER_COLOURS)))),
+    }
     levels = [level for level in names if (periods == level).any()]
     numbers = np.searchsorted(levels, periods)
     look = ListedColormap([colours[level] for level in levels])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from orbits import InputError, ReturnMap, find, prove_doubling, prove_fixed_point
-from orbits.return_map.diagram import Bifurcation
+from orbits.return_map.bifurcation import Bifurcation
 from orbits.return_map.hops import FixedPoint
 from problems import Hopper, Juggler, hopper_in_si, inerter_hopper
 
