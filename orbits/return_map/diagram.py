@@ -192,7 +192,7 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
         >>> diagram = bifurcations(Hopper(), "inject", (0.06, 0.08), (4.5, 4.6), samples=50, sections=2, attractor=0)
         >>> flips = diagram.follow_event(diagram.events[0], "mass_ratio", 1.2)
         >>> [round(number, 6) for number in (diagram.events[0].value, *flips.at(1.2))]
-        [0.071587, 0.073422]
+        [0.071587, 0.073369]
         """
         if (machine := machine or self.source) is None:
             raise InputError("a diagram from a file does not hold its machine: name it, machine=")

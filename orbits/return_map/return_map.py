@@ -210,7 +210,7 @@ class ReturnMap:
         >>> from problems import Hopper
         >>> hops = ReturnMap(Hopper(), inject=0.135).periodic_hops(3, 4.3, 5.3)
         >>> [(round(each.alpha, 6), round(each.multiplier, 3)) for each in hops]
-        [(4.472333, -6.345), (4.476508, -9.218)]
+        [(4.475439, -2.448), (4.476508, 3.702)]
         """
         self._check_one_speed("periodic_hops")
         low, high, samples = _checked_grid(low, high, samples)
