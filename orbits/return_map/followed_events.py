@@ -1,8 +1,8 @@
 """Curves of the flips, folds and border collisions of hops in two parameters, by continuation.
 
-The equations are those of `bifurcation_statement`, with exact derivatives. A point of a curve has the unknowns of the cycle,
-at flips and folds a direction in which it bifurcates, the first parameter, and the second one, along which the curve
-is followed. The curve ends where the hops have other numbers of impacts from there on.
+The equations are those of `bifurcation_statement`, with exact derivatives. A point of a curve has the unknowns of the
+cycle, at flips and folds a direction in which it bifurcates, the first parameter, and the second one, along which the
+curve is followed. The curve ends where the hops have other numbers of impacts from there on.
 """
 
 from collections.abc import Sequence

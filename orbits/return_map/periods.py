@@ -221,7 +221,7 @@ class PeriodDiagram(Result, what="diagram of periods", dimension="launch"):
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot the periods as coloured cells, the second parameter upwards, with a dot where the starts lead to
-        different ones; returns the axes. Curves of bifurcations are drawn over it with `BifurcationCurve.plot(axes)`."""
+        different ones; returns the axes. A `BifurcationCurve` is drawn over it with its own `plot(axes)`."""
         return shown("period_figures").plot_periods(self, axes)
 
     def document(self) -> Document:
