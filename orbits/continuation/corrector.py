@@ -51,7 +51,7 @@ def _solutions(
         found = kernel(xs, rows, levels, curve.size(xs), curve.parameters_at(xs), least, with_motions)
         if len(found.which) == len(xs):
             return found
-    return _solve_step_by_step(curve, xs, rows, levels, least, with_motions or curve.measures_growth)
+    return _solve_step_by_step(curve, xs, rows, levels, least, with_motions or getattr(curve, "measures_growth", True))
 
 
 def _solve_step_by_step(
