@@ -1,4 +1,4 @@
-"""The statement of a fixed point of the return map, and that of a fixed point whose multiplier is -1.
+"""The statement of hops of the return map that come back, and that of a fixed point whose multiplier is -1.
 
 A hop of a machine of two coordinates starts at a lift-off: the gap is closed, and the contact force vanishes, which
 determines the place s of the launch; its rate there is alpha. It flies until the gap closes, lands plastically, and
@@ -11,8 +11,12 @@ obey as many equations: the contact force at s is 0; the gap is 0 after each fli
 
     w + inject - alpha = 0,    w the rate after C.
 
-Where the others, F(z, alpha) = 0 with z = (s, T, C), are regular in z, they determine z as a function of alpha near the
-hop, and with it w. So the map alpha -> w + inject is as smooth there as the flows are, and its derivative is
+Of n hops each has its launch speed, its times and these equations, and w_i + inject - alpha_(i+1) = 0 leads to the next
+one; the last of all, w_n + inject - alpha = 0, back to the first.
+
+Where the others, F(z, alpha) = 0 with z = (s, T, C), and of n hops alpha_2 ... alpha_n, are regular in z, they
+determine z as a function of alpha near the hops, and with it w. So the map alpha -> w + inject, of n hops its n-th
+iterate, is as smooth there as the flows are, and its derivative is
 
     dw/dalpha - dw/dz F_z**-1 F_alpha.
 
@@ -40,53 +44,75 @@ AT_DOUBLING = -2
 
 @dataclass(frozen=True)
 class HopStatement:
-    """The statement of a fixed point with a number of bounces.
+    """The statement of hops that come back, each with a number of bounces.
 
     half : the launch and the arcs of the machine
-    flights : names of the times of the flights
-    contact : name of the time of the contact
-    statement : its arcs are the flights and the contact
+    launches : names of the launch speeds of the hops
+    flights : names of the times of the flights of each
+    contacts : names of the times of the contacts
+    statement : its arcs are the flights and the contact of each hop
     pace : of alpha, where derivatives along a jet of hops are unknowns
     """
 
     half: HalfOrbit
-    flights: tuple[str, ...]
-    contact: str
+    launches: tuple[str, ...]
+    flights: tuple[tuple[str, ...], ...]
+    contacts: tuple[str, ...]
     statement: ExactStatement
     pace: Fraction = Fraction(1)
 
+    @property
+    def times(self) -> list[str]:
+        """The names of the times of all flights and contacts, in the order of the arcs."""
+        return [name for own, last in zip(self.flights, self.contacts, strict=True) for name in (*own, last)]
+
     def unit_of(self, name: str) -> Fraction:
         """The unit in which an unknown is solved for."""
-        if name in (*self.flights, self.contact):
+        if name in self.times:
             return self.half.mechanics.scale.time
-        if name == INJECTION:
+        if name in (*self.launches, INJECTION):
             return self.half.mechanics.scale.speed
         if name in self.statement.unknowns:
             return self.half.unit_of(name)
         return self.unit_of(name[1:]) / self.half.mechanics.scale.speed / self.pace  # the derivative of an unknown
 
 
-def hop_statement(mechanics: ExactMechanics, bounces: int, inject: ExactExpression) -> HopStatement:
-    """The statement of a fixed point of a machine of two coordinates, with an injection in the units of rates."""
-    half = HalfOrbit(mechanics)
-    flights = tuple(f"flight_time_{i + 1}" for i in range(bounces + 1)) if bounces else ("flight_time",)
-    contact, times = "contact_time", [unknown(name) for name in flights]
+def hop_statement(mechanics: ExactMechanics, bounces: Sequence[int], inject: ExactExpression) -> HopStatement:
+    """The statement of hops with these bounces that come back, of a machine of two coordinates, with an injection in
+    the units of rates."""
+    half, period = HalfOrbit(mechanics), len(bounces)
+    numbers = [f"_{i + 1}" if period > 1 else "" for i in range(period)]
+    launches = "alpha", *(f"alpha{i}" for i in numbers[1:])
+    flights = tuple(
+        tuple(f"flight_time{i}_{j + 1}" for j in range(k + 1)) if k else (f"flight_time{i}",)
+        for i, k in zip(numbers, bounces, strict=True)
+    )
+    contacts = tuple(f"contact_time{i}" for i in numbers)
     (free,), contact_arc = half.flight().arcs, half.statement(with_contact=True).arcs[-1]
     still = list[Column]([] for _ in free.guards)
-    arcs = [replace(free, duration=times[0], guards=[[each] for each in half.lifted], conditions=[half.gap])]
     before = symbols("before", len(free.states))
     landed = _landed(mechanics, before)
     again = substitute(half.launch, dict(zip([*half.places, *half.rates], landed, strict=True)))
-    for each in times[1:]:
-        arcs.append(
-            replace(free, start=again, before=tuple(before), duration=each, guards=still, conditions=[half.gap])
-        )
     (place,), (rate,) = mechanics.s, mechanics.w
-    launch = half.launch_unknowns
-    ends = [place - launch["liftoff"], rate + inject - launch["alpha"]]
-    arcs.append(replace(contact_arc, start=landed, before=tuple(before), duration=unknown(contact), conditions=ends))
-    unknowns = {**launch, **dict(zip(flights, times, strict=True)), contact: unknown(contact)}
-    return HopStatement(half, flights, contact, ExactStatement(unknowns, tuple(arcs)))
+    liftoff, arcs, unknowns = half.launch_unknowns["liftoff"], list[ExactArc](), dict(half.launch_unknowns)
+    for i, names in enumerate(flights):
+        named = {name: unknown(name) for name in (launches[i], *names, contacts[i])}
+        unknowns |= named
+        speed, *times, stay = named.values()
+        # The contact force at the launch depends on the place alone, which all hops have in common.
+        guards = still if i else [[each] for each in half.lifted]
+        start, earlier = (
+            substitute(half.launch, {half.launch_unknowns["alpha"]: speed}),
+            symbols("before", 2 if i else 0),
+        )
+        for time in times:
+            arcs.append(
+                replace(free, start=start, before=tuple(earlier), duration=time, guards=guards, conditions=[half.gap])
+            )
+            start, earlier, guards = again, before, still
+        ends = [place - liftoff, rate + inject - unknown(launches[(i + 1) % period])]
+        arcs.append(replace(contact_arc, start=landed, before=tuple(before), duration=stay, conditions=ends))
+    return HopStatement(half, launches, flights, contacts, ExactStatement(unknowns, tuple(arcs)))
 
 
 def _landed(mechanics: ExactMechanics, before: Sequence[ExactExpression]) -> Column:

@@ -1,10 +1,13 @@
-"""Proofs about return maps: a fixed point with its multiplier, and the loss of its stability by period doubling.
+"""Proofs about return maps: hops that come back with their multiplier, and the loss of stability by period doubling.
 
 The theorems are in `orbits.return_map.proved_map`. Here the numbers that the proofs start from are computed in floats.
 """
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ..consistency.accepted import check_machine
 from ..errors import InputError, NoOrbit, finite_number
@@ -17,6 +20,8 @@ from ..running.time_limit import LIMIT, time_limit
 from ..simulation.multiplier import multiplier
 from ..simulation.simulation import simulate
 from .bifurcation import Bifurcation
+from .periodic_hop import PeriodicHop
+from .periodic_hops import Cycle
 from .return_map import FixedPoint, ReturnMap
 
 if TYPE_CHECKING:
@@ -28,20 +33,23 @@ MOST_STEPS_TO_FIXED_POINT, FIXED_TO = 20, 1e-13
 
 @exclusive
 def prove_fixed_point(
-    machine: Machine, point: FixedPoint | float, inject: Decimal | tuple[Decimal, Decimal], *,
+    machine: Machine, point: FixedPoint | Cycle | PeriodicHop | float, inject: Decimal | tuple[Decimal, Decimal], *,
     digits: int | None = None, parameters: Exact = None, limit: float = LIMIT,
 ) -> Proof:  # fmt: skip
     """Prove that the return map with an injection has a fixed point, that no other is nearby, and whether it is stable.
+    The same of hops of a longer period, and that it is their least one.
 
     machine : of two coordinates, whose landings are plastic; its statement is as in `prove`
-    point : a fixed point of the `ReturnMap`, whose numbers are compared with the theorem; or a launch speed near one
+    point : a fixed point of the `ReturnMap`, or its hops of a period, whose numbers are compared with the theorem; or a
+        launch speed near a fixed point
     inject : added to the launch speed at every lift-off: an exact decimal, or a pair of them for an interval
     digits, parameters, limit : as in `prove`
 
-    The result encloses alpha, the times and the multiplier. The theorem and its proof are described in
-    `orbits.return_map.proved_map`; where something is not proved, the result states it and why. Raises `InputError`
-    without python-flint, for a machine with restitution or friction, for one whose launch is more than a speed, and for
-    a lossless hop, which `prove` proves; and `NoOrbit` where a guess leads to no fixed point.
+    The result encloses alpha, for hops of a longer period also "alpha_2" and the next ones, the times, and the
+    multiplier. The theorem and its proof are described in `orbits.return_map.proved_map`; where something is not
+    proved, the result states it and why. Raises `InputError` without python-flint, for a machine with restitution or
+    friction, for one whose launch is more than a speed, and for a lossless hop, which `prove` proves; and `NoOrbit`
+    where a guess leads to no fixed point.
 
     >>> from orbits import ReturnMap, prove_fixed_point
     >>> from problems import Hopper
@@ -53,20 +61,27 @@ def prove_fixed_point(
     _check_plastic(machine)
     from ..exact.stated import exact_bounds
     from ..proof.case import checked_digits
-    from .proved_map import proof_of_fixed_point
+    from .proved_map import SaidHops, proof_of_fixed_point
 
     digits, values = checked_digits(digits), dict(parameters or {})
     low, high = exact_bounds("inject", inject)
     if not low > 0:
         raise InputError(f"inject = {inject!r}; it is above 0: without it fixed points are lossless: prove(orbit)")
-    said = None
+    middle, said = float((low + high) / 2), None
     if isinstance(point, FixedPoint):
-        if point.kind == "lossless":
-            raise InputError("this fixed point is a lossless orbit: prove(orbit)")
-        said = point.alpha, point.multiplier
+        said = SaidHops((point.alpha,), point.multiplier)
+    elif isinstance(point, Cycle):
+        said = SaidHops(point.launches, point.multiplier, point.impacts, point.error)
+    elif isinstance(point, PeriodicHop):
+        said = SaidHops(tuple(point.launches[:, 0].tolist()), float(np.prod(point.multipliers.values).real))
+    lossless = point.multiplier is None if isinstance(point, Cycle) else getattr(point, "kind", "") == "lossless"
+    if lossless:
+        raise InputError("this fixed point is a lossless orbit: prove(orbit)")
     with time_limit(limit):
-        alpha = finite_number("point", point.alpha if isinstance(point, FixedPoint) else point)
-        guess = guessed_hop(machine, alpha, float((low + high) / 2))
+        if said is None or len(said.launches) == 1:
+            guess = guessed_hop(machine, finite_number("point", said.launches[0] if said else point), middle)
+        else:
+            guess = guess_at(machine, said.launches, middle)
         return proof_of_fixed_point(machine, guess, inject, said, values, digits)
 
 
@@ -118,8 +133,6 @@ def _check_plastic(machine: Machine) -> None:
 
 def guessed_hop(machine: Machine, alpha: float, inject: float) -> "HopGuess":
     """The hop of the fixed point near a launch speed, in floats; raises `NoOrbit` where none is found."""
-    from .proved_map import HopGuess
-
     step = ReturnMap(machine, inject)
     for _ in range(MOST_STEPS_TO_FIXED_POINT):
         hops = step(alpha)
@@ -129,8 +142,18 @@ def guessed_hop(machine: Machine, alpha: float, inject: float) -> "HopGuess":
         alpha += change
         if not abs(change) > FIXED_TO * abs(alpha):
             break
-    run = simulate(machine, alpha, hops=1, inject=inject)
-    times = [0.0, *(event.time for event in run.events)]
-    durations = [after - before for before, after in pairwise(times)]
-    launch = machine.model.launch_at(run(0.0))
-    return HopGuess(launch["liftoff"], alpha, tuple(durations[:-1]), durations[-1], inject)
+    return guess_at(machine, (alpha,), inject)
+
+
+def guess_at(machine: Machine, launches: Sequence[float], inject: float) -> "HopGuess":
+    """The hops from launch speeds, in floats; raises `NoOrbit` for a launch without a next one."""
+    from .proved_map import HopGuess
+
+    durations = list[list[float]]()
+    for alpha in launches:
+        run = simulate(machine, alpha, hops=1, inject=inject)
+        if run.status != "done":
+            raise NoOrbit(f"the hop from alpha = {alpha:g} ends with '{run.status}': it does not come back")
+        durations.append([after - before for before, after in pairwise([0.0, *(event.time for event in run.events)])])
+    flights, contacts = tuple(tuple(own[:-1]) for own in durations), tuple(own[-1] for own in durations)
+    return HopGuess(machine.model.launch_at(run(0.0))["liftoff"], tuple(launches), flights, contacts, inject)

@@ -1,7 +1,8 @@
-"""A proved zero of the equations of a periodic hop, its derivatives, and the conditions of its motion."""
+"""A proved zero of the equations of hops that come back, its derivatives, and the conditions of their motion."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import islice
 
 from flint import arb, ctx
 
@@ -24,7 +25,7 @@ from .fixed_point_statement import HopStatement, Jet, levels_of, next_jet, pace_
 class ProvedHop:
     """A proved zero.
 
-    base : the statement of a periodic hop
+    base : the statement of hops that come back
     further : unknowns by name that are constant along the jets of hops
     equations, root : of the base, or of its doubling
     """
@@ -47,10 +48,11 @@ class ProvedHop:
         return {name: value / pace ** levels.get(name, 0) for name, value in self.balls.items()}
 
     @property
-    def motions(self) -> list[Motion]:
-        """The flights and the contact."""
-        passages = self.root.evaluated.passages
-        return [Motion(leg, passage) for leg, passage in zip(self.equations.legs, passages, strict=True)]
+    def hops(self) -> list[list[Motion]]:
+        """The flights and the contact of each hop."""
+        pairs = zip(self.equations.legs, self.root.evaluated.passages, strict=True)
+        motions = (Motion(leg, passage) for leg, passage in pairs)
+        return [[*islice(motions, len(own) + 1)] for own in self.base.flights]
 
     def ball(self, name: str) -> arb:
         """An enclosure of an unknown, in the units of the machine."""
@@ -98,19 +100,21 @@ def proved_hop(
             "a flight or the contact begins at a breakpoint of the spring's law, where the map may not be smooth"
         )
     found = ProvedHop(base, further, equations, root, digits)
-    for name in (*base.flights, base.contact):
+    for name in base.times:
         if not found.balls[name] > 0:
             raise Unproved(f"the {name.replace('_', ' ')} is not proved to be positive")
     return found
 
 
-def conditions_of_hop(found: ProvedHop, launched: arb) -> tuple[dict[str, str], list[str]]:
-    """The verdict of each condition of theorem 1 of `proved_map`, for the speed of the lift-off before the injection,
-    and the reasons for those that are not proved."""
+def conditions_of_hop(found: ProvedHop, inject: arb) -> tuple[dict[str, str], list[str]]:
+    """The verdict of each condition of theorem 1 of `proved_map`, for an injection, and the reasons for those that are
+    not proved."""
     checks: dict[str, Callable[[], None]] = {"clearance": lambda: _check_flights_of_hop(found)}
-    if len(found.base.flights) > 1:
+    if any(len(own) > 1 for own in found.base.flights):
         checks["bounces"] = lambda: _check_bounces(found)
-    checks |= {"contact_force": lambda: _check_contact(found), "liftoff": lambda: _check_liftoff(launched)}
+    checks |= {"contact_force": lambda: _check_contact(found), "liftoff": lambda: _check_liftoff(found, inject)}
+    if len(found.base.launches) > 1:
+        checks["least_period"] = lambda: _check_least_period(found)
     if found.base.half.mechanics.separation is not None:
         checks["separation"] = lambda: _check_separation_of_hop(found)
     return verdicts_of(checks)
@@ -118,8 +122,7 @@ def conditions_of_hop(found: ProvedHop, launched: arb) -> tuple[dict[str, str], 
 
 def _check_flights_of_hop(found: ProvedHop) -> None:
     """The gap and its speed are 0 as a flight begins, at a launch its acceleration too; it is 0 as the flight ends."""
-    for i, flight in enumerate(found.motions[:-1]):
-        order = 2 if i else 3
+    for order, flight in ((2 if i else 3, each) for hop in found.hops for i, each in enumerate(hop[:-1])):
         gap = flight.chain([found.base.half.gap] * len(flight.leg.rates), order)
         if not flight.first(gap, order - 1).contains(0):
             raise Unproved("the gap does not open as it is proved to")
@@ -127,7 +130,7 @@ def _check_flights_of_hop(found: ProvedHop) -> None:
 
 
 def _check_bounces(found: ProvedHop) -> None:
-    for flight in found.motions[1:-1]:
+    for flight in (each for hop in found.hops for each in hop[1:-1]):
         gap = flight.chain([found.base.half.gap] * len(flight.leg.rates), 2)
         if not flight.first(gap, 2) > 0:
             raise Unproved("the machine is not proved to leave at once after an impact")
@@ -135,20 +138,32 @@ def _check_bounces(found: ProvedHop) -> None:
 
 def _check_contact(found: ProvedHop) -> None:
     """The force at the end is that at the launch, where it vanishes, as it depends on the place alone."""
-    contact = found.motions[-1]
-    contact.check_positive(contact.chain(found.base.half.mechanics.contact_force, 1), zero_at_end=True)
+    for *_, contact in found.hops:
+        contact.check_positive(contact.chain(found.base.half.mechanics.contact_force, 1), zero_at_end=True)
 
 
-def _check_liftoff(launched: arb) -> None:
-    if not launched > 0:
+def _check_liftoff(found: ProvedHop, inject: arb) -> None:
+    if not all(found.ball(name) - inject > 0 for name in found.base.launches):
         raise Unproved("the speed at the lift-off, before the injection, is not proved to be positive")
 
 
+def _check_least_period(found: ProvedHop) -> None:
+    """The least period divides the number of hops, so that a launch speed comes back after a proper divisor of it, if
+    after fewer hops at all."""
+    first, *others = (found.ball(name) for name in found.base.launches)
+    for hops, after in enumerate(others, 1):
+        if (len(others) + 1) % hops == 0 and first.overlaps(after):
+            raise Unproved(
+                f"the launch speed after {hops} hop{'s' * (hops > 1)} is not proved to differ from the first"
+            )
+
+
 def _check_separation_of_hop(found: ProvedHop) -> None:
-    mechanics, (*flights, contact) = found.base.half.mechanics, found.motions
+    mechanics = found.base.half.mechanics
     assert mechanics.separation is not None
-    for flight in flights:
-        flight.check_positive(flight.chain([mechanics.separation] * len(flight.leg.rates), 1))
     closed = dict(zip(mechanics.y, mechanics.embedded(mechanics.s), strict=True))
     (inside,) = substitute([mechanics.separation], closed)
-    contact.check_positive(contact.chain([inside] * len(contact.leg.rates), 1))
+    for *flights, contact in found.hops:
+        for flight in flights:
+            flight.check_positive(flight.chain([mechanics.separation] * len(flight.leg.rates), 1))
+        contact.check_positive(contact.chain([inside] * len(contact.leg.rates), 1))

@@ -1,28 +1,30 @@
-"""Fixed points of the return map with injection, and where one loses its stability by period doubling, proved.
+"""Hops of the return map with injection that come back, and where a fixed point loses its stability, proved.
 
 The map takes the launch speed alpha of a machine of two coordinates to the speed at the next lift-off, and adds the
-injection to it; see `orbits.return_map.return_map`. `hop` has its equations.
+injection to it; see `orbits.return_map.return_map`. `fixed_point_statement` has the equations.
 
-Theorem 1. Let the equations of a hop with k bounces have a zero at which, along the enclosed motion,
+Theorem 1. Let the equations of n hops with k_1, ..., k_n bounces have a zero at which, along the enclosed motion,
 
     1. the gap is positive inside each flight, and closes at its end with a speed;
-    2. after each of the first k landings the gap's acceleration is positive: the contact would have to pull;
-    3. the contact force is positive from the last landing until it vanishes at the end, where it falls;
-    4. alpha and alpha - inject are positive.
+    2. after all but the last landing of a hop the gap's acceleration is positive: the contact would have to pull;
+    3. the contact force is positive from the last landing of a hop until it vanishes at the end, where it falls;
+    4. each launch speed alpha_i, and alpha_i - inject, are positive;
+    5. alpha_(d+1) is not alpha_1 for any d < n that divides n.
 
-Then alpha is a fixed point of the map, its hop has k + 1 impacts, and the map is analytic near alpha (for a law in
-pieces: continuously differentiable). Its derivative m there is that of `hop`. The fixed point is asymptotically stable
-for |m| < 1, and unstable for |m| > 1.
+Then the map takes each alpha_i to alpha_(i+1), and alpha_n to alpha_1 = alpha; the hops have k_i + 1 impacts; alpha is
+a fixed point of the n-th iterate of the map and of no earlier one; and this iterate is analytic near alpha (for a law
+in pieces: continuously differentiable). Its derivative m there is that of `fixed_point_statement`. The fixed point of
+the map or, for n > 1, the cycle of hops is asymptotically stable for |m| < 1, and unstable for |m| > 1.
 
 Proof. At the launch the gap and its first two derivatives are 0 (Lemma 5 of `orbits.proof`), and the third is positive,
 as 1 is proved there by its sign. So each landing is the first zero of the gap in its flight. The machine leaves
 immediately by 2, or stays by 3; it lifts off when the force first vanishes, by the equations at the place of the
-launch, and by 4 with a speed that opens the gap as at the launch. So the hop is that of the map, and the last equation
-says that it comes back. All of these conditions are strict on the closed times of the hop, but for the beginnings of
-the flights, where the first derivative of the gap that does not vanish is positive up to some time. So they hold for
-all launches near alpha, whose events are simple zeros: their times are analytic functions of alpha by the implicit
-function theorem. Breakpoints of a law are crossed transversally. The statement on stability holds for any
-differentiable map of the line.
+launch, and by 4 with a speed that opens the gap as at the launch. So each hop is that of the map, and its last equation
+says to which launch it leads. All of these conditions are strict on the closed times of the hops, but for the
+beginnings of the flights, where the first derivative of the gap that does not vanish is positive up to some time. So
+they hold for all launches near alpha, whose events are simple zeros: their times are analytic functions of alpha by the
+implicit function theorem. Breakpoints of a law are crossed transversally. The least period divides n, and is no proper
+divisor of it by 5. The statement on stability holds for any differentiable map of the line, as the iterate is one.
 
 Theorem 2. Let the equations and their first derivatives by alpha have a zero with the multiplier -1, for an injection
 that is an unknown, which Krawczyk's operator proves, and the conditions 1 to 4. Let P be the map without injection.
@@ -78,43 +80,60 @@ CONDITIONS_OF_HOPS = {
     "contact_force": "after the last landing the contact pushes until it lifts off",
     "liftoff": "the speed of the lift-off is positive",
     "separation": "the separation stays positive throughout",
+    "least_period": "the first launch speed comes back after no smaller number of hops",
 }
 
 
 @dataclass(frozen=True)
 class HopGuess:
-    """Guesses of the unknowns of a periodic hop, in the machine's units.
+    """Guesses of the unknowns of hops that come back, in the machine's units.
 
-    liftoff, alpha : place and speed of the launch
-    flights, contact : times of the flights and of the contact
+    liftoff : the place of the launch
+    launches : the launch speed of each hop
+    flights, contacts : times of the flights and of the contact of each
     inject : the injection
     """
 
     liftoff: float
-    alpha: float
-    flights: tuple[float, ...]
-    contact: float
+    launches: tuple[float, ...]
+    flights: tuple[tuple[float, ...], ...]
+    contacts: tuple[float, ...]
     inject: float
+
+    @property
+    def bounces(self) -> list[int]:
+        """The number of bounces of each hop."""
+        return [len(own) - 1 for own in self.flights]
 
     def unknowns(self, hop: HopStatement) -> dict[str, float]:
         """The guesses by the names of the unknowns."""
-        times = dict(zip(hop.flights, self.flights, strict=True))
-        return {
-            "liftoff": self.liftoff,
-            "alpha": self.alpha,
-            **times,
-            hop.contact: self.contact,
-            INJECTION: self.inject,
-        }
+        times = [time for own, last in zip(self.flights, self.contacts, strict=True) for time in (*own, last)]
+        named = dict(zip((*hop.launches, *hop.times), (*self.launches, *times), strict=True))
+        return {"liftoff": self.liftoff, **named, INJECTION: self.inject}
+
+
+@dataclass(frozen=True)
+class SaidHops:
+    """The claims about hops that come back.
+
+    launches : the launch speeds
+    error : of these, beside what the map's rounding explains
+    multiplier, impacts : None where they are not claimed; the impacts are those of each hop
+    """
+
+    launches: tuple[float, ...]
+    multiplier: float | None = None
+    impacts: tuple[int, ...] | None = None
+    error: float = 0.0
 
 
 def proof_of_fixed_point(
-    machine: Machine, guess: HopGuess, inject: Decimals, said: tuple[float, float | None] | None,
-    parameters: Mapping[str, Decimals], digits: int | None,
+    machine: Machine, guess: HopGuess, inject: Decimals, said: SaidHops | None, parameters: Mapping[str, Decimals],
+    digits: int | None,
 ) -> Proof:  # fmt: skip
-    """The proof of a fixed point near a guess, with the claimed alpha and multiplier; see `prove_fixed_point`."""
-    injected = exact_bounds(INJECTION, inject)
-    return _proof("fixed point", machine, injected, parameters, digits, lambda case: _of_fixed_point(case, guess, said))
+    """The proof of hops near a guess that come back, with what is claimed of them; see `prove_fixed_point`."""
+    injected, kind = exact_bounds(INJECTION, inject), "fixed point" if len(guess.launches) == 1 else "periodic hops"
+    return _proof(kind, machine, injected, parameters, digits, lambda case: _of_fixed_point(case, guess, said))
 
 
 def proof_of_doubling(
@@ -144,16 +163,16 @@ class _Case:
         return IntervalParameters(self.bounds)
 
     def hop(self, guess: HopGuess, inject: Bounds | None) -> HopStatement:
-        """The statement of a periodic hop with an injection; None for an unknown."""
+        """The statement of hops that come back with an injection; None for an unknown."""
         self.stated.refuse_steps("a hop of the map")
-        scale = Scale.of(guess.alpha, guess.flights[0] / 2)
+        scale = Scale.of(guess.launches[0], guess.flights[0][0] / 2)
         mechanics = ExactMechanics(self.stated, scale)
         if mechanics.size != 2:
             raise Unproved("a launch is more than a speed: there is no map of launch speeds")
         if inject is None:
-            return hop_statement(mechanics, len(guess.flights) - 1, unknown(INJECTION))
+            return hop_statement(mechanics, guess.bounces, unknown(INJECTION))
         low, high = (each / scale.speed for each in inject)
-        return hop_statement(mechanics, len(guess.flights) - 1, parameter_of(INJECTION, low, high))
+        return hop_statement(mechanics, guess.bounces, parameter_of(INJECTION, low, high))
 
 
 @dataclass(frozen=True)
@@ -209,36 +228,43 @@ def _proof(
     )
 
 
-def _of_fixed_point(case: _Case, guess: HopGuess, said: tuple[float, float | None] | None) -> _Result:
-    """The results on a fixed point."""
+def _of_fixed_point(case: _Case, guess: HopGuess, said: SaidHops | None) -> _Result:
+    """The results on a fixed point, or on hops of a longer period."""
     assert case.inject is not None
     hop = case.hop(guess, case.inject)
     equations = Equations(hop.statement, case.intervals)
     found = proved_hop(hop, {}, equations, guess.unknowns(hop), case.digits)
     inject = between(*map(ball_of_fraction, case.inject))
-    conditions, reasons = conditions_of_hop(found, found.ball("alpha") - inject)
+    conditions, reasons = conditions_of_hop(found, inject)
     multiplier = 1 + found.jet(0, found.balls).last
     enclosures = {"multiplier": enclosure_of(multiplier)}
     stable = abs(multiplier) < 1
     if not (stable or abs(multiplier) > 1):
         reasons.append(f"stability: the multiplier lies in {enclosures['multiplier']}, which holds 1 or -1")
-    reasons += _wrong_claims(found.ball("alpha"), multiplier, said)
-    words = f"The multiplier, which is the derivative of the map there, is in {enclosures['multiplier']}"
+    reasons += _wrong_claims(found, multiplier, said)
+    period = len(hop.launches)
+    of, what = ("map", "fixed point is") if period == 1 else (f"map's iterate of {period} hops", "hops are")
+    words = f"The multiplier, which is the derivative of the {of} there, is in {enclosures['multiplier']}"
     if stable or abs(multiplier) > 1:
-        words += f": the fixed point is {'asymptotically stable' if stable else 'unstable'}"
+        words += f": the {what} {'asymptotically stable' if stable else 'unstable'}"
     return _Result(found, enclosures, [f"{words}."], conditions, reasons)
 
 
-def _wrong_claims(alpha: arb, multiplier: arb, said: tuple[float, float | None] | None) -> list[str]:
-    """The reasons why a fixed point's claims are wrong; its error grows where the map runs along the identity line."""
+def _wrong_claims(found: ProvedHop, multiplier: arb, said: SaidHops | None) -> list[str]:
+    """The reasons why claims are wrong; the error of a launch grows where the map runs along the identity line."""
     if said is None:
         return []
-    (place, slope), reasons = said, list[str]()
-    error = FOUND_TO * abs(place) * max(1.0, 1 / float(abs(1 - multiplier).abs_lower() + arb(2) ** -60))
-    if not (alpha + arb(0, error)).overlaps(arb(place)):
-        reasons.append(f"alpha: the fixed point says {place!r}, outside the enclosure {enclosure_of(alpha)}")
+    hop, reasons, who = found.base, list[str](), "fixed point says" if len(said.launches) == 1 else "hops say"
+    along = max(1.0, 1 / float(abs(1 - multiplier).abs_lower() + arb(2) ** -60))
+    for name, place in zip(hop.launches, said.launches, strict=True):
+        if not (found.ball(name) + arb(0, FOUND_TO * abs(place) * along + said.error)).overlaps(arb(place)):
+            enclosed = enclosure_of(found.ball(name))
+            reasons.append(f"{name}: the {who} {place!r}, outside the enclosure {enclosed}")
+    slope = said.multiplier
     if slope is not None and not (multiplier + arb(0, SLOPE_FOUND_TO * (1 + abs(slope)))).overlaps(arb(slope)):
-        reasons.append(f"multiplier: the fixed point says {slope!r}, outside {enclosure_of(multiplier)}")
+        reasons.append(f"multiplier: the {who} {slope!r}, outside {enclosure_of(multiplier)}")
+    if said.impacts is not None and said.impacts != (counts := tuple(map(len, hop.flights))):
+        reasons.append(f"impacts: the {who} {said.impacts}, and the equations are those of {counts}")
     return reasons
 
 
@@ -255,7 +281,7 @@ def _of_doubling(case: _Case, guess: HopGuess, said: tuple[float, float]) -> _Re
     }
     equations = Equations(doubling_statement(hop, further[INJECTION]), case.intervals)
     found = proved_hop(hop, further, equations, guess.unknowns(hop) | directions, case.digits)
-    conditions, reasons = conditions_of_hop(found, found.ball("alpha") - found.ball(INJECTION))
+    conditions, reasons = conditions_of_hop(found, found.ball(INJECTION))
     second = found.jet(1, found.jets)
     third = found.jet(2, {**found.jets, **second.unknowns})
     speed = ball_of_fraction(hop.half.mechanics.scale.speed)
@@ -292,12 +318,15 @@ def _sentences(case: _Case, result: _Result | None, part: Part | None) -> list[s
     """The sentences on the results of a proof."""
     inject = "an unknown inject" if case.inject is None else f"inject {range_text(case.inject)}"
     if result is None or part is None:
-        return [f"Nothing is proved of a hop that comes back with {inject}."]
+        return [f"Nothing is proved of hops that come back with {inject}."]
     each = "For each value in these intervals the" if case.intervals else "The"
-    count, doubled = len(result.found.base.flights), "" if case.inject else " with the multiplier -1"
-    impacts = f"{count} impact{'' if count == 1 else 's'}"
+    first, *more = (len(own) for own in result.found.base.flights)
+    doubled, period = "" if case.inject else " with the multiplier -1", len(more) + 1
+    hops = f"a hop of {first} impact{'' if first == 1 else 's'} that comes back{doubled}"
+    if more:
+        hops = f"{period} hops that come back, of {', '.join(map(str, (first, *more)))} impacts,"
     words = [
-        f"With {inject}: {each} equations of a hop of {impacts} that comes back{doubled} have a solution with "
+        f"With {inject}: {each} equations of {hops} have a solution with "
         f"{enclosed_words(part.unknowns)}{'' if case.inject else '; a d before a name is the derivative by alpha'}.",
         f"No other solution has all of these ({', '.join(part.unknowns).replace('_', ' ')}) within "
         f"{part.uniqueness_radius} of these enclosures.",
@@ -305,4 +334,9 @@ def _sentences(case: _Case, result: _Result | None, part: Part | None) -> list[s
     proved = [CONDITIONS_OF_HOPS[name] for name, verdict in result.conditions.items() if verdict == PROVED]
     if len(proved) < len(result.conditions):
         return [*words, f"Of its motion: {'; '.join(proved)}."] if proved else words
-    return [*words, f"It is a fixed point of the return map: {'; '.join(proved)}.", *result.sentences]
+    what = (
+        f"They are hops of the return map of the least period {period}"
+        if more
+        else "It is a fixed point of the return map"
+    )
+    return [*words, f"{what}: {'; '.join(proved)}.", *result.sentences]

@@ -3,6 +3,7 @@
 import pytest
 
 from orbits import InputError, NoOrbit, ReturnMap, prove_fixed_point
+from orbits.return_map.periodic_hops import Cycle
 from problems import Chain, Hopper
 
 
@@ -25,5 +26,8 @@ def test_what_no_theorem_is_about(machine, inject, message):
 def test_a_guess_far_from_any_fixed_point():
     with pytest.raises(NoOrbit, match="no fixed point near"):
         prove_fixed_point(Hopper(), 2.0, "0.03")
-    with pytest.raises(InputError, match="lossless orbit"):
-        prove_fixed_point(Hopper(), ReturnMap(Hopper()).fixed_points(4, 5)[0], "0.03")
+    for found in (ReturnMap(Hopper()).fixed_points(4, 5), ReturnMap(Hopper()).periodic_hops(1, 4, 5)):
+        with pytest.raises(InputError, match="lossless orbit"):
+            prove_fixed_point(Hopper(), found[0], "0.03")
+    with pytest.raises(NoOrbit, match="does not come back"):
+        prove_fixed_point(Hopper(), Cycle((1e-9, 4.5), -2.0, (1, 1), (0, 0), 0.0), "0.03")

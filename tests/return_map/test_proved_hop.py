@@ -13,7 +13,7 @@ from problems import Hopper, knee_hopper
 def test_a_contact_that_goes_on_through_its_end_is_refuted():
     """A whole swing later the body passes the place of the lift-off again, as fast: a zero of the equations."""
     guess = guessed_hop(Hopper(), 4.5188, 0.03)
-    later = replace(guess, contact=guess.contact + 2 * np.pi * np.sqrt(2))
+    later = replace(guess, contacts=(guess.contacts[0] + 2 * np.pi * np.sqrt(2),))
     proof = proof_of_fixed_point(Hopper(), later, "0.03", None, {}, None)
     assert not proof.proved
     assert proof.conditions["contact_force"] == "refuted"

@@ -1,5 +1,5 @@
-"""Fixed points of return maps with injection, and period doublings, that are proved: against the closed form of the
-linear hopper in 60 digits, and against the map's own numbers; what is not so is not proved."""
+"""Fixed points of return maps with injection, hops of longer periods, and period doublings, that are proved: against
+the closed form of the linear hopper in 60 digits, and against the map's own numbers; what is not so is not proved."""
 
 from dataclasses import replace
 from decimal import Decimal
@@ -11,6 +11,8 @@ import pytest
 from orbits import InputError, ReturnMap, find, prove_doubling, prove_fixed_point
 from orbits.return_map.bifurcation import Bifurcation
 from orbits.return_map.hops import FixedPoint
+from orbits.return_map.periodic_hops import Cycle
+from orbits.return_map.proofs import guess_at
 from problems import Hopper, Juggler, hopper_in_si, inerter_hopper
 
 # Of the linear hopper with equal masses: launch speeds of fixed points, and the times of their flights.
@@ -78,6 +80,90 @@ def test_the_pair_of_fixed_points_in_closed_form(inject):
         assert proof.document()["machine"]["injection"] == [inject, inject]
         assert ("asymptotically stable" in proof.statement) == (abs(slope(alpha, flights)) < 1)
         assert ("unstable" in proof.statement) == (abs(slope(alpha, flights)) > 1)
+
+
+# A launch of hops of the linear hopper, to be followed by the next ones, with the injection and the impacts of each.
+PERIODIC = [
+    ("0.12", 4.492930343, (2, 1)),
+    pytest.param("0.08", 4.517061176, (1, 1), marks=pytest.mark.slow),
+    pytest.param("0.135", 4.475439228, (2, 1, 1), marks=pytest.mark.slow),
+    pytest.param("0.135", 4.489169990, (2, 1, 1, 1), marks=pytest.mark.slow),
+]
+
+
+def cycle_near(alpha, inject, period):
+    found = ReturnMap(Hopper(), inject=float(inject)).periodic_hops(period, 4.2, 5.0)
+    return min(found, key=lambda each: abs(each.alpha - alpha))
+
+
+@pytest.mark.parametrize(("inject", "first", "impacts"), PERIODIC)
+def test_hops_of_a_longer_period_in_closed_form(inject, first, impacts):
+    cycle = cycle_near(first, inject, len(impacts))
+    flights = guess_at(Hopper(), cycle.launches, float(inject)).flights
+
+    def launches(alpha):
+        found = [alpha]
+        for own in flights:
+            found.append(next_speed(found[-1], own) + mp.mpf(inject))
+        return found
+
+    def rate(alpha):
+        return mp.fprod(slope(each, own) for each, own in zip(launches(alpha), flights, strict=False))
+
+    alpha = root(lambda a: launches(a)[-1] - a, lambda a: rate(a) - 1, mp.mpf(first))
+    proof = prove_fixed_point(Hopper(), cycle, inject)
+    assert proof.proved
+    assert proof.kind == "periodic hops"
+    for name, value in zip(("alpha", "alpha_2", "alpha_3", "alpha_4"), launches(alpha)[:-1], strict=False):
+        assert holds(proof.enclosures[name], value)
+        assert proof.enclosures[name].width < 1e-17
+    assert holds(proof.enclosures["multiplier"], rate(alpha))
+    assert proof.enclosures["multiplier"].width < 1e-11
+    assert f"hops that come back, of {', '.join(map(str, impacts))} impacts" in proof.statement
+    assert f"of the least period {len(impacts)}" in proof.statement
+    assert ("asymptotically stable" in proof.statement) == (abs(rate(alpha)) < 1)
+    assert ("unstable" in proof.statement) == (abs(rate(alpha)) > 1)
+
+
+def test_hops_that_are_said_otherwise_are_not_proved():
+    cycle = cycle_near(4.4929, "0.12", 2)
+    moved = replace(cycle, launches=(cycle.alpha, cycle.launches[1] + 1e-10), impacts=(1, 1), multiplier=-7.6)
+    proof = prove_fixed_point(Hopper(), moved, "0.12")
+    assert not proof.proved
+    assert [each.partition(":")[0] for each in proof.reasons] == ["alpha_2", "multiplier", "impacts"]
+
+
+@pytest.mark.slow
+def test_hops_that_come_back_earlier_than_is_said():
+    cycle = cycle_near(4.4929, "0.12", 2)
+    twice = Cycle(2 * cycle.launches, cycle.multiplier**2, 2 * cycle.impacts, 2 * cycle.branches, cycle.error)
+    proof = prove_fixed_point(Hopper(), twice, "0.12")
+    assert not proof.proved
+    assert proof.conditions["least_period"] == "undecided"
+    assert proof.reasons == ("least_period: the launch speed after 2 hops is not proved to differ from the first",)
+    assert "least period" not in proof.statement
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("machine", "inject"),
+    [
+        (Hopper("r + 0.3*r**3", mass_ratio=0.5, rest_length=8.0), 0.04),
+        (Hopper("bilinear"), 0.1692),
+        (hopper_in_si(30.0, 30.0, force="k*r", parameters={"k": 8000.0}, rest_length=2.0), 0.1019),
+    ],
+    ids=["cubic", "bilinear", "SI"],
+)
+def test_hops_of_period_two_of_other_machines(machine, inject):
+    alpha, step = find(machine).alpha, ReturnMap(machine, inject)
+    found = step.periodic_hops(2, 0.9 * alpha, 1.1 * alpha)
+    assert found
+    for cycle in found:
+        proof = prove_fixed_point(machine, step.periodic_hop(cycle.alpha, 2), str(inject), limit=300)
+        assert proof.proved
+        assert [float(proof.enclosures[name].low) for name in ("alpha", "alpha_2")] == pytest.approx(cycle.launches)
+        multiplier = proof.enclosures["multiplier"]
+        assert float(multiplier.low) - 1e-8 <= cycle.multiplier <= float(multiplier.high) + 1e-8
 
 
 def test_the_period_doubling_in_closed_form():
