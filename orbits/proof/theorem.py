@@ -67,7 +67,7 @@ class Proof(Result, what="proof", document_is_whole=True, undrawn="a theorem has
     statement : the theorem in words; where not all is proved, the part that is. It suffices to rebuild the machine.
     machine : the machine in words and numbers
     kind : what the theorem is about: "orbit", "fold", "absence", "branch", "fixed point", "periodic hops",
-        "period doubling"
+        "all hops", "period doubling"
     stated : the machine as the theorem states it, in formulas and decimals, see `orbits.exact.stated`
     parameters : exact decimals, the bounds of each parameter by name; equal for a single value
     family : the number of the family, counted from enclosures; None where that is not proved

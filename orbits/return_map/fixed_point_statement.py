@@ -91,7 +91,7 @@ def hop_statement(mechanics: ExactMechanics, bounces: Sequence[int], inject: Exa
     (free,), contact_arc = half.flight().arcs, half.statement(with_contact=True).arcs[-1]
     still = list[Column]([] for _ in free.guards)
     before = symbols("before", len(free.states))
-    landed = _landed(mechanics, before)
+    landed = landed_in_contact(mechanics, before)
     again = substitute(half.launch, dict(zip([*half.places, *half.rates], landed, strict=True)))
     (place,), (rate,) = mechanics.s, mechanics.w
     liftoff, arcs, unknowns = half.launch_unknowns["liftoff"], list[ExactArc](), dict(half.launch_unknowns)
@@ -115,7 +115,7 @@ def hop_statement(mechanics: ExactMechanics, bounces: Sequence[int], inject: Exa
     return HopStatement(half, launches, flights, contacts, ExactStatement(unknowns, tuple(arcs)))
 
 
-def _landed(mechanics: ExactMechanics, before: Sequence[ExactExpression]) -> Column:
+def landed_in_contact(mechanics: ExactMechanics, before: Sequence[ExactExpression]) -> Column:
     """Place and rate of the contact after a plastic landing in a flight state, coordinates and rates alternating:
     the only impulse is the contact's, so that the momentum along the contact is conserved."""
     m = mechanics
