@@ -93,6 +93,6 @@ __all__ = [
     "Uncertainty", "Units", "__version__", "bifurcations", "check", "existence", "find", "find_all",
     "find_branch_points", "follow", "follow_branch", "follow_branch_points", "follow_event", "follow_fold",
     "multiplier", "multipliers", "optimize", "orbit_at", "orbit_function", "pareto", "period_diagram", "prove",
-    "prove_absence", "prove_all_hops", "prove_doubling", "prove_fixed_point", "prove_fold", "quantities", "sensitivities", "simulate",
-    "start_from_rest", "starts", "steer", "sweep", "time_limit", "trace", "uncertainty",
+    "prove_absence", "prove_all_hops", "prove_doubling", "prove_fixed_point", "prove_fold", "quantities",
+    "sensitivities", "simulate", "start_from_rest", "starts", "steer", "sweep", "time_limit", "trace", "uncertainty",
 ]  # fmt: skip
