@@ -54,8 +54,9 @@ def follow_driven(driven: Driven, name: str, to: float, **options: Any) -> Drive
     options : as `at`, `most` and `longest` of `orbits.control.optimal_family.follow_optimum`
 
     A machine without damping is kept hopping by no control: from there the least effort grows with the square of the
-    damping, and where the speed is prescribed with the square of its distance from that of the lossless orbit. Raises `InputError` where the motion is none of least effort that repeats itself, where the law has
-    corners, and for a number that changes the machine's units.
+    damping, and with that of the distance of a prescribed speed from the lossless orbit's. Raises `InputError` where
+    the motion is none of least effort that repeats itself, where the law has corners, and for a number that changes the
+    machine's units.
     """
     source, actuated, to = driven.source, driven.actuated, finite_number("to", to)
     known, bare = driven.dimensionless().warm_start, driven.dimensionless()

@@ -121,8 +121,9 @@ def keep_hopping(
     progress : called with the share that is done, as in `steer`
 
     The stages are a flight from lift-off and the contact after it. A machine without losses needs no control where its
-    launch is not prescribed, or is that of its lossless orbit: the result is that orbit, whatever the arguments. Numbers are in the machine's units. Raises the errors of
-    `steer` and `find`.
+    launch is not prescribed, or is that of its lossless orbit: the result is that orbit, whatever the arguments. A hop
+    far from that orbit is reached by `follow` in its speed. Numbers are in the machine's units. Raises the errors of
+    `steer` and `find`, and `InputError` for a height where the launch does not fix it (`prescribed`).
 
     >>> from problems import Hopper, steering
     >>> round(steering.keep_hopping(Hopper(damping=0.01)).cost / 0.01**2, 1)

@@ -64,7 +64,8 @@ def check_free_fall(driven: Actuated, states: Sequence[np.ndarray]) -> None:
     model = driven.model
     if not isinstance(model.heights(driven.values).get(CENTRE), Affine):
         raise InputError(
-            f"a {model.name} has no centre of mass whose height is a sum of its coordinates: prescribe speed= instead"
+            f"a {model.name} has no height '{CENTRE}' that is a sum of its coordinates: prescribe speed= instead, or "
+            "state that among the heights= of a mechanism"
         )
     x = ca.SX.sym("x", len(model.flight.states))
     deceleration = ca.Function("deceleration", [x], [-_centre_of_mass(model, ca.vertsplit(x), driven.values)[1]])
