@@ -16,7 +16,7 @@ from orbits.units import unit_text
 from .actuated import Actuated, Actuator
 from .driven import Driven
 from .goals import dimensions_of_costs, motion_in_si
-from .prescribed import PRESCRIBED, check_free_fall
+from .prescribed import LAUNCH_CONDITIONS, check_free_fall
 
 # Steps of the differences that are the slopes of a machine's dimensionless numbers, as a share of the range; numbers
 # that are linear to the second share are so exactly.
@@ -39,7 +39,7 @@ class DrivenFamily(OptimalFamily, what="family of motions of a driven machine"):
     def at(self, value: float) -> Driven:
         """The hop at a value of the parameter, integrated again by the accurate flow; raises as in `OptimalFamily`."""
         control, machine = super().at(value), self.source
-        if self.name not in PRESCRIBED or self.name in Actuated(machine, self.actuator).still:
+        if self.name not in LAUNCH_CONDITIONS or self.name in Actuated(machine, self.actuator).still:
             machine = machine.with_values(**{self.name: value})
         driven = Actuated(machine, self.actuator)
         if driven.units is not None:
@@ -62,9 +62,9 @@ def follow_driven(driven: Driven, name: str, to: float, **options: Any) -> Drive
     known, bare = driven.dimensionless().warm_start, driven.dimensionless()
     numbers = {**actuated.still, **source.values} if source.units is None else dict(source.values)
     added = [] if known is None else [each for each in known.problem.fixed if each not in actuated.still]
-    prescribed = {each: driven.parameters[each] for each in added if each in PRESCRIBED}
+    prescribed = {each: driven.parameters[each] for each in added if each in LAUNCH_CONDITIONS}
     if name not in (numbers := {**numbers, **prescribed}):
-        if name in PRESCRIBED:
+        if name in LAUNCH_CONDITIONS:
             raise InputError(f"the {name} is not prescribed: take keep_hopping(machine, {name}=...)")
         raise InputError(f"'{name}' is no number of the machine; there are: {', '.join(numbers)}")
     if known is not None and (len(prescribed) < len(added) or known.problem.free):
@@ -82,7 +82,7 @@ def follow_driven(driven: Driven, name: str, to: float, **options: Any) -> Drive
     if actuated.units is not None:
         dimension = dimensions_of_costs(actuated)["effort"]
         unit, own_units = actuated.units.of(dimension), dict(machine_in_words(source).get("units") or {})
-        of_name = unit_text(PRESCRIBED[name]) if name in prescribed else str(own_units.get(name) or "")
+        of_name = unit_text(LAUNCH_CONDITIONS[name]) if name in prescribed else str(own_units.get(name) or "")
         units = {"cost": unit_text(dimension), name: of_name}
         events = tuple(type(each)(each.kind, each.value, unit * each.cost, each.what) for each in found.events)
         own |= {"costs": unit * found.costs, "slopes": unit * found.slopes, "events": events, "units": units}
@@ -94,7 +94,7 @@ def _fixed_parameters(
 ) -> FixedParameters:
     """The dimensionless numbers of a machine, and what is prescribed, by one of them, and their derivatives."""
     units = driven.actuated.units
-    sizes_of_prescribed = {each: 1.0 if units is None else units.of(PRESCRIBED[each]) for each in prescribed}
+    sizes_of_prescribed = {each: 1.0 if units is None else units.of(LAUNCH_CONDITIONS[each]) for each in prescribed}
 
     def at(value: float) -> Actuated:
         if name in prescribed:

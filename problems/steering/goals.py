@@ -30,7 +30,7 @@ from .actuator_bounds import Limits, actuator_limits, dimensions_of_limits, dime
 from .corners import steer_across
 from .driven import Driven, flight_states, work_done
 from .first_guesses import contact_time_of, growing_swings, lossless_guess, rest_in_contact, undriven_guess
-from .prescribed import OF_THE_ORBIT, PRESCRIBED, of_lossless, prescribed_launch
+from .prescribed import LAUNCH_CONDITIONS, OF_THE_ORBIT, of_lossless, prescribed_launch
 from .steered_stages import hop_stages, parameter_of_rest, swing_stages
 from .turns import turns_of_leg, turns_of_orbit
 
@@ -54,8 +54,8 @@ def dimensions_of_costs(driven: Actuated) -> dict[str, Dimension]:
 def _dimension_of_added(name: str, driven: Actuated) -> Dimension | str:
     """The dimension of a parameter that a hop or a start adds: a peak, what is prescribed, or a state at lift-off or at
     rest."""
-    if name in PRESCRIBED:
-        return PRESCRIBED[name]
+    if name in LAUNCH_CONDITIONS:
+        return LAUNCH_CONDITIONS[name]
     kind, _, state = name.partition(" ")
     if kind == "peak":
         return dimensions_of_costs(driven)["peak"]
@@ -84,7 +84,7 @@ def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., D
         def in_si(control: Control, machine: Any) -> Control:
             return motion_in_si(driven, machine, control, options.get("cost", "effort"))
 
-        bounds = {**dimensions_of_limits(driven), **PRESCRIBED}
+        bounds = {**dimensions_of_limits(driven), **LAUNCH_CONDITIONS}
         with_units = in_own_units(in_si, **bounds, short=LIFTOFF_SPEED, start=(), guess=(), aim=())(function)
         return Driven.of(machine, with_units(machine, *arguments, actuator=driven.actuator, **options), driven.actuator)
 

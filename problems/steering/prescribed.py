@@ -5,7 +5,7 @@ but gravity acts on the machine in flight, the centre of mass moves on a parabol
 by v^2/(2 g) with its speed v at lift-off and its constant deceleration g.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 import casadi as ca
 import numpy as np
@@ -22,24 +22,24 @@ from ..machines.parameters import refuse_taken
 from .actuated import Actuated, Drive
 
 # What may be prescribed, which is a parameter of the program by this name, with its dimension.
-PRESCRIBED: Mapping[str, Dimension] = {"speed": LIFTOFF_SPEED, "height": LENGTH}
-CENTRE = "centre of mass"
+LAUNCH_CONDITIONS: Mapping[str, Dimension] = {"speed": LIFTOFF_SPEED, "height": LENGTH}
+RISING = "centre of mass"
 # Relative difference of decelerations along a flight, and of a launch from that of the lossless orbit, by rounding.
 FREE_FALL, OF_THE_ORBIT = 1e-9, 1e-12
 
 
-def launch_of(drive: Drive, name: str, x: Scalars, p: Parameters) -> Algebraic:
+def launch_number(drive: Drive, name: str, x: Scalars, p: Parameters) -> Algebraic:
     """The speed or the height of a hop that is launched in the flight state `x`."""
     model = drive.model
     if name == "speed":
         return x[model.flight.states.index(model.launched[1])]
-    speed, acceleration = _centre_of_mass(model, x, {**p, drive.actuator.rate: 0.0})
+    speed, acceleration = _motion_of_centre(model, x, {**p, drive.actuator.rate: 0.0})
     return -(speed**2) / (2 * acceleration)
 
 
 def of_lossless(driven: Actuated, orbit: Orbit, name: str) -> float:
     """The speed or the height of the lossless orbit."""
-    return float(launch_of(driven.drive, name, np.append(orbit(0.0), 0.0).tolist(), driven.values))
+    return float(launch_number(driven.drive, name, np.append(orbit(0.0), 0.0).tolist(), driven.values))
 
 
 def prescribed_launch(driven: Actuated, orbit: Orbit, **stated: float | None) -> dict[str, float]:
@@ -51,24 +51,24 @@ def prescribed_launch(driven: Actuated, orbit: Orbit, **stated: float | None) ->
     for name, value in wanted.items():
         if not value > 0:
             text = "{name} = {value:g}: a hop has a {name} above 0"
-            raise InputError(Message(text, name=name, value=Quantity(value, PRESCRIBED[name])))
+            raise InputError(Message(text, name=name, value=Quantity(value, LAUNCH_CONDITIONS[name])))
         if name == "height":
             check_free_fall(driven, [orbit(t) for t in np.linspace(0.0, float(orbit.flight_time), 5)])
     return wanted
 
 
 @exclusive
-def check_free_fall(driven: Actuated, states: Sequence[np.ndarray]) -> None:
+def check_free_fall(driven: Actuated, states: Iterable[np.ndarray]) -> None:
     """Raise `InputError` for a machine whose centre of mass does not fall freely in flight, at these states of its
     lossless orbit and with its actuator displaced."""
     model = driven.model
-    if not isinstance(model.heights(driven.values).get(CENTRE), Affine):
+    if not isinstance(model.heights(driven.values).get(RISING), Affine):
         raise InputError(
-            f"a {model.name} has no height '{CENTRE}' that is a sum of its coordinates: prescribe speed= instead, or "
+            f"a {model.name} has no height '{RISING}' that is a sum of its coordinates: prescribe speed= instead, or "
             "state that among the heights= of a mechanism"
         )
     x = ca.SX.sym("x", len(model.flight.states))
-    deceleration = ca.Function("deceleration", [x], [-_centre_of_mass(model, ca.vertsplit(x), driven.values)[1]])
+    deceleration = ca.Function("deceleration", [x], [-_motion_of_centre(model, ca.vertsplit(x), driven.values)[1]])
     found = np.array([float(deceleration(np.append(y, moved))) for y in states for moved in (0.0, 1.0)])
     if not found.min() > 0 or np.ptp(found) > FREE_FALL * found.max():
         raise InputError(
@@ -77,9 +77,9 @@ def check_free_fall(driven: Actuated, states: Sequence[np.ndarray]) -> None:
         )
 
 
-def _centre_of_mass(model: Model, x: Scalars, p: Parameters) -> tuple[Algebraic, Algebraic]:
+def _motion_of_centre(model: Model, x: Scalars, p: Parameters) -> tuple[Algebraic, Algebraic]:
     """The speed and the acceleration of the centre of mass in a flight state."""
-    height = model.heights(p)[CENTRE]
+    height = model.heights(p)[RISING]
     assert isinstance(height, Affine)
     rates = model.flight.field(x, p, model.flight.data(x, p))
     by_name = dict(zip(model.flight.states, rates, strict=True))

@@ -12,7 +12,7 @@ from orbits.model.phase import Affine
 
 from .actuated import Drive
 from .actuator_bounds import product
-from .prescribed import launch_of
+from .prescribed import launch_number
 
 # A little effort is added to positive work and to the peak rate, so that their minima are unique.
 EFFORT_WEIGHTS = {"work": 1e-3, "peak": 1e-6}
@@ -64,7 +64,7 @@ def hop_stages(
 
     def launched(x, p):
         flown = product(model.embed, x)
-        wanted = [launch_of(drive, name, flown, p) - p[name] for name in prescribed]
+        wanted = [launch_number(drive, name, flown, p) - p[name] for name in prescribed]
         return [force_at(x, p), *(wanted if periodic else _reached(model, x, p))]
 
     def approaching(x, p):
