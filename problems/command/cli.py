@@ -613,11 +613,17 @@ def uncertainty_command(
     help="On which the rate is constant; default 40, start-up 20 a half swing.",
 )
 @click.option("--cost", metavar="effort|work|peak", help="hold: what is least; default effort. Work needs --rate.")
+@click.option("--speed", type=options.POSITIVE, metavar="V", help=f"hold: the launch speed{options.IN_UNITS}")
+@click.option(
+    "--height", type=options.POSITIVE, metavar="H", help=f"hold: the centre of mass's rise in flight{options.IN_UNITS}"
+)
 @click.option("--plastic", is_flag=True, help="hold, recover: the foot may land with a speed, which is lost.")
 @click.option("--short", type=float, metavar="V", help="recover: how much slower than lossless the launch is.")
 @click.option("--pumps", type=click.IntRange(1), metavar="N", help="start-up: swings before lift-off.")
 @click.option(
-    "--follow", metavar="NAME:TO", help="hold: the family of motions to that value of a number, as damping:0.2."
+    "--follow",
+    metavar="NAME:TO",
+    help="hold: the family of motions to that value of a number, as damping:0.2 or, with --speed, speed:5.",
 )
 @options.free_limit_option
 @options.json_option

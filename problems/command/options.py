@@ -308,6 +308,8 @@ def write_launches(step: Any, launches: Any, as_json: bool, plot: str | None, al
 # The options of `orbits control` that belong to some goals, with the argument that each of them is there.
 OF_GOALS = {
     "cost": {"hold": "cost"},
+    "speed": {"hold": "speed"},
+    "height": {"hold": "height"},
     "plastic": {"hold": "lossless", "recover": "lossless"},
     "short": {"recover": "short"},
     "pumps": {"start-up": "pumps"},

@@ -9,7 +9,7 @@ actuator's state is 0 at lift-off. Source: direct multiple shooting, see `orbits
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import wraps
 from pathlib import Path
 from typing import Any, cast
@@ -30,6 +30,7 @@ from .actuator_bounds import Limits, actuator_limits, dimensions_of_limits, dime
 from .corners import steer_across
 from .driven import Driven, flight_states, work_done
 from .first_guesses import contact_time_of, growing_swings, lossless_guess, rest_in_contact, undriven_guess
+from .prescribed import LAUNCH_CONDITIONS, OF_THE_ORBIT, of_lossless, prescribed_launch
 from .steered_stages import hop_stages, parameter_of_rest, swing_stages
 from .turns import turns_of_leg, turns_of_orbit
 
@@ -51,13 +52,25 @@ def dimensions_of_costs(driven: Actuated) -> dict[str, Dimension]:
 
 
 def _dimension_of_added(name: str, driven: Actuated) -> Dimension | str:
-    """The dimension of a parameter that a hop or a start adds: a peak, or a state at lift-off or at rest."""
+    """The dimension of a parameter that a hop or a start adds: a peak, what is prescribed, or a state at lift-off or at
+    rest."""
+    if name in LAUNCH_CONDITIONS:
+        return LAUNCH_CONDITIONS[name]
     kind, _, state = name.partition(" ")
     if kind == "peak":
         return dimensions_of_costs(driven)["peak"]
     if state:
         return state
     return LIFTOFF_SPEED if kind in ("launch", "aim") else driven.model.launched[0]
+
+
+def motion_in_si(driven: Actuated, machine: Any, control: Control, cost: str) -> Control:
+    """A dimensionless motion of a machine in SI that is driven, in its units."""
+    units = cast(Units, driven.units)
+    added = {name: value for name, value in control.parameters.items() if name not in driven.still}
+    known = {name: x * units.of(_dimension_of_added(name, driven)) for name, x in added.items()}
+    named = {**machine.values, **{name: x for name, x in known.items() if name != "round"}}
+    return control_in_units(control, units, dimensions_of_costs(driven)[cost], named, dimensions_of_rows(driven))
 
 
 def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., Driven]:
@@ -69,13 +82,9 @@ def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., D
         driven = Actuated(machine, options.pop("actuator", None) or Actuator())
 
         def in_si(control: Control, machine: Any) -> Control:
-            units, cost = cast(Units, driven.units), dimensions_of_costs(driven)[options.get("cost", "effort")]
-            added = {name: value for name, value in control.parameters.items() if name not in driven.still}
-            known = {name: x * units.of(_dimension_of_added(name, driven)) for name, x in added.items()}
-            named = {**machine.values, **{name: x for name, x in known.items() if name != "round"}}
-            return control_in_units(control, units, cost, named, dimensions_of_rows(driven))
+            return motion_in_si(driven, machine, control, options.get("cost", "effort"))
 
-        bounds = dimensions_of_limits(driven)
+        bounds = {**dimensions_of_limits(driven), **LAUNCH_CONDITIONS}
         with_units = in_own_units(in_si, **bounds, short=LIFTOFF_SPEED, start=(), guess=(), aim=())(function)
         return Driven.of(machine, with_units(machine, *arguments, actuator=driven.actuator, **options), driven.actuator)
 
@@ -85,8 +94,9 @@ def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., D
 @in_units_of_the_machine
 def keep_hopping(
     machine: Any, *, actuator: Actuator | None = None, family: int = 1, cost: str = "effort", lossless: bool = True,
-    intervals: int = 40, rate: float = np.inf, stroke: float = np.inf, force: float = np.inf, power: float = np.inf,
-    start: StartLike | None = None, guess: Control | None = None, progress: Progress = None,
+    speed: float | None = None, height: float | None = None, intervals: int = 40, rate: float = np.inf,
+    stroke: float = np.inf, force: float = np.inf, power: float = np.inf, start: StartLike | None = None,
+    guess: Control | None = None, progress: Progress = None,
 ) -> Control:  # fmt: skip
     """Keep a damped machine hopping periodically at locally least cost, near its lossless orbit without the damping.
 
@@ -97,6 +107,8 @@ def keep_hopping(
         value. The last two are minimised with a small multiple of the effort added, and work is
         smoothed (`ROUNDINGS`); the `cost` of the result is without either
     lossless : whether the landing has to be lossless; else it is plastic, see the module
+    speed, height : prescribe the launch, by its speed or by the rise of the centre of mass in flight above its place at
+        lift-off; both are left free by default
     intervals : of flight and contact together, on each of which the actuator's rate is constant; with few, about 12,
         the contact force after a lossless landing may be too small for a solution to be found
     rate : bound of the rate of the actuator's state, of the end of a spring or of a force; no least work exists without
@@ -108,9 +120,10 @@ def keep_hopping(
     guess : the result for a machine nearby
     progress : called with the share that is done, as in `steer`
 
-    The stages are a flight from lift-off and the contact after it. A machine without losses needs no control: the
-    result is its lossless orbit, whatever the arguments. Numbers are in the machine's units. Raises the errors of
-    `steer` and `find`.
+    The stages are a flight from lift-off and the contact after it. A machine without losses needs no control where its
+    launch is not prescribed, or is that of its lossless orbit: the result is that orbit, whatever the arguments. A hop
+    far from that orbit is reached by `follow` in its speed. Numbers are in the machine's units. Raises the errors of
+    `steer` and `find`, and `InputError` for a height where the launch does not fix it (`prescribed`).
 
     >>> from problems import Hopper, steering
     >>> round(steering.keep_hopping(Hopper(damping=0.01)).cost / 0.01**2, 1)
@@ -122,7 +135,8 @@ def keep_hopping(
         raise InputError("least positive work is done by jerks: give the largest rate")
     bounds = {"rate": rate, "stroke": stroke, "force": force, "power": power}
     hop = _hop(Actuated(machine, actuator or Actuator()), family, start, lossless, intervals, bounds)
-    if not hop.driven.damped and not (lossless and cost == "effort"):
+    hop = replace(hop, prescribed=prescribed_launch(hop.driven, hop.orbit, speed=speed, height=height))
+    if hop.needs_no_control and not (lossless and cost == "effort"):
         return _least_effort(replace(hop, lossless=True), None, progress)
     if cost == "effort":
         return _least_effort(hop, guess, progress)
@@ -257,13 +271,26 @@ class _Hop:
     lossless: bool
     intervals: int
     limits: Limits
+    prescribed: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The parameters of the program of a periodic hop."""
+        return {**self.driven.still, **self.prescribed}
+
+    @property
+    def needs_no_control(self) -> bool:
+        """Whether the lossless orbit is the hop."""
+        off = (x / of_lossless(self.driven, self.orbit, name) - 1 for name, x in self.prescribed.items())
+        return not self.driven.damped and all(abs(each) <= OF_THE_ORBIT for each in off)
 
     def stages(self, cost: str, periodic: bool):
         """Flight and contact, their intervals shared by duration."""
         times = float(self.orbit.flight_time), contact_time_of(self.orbit)
         first = int(np.clip(round(self.intervals * times[0] / sum(times)), 1, self.intervals - 1))
         gap, counts = self.driven.model.gap(self.driven.values), (first, self.intervals - first)
-        return hop_stages(self.driven.drive, gap, counts, times, self.limits, cost, self.lossless, periodic)
+        own = times, self.limits, cost, self.lossless, periodic, tuple(self.prescribed)
+        return hop_stages(self.driven.drive, gap, counts, *own)
 
     def starts(self, launch: Mapping[str, float]) -> list[Any]:
         """Guesses of a hop from a launch, or functions that return one; the lossless orbit may not lead to a plastic
@@ -304,7 +331,7 @@ def _hop(
 def _least_effort(hop: _Hop, guess: Control | None, progress: Progress) -> Control:
     """A periodic hop of locally least effort."""
     starts = [guess] if guess else hop.starts(_aim(hop.driven, hop.orbit, None))
-    return _cheapest(hop.steered, hop.stages("effort", periodic=True), hop.driven.still, starts, progress)
+    return _cheapest(hop.steered, hop.stages("effort", periodic=True), hop.values, starts, progress)
 
 
 def _least_peak(hop: _Hop, guess: Control, progress: Progress) -> Control:
@@ -316,7 +343,7 @@ def _least_peak(hop: _Hop, guess: Control, progress: Progress) -> Control:
         peaks = [np.abs(leg.inputs.row(actuator.rate)).max() for leg in guess.legs]
     guess = replace(guess, parameters={**guess.parameters, "peak": float(max(peaks))})
     stages, free = hop.stages("peak", periodic=True), {"peak": (0.0, np.inf)}
-    result = hop.steered(stages, hop.driven.still, guess=guess, free=free, progress=progress)
+    result = hop.steered(stages, hop.values, guess=guess, free=free, progress=progress)
     return replace(result, cost=result.parameters["peak"])
 
 
@@ -353,9 +380,10 @@ def _least_work(hop: _Hop, guess: Control, progress: Progress) -> Control:
 
 def _least_work_at(hop: _Hop, guess: Control, progress: Progress) -> Control:
     """A periodic hop of locally least positive work within its rate, from a result nearby, rounded less and less."""
-    mean = abs(work_done(hop.driven, guess)[0]) / guess.end
+    done, positive = work_done(hop.driven, guess)  # without losses the total is 0
+    mean = (abs(done) if hop.driven.damped else positive) / guess.end
     for number, share in enumerate(ROUNDINGS):
-        values = {**hop.driven.still, "round": share * mean}
+        values = {**hop.values, "round": share * mean}
         stages = hop.stages("work", periodic=True)
         part = _share_of(progress, number / len(ROUNDINGS), (number + 1) / len(ROUNDINGS))
         guess = hop.steered(stages, values, guess=guess, tolerance=WORK_TOLERANCE, progress=part)

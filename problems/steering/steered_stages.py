@@ -12,6 +12,7 @@ from orbits.model.phase import Affine
 
 from .actuated import Drive
 from .actuator_bounds import product
+from .prescribed import launch_number
 
 # A little effort is added to positive work and to the peak rate, so that their minima are unique.
 EFFORT_WEIGHTS = {"work": 1e-3, "peak": 1e-6}
@@ -28,10 +29,13 @@ def parameter_of_rest(model: Model, name: str) -> str:
 
 
 @lru_cache(maxsize=32)
-def hop_stages(drive: Drive, gap, intervals, times, limits, cost, lossless, periodic) -> tuple[Stage, Stage]:
+def hop_stages(
+    drive: Drive, gap, intervals, times, limits, cost, lossless, periodic, prescribed: tuple[str, ...] = ()
+) -> tuple[Stage, Stage]:
     """Flight and contact, as `steer` takes them; the same hop has the same stages, with their compiled functions.
 
-    A hop that is not periodic goes from the parameter "launch" to "aim".
+    A hop that is not periodic goes from the parameter "launch" to "aim"; of a periodic one, "speed" or "height" may be
+    prescribed.
     """
     model = drive.model
     force, identity, onto = model.contact.watch["contact force"], np.eye(len(model.embed)), np.linalg.pinv(model.embed)
@@ -59,7 +63,9 @@ def hop_stages(drive: Drive, gap, intervals, times, limits, cost, lossless, peri
         return _difference(x, product(onto, _difference(before, [speed * share for share in model.impact(before, p)])))
 
     def launched(x, p):
-        return [force_at(x, p), *([] if periodic else _reached(model, x, p))]
+        flown = product(model.embed, x)
+        wanted = [launch_number(drive, name, flown, p) - p[name] for name in prescribed]
+        return [force_at(x, p), *(wanted if periodic else _reached(model, x, p))]
 
     def approaching(x, p):
         return [] if lossless else [-gap_speed(x, p)]

@@ -19,6 +19,13 @@ def test_hold_costs_what_the_function_says(orbits):
     assert done.document["status"] == "optimal"
 
 
+def test_hold_at_a_speed(orbits):
+    done = orbits("control hold --speed 4.6 --intervals 16 --follow speed:4.7 --json")
+    assert (done.code, done.err) == (0, "")
+    expected = steering.keep_hopping(Hopper(), speed=4.7, intervals=16).cost
+    assert done.document["costs"][-1] == pytest.approx(expected, rel=1e-8)
+
+
 @pytest.mark.slow
 def test_recover_in_si(orbits, tmp_path):
     """The motion ends at the lossless launch speed; files have SI units, and forces."""
@@ -75,6 +82,8 @@ def test_start_up(orbits):
         ("start-up", 2, "start-up needs --pumps"),
         ("hold --short 0.1", 2, "--short belongs to recover, not to hold"),
         ("start-up --pumps 2 --plastic", 2, "--plastic belongs to hold and recover"),
+        ("recover --short 0.1 --speed 4.6", 2, "--speed belongs to hold, not to recover"),
+        ("hold --speed 4.6 --height 5", 2, "give one of them"),
         ("hold --cost joy", 2, "it is 'effort', 'work' or 'peak'"),
         ("hold --cost work --damping 0.01", 2, "give the largest rate"),
         ("recover --short 9", 2, "lossless launch speed is 4.49341"),

@@ -1,0 +1,128 @@
+"""Hops at a prescribed launch speed or height: independent solves, slopes, and the lossless orbits on the way."""
+
+import numpy as np
+import pytest
+from conftest import DAMPED_LEG
+
+from orbits import InputError, find
+from problems import DrivenFamily, Hopper, Juggler, steering
+
+ALPHA = 4.493409457909064  # tan(alpha) = alpha
+
+
+@pytest.fixture(scope="module")
+def along_speed():
+    at = [ALPHA + 1e-4, 4.6, 4.7, 4.8, 4.9]
+    return steering.keep_hopping(Hopper(), speed=ALPHA).follow("speed", 5.0, at=at)
+
+
+def test_without_damping_the_cost_grows_with_the_square_of_the_distance_from_the_lossless_speed(along_speed):
+    assert along_speed.end.kind == "reached"
+    assert along_speed.costs[0] == pytest.approx(0, abs=1e-20)
+    near = along_speed.values == ALPHA + 1e-4
+    (factor,), (half_slope,) = along_speed.costs[near] / 1e-8, along_speed.slopes[near] / 2e-4
+    assert half_slope == pytest.approx(factor, rel=1e-5)
+    below = steering.keep_hopping(Hopper(), speed=ALPHA).follow("speed", 4.4, at=[ALPHA - 1e-4])
+    assert below.costs[below.values == ALPHA - 1e-4] / 1e-8 == pytest.approx(factor, rel=2e-4)
+
+
+def test_small_damping_and_small_changes_of_speed_cost_a_quadratic_form(along_speed):
+    """a c^2 + 2 b c d + e d^2, with d the distance from the lossless speed; its minimum over d is 125.81085 c^2."""
+    c = 1e-5
+    family = steering.keep_hopping(Hopper(damping=c), speed=ALPHA).follow("speed", ALPHA + 1e-4)
+    a, b = family.costs[0] / c**2, family.slopes[0] / (2 * c)
+    (e,) = along_speed.slopes[along_speed.values == ALPHA + 1e-4] / 2e-4
+    assert a - b**2 / e == pytest.approx(125.81085, rel=1e-5)
+
+
+def test_the_cost_along_the_speed_is_what_independent_solves_find(along_speed):
+    for speed in (4.6, 4.7, 4.8, 4.9, 5.0):
+        solved = steering.keep_hopping(Hopper(), speed=speed)
+        assert solved.launch == pytest.approx(speed, rel=1e-14)
+        assert along_speed.costs[along_speed.values == speed] == pytest.approx(solved.cost, rel=1e-8)
+    h = 1e-3
+    slope = (along_speed.at(4.7 + h).cost - along_speed.at(4.7 - h).cost) / (2 * h)
+    assert along_speed.slopes[along_speed.values == 4.7] == pytest.approx(slope, rel=1e-6)
+    assert (along_speed.at(4.7).launch, along_speed.at(4.7).source) == (pytest.approx(4.7, rel=1e-14), Hopper())
+
+
+def test_the_best_speed_of_a_damped_hop_is_that_which_is_left_free(driven_hopper):
+    family = steering.keep_hopping(driven_hopper.source, speed=driven_hopper.launch).follow("speed", 4.55)
+    assert family.costs[0] == pytest.approx(driven_hopper.cost, rel=1e-10)
+    assert family.slopes[0] == pytest.approx(0, abs=1e-8)
+    assert (family.costs[1:] > driven_hopper.cost).all()
+
+
+@pytest.mark.slow
+def test_the_speed_leads_to_the_lossless_orbit_of_the_next_family():
+    """tan(alpha) = alpha at 7.7252518 too, where the extension turns twice more."""
+    to = find(Hopper(), family=2).alpha
+    family = steering.keep_hopping(Hopper(), speed=ALPHA, intervals=20).follow("speed", to)
+    assert family.costs.max() > 1
+    assert family.costs[-1] == pytest.approx(0, abs=1e-12)
+
+
+def test_damping_is_followed_at_a_speed():
+    family = steering.keep_hopping(Hopper(), speed=4.6, intervals=20).follow("damping", 0.05)
+    solved = steering.keep_hopping(Hopper(damping=0.05), speed=4.6, intervals=20)
+    assert family.costs[-1] == pytest.approx(solved.cost, rel=1e-8)
+    assert family.at(0.05).launch == pytest.approx(4.6, rel=1e-14)
+
+
+def _rise(hop):
+    path, end = hop.motion, hop.legs[0].duration
+    height = path.heights["centre of mass"](path(np.linspace(0, end, 20001)))
+    return height.max() - height[0]
+
+
+def test_the_height_is_the_rise_of_the_centre_of_mass():
+    orbit = find(Hopper())
+    kept = steering.keep_hopping(Hopper(), height=orbit.rises["centre of mass"], intervals=20)
+    assert kept.cost == pytest.approx(0, abs=1e-20)
+    family = kept.follow("height", 6.0)
+    assert _rise(family.at(6.0)) == pytest.approx(6.0, rel=1e-8)
+    assert _rise(family.at(5.5)) == pytest.approx(5.5, rel=1e-8)
+    launch = 2 * 6.0**0.5  # v^2/(2 g), with the speed alpha/2 and gravity 1/2
+    assert family.costs[-1] == pytest.approx(steering.keep_hopping(Hopper(), speed=launch, intervals=20).cost, rel=1e-8)
+
+
+@pytest.mark.slow
+def test_the_height_of_a_leg_in_si(tmp_path):
+    height = 1.1 * find(DAMPED_LEG.with_values(damping=0.0)).rises["centre of mass"]
+    kept = steering.keep_hopping(DAMPED_LEG, height=height, intervals=16)
+    assert (kept.parameters["height"], _rise(kept)) == pytest.approx((height, height), rel=1e-8)
+    family = kept.follow("height", 1.05 * height)
+    assert family.units == {"cost": "m^2/s", "height": "m"}
+    assert _rise(family.at(1.02 * height)) == pytest.approx(1.02 * height, rel=1e-8)
+    solved = steering.keep_hopping(DAMPED_LEG, height=1.05 * height, intervals=16)
+    assert family.costs[-1] == pytest.approx(solved.cost, rel=1e-8)
+    same = DrivenFamily.load(family.save(tmp_path / "family.json"), DAMPED_LEG)
+    assert str(same) == str(family)
+    assert _rise(kept.follow("damping", 6.0).at(6.0)) == pytest.approx(height, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "words"),
+    [
+        (lambda: steering.keep_hopping(Hopper(), speed=4.6, height=5.0), "give one of them"),
+        (lambda: steering.keep_hopping(Hopper(), speed=-4.6), "speed = -4.6: a hop has a speed above 0"),
+        (lambda: steering.keep_hopping(DAMPED_LEG, height=-0.1), "height = -0.1 m: a hop has a height above 0"),
+        (lambda: steering.keep_hopping(Juggler(), height=5.0), "no height 'centre of mass'"),
+        (lambda: steering.keep_hopping(Hopper(drag=0.01), height=5.0), "more than gravity acts on the centre of mass"),
+        (
+            lambda: steering.keep_hopping(Hopper(), height=5.1, intervals=20).follow("drag", 0.01),
+            "more than gravity acts on the centre of mass",
+        ),
+        (
+            lambda: steering.keep_hopping(Hopper(), intervals=20).follow("speed", 5.0),
+            r"the speed is not prescribed: take keep_hopping\(machine, speed=...\)",
+        ),
+        (
+            lambda: steering.keep_hopping(Hopper(), speed=4.6, intervals=20).follow("speed", -1.0),
+            "a hop has a speed above 0",
+        ),
+    ],
+)
+def test_launches_that_are_not_prescribed(wanted, words):
+    with pytest.raises(InputError, match=words):
+        wanted()
