@@ -6,7 +6,7 @@ equation of its own with a guess of its launch speed, from the nearest hops that
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from ..flow.trajectory import Trajectories
 from ..model.machine import Machine
 from ..numerics.polynomial_roots import evaluate
 from ..numerics.roots import solve
-from ..shooting.single_shooting import STALLED_RATIO, Evaluation, shooting_equations
+from ..shooting.single_shooting import SMALLEST_UNIT, STALLED_RATIO, Evaluation, shooting_equations
 from ..simulation.impacts import Impacts
 from ..units import LIFTOFF_SPEED
 from .cycle_statement import INJECT, contact_state, cycle_statement, force_in_contact, gap_speed, pressing
@@ -27,7 +27,7 @@ LAST, ROUNDING, MOST_STEPS = 1e-11, 1e-9, 7
 # Hops are smooth in this sense where their landings and the forces after these are farther than the first number from
 # 0, as a share of the launch speed and of the weight, and the least gap and force between than the second, as a share
 # of the greatest: so far from a border of the map the samples between decide.
-APART, NOT_TOUCHING = 0.02, 1e-3
+APART, NOT_TOUCHING = 1e-4, 1e-3
 SOLVED_BEFORE = 24  # the latest hops from which others are guessed
 SAMPLES_OF_ARC = np.linspace(0.03, 0.97, 32)  # the shares of the time of an arc at which gap and force are tested
 SAME_STATE = 1e-6  # states at the end of a contact and at a launch, which are the same up to this share of its speed
@@ -75,11 +75,20 @@ class CyclesAlong:
         from launch speeds (m,) at values (m,), as of `SmoothCycles`; None where they are near a border of the map."""
         known = self._solved.setdefault(period, deque(maxlen=SOLVED_BEFORE))
         places = list(zip(alphas.tolist(), values.tolist(), strict=True))
+        guesses = [self._nearest(known, *place) for place in places]
+        flown = np.zeros(len(places), bool)
         try:
-            guesses = [self._nearest(known, *place) for place in places]
-            if all(guesses) and (found := self._solve(alphas, values, guesses, known)):
-                return found
-            return self._solve(alphas, values, [self._flown(*place, period) for place in places], known)
+            while True:
+                failed = np.array([guess is None for guess in guesses])
+                if not failed.any():
+                    found, failed = self._solve(alphas, values, cast(list[Solved], guesses), known)
+                    if found:
+                        return found
+                if (failed & flown).any() or not failed.any():
+                    return None
+                for i in np.flatnonzero(failed):
+                    guesses[i] = self._flown(*places[i], period)
+                flown |= failed
         except (OrbitsError, np.linalg.LinAlgError):
             return None
 
@@ -116,11 +125,9 @@ class CyclesAlong:
         return here, (high - low) / (2 * step)
 
     def _solve(
-        self, alphas: np.ndarray, values: np.ndarray, guesses: Sequence[Solved | None], known: deque[Solved]
-    ) -> tuple[np.ndarray, ...] | None:
-        if not all(guesses):
-            return None
-        begun: list[Any] = [*guesses]
+        self, alphas: np.ndarray, values: np.ndarray, begun: Sequence[Solved], known: deque[Solved]
+    ) -> tuple[tuple[np.ndarray, ...] | None, np.ndarray]:
+        """The hops from guesses (m,), or None, and then those (m,) that are not found from their guess."""
         m, period = len(alphas), len(begun[0].impacts)
         impacts = np.array([each.impacts for each in begun])
         units, growing = self._units(values)
@@ -136,13 +143,15 @@ class CyclesAlong:
             ])  # fmt: skip
             us[hops == 0, 1] = (alphas / units)[which[hops == 0]]
             groups.append((count, which, hops, us))
-        last = np.inf
+        last, failed = np.full(m, np.inf), np.zeros(m, bool)
         for _ in range(MOST_STEPS):
             speeds, following, slopes, rates = (np.empty((m, period)) for _ in range(4))
             steps = list[Steps]()
             for count, which, hops, us in groups:
-                if (step := self._step(count, us, ps[which])) is None:
-                    return None
+                done, step = self._step(count, us, ps[which])
+                if step is None or len(done) < len(us):
+                    failed[np.delete(which, done)] = True
+                    return None, failed
                 steps.append(step)
                 speeds[which, hops], following[which, hops] = us[:, 1], step.next
                 slopes[which, hops], rates[which, hops] = step.slopes, step.rates
@@ -152,23 +161,25 @@ class CyclesAlong:
                 launches[:, hop + 1] = following[:, hop] + slopes[:, hop] * moved[:, hop] + self.inject / units
                 if hop + 1 < period:
                     moved[:, hop + 1] = launches[:, hop + 1] - speeds[:, hop + 1]
-            size = 0.0
+            size = np.zeros(m)
             for (_, which, hops, us), step in zip(groups, steps, strict=True):
                 change = step.changes + step.by_speed * moved[which, hops, None]
-                size = max(size, float((np.abs(change) / np.maximum(np.abs(us), 1e-3)).max()))
+                np.maximum.at(size, which, (np.abs(change) / np.maximum(np.abs(us), SMALLEST_UNIT)).max(1))
                 us += change
-            if not np.isfinite(size) or (last < size and size > ROUNDING):
-                return None
-            if size <= LAST or (size <= ROUNDING and size > STALLED_RATIO * last):
+            failed = ~np.isfinite(size) | ((last < size) & (size > ROUNDING))
+            if failed.any():
+                return None, failed
+            settled = (size <= LAST) | ((size <= ROUNDING) & (size > STALLED_RATIO * last))
+            if settled.all():
                 break
             last = size
         else:
-            return None
+            return None, ~settled
         for (count, which, _, us), step in zip(groups, steps, strict=True):
-            if not self._is_smooth(count, us, ps[which], step.evaluation):
-                return None
-        if not (launches > 0).all():
-            return None
+            failed[which[~self._are_smooth(count, us, ps[which], step.evaluation)]] = True
+        failed |= ~(launches > 0).all(1)
+        if failed.any():
+            return None, failed
         changes = np.zeros((m, period + 1, 2))
         changes[:, 0, 0] = 1.0
         rates = units[:, None] * rates + growing[:, None] * (launches[:, 1:] - (self.inject / units)[:, None]
@@ -188,16 +199,16 @@ class CyclesAlong:
         launches[:, 0] = alphas
         for i, each in enumerate(own):
             known.append(Solved(float(alphas[i]), float(values[i]), begun[i].impacts, *zip(*each, strict=True)))
-        return launches, impacts, slopes, changes
+        return (launches, impacts, slopes, changes), failed
 
-    def _step(self, count: int, us: np.ndarray, ps: np.ndarray) -> Steps | None:
-        """A step of Newton's method for hops with one number of impacts, None where a motion cannot be followed. All
-        but the last equation determine the other unknowns from the launch speed, the second one; the last is that of
+    def _step(self, count: int, us: np.ndarray, ps: np.ndarray) -> tuple[np.ndarray, Steps | None]:
+        """A step of Newton's method for hops with one number of impacts, and the indices of those that can be
+        followed; None where they are not all. All but the last equation determine the other unknowns from the launch speed, the second one; the last is that of
         the next speed less this one."""
         equations = shooting_equations(cycle_statement(self.model, (count,)), self.names)
         done, evaluation = equations.evaluate_lanes(us, ps, (self.name,))
         if evaluation is None or len(done) < len(us):
-            return None
+            return done, None
         n = us.shape[1]
         others = [0, *range(2, n)]
         rows, last = evaluation.jacobian[:, :-1], evaluation.jacobian[:, -1]
@@ -207,42 +218,43 @@ class CyclesAlong:
         found[:, 1, 1] = 1.0
         ends = np.einsum("ki,kij->kj", last[:, :n], found)
         following = evaluation.residual[:, -1] + us[:, 1] + ends[:, 0]
-        return Steps(*found.transpose(2, 0, 1), following, ends[:, 1] + 1.0, ends[:, 2] + last[:, n], evaluation)
+        slopes = ends[:, 1] + 1.0, ends[:, 2] + last[:, n]
+        return done, Steps(*found.transpose(2, 0, 1), following, *slopes, evaluation)
 
-    def _is_smooth(self, count: int, us: np.ndarray, ps: np.ndarray, evaluation: Evaluation) -> bool:
-        """Whether hops (k,) have these impacts and no others, and are not near to others."""
-        model, p = self.model, dict(zip(self.names, ps.T, strict=True))
+    def _are_smooth(self, count: int, us: np.ndarray, ps: np.ndarray, evaluation: Evaluation) -> np.ndarray:
+        """Whether hops (k,) have these impacts and no others, and are not too near to others."""
+        model, p, m = self.model, dict(zip(self.names, ps.T, strict=True)), len(us)
         many = {name: np.repeat(values, len(SAMPLES_OF_ARC)) for name, values in p.items()}
-        if not (us[:, 2:] > 0).all():
-            return False
+        sure = (us[:, 2:] > 0).all(1)
         for impact, motions in enumerate(evaluation.trajectories):
             flies = impact < count
             size = len((model.flight if flies else model.contact).states)
             rows, end = [*rows_within(motions, SAMPLES_OF_ARC)[:, :size].T], [*motions.finals[:, :size].T]
             between = model.gap(many).at(rows) if flies else force_in_contact(model, rows, many)
-            if not _stays_above(np.broadcast_to(between, rows[0].shape).reshape(-1, len(SAMPLES_OF_ARC))):
-                return False
+            sure &= _stay_above(np.broadcast_to(between, rows[0].shape).reshape(m, -1))
             if flies:
                 side = 1.0 if impact + 1 == count else -1.0
-                if not (-gap_speed(model, end, p) > APART * us[:, 1]).all():
-                    return False
-                if not (side * np.asarray(pressing(model, end, p)) > APART).all():
-                    return False
+                sure &= -gap_speed(model, end, p) > APART * us[:, 1]
+                sure &= side * np.broadcast_to(pressing(model, end, p), m) > APART
                 continue
-            for y, own in zip(np.transpose(end), ps.tolist(), strict=True):
-                each, speed = dict(zip(self.names, own, strict=True)), float(model.contact_speed.at(y))
+            for i in np.flatnonzero(sure):
+                y, each = np.array([column[i] for column in end]), dict(zip(self.names, ps[i].tolist(), strict=True))
+                speed = float(model.contact_speed.at(y))
+                if speed <= 0:
+                    sure[i] = False
+                    continue
                 launch = model.launch({"liftoff": float(model.release(speed, each)), "alpha": speed}, each)
-                if np.abs(contact_state(model, launch) - y).max() > SAME_STATE * speed:
-                    return False  # the contact ends where no launch begins
-        return True
+                # Else the contact ends where no launch begins.
+                sure[i] = np.abs(contact_state(model, launch) - y).max() <= SAME_STATE * speed
+        return sure
 
 
-def _stays_above(values: np.ndarray) -> bool:
-    """Whether values (k, samples) are above 0 and least ones between samples too, beyond doubt: a parabola through
+def _stay_above(values: np.ndarray) -> np.ndarray:
+    """Whether values (k, samples) are above 0, and least ones between samples too, beyond doubt: a parabola through
     three samples is lower than the middle one by an eighth of its rises to the others at most."""
     middle, rises = values[:, 1:-1], np.array([values[:, :-2], values[:, 2:]]) - values[:, 1:-1]
     sure = middle > 0.5 * rises.sum(0) + NOT_TOUCHING * values.max(1, keepdims=True)
-    return bool((values > 0).all() and (sure | (rises < 0).any(0)).all())
+    return (values > 0).all(1) & (sure | (rises < 0).any(0)).all(1)
 
 
 def rows_within(motions: Trajectories, shares: np.ndarray) -> np.ndarray:
