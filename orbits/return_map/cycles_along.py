@@ -18,7 +18,7 @@ from ..numerics.roots import solve
 from ..shooting.single_shooting import SMALLEST_UNIT, STALLED_RATIO, Evaluation, shooting_equations
 from ..simulation.impacts import Impacts
 from ..units import LIFTOFF_SPEED
-from .cycle_statement import INJECT, contact_state, cycle_statement, force_in_contact, gap_speed, pressing
+from .cycle_statement import INJECT, cycle_statement, force_in_contact, gap_speed, pressing
 from .flown_hops import flown_hops
 
 # A step of Newton's method below the first number, relative to the unknowns, is the last one; one below the second that
@@ -28,21 +28,24 @@ LAST, ROUNDING, MOST_STEPS = 1e-11, 1e-9, 7
 # 0, as a share of the launch speed and of the weight, and the least gap and force between than the second, as a share
 # of the greatest: so far from a border of the map the samples between decide.
 APART, NOT_TOUCHING = 1e-4, 1e-3
+# Hops from launches nearer than this, as shares of the speed and of the range, have the same impacts.
+SAME_HOPS = 1e-6
 SOLVED_BEFORE = 24  # the latest hops from which others are guessed
 SAMPLES_OF_ARC = np.linspace(0.03, 0.97, 32)  # the shares of the time of an arc at which gap and force are tested
-SAME_STATE = 1e-6  # states at the end of a contact and at a launch, which are the same up to this share of its speed
+SAME_STATE = 1e-6  # the end of a contact and a launch are the same state up to this
 UNIT_STEP = 1e-5  # of a parameter, relative, for the derivative of the unit of speed
 
 
 class Solved(NamedTuple):
     """Hops from one launch at a value of the parameter: their numbers of impacts, the unknowns of each, and the
-    derivatives (n, 2) of these by the first launch and the parameter."""
+    derivatives (n, 2) of these by the first launch and the parameter; and whether they are `tested` to be smooth."""
 
     alpha: float
     value: float
     impacts: tuple[int, ...]
     unknowns: tuple[np.ndarray, ...]
     changes: tuple[np.ndarray, ...]
+    tested: bool = True
 
 
 class Steps(NamedTuple):
@@ -105,12 +108,19 @@ class CyclesAlong:
                 return None
             counts.append(int(hops.counts[0]))
             unknowns.append(hops.unknowns(impacts, np.zeros(1, int))[0])
-            end = impacts.contact.run(self._standing(impacts, hops.landings[0, counts[-1] - 1]), impacts.p, hops.contacts[0])
-            speed = float(self.model.contact_speed.at(end[0].end[: impacts.contact.size])) + self.inject / float(unit[0])
-        return Solved(alpha, value, tuple(counts), tuple(unknowns), tuple(np.zeros((len(u), 2)) for u in unknowns))
-
-    def _standing(self, impacts: Impacts, landing: np.ndarray) -> np.ndarray:
-        return np.array(self.model.landed(landing.tolist(), impacts.values), dtype=float) @ impacts.onto_contact.T
+            landing = impacts.model.landed(hops.landings[0, counts[-1] - 1].tolist(), impacts.values)
+            path, _ = impacts.contact.run(impacts.onto_contact @ landing, impacts.p, float(hops.contacts[0]))
+            end = path.end[: impacts.contact.size]
+            speed = float(self.model.contact_speed.at(end))
+            if not (
+                speed > 0
+                and np.abs(impacts.launch(np.array([speed]))[0] @ impacts.onto_contact.T - end).max() <= SAME_STATE
+            ):
+                return None  # the contact ends where no launch begins
+            speed += self.inject / float(unit[0])
+        return Solved(
+            alpha, value, tuple(counts), tuple(unknowns), tuple(np.zeros((len(u), 2)) for u in unknowns), False
+        )
 
     def _units(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The units (m,) of speed at values (m,) of the parameter and their derivatives."""
@@ -175,7 +185,9 @@ class CyclesAlong:
             last = size
         else:
             return None, ~settled
-        for (count, which, _, us), step in zip(groups, steps, strict=True):
+        tested = np.abs(away / np.column_stack([alphas, np.full(m, self.span)])).max(1) > SAME_HOPS
+        tested |= [not guess.tested for guess in begun]
+        for (count, which, _, us), step in zip(groups, steps, strict=True) if tested.any() else ():
             failed[which[~self._are_smooth(count, us, ps[which], step.evaluation)]] = True
         failed |= ~(launches > 0).all(1)
         if failed.any():
@@ -187,6 +199,20 @@ class CyclesAlong:
         for hop in range(period):
             changes[:, hop + 1] = slopes[:, hop, None] * changes[:, hop]
             changes[:, hop + 1, 1] += rates[:, hop]
+        own = self._by_first(m, period, groups, steps, launches, changes, units, growing)
+        launches *= units[:, None]
+        launches[:, 0] = alphas
+        for i, each in enumerate(own):
+            if tested[i]:
+                known.append(Solved(float(alphas[i]), float(values[i]), begun[i].impacts, *zip(*each, strict=True)))
+        return (launches, impacts, slopes, changes), failed
+
+    @staticmethod
+    def _by_first(
+        m: int, period: int, groups: list, steps: list[Steps], launches: np.ndarray, changes: np.ndarray,
+        units: np.ndarray, growing: np.ndarray,
+    ) -> list[list[Any]]:  # fmt: skip
+        """For each point and each hop the unknowns and their derivatives by the first launch and the parameter."""
         own: list[list[Any]] = [[None] * period for _ in range(m)]
         for (_, which, hops, us), step in zip(groups, steps, strict=True):
             by_both = changes[which, hops] / units[which, None]
@@ -195,16 +221,15 @@ class CyclesAlong:
             total[:, :, 1] += step.by_value
             for i, h, u, change in zip(which, hops, us, total, strict=True):
                 own[i][h] = u, change
-        launches *= units[:, None]
-        launches[:, 0] = alphas
-        for i, each in enumerate(own):
-            known.append(Solved(float(alphas[i]), float(values[i]), begun[i].impacts, *zip(*each, strict=True)))
-        return (launches, impacts, slopes, changes), failed
+        return own
 
     def _step(self, count: int, us: np.ndarray, ps: np.ndarray) -> tuple[np.ndarray, Steps | None]:
-        """A step of Newton's method for hops with one number of impacts, and the indices of those that can be
-        followed; None where they are not all. All but the last equation determine the other unknowns from the launch speed, the second one; the last is that of
-        the next speed less this one."""
+        """A step of Newton's method for hops with one number of impacts, and the indices of those that can be followed;
+        None where they are not all.
+
+        All but the last equation determine the other unknowns from the launch speed, the second one; the last is that
+        of the next speed less this one.
+        """
         equations = shooting_equations(cycle_statement(self.model, (count,)), self.names)
         done, evaluation = equations.evaluate_lanes(us, ps, (self.name,))
         if evaluation is None or len(done) < len(us):
@@ -236,16 +261,8 @@ class CyclesAlong:
                 side = 1.0 if impact + 1 == count else -1.0
                 sure &= -gap_speed(model, end, p) > APART * us[:, 1]
                 sure &= side * np.broadcast_to(pressing(model, end, p), m) > APART
-                continue
-            for i in np.flatnonzero(sure):
-                y, each = np.array([column[i] for column in end]), dict(zip(self.names, ps[i].tolist(), strict=True))
-                speed = float(model.contact_speed.at(y))
-                if speed <= 0:
-                    sure[i] = False
-                    continue
-                launch = model.launch({"liftoff": float(model.release(speed, each)), "alpha": speed}, each)
-                # Else the contact ends where no launch begins.
-                sure[i] = np.abs(contact_state(model, launch) - y).max() <= SAME_STATE * speed
+            else:
+                sure &= model.contact_speed.at(end) > 0
         return sure
 
 
