@@ -23,20 +23,20 @@ from .flown_hops import flown_hops
 
 # A step of Newton's method below the first number, relative to the unknowns, is the last one; one below the second that
 # no longer shrinks is rounding; and a hop near enough takes at most so many.
-LAST, ROUNDING, MOST_STEPS = 1e-11, 1e-9, 7
+LAST_STEP_OF_HOPS, ROUNDING_OF_HOPS, MOST_STEPS_OF_HOPS = 1e-11, 1e-9, 7
 # Hops are smooth in this sense where their landings and the forces after these are farther than the first number from
 # 0, as a share of the launch speed and of the weight, and the least gap and force between than the second, as a share
 # of the greatest: so far from a border of the map the samples between decide.
-APART, NOT_TOUCHING = 1e-4, 1e-3
+APART_FROM_BORDERS, NOT_TOUCHING = 1e-4, 1e-3
 # Hops from launches nearer than this, as shares of the speed and of the range, have the same impacts.
 SAME_HOPS = 1e-6
 SOLVED_BEFORE = 24  # the latest hops from which others are guessed
 SAMPLES_OF_ARC = np.linspace(0.03, 0.97, 32)  # the shares of the time of an arc at which gap and force are tested
-SAME_STATE = 1e-6  # the end of a contact and a launch are the same state up to this
-UNIT_STEP = 1e-5  # of a parameter, relative, for the derivative of the unit of speed
+SAME_LAUNCH_STATE = 1e-6  # the end of a contact and a launch are the same state up to this
+STEP_OF_UNITS = 1e-5  # of a parameter, relative, for the derivative of the unit of speed
 
 
-class Solved(NamedTuple):
+class SolvedHops(NamedTuple):
     """Hops from one launch at a value of the parameter: their numbers of impacts, the unknowns of each, and the
     derivatives (n, 2) of these by the first launch and the parameter; and whether they are `tested` to be smooth."""
 
@@ -48,7 +48,7 @@ class Solved(NamedTuple):
     tested: bool = True
 
 
-class Steps(NamedTuple):
+class StepsOfHops(NamedTuple):
     """One step of Newton's method for k hops: the change of their unknowns (k, n), the derivatives of these by the
     launch speed and the parameter, the next speeds (k,) with their slopes and rates, and the motions."""
 
@@ -71,7 +71,7 @@ class CyclesAlong:
     def __init__(self, machine: Machine, name: str, inject: float, span: float, impacts_at: Callable[[float], Impacts]):
         self.machine, self.model, self.name, self.inject, self.span = machine, machine.model, name, inject, span
         self.names, self.impacts_at = (*machine.values, INJECT), impacts_at
-        self._solved = dict[int, deque[Solved]]()
+        self._solved = dict[int, deque[SolvedHops]]()
 
     def __call__(self, alphas: np.ndarray, values: np.ndarray, period: int) -> tuple[np.ndarray, ...] | None:
         """The launches (m, period + 1), impacts (m, period), slopes (m, period) and changes (m, period + 1, 2) of hops
@@ -84,7 +84,7 @@ class CyclesAlong:
             while True:
                 failed = np.array([guess is None for guess in guesses])
                 if not failed.any():
-                    found, failed = self._solve(alphas, values, cast(list[Solved], guesses), known)
+                    found, failed = self._solve(alphas, values, cast(list[SolvedHops], guesses), known)
                     if found:
                         return found
                 if (failed & flown).any() or not failed.any():
@@ -95,10 +95,10 @@ class CyclesAlong:
         except (OrbitsError, np.linalg.LinAlgError):
             return None
 
-    def _nearest(self, known: Sequence[Solved], alpha: float, value: float) -> Solved | None:
+    def _nearest(self, known: Sequence[SolvedHops], alpha: float, value: float) -> SolvedHops | None:
         return min(known, key=lambda k: abs(k.alpha / alpha - 1) + abs(k.value - value) / self.span, default=None)
 
-    def _flown(self, alpha: float, value: float, period: int) -> Solved | None:
+    def _flown(self, alpha: float, value: float, period: int) -> SolvedHops | None:
         """The hops as a simulation has them, None where one has no next launch."""
         impacts, unknowns, (unit, _) = self.impacts_at(value), list[np.ndarray](), self._units(np.array([value]))
         speed, counts = alpha / float(unit[0]), list[int]()
@@ -111,14 +111,15 @@ class CyclesAlong:
             landing = impacts.model.landed(hops.landings[0, counts[-1] - 1].tolist(), impacts.values)
             path, _ = impacts.contact.run(impacts.onto_contact @ landing, impacts.p, float(hops.contacts[0]))
             end = path.end[: impacts.contact.size]
-            speed = float(self.model.contact_speed.at(end))
+            speed = float(impacts.model.contact_speed.at(end.tolist()))
             if not (
                 speed > 0
-                and np.abs(impacts.launch(np.array([speed]))[0] @ impacts.onto_contact.T - end).max() <= SAME_STATE
+                and np.abs(impacts.launch(np.array([speed]))[0] @ impacts.onto_contact.T - end).max()
+                <= SAME_LAUNCH_STATE
             ):
                 return None  # the contact ends where no launch begins
             speed += self.inject / float(unit[0])
-        return Solved(
+        return SolvedHops(
             alpha, value, tuple(counts), tuple(unknowns), tuple(np.zeros((len(u), 2)) for u in unknowns), False
         )
 
@@ -126,7 +127,7 @@ class CyclesAlong:
         """The units (m,) of speed at values (m,) of the parameter and their derivatives."""
         if self.model.units is None:
             return np.ones(len(values)), np.zeros(len(values))
-        step = UNIT_STEP * np.maximum(np.abs(values), UNIT_STEP * self.span)
+        step = STEP_OF_UNITS * np.maximum(np.abs(values), STEP_OF_UNITS * self.span)
         units = self.model.units
         low, here, high = (
             np.broadcast_to(units({**self.machine.values, self.name: v}).of(LIFTOFF_SPEED), len(values))
@@ -135,7 +136,7 @@ class CyclesAlong:
         return here, (high - low) / (2 * step)
 
     def _solve(
-        self, alphas: np.ndarray, values: np.ndarray, begun: Sequence[Solved], known: deque[Solved]
+        self, alphas: np.ndarray, values: np.ndarray, begun: Sequence[SolvedHops], known: deque[SolvedHops]
     ) -> tuple[tuple[np.ndarray, ...] | None, np.ndarray]:
         """The hops from guesses (m,), or None, and then those (m,) that are not found from their guess."""
         m, period = len(alphas), len(begun[0].impacts)
@@ -148,15 +149,14 @@ class CyclesAlong:
         groups = []
         for count in np.unique(impacts).tolist():
             which, hops = np.nonzero(impacts == count)
-            us = np.array([
-                begun[i].unknowns[h] + begun[i].changes[h] @ away[i] for i, h in zip(which, hops, strict=True)
-            ])  # fmt: skip
+            pairs = zip(which.tolist(), hops.tolist(), strict=True)
+            us = np.array([begun[i].unknowns[h] + begun[i].changes[h] @ away[i] for i, h in pairs])
             us[hops == 0, 1] = (alphas / units)[which[hops == 0]]
             groups.append((count, which, hops, us))
         last, failed = np.full(m, np.inf), np.zeros(m, bool)
-        for _ in range(MOST_STEPS):
+        for _ in range(MOST_STEPS_OF_HOPS):
             speeds, following, slopes, rates = (np.empty((m, period)) for _ in range(4))
-            steps = list[Steps]()
+            steps = list[StepsOfHops]()
             for count, which, hops, us in groups:
                 done, step = self._step(count, us, ps[which])
                 if step is None or len(done) < len(us):
@@ -176,10 +176,10 @@ class CyclesAlong:
                 change = step.changes + step.by_speed * moved[which, hops, None]
                 np.maximum.at(size, which, (np.abs(change) / np.maximum(np.abs(us), SMALLEST_UNIT)).max(1))
                 us += change
-            failed = ~np.isfinite(size) | ((last < size) & (size > ROUNDING))
+            failed = ~np.isfinite(size) | ((last < size) & (size > ROUNDING_OF_HOPS))
             if failed.any():
                 return None, failed
-            settled = (size <= LAST) | ((size <= ROUNDING) & (size > STALLED_RATIO * last))
+            settled = (size <= LAST_STEP_OF_HOPS) | ((size <= ROUNDING_OF_HOPS) & (size > STALLED_RATIO * last))
             if settled.all():
                 break
             last = size
@@ -204,12 +204,16 @@ class CyclesAlong:
         launches[:, 0] = alphas
         for i, each in enumerate(own):
             if tested[i]:
-                known.append(Solved(float(alphas[i]), float(values[i]), begun[i].impacts, *zip(*each, strict=True)))
+                known.append(
+                    SolvedHops(
+                        float(alphas[i]), float(values[i]), begun[i].impacts, *cast(Any, zip(*each, strict=True))
+                    )
+                )
         return (launches, impacts, slopes, changes), failed
 
     @staticmethod
     def _by_first(
-        m: int, period: int, groups: list, steps: list[Steps], launches: np.ndarray, changes: np.ndarray,
+        m: int, period: int, groups: list, steps: list[StepsOfHops], launches: np.ndarray, changes: np.ndarray,
         units: np.ndarray, growing: np.ndarray,
     ) -> list[list[Any]]:  # fmt: skip
         """For each point and each hop the unknowns and their derivatives by the first launch and the parameter."""
@@ -219,11 +223,11 @@ class CyclesAlong:
             by_both[:, 1] -= launches[which, hops] * (growing / units)[which]
             total = step.by_speed[:, :, None] * by_both[:, None]
             total[:, :, 1] += step.by_value
-            for i, h, u, change in zip(which, hops, us, total, strict=True):
+            for i, h, u, change in zip(which.tolist(), hops.tolist(), us, total, strict=True):
                 own[i][h] = u, change
         return own
 
-    def _step(self, count: int, us: np.ndarray, ps: np.ndarray) -> tuple[np.ndarray, Steps | None]:
+    def _step(self, count: int, us: np.ndarray, ps: np.ndarray) -> tuple[np.ndarray, StepsOfHops | None]:
         """A step of Newton's method for hops with one number of impacts, and the indices of those that can be followed;
         None where they are not all.
 
@@ -244,7 +248,7 @@ class CyclesAlong:
         ends = np.einsum("ki,kij->kj", last[:, :n], found)
         following = evaluation.residual[:, -1] + us[:, 1] + ends[:, 0]
         slopes = ends[:, 1] + 1.0, ends[:, 2] + last[:, n]
-        return done, Steps(*found.transpose(2, 0, 1), following, *slopes, evaluation)
+        return done, StepsOfHops(*cast(Any, found.transpose(2, 0, 1)), following, *slopes, evaluation)
 
     def _are_smooth(self, count: int, us: np.ndarray, ps: np.ndarray, evaluation: Evaluation) -> np.ndarray:
         """Whether hops (k,) have these impacts and no others, and are not too near to others."""
@@ -259,8 +263,8 @@ class CyclesAlong:
             sure &= _stay_above(np.broadcast_to(between, rows[0].shape).reshape(m, -1))
             if flies:
                 side = 1.0 if impact + 1 == count else -1.0
-                sure &= -gap_speed(model, end, p) > APART * us[:, 1]
-                sure &= side * np.broadcast_to(pressing(model, end, p), m) > APART
+                sure &= -gap_speed(model, end, p) > APART_FROM_BORDERS * us[:, 1]
+                sure &= side * np.broadcast_to(pressing(model, end, p), m) > APART_FROM_BORDERS
             else:
                 sure &= model.contact_speed.at(end) > 0
         return sure
@@ -271,7 +275,7 @@ def _stay_above(values: np.ndarray) -> np.ndarray:
     three samples is lower than the middle one by an eighth of its rises to the others at most."""
     middle, rises = values[:, 1:-1], np.array([values[:, :-2], values[:, 2:]]) - values[:, 1:-1]
     sure = middle > 0.5 * rises.sum(0) + NOT_TOUCHING * values.max(1, keepdims=True)
-    return (values > 0).all(1) & (sure | (rises < 0).any(0)).all(1)
+    return np.asarray((values > 0).all(1) & (sure | (rises < 0).any(0)).all(1))
 
 
 def rows_within(motions: Trajectories, shares: np.ndarray) -> np.ndarray:
