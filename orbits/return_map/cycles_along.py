@@ -248,13 +248,14 @@ class CyclesAlong:
         ends = np.einsum("ki,kij->kj", last[:, :n], found)
         following = evaluation.residual[:, -1] + us[:, 1] + ends[:, 0]
         slopes = ends[:, 1] + 1.0, ends[:, 2] + last[:, n]
-        return done, StepsOfHops(*cast(Any, found.transpose(2, 0, 1)), following, *slopes, evaluation)
+        change, by_speed, by_value = found.transpose(2, 0, 1)
+        return done, StepsOfHops(change, by_speed, by_value, following, *slopes, evaluation)
 
     def _are_smooth(self, count: int, us: np.ndarray, ps: np.ndarray, evaluation: Evaluation) -> np.ndarray:
         """Whether hops (k,) have these impacts and no others, and are not too near to others."""
         model, p, m = self.model, dict(zip(self.names, ps.T, strict=True)), len(us)
         many = {name: np.repeat(values, len(SAMPLES_OF_ARC)) for name, values in p.items()}
-        sure = (us[:, 2:] > 0).all(1)
+        sure: np.ndarray = np.asarray((us[:, 2:] > 0).all(1))
         for impact, motions in enumerate(evaluation.trajectories):
             flies = impact < count
             size = len((model.flight if flies else model.contact).states)
