@@ -15,6 +15,8 @@ from problems import Hopper
 class KnownMaps(MapsAlong):
     """Maps in closed form in place of a machine's: next(a, value), slope(a, value), impacts(a), where they jump."""
 
+    _along = None
+
     def __init__(self, low, high, following, slope, impacts=lambda a: np.ones(len(a), int), jump=None):
         self.name, self.low, self.high, self.inject = "value", low, high, 0.0
         self.following, self.slope, self.count, self.jump = following, slope, impacts, jump

@@ -176,7 +176,14 @@ class Flow:
             return None
         used = sorted({*chain(*(graph.field.jac_sparsity(i, 1).get_triplet()[1] for i in (0, 1)))})
         names = tuple(self.parameters[i] for i in used)
-        return None if names == self.parameters else (flow_of(phase, names), used)
+        if names == self.parameters:
+            return None
+        flow = flow_of(phase, names)
+        try:
+            flow.vector_field  # noqa: B018
+        except KeyError:  # the field names parameters that cancel in it
+            return None
+        return flow, used
 
     def _drift_along(self, seeds: Array, parameter_seeds: Array) -> "_Drift | None":
         """The columns of common seeds along which states drift alone, None without any."""

@@ -6,6 +6,7 @@ A launch of period one, a fixed point, comes back after one hop; a launch of per
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -15,6 +16,7 @@ from ..errors import InputError, finite_number
 from ..model.machine import Machine, free_parameters, machine_in_words
 from ..units import LIFTOFF_SPEED
 from .cycle_statement import INJECT
+from .cycles_along import CyclesAlong
 from .itineraries import MonotoneBranches
 from .map_pieces import MapPieces
 from .periodic_hops import cycles_of
@@ -128,6 +130,21 @@ class MapsAlong:
             found = plain.dimensionless()._pieces(low / unit, high / unit, SAMPLES_OF_BORDERS)
             self.pieces = found.in_units(unit)
 
+    @cached_property
+    def _along(self) -> CyclesAlong | None:
+        """The hops by their equations, None where these do not state them at all values: along the injection or a
+        restitution, with a restitution, several numbers of a launch, hysteresis or laws in pieces."""
+        if self.name in (INJECT, RESTITUTION) or getattr(self.machine, RESTITUTION, 0.0) > 0:
+            return None
+        machine, *others = (self.machine_at(self.low + share * (self.high - self.low)) for share in (0.5, 0.3, 0.7))
+        model, varied = machine.model, {**machine.values, self.name: 0.0}
+        same = all(each.model is model and {**each.values, self.name: 0.0} == varied for each in others)
+        if not (same and self.name in machine.values and model.one_speed and model.plain) or model.hysteretic:
+            return None
+        if model.flight.pieces or model.contact.pieces:
+            return None
+        return CyclesAlong(machine, self.name, self.inject, self.high - self.low, lambda value: self.at(value).impacts)
+
     def all_cycles(self, value: float, between: tuple[float, float], period: int) -> list[np.ndarray]:
         """The launches (period,) of all cycles between two launch speeds at a value of the parameter."""
         step, unit = self.at(value), self.machine.units.of(LIFTOFF_SPEED) if self.machine.units else 1.0
@@ -195,9 +212,11 @@ class MapsAlong:
         return product
 
     def smooth_cycles(self, alpha: np.ndarray, value: np.ndarray, period: int) -> "SmoothCycles | None":
-        """The `cycles` with their derivatives where the `pieces` of the map have all of their launches; else None."""
+        """The `cycles` with their derivatives where the `pieces` of the map have all of their launches, or where, along
+        another parameter, no hop is near a border of the map; else None."""
         if self.pieces is None:
-            return None
+            found = self._along and self._along(alpha, np.broadcast_to(value, alpha.shape), period)
+            return SmoothCycles(*found) if found else None
         launches, impacts = np.empty((len(alpha), period + 1)), np.empty((len(alpha), period), int)
         changes, slopes = np.zeros((len(alpha), period + 1, 2)), np.empty((len(alpha), period))
         launches[:, 0], changes[:, 0, 0] = alpha, 1.0

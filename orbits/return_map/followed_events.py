@@ -23,7 +23,7 @@ from ..errors import InputError, NoOrbit, OrbitsError
 from ..flow.trajectory import Trajectories
 from ..model.machine import Machine, machine_in_words
 from ..model.phase import Affine
-from ..numerics.polynomial_roots import Crossings, evaluate
+from ..numerics.polynomial_roots import Crossings
 from ..running import interrupts
 from ..shooting.single_shooting import shooting_equations
 from ..simulation.hand_over import landed
@@ -45,6 +45,7 @@ from .cycle_statement import (
     pressing,
 )
 from .cycles import RESTITUTION, parameters_of_maps
+from .cycles_along import rows_within
 from .flown_hops import flown_hops
 
 # Shares of the time of a flight or contact at which the gap and the contact force are tested; the places nearer to its
@@ -152,7 +153,7 @@ class EventEquations(Curve):
         hop, impact = 0, 0
         for arc, motions in zip(self.cycle.arcs, arcs, strict=True):
             size = len(arc.phase.states)
-            rows, end = [*_rows_within(motions)[:, :size].T], [*motions.finals[:, :size].T]
+            rows, end = [*rows_within(motions, SHARES_OF_ARC)[:, :size].T], [*motions.finals[:, :size].T]
             least = lambda values: np.reshape(values, (-1, len(SHARES_OF_ARC))).min(1)  # noqa: E731
             if arc.phase.name == model.contact.name:
                 force = np.broadcast_to(force_in_contact(model, rows, many), rows[0].shape)
@@ -177,14 +178,6 @@ class EventEquations(Curve):
                 )
             impact += 1
         return tests
-
-
-def _rows_within(motions: Trajectories) -> np.ndarray:
-    """The rows (m k, rows) of motions (m,) at k shares of the time of each."""
-    places, apart = SHARES_OF_ARC * motions.ends[:, None], 2.0 * float(motions.ends.max())
-    each = apart * np.arange(len(motions))
-    step = np.searchsorted(motions.starts + apart * motions.owner, places + each[:, None], side="right") - 1
-    return evaluate(motions.coefficients[step.ravel()], (places - motions.starts[step]).ravel()[:, None])
 
 
 class EventSegment(Segment):

@@ -1,0 +1,287 @@
+"""Hops along a parameter of the machine: their launches with exact derivatives by the first launch and the parameter.
+
+All hops from one launch are solved together by Newton's method on the equations of `cycle_statement`, each hop an
+equation of its own with a guess of its launch speed, from the nearest hops that were solved before.
+"""
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from ..errors import OrbitsError
+from ..flow.trajectory import Trajectories
+from ..model.machine import Machine
+from ..numerics.polynomial_roots import evaluate
+from ..numerics.roots import solve
+from ..shooting.single_shooting import SMALLEST_UNIT, STALLED_RATIO, Evaluation, shooting_equations
+from ..simulation.impacts import Impacts
+from ..units import LIFTOFF_SPEED
+from .cycle_statement import INJECT, cycle_statement, force_in_contact, gap_speed, pressing
+from .flown_hops import flown_hops
+
+# A step of Newton's method below the first number, relative to the unknowns, is the last one; one below the second that
+# no longer shrinks is rounding; and a hop near enough takes at most so many.
+LAST_STEP_OF_HOPS, ROUNDING_OF_HOPS, MOST_STEPS_OF_HOPS = 1e-11, 1e-9, 7
+# Hops are smooth in this sense where their landings and the forces after these are farther than the first number from
+# 0, as a share of the launch speed and of the weight, and the least gap and force between than the second, as a share
+# of the greatest: so far from a border of the map the samples between decide.
+APART_FROM_BORDERS, NOT_TOUCHING = 1e-4, 1e-3
+# Hops from launches nearer than this, as shares of the speed and of the range, have the same impacts.
+SAME_HOPS = 1e-6
+SOLVED_BEFORE = 24  # the latest hops from which others are guessed
+SAMPLES_OF_ARC = np.linspace(0.03, 0.97, 32)  # the shares of the time of an arc at which gap and force are tested
+SAME_LAUNCH_STATE = 1e-6  # the end of a contact and a launch are the same state up to this
+STEP_OF_UNITS = 1e-5  # of a parameter, relative, for the derivative of the unit of speed
+
+
+class SolvedHops(NamedTuple):
+    """Hops from one launch at a value of the parameter: their numbers of impacts, the unknowns of each, and the
+    derivatives (n, 2) of these by the first launch and the parameter; and whether they are `tested` to be smooth."""
+
+    alpha: float
+    value: float
+    impacts: tuple[int, ...]
+    unknowns: tuple[np.ndarray, ...]
+    changes: tuple[np.ndarray, ...]
+    tested: bool = True
+
+
+class StepsOfHops(NamedTuple):
+    """One step of Newton's method for k hops: the change of their unknowns (k, n), the derivatives of these by the
+    launch speed and the parameter, the next speeds (k,) with their slopes and rates, and the motions."""
+
+    changes: np.ndarray
+    by_speed: np.ndarray
+    by_value: np.ndarray
+    next: np.ndarray
+    slopes: np.ndarray
+    rates: np.ndarray
+    evaluation: Evaluation
+
+
+class CyclesAlong:
+    """The hops of a machine at values of one of its parameters.
+
+    machine : at some value of the parameter
+    impacts_at : the impacts of the machine at a value
+    """
+
+    def __init__(self, machine: Machine, name: str, inject: float, span: float, impacts_at: Callable[[float], Impacts]):
+        self.machine, self.model, self.name, self.inject, self.span = machine, machine.model, name, inject, span
+        self.names, self.impacts_at = (*machine.values, INJECT), impacts_at
+        self._solved = dict[int, deque[SolvedHops]]()
+
+    def __call__(self, alphas: np.ndarray, values: np.ndarray, period: int) -> tuple[np.ndarray, ...] | None:
+        """The launches (m, period + 1), impacts (m, period), slopes (m, period) and changes (m, period + 1, 2) of hops
+        from launch speeds (m,) at values (m,), as of `SmoothCycles`; None where they are near a border of the map."""
+        known = self._solved.setdefault(period, deque(maxlen=SOLVED_BEFORE))
+        places = list(zip(alphas.tolist(), values.tolist(), strict=True))
+        guesses = [self._nearest(known, *place) for place in places]
+        flown = np.zeros(len(places), bool)
+        try:
+            while True:
+                failed = np.array([guess is None for guess in guesses])
+                if not failed.any():
+                    found, failed = self._solve(alphas, values, cast(list[SolvedHops], guesses), known)
+                    if found:
+                        return found
+                if (failed & flown).any() or not failed.any():
+                    return None
+                for i in np.flatnonzero(failed):
+                    guesses[i] = self._flown(*places[i], period)
+                flown |= failed
+        except (OrbitsError, np.linalg.LinAlgError):
+            return None
+
+    def _nearest(self, known: Sequence[SolvedHops], alpha: float, value: float) -> SolvedHops | None:
+        return min(known, key=lambda k: abs(k.alpha / alpha - 1) + abs(k.value - value) / self.span, default=None)
+
+    def _flown(self, alpha: float, value: float, period: int) -> SolvedHops | None:
+        """The hops as a simulation has them, None where one has no next launch."""
+        impacts, unknowns, (unit, _) = self.impacts_at(value), list[np.ndarray](), self._units(np.array([value]))
+        speed, counts = alpha / float(unit[0]), list[int]()
+        for _ in range(period):
+            hops = flown_hops(impacts, np.array([speed]))
+            if not hops.counts[0]:
+                return None
+            counts.append(int(hops.counts[0]))
+            unknowns.append(hops.unknowns(impacts, np.zeros(1, int))[0])
+            landing = impacts.model.landed(hops.landings[0, counts[-1] - 1].tolist(), impacts.values)
+            path, _ = impacts.contact.run(impacts.onto_contact @ landing, impacts.p, float(hops.contacts[0]))
+            end = path.end[: impacts.contact.size]
+            speed = float(impacts.model.contact_speed.at(end.tolist()))
+            if not (
+                speed > 0
+                and np.abs(impacts.launch(np.array([speed]))[0] @ impacts.onto_contact.T - end).max()
+                <= SAME_LAUNCH_STATE
+            ):
+                return None  # the contact ends where no launch begins
+            speed += self.inject / float(unit[0])
+        return SolvedHops(
+            alpha, value, tuple(counts), tuple(unknowns), tuple(np.zeros((len(u), 2)) for u in unknowns), False
+        )
+
+    def _units(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The units (m,) of speed at values (m,) of the parameter and their derivatives."""
+        if self.model.units is None:
+            return np.ones(len(values)), np.zeros(len(values))
+        step = STEP_OF_UNITS * np.maximum(np.abs(values), STEP_OF_UNITS * self.span)
+        units = self.model.units
+        low, here, high = (
+            np.broadcast_to(units({**self.machine.values, self.name: v}).of(LIFTOFF_SPEED), len(values))
+            for v in (values - step, values, values + step)
+        )
+        return here, (high - low) / (2 * step)
+
+    def _solve(
+        self, alphas: np.ndarray, values: np.ndarray, begun: Sequence[SolvedHops], known: deque[SolvedHops]
+    ) -> tuple[tuple[np.ndarray, ...] | None, np.ndarray]:
+        """The hops from guesses (m,), or None, and then those (m,) that are not found from their guess."""
+        m, period = len(alphas), len(begun[0].impacts)
+        impacts = np.array([each.impacts for each in begun])
+        units, growing = self._units(values)
+        ps = np.tile([*self.machine.values.values(), 0.0], (m, 1))
+        ps[:, self.names.index(self.name)] = values
+        away = np.column_stack([alphas - [k.alpha for k in begun], values - [k.value for k in begun]])
+        # For each number of impacts the points and hops with it, and their unknowns.
+        groups = []
+        for count in np.unique(impacts).tolist():
+            which, hops = np.nonzero(impacts == count)
+            pairs = zip(which.tolist(), hops.tolist(), strict=True)
+            us = np.array([begun[i].unknowns[h] + begun[i].changes[h] @ away[i] for i, h in pairs])
+            us[hops == 0, 1] = (alphas / units)[which[hops == 0]]
+            groups.append((count, which, hops, us))
+        last, failed = np.full(m, np.inf), np.zeros(m, bool)
+        for _ in range(MOST_STEPS_OF_HOPS):
+            speeds, following, slopes, rates = (np.empty((m, period)) for _ in range(4))
+            steps = list[StepsOfHops]()
+            for count, which, hops, us in groups:
+                done, step = self._step(count, us, ps[which])
+                if step is None or len(done) < len(us):
+                    failed[np.delete(which, done)] = True
+                    return None, failed
+                steps.append(step)
+                speeds[which, hops], following[which, hops] = us[:, 1], step.next
+                slopes[which, hops], rates[which, hops] = step.slopes, step.rates
+            launches, moved = np.empty((m, period + 1)), np.zeros((m, period + 1))
+            launches[:, 0] = alphas / units
+            for hop in range(period):
+                launches[:, hop + 1] = following[:, hop] + slopes[:, hop] * moved[:, hop] + self.inject / units
+                if hop + 1 < period:
+                    moved[:, hop + 1] = launches[:, hop + 1] - speeds[:, hop + 1]
+            size = np.zeros(m)
+            for (_, which, hops, us), step in zip(groups, steps, strict=True):
+                change = step.changes + step.by_speed * moved[which, hops, None]
+                np.maximum.at(size, which, (np.abs(change) / np.maximum(np.abs(us), SMALLEST_UNIT)).max(1))
+                us += change
+            failed = ~np.isfinite(size) | ((last < size) & (size > ROUNDING_OF_HOPS))
+            if failed.any():
+                return None, failed
+            settled = (size <= LAST_STEP_OF_HOPS) | ((size <= ROUNDING_OF_HOPS) & (size > STALLED_RATIO * last))
+            if settled.all():
+                break
+            last = size
+        else:
+            return None, ~settled
+        tested = np.abs(away / np.column_stack([alphas, np.full(m, self.span)])).max(1) > SAME_HOPS
+        tested |= [not guess.tested for guess in begun]
+        for (count, which, _, us), step in zip(groups, steps, strict=True) if tested.any() else ():
+            failed[which[~self._are_smooth(count, us, ps[which], step.evaluation)]] = True
+        failed |= ~(launches > 0).all(1)
+        if failed.any():
+            return None, failed
+        changes = np.zeros((m, period + 1, 2))
+        changes[:, 0, 0] = 1.0
+        rates = units[:, None] * rates + growing[:, None] * (launches[:, 1:] - (self.inject / units)[:, None]
+                                                             - slopes * launches[:, :-1])  # fmt: skip
+        for hop in range(period):
+            changes[:, hop + 1] = slopes[:, hop, None] * changes[:, hop]
+            changes[:, hop + 1, 1] += rates[:, hop]
+        own = self._by_first(m, period, groups, steps, launches, changes, units, growing)
+        launches *= units[:, None]
+        launches[:, 0] = alphas
+        for i, each in enumerate(own):
+            if tested[i]:
+                known.append(
+                    SolvedHops(
+                        float(alphas[i]), float(values[i]), begun[i].impacts, *cast(Any, zip(*each, strict=True))
+                    )
+                )
+        return (launches, impacts, slopes, changes), failed
+
+    @staticmethod
+    def _by_first(
+        m: int, period: int, groups: list, steps: list[StepsOfHops], launches: np.ndarray, changes: np.ndarray,
+        units: np.ndarray, growing: np.ndarray,
+    ) -> list[list[Any]]:  # fmt: skip
+        """For each point and each hop the unknowns and their derivatives by the first launch and the parameter."""
+        own: list[list[Any]] = [[None] * period for _ in range(m)]
+        for (_, which, hops, us), step in zip(groups, steps, strict=True):
+            by_both = changes[which, hops] / units[which, None]
+            by_both[:, 1] -= launches[which, hops] * (growing / units)[which]
+            total = step.by_speed[:, :, None] * by_both[:, None]
+            total[:, :, 1] += step.by_value
+            for i, h, u, change in zip(which.tolist(), hops.tolist(), us, total, strict=True):
+                own[i][h] = u, change
+        return own
+
+    def _step(self, count: int, us: np.ndarray, ps: np.ndarray) -> tuple[np.ndarray, StepsOfHops | None]:
+        """A step of Newton's method for hops with one number of impacts, and the indices of those that can be followed;
+        None where they are not all.
+
+        All but the last equation determine the other unknowns from the launch speed, the second one; the last is that
+        of the next speed less this one.
+        """
+        equations = shooting_equations(cycle_statement(self.model, (count,)), self.names)
+        done, evaluation = equations.evaluate_lanes(us, ps, (self.name,))
+        if evaluation is None or len(done) < len(us):
+            return done, None
+        n = us.shape[1]
+        others = [0, *range(2, n)]
+        rows, last = evaluation.jacobian[:, :-1], evaluation.jacobian[:, -1]
+        right = np.concatenate([evaluation.residual[:, :-1, None], rows[:, :, [1, n]]], axis=2)
+        found = np.zeros((len(us), n, 3))
+        found[:, others] = solve(rows[:, :, others], -right)
+        found[:, 1, 1] = 1.0
+        ends = np.einsum("ki,kij->kj", last[:, :n], found)
+        following = evaluation.residual[:, -1] + us[:, 1] + ends[:, 0]
+        slopes = ends[:, 1] + 1.0, ends[:, 2] + last[:, n]
+        change, by_speed, by_value = found.transpose(2, 0, 1)
+        return done, StepsOfHops(change, by_speed, by_value, following, *slopes, evaluation)
+
+    def _are_smooth(self, count: int, us: np.ndarray, ps: np.ndarray, evaluation: Evaluation) -> np.ndarray:
+        """Whether hops (k,) have these impacts and no others, and are not too near to others."""
+        model, p, m = self.model, dict(zip(self.names, ps.T, strict=True)), len(us)
+        many = {name: np.repeat(values, len(SAMPLES_OF_ARC)) for name, values in p.items()}
+        sure: np.ndarray = np.asarray((us[:, 2:] > 0).all(1))
+        for impact, motions in enumerate(evaluation.trajectories):
+            flies = impact < count
+            size = len((model.flight if flies else model.contact).states)
+            rows, end = [*rows_within(motions, SAMPLES_OF_ARC)[:, :size].T], [*motions.finals[:, :size].T]
+            between = model.gap(many).at(rows) if flies else force_in_contact(model, rows, many)
+            sure &= _stay_above(np.broadcast_to(between, rows[0].shape).reshape(m, -1))
+            if flies:
+                side = 1.0 if impact + 1 == count else -1.0
+                sure &= -gap_speed(model, end, p) > APART_FROM_BORDERS * us[:, 1]
+                sure &= side * np.broadcast_to(pressing(model, end, p), m) > APART_FROM_BORDERS
+            else:
+                sure &= model.contact_speed.at(end) > 0
+        return sure
+
+
+def _stay_above(values: np.ndarray) -> np.ndarray:
+    """Whether values (k, samples) are above 0, and least ones between samples too, beyond doubt: a parabola through
+    three samples is lower than the middle one by an eighth of its rises to the others at most."""
+    middle, rises = values[:, 1:-1], np.array([values[:, :-2], values[:, 2:]]) - values[:, 1:-1]
+    sure = middle > 0.5 * rises.sum(0) + NOT_TOUCHING * values.max(1, keepdims=True)
+    return np.asarray((values > 0).all(1) & (sure | (rises < 0).any(0)).all(1))
+
+
+def rows_within(motions: Trajectories, shares: np.ndarray) -> np.ndarray:
+    """The rows (m k, rows) of motions (m,) at k shares of the time of each."""
+    places, apart = shares * motions.ends[:, None], 2.0 * float(motions.ends.max())
+    each = apart * np.arange(len(motions))
+    step = np.searchsorted(motions.starts + apart * motions.owner, places + each[:, None], side="right") - 1
+    return evaluate(motions.coefficients[step.ravel()], (places - motions.starts[step]).ravel()[:, None])
