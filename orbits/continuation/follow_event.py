@@ -19,7 +19,7 @@ from ..design.event_statement import (
 from ..design.extremes import Kind, Place, places_of
 from ..design.problem import Outputs, formula_names, known_formula
 from ..design.sensitivities import quantities
-from ..errors import FlowError, InputError, NoOrbit, finite_number
+from ..errors import FlowError, InputError, NoOrbit, finite_number, whole_number
 from ..flow.flow import flow_of
 from ..model.machine import Machine
 from ..model.phase import Statement
@@ -116,6 +116,8 @@ def follow_event(
     if not isinstance(family, Family):
         if (own := getattr(family, "follow_event", None)) is None:
             raise InputError("an event is one of a family that `follow` returns")
+        if number or within is not None or stop_inadmissible or not locate:
+            raise InputError("number, within, stop_inadmissible and locate belong to families: leave them out")
         return own(event, second, stop, at=at, longest=longest, most=most, step_control=step_control, output=output)
     machine = family.source
     if machine is None:
@@ -132,8 +134,11 @@ def follow_event(
         within = bounds_within(family.name, within)
     bounds_of(second, machine.values[second], stop, options.at)
     with interrupts.deferred(), without_units(machine.units):
-        begun = _begun(machine, family, event, number)
-    machine = machine.with_values(**{family.name: float(begun.x[-1])})
+        begun = _begun(machine, family, event, whole_number("number", number, least=0))
+    first = float(begun.x[-1])
+    if within is not None and not within[0] <= first <= within[1]:
+        raise InputError(f"within = ({within[0]:g}, {within[1]:g}): the curve begins at {family.name} = {first:.10g}")
+    machine = machine.with_values(**{family.name: first})
     names = family.settings["method"], family.name, second
     return collect_event(machine, *names, stop, begun, options, within, locate, output)
 
@@ -214,6 +219,10 @@ def _begun(machine: Machine, family: Family, event: Event | str | Mapping[str, f
 def _event_of(family: Family, event: Event | str, number: int) -> Event:
     """An event of a family."""
     if isinstance(event, Event):
+        place = event.kind, event.point.value, event.point.u
+        if all((each.kind, each.point.value, each.point.u) != place for each in family.events):
+            where = f"{family.name} = {event.point.value:.10g}"
+            raise InputError(f"the event '{event.kind}' at {where} is none of this family: take one of family.events")
         return event
     kinds = list(dict.fromkeys(each.kind for each in family.events))
     found = [each for each in family.events if each.kind == event]
@@ -268,11 +277,14 @@ def _quantities(machine: Machine, formula: Formula) -> list[str]:
 def _crossing(machine: Machine, family: Family, formula: Formula, level: float, number: int) -> Point:
     """A dimensionless point of a family next to where a formula passes a value."""
     values = _values_along(machine, family, formula) - level
+    if (values == values[0]).all():
+        raise InputError(f"'{formula.text}' is the same all along the family, {values[0] + level:.10g}")
     with np.errstate(invalid="ignore"):
         found = np.flatnonzero(values[:-1] * values[1:] <= 0)
     if not 0 <= number < len(found):
-        low, high = (float(each(values)) + level for each in (np.nanmin, np.nanmax)) if np.isfinite(values).any() else (
-            np.nan, np.nan)  # fmt: skip
+        if not np.isfinite(values).any():
+            raise NoOrbit(f"'{formula.text}' has no value at any orbit of the family")
+        low, high = (float(each(values)) + level for each in (np.nanmin, np.nanmax))
         raise NoOrbit(
             f"'{formula.text}' passes {level:g} along the family {len(found)} times: it lies between {low:.6g} and "
             f"{high:.6g}"

@@ -15,6 +15,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ..continuation.follow import bounds_of
+from ..continuation.step_control import checked_options
 from ..errors import InputError, NoOrbit, finite_number
 from ..io import Document
 from ..numerics.kkt_curve import CriticalPoint, CurveEnd, CurveEvent, CurveOptions, MinimumCurve
@@ -198,8 +200,10 @@ def follow_optimum(
     first, last = finite_number("start", start), finite_number("to", to)
     if first == last:
         raise InputError(f"to = {last:g}: the motion is at this value of {name} already")
-    options = CurveOptions(longest_step=finite_number("longest", longest), most=most)
-    run = _RunAlongFamily(parameters, last, [finite_number("at", each) for each in at], options)
+    checked = checked_options(at, longest=longest, most=most)
+    bounds_of(name, first, last, checked.at)
+    options = CurveOptions(longest_step=checked.longest, most=checked.most)
+    run = _RunAlongFamily(parameters, last, checked.at, options)
     with interrupts.deferred():
         end = run.trace(known, first)
     values, costs, slopes = np.array([(p.value, p.cost, p.slope) for *_, p in run.points]).T
@@ -224,7 +228,7 @@ def _one_of(fixed: Array, place: int) -> FixedParameters:
 class _RunAlongFamily:
     """A run along a family, which collects its points, the bounds active at each, and the events."""
 
-    def __init__(self, parameters: FixedParameters, last: float, at: list[float], options: CurveOptions):
+    def __init__(self, parameters: FixedParameters, last: float, at: Sequence[float], options: CurveOptions):
         self.parameters, self.last, self.at, self.options = parameters, last, at, options
         self.points = list[tuple[MinimumCurve, WarmStart, CriticalPoint]]()
         self.active, self.events = list[list[str]](), list[OptimalEvent]()

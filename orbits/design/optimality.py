@@ -200,6 +200,8 @@ class Design(Result, what="design"):
             least, most = (self.text, None) if self.verb == "minimise" else (None, self.text)
             problem = design_problem(self.source, least, most, self.over, self.subject_to)
             moving = moving_number(problem, self.source, what, finite_number("to", to))
+            if moving.begin == moving.end:
+                raise InputError(f"to = {moving.end:g}: '{what}' has this value already")
             program = moving_design(self, problem, moving)
             curve = designs_along(program, np.linspace(0.0, 1.0, points).tolist(), progress)
         return replace(curve, seconds=time.perf_counter() - began)

@@ -141,8 +141,8 @@ def pareto(
     >>> front.values.shape
     (3, 2)
     """
-    if isinstance(minimise, str) or not isinstance(minimise, Sequence) or len(minimise) != 2:
-        raise InputError(f"minimise = {minimise!r}; a front has two objectives")
+    if isinstance(minimise, str) or not isinstance(minimise, Sequence) or len({*minimise}) != 2 or len(minimise) != 2:
+        raise InputError(f"minimise = {minimise!r}; a front has two objectives, which differ")
     points = whole_number("points", points, "designs", 2)
     report = progress or (lambda share: None)
     with interrupts.deferred():

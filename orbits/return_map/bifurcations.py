@@ -5,7 +5,7 @@ launch speeds, and each is followed to both sides. Where its multiplier passes -
 are followed too.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -86,6 +86,8 @@ def bifurcations(
     values = np.linspace(low, high, sections).tolist()
     if along != INJECT and all(maps.lossless(value) for value in values):
         raise InputError("every fixed point is a lossless hop here: follow them with `follow`, or give an injection")
+    if not isinstance(periods, Iterable):
+        raise InputError(f"periods = {periods!r}; it is a list of numbers of hops, as ({periods!r},)")
     wanted = sorted({whole_number("periods", period, "hops") for period in periods})
     doublings = whole_number("doublings", doublings, "doublings", 0)
     own: dict[str, Any] = {"inject": maps.inject, "source": machine}

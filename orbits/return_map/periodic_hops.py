@@ -153,7 +153,8 @@ class PeriodicHops(Result, Sequence[Cycle], what="periodic hops", dimension="lau
         searched = (
             f"all {self.itineraries} itineraries through its {len(self.branches)} monotone branches were searched"
         )
-        notes = [f"complete, as polynomials have the map up to {self.error_of_map:.1g}{unit}: {searched}"]
+        error = f"{self.error_of_map:.1g}{unit}"
+        notes = [f"complete for polynomials that differ from the map by {error} where they are compared: {searched}"]
         if not self.branches:
             why = "no launch has a next one there, or hops lose nothing and an injection adds to each"
             notes = [f"complete: {why if self.inject else 'without injection or damping only lossless hops come back'}"]

@@ -258,8 +258,13 @@ def period_diagram(
     axes, (low, high) = _checked_axes(machine, over, samples, inject), range_of("between", between)
     if not low > 0:
         raise InputError(f"between = {between!r}; launch speeds are above 0")
-    own = np.linspace(low, high, STARTS_IN_RANGE + 2)[1:-1] if starts is None else np.array([*map(float, starts)])
-    if not (len(own) and np.isfinite(own).all() and (own > 0).all()):
+    if starts is None:
+        own = np.linspace(low, high, STARTS_IN_RANGE + 2)[1:-1]
+    elif not np.iterable(starts) or isinstance(starts, str):
+        raise InputError(f"starts = {starts!r}; it is a list of launch speeds")
+    else:
+        own = np.array([finite_number("starts", start) for start in starts])
+    if not (len(own) and (own > 0).all()):
         raise InputError(f"starts = {starts!r}; they are launch speeds above 0")
     longest, hops = whole_number("longest", longest, "hops"), whole_number("hops", hops, "hops")
     if hops < 4 * longest:

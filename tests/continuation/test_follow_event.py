@@ -192,6 +192,14 @@ def test_what_is_not_followed_is_refused(low, quintic, tmp_path):
     ):
         with pytest.raises((InputError, NoOrbit), match=text):
             follow_event(low, event, second, stop)
+    with pytest.raises(InputError, match="same all along the family"):
+        follow_event(low, {"rest_length": 9.0}, "delta", 1.0)
+    with pytest.raises(InputError, match="the curve begins at beta"):
+        follow_event(low, "masses touch", "delta", 1.0, within=(1.0, 2.0))
+    with pytest.raises(InputError, match="from 0 upwards"):
+        follow_event(low, "masses touch", "delta", 1.0, number=0.5)
+    with pytest.raises(InputError, match="is none of this family"):
+        follow_event(low, quintic.events[0], "delta", 1.0)
     with pytest.raises(InputError, match="first bound of beta lies below"):
         follow_event(low, "masses touch", "delta", 1.0, within=(1.0, 0.0))
     asked = follow(quintic.source, "beta", -5e-3, at=[-5.5e-3])

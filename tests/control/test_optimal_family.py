@@ -127,6 +127,10 @@ def test_a_family_is_printed_tabled_drawn_and_saved(tmp_path):
         (lambda found: found.follow("zzz", 2.0), "'zzz' is no parameter with a value; there are: d"),
         (lambda found: found.follow("d", 1.0), "at this value of d already"),
         (lambda found: found.follow("d", np.nan), "not a finite number"),
+        (lambda found: found.follow("d", 2.0, at=[3.0]), "at = 3 is not reached: d lies between 1 and 2"),
+        (lambda found: found.follow("d", 2.0, at=1.5), "it is a list of values"),
+        (lambda found: found.follow("d", 2.0, most=0), "a number of points, from 1 upwards"),
+        (lambda found: found.follow("d", 2.0, longest=-1.0), "a step is a share of the way"),
         (lambda found: pickle.loads(pickle.dumps(found)).follow("d", 2.0), "find it again"),
     ],
 )

@@ -170,6 +170,8 @@ def test_what_cannot_be_followed(linear):
         linear.follow("k <= 8800", 1000.0)
     with pytest.raises(InputError, match="a search without derivatives: its optimality conditions cannot be followed"):
         replace(linear, kkt=None).follow("foot_mass", 4.0)
+    with pytest.raises(InputError, match="'foot_mass' has this value already"):
+        linear.follow("foot_mass", linear.source.values["foot_mass"])
     with pytest.raises(InputError, match="points = 1"):
         linear.follow("foot_mass", 4.0, points=1)
     both = optimize(LINEAR, minimise="k", over={"k": (2e3, 2e4)}, subject_to=["0.02 <= centre_of_mass_rise <= 0.04"])

@@ -205,6 +205,7 @@ def test_in_si_as_without_units():
         (("inject", (0, 1), (-1, 5)), {}, "launch speeds are above 0"),
         (("inject", (0, 1), (4, 5)), {"inject": 0.1}, "the range says it all"),
         (("inject", (0, 1), (4, 5)), {"sections": 1}, "sections = 1"),
+        (("inject", (0, 1), (4, 5)), {"periods": 3}, "a list of numbers of hops"),
         (("inject", (0, 1), (4, 5)), {"samples": 1}, "samples = 1"),
         (("mass_ratio", (1, 2), (4, 5)), {}, "every fixed point is a lossless hop"),
         (("restitution", (0, 0.5), (4, 5)), {}, "every fixed point is a lossless hop"),

@@ -96,6 +96,7 @@ def test_table_and_file(diagram, tmp_path):
         ({"inject": (0.1, 0.0), "mass_ratio": (1.0, 1.1)}, {}, "a range goes up"),
         ({"inject": (0.0, 0.1), "mass_ratio": 1.0}, {}, "a pair"),
         ({"inject": (0.0, 0.1), "mass_ratio": (1.0, 1.1)}, {"starts": (-1.0,)}, "above 0"),
+        ({"inject": (0.0, 0.1), "mass_ratio": (1.0, 1.1)}, {"starts": 4.5}, "a list of launch speeds"),
         ({"inject": (0.0, 0.1), "mass_ratio": (1.0, 1.1)}, {"hops": 20}, "after 64 hops"),
     ],
 )
