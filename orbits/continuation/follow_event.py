@@ -51,8 +51,8 @@ NOT_FOLLOWED = {
     "family": "the number of a family is counted, and is no equation",
     "asked": "the parameter has one value on it: follow(machine, second) goes along it",
 }
-# Samples of the energy over the places of a contact, in which its barrier is searched, up to so many times the distance
-# from touchdown to the place of rest; and the largest share of the energy at rest that is left there.
+# Samples of the energy over the places of a contact, in which its barrier is searched, up to these multiples of the
+# distance from touchdown to the place of rest; and the largest share of the energy at rest that is left there.
 BARRIER_SAMPLES, FURTHEST_BARRIER, ENERGY_LEFT = 4000, (2.0, 8.0, 64.0), 0.2
 # A number of the certificate that is larger where its event is located changes its sign by a jump.
 JUMPS = 1e-6
@@ -363,7 +363,7 @@ def _places_on(machine: Machine, orbit: Orbit, extremes: Sequence[str]) -> list[
 
 
 def _completed(machine: Machine, stated: EventStatement, known: Mapping[str, float]) -> np.ndarray:
-    """The unknowns (n,) of a statement, of which those that are values follow from the others."""
+    """The unknowns (n,) of a statement: those that are values follow from the others."""
     names = stated.statement.unknowns
     x = np.array([known.get(name, 0.0) for name in names])
     equations = shooting_equations(stated.statement, tuple(machine.values))

@@ -100,8 +100,8 @@ def rest_of_program(problem: Transcription, moving: tuple[tuple[int, int], ...])
     """What a program has beside the results of its intervals; moving are (number of exchange point, path)."""
     counts = [(len(stage.phase.states), 1, len(stage.path)) for stage in problem.stages]
     sizes = [sum(count) * stage.intervals for count, stage in zip(counts, problem.stages, strict=True)]
-    given = ca.MX.sym("given", sum(sizes))
-    parts = ca.vertsplit(given, np.cumsum([0, *sizes]).tolist())
+    results = ca.MX.sym("results", sum(sizes))
+    parts = ca.vertsplit(results, np.cumsum([0, *sizes]).tolist())
 
     def advanced(i: int, first: ca.MX, data: ca.MX) -> list[ca.MX]:
         whole = ca.reshape(parts[i], sum(counts[i]), problem.stages[i].intervals)
@@ -115,11 +115,11 @@ def rest_of_program(problem: Transcription, moving: tuple[tuple[int, int], ...])
     y, shares = ca.MX.sym("y", values.numel()), ca.MX(p + along * rates)
     for i, (k, _) in enumerate(moving):
         shares[first_share + k] = whole[x.numel() + i]
-    cost, values = ca.Function("moved", [x, p, given], [cost, values])(whole[: x.numel()], shares, given)
+    cost, values = ca.Function("moved", [x, p, results], [cost, values])(whole[: x.numel()], shares, results)
     x, varied = whole, ca.vertcat(whole, along)
     hessian, gradient = ca.hessian(cost + ca.dot(y, values), varied)
-    jacobian, by_results = ca.jacobian(values, varied), ca.jacobian(values, given)
-    arguments = [x, p, rates, y, given, along]
+    jacobian, by_results = ca.jacobian(values, varied), ca.jacobian(values, results)
+    arguments = [x, p, rates, y, results, along]
     found = [cost, values, gradient, jacobian.nz[:], hessian.nz[:]]
     first, second = (
         BufferedFunction(ca.Function("rest", arguments, [ca.densify(each) for each in found[:count]]))
@@ -221,8 +221,8 @@ class ParametricTranscription:
             for blocks, rows_of, there, none in (
                 (jacobian, rows, functions.in_jacobian, n_g), (hessian, own, functions.in_hessian, n_x),
             ):  # fmt: skip
-                kept = np.where(there, rows_of[:, None, :], none)
-                blocks.append((kept.ravel(), np.broadcast_to(own[:, :, None], kept.shape).ravel()))
+                own_rows = np.where(there, rows_of[:, None, :], none)
+                blocks.append((own_rows.ravel(), np.broadcast_to(own[:, :, None], own_rows.shape).ravel()))
             start += 1 + n * (N + 1) + m * N
         self._jacobian, self._hessian = Assembly(jacobian, (n_g, n_x)), Assembly(hessian, (n_x, n_x))
 

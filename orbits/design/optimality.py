@@ -37,7 +37,7 @@ from .problem import DesignProblem, Outputs, design_problem
 
 AT_TWO_PLACES = "an extreme at two places"
 # Steps of a curve are long, since each evaluation of a design is costly and its predictions are good.
-# A curve ends where its multipliers have grown so many times, and become infinite within this share of the way.
+# A curve ends where its multipliers have grown by this factor, and become infinite within this share of the way.
 GROWN, NEAR_POLE = 10.0, 1e-3
 OF_DESIGNS = CurveOptions(first_step=0.1, longest_step=1.0, exact=True)
 

@@ -330,16 +330,16 @@ class MinimumCurve:
         """The active limits at the start without those whose gradients depend on others' before them, and the
         multipliers of the others, which a solver shares out among all of them as it likes."""
         second = self.program.second(x, self.start, multipliers[self.n :])
-        kept = np.where(sides == EQUAL, sides, FREE).astype(np.int8)
+        independent = np.where(sides == EQUAL, sides, FREE).astype(np.int8)
         for i in np.flatnonzero(np.abs(sides) == 1).tolist():
-            if _dependence(second, kept, i) is None:
-                kept[i] = sides[i]
-        if (kept == sides).all():
-            return kept, multipliers
+            if _dependence(second, independent, i) is None:
+                independent[i] = sides[i]
+        if (independent == sides).all():
+            return independent, multipliers
         gradient = self.program.first(x, self.start, 0 * multipliers[self.n :]).gradient
         own = np.zeros(len(multipliers))
-        own[np.flatnonzero(kept)] = -_projected(second, kept, gradient)[1]
-        return kept, own
+        own[np.flatnonzero(independent)] = -_projected(second, independent, gradient)[1]
+        return independent, own
 
     def _negligible_dual(self, x: Array, multipliers: Array) -> float:
         """The size of multipliers at the start below which they are rounding."""

@@ -52,7 +52,7 @@ class FlownHops:
 
 
 def flown_hops(impacts: Impacts, alphas: np.ndarray, most: int = MOST_IMPACTS) -> FlownHops:
-    """The hops from launch speeds (m,) without a restitution, with at most so many impacts."""
+    """The hops from launch speeds (m,) without a restitution, with a bounded number of impacts."""
     alphas, m, p = np.asarray(alphas, dtype=float), len(alphas), impacts.p
     starts = impacts.launch(alphas)
     times, landings, standing = list[np.ndarray](), list[np.ndarray](), np.full((m, impacts.contact.size), np.nan)

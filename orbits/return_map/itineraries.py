@@ -21,8 +21,8 @@ from ..numerics.roots import enclosed_sign_changes
 from .map_pieces import MapPieces
 
 MOST_ITINERARIES = 100_000
-# A rising interval is sampled at so many places first, denser toward its ends, where the slope may be infinite; each
-# part is halved at most this many times, or until it is this short.
+# A rising interval is sampled at this number of places first, denser toward its ends, where the slope may be infinite;
+# each part is halved at most this many times, or until it is this short.
 SAMPLES_OF_RISE, HALVINGS_OF_PARTS, LEAST_PART = 33, 40, 1e-13
 # Slopes of the same sign at both ends of a part do not change their sign inside where their ratio is smaller than this,
 ALIKE_SLOPES = 4.0

@@ -45,7 +45,7 @@ def divided_statement(statement: Statement, parts: tuple[int, ...]) -> Statement
 
 
 def _between_nodes(arc: Arc, count: int, here: list[str] | None, there: list[str] | None) -> Arc:
-    """One of `count` parts of an arc between two nodes, the names of whose states are given; None for an end."""
+    """One of `count` parts of an arc between two nodes, stated by the names of their states; None for an end."""
     part = replace(arc, duration=lambda u, p: arc.duration(u, p) / count)
     if here:
         part = replace(part, start=lambda u, before, p: [u[name] for name in here], guard=lambda u, x, p, q: [])

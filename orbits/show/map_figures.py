@@ -32,7 +32,7 @@ LOOKS_OF_EVENTS = {
     **{"flip": "o", "fold": "s", "branch point": "D", "border collision": "X", "non-smooth fold": "v"},
     "Neimark-Sacker": "P",
 }
-SHOWN_CYCLES = 12  # more would not be told apart
+SHOWN_CYCLES = 12  # more would not be distinguished
 BAR = 0.05  # height of the bar that shows the destinations, as a share of the axes
 
 

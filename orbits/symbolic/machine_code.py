@@ -266,7 +266,7 @@ class _Code:
         return self(f"{operation} i64 {x}, {y}")
 
     def reserve(self, count: int) -> int:
-        """The first of so many places in the scratch memory."""
+        """The first of some places in the scratch memory."""
         self.reserved += count
         return self.reserved - count
 

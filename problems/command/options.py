@@ -162,6 +162,16 @@ def numbers(option: str, text: str, kind: Callable, separator: str = ",") -> lis
         raise InputError(f"{option} {text!r} is not a list of numbers, as 1{separator}2") from None
 
 
+def one_number(option: str, text: str) -> float:
+    """The number in an option's text; raises `InputError` for anything else."""
+    from orbits.errors import InputError
+
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"{option} {text!r} is not a number") from None
+
+
 def event_of(event: str | None, second: str | None) -> tuple[str | dict[str, float], str, float] | None:
     """The event to follow with the second parameter and its last value, from two options; None without them."""
     from orbits.errors import InputError
@@ -174,8 +184,8 @@ def event_of(event: str | None, second: str | None) -> tuple[str | dict[str, flo
     if not equals:
         raise InputError(f"--second {second!r} is not of the form NAME=STOP")
     text, equals, value = event.rpartition("=")
-    own = {text.strip(): numbers("--event", value, float)[0]} if equals else event
-    return own, name.strip(), numbers("--second", stop, float)[0]
+    own = {text.strip(): one_number("--event", value)} if equals else event
+    return own, name.strip(), one_number("--second", stop)
 
 
 def formulas(text: str | None) -> list[str]:
@@ -354,7 +364,7 @@ def followed_number(goal: str, text: str | None, animate: str | None) -> tuple[s
     name, colon, to = text.partition(":")
     if not colon:
         raise InputError(f"--follow {text!r} is no number of the machine and its last value, as damping:0.2")
-    return name, numbers("--follow", to, float)[0]
+    return name, one_number("--follow", to)
 
 
 def power_of_two(count: int) -> int:
