@@ -132,7 +132,8 @@ def follow_event(
     options = checked_options(at, None, longest, most, stop_inadmissible, step_control)
     if within is not None:
         within = bounds_within(family.name, within)
-    bounds_of(second, machine.values[second], stop, options.at)
+    for bound in bounds_of(second, machine.values[second], stop, options.at):
+        machine.with_values(**{second: bound})  # an impossible machine is refused before the search
     with interrupts.deferred(), without_units(machine.units):
         begun = _begun(machine, family, event, whole_number("number", number, least=0))
     first = float(begun.x[-1])

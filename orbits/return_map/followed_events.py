@@ -158,6 +158,7 @@ class EventEquations(Curve):
             if arc.phase.name == model.contact.name:
                 force = np.broadcast_to(force_in_contact(model, rows, many), rows[0].shape)
                 tests[f"the contact of hop {hop + 1} opens earlier"] = least(force)
+                tests[f"hop {hop + 1} ends at rest"] = np.broadcast_to(model.contact_speed.at(end), end[0].shape)
                 hop, impact = hop + 1, 0
                 continue
             here = Border(hop, impact)
@@ -251,6 +252,9 @@ def follow_bifurcation(
     machine, curve, x = _event_equations(machine, along, event, second, inject)
     start, least = float(x[-1]), curve.least
     behind, stop = bounds_of(second, start, stop, options.at)
+    if second != INJECT:
+        for bound in (behind, stop):
+            machine.with_values(**{second: bound})  # an impossible machine is refused before the search
     curve.span, row = abs(stop - behind), np.eye(len(x))[-1]
     tracer = BifurcationTracer(curve, correct(curve, x, row, start, row * np.sign(stop - start)), behind, stop, options)
     found = cast(EventPoint, tracer.first.point)

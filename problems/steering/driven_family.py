@@ -66,14 +66,16 @@ def follow_driven(driven: Driven, name: str, to: float, **options: Any) -> Drive
     if name not in (numbers := {**numbers, **prescribed}):
         if name in LAUNCH_CONDITIONS:
             raise InputError(f"the {name} is not prescribed: take keep_hopping(machine, {name}=...)")
-        raise InputError(f"'{name}' is no number of the machine; there are: {', '.join(numbers)}")
+        remedy = "; state it above 0 in the machine, to follow it from there" if name == "damping" else ""
+        raise InputError(f"'{name}' is no number of the machine; there are: {', '.join(numbers)}{remedy}")
     if known is not None and (len(prescribed) < len(added) or known.problem.free):
         raise InputError("hops of least effort that repeat themselves are followed: take keep_hopping(machine)")
     if actuated.has_corners:
         raise InputError(
             "the law of the spring has corners, which the motion would pass in another order: find each hop"
         )
-    first = float(numbers[name])
+    if (first := float(numbers[name])) == to:
+        raise InputError(f"{name} goes from {first:g} to {to:g}: there is no way between")
     if name in prescribed and not to > 0:
         raise InputError(f"to = {to:g}: a hop has a {name} above 0")
     values = _fixed_parameters(driven, name, first, to, prescribed)

@@ -189,6 +189,7 @@ def test_what_is_not_followed_is_refused(low, quintic, tmp_path):
         ("no parameter 'gamma'", "masses touch", "gamma", 1.0),
         ("along another parameter", "masses touch", "beta", 1.0),
         ("no way between", "masses touch", "delta", 0.0),
+        ("out of bounds", "masses touch", "rest_length", -1.0),
     ):
         with pytest.raises((InputError, NoOrbit), match=text):
             follow_event(low, event, second, stop)

@@ -142,8 +142,20 @@ def test_the_turn_and_the_end_of_a_curve():
     assert "other impacts from there on" in curve.end.reason
 
 
+def test_a_curve_ends_where_a_hop_ends_at_rest():
+    """Towards light feet all of the launch comes to be injected, and beyond that nothing is left of the hop."""
+    curve = follow_bifurcation(Hopper(), "inject", FLIP, "mass_ratio", 0.1, longest=0.5)
+    assert curve.end.kind == "border"
+    assert "ends at rest" in curve.end.reason
+    assert curve.alphas[-1] == pytest.approx(curve.values[-1, :1], abs=1e-10)
+    before = ReturnMap(Hopper(mass_ratio=curve.values[-2][1]), inject=curve.values[-2][0])
+    assert float(before(curve.alphas[-2][0]).next) == pytest.approx(curve.alphas[-2][0], abs=1e-10)
+
+
 def test_what_is_refused():
     follow = follow_bifurcation
+    with pytest.raises(InputError, match="mass_ratio = -1 is out of bounds"):
+        follow(Hopper(), "inject", FLIP, "mass_ratio", -1.0)
     with pytest.raises(InputError, match="lossless hop"):
         follow(Hopper(), "inject", Bifurcation("fold", 0.0, (4.493409457909064,)), "mass_ratio", 2.0)
     with pytest.raises(NoOrbit, match=r"is no flip: the nearest one is at 0\.0715873"):
