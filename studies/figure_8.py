@@ -5,9 +5,10 @@ unstable one below. The upper one loses its stability where the map's slope is -
 unstable fixed point to the other launch that maps onto that, grows with eps to both sides: of all injections at which
 the fixed point is stable, up to (d), it is widest at (d). The paper leaves open what follows. On the
 right: hops that repeat every second time, stable up to eps = 0.113429. They do not go on doubling as smooth maps have
-it: the map's tip at the lossless launch has no bounded curvature, and from eps = 0.1119 on hops of period four stand
+it: the map's tip at the lossless launch has no bounded curvature, and from eps = 0.11155 on hops of period four stand
 beside them, double in turn, become chaotic and vanish at 0.11295. From 0.113429 on the hops are chaotic, with windows,
-up to eps = 0.138812, where the highest launch falls onto the unstable fixed point: beyond it they all come to rest.
+up to eps = 0.138812, where the highest launch falls onto the unstable fixed point: beyond it none stays above that, and
+launches come to rest or to slow hops.
 Run: python studies/figure_8.py [--output FOLDER] [--quick]
 """
 
