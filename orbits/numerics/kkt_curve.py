@@ -652,10 +652,13 @@ def _pattern(hessian: sp.csc_matrix, jacobian: sp.csc_matrix, active: Array) -> 
     to be filled, for the rows A of the active limits; and the squares of these rows."""
     n, first = hessian.shape[0], hessian.nnz + 1
     places = [(hessian, np.arange(1, first)), (jacobian, first + np.arange(jacobian.nnz))]
-    ordered = [sp.csc_matrix((numbers.astype(float), of.indices, of.indptr), of.shape) for of, numbers in places]
+    ordered = [
+        sp.csc_matrix((numbers.astype(float), of.indices, of.indptr), of.shape, copy=True) for of, numbers in places
+    ]
     unit = sp.diags(np.full(n, float(first + jacobian.nnz)))
     rows = sp.vstack([unit, ordered[1]]).tocsr()[active]
     matrix = sp.bmat([[ordered[0], rows.T], [rows, None]], format="csc") if len(active) else ordered[0]
+    matrix.sort_indices()  # else the factorisation would, with the entries that are filled in later
     return matrix.data.astype(int) - 1, matrix, _Squares.of(ordered[0], rows)
 
 
