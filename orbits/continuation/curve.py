@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, overload
 import numpy as np
 
 from ..consistency.accepted import check_parameters
-from ..errors import InputError, OrbitsError
+from ..errors import InputError, NoOrbit, OrbitsError
 from ..flow.flow import OUT_OF_LAW
 from ..model.machine import Machine
 from ..periodic.certificate import Certificate
@@ -199,6 +199,7 @@ class Curve:
 
     tuned: tuple[str, ...] = ()  # the names of the parameters that are tuned along it
     division: Division | None = None  # of the motions, where they amplify small changes
+    takes_nodes = True  # whether they may be divided so
     own_settings: Mapping[str, object] = {}  # further settings of its family
 
     def __init__(self, machine: Machine, along: str, method: str, span: float):
@@ -240,6 +241,8 @@ class Curve:
         """The same curve whose motions are divided at nodes, as many as they ask for at a point (n + 1,) with a
         tangent, where the equations are the evaluation (1); and there both (N + 1,), the tangent with no share of the
         nodes. Raises `NoOrbit`."""
+        if not self.takes_nodes:
+            raise NoOrbit("small changes grow too much for motions without nodes, which those of this curve are")
         curve, growths, p = copy(self), self._growths_of_arcs(evaluation)[0], self.parameters_at(x[None])[0]
         if self.division:
             evaluation, x, tangent = self.division.whole(evaluation), self.bare(x), self.bare(tangent)

@@ -122,6 +122,8 @@ class EventCurve(Curve):
     locates : whether the events of orbits are located along it
     """
 
+    takes_nodes = False
+
     def __init__(
         self, machine: Machine, along: str, second: str, method: str, span: float, stated: EventStatement,
         condition: EventCondition, within: tuple[float, float] | None = None, locates: bool = True,

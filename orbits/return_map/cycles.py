@@ -214,7 +214,7 @@ class MapsAlong:
     def smooth_cycles(self, alpha: np.ndarray, value: np.ndarray, period: int) -> "SmoothCycles | None":
         """The `cycles` with their derivatives where the `pieces` of the map have all of their launches, or where, along
         another parameter, no hop is near a border of the map; else None."""
-        if self.pieces is None:
+        if self.pieces is None and period:
             found = self._along and self._along(alpha, np.broadcast_to(value, alpha.shape), period)
             return SmoothCycles(*found) if found else None
         launches, impacts = np.empty((len(alpha), period + 1)), np.empty((len(alpha), period), int)

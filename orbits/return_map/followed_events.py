@@ -85,6 +85,7 @@ class EventEquations(Curve):
     """The curve of one kind of bifurcation of cycles; the last of its unknowns is the parameter `along`."""
 
     kernel = None
+    takes_nodes = False
 
     def __init__(
         self, machine: Machine, along: str, second: str, event: str | Border, impacts: tuple[int, ...], inject: float,

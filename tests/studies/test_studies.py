@@ -376,11 +376,13 @@ def test_period_four(tmp_path):
 
 @pytest.mark.slow
 def test_bifurcations(tmp_path, capsys):
-    """The period doubles at curve (d) of Fig. 8, and the hops of period two are stable up to 0.113429246523."""
+    """The period doubles at curve (d) of Fig. 8, and the hops of period two are stable up to 0.113429246523; then one
+    of them is lossless, after which the next launch is faster by the injection alone."""
     found = bifurcations.main(tmp_path, quick=True)["inject"]
-    assert [event.kind for event in found.events] == ["fold", "flip", "flip"]
-    values = [event.value for event in found.events]
+    assert [event.kind for event in found.events] == ["fold", "flip", "flip", "border collision"]
+    *values, border = [event.value for event in found.events]
     assert values == pytest.approx([0.0, 0.071587384137, 0.113429246523], abs=1e-10)
+    assert sorted(found.events[-1].alphas) == pytest.approx([4.493409457909064, 4.493409457909064 + border], abs=1e-9)
     assert (tmp_path / "bifurcations.png").stat().st_size > 10_000
     assert "hops of period two begin here, stable" in capsys.readouterr().out
 
