@@ -221,6 +221,7 @@ class MapsAlong:
         changes, slopes = np.zeros((len(alpha), period + 1, 2)), np.empty((len(alpha), period))
         launches[:, 0], changes[:, 0, 0] = alpha, 1.0
         for hop in range(period):
+            assert self.pieces is not None
             following, slopes[:, hop], impacts[:, hop] = self.pieces.hops(launches[:, hop])
             launches[:, hop + 1] = following + value
             changes[:, hop + 1] = slopes[:, hop, None] * changes[:, hop] + [0.0, 1.0]
