@@ -89,6 +89,7 @@ class TestWriting:
         assert path.read_bytes() != b"old"
         assert [each.name for each in tmp_path.iterdir()] == [name]
 
+    @pytest.mark.posix
     @pytest.mark.parametrize("name", ["orbit.json", "family.jsonl", "sweep.csv", "figure.pdf"])
     def test_a_file_that_may_not_grow_leaves_the_old_one(self, name, tmp_path, orbit, family, swept):
         """A limit of the system in place of a full disk."""
@@ -109,6 +110,7 @@ class TestWriting:
         assert path.read_bytes() == b"old"
         assert [each.name for each in tmp_path.iterdir()] == [name]
 
+    @pytest.mark.posix
     def test_links_and_modes_stay(self, tmp_path, orbit):
         path, link = tmp_path / "orbit.json", tmp_path / "link.json"
         path.write_bytes(b"old")
@@ -119,6 +121,7 @@ class TestWriting:
         assert Orbit.load(path).alpha == orbit.alpha
         assert stat.S_IMODE(path.stat().st_mode) == 0o640
 
+    @pytest.mark.posix
     def test_what_is_no_file_is_written_to(self, tmp_path):
         with writing("text", "/dev/null") as target:
             target.write_text("nothing")
@@ -166,6 +169,7 @@ class TestWriting:
         assert done.stderr.startswith("orbits: ")
         assert len(done.stderr.splitlines()) == 1
 
+    @pytest.mark.posix
     @pytest.mark.parametrize("after", range(4))
     def test_a_kill_leaves_the_old_file_or_the_new_one(self, after, tmp_path):
         path = tmp_path / "table.json"

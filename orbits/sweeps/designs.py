@@ -51,7 +51,10 @@ class Axis:
             from scipy import stats
 
             name, arguments, options = stated
-            return cls(distribution=getattr(stats, name)(*literal_eval(arguments), **literal_eval(options)))
+            family = getattr(stats, name, None)
+            if not isinstance(family, stats.rv_continuous | stats.rv_discrete):
+                raise InputError(f"{name!r} is no distribution of scipy.stats")
+            return cls(distribution=family(*literal_eval(arguments), **literal_eval(options)))
         if kind == "values":
             return cls(tuple(stated))
         return cls(low=stated[0], high=stated[1], logarithmic=len(stated) == 3)

@@ -1,7 +1,5 @@
 """A run along a curve: the same at half the step, its points solved together, and little memory."""
 
-import resource
-
 import numpy as np
 import pytest
 from conftest import slow_after
@@ -73,7 +71,10 @@ def test_random_families_keep_to_their_curve(text, parameters, family):
 
 
 @pytest.mark.slow
+@pytest.mark.posix
 def test_memory_stays_flat_over_many_orbits():
+    import resource
+
     def grown() -> float:
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         for _ in range(4):

@@ -1,6 +1,5 @@
 """Keyboard interrupts while CasADi and Ipopt compute."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -12,7 +11,7 @@ from conftest import slow_after
 SEARCH = "find(Hopper('r + 0.1*r**3', mass_ratio=0.5), 40, method='shooting')"
 
 
-@pytest.mark.skipif(os.name != "posix", reason="signals are a POSIX matter")
+@pytest.mark.posix
 @pytest.mark.parametrize(
     ("moment", "work"),
     [

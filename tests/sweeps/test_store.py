@@ -197,6 +197,7 @@ WRITER = """
 """
 
 
+@pytest.mark.posix
 @pytest.mark.parametrize("kills", [2])
 def test_nothing_that_was_acknowledged_is_lost_in_a_kill(tmp_path, kills):
     path, generator = tmp_path / "study.db", np.random.default_rng(0)

@@ -131,6 +131,7 @@ def test_a_new_question_ends_one_that_takes_long(made, monkeypatch):
     assert len(answered(answers, question)) == 2
 
 
+@pytest.mark.posix
 def test_a_process_that_dies_is_told_and_replaced(made):
     worker, answers = made()
     worker.ask(question := hop(ENDLESS))
@@ -156,6 +157,7 @@ def test_ten_do_not_disturb_each_other(made):
         assert answer.alpha == orbit.alpha
 
 
+@pytest.mark.posix
 def test_workers_end_with_the_program_that_started_them(tmp_path):
     script = tmp_path / "killed.py"
     lines = """

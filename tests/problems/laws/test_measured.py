@@ -83,6 +83,7 @@ def test_capital_letters_tell_mega_from_milli(tmp_path):
         assert springs.table(tmp_path / "bench.csv", in_si=True)(2.0) == pytest.approx(2 * newtons)
 
 
+@pytest.mark.posix
 def test_only_regular_files_of_bounded_size_are_read(tmp_path):
     os.mkfifo(tmp_path / "pipe.csv")
     for path in ("/dev/zero", tmp_path / "pipe.csv"):
