@@ -42,3 +42,11 @@ def test_hosted_machines_run_the_commands_that_are_documented():
     assert f"run: {run}\n" in tests
     assert "run: .ci/run\n" in tests
     assert "run: python studies/docs/build.py --output site\n" in site
+
+
+def test_the_paper_has_the_length_of_one():
+    """At most 1,000 words, and a reference for each citation."""
+    text, references = text_of("studies", "paper", "paper.md"), text_of("studies", "paper", "paper.bib")
+    assert len(text.split()) <= 1000
+    cited = set(re.findall(r"@([a-z]+\d{4})", text))
+    assert cited == set(re.findall(r"^@[a-z]+\{(.*),$", references, re.M))

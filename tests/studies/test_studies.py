@@ -43,7 +43,7 @@ from studies import (
     inerter,
     knee,
     mutations,
-    paper,
+    reproduction,
     period_four,
     plate,
     proved_steps,
@@ -61,6 +61,7 @@ from studies import (
     walker,
 )
 from studies.oracle import by_another_integrator
+from studies.paper import printed
 
 # The studies whose command says where the figures go, and whether few points are enough.
 STUDIES = {
@@ -150,6 +151,11 @@ def test_theorems(tmp_path):
     assert numbers["wrong_proved"] == numbers["out_of_time"] == 0
     assert 1 <= numbers["width_ratio"] < 10
     assert (tmp_path / "theorems.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_the_numbers_of_the_paper():
+    assert printed.differences() == []
 
 
 @pytest.mark.slow
@@ -306,7 +312,7 @@ def test_the_page_of_the_paper_fits_a_small_screen(tmp_path):
     axes.set(xlabel="time", ylabel="height")
     picture = save_figure(axes, tmp_path / "chain.png")
     rows = [claims.Claim("8", "alpha* < 5", 4.493409, 4.4934094, 1e-6), claims.Claim("9", "stable", True, True, 0)]
-    text = paper.page([(paper.PARTS[0], rows, [("Chains", "N masses", picture)])], quick=False)
+    text = reproduction.page([(reproduction.PARTS[0], rows, [("Chains", "N masses", picture)])], quick=False)
     assert "name='viewport' content='width=device-width, initial-scale=1'" in text
     (image,) = re.findall("<div class='figure' tabindex='0'[^>]*>(<img [^>]*>)</div>", text)
     assert text.count("<img") == 1
@@ -320,7 +326,7 @@ def test_the_page_of_the_paper_fits_a_small_screen(tmp_path):
 
 @pytest.mark.slow
 def test_the_papers_claims():
-    wrong = [row for row in paper.all_claims() if not row.ok]
+    wrong = [row for row in reproduction.all_claims() if not row.ok]
     assert not wrong
 
 

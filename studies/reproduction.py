@@ -3,7 +3,7 @@
 Each claim is one row: what the paper says, in which section, its number, ours, and how near they must be (half a unit
 of the last digit that is printed, or rounding where the claim is exact). Then the errata, and what the paper could not
 show. The page is one HTML file that needs no network.
-Run: python studies/paper.py [--output FOLDER] [--quick]
+Run: python studies/reproduction.py [--output FOLDER] [--quick]
 """
 
 import argparse
