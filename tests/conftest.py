@@ -66,7 +66,7 @@ def keep_few_of_each(config, items):
 
 
 def pytest_runtest_setup(item):
-    """Skip a test marked `posix` on other systems, and one for which a package is missing that its mark `extra` names."""
+    """Skip a test marked `posix` on other systems, and where a package is missing that its mark `extra` names."""
     if os.name != "posix" and item.get_closest_marker("posix"):
         pytest.skip("needs signals, limits or devices that this system does not have")
     for mark in item.iter_markers("extra"):

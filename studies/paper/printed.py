@@ -9,13 +9,14 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE.parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script too it finds the other studies
 
 from orbits import bifurcations, find, follow
 from problems import Hopper, rimless_wheel, runner
 from problems.steering import keep_hopping
 from studies import period_four
+
+TEXT = Path(__file__).with_name("paper.md")
 
 
 def numbers() -> Iterator[tuple[str, float]]:
@@ -45,7 +46,7 @@ def numbers() -> Iterator[tuple[str, float]]:
 
 def differences() -> list[str]:
     """What is printed otherwise than it is computed, to the digits that are printed."""
-    text, found = " ".join((HERE / "paper.md").read_text(encoding="utf-8").split()), []
+    text, found = " ".join(TEXT.read_text(encoding="utf-8").split()), []
     for phrase, value in numbers():
         before, after = map(re.escape, phrase.split("#"))
         printed = re.search(rf"{before}(-?\d+\.?\d*){after}", text)

@@ -1,8 +1,8 @@
 """References to Python names: those in backticks lead to the page of the object where it has one, else they are code.
 
 A name may be written short, as `find` or `Orbit.plot`; laws are named with their module, as `springs.formula`. What is
-asked for by a role of Sphinx, as {py:func}, has to be there. The file of a study in backticks, as `studies/reproduction.py` or
-`reproduction.py`, leads to a copy of it in the site.
+asked for by a role of Sphinx, as {py:func}, has to be there. The file of a study in backticks, as
+`studies/reproduction.py` or `reproduction.py`, leads to a copy of it in the site.
 """
 
 import re
