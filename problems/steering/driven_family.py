@@ -3,6 +3,7 @@ speed or the height that is prescribed."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -98,6 +99,7 @@ def _fixed_parameters(
     units = driven.actuated.units
     sizes_of_prescribed = {each: 1.0 if units is None else units.of(LAUNCH_CONDITIONS[each]) for each in prescribed}
 
+    @cache
     def at(value: float) -> Actuated:
         if name in prescribed:
             return driven.actuated
