@@ -220,9 +220,9 @@ class ActivePattern(NamedTuple):
         order = splu(filled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=SYMMETRIC).perm_c
         places = np.concatenate([n + np.arange(count), np.argsort(order)])
         shifts = sp.diags(np.concatenate([np.zeros(n), numbers[unit:]]))
-        matrices = [each.tocsr()[places][:, places].tocsc() for each in (whole, whole + shifts)]
+        matrix, shifted = (_Gathered.of(each.tocsr()[places][:, places].tocsc()) for each in (whole, whole + shifts))
         row = np.repeat(np.arange(count), np.diff(rows.indptr))
-        return cls(*map(_Gathered.of, matrices), places, rows.data.astype(int) - 1, row)
+        return cls(matrix, shifted, places, rows.data.astype(int) - 1, row)
 
 
 def sparse_columns(matrix: Array | sp.csc_matrix) -> sp.csc_matrix:
