@@ -188,9 +188,7 @@ def follow_optimum(
     order do not hold at the first motion.
     """
     began = time.perf_counter()
-    known = control.warm_start
-    if known is None or known.multipliers is None:
-        raise InputError("a motion from a file or another process has no program to follow: find it again, with guess=")
+    known = program_of(control)
     fixed = np.array([control.parameters[each] for each in known.problem.fixed])
     if parameters is None:
         if name not in known.problem.fixed:
@@ -211,6 +209,13 @@ def follow_optimum(
     active, events, trail = tuple(map(tuple, run.active)), tuple(run.events), Trail(tuple(run.points))
     seconds = time.perf_counter() - began
     return OptimalFamily(name, values, costs, slopes, active, events, end, len(known.x), seconds, trail=trail)
+
+
+def program_of(control: Control) -> WarmStart:
+    """The program of a motion with its solution; raises `InputError` where it has none."""
+    if control.warm_start is None or control.warm_start.multipliers is None:
+        raise InputError("a motion from a file or another process has no program to follow: find it again, with guess=")
+    return control.warm_start
 
 
 def _one_of(fixed: Array, place: int) -> FixedParameters:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from orbits import InputError
-from orbits.control.optimal_family import FixedParameters, OptimalFamily, follow_optimum
+from orbits.control.optimal_family import FixedParameters, OptimalFamily, follow_optimum, program_of
 from orbits.errors import finite_number
 from orbits.model.machine import machine_in_words
 from orbits.units import LIFTOFF_SPEED, Dimension, unit_text
@@ -18,7 +18,7 @@ from .actuated import Actuated, Actuator, undamped
 from .actuated_launch import launched_at
 from .driven import Driven, work_done
 from .goals import dimensions_of_costs, motion_in_si
-from .prescribed import LAUNCH_CONDITIONS, check_free_fall
+from .prescribed import LAUNCH_CONDITIONS, OF_THE_ORBIT, check_free_fall
 
 # Steps of the differences that are the slopes of a machine's dimensionless numbers, as a share of the range; numbers
 # that are linear to the second share are so exactly.
@@ -42,6 +42,9 @@ class DrivenFamily(OptimalFamily, what="family of motions of a driven machine"):
     minimised: str = field(default="effort", kw_only=True)
 
     machine = property(lambda self: machine_in_words(self.source))
+
+    def title(self) -> str:
+        return f"motions of locally least {self.minimised} along {self.name}"
 
     def at(self, value: float) -> Driven:
         """The motion at a value of the parameter, integrated again by the accurate flow; raises as `OptimalFamily`."""
@@ -73,27 +76,15 @@ def follow_driven(driven: Driven, name: str, to: float, **options: Any) -> Drive
     where the optimality conditions are singular.
     """
     source, actuated, to = driven.source, driven.actuated, finite_number("to", to)
-    known, bare = driven.dimensionless().warm_start, driven.dimensionless()
-    added = [] if known is None else [each for each in known.problem.fixed if each not in actuated.still]
-    prescribed = {each: driven.parameters[each] for each in added if each in LAUNCH_CONDITIONS}
-    launch = dict(prescribed)
+    bare = driven.dimensionless()
+    added = [each for each in program_of(bare).problem.fixed if each not in actuated.still]
+    launch = {each: driven.parameters[each] for each in added if each in LAUNCH_CONDITIONS}
     if "launch" in added:
         launch["short"] = driven.parameters["aim"] - driven.parameters["launch"]
     own = actuated.still if source.units is None else {n: x for n, x in actuated.still.items() if x == 0.0}
-    if name not in (numbers := {**own, **source.values, **launch}):
-        if name in LAUNCH_CONDITIONS:
-            raise InputError(f"the {name} is not prescribed: take keep_hopping(machine, {name}=...)")
-        raise InputError(f"'{name}' is no number of the machine; there are: {', '.join(numbers)}")
-    if actuated.has_corners:
-        raise InputError(
-            "the law of the spring has corners, which the motion would pass in another order: find each hop"
-        )
-    if (first := float(numbers[name])) == to:
-        raise InputError(f"{name} goes from {first:g} to {to:g}: there is no way between")
-    if name in launch and not (driven.parameters["aim"] - to if name == "short" else to) > 0:
-        raise InputError(
-            f"to = {to:g}: " + ("nothing of the launch is left" if name == "short" else f"a hop has a {name} above 0")
-        )
+    numbers = {**own, **source.values, **launch}
+    _check(driven, name, to, numbers, launch)
+    first = float(numbers[name])
     minimised = "work" if "round" in added else "peak" if "peak" in driven.parameters else "effort"
     values = _fixed_parameters(driven, name, first, to, launch)
     found = follow_optimum(bare, name, to, parameters=values, start=first, **options)
@@ -109,14 +100,32 @@ def follow_driven(driven: Driven, name: str, to: float, **options: Any) -> Drive
     return DrivenFamily(**parts, source=source, actuator=driven.actuator, minimised=minimised)
 
 
+def _check(driven: Driven, name: str, to: float, numbers: Mapping[str, float], launch: Mapping[str, float]) -> None:
+    """Raise `InputError` for what is not followed: `numbers` are all that could be, with those of the launch."""
+    if name not in numbers:
+        if name in LAUNCH_CONDITIONS:
+            raise InputError(f"the {name} is not prescribed: take keep_hopping(machine, {name}=...)")
+        raise InputError(f"'{name}' is no number of the motion; there are: {', '.join(numbers)}")
+    if driven.actuated.has_corners:
+        raise InputError(
+            "the law of the spring has corners, which the motion would pass in another order: find each hop"
+        )
+    aim = driven.parameters["aim"] if name == "short" and name in launch else np.inf
+    if abs(numbers[name] - to) <= (OF_THE_ORBIT * aim if aim < np.inf else 0.0):
+        raise InputError(f"{name} goes from {to:g} to {to:g}: there is no way between")
+    if name in launch and aim == np.inf and not to > 0:
+        raise InputError(f"to = {to:g}: a hop has a {name} above 0")
+    if not to < aim:
+        raise InputError(f"to = {to:g}: the launch speed that is aimed at is {aim:.6g}, and some of it is to be left")
+
+
 def _fixed_parameters(
     driven: Driven, name: str, first: float, last: float, launch: Mapping[str, float]
 ) -> FixedParameters:
     """The parameters of the program by one number, and their derivatives: the dimensionless numbers of the machine,
     and those of the launch."""
     units, bare = driven.actuated.units, driven.dimensionless()
-    assert bare.warm_start is not None
-    known, problem = bare.parameters, bare.warm_start.problem
+    known, problem = bare.parameters, program_of(bare).problem
     sizes_of_launch = {each: 1.0 if units is None else units.of(OF_LAUNCHES[each]) for each in launch}
 
     @cache

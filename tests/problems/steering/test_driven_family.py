@@ -100,10 +100,10 @@ def test_recoveries_are_what_independent_solves_find():
         assert found.cost == pytest.approx(steering.recover(hop, short=short, intervals=20).cost, rel=1e-10)
 
 
-def test_the_flight_with_a_free_landing_lasts_longer_by_the_cube_root_of_the_damping():
-    family = steering.keep_hopping(Hopper(damping=1e-3), lossless=False).follow("damping", 1e-8, at=[1e-6, 1e-7])
-    longer = [family.at(c).legs[0].duration - 2 * 4.493409457909064 for c in (1e-6, 1e-7, 1e-8)]
-    assert np.log10(np.divide(longer[:-1], longer[1:])) == pytest.approx(1 / 3, abs=0.02)
+def test_a_flight_with_a_free_landing_is_longer_by_the_cube_root_of_the_damping():
+    family = steering.keep_hopping(Hopper(damping=1e-5), lossless=False, intervals=20).follow("damping", 1e-6)
+    longer = [family.at(c).legs[0].duration - 2 * 4.493409457909064 for c in (1e-5, 1e-6)]
+    assert np.log10(longer[0] / longer[1]) == pytest.approx(1 / 3, abs=0.05)
 
 
 @pytest.mark.slow
@@ -135,9 +135,9 @@ def test_a_leg_in_si(tmp_path):
 @pytest.mark.parametrize(
     ("follow", "words"),
     [
-        (lambda: steering.keep_hopping(Hopper()).follow("zeta", 1.0), "'zeta' is no number of the machine"),
+        (lambda: steering.keep_hopping(Hopper()).follow("zeta", 1.0), "'zeta' is no number of the motion"),
         (lambda: steering.recover(Hopper(), short=0.1).follow("mass_ratio", 0.9), "changes that is aimed at"),
-        (lambda: steering.recover(Hopper(), short=0.1).follow("short", 5.0), "some is to be left"),
+        (lambda: steering.recover(Hopper(), short=0.1).follow("short", 5.0), "some of it is to be left"),
         (
             lambda: steering.keep_hopping(Hopper(damping=0.02), lossless=False).follow("damping", 0.0),
             "moves like the cube root of the damping",
