@@ -188,7 +188,7 @@ def follow_optimum(
     order do not hold at the first motion.
     """
     began = time.perf_counter()
-    known = program_of(control)
+    known = known_program(control)
     fixed = np.array([control.parameters[each] for each in known.problem.fixed])
     if parameters is None:
         if name not in known.problem.fixed:
@@ -211,7 +211,7 @@ def follow_optimum(
     return OptimalFamily(name, values, costs, slopes, active, events, end, len(known.x), seconds, trail=trail)
 
 
-def program_of(control: Control) -> WarmStart:
+def known_program(control: Control) -> WarmStart:
     """The program of a motion with its solution; raises `InputError` where it has none."""
     if control.warm_start is None or control.warm_start.multipliers is None:
         raise InputError("a motion from a file or another process has no program to follow: find it again, with guess=")

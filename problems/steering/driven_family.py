@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from orbits import InputError
-from orbits.control.optimal_family import FixedParameters, OptimalFamily, follow_optimum, program_of
+from orbits.control.optimal_family import FixedParameters, OptimalFamily, follow_optimum, known_program
 from orbits.errors import finite_number
 from orbits.model.machine import machine_in_words
 from orbits.units import LIFTOFF_SPEED, Dimension, unit_text
@@ -77,13 +77,13 @@ def follow_driven(driven: Driven, name: str, to: float, **options: Any) -> Drive
     """
     source, actuated, to = driven.source, driven.actuated, finite_number("to", to)
     bare = driven.dimensionless()
-    added = [each for each in program_of(bare).problem.fixed if each not in actuated.still]
+    added = [each for each in known_program(bare).problem.fixed if each not in actuated.still]
     launch = {each: driven.parameters[each] for each in added if each in LAUNCH_CONDITIONS}
     if "launch" in added:
         launch["short"] = driven.parameters["aim"] - driven.parameters["launch"]
     own = actuated.still if source.units is None else {n: x for n, x in actuated.still.items() if x == 0.0}
     numbers = {**own, **source.values, **launch}
-    _check(driven, name, to, numbers, launch)
+    _check_number(driven, name, to, numbers, launch)
     first = float(numbers[name])
     minimised = "work" if "round" in added else "peak" if "peak" in driven.parameters else "effort"
     values = _fixed_parameters(driven, name, first, to, launch)
@@ -100,7 +100,9 @@ def follow_driven(driven: Driven, name: str, to: float, **options: Any) -> Drive
     return DrivenFamily(**parts, source=source, actuator=driven.actuator, minimised=minimised)
 
 
-def _check(driven: Driven, name: str, to: float, numbers: Mapping[str, float], launch: Mapping[str, float]) -> None:
+def _check_number(
+    driven: Driven, name: str, to: float, numbers: Mapping[str, float], launch: Mapping[str, float]
+) -> None:
     """Raise `InputError` for what is not followed: `numbers` are all that could be, with those of the launch."""
     if name not in numbers:
         if name in LAUNCH_CONDITIONS:
@@ -125,7 +127,7 @@ def _fixed_parameters(
     """The parameters of the program by one number, and their derivatives: the dimensionless numbers of the machine,
     and those of the launch."""
     units, bare = driven.actuated.units, driven.dimensionless()
-    known, problem = bare.parameters, program_of(bare).problem
+    known, problem = bare.parameters, known_program(bare).problem
     sizes_of_launch = {each: 1.0 if units is None else units.of(OF_LAUNCHES[each]) for each in launch}
 
     @cache
