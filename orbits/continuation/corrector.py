@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import NoOrbit
+from ..numerics.hermite import around
 from ..numerics.roots import Array, solve
 from ..shooting.newton_kernel import MOST_NEWTON_STEPS, Solutions
 from ..shooting.single_shooting import STALLED_RATIO, Evaluation, settles
 from .curve import Curve, CurvePoint, CurvePoints, StepEnd
-from .predictor import around
 
 # Points of the curve that the predictor uses for a step.
 MEMORY = 4

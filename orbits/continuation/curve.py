@@ -15,6 +15,7 @@ from ..consistency.accepted import check_parameters
 from ..errors import InputError, NoOrbit, OrbitsError
 from ..flow.flow import OUT_OF_LAW
 from ..model.machine import Machine
+from ..numerics.hermite import around
 from ..periodic.certificate import Certificate
 from ..periodic.certified import Solved, certified, orbit_from, orbit_of_solved
 from ..periodic.orbit import Orbit
@@ -27,7 +28,6 @@ from ..shooting.newton_kernel import NewtonKernel, newton_kernel
 from ..shooting.single_shooting import Evaluation, joined
 from ..units import Units
 from .point import RESERVED_NAMES, Point, point_in_units
-from .predictor import around
 
 # A point is at a fold where the tangent's component along the parameter is a smaller share than this. The value of the
 # parameter does not determine the orbit there, and its error is measured across the curve.

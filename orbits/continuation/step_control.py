@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
+from ..numerics.hermite import around
 from ..shooting.division import LARGEST_ARC_GROWTH
 from .corrector import MEMORY, correct, correct_all, predict_and_correct
 from .curve import TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints, StepEnd, Watch, interpolated
-from .predictor import around
 
 # Events that are not among `TEST_FUNCTIONS`. The functions of a user cannot have these names.
 OTHER_EVENTS = ("fold", "branch point", "family", "asked")

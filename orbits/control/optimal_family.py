@@ -19,7 +19,8 @@ from ..continuation.follow import bounds_of
 from ..continuation.step_control import checked_options
 from ..errors import InputError, NoOrbit, finite_number
 from ..io import Document
-from ..numerics.kkt_curve import CriticalPoint, CurveEnd, CurveEvent, CurveOptions, MinimumCurve
+from ..numerics.kkt_curve import CurveEnd, CurveEvent, CurveOptions, MinimumCurve
+from ..numerics.kkt_limits import CriticalPoint
 from ..numerics.roots import Array
 from ..result import Axes, Result, Row, shown, stored
 from ..running import interrupts
@@ -187,9 +188,7 @@ def follow_optimum(
     order do not hold at the first motion.
     """
     began = time.perf_counter()
-    known = control.warm_start
-    if known is None or known.multipliers is None:
-        raise InputError("a motion from a file or another process has no program to follow: find it again, with guess=")
+    known = known_program(control)
     fixed = np.array([control.parameters[each] for each in known.problem.fixed])
     if parameters is None:
         if name not in known.problem.fixed:
@@ -210,6 +209,13 @@ def follow_optimum(
     active, events, trail = tuple(map(tuple, run.active)), tuple(run.events), Trail(tuple(run.points))
     seconds = time.perf_counter() - began
     return OptimalFamily(name, values, costs, slopes, active, events, end, len(known.x), seconds, trail=trail)
+
+
+def known_program(control: Control) -> WarmStart:
+    """The program of a motion with its solution; raises `InputError` where it has none."""
+    if control.warm_start is None or control.warm_start.multipliers is None:
+        raise InputError("a motion from a file or another process has no program to follow: find it again, with guess=")
+    return control.warm_start
 
 
 def _one_of(fixed: Array, place: int) -> FixedParameters:
@@ -303,13 +309,13 @@ class _RunAlongFamily:
         """The places within intervals at which a path expression is below zero, where there is no exchange point; None
         where the steps are not fine enough, by steps of half the length."""
         problem, dips = program.problem, list[ExchangePoint]()
-        x = point.x[: program.count]
-        values = np.append(self.parameters(point.value)[0], x[len(x) - len(problem.free) :])
-        pairs = zip(problem.stages, problem.substeps, problem.unpack(x), strict=True)
-        for i, (stage, substeps, part) in enumerate(pairs):
+        free = point.x[program.count - len(problem.free) : program.count]
+        values = np.append(self.parameters(point.value)[0], free)
+        pairs = zip(problem.stages, problem.substeps, program.of_stages(point.x), strict=True)
+        for i, (stage, substeps, (states, duration, coefficients)) in enumerate(pairs):
             check = interval_check(stage, problem.names, substeps)
-            ends, paths = check(part.nodes[:, :-1], part.duration, part.coefficients, values, ())
-            distance = np.abs(ends) / (1.0 + np.abs(part.nodes).max(1, keepdims=True))
+            ends, paths = check(states.ravel(), duration, coefficients.ravel(), values, ())
+            distance = np.abs(ends) / (1.0 + np.abs(states).max(0)[:, None])
             if not distance.max() <= tolerance:
                 return None
             paths = paths.reshape(len(WATCHED_SHARES), len(stage.path), stage.intervals)

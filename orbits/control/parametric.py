@@ -6,14 +6,14 @@ over the intervals. The rest of the program, the conditions at the ends of stage
 their results. Both are added up in the fixed patterns of the whole.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 import scipy.sparse as sp
 
-from ..numerics.kkt_curve import FirstDerivatives, SecondDerivatives
+from ..numerics.kkt_conditions import FirstDerivatives, SecondDerivatives, filled
 from ..numerics.roots import Array
 from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction
@@ -157,13 +157,14 @@ class Assembly:
         self._inside, self._last = (np.flatnonzero((rows < m) & which) for which in (columns < n, columns == n))
         keys, self._places = np.unique(columns[self._inside] * m + rows[self._inside], return_inverse=True)
         self._rows_of_last = rows[self._last]
-        self._form = (keys % m).astype(np.int32), np.searchsorted(keys, np.arange(n + 1) * m).astype(np.int32)
+        form = np.zeros(len(keys)), (keys % m).astype(np.int32), np.searchsorted(keys, np.arange(n + 1) * m)
+        self._pattern = sp.csc_matrix(form, shape)
 
     def __call__(self, entries: Array) -> tuple[sp.csc_matrix, Array]:
         """The matrix and the column of these entries."""
-        data = np.bincount(self._places, entries[self._inside], len(self._form[0]))
+        data = np.bincount(self._places, entries[self._inside], self._pattern.nnz)
         column = np.bincount(self._rows_of_last, entries[self._last], self.shape[0])
-        return sp.csc_matrix((data, *self._form), self.shape), column
+        return filled(self._pattern, data), column
 
 
 class ParametricTranscription:
@@ -247,19 +248,23 @@ class ParametricTranscription:
         shares[self._moving] = x[self.count :]
         return shares
 
+    def of_stages(self, x: Array) -> Iterator[tuple[Array, float, Array]]:
+        """Of each stage the states (N, n) at the starts of its intervals, its duration, and the coefficients (N, m) of
+        its inputs, at unknowns."""
+        for own, (n, _, m) in zip(self._own, self.problem.shapes, strict=True):
+            yield x[own[:, :n]], x[own[0, n]], x[own[:, n + 1 : n + 1 + m]]
+
     def _evaluated(self, x: Array, p: float, y: Array, order: int) -> tuple[FirstDerivatives, list[Array], list[Array]]:
         """First derivatives, and for order 2 the entries of the Jacobian and of the Hessian, part by part."""
         fixed, rates = self.values(p)
         longer, freed = np.append(y, 0.0), x[self.count - len(self.problem.free) : self.count]
         results, gradient = list[Array](), np.zeros(self._size + 1)
         jacobians, hessians = list[Array](), list[Array]()
-        pairs = zip(self._functions, self._own, self._rows, self._factors, self.problem.shapes, strict=True)
-        for functions, own, rows, factors, (n, _, m) in pairs:
+        parts = zip(self._functions, self._own, self._rows, self._factors, self.of_stages(x), strict=True)
+        for functions, own, rows, factors, (state, duration, w) in parts:
             weights = longer[rows] * factors
-            weights[:, n] = 1.0
-            places = own[:, :n], own[0, n], own[:, n + 1 : n + 1 + m]
-            state, duration, w = (x[place].ravel() if np.ndim(place) else x[place] for place in places)
-            arguments = state, duration, w, fixed, freed, rates, weights.ravel()
+            weights[:, state.shape[1]] = 1.0
+            arguments = state.ravel(), duration, w.ravel(), fixed, freed, rates, weights.ravel()
             found = (functions.first if order == 1 else functions.second)(*arguments)
             result, by_own, *more = (each.ravel(order="F") for each in found)
             results.append(result)

@@ -14,7 +14,9 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError
 from ..model.machine import Machine, free_parameters
-from ..numerics.kkt_curve import CriticalPoint, CurveEnd, FirstDerivatives, SecondDerivatives
+from ..numerics.kkt_conditions import FirstDerivatives, SecondDerivatives
+from ..numerics.kkt_curve import CurveEnd
+from ..numerics.kkt_limits import CriticalPoint
 from ..numerics.roots import Array
 from ..periodic.orbit import Orbit
 from ..periodic.orbits_at_once import orbits_near

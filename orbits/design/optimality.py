@@ -17,12 +17,12 @@ from ..io import Document, conform
 from ..model.machine import Machine
 from ..numerics.kkt_curve import (
     ENDS_OF_MINIMA,
-    CriticalPoint,
     CurveEnd,
     CurveEvent,
     CurveOptions,
     MinimumCurve,
 )
+from ..numerics.kkt_limits import CriticalPoint
 from ..periodic.find import find
 from ..periodic.orbit import Orbit, orbit_of
 from ..periodic.orbits_at_once import orbits_near

@@ -140,9 +140,9 @@ class Driven(Control, what="motion of a driven machine"):
         return simulate(self.actuated, state=self(0.0), hops=liftoffs, schedule=schedule)
 
     def follow(self, name: str, to: float, **options: Any) -> Any:
-        """Follow a hop of least effort in a number of its machine, as "damping", or in the "speed" or "height" that
-        is prescribed; the result is a `DrivenFamily`. See `problems.steering.driven_family.follow_driven`, which takes
-        the options.
+        """Follow a motion of least cost in a number of its machine, as "damping", or of its launch: the "speed" or
+        "height" that is prescribed, or what it is "short" of; the result is a `DrivenFamily`. See
+        `problems.steering.driven_family.follow_driven`, which takes the options.
 
         >>> from problems import Hopper, steering
         >>> family = steering.keep_hopping(Hopper()).follow("damping", 0.02, at=[0.01])  # from the lossless orbit

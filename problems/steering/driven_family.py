@@ -1,111 +1,149 @@
-"""Hops of an actuated machine of least effort, followed in a number of the machine, such as its damping, or in the
-speed or the height that is prescribed."""
+"""Motions of an actuated machine of least cost, followed in a number of the machine, such as its damping, or of their
+launch: the speed or the height that is prescribed, or what a launch to be recovered from is short of."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from orbits import InputError
-from orbits.control.optimal_family import FixedParameters, OptimalFamily, follow_optimum
+from orbits.control.optimal_family import FixedParameters, OptimalFamily, follow_optimum, known_program
 from orbits.errors import finite_number
 from orbits.model.machine import machine_in_words
-from orbits.units import unit_text
+from orbits.units import LIFTOFF_SPEED, Dimension, unit_text
 
-from .actuated import Actuated, Actuator
-from .driven import Driven
+from .actuated import Actuated, Actuator, undamped
+from .actuated_launch import launched_at
+from .driven import Driven, work_done
 from .goals import dimensions_of_costs, motion_in_si
-from .prescribed import LAUNCH_CONDITIONS, check_free_fall
+from .prescribed import LAUNCH_CONDITIONS, OF_THE_ORBIT, check_free_fall
 
 # Steps of the differences that are the slopes of a machine's dimensionless numbers, as a share of the range; numbers
 # that are linear to the second share are so exactly.
 DIFFERENCE_OF_NUMBERS, LINEAR = 1e-5, 1e-14
+# The numbers of a launch that are followed: what is prescribed of a hop, and what is missing of a launch speed.
+OF_LAUNCHES: Mapping[str, Dimension] = {**LAUNCH_CONDITIONS, "short": LIFTOFF_SPEED}
 
 
 @dataclass(frozen=True, repr=False)
 class DrivenFamily(OptimalFamily, what="family of motions of a driven machine"):
-    """An `OptimalFamily` of hops of a machine with an actuator; `at` gives a `Driven` of the machine with that value.
+    """An `OptimalFamily` of motions of a machine with an actuator; `at` gives the `Driven` of the machine there.
 
     source : the machine without its actuator, at the first value; in SI the numbers are in SI
     actuator : the `Actuator`
+    minimised : "effort", "work" or "peak"; the last two with the effort that `keep_hopping` adds, and work rounded as
+        at the first motion. The motions that `at` gives have costs without either
     """
 
     source: Any = field(kw_only=True)
     actuator: Actuator = field(default=Actuator(), kw_only=True)
+    minimised: str = field(default="effort", kw_only=True)
 
     machine = property(lambda self: machine_in_words(self.source))
 
+    def title(self) -> str:
+        return f"motions of locally least {self.minimised} along {self.name}"
+
     def at(self, value: float) -> Driven:
-        """The hop at a value of the parameter, integrated again by the accurate flow; raises as in `OptimalFamily`."""
+        """The motion at a value of the parameter, integrated again by the accurate flow; raises as `OptimalFamily`."""
         control, machine = super().at(value), self.source
-        if self.name not in LAUNCH_CONDITIONS or self.name in Actuated(machine, self.actuator).still:
+        if self.name not in OF_LAUNCHES or self.name in Actuated(machine, self.actuator).still:
             machine = machine.with_values(**{self.name: value})
         driven = Actuated(machine, self.actuator)
+        if self.minimised == "peak":
+            control = replace(control, cost=control.parameters["peak"])
+        if self.minimised == "work":
+            control = replace(control, cost=work_done(driven.dimensionless(), control)[1])
         if driven.units is not None:
-            control = motion_in_si(driven, machine, control, "effort")
+            control = motion_in_si(driven, machine, control, self.minimised)
         return Driven.of(machine, control, self.actuator)
 
 
 def follow_driven(driven: Driven, name: str, to: float, **options: Any) -> DrivenFamily:
-    """Follow a hop of least effort, a result of `keep_hopping`, in a number of its machine or in its prescribed launch.
+    """Follow a motion of least cost, a result of `keep_hopping`, `recover` or `start_up`, in a number of its machine or
+    of its launch.
 
-    name, to : the number, as "damping", or "speed" or "height" where that is prescribed, and its last value
+    name, to : the number, as "damping", "speed" or "height" where that is prescribed, or "short" of a `recover`, and
+        its last value
     options : as `at`, `most` and `longest` of `orbits.control.optimal_family.follow_optimum`
 
     A machine without damping is kept hopping by no control: from there the least effort grows with the square of the
-    damping, and with that of the distance of a prescribed speed from the lossless orbit's. Raises `InputError` where
-    the motion is none of least effort that repeats itself, where the law has corners, and for a number that changes the
-    machine's units.
+    damping, and with that of the distance of a prescribed speed from the lossless orbit's. A recovery or a start is
+    followed as long as the launch stays at which it aims. Raises `InputError` where the law has corners, for a number
+    that changes the machine's units or the launch aimed at, and for a landing that is free and goes to no damping,
+    where the optimality conditions are singular.
     """
     source, actuated, to = driven.source, driven.actuated, finite_number("to", to)
-    known, bare = driven.dimensionless().warm_start, driven.dimensionless()
-    numbers = {**actuated.still, **source.values} if source.units is None else dict(source.values)
-    added = [] if known is None else [each for each in known.problem.fixed if each not in actuated.still]
-    prescribed = {each: driven.parameters[each] for each in added if each in LAUNCH_CONDITIONS}
-    if name not in (numbers := {**numbers, **prescribed}):
+    bare = driven.dimensionless()
+    added = [each for each in known_program(bare).problem.fixed if each not in actuated.still]
+    launch = {each: driven.parameters[each] for each in added if each in LAUNCH_CONDITIONS}
+    if "launch" in added:
+        launch["short"] = driven.parameters["aim"] - driven.parameters["launch"]
+    own = actuated.still if source.units is None else {n: x for n, x in actuated.still.items() if x == 0.0}
+    numbers = {**own, **source.values, **launch}
+    _check_number(driven, name, to, numbers, launch)
+    first = float(numbers[name])
+    minimised = "work" if "round" in added else "peak" if "peak" in driven.parameters else "effort"
+    values = _fixed_parameters(driven, name, first, to, launch)
+    found = follow_optimum(bare, name, to, parameters=values, start=first, **options)
+    parts = {each.name: getattr(found, each.name) for each in fields(OptimalFamily)}
+    if actuated.units is not None:
+        dimension = dimensions_of_costs(actuated)[minimised]
+        unit, stated = actuated.units.of(dimension), source if name in launch else source.with_values(**{name: to})
+        of_machine = dict(machine_in_words(stated).get("units") or {})
+        of_name = unit_text(OF_LAUNCHES[name]) if name in launch else str(of_machine.get(name) or "")
+        units = {"cost": unit_text(dimension), name: of_name}
+        events = tuple(type(each)(each.kind, each.value, unit * each.cost, each.what) for each in found.events)
+        parts |= {"costs": unit * found.costs, "slopes": unit * found.slopes, "events": events, "units": units}
+    return DrivenFamily(**parts, source=source, actuator=driven.actuator, minimised=minimised)
+
+
+def _check_number(
+    driven: Driven, name: str, to: float, numbers: Mapping[str, float], launch: Mapping[str, float]
+) -> None:
+    """Raise `InputError` for what is not followed: `numbers` are all that could be, with those of the launch."""
+    if name not in numbers:
         if name in LAUNCH_CONDITIONS:
             raise InputError(f"the {name} is not prescribed: take keep_hopping(machine, {name}=...)")
-        remedy = "; state it above 0 in the machine, to follow it from there" if name == "damping" else ""
-        raise InputError(f"'{name}' is no number of the machine; there are: {', '.join(numbers)}{remedy}")
-    if known is not None and (len(prescribed) < len(added) or known.problem.free):
-        raise InputError("hops of least effort that repeat themselves are followed: take keep_hopping(machine)")
-    if actuated.has_corners:
+        raise InputError(f"'{name}' is no number of the motion; there are: {', '.join(numbers)}")
+    if driven.actuated.has_corners:
         raise InputError(
             "the law of the spring has corners, which the motion would pass in another order: find each hop"
         )
-    if (first := float(numbers[name])) == to:
-        raise InputError(f"{name} goes from {first:g} to {to:g}: there is no way between")
-    if name in prescribed and not to > 0:
+    aim = driven.parameters["aim"] if name == "short" and name in launch else np.inf
+    if abs(numbers[name] - to) <= (OF_THE_ORBIT * aim if aim < np.inf else 0.0):
+        raise InputError(f"{name} goes from {to:g} to {to:g}: there is no way between")
+    if name in launch and aim == np.inf and not to > 0:
         raise InputError(f"to = {to:g}: a hop has a {name} above 0")
-    values = _fixed_parameters(driven, name, first, to, prescribed)
-    found = follow_optimum(bare, name, to, parameters=values, start=first, **options)
-    own = {each.name: getattr(found, each.name) for each in fields(OptimalFamily)}
-    if actuated.units is not None:
-        dimension = dimensions_of_costs(actuated)["effort"]
-        unit, own_units = actuated.units.of(dimension), dict(machine_in_words(source).get("units") or {})
-        of_name = unit_text(LAUNCH_CONDITIONS[name]) if name in prescribed else str(own_units.get(name) or "")
-        units = {"cost": unit_text(dimension), name: of_name}
-        events = tuple(type(each)(each.kind, each.value, unit * each.cost, each.what) for each in found.events)
-        own |= {"costs": unit * found.costs, "slopes": unit * found.slopes, "events": events, "units": units}
-    return DrivenFamily(**own, source=source, actuator=driven.actuator)
+    if not to < aim:
+        raise InputError(f"to = {to:g}: the launch speed that is aimed at is {aim:.6g}, and some of it is to be left")
 
 
 def _fixed_parameters(
-    driven: Driven, name: str, first: float, last: float, prescribed: Mapping[str, float]
+    driven: Driven, name: str, first: float, last: float, launch: Mapping[str, float]
 ) -> FixedParameters:
-    """The dimensionless numbers of a machine, and what is prescribed, by one of them, and their derivatives."""
-    units = driven.actuated.units
-    sizes_of_prescribed = {each: 1.0 if units is None else units.of(LAUNCH_CONDITIONS[each]) for each in prescribed}
+    """The parameters of the program by one number, and their derivatives: the dimensionless numbers of the machine,
+    and those of the launch."""
+    units, bare = driven.actuated.units, driven.dimensionless()
+    known, problem = bare.parameters, known_program(bare).problem
+    sizes_of_launch = {each: 1.0 if units is None else units.of(OF_LAUNCHES[each]) for each in launch}
 
+    @cache
     def at(value: float) -> Actuated:
-        if name in prescribed:
+        if name in launch:
             return driven.actuated
         return Actuated(driven.source.with_values(**{name: value}), driven.actuator)
 
     def numbers(value: float) -> np.ndarray:
-        wanted = {**prescribed, name: value}
-        return np.array([*at(value).still.values(), *(wanted[n] / size for n, size in sizes_of_prescribed.items())])
+        own = {each: {**launch, name: value}[each] / size for each, size in sizes_of_launch.items()}
+        named = {**known, **at(value).still, **own}
+        if "short" in launch:
+            like = {each.removeprefix("aim "): x for each, x in known.items() if each.startswith("aim ")}
+            begun = launched_at(at(value), {**like, "liftoff": known["liftoff"]}, known["aim"] - own["short"])
+            named |= {"launch": begun["alpha"], "liftoff": begun["liftoff"]}
+        return np.array([named[each] for each in problem.fixed])
 
     ends = [at(first), at(last)]
     sizes = [each.units for each in ends]
@@ -114,15 +152,31 @@ def _fixed_parameters(
     gaps = [each.model.gap(each.values) for each in ends]
     if ends[0].drive != ends[1].drive or gaps[0] != gaps[1]:
         raise InputError(f"with {name} the machine's equations change, not only their numbers: find each hop")
-    if "height" in prescribed:
-        bare = driven.dimensionless()
+    if "aim" in known and undamped(ends[0].machine).values != undamped(ends[1].machine).values:
+        raise InputError(f"with {name} the lossless orbit changes that is aimed at: find each motion")
+    landing = f"the condition at the end of stage 1 ({problem.stages[0].phase.name})"
+    if not (launch or "aim" in known or ends[1].damped) and problem.labels.count(landing) == 1:
+        raise InputError(
+            f"to {name} = {last:g}: where the landing is free the time of flight moves like the cube root of the "
+            "damping, and at 0 it is lossless, where the optimality conditions are singular: follow to a number above 0"
+        )
+    if "height" in launch:
         check_free_fall(ends[1], bare(np.linspace(0.0, bare.legs[0].duration, 5))[:, :-1])
     a, b, middle = (numbers(value) for value in (first, last, 0.5 * (first + last)))
     if np.abs(0.5 * (a + b) - middle).max() <= LINEAR * (1 + np.abs(middle).max()):
         rates = (b - a) / (last - first)
         return lambda value: (a + rates * (value - first), rates)
-    return _differenced(numbers, DIFFERENCE_OF_NUMBERS * abs(last - first))
+    return _differenced(numbers, *sorted((first, last)))
 
 
-def _differenced(numbers: Callable[[float], np.ndarray], step: float) -> FixedParameters:
-    return lambda value: (numbers(value), (numbers(value + step) - numbers(value - step)) / (2 * step))
+def _differenced(numbers: Callable[[float], np.ndarray], low: float, high: float) -> FixedParameters:
+    """Numbers with their derivatives, which are those of parabolas through three values within a range."""
+    step = DIFFERENCE_OF_NUMBERS * (high - low)
+
+    def at(value: float) -> tuple[np.ndarray, np.ndarray]:
+        middle = min(max(value, low + step), high - step)
+        below, here, above = (numbers(each) for each in (middle - step, middle, middle + step))
+        bend = (value - middle) / step**2 * (above - 2 * here + below)
+        return here if middle == value else numbers(value), (above - below) / (2 * step) + bend
+
+    return at

@@ -5,15 +5,9 @@ import pytest
 import scipy.sparse as sp
 
 from orbits.errors import NoOrbit
-from orbits.numerics.kkt_curve import (
-    CriticalPoint,
-    CurveEnd,
-    CurveEvent,
-    CurveOptions,
-    FirstDerivatives,
-    MinimumCurve,
-    SecondDerivatives,
-)
+from orbits.numerics.kkt_conditions import FirstDerivatives, SecondDerivatives
+from orbits.numerics.kkt_curve import CurveEnd, CurveEvent, CurveOptions, MinimumCurve
+from orbits.numerics.kkt_limits import CriticalPoint
 
 
 class Written:
@@ -230,28 +224,3 @@ def test_a_string_that_is_pressed_on_a_floor():
     assert points[2].x == pytest.approx(points[2].value * s * (1 - s) / 2, abs=1e-12)
     touching = points[-1].x <= -1 + 1e-12
     assert 1 - touching.mean() == pytest.approx(2 * np.sqrt(2 / 9), abs=0.01)  # p l^2 / 2 = 1 on each free side
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_second_order_conditions_are_those_on_the_null_space(seed):
-    """Against the eigenvalues of the projected Hessian, for minima and saddles, with bounds that are active."""
-    rng = np.random.default_rng(seed)
-    hessian, rows = rng.standard_normal((7, 7)) + 1.5 * np.eye(7), rng.standard_normal((3, 7))
-    hessian = hessian + hessian.T
-    cost = lambda x, p: (x @ hessian @ x / 2, hessian @ x, 0.0, hessian, np.zeros(7))  # noqa: E731
-    conditions = lambda x, p: (rows @ x, rows, np.zeros(3), np.zeros((3, 7, 7)), np.zeros((3, 7)))  # noqa: E731
-    lower = np.append(np.full(7, -np.inf), np.zeros(3))
-    lower[2] = 0.0
-    program = Written(cost, conditions, lower, np.append(np.full(7, np.inf), np.zeros(3)), sparse=bool(seed % 2))
-    active = np.vstack([rows, np.eye(7)[2]])
-    null = np.linalg.svd(active)[2][4:].T
-    expected = int((np.linalg.eigvalsh(null.T @ hessian @ null) < 0).sum())
-    sides = np.zeros(10, dtype=np.int8)
-    sides[2] = -1
-    if expected:
-        with pytest.raises(NoOrbit, match="second-order"):
-            MinimumCurve(program, np.zeros(7), np.zeros(10), 0.0, 1.0, sides=sides)
-    curve = object.__new__(MinimumCurve)
-    curve.program, curve.n, curve.span, curve._patterns = program, 7, 1.0, {}
-    places = np.concatenate([np.arange(7), 7 + np.flatnonzero([0, 0, 1, *[0] * 4, 1, 1, 1]), [17]])
-    assert curve._linear(np.zeros(18), places[7:-1] - 7, places, 17).negative == expected

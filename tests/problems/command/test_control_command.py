@@ -93,7 +93,7 @@ def test_start_up(orbits):
         ("hold --follow damping", 2, "as damping:0.2"),
         ("hold --follow damping:much", 2, "--follow 'much' is not a number"),
         ("hold --follow damping:0.1,0.2", 2, "--follow '0.1,0.2' is not a number"),
-        ("hold --follow zeta:1", 2, "'zeta' is no number of the machine; there are: mass_ratio, damping, drag"),
+        ("hold --follow zeta:1", 2, "'zeta' is no number of the motion; there are: mass_ratio, damping, drag"),
         ("hold --follow damping:0.1 --animate hop.gif", 2, "draws one motion"),
         ("recover --short 0.1 --follow damping:0.1", 2, "--follow belongs to hold"),
         ("hold --damping 0.01 --rate 1e-6", 1, ""),

@@ -87,6 +87,34 @@ def test_a_design_number_is_followed():
     assert family.costs[-1] == pytest.approx(steering.keep_hopping(other, intervals=20).cost, rel=1e-8)
 
 
+def test_recoveries_are_what_independent_solves_find():
+    """From a launch that is too slow to one that is too fast, through the lossless orbit, and into damping."""
+    back = steering.recover(Hopper(), short=0.1, intervals=20)
+    family = back.follow("short", -0.2, at=[0.0])
+    assert family.costs[family.values == 0] == pytest.approx(0, abs=1e-20)
+    for hop, found in (
+        (Hopper(), family.at(-0.2)),
+        (Hopper(damping=0.02), back.follow("damping", 0.02).at(0.02)),
+    ):
+        short = found.parameters["aim"] - found.parameters["launch"]
+        assert found.cost == pytest.approx(steering.recover(hop, short=short, intervals=20).cost, rel=1e-10)
+
+
+def test_a_flight_with_a_free_landing_is_longer_by_the_cube_root_of_the_damping():
+    family = steering.keep_hopping(Hopper(damping=1e-5), lossless=False, intervals=20).follow("damping", 1e-6)
+    longer = [family.at(c).legs[0].duration - 2 * 4.493409457909064 for c in (1e-5, 1e-6)]
+    assert np.log10(longer[0] / longer[1]) == pytest.approx(1 / 3, abs=0.05)
+
+
+@pytest.mark.slow
+def test_starts_and_least_peaks_are_what_independent_solves_find():
+    begun = steering.start_up(Hopper(), pumps=2, stroke=2.0).follow("damping", 0.02).at(0.02)
+    assert begun.cost == pytest.approx(steering.start_up(Hopper(damping=0.02), pumps=2, stroke=2.0).cost, rel=1e-9)
+    least = {"cost": "peak", "intervals": 14}
+    family = steering.keep_hopping(Hopper(damping=0.01), **least).follow("damping", 0.02)
+    assert family.at(0.02).cost == pytest.approx(steering.keep_hopping(Hopper(damping=0.02), **least).cost, rel=1e-9)
+
+
 @pytest.mark.slow
 def test_a_leg_in_si(tmp_path):
     kept = steering.keep_hopping(DAMPED_LEG, intervals=16)
@@ -96,6 +124,8 @@ def test_a_leg_in_si(tmp_path):
     assert hop.cost == pytest.approx(solved.cost, rel=1e-8)
     assert family.costs[-1] == pytest.approx(solved.cost, rel=1e-8)
     assert hop.units == solved.units
+    bare = steering.keep_hopping(DAMPED_LEG.with_values(damping=0.0), intervals=16).follow("damping", 8.0)
+    assert bare.costs[-1] == pytest.approx(solved.cost, rel=1e-8)
     with pytest.raises(InputError, match="the machine's units change"):
         kept.follow("body_mass", 80.0)
     same = DrivenFamily.load(family.save(tmp_path / "family.json"), DAMPED_LEG)
@@ -105,8 +135,13 @@ def test_a_leg_in_si(tmp_path):
 @pytest.mark.parametrize(
     ("follow", "words"),
     [
-        (lambda: steering.keep_hopping(Hopper()).follow("zeta", 1.0), "'zeta' is no number of the machine"),
-        (lambda: steering.recover(Hopper(), short=0.1).follow("damping", 0.1), "that repeat themselves"),
+        (lambda: steering.keep_hopping(Hopper()).follow("zeta", 1.0), "'zeta' is no number of the motion"),
+        (lambda: steering.recover(Hopper(), short=0.1).follow("mass_ratio", 0.9), "changes that is aimed at"),
+        (lambda: steering.recover(Hopper(), short=0.1).follow("short", 5.0), "some of it is to be left"),
+        (
+            lambda: steering.keep_hopping(Hopper(damping=0.02), lossless=False).follow("damping", 0.0),
+            "moves like the cube root of the damping",
+        ),
         (
             lambda: steering.keep_hopping(
                 Hopper(springs.bilinear(ratio=2.0, gap=0.5), damping=0.01), intervals=14

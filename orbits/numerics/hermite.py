@@ -1,4 +1,4 @@
-"""The predictor: Hermite interpolation of a curve between points with tangents, and extrapolation beyond them.
+"""Hermite interpolation of a curve between points with tangents, and extrapolation beyond them.
 
 A point X of a curve lies at the level s = row . X, for a row that measures the length along the curve.
 """
@@ -13,25 +13,36 @@ from ..symbolic.calls import MappedFunction
 # A point lies beyond a bend, and is not used, where the component of its tangent along the row is less than this share
 # of the component of the nearest point's tangent.
 BEND = 0.3
+SCALAR = 32  # points of no more components are computed component by component, larger ones as vectors
 
 
 @lru_cache(maxsize=32)
 def hermite(size: int, behind: int, ahead: int) -> MappedFunction:
     """(points (size, behind + ahead) along a curve, tangents there, which of them to use, row (size,), level) -> the
-    point at that level, in Lagrange's form, and the number of points used: on either side of the place between `behind`
-    and `ahead`, the points that the curve passes before it turns round."""
+    point at that level, and the number of points used."""
     count = behind + ahead
-    xs, tangents, row = ca.SX.sym("x", size, count), ca.SX.sym("t", size, count), ca.SX.sym("row", size)
-    use, level = ca.SX.sym("use", count), ca.SX.sym("level")
-    places, rates = xs.T @ row, tangents.T @ row
+    xs, tangents, row = ca.MX.sym("x", size, count), ca.MX.sym("t", size, count), ca.MX.sym("row", size)
+    use, level = ca.MX.sym("use", count), ca.MX.sym("level")
+    of_points, of_tangents, used = _weights(behind, ahead)(xs.T @ row, tangents.T @ row, use, level)
+    # With differences from the first point, components that do not change along the curve stay exact.
+    point = xs[:, 0] + (xs - ca.repmat(xs[:, 0], 1, count)) @ of_points + tangents @ of_tangents
+    function = ca.Function("hermite", [xs, tangents, use, row, level], [point, used])
+    return MappedFunction(function.expand() if size <= SCALAR else function)
+
+
+def _weights(behind: int, ahead: int) -> ca.Function:
+    """(levels of points (behind + ahead), components of their tangents along the row, which of them to use, level) ->
+    the weights of points and of tangents, in Lagrange's form, and the number of points used: on either side of the
+    place between `behind` and `ahead`, the points that the curve passes before it turns round."""
+    count = behind + ahead
+    places, rates, use, level = symbols = [ca.SX.sym("s", size) for size in (count, count, count, 1)]
     used = [use[i] for i in range(count)]
     for nearest, farthest, side in ((behind - 1, -1, -1), (behind, count, 1)):
         for i in range(nearest + side, farthest, side):
             straight = rates[nearest] * rates[i] > BEND * rates[nearest] ** 2
             onward = side * rates[nearest] * (places[i] - places[i - side]) > 0
             used[i] = ca.logic_and(ca.logic_and(used[i], used[i - side]), ca.logic_and(straight, onward))
-    # With differences from the first point, components that do not change along the curve stay exact.
-    point = xs[:, 0]
+    of_points, of_tangents = [], []
     for i in range(count):
         weight, inverses = ca.SX(1.0), ca.SX(0.0)
         for j in (j for j in range(count) if j != i):
@@ -39,9 +50,9 @@ def hermite(size: int, behind: int, ahead: int) -> MappedFunction:
             weight *= ca.if_else(used[j], (level - places[j]) * inverse, 1.0) ** 2
             inverses += ca.if_else(used[j], inverse, 0.0)
         away = level - places[i]
-        value = (1 - 2 * away * inverses) * (xs[:, i] - xs[:, 0]) + away / rates[i] * tangents[:, i]
-        point += ca.if_else(used[i], weight * value, 0.0)
-    return MappedFunction(ca.Function("hermite", [xs, tangents, use, row, level], [point, sum(used)]))
+        of_points.append(ca.if_else(used[i], weight * (1 - 2 * away * inverses), 0.0))
+        of_tangents.append(ca.if_else(used[i], weight * away / rates[i], 0.0))
+    return ca.Function("weights", symbols, [ca.vertcat(*of_points), ca.vertcat(*of_tangents), sum(used)])
 
 
 def around(

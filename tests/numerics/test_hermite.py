@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orbits.continuation.predictor import around
+from orbits.numerics.hermite import around
 
 
 def test_what_rests_on_a_chain_of_points():
