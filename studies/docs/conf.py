@@ -16,10 +16,12 @@ html_title = project
 extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
+    "sphinx_copybutton",
     "parts.mathematics",
     "parts.docstrings",
     "parts.names",
     "parts.drawings",
+    "parts.lines",
     "parts.commands",
     "parts.notebooks",
 ]
@@ -36,6 +38,12 @@ python_use_unqualified_type_names = True
 maximum_signature_line_length = 90
 pygments_style = "tango"  # legible on white for the colour-blind too
 toc_object_entries_show_parents = "hide"
+
+# What a reader would type or save has a button that copies it, without prompts; what is printed has none.
+LANGUAGES = ("console", "default", "ipython3", "python", "sh", "text", "toml")
+copybutton_selector = ", ".join(f"div.highlight-{language} pre" for language in LANGUAGES)
+copybutton_prompt_text = r">>> |\.\.\. |\$ "
+copybutton_prompt_is_regexp = True
 
 html_theme = "furo"
 html_math_renderer = "mathml"
