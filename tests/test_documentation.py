@@ -3,7 +3,6 @@
 import doctest
 import inspect
 import re
-import runpy
 import shlex
 import shutil
 import subprocess
@@ -329,7 +328,7 @@ def built_site(folder: Path, figures_of_site: Path) -> Path:
     packages are imported; the build ends with an error on any warning."""
     pytest.importorskip("furo")
     pytest.importorskip("myst_parser")
-    from studies.docs.parts.drawings import command_of, drawings_of, place_of
+    from studies.docs.parts.drawings import drawings_of, place_of, run
 
     figures = folder / ".cache" / "figures"
     for drawn in figures_of_site.iterdir():
@@ -337,18 +336,13 @@ def built_site(folder: Path, figures_of_site: Path) -> Path:
         place = place_of(figures, "drawn" if code else "study", drawn.name, code)
         shutil.copytree(drawn, place)
         (place / "done").touch()
-    for kind, argument, code in drawings_of(DOCS)[1:]:
-        place = place_of(figures, kind, argument, code)
+    for drawing in drawings_of(DOCS)[1:]:
+        place = place_of(figures, *drawing)
         if not place.exists():
-            place.mkdir(parents=True)
-            with chdir(place), pytest.MonkeyPatch.context() as patch:
-                if kind == "drawn":
-                    exec(code, {"__name__": "__main__"})
-                else:
-                    patch.setattr(sys, "argv", command_of(kind, argument, code)[0])
-                    runpy.run_path(sys.argv[0], run_name="__main__")
+            with chdir("."), pytest.MonkeyPatch.context() as patch:
+                patch.setattr(sys, "argv", sys.argv)
+                run(place, *drawing)
                 plt.close("all")
-            (place / "done").touch()
     command = [sys.executable, DOCS / "build.py", "--output", folder]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -48,6 +48,7 @@ copybutton_prompt_is_regexp = True
 html_theme = "furo"
 html_math_renderer = "mathml"
 html_copy_source = False
+html_show_search_summary = False  # a page on the disk may not read another one
 html_show_sphinx = False
 html_static_path = ["style"]
 html_css_files = ["page.css"]
