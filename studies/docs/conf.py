@@ -7,6 +7,8 @@ from pathlib import Path
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parents[1])]
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Of the processes that draw figures; some versions of Python give them no other path for what they load first.
+os.environ |= {"MPLBACKEND": "Agg", "PYTHONPATH": os.pathsep.join(sys.path[:2])}
 
 project = "persistent-orbits"
 author = "The persistent-orbits developers"
