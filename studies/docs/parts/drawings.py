@@ -128,6 +128,7 @@ def saved_pages(place: Path) -> Iterator[tuple[Path, str]]:
 def copy_pages(app, error) -> None:
     """Copy the saved pages into the site."""
     if error is None and app.builder.format == "html":
+        shutil.rmtree(Path(app.outdir, PAGES), ignore_errors=True)
         for drawing in drawings_of(Path(app.srcdir)):
             for path, name in saved_pages(place_of(kept(app), *drawing)):
                 (target := Path(app.outdir, PAGES, name)).parent.mkdir(exist_ok=True)

@@ -33,7 +33,8 @@ def joined(text: str) -> str:
 
 
 def marked(html: str, printed: bool) -> str:
-    """The lines of a highlighted block, each as an element that knows its indentation, and whether it is a row."""
+    """The lines of a highlighted block, each as an element that knows its indentation, and whether it is a row. An
+    option of a command, which has hyphens, is not divided."""
     head, opening, rest = html.partition("<pre>")
     body, closing, tail = rest.rpartition("</pre>")
     lines = []
@@ -41,6 +42,7 @@ def marked(html: str, printed: bool) -> str:
         plain = re.sub(r"<.*?>", "", line)
         row = " row" if printed and ROW.match(plain) else ""
         style = f' style="--indent:{indent}"' if (indent := indentation(plain)) and not row else ""
+        line = re.sub(r"(?<=[\s>])--\w[\w-]*", r'<span class="option">\g<0></span>', line)
         lines.append(f'<span class="line{row}"{style}>{line}\n</span>')
     return head + opening + "".join(lines) + closing + tail
 
