@@ -46,9 +46,9 @@ def study_path(name: str) -> Path:
 
 
 def command_of(kind: str, argument: str, code: str) -> tuple[list[str], str]:
-    """What is run, as arguments of Python, and the source that the figures depend on."""
+    """What is run, a file with its arguments, and the source that the figures depend on."""
     if kind == "drawn":
-        return ["-c", code], code
+        return ["code"], code
     source = study_path(argument).read_text(encoding="utf-8")
     quick = ["--quick"] if '"--quick"' in source else []
     return [str(study_path(argument)), *quick, "--output", "."], source
@@ -65,12 +65,11 @@ def run(place: Path, kind: str, argument: str, code: str) -> None:
     command, _ = command_of(kind, argument, code)
     place.mkdir(parents=True, exist_ok=True)
     os.chdir(place)
+    if kind == "drawn":
+        Path(command[0]).write_text(code, encoding="utf-8")
+    sys.argv = command
     with redirect_stdout(io.StringIO()):
-        if kind == "drawn":
-            exec(compile(code, "drawn", "exec"), {"__name__": "__main__"})
-        else:
-            sys.argv = command
-            runpy.run_path(command[0], run_name="__main__")
+        runpy.run_path(command[0], run_name="__main__")
     Path("done").touch()
 
 
