@@ -1,9 +1,9 @@
 """Fig. 4 of the paper: what the foot's path may look like where it meets the ground, and which ways lose nothing.
 
-(a) a blow; (b) no speed but an acceleration upwards: it would bounce off again; (c) no speed but an acceleration
-downwards: it has come from below the ground; (d) neither, but a jerk upwards: it has come from below too, and leaves;
-(e) neither, with a jerk downwards: the lossless landing. Each is a flight of the linear hopper, told backwards from
-its landing. Run: python studies/figure_4.py [--output FOLDER]
+(a) an impact with a speed; (b) no speed but an acceleration upwards: it would bounce off again; (c) no speed but an
+acceleration downwards: it has come from below the ground; (d) neither, but a jerk upwards: it has come from below too,
+and leaves; (e) neither, with a jerk downwards: the lossless landing. Each is a flight of the linear hopper, integrated
+backwards from its landing. Run: python studies/figure_4.py [--output FOLDER]
 """
 
 import argparse
@@ -19,7 +19,7 @@ from problems import Hopper
 ALPHA = 4.493409457909064
 # Landing states y1, y1', y2, y2'; the foot's acceleration is (y1 - 1)/2 and its jerk then y1'/2, for equal masses.
 LANDINGS = {
-    "(a) blow": (0.5, -3.0, 0.0, -1.0),
+    "(a) impact": (0.5, -3.0, 0.0, -1.0),
     "(b) acceleration up": (2.5, -3.0, 0.0, 0.0),
     "(c) acceleration down": (-0.5, -3.0, 0.0, 0.0),
     "(d) jerk up": (1.0, ALPHA, 0.0, 0.0),

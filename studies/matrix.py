@@ -48,13 +48,13 @@ LIMITS = Path(__file__).parent / "docs" / "limits.md"
 TABLE = Path(__file__).parent / "docs" / "machines_and_verbs.md"
 # The reasons for which something is refused, in the words of errors and of the page of limits.
 REASONS = ("an infinitely heavy hand is the limit of mechanisms",)
-HEAD = """# Machines and verbs
+HEAD = """# Which function takes which machine
 
-A cell names the springs with which a verb works for a machine: the result was held against an independent figure, such
-as the orbit by another integrator, or neighbouring orbits. The springs are two formulas (one of them linear), a
-potential, a measured table, and a law in pieces with a corner. With a spring that is missing the verb is refused, finds
-no motion, or takes more than a minute of processor time; the reasons of refusals are on the page of
-[limits](limits.md). `python studies/matrix.py --write` tries all cells, in half an hour, and writes this table.
+A cell names the springs with which a function works for a machine: the result was compared with an independent one,
+such as the orbit by another integrator, or with neighbouring orbits. The springs are two formulas (one of them linear),
+a potential, a measured table, and a piecewise law with a corner. With a spring that is missing the function refuses the
+machine, finds no motion, or takes more than a minute of processor time; the reasons of refusals are among the
+[limitations](limits.md). `python studies/matrix.py --write` tries all cells, in half an hour, and writes this table.
 """
 # The rows of the measured spring, which has the law of the cubic one.
 EXTENSIONS = np.linspace(-12.0, 12.0, 25)

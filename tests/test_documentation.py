@@ -3,7 +3,6 @@
 import doctest
 import inspect
 import re
-import runpy
 import shlex
 import shutil
 import subprocess
@@ -327,9 +326,9 @@ class Page(HTMLParser):
 def built_site(folder: Path, figures_of_site: Path) -> Path:
     """The built site, with the figures that other tests have drawn, all others but one being drawn here, where the
     packages are imported; the build ends with an error on any warning."""
-    pytest.importorskip("furo")
-    pytest.importorskip("myst_parser")
-    from studies.docs.parts.drawings import command_of, drawings_of, place_of
+    for package in ("bokeh", "flint", "furo", "myst_parser", "sphinx_copybutton"):
+        pytest.importorskip(package)
+    from studies.docs.parts.drawings import drawings_of, place_of, run
 
     figures = folder / ".cache" / "figures"
     for drawn in figures_of_site.iterdir():
@@ -337,18 +336,13 @@ def built_site(folder: Path, figures_of_site: Path) -> Path:
         place = place_of(figures, "drawn" if code else "study", drawn.name, code)
         shutil.copytree(drawn, place)
         (place / "done").touch()
-    for kind, argument, code in drawings_of(DOCS)[1:]:
-        place = place_of(figures, kind, argument, code)
+    for drawing in drawings_of(DOCS)[1:]:
+        place = place_of(figures, *drawing)
         if not place.exists():
-            place.mkdir(parents=True)
-            with chdir(place), pytest.MonkeyPatch.context() as patch:
-                if kind == "drawn":
-                    exec(code, {"__name__": "__main__"})
-                else:
-                    patch.setattr(sys, "argv", command_of(kind, argument, code)[0])
-                    runpy.run_path(sys.argv[0], run_name="__main__")
+            with chdir("."), pytest.MonkeyPatch.context() as patch:
+                patch.setattr(sys, "argv", sys.argv)
+                run(place, *drawing)
                 plt.close("all")
-            (place / "done").touch()
     command = [sys.executable, DOCS / "build.py", "--output", folder]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -384,6 +378,17 @@ def see_wide_figures(site: Path) -> None:
     assert "heights" in {name for _, name in images} - wide
 
 
+def see_theorems(site: Path) -> None:
+    """A printed theorem is one line, which wraps, above the rows of its table, which do not; the gallery has it too,
+    and pages to play with."""
+    line = r'<span class="line" style="--indent:2">[^\n]*Let the hopper have [^\n]* mirror image of the landing\.'
+    for page in ("how_to/proof.html", "gallery.html"):
+        text = (site / page).read_text(encoding="utf-8")
+        assert re.search(line, text), page
+        assert re.search(r'<span class="line row">[^\n]*  alpha  ', text), page
+    assert len({*(site / "pages").glob("*.html")}) == 7
+
+
 def look_up_every_public_name(site: Path) -> None:
     """Each name, and each public member of a class, has its description."""
     text = "".join(path.read_text(encoding="utf-8") for path in (site / "api").glob("*.html"))
@@ -403,4 +408,5 @@ def test_site(tmp_path, figures_of_site):
     site = built_site(tmp_path, figures_of_site)
     follow_links(site)
     see_wide_figures(site)
+    see_theorems(site)
     look_up_every_public_name(site)

@@ -634,7 +634,7 @@ def control_command(
     goal: str, family: int, hop: str | None, as_json: bool, plot: str | None, animate: str | None, save: str | None,
     follow: str | None, **stated: Any,
 ) -> None:  # fmt: skip
-    """Steer a machine whose spring's end is moved, or that a force drives, with locally least effort.
+    """Find a motion of locally least effort of a machine with an actuator: a spring's end that moves, or a force.
 
     hold keeps a damped machine hopping, recover brings one whose launch is too slow back to its lossless hop in one
     hop, and start-up lifts one off from rest in contact.

@@ -66,7 +66,7 @@ loss_options = combined(
 )
 start_option = click.option(
     "--start", "hop", type=click.Path(dir_okay=False), metavar="FILE",
-    help="Start from a saved orbit, also where a launch has several numbers, as on ground that yields.",
+    help="Start from a saved orbit, also where a launch has several numbers, as on compliant ground.",
 )  # fmt: skip
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 limit_option = click.option(

@@ -1,4 +1,4 @@
-"""Steering a machine by an actuator: keep it hopping though damped, bring it to its hop, start it from rest."""
+"""Optimal control by an actuator: keep a damped machine hopping, bring it back to its hop, start it from rest."""
 
 from .goals import keep_hopping, missed, recover, rerun, start_up, work
 

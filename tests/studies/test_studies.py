@@ -67,21 +67,9 @@ from studies.paper import printed
 STUDIES = {
     study.__name__.rpartition(".")[2]: study
     for study in (
-        *(asteroid, attraction, bifurcations, chain, chain_hand, damped_hopper, design, existence, figure_8),
-        *(
-            gravity_families,
-            inerter,
-            knee,
-            period_four,
-            plate,
-            robot_leg,
-            rocker,
-            runner,
-            series,
-            spring_families,
-            start_up,
-        ),
-        *(theorems, tolerances, tutorial, walker),
+        *(asteroid, attraction, bifurcations, chain, chain_hand, damped_hopper, design, existence, figure_5, figure_8),
+        *(gravity_families, inerter, knee, period_four, plate, robot_leg, rocker, runner, series, spring_families),
+        *(start_up, theorems, tolerances, tutorial, walker),
     )
 }
 WIDTH, SMALLEST = 900, 9  # pixels: of the figures in the README, and of their type

@@ -4,7 +4,7 @@ import click
 from docutils import nodes
 from sphinx.util.docutils import SphinxDirective
 
-WIDTH = 96
+WIDTH = 88  # columns that fit into a page
 
 
 def helps(command: click.Command, name: str):
@@ -26,7 +26,7 @@ class Commands(SphinxDirective):
         sections = []
         for name, text in helps(orbits, "orbits"):
             section = nodes.section("", nodes.title("", name), ids=[nodes.make_id(name)], names=[name])
-            section += nodes.literal_block(text, text, language="text")
+            section += nodes.literal_block(text, text, language="output")
             self.state.document.note_explicit_target(section)
             sections.append(section)
         return sections
