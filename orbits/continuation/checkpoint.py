@@ -75,6 +75,7 @@ def begun(tracer: Tracer, resume: Family | None = None) -> Family:
     settings |= {"family": tracer.first.point.family, "method": curve.method, "longest": options.longest}
     settings |= {"tune": list(resume.settings["tune"] if resume else curve.tuned)} if curve.tuned else {}
     settings |= {"at": list(options.at), "watch": list(options.watch), "stop_inadmissible": options.stop_inadmissible}
+    settings |= {"multipliers": True} if options.multipliers else {}
     settings |= curve.own_settings
     machine = machine_in_words(curve.machine) if resume is None else resume.machine
     # The run solves the last point of a resumed family again, and finds the events after it again. An event at a

@@ -7,6 +7,7 @@ X = (u, value), measured in units of its own size.
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple, overload
 
 import numpy as np
@@ -25,6 +26,7 @@ from ..shooting.division import Division, division_at, growths_of_arcs
 from ..shooting.formulations import Cycles, equations_of, iterative, method_of
 from ..shooting.newton_kernel import NewtonKernel, newton_kernel
 from ..shooting.single_shooting import Evaluation, joined
+from ..simulation.lossless_hops import LosslessHops
 from ..units import Units
 from .point import RESERVED_NAMES, Point, point_in_units
 from .predictor import around
@@ -265,6 +267,18 @@ class Curve:
     def evaluate(self, xs: np.ndarray) -> Evaluation:
         """The equations at points (m, n + 1)."""
         return self.equations.evaluate_all(xs[:, :-1], self.parameters_at(xs), (self.along,))
+
+    @cached_property
+    def hops(self) -> LosslessHops:
+        """The map of launches beside the orbits; raises `InputError` where a launch is a speed alone."""
+        return LosslessHops(self.machine)
+
+    def others(self, points: CurvePoints) -> np.ndarray:
+        """Matrices (m, d - 1, d - 1) whose eigenvalues are the multipliers besides that of the energy, at points (m,) of
+        the curve."""
+        us, ps, evaluation = self.bare(points.xs)[:, :-1], self.parameters_at(points.xs), points.own_evaluation
+        whole = self.division.whole(evaluation) if self.division else evaluation
+        return self.hops.others(self.equations_of_orbits.statement.unknowns, us, ps, whole)
 
     def evaluate_lanes(self, xs: np.ndarray) -> tuple[np.ndarray, Evaluation | None]:
         """The equations at those points (m, n + 1) whose motions can be followed: their indices (k,), and the equations

@@ -257,6 +257,5 @@ class EventTracer(Tracer):
 
     tests_for_the_end = EventEndings
 
-    def __init__(self, curve: EventCurve, *args: Any):
-        self.segments = type("EventSegment", (Segment,), {"tests": curve.condition.tests() if curve.locates else {}})
-        super().__init__(curve, *args)
+    def segments_of(self, curve: Any) -> type[Segment]:
+        return type("EventSegment", (Segment,), {"tests": curve.condition.tests() if curve.locates else {}})
