@@ -264,6 +264,11 @@ class Curve:
         """The parameters (np,) that vary along the curve, by name."""
         return {self.along: float(p[self.place])}
 
+    @property
+    def also(self) -> tuple[str, ...]:
+        """The names of what varies along the curve: parameters, and quantities that are prescribed."""
+        return tuple(self.varied(self.parameters))
+
     def evaluate(self, xs: np.ndarray) -> Evaluation:
         """The equations at points (m, n + 1)."""
         return self.equations.evaluate_all(xs[:, :-1], self.parameters_at(xs), (self.along,))
@@ -276,9 +281,12 @@ class Curve:
     def others(self, points: CurvePoints) -> np.ndarray:
         """Matrices (m, d - 1, d - 1) whose eigenvalues are the multipliers besides that of the energy, at points (m,) of
         the curve."""
-        us, ps, evaluation = self.bare(points.xs)[:, :-1], self.parameters_at(points.xs), points.own_evaluation
-        whole = self.division.whole(evaluation) if self.division else evaluation
-        return self.hops.others(self.equations_of_orbits.statement.unknowns, us, ps, whole)
+        return self._others(points.xs, points.own_evaluation)
+
+    def _others(self, xs: np.ndarray, evaluation: Evaluation) -> np.ndarray:
+        own, whole = self.equations_of_orbits.own, self.division.whole(evaluation) if self.division else evaluation
+        names = self.equations_of_orbits.statement.unknowns[:own]
+        return self.hops.others(names, xs[:, :own], self.parameters_at(xs), whole)
 
     def evaluate_lanes(self, xs: np.ndarray) -> tuple[np.ndarray, Evaluation | None]:
         """The equations at those points (m, n + 1) whose motions can be followed: their indices (k,), and the equations
@@ -336,7 +344,7 @@ class Curve:
 
     def _points(self, points: CurvePoints, cycles: Cycles, certificates: Records[Certificate]) -> Records[Point]:
         """The certified orbits of points, which are the first of some."""
-        also = {name: cycles.p[name].tolist() for name in self.varied(self.parameters) if name != self.along}
+        also = {name: cycles.p[name].tolist() for name in self.also if name != self.along}
         others = [dict(zip(also, row, strict=True)) for row in zip(*also.values(), strict=True)] or [{}] * len(points)
         found: dict[str, Any] = {
             **motion_numbers(self.machine.model, cycles),

@@ -171,7 +171,9 @@ class Family(
 
     def _varied(self, point: Point) -> dict[str, float]:
         """The values of the parameters that vary along the family, at a point."""
-        return {**point.also, **dict.fromkeys(self._along, point.value)}
+        quantities = QUANTITIES_ALONG if self.settings.get("tune") else ()
+        also = {name: value for name, value in point.also.items() if name not in quantities}
+        return {**also, **dict.fromkeys(self._along, point.value)}
 
     def _numbers_of(self, points: Sequence[Point]) -> list[str]:
         """The names of the numbers that points of the curve have."""

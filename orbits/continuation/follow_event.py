@@ -28,8 +28,9 @@ from ..periodic.certified import orbit_from
 from ..periodic.orbit import Orbit
 from ..running import interrupts
 from ..running.exclusive import exclusive
-from ..shooting.formulations import equations_of, vector
+from ..shooting.formulations import vector
 from ..shooting.single_shooting import shooting_equations
+from ..simulation.lossless_hops import CROSSINGS
 from ..symbolic.formula import Formula, parse
 from ..units import without_units
 from .checkpoint import collect_family
@@ -40,6 +41,7 @@ from .follow import bounds_of, start_tracer
 from .point import End, Event, Point, point_in_units
 from .step_control import Options, StepControl, checked_options
 from .table import names_of_motions
+from .tuned_curve import equations_of_family, values_of
 
 # How the name of an event begins along which a quantity is stationary.
 EXTREMUM = "extremum of "
@@ -61,8 +63,10 @@ SAME_VALUE = 1e-7
 
 
 class EventStart(NamedTuple):
-    """Where a curve of events begins: its condition, the statement, and a guess of the unknowns (n,)."""
+    """Where a curve of events begins: the machine there, its condition, the statement, and a guess of the unknowns
+    (n,)."""
 
+    machine: Machine
     condition: EventCondition
     stated: EventStatement
     x: np.ndarray
@@ -123,12 +127,11 @@ def follow_event(
     if machine is None:
         raise InputError("this family does not know its machine: load it by Family.load(path, machine)")
     check_followed(machine, second)
-    if family.settings.get("tune") or family.settings.get("event"):
-        raise InputError(
-            "events of families with tuned numbers, and of curves of events, are located, and not followed"
-        )
-    if second == family.name:
-        raise InputError(f"the event lies at a value of {second}: it is followed along another parameter")
+    if family.settings.get("event"):
+        raise InputError("events of curves of events are located, and not followed")
+    if second in (family.name, *_statement(machine, family).tuned):
+        what = "lies at a value of" if second == family.name else "is on a family that tunes"
+        raise InputError(f"the event {what} {second}: it is followed along another parameter")
     options = checked_options(at, None, longest, most, stop_inadmissible, step_control)
     if within is not None:
         within = bounds_within(family.name, within)
@@ -139,24 +142,24 @@ def follow_event(
     first = float(begun.x[-1])
     if within is not None and not within[0] <= first <= within[1]:
         raise InputError(f"within = ({within[0]:g}, {within[1]:g}): the curve begins at {family.name} = {first:.10g}")
-    machine = machine.with_values(**{family.name: first})
-    names = family.settings["method"], family.name, second
-    return collect_event(machine, *names, stop, begun, options, within, locate, output)
+    names, tuned = (family.settings["method"], family.name, second), _tuned(family)
+    return collect_event(*names, stop, begun, options, within, locate, tuned, output)
 
 
 def collect_event(
-    machine: Machine, method: str, along: str, second: str, stop: Any, begun: EventStart, options: Options,
-    within: tuple[float, float] | None = None, locate: bool = True, output: str | Path | None = None,
+    method: str, along: str, second: str, stop: Any, begun: EventStart, options: Options,
+    within: tuple[float, float] | None = None, locate: bool = True, tuned: tuple[str, ...] = (),
+    output: str | Path | None = None,
 ) -> Family:  # fmt: skip
-    """The curve of an event of a machine's family along a parameter, from its start on."""
-    start = machine.values[second]
+    """The curve of an event of a family along a parameter, from its start on."""
+    machine, start = begun.machine, begun.machine.values[second]
     behind, stop = bounds_of(second, start, stop, options.at)
     if begun.condition.stationary:  # second derivatives, and their differences, grow as powers of first ones
         control = options.step_control
         growth = max(control.largest_amplification ** (1 / 3), 10.0)
         options = replace(options, step_control=replace(control, largest_amplification=growth))
     curve = EventCurve(
-        machine, along, second, method, abs(stop - behind), begun.stated, begun.condition, within, locate
+        machine, along, second, method, abs(stop - behind), begun.stated, begun.condition, within, locate, tuned, begun.x
     )
     try:
         tracer = start_tracer(curve, np.append(begun.x, start), start, behind, stop, options, EventTracer)
@@ -168,10 +171,14 @@ def collect_event(
 
 def start_of_fold(machine: Machine, base: Statement, point: Point, along: str) -> EventStart:
     """The start of a curve of folds."""
+    return _of_orbit(machine, base, point, along, EventCondition(f"fold in {along}", along, None))
+
+
+def _of_orbit(machine: Machine, base: Statement, point: Point, along: str, condition: EventCondition) -> EventStart:
+    """The start of a curve whose condition says something of the equations of an orbit."""
     stated = event_statement(machine.model, base, along, parse(along), (), ())
     known = dict(zip(base.unknowns, point.u, strict=False)) | {along: point.value}
-    condition = EventCondition(f"fold in {along}", along, None)
-    return EventStart(condition, stated, _completed(machine, stated, known))
+    return EventStart(machine, condition, stated, _completed(machine, stated, known))
 
 
 def bounds_within(name: str, within: tuple[float, float]) -> tuple[float, float]:
@@ -199,9 +206,12 @@ def _begun(machine: Machine, family: Family, event: Event | str | Mapping[str, f
         condition = EventCondition(event, formula.text, None)
         return _of_formula(machine, family, _turn(machine, family, formula, number), formula, condition)
     found = _event_of(family, event, number)
-    own = _bare(machine, family, found.point)
+    own, here = _bare(machine, family, found.point), machine.with_values(**family._varied(found.point))
     if found.kind == "fold":
-        return start_of_fold(machine, _statement(machine, family), own, family.name)
+        return start_of_fold(here, _statement(machine, family), own, family.name)
+    if found.kind in CROSSINGS:
+        condition = EventCondition(found.kind, family.name, None, crossing=found.kind)
+        return _of_orbit(here, _statement(machine, family), own, family.name, condition)
     if found.kind == COLLAPSE:
         return _of_collapse(machine, family, own)
     limits = {kind: text for text, (kind, _) in LIMITS.items()}
@@ -312,14 +322,19 @@ def _bare(machine: Machine, family: Family, point: Point) -> Point:
 
 def _statement(machine: Machine, family: Family) -> Statement:
     """The statement of the family's orbits."""
-    return equations_of(machine.model, family.settings["method"], tuple(machine.values)).statement
+    return equations_of_family(machine, family.settings["method"], family.name, _tuned(family)).statement
+
+
+def _tuned(family: Family) -> tuple[str, ...]:
+    """The names of the tuned parameters of a family."""
+    return tuple(family.settings.get("tune", ()))
 
 
 def _of_formula(
     machine: Machine, family: Family, point: Point, formula: Formula, condition: EventCondition
 ) -> EventStart:  # fmt: skip
     """The start of a curve on which a formula has a value or is stationary."""
-    here = machine.with_values(**{family.name: point.value})
+    here = machine.with_values(**family._varied(point))
     used = tuple(_quantities(here, formula))
     kinds: tuple[Kind, ...] = ()
     times, contact = list[float](), None
@@ -339,7 +354,7 @@ def _of_formula(
         if contact is None:
             raise NoOrbit("the contact of the orbit at the event does not end, so that it has no time")
         known["contact_duration"] = contact / 2
-    return EventStart(condition, stated, _completed(here, stated, known))
+    return EventStart(here, condition, stated, _completed(here, stated, known))
 
 
 def _check_variational(machine: Machine) -> None:
@@ -367,22 +382,22 @@ def _completed(machine: Machine, stated: EventStatement, known: Mapping[str, flo
     """The unknowns (n,) of a statement: those that are values follow from the others."""
     names = stated.statement.unknowns
     x = np.array([known.get(name, 0.0) for name in names])
-    equations = shooting_equations(stated.statement, tuple(machine.values))
     if stated.rows:
-        residual = equations.evaluate(x, vector(machine.values)).residual
+        equations = shooting_equations(stated.statement, tuple(dict.fromkeys((*machine.values, *stated.statement.tuned))))
+        residual = equations.evaluate(x, values_of(machine, equations.parameters)).residual
         x[[names.index(name) for name in stated.rows]] = residual[[*stated.rows.values()]]
     return x
 
 
 def _of_collapse(machine: Machine, family: Family, point: Point) -> EventStart:
     """The start of a curve of collapses."""
-    here, base = machine.with_values(**{family.name: point.value}), _statement(machine, family)
+    here, base = machine.with_values(**family._varied(point)), _statement(machine, family)
     u = dict(zip(base.unknowns, point.u, strict=False))
     place, speed = map(float, here.model.touchdown(u, here.values))
     side = float(np.sign(speed))
     stated = collapse_statement(machine.model, base, family.name, side)
     known = u | {family.name: point.value, BARRIER: _barrier(here, stated, place, speed, side)}
-    return EventStart(EventCondition(COLLAPSE, ""), stated, _completed(here, stated, known))
+    return EventStart(here, EventCondition(COLLAPSE, ""), stated, _completed(here, stated, known))
 
 
 def _barrier(machine: Machine, stated: EventStatement, place: float, speed: float, side: float) -> float:

@@ -46,8 +46,8 @@ def event_statement(
 ) -> EventStatement:
     """The statement of orbits at which a formula has a value.
 
-    base : of the orbits alone
-    along : name of the parameter that is an unknown
+    base : of the orbits alone, perhaps with tuned parameters
+    along : name of the parameter, or of the prescribed quantity, that is an unknown
     used : the quantities that the formula uses, which are made of extremes of these kinds
 
     The last residual is the value of the formula, from which the prescribed one has to be subtracted.
@@ -85,10 +85,17 @@ def event_statement(
         starts = [_function(model, kind, _begin(model, kind, u, p), p)[0] - u[value] for value, kind in here]
         return [*last.conditions(u, x, p), *starts, _value_of_formula(model, formula, used, kinds, u, p)]
 
-    unknowns = (*base.unknowns, *added, along)
     arcs[-1] = replace(last, conditions=conditions)
-    name = f"{base.name} with {formula.text}"
-    return EventStatement(Statement(name, unknowns, tuple(arcs), (*base.durations, *durations), (along,)), rows)
+    return EventStatement(_extended(f"{base.name} with {formula.text}", base, arcs, added, durations, along), rows)
+
+
+def _extended(
+    name: str, base: Statement, arcs: Sequence[Arc], added: Sequence[str], durations: Sequence[str], along: str
+) -> Statement:
+    """A statement with further arcs, unknowns and durations, and with a parameter that is the last unknown, after the
+    tuned ones."""
+    own, tuned = len(base.unknowns) - len(base.tuned), (*base.tuned, along)
+    return Statement(name, (*base.unknowns[:own], *added, *tuned), tuple(arcs), (*base.durations, *durations), tuned)
 
 
 def _value_of_formula(
@@ -177,6 +184,6 @@ def collapse_statement(model: Model, base: Statement, along: str, side: float) -
         return [side * field(x, p, phase.data(x, p))[1], x[1]]
 
     arc = Arc(phase, start, lambda u, p: u[BARRIER], conditions)
-    unknowns = (*base.unknowns, BARRIER, along)
-    name = f"{base.name} before a collapse"
-    return EventStatement(Statement(name, unknowns, (*base.arcs, arc), (*base.durations, BARRIER), (along,)), {})
+    return EventStatement(
+        _extended(f"{base.name} before a collapse", base, (*base.arcs, arc), [BARRIER], [BARRIER], along), {}
+    )
