@@ -12,7 +12,7 @@ adjoint w of the equations d(e_X . t) = d/dt (e_X - w . F_X): they are central d
 1e-9 of their size. Points are nevertheless exact to rounding, since the residual is.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -30,7 +30,7 @@ from ..records import NONE, Records
 from ..shooting.formulations import Cycles
 from ..shooting.single_shooting import Evaluation, shooting_equations
 from ..simulation.lossless_hops import CROSSINGS
-from .curve import AT_A_FOLD, TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints
+from .curve import AT_A_FOLD, TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints, TestFunction
 from .events import Segment
 from .homoclinic import Passed
 from .limits import Endings, History
@@ -49,8 +49,8 @@ LIMITS = {
     "smallest_separation": ("masses touch", ("separation",)),
     "smallest_contact_force": ("contact pulls", ("pull", "landed pull")),
     "landing_jerk": ("landing jerk", ("the gap opens the wrong way",)),
-    "smallest_stance_force": ("", ("stance",)),
-    "friction_left": ("", ("it needs the friction",)),
+    "smallest_stance_force": ("foot lifts", ("stance",)),
+    "friction_left": ("foot slides", ("it needs the friction",)),
 }
 COLLAPSE, ELSEWHERE = "collapse", "another place"
 
@@ -83,7 +83,7 @@ class EventCondition:
         """Whether the curve is the limit of a condition of motions."""
         return not self.text or (self.text in LIMITS and self.level == 0)
 
-    def tests(self) -> dict[str, Callable[[Records[Point]], np.ndarray]]:
+    def tests(self) -> dict[str, TestFunction]:
         """The test functions of events on the curve: those of orbits that do not vanish on all of it, and whether the
         quantity takes its value at the place that is followed, and not at another one."""
         own = LIMITS[self.text][0] if self.text and self.at_limit else ""
@@ -91,7 +91,7 @@ class EventCondition:
         if not self.text:
             return {kind: found[kind] for kind in ("grazing", "landing jerk")}
         if self.place and self.level is not None and self.text in Certificate.__dataclass_fields__:
-            found[ELSEWHERE] = lambda points: self.place * self.excess(points.column(self.text)) + AT_LIMIT
+            found[ELSEWHERE] = lambda _, points: self.place * self.excess(points.orbits.column(self.text)) + AT_LIMIT
         return found
 
     def excess(self, numbers: np.ndarray) -> np.ndarray:
@@ -303,5 +303,6 @@ class EventTracer(Tracer):
 
     tests_for_the_end = EventEndings
 
-    def segments_of(self, curve: Any) -> type[Segment]:
-        return type("EventSegment", (Segment,), {"tests": curve.condition.tests() if curve.locates else {}})
+    def __init__(self, curve: EventCurve, *args: Any):
+        self.segments = type("EventSegment", (Segment,), {"tests": curve.condition.tests() if curve.locates else {}})
+        super().__init__(curve, *args)

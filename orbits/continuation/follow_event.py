@@ -17,7 +17,7 @@ from ..design.event_statement import (
     names_of_kind,
 )
 from ..design.extremes import Kind, Place, places_of
-from ..design.problem import Outputs, formula_names, known_formula
+from ..design.problem import Outputs, known_formula, names_along
 from ..design.sensitivities import quantities
 from ..errors import FlowError, InputError, NoOrbit, finite_number, whole_number
 from ..flow.flow import flow_of
@@ -220,7 +220,7 @@ def _begun(machine: Machine, family: Family, event: Event | str | Mapping[str, f
         reason = NOT_FOLLOWED.get(found.kind, "of a function that is watched no derivatives are known: state a formula")
         raise InputError(f"a curve of '{found.kind}' is not followed: {reason}; those of {known} are")
     text = limits[found.kind]
-    size = getattr(own, text)
+    size = getattr(own, text) if text in Certificate.__dataclass_fields__ else 0.0
     if size is None or abs(size) > JUMPS:  # on one side the contact turns back before a barrier, on the other beyond it
         return _of_collapse(machine, family, own)
     condition = EventCondition(found.kind, text, 0.0, place=_side_of(machine, text, 0.0))
@@ -249,7 +249,7 @@ def _known(machine: Machine, text: object) -> Formula:
     """A formula of the quantities and parameters of a machine."""
     if not isinstance(text, str):
         raise InputError(f"event = {text!r}; it is a kind of event, or a formula of quantities with its value")
-    formula = known_formula(text, formula_names(machine), "the event")
+    formula = known_formula(text, names_along(machine), "the event")
     if not formula.names:
         raise InputError(f"the event '{text}' says nothing of the orbit or the machine")
     return formula
@@ -339,7 +339,8 @@ def _of_formula(
     kinds: tuple[Kind, ...] = ()
     times, contact = list[float](), None
     if used:
-        base_statement(machine.model)  # refuses machines whose orbits are not their own mirror images
+        if not _tuned(family):
+            base_statement(machine.model)  # refuses machines whose orbits are not their own mirror images
         if "landing_sensitivity" in used or "loss_coefficient" in used:
             _check_variational(machine)
         orbit = orbit_from(here, family.settings["method"], point.u, point.error).dimensionless()

@@ -111,7 +111,7 @@ class Event:
     """An event on the curve, located to the corrector's tolerance.
 
     kind : "fold", "branch point", "grazing", "masses touch", "contact pulls", "landing jerk", "collapse", "law ends",
-        "family", "multiplier 1", "flip", "Neimark-Sacker", "asked" (a value of the parameter in `at`), or the name of a
+        "family", "foot lifts", "foot slides", "multiplier 1", "flip", "Neimark-Sacker", "asked" (a value of the parameter in `at`), or the name of a
         function of `watch`
     point : the orbit at the event
     after : index of the last point before the event; for "asked", of the point itself

@@ -14,9 +14,8 @@ from ..errors import NoOrbit, OrbitsError
 from ..shooting.division import LARGEST_ARC_GROWTH
 from ..units import Message
 from .corrector import MEMORY, correct
-from .crossings import with_crossings
 from .curve import Curve, CurvePoint, CurvePoints, StepEnd
-from .events import Segment
+from .events import CrossingSegment, Segment
 from .limits import Endings
 from .point import End, Event
 from .step_control import Options, Stepper
@@ -59,11 +58,13 @@ class Tracer:
     and one at a time. `earlier` are the points before the first, in a family that is resumed.
     """
 
+    segments: type[Segment] = Segment
     tests_for_the_end: type[Endings] = Endings
 
     def __init__(self, curve: Curve, first: CurvePoint, behind, stop, options: Options, earlier: Sequence = ()):
         self.curve, self.options, self.control, self.earlier = curve, options, options.step_control, earlier
-        self.segments = self.segments_of(curve)
+        if options.multipliers:
+            self.segments = CrossingSegment
         self.behind, self.stop, bounds = behind, stop, (min(behind, stop), max(behind, stop))
         self.start = earlier[0].value if earlier else first.value
         self.stepper = Stepper(curve, bounds, self.start, options)
@@ -80,10 +81,6 @@ class Tracer:
         self.first = first
         origin = earlier[0] if earlier else first.point
         self.endings = self.tests_for_the_end(curve, origin, self.start, bounds, options)
-
-    def segments_of(self, curve: Curve) -> type[Segment]:
-        """The kind of segments between the points of a curve, which has its events."""
-        return with_crossings(Segment, curve) if self.options.multipliers else Segment
 
     def __iter__(self) -> Iterator[CurvePoint | Event | End]:
         """The points of the curve, first to last, each event before the point that follows it, and the end."""
@@ -152,8 +149,7 @@ class Tracer:
         row = tangent / curve.size(x) ** 2
         first = curve.certify_at(correct(curve, x, row, float(row @ x), tangent), last.value)
         bounds, origin = self.stepper.bounds, self.endings.origin
-        self.curve, self.segments = curve, self.segments_of(curve)
-        self.stepper = Stepper(curve, bounds, self.start, self.options)
+        self.curve, self.stepper = curve, Stepper(curve, bounds, self.start, self.options)
         self.endings = self.tests_for_the_end(curve, origin, self.start, bounds, self.options)
         return first
 
@@ -163,7 +159,7 @@ class Tracer:
         if not len(points):
             return
         busy = self.endings.may_end(last, points)
-        busy |= self.segments.may_happen(last, points, self.options.at, self.options.watch)
+        busy |= self.segments.may_happen(self.curve, last, points, self.options.at, self.options.watch)
         first = 0
         for i in (*busy.nonzero()[0].tolist(), len(points)):
             if first < i:

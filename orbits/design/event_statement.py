@@ -20,7 +20,7 @@ from ..periodic.quantities import dimension_of
 from ..symbolic.formula import Formula
 from ..units import Units
 from .design_quantities import VARIATIONAL, expressions, extreme_of, landing_sensitivity, variational_arc
-from .extremes import Kind, extreme_function
+from .extremes import Kind, extreme_function, start_function
 
 HALF_CONTACT_TIME, SLOPE = "contact_duration", "landing sensitivity"
 # The distance in contact from touchdown to the place at which the machine would be at rest.
@@ -82,7 +82,7 @@ def event_statement(
     last = arcs[-1]
 
     def conditions(u: Mapping, x: Sequence, p: Mapping) -> list:
-        starts = [_function(model, kind, _begin(model, kind, u, p), p)[0] - u[value] for value, kind in here]
+        starts = [_at_start(model, kind, u, p) - u[value] for value, kind in here]
         return [*last.conditions(u, x, p), *starts, _value_of_formula(model, formula, used, kinds, u, p)]
 
     arcs[-1] = replace(last, conditions=conditions)
@@ -120,6 +120,14 @@ def _phase_of_kind(model: Model, kind: Kind) -> str:
 def _begin(model: Model, kind: Kind, u: Mapping, p: Mapping) -> list:
     """The state in which the phase of an extreme begins."""
     return model.launch(u, p) if _phase_of_kind(model, kind) == "flight" else model.touchdown(u, p)
+
+
+def _at_start(model: Model, kind: Kind, u: Mapping, p: Mapping) -> Any:
+    """The value of the function of an extreme where its phase begins."""
+    x = _begin(model, kind, u, p)
+    data = getattr(model, _phase_of_kind(model, kind)).data(x, p)
+    function = start_function(model, tuple(p), kind.extreme, kind.function)
+    return function(ca.vertcat(*map(ca.SX, x)), ca.vertcat(*p.values()), ca.vertcat(*data))
 
 
 def _function(model: Model, kind: Kind, x: Sequence, p: Mapping) -> list:
