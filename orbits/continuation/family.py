@@ -413,9 +413,10 @@ class Family(
         check_points(points, events)
         found = tuple(points), tuple(events), end
         family = cls(head["along"], head["machine"], *found, head["settings"], head["versions"])
-        if machine is not None:  # with the value that its description has of the parameter that varies
-            words = {**family.machine, **family.machine["parameters"]}
-            own = {each: words[each] for each in (family.name, *family.settings.get("tune", ())) if each in words}
+        if machine is not None:  # with the values that its description has of the parameters that vary
+            words, settings = {**family.machine, **family.machine["parameters"]}, family.settings
+            varied = family.name, settings.get("along"), *settings.get("tune", ())
+            own = {each: words[each] for each in varied if each in words}
             family = replace(family, source=is_of(machine, family.machine, own))
         return _modernised(family) if family.machine.get("laws_in") == "SI" else family
 

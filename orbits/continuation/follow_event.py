@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..design.design_point import no_motion
-from ..design.design_quantities import ABSENT, COMPOSITION, VARIATIONAL, base_statement, extremes_of
+from ..design.design_quantities import ABSENT, COMPOSITION, FRICTION_LEFT, VARIATIONAL, base_statement, extremes_of
 from ..design.event_statement import (
     BARRIER,
     EventStatement,
@@ -266,6 +266,9 @@ def _values_along(machine: Machine, family: Family, formula: Formula) -> np.ndar
     here = [machine.with_values(**family._varied(point)) for point in family.points]
     known, used = {*family._numbers_of(family.points), *names_of_motions(machine)}, _quantities(machine, formula)
     values = {name: family.column(name) for name in used if name in known}
+    if FRICTION_LEFT in used and machine.model.planar and machine.model.planar.friction:
+        stated = np.array([machine.model.planar.friction(own.values) for own in here])
+        values[FRICTION_LEFT], known = stated - family.column("friction_needed"), known | {FRICTION_LEFT}
     if missing := [name for name in used if name not in known]:
         method, each = family.settings["method"], list[list[float]]()
         for own, point in zip(here, family.points, strict=True):
