@@ -123,7 +123,8 @@ class EventCurve(Curve):
     """The curve of orbits at an event in two parameters; its points have the value of the first one too, which may be a
     quantity where parameters are tuned.
 
-    tuned : names of tuned parameters, which are unknowns in front of the first parameter
+    tuned, tuned_sizes : names of tuned parameters, which are unknowns in front of the first parameter; and their sizes
+    first : the value of the first parameter where the curve begins
     within : bounds of the first parameter, where the curve ends; None for none
     locates : whether the events of orbits are located along it
     """
@@ -132,8 +133,8 @@ class EventCurve(Curve):
 
     def __init__(
         self, machine: Machine, along: str, second: str, method: str, span: float, stated: EventStatement,
-        condition: EventCondition, within: tuple[float, float] | None = None, locates: bool = True,
-        tuned: tuple[str, ...] = (), x: Any = (),
+        condition: EventCondition, tuned: tuple[str, ...], tuned_sizes: np.ndarray, first: float,
+        within: tuple[float, float] | None = None, locates: bool = True,
     ):  # fmt: skip
         self.machine, self.along, self.method, self.span, self.tuned = machine, second, method, span, tuned
         self.condition, self.within, self.locates, self.first = condition, within, locates, along
@@ -143,10 +144,10 @@ class EventCurve(Curve):
         self.equations = shooting_equations(stated.statement, self.names)
         # The places of the tuned parameters, and the unit of one that passes zero.
         self.places = slice(self.equations.own, self.equations.size - 1)
-        self.least_tuned = 0.1 * np.abs(x[self.places])
+        self.least_tuned = 0.1 * tuned_sizes
         # The unit of the first parameter is the distance of its bounds, or its value; of one that passes zero its first
         # value, or 1 when the first value is zero.
-        self.least = within[1] - within[0] if within else 0.1 * abs(x[-1]) or 1.0
+        self.least = within[1] - within[0] if within else 0.1 * abs(first) or 1.0
         self.own_settings = {"event": condition.name, "along": along}
 
     def parameters_at(self, xs: np.ndarray) -> np.ndarray:

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from ..errors import InputError, NoOrbit
 from ..model.machine import Machine
 from ..running.exclusive import exclusive
@@ -14,7 +16,7 @@ from .point import Point
 from .step_control import Options, StepControl, checked_options
 from .tuned_curve import equations_of_family
 
-# At a fold the parameter changes by less than this share when the launch speed doubles.
+# At a fold the parameter changes by less than this share when an unknown doubles.
 STEEPEST = 1e-3
 
 
@@ -61,9 +63,9 @@ def follow_fold(
     bounds_of(across, machine.values[across], stop)
     options = checked_options(at=at, longest=longest, most=most, step_control=step_control)
     base = equations_of_family(machine, method, along, tuned).statement
-    alpha = base.unknowns.index("alpha")
-    steepness = abs(fold.tangent[-1]) * fold.u[alpha]
-    if not steepness < STEEPEST * abs(fold.tangent[alpha]) * max(abs(fold.value), 1e-3):
+    sizes = np.maximum(np.abs(fold.u), 0.1 * np.abs(fold.u).max())
+    most = (np.abs(fold.tangent[:-1]) / sizes).max()
+    if not abs(fold.tangent[-1]) < STEEPEST * most * max(abs(fold.value), 1e-3):
         raise NoOrbit(f"this point is no fold: {along} changes along its family")
     begun = start_of_fold(machine, base, fold, along)
     return collect_event(method, along, across, stop, begun, options, tuned=tuned, output=output)

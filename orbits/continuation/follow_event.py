@@ -63,13 +63,14 @@ SAME_VALUE = 1e-7
 
 
 class EventStart(NamedTuple):
-    """Where a curve of events begins: the machine there, its condition, the statement, and a guess of the unknowns
-    (n,)."""
+    """Where a curve of events begins: the machine there, its condition, the statement, a guess of the unknowns (n,), and
+    the sizes (t,) of the tuned parameters there, or of their changes along the family."""
 
     machine: Machine
     condition: EventCondition
     stated: EventStatement
     x: np.ndarray
+    tuned_sizes: np.ndarray
 
 
 @exclusive
@@ -158,8 +159,9 @@ def collect_event(
         control = options.step_control
         growth = max(control.largest_amplification ** (1 / 3), 10.0)
         options = replace(options, step_control=replace(control, largest_amplification=growth))
+    of_family = tuned, begun.tuned_sizes, float(begun.x[-1])
     curve = EventCurve(
-        machine, along, second, method, abs(stop - behind), begun.stated, begun.condition, within, locate, tuned, begun.x
+        machine, along, second, method, abs(stop - behind), begun.stated, begun.condition, *of_family, within, locate
     )
     try:
         tracer = start_tracer(curve, np.append(begun.x, start), start, behind, stop, options, EventTracer)
@@ -177,8 +179,18 @@ def start_of_fold(machine: Machine, base: Statement, point: Point, along: str) -
 def _of_orbit(machine: Machine, base: Statement, point: Point, along: str, condition: EventCondition) -> EventStart:
     """The start of a curve whose condition says something of the equations of an orbit."""
     stated = event_statement(machine.model, base, along, parse(along), (), ())
-    known = dict(zip(base.unknowns, point.u, strict=False)) | {along: point.value}
-    return EventStart(machine, condition, stated, _completed(machine, stated, known))
+    known = dict(zip(base.unknowns, point.u, strict=False))
+    return _start(machine, condition, stated, base, point, known)
+
+
+def _start(
+    machine: Machine, condition: EventCondition, stated: EventStatement, base: Statement, point: Point,
+    known: Mapping[str, float],
+) -> EventStart:  # fmt: skip
+    """The start of a curve at a point of a family of orbits with a statement, from known unknowns by name."""
+    own = slice(len(base.unknowns) - len(base.tuned), len(base.unknowns))
+    sizes = np.maximum(np.abs(point.u), np.abs(point.tangent[:-1]))[own]
+    return EventStart(machine, condition, stated, _completed(machine, stated, known, point.value), sizes)
 
 
 def bounds_within(name: str, within: tuple[float, float]) -> tuple[float, float]:
@@ -352,13 +364,13 @@ def _of_formula(
         contact = orbit.contact_time
     base = _statement(machine, family)
     stated = event_statement(machine.model, base, family.name, formula, used, kinds)
-    known = dict(zip(base.unknowns, point.u, strict=False)) | {family.name: point.value}
+    known = dict(zip(base.unknowns, point.u, strict=False))
     known |= {names_of_kind(kind)[1]: time for kind, time in zip(kinds, times, strict=True)}
     if "contact_duration" in stated.statement.unknowns and "contact_duration" not in known:
         if contact is None:
             raise NoOrbit("the contact of the orbit at the event does not end, so that it has no time")
         known["contact_duration"] = contact / 2
-    return EventStart(here, condition, stated, _completed(here, stated, known))
+    return _start(here, condition, stated, base, point, known)
 
 
 def _check_variational(machine: Machine) -> None:
@@ -382,10 +394,11 @@ def _places_on(machine: Machine, orbit: Orbit, extremes: Sequence[str]) -> list[
     return [place for place in found.values() if place]
 
 
-def _completed(machine: Machine, stated: EventStatement, known: Mapping[str, float]) -> np.ndarray:
-    """The unknowns (n,) of a statement: those that are values follow from the others."""
+def _completed(machine: Machine, stated: EventStatement, known: Mapping[str, float], first: float) -> np.ndarray:
+    """The unknowns (n,) of a statement, the last of which is the `first` parameter: those that are values follow from
+    the others."""
     names = stated.statement.unknowns
-    x = np.array([known.get(name, 0.0) for name in names])
+    x = np.array([*(known.get(name, 0.0) for name in names[:-1]), first])
     if stated.rows:
         equations = shooting_equations(stated.statement, tuple(dict.fromkeys((*machine.values, *stated.statement.tuned))))
         residual = equations.evaluate(x, values_of(machine, equations.parameters)).residual
@@ -400,8 +413,8 @@ def _of_collapse(machine: Machine, family: Family, point: Point) -> EventStart:
     place, speed = map(float, here.model.touchdown(u, here.values))
     side = float(np.sign(speed))
     stated = collapse_statement(machine.model, base, family.name, side)
-    known = u | {family.name: point.value, BARRIER: _barrier(here, stated, place, speed, side)}
-    return EventStart(here, EventCondition(COLLAPSE, ""), stated, _completed(here, stated, known))
+    known = u | {BARRIER: _barrier(here, stated, place, speed, side)}
+    return _start(here, EventCondition(COLLAPSE, ""), stated, base, point, known)
 
 
 def _barrier(machine: Machine, stated: EventStatement, place: float, speed: float, side: float) -> float:

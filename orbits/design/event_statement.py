@@ -94,8 +94,10 @@ def _extended(
 ) -> Statement:
     """A statement with further arcs, unknowns and durations, and with a parameter that is the last unknown, after the
     tuned ones."""
-    own, tuned = len(base.unknowns) - len(base.tuned), (*base.tuned, along)
-    return Statement(name, (*base.unknowns[:own], *added, *tuned), tuple(arcs), (*base.durations, *durations), tuned)
+    own, tuned = base.unknowns[: len(base.unknowns) - len(base.tuned)], (*base.tuned, along)
+    last = f"prescribed {along}" if along in own else along
+    unknowns = (*own, *added, *base.tuned, last)
+    return Statement(name, unknowns, tuple(arcs), (*base.durations, *durations), tuned)
 
 
 def _value_of_formula(
