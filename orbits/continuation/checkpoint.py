@@ -81,7 +81,7 @@ def begun(tracer: Tracer, resume: Family | None = None) -> Family:
     # The run solves the last point of a resumed family again, and finds the events after it again. An event at a
     # requested value is the last point itself and stays.
     points, earlier = (resume.points[:-1], resume.events) if resume else ((), ())
-    events = tuple(event for event in earlier if event.after < len(points) + (event.kind == "asked"))
+    events = tuple(event for event in earlier if event.after < len(points) + (event.kind == "value"))
     end = End("interrupted", UNFINISHED)
     return Family(curve.along, machine, points, events, end, settings, dict(versions()), curve.machine)
 

@@ -305,7 +305,7 @@ class Curve:
         return np.where(judged, points.orbits.column("smallest_stance_force"), NONE)
 
     def friction_left(self, points: CurvePoints) -> np.ndarray:
-        """What certified points (m,) leave of the stated friction, `NONE` where none is stated and where a foot lifts."""
+        """What certified points (m,) leave of the stated friction, `NONE` where none is stated or a foot lifts."""
         planar = self._ground
         if planar is None or planar.friction is None:
             return np.full(len(points), NONE)
@@ -314,8 +314,7 @@ class Curve:
         return np.where(needed == NONE, NONE, stated - needed)
 
     def others(self, points: CurvePoints) -> np.ndarray:
-        """Matrices (m, d - 1, d - 1) whose eigenvalues are the multipliers besides that of the energy, at points (m,) of
-        the curve."""
+        """Matrices (m, d - 1, d - 1) whose eigenvalues are the multipliers besides that of the energy, at points."""
         return self._others(points.xs, points.own_evaluation)
 
     def _others(self, xs: np.ndarray, evaluation: Evaluation) -> np.ndarray:

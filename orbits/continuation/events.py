@@ -45,7 +45,9 @@ class Segment:
         """Whether an event may lie between each of certified points (m,) of a curve and the one before it, (m,)."""
         if watch:
             return np.ones(len(points), bool)
-        parts = [(each.values[:, None], cls._test_signs(curve, each)) for each in map(CurvePoints.of, ([before], points))]
+        parts = [
+            (each.values[:, None], cls._test_signs(curve, each)) for each in map(CurvePoints.of, ([before], points))
+        ]
         values, signs = map(np.concatenate, zip(*parts, strict=True))
         low, high = np.minimum(values[:-1], values[1:]), np.maximum(values[:-1], values[1:])
         return (signs[:-1] != signs[1:]).any(1) | ((low <= requested) & (requested <= high)).any(1)
@@ -112,7 +114,7 @@ class Segment:
         for (low, high), part in zip(pairwise(turns), self.sheets(), strict=True):
             for value in part._passed(requested):
                 share = low + (high - low) * (value - part.a.value) / (part.b.value - part.a.value)
-                located.append(("asked", share, part.point_at(value)))
+                located.append(("value", share, part.point_at(value)))
         return [(kind, point) for kind, _, point in sorted(located, key=lambda event: event[1])]
 
     def _sign_changes(self, watch: Watch) -> Iterator[tuple[str, float, CurvePoint]]:
@@ -172,7 +174,7 @@ def _crossing(kind: str, curve: Curve, points: CurvePoints) -> np.ndarray:
 class CrossingSegment(Segment):
     """The same with the crossings of the unit circle by multipliers among the events."""
 
-    tests = {**TEST_FUNCTIONS, **{kind: partial(_crossing, kind) for kind in CROSSINGS}}
+    tests: Mapping[str, TestFunction] = {**TEST_FUNCTIONS, **{kind: partial(_crossing, kind) for kind in CROSSINGS}}
 
 
 def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: Orbit) -> float | None:

@@ -30,6 +30,8 @@ from .table import names_of_motions, numbers_of_motions
 
 # The reason why a family from an unfinished file has no end.
 UNFINISHED = "its file ends before it does: resume it to go on"
+# Kinds of events in files of earlier versions, with their names of today.
+OLD_KINDS = {"asked": "value"}
 # Default time limit of the proof of a curve, in seconds.
 LIMIT_OF_BRANCH = 600.0
 # Endings of the files that a family is saved to; the first is lines of JSON, which grow point by point.
@@ -198,7 +200,7 @@ class Family(
         """
         rows = list[tuple[Point, str]]()
         for point, event in self.in_order() if events else ((point, None) for point in self.points):
-            if event and event.kind == "asked" and rows:  # its point is the previous row
+            if event and event.kind == "value" and rows:  # its point is the previous row
                 rows.pop()
             rows.append((point, event.kind if event else ""))
         points = [point for point, _ in rows]
@@ -407,7 +409,8 @@ class Family(
             if "point" in item:
                 points.append(conform(item["point"], Point, where))
             elif "event" in item:
-                events.append(conform(item["event"], Event, where))
+                event = conform(item["event"], Event, where)
+                events.append(replace(event, kind=OLD_KINDS.get(event.kind, event.kind)))
             else:
                 end = conform(item["end"], End, where)
         check_points(points, events)

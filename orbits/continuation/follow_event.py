@@ -1,5 +1,6 @@
 """Follow an event of a family in two parameters: where admissibility is lost, a quantity has a value, a fold."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -31,15 +32,15 @@ from ..running.exclusive import exclusive
 from ..shooting.formulations import vector
 from ..shooting.single_shooting import shooting_equations
 from ..simulation.lossless_hops import CROSSINGS
-from ..symbolic.formula import Formula, parse
+from ..symbolic.formula import Formula, parse, suggest
 from ..units import without_units
 from .checkpoint import collect_family
-from .curve import check_followed
+from .curve import TEST_FUNCTIONS, check_followed
 from .event_curve import COLLAPSE, LIMITS, EventCondition, EventCurve, EventTracer
 from .family import Family
 from .follow import bounds_of, start_tracer
 from .point import End, Event, Point, point_in_units
-from .step_control import Options, StepControl, checked_options
+from .step_control import OTHER_EVENTS, Options, StepControl, checked_options
 from .table import names_of_motions
 from .tuned_curve import equations_of_family, values_of
 
@@ -51,7 +52,7 @@ NOT_FOLLOWED = {
     "them, follow_branch_points follows it",
     "law ends": "beyond it there is no motion on one side of which its equation could be solved",
     "family": "the number of a family is counted, and is no equation",
-    "asked": "the parameter has one value on it: follow(machine, second) goes along it",
+    "value": "the parameter has one value on it: follow(machine, second) goes along it",
 }
 # Samples of the energy over the places of a contact, in which its barrier is searched, up to these multiples of the
 # distance from touchdown to the place of rest; and the largest share of the energy at rest that is left there.
@@ -63,8 +64,8 @@ SAME_VALUE = 1e-7
 
 
 class EventStart(NamedTuple):
-    """Where a curve of events begins: the machine there, its condition, the statement, a guess of the unknowns (n,), and
-    the sizes (t,) of the tuned parameters there, or of their changes along the family."""
+    """Where a curve of events begins: the machine there, its condition, the statement, a guess of the unknowns (n,),
+    and the sizes (t,) of the tuned parameters there, or of their changes along the family."""
 
     machine: Machine
     condition: EventCondition
@@ -94,9 +95,9 @@ def follow_event(
 
     family : as `follow` returns it, or as it is loaded with its machine
     event : one of `family.events` or its kind: "fold", "grazing", "masses touch", "contact pulls", "landing jerk",
-        "collapse"; or a formula of quantities and parameters with its value, as {"clearance": 0.1}; or where a formula
-        is stationary along the family, as "extremum of alpha". Conditions that have no kind are such formulas too, as
-        {"friction_left": 0.0} and {"smallest_stance_force": 0.0}
+        "collapse", "foot lifts", "foot slides", "multiplier 1", "flip", "Neimark-Sacker"; or a formula of quantities
+        and parameters with its value, as {"clearance": 0.1}; or where a formula is stationary along the family, as
+        "extremum of alpha"
     second : name of the second parameter, which begins at the machine's own value
     stop : its last value, or a pair of bounds, as in `follow`
     number : of the event among those of its kind, from 0 in order along the family
@@ -228,7 +229,7 @@ def _begun(machine: Machine, family: Family, event: Event | str | Mapping[str, f
         return _of_collapse(machine, family, own)
     limits = {kind: text for text, (kind, _) in LIMITS.items()}
     if found.kind not in limits:
-        known = ", ".join(["fold", COLLAPSE, *limits])
+        known = ", ".join(["fold", COLLAPSE, *limits, *CROSSINGS])
         reason = NOT_FOLLOWED.get(found.kind, "of a function that is watched no derivatives are known: state a formula")
         raise InputError(f"a curve of '{found.kind}' is not followed: {reason}; those of {known} are")
     text = limits[found.kind]
@@ -247,14 +248,23 @@ def _event_of(family: Family, event: Event | str, number: int) -> Event:
             where = f"{family.name} = {event.point.value:.10g}"
             raise InputError(f"the event '{event.kind}' at {where} is none of this family: take one of family.events")
         return event
-    kinds = list(dict.fromkeys(each.kind for each in family.events))
     found = [each for each in family.events if each.kind == event]
-    if not 0 <= number < len(found):
-        here = ", ".join(
-            f"{kinds.count(kind) and sum(e.kind == kind for e in family.events)} '{kind}'" for kind in kinds
-        )
-        raise NoOrbit(f"the family has no event '{event}' of number {number}; it has {here or 'none'}")
-    return found[number]
+    if number < len(found):
+        return found[number]
+    counts = Counter(each.kind for each in family.events)
+    here = ", ".join(f"{count} '{kind}'" for kind, count in counts.items()) or "none"
+    if found:
+        raise NoOrbit(f"number = {number}: the family has {here}, and the first is number 0")
+    machine, known = family.source, [*TEST_FUNCTIONS, *OTHER_EVENTS, *counts]
+    if event in CROSSINGS and "multipliers" not in family.settings:
+        here += f"; a '{event}' is located by follow(..., multipliers=True)"
+    elif event not in known:
+        if machine and event in names_along(machine):
+            text = f"'{event}' is no event: a quantity is followed at a value, as {{'{event}': 0.1}}, or where it is"
+            raise InputError(f"{text} stationary along the family, as '{EXTREMUM}{event}'")
+        near = suggest(str(event), known)
+        raise InputError(f"there is no event '{event}'{near}{'' if near.endswith('?') else '.'} The family has {here}")
+    raise NoOrbit(f"the family has no event '{event}'; it has {here}")
 
 
 def _known(machine: Machine, text: object) -> Formula:
@@ -400,7 +410,9 @@ def _completed(machine: Machine, stated: EventStatement, known: Mapping[str, flo
     names = stated.statement.unknowns
     x = np.array([*(known.get(name, 0.0) for name in names[:-1]), first])
     if stated.rows:
-        equations = shooting_equations(stated.statement, tuple(dict.fromkeys((*machine.values, *stated.statement.tuned))))
+        equations = shooting_equations(
+            stated.statement, tuple(dict.fromkeys((*machine.values, *stated.statement.tuned)))
+        )
         residual = equations.evaluate(x, values_of(machine, equations.parameters)).residual
         x[[names.index(name) for name in stated.rows]] = residual[[*stated.rows.values()]]
     return x

@@ -19,7 +19,7 @@ from .curve import TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints, StepEnd, Watc
 from .predictor import around
 
 # Events that are not among `TEST_FUNCTIONS`. The functions of a user cannot have these names.
-OTHER_EVENTS = ("fold", "branch point", "family", "asked", *CROSSINGS)
+OTHER_EVENTS = ("fold", "branch point", "family", "value", *CROSSINGS)
 # The largest step is at least this many times as long as the shortest, so that step-size control has some range.
 LEAST_PLAY = 10
 Points = Sequence[CurvePoint | StepEnd]

@@ -212,13 +212,13 @@ class Tracer:
         values, items, index = self.options.at, list[CurvePoint | Event](), before
         segment, end = self.endings.cut(self.segments(self.curve, last, point))
         for kind, event in segment.events(values, self.options.watch):
-            if kind == "asked":
+            if kind == "value":
                 index += 1
                 items.append(event)
             items.append(Event(kind, index, event.point))
         items.append(segment.b)
         if not end and segment.b.value in values:
-            items.append(Event("asked", index + 1, segment.b.point))
+            items.append(Event("value", index + 1, segment.b.point))
         return items, segment.b, index + 1 - before, end
 
     def _after(self, state: TracerState, batch: Batch, ends: list[CurvePoint]) -> TracerState:

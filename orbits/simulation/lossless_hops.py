@@ -1,12 +1,12 @@
 """The multipliers of lossless hops, many together, from the motions of their halves.
 
-Let P be the derivative of a launch by the half flight up to its middle, and R the reversor, which leaves the state there
-as it is. The second half is the mirror image of the first one, so that its derivative is R P^-1 R and that of the whole
-flight R P^-1 R P; the same holds of the contact. Between them lies the projection by a tangential landing
+Let P be the derivative of the state in the middle of the flight by that at launch, and R the reversor, which leaves the
+former as it is. The second half is the mirror image of the first one, so that its derivative is R P^-1 R and that of
+the whole flight R P^-1 R P; the same holds of the contact. Between them lies the projection by a tangential landing
 (`multiplier.tangential_landing`), and at lift-off the change of its time: no motion has to be followed again.
 
-One multiplier is always 1: let e be the gradient of the energy on the launches. A launch beside the lossless one loses no
-energy to first order, so that e A = e for the derivative A of the map. With a reflection H that turns e to its first
+One multiplier is always 1: let e be the gradient of the energy on the launches. A launch beside the lossless one loses
+no energy to first order, so that e A = e for the derivative A of the map. With a reflection H that turns e to its first
 axis, the first row of H A H is (1, 0, ..., 0), and what is left without its first row and column has the others.
 """
 

@@ -183,7 +183,11 @@ def test_what_is_given_decides_what_follows():
 
 def test_what_is_not_followed_is_refused(low, quintic, tmp_path):
     for text, event, second, stop in (
-        ("no event 'grazing' of number 0; it has 1 'masses touch'", "grazing", "delta", 1.0),
+        ("no event 'grazing'; it has 1 'masses touch'", "grazing", "delta", 1.0),
+        ("no event 'flip'; .*follow\\(..., multipliers=True\\)", "flip", "delta", 1.0),
+        ("there is no event 'folds'; did you mean 'fold'", "folds", "delta", 1.0),
+        ("'clearance' is no event: a quantity is followed at a value", "clearance", "delta", 1.0),
+        ("'rest_lenght' to follow; did you mean 'rest_length'", "masses touch", "rest_lenght", 1.0),
         ("unknown quantity 'nix'", {"nix": 1.0}, "delta", 1.0),
         ("passes 100 along the family 0 times", {"alpha": 100.0}, "delta", 1.0),
         ("0 extrema", "extremum of alpha", "delta", 1.0),
@@ -195,6 +199,8 @@ def test_what_is_not_followed_is_refused(low, quintic, tmp_path):
     ):
         with pytest.raises((InputError, NoOrbit), match=text):
             follow_event(low, event, second, stop)
+    with pytest.raises(NoOrbit, match="number = 1: the family has 1 'masses touch'"):
+        follow_event(low, "masses touch", "delta", 1.0, number=1)
     with pytest.raises(InputError, match="same all along the family"):
         follow_event(low, {"rest_length": 9.0}, "delta", 1.0)
     with pytest.raises(InputError, match="the curve begins at beta"):
@@ -207,9 +213,9 @@ def test_what_is_not_followed_is_refused(low, quintic, tmp_path):
         follow_event(low, "masses touch", "delta", 1.0, within=(1.0, 0.0))
     asked = follow(quintic.source, "beta", -5e-3, at=[-5.5e-3])
     with pytest.raises(InputError, match="one value on it"):
-        follow_event(asked, "asked", "delta", 1.0)
+        follow_event(asked, "value", "delta", 1.0)
     with pytest.raises(InputError, match=r"Family.load\(path, machine\)"):
-        follow_event(Family.load(asked.save(tmp_path / "a.json")), "asked", "delta", 1.0)
+        follow_event(Family.load(asked.save(tmp_path / "a.json")), "value", "delta", 1.0)
     curve = follow_event(quintic, "fold", "delta", -1e-7)
     with pytest.raises(InputError, match="of curves of events"):
         follow_event(curve, "fold", "rest_length", 1.0)
