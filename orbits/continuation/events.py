@@ -166,7 +166,7 @@ class Segment:
         return np.array(signs).T
 
 
-def _crossing(kind: str, curve: Curve, points: CurvePoints) -> np.ndarray:
+def _test_of_crossing(kind: str, curve: Curve, points: CurvePoints) -> np.ndarray:
     """The test function of a crossing of the unit circle by multipliers."""
     return CROSSINGS[kind](curve.others(points))
 
@@ -174,7 +174,7 @@ def _crossing(kind: str, curve: Curve, points: CurvePoints) -> np.ndarray:
 class CrossingSegment(Segment):
     """The same with the crossings of the unit circle by multipliers among the events."""
 
-    tests: Mapping[str, TestFunction] = {**TEST_FUNCTIONS, **{kind: partial(_crossing, kind) for kind in CROSSINGS}}
+    tests: Mapping[str, TestFunction] = {**TEST_FUNCTIONS, **{kind: partial(_test_of_crossing, kind) for kind in CROSSINGS}}
 
 
 def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: Orbit) -> float | None:

@@ -87,7 +87,7 @@ def _of_pairs(others: Array) -> Array:
     return np.prod(1 - values[:, first] * values[:, second], axis=1).real
 
 
-def _at(value: float) -> Callable[[Array], Array]:
+def _test_at(value: float) -> Callable[[Array], Array]:
     """The test function of a multiplier of this value, 1 or -1."""
     return lambda others: np.linalg.det(np.eye(others.shape[1]) - value * others)
 
@@ -95,7 +95,7 @@ def _at(value: float) -> Callable[[Array], Array]:
 # The crossings of the unit circle by multipliers besides that of the energy, by kind, with the test functions of the
 # matrices `LosslessHops.others`, which change their sign there. All are polynomials in the entries of the matrices.
 CROSSINGS: Mapping[str, Callable[[Array], Array]] = {
-    "multiplier 1": _at(1.0), "flip": _at(-1.0), "Neimark-Sacker": _of_pairs,
+    "multiplier 1": _test_at(1.0), "flip": _test_at(-1.0), "Neimark-Sacker": _of_pairs,
 }  # fmt: skip
 
 
