@@ -174,7 +174,10 @@ def _test_of_crossing(kind: str, curve: Curve, points: CurvePoints) -> np.ndarra
 class CrossingSegment(Segment):
     """The same with the crossings of the unit circle by multipliers among the events."""
 
-    tests: Mapping[str, TestFunction] = {**TEST_FUNCTIONS, **{kind: partial(_test_of_crossing, kind) for kind in CROSSINGS}}
+    tests: Mapping[str, TestFunction] = {
+        **TEST_FUNCTIONS,
+        **{kind: partial(_test_of_crossing, kind) for kind in CROSSINGS},
+    }
 
 
 def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: Orbit) -> float | None:
