@@ -157,7 +157,7 @@ class TestWriting:
         assert whole[-1].alpha == pytest.approx(family[-1].alpha, rel=1e-13)
 
     @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is full")
-    @pytest.mark.parametrize("value", ["find", "find --spring none_such --json"])
+    @pytest.mark.parametrize("asked", ["find", "find --spring none_such --json"])
     def test_a_full_standard_output(self, asked):
         command = [sys.executable, "-m", "orbits", *asked.split()]
         with open("/dev/full", "w", encoding="utf-8") as full:

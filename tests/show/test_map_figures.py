@@ -110,7 +110,7 @@ def test_the_figure_of_bifurcations():
 
 
 @pytest.mark.parametrize(
-    ("value", "words"),
+    ("asked", "words"),
     [
         ({"low": "a"}, "low = 'a' is not a finite number"),
         ({"low": 6.0}, "0 < low < high"),
