@@ -135,7 +135,7 @@ def checked_options(*args: Any, **options: Any) -> Options:
     for name, function in watch.items():
         if not callable(function) or name in (*TEST_FUNCTIONS, *OTHER_EVENTS):
             raise InputError(f"watch '{name}' is a function of the orbit, under a name of its own")
-    flags = {name: bool(getattr(unchecked, name)) for name in ("stop_inadmissible", "multipliers")}
+    flags: Any = {name: bool(getattr(unchecked, name)) for name in ("stop_inadmissible", "multipliers")}
     return replace(unchecked, at=at, watch=dict(watch), longest=float(longest), most=most, **flags)
 
 
