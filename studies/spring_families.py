@@ -35,7 +35,7 @@ def families(law: str, along: str, start: float, stop: float, others: dict, numb
 def fate(family: Family) -> str:
     """What becomes of a family, in a line."""
     words = [
-        f"{event.kind} at {family.name} = {event.point.value:.6g}" for event in family.events if event.kind != "asked"
+        f"{event.kind} at {family.name} = {event.point.value:.6g}" for event in family.events if event.kind != "value"
     ]
     limit = f" to {family.name} = {family.end.limit:.6g}" if family.end.limit is not None else ""
     return "; ".join([*words, f"{family.end.kind}{limit or f' at {family.name} = {family[-1].value:.6g}'}"])

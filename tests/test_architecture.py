@@ -66,6 +66,7 @@ TESTED_WITH = {
     "mechanics/drawing": "show/test_plane",
     "periodic/cycle_shape": "periodic/test_orbit",
     "periodic/quantities": "continuation/test_table",
+    "periodic/tuned_extremes": "periodic/test_tuned",
     "proof/branch_claim": "continuation/test_proved_curve",
     "proof/branch_motion": "proof/test_branch",
     "proof/branch_piece": "proof/test_branch",

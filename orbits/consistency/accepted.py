@@ -7,6 +7,7 @@ from numbers import Real
 from ..errors import InputError
 from ..model.machine import Machine, free_parameters
 from ..model.model import Model
+from ..symbolic.formula import suggest
 from ..units import Units
 from .verdict import check_consistency
 
@@ -62,4 +63,6 @@ def check_parameters(machine: Machine, *names: str) -> None:
     free = free_parameters(machine)
     for name in names:
         if name not in free:
-            raise InputError(f"the machine has no parameter '{name}' to follow; it has {', '.join(free)}")
+            near = suggest(str(name), free)
+            named = f"{near} It" if near.endswith("?") else "; it"
+            raise InputError(f"the machine has no parameter '{name}' to follow{named} has {', '.join(free)}")

@@ -75,12 +75,13 @@ def begun(tracer: Tracer, resume: Family | None = None) -> Family:
     settings |= {"family": tracer.first.point.family, "method": curve.method, "longest": options.longest}
     settings |= {"tune": list(resume.settings["tune"] if resume else curve.tuned)} if curve.tuned else {}
     settings |= {"at": list(options.at), "watch": list(options.watch), "stop_inadmissible": options.stop_inadmissible}
+    settings |= {"multipliers": True} if options.multipliers else {}
     settings |= curve.own_settings
     machine = machine_in_words(curve.machine) if resume is None else resume.machine
     # The run solves the last point of a resumed family again, and finds the events after it again. An event at a
     # requested value is the last point itself and stays.
     points, earlier = (resume.points[:-1], resume.events) if resume else ((), ())
-    events = tuple(event for event in earlier if event.after < len(points) + (event.kind == "asked"))
+    events = tuple(event for event in earlier if event.after < len(points) + (event.kind == "value"))
     end = End("interrupted", UNFINISHED)
     return Family(curve.along, machine, points, events, end, settings, dict(versions()), curve.machine)
 

@@ -7,7 +7,8 @@ X = (u, value), measured in units of its own size.
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, overload
+from functools import cached_property
+from typing import Any, NamedTuple, TypeAlias, overload
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from ..errors import InputError, NoOrbit, OrbitsError
 from ..flow.flow import OUT_OF_LAW
 from ..model.machine import Machine
 from ..numerics.hermite import around
+from ..model.planar import Planar
 from ..periodic.certificate import Certificate
 from ..periodic.certified import Solved, certified, orbit_from, orbit_of_solved
 from ..periodic.orbit import Orbit
@@ -26,6 +28,7 @@ from ..shooting.division import Division, division_at, growths_of_arcs
 from ..shooting.formulations import Cycles, equations_of, iterative, method_of
 from ..shooting.newton_kernel import NewtonKernel, newton_kernel
 from ..shooting.single_shooting import Evaluation, joined
+from ..simulation.lossless_hops import LosslessHops
 from ..units import Units
 from .point import RESERVED_NAMES, Point, point_in_units
 
@@ -37,14 +40,27 @@ AT_A_FOLD = 1e-3
 NODE_UNIT = 10.0
 # Functions of an orbit whose zeros are events, by name.
 Watch = Mapping[str, Callable[[Orbit], float]]
-# Test functions of certified orbits, which change their sign at the event. They are NONE where they are not defined.
-TEST_FUNCTIONS: dict[str, Callable[[Records[Point]], np.ndarray]] = {
-    "grazing": lambda points: _or_one(points.column("clearance")),
-    "masses touch": lambda points: points.column("smallest_separation"),
-    "contact pulls": lambda points: np.where(_lifts(points), _or_one(points.column("smallest_contact_force")), NONE),
-    "landing jerk": lambda points: -points.column("landing_jerk"),
-    "collapse": lambda points: np.where(_lifts(points) | _leaves_law(points), 1.0, -1.0),
-    "law ends": lambda points: np.where(_leaves_law(points), -1.0, 1.0),
+# Test functions (m,) at certified points of a curve, which change their sign at the event. They are NONE where they are
+# not defined.
+TestFunction: TypeAlias = "Callable[[Curve, CurvePoints], np.ndarray]"
+
+
+def _of_orbits(function: Callable[[Records[Point]], np.ndarray]) -> TestFunction:
+    """A test function that depends on the certified orbits alone."""
+    return lambda curve, points: function(points.orbits)
+
+
+TEST_FUNCTIONS: dict[str, TestFunction] = {
+    "grazing": _of_orbits(lambda points: _or_one(points.column("clearance"))),
+    "masses touch": _of_orbits(lambda points: points.column("smallest_separation")),
+    "contact pulls": _of_orbits(
+        lambda points: np.where(_lifts(points), _or_one(points.column("smallest_contact_force")), NONE)
+    ),
+    "landing jerk": _of_orbits(lambda points: -points.column("landing_jerk")),
+    "collapse": _of_orbits(lambda points: np.where(_lifts(points) | _leaves_law(points), 1.0, -1.0)),
+    "law ends": _of_orbits(lambda points: np.where(_leaves_law(points), -1.0, 1.0)),
+    "foot lifts": lambda curve, points: curve.stance_force(points),
+    "foot slides": lambda curve, points: curve.friction_left(points),
 }
 
 
@@ -262,9 +278,49 @@ class Curve:
         """The parameters (np,) that vary along the curve, by name."""
         return {self.along: float(p[self.place])}
 
+    @property
+    def also(self) -> tuple[str, ...]:
+        """The names of what varies along the curve: parameters, and quantities that are prescribed."""
+        return tuple(self.varied(self.parameters))
+
     def evaluate(self, xs: np.ndarray) -> Evaluation:
         """The equations at points (m, n + 1)."""
         return self.equations.evaluate_all(xs[:, :-1], self.parameters_at(xs), (self.along,))
+
+    @cached_property
+    def hops(self) -> LosslessHops:
+        """The map of launches beside the orbits; raises `InputError` where a launch is a speed alone."""
+        return LosslessHops(self.machine)
+
+    @property
+    def _ground(self) -> Planar | None:
+        """The ground whose forces the certificates have, None where they have none."""
+        return self.machine.model.planar if self.machine.model.reversor else None
+
+    def stance_force(self, points: CurvePoints) -> np.ndarray:
+        """The least force on what stands in flight at certified points (m,), `NONE` where it may be negative."""
+        if self._ground is None:
+            return np.full(len(points), NONE)
+        judged = np.equal(points.orbits.column("stance_judged"), True)
+        return np.where(judged, points.orbits.column("smallest_stance_force"), NONE)
+
+    def friction_left(self, points: CurvePoints) -> np.ndarray:
+        """What certified points (m,) leave of the stated friction, `NONE` where none is stated or a foot lifts."""
+        planar = self._ground
+        if planar is None or planar.friction is None:
+            return np.full(len(points), NONE)
+        needed = points.orbits.column("friction_needed")
+        stated = planar.friction(dict(zip(self.names, self.parameters_at(points.xs).T, strict=True)))
+        return np.where(needed == NONE, NONE, stated - needed)
+
+    def others(self, points: CurvePoints) -> np.ndarray:
+        """Matrices (m, d - 1, d - 1) whose eigenvalues are the multipliers besides that of the energy, at points."""
+        return self._others(points.xs, points.own_evaluation)
+
+    def _others(self, xs: np.ndarray, evaluation: Evaluation) -> np.ndarray:
+        own, whole = self.equations_of_orbits.own, self.division.whole(evaluation) if self.division else evaluation
+        names = self.equations_of_orbits.statement.unknowns[:own]
+        return self.hops.others(names, xs[:, :own], self.parameters_at(xs), whole)
 
     def evaluate_lanes(self, xs: np.ndarray) -> tuple[np.ndarray, Evaluation | None]:
         """The equations at those points (m, n + 1) whose motions can be followed: their indices (k,), and the equations
@@ -322,7 +378,7 @@ class Curve:
 
     def _points(self, points: CurvePoints, cycles: Cycles, certificates: Records[Certificate]) -> Records[Point]:
         """The certified orbits of points, which are the first of some."""
-        also = {name: cycles.p[name].tolist() for name in self.varied(self.parameters) if name != self.along}
+        also = {name: cycles.p[name].tolist() for name in self.also if name != self.along}
         others = [dict(zip(also, row, strict=True)) for row in zip(*also.values(), strict=True)] or [{}] * len(points)
         found: dict[str, Any] = {
             **motion_numbers(self.machine.model, cycles),

@@ -12,7 +12,7 @@ adjoint w of the equations d(e_X . t) = d/dt (e_X - w . F_X): they are central d
 1e-9 of their size. Points are nevertheless exact to rounding, since the residual is.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -27,14 +27,16 @@ from ..numerics.roots import solve
 from ..periodic.certificate import Certificate
 from ..periodic.certified import Solved
 from ..records import NONE, Records
-from ..shooting.formulations import Cycles, equations_of
+from ..shooting.formulations import Cycles
 from ..shooting.single_shooting import Evaluation, shooting_equations
-from .curve import AT_A_FOLD, TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints
+from ..simulation.lossless_hops import CROSSINGS
+from .curve import AT_A_FOLD, TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints, TestFunction
 from .events import Segment
 from .homoclinic import Passed
 from .limits import Endings, History
 from .point import End, Point
 from .tracer import Tracer
+from .tuned_curve import equations_of_family, values_of
 
 # The step of central differences, in units of a point's size.
 TANGENT_STEP = 1e-5
@@ -47,8 +49,8 @@ LIMITS = {
     "smallest_separation": ("masses touch", ("separation",)),
     "smallest_contact_force": ("contact pulls", ("pull", "landed pull")),
     "landing_jerk": ("landing jerk", ("the gap opens the wrong way",)),
-    "smallest_stance_force": ("", ("stance",)),
-    "friction_left": ("", ("it needs the friction",)),
+    "smallest_stance_force": ("foot lifts", ("stance",)),
+    "friction_left": ("foot slides", ("it needs the friction",)),
 }
 COLLAPSE, ELSEWHERE = "collapse", "another place"
 
@@ -60,6 +62,7 @@ class EventCondition:
     name : in words, as "fold" or "clearance = 0.1"
     text : of the formula; "" for a collapse
     level : its prescribed value, in the machine's units; None where it is stationary along the family
+    crossing : the kind of crossing of the unit circle by multipliers that happens there; "" for none
     place : 1 where the formula is a dimensionless quantity, or one that vanishes, that is least at its place, -1 where
         it is largest, else 0
     """
@@ -68,18 +71,19 @@ class EventCondition:
     text: str
     level: float | None = 0.0
     place: int = 0
+    crossing: str = ""
 
     @property
     def stationary(self) -> bool:
         """Whether the formula is stationary along the family."""
-        return self.level is None
+        return self.level is None and not self.crossing
 
     @property
     def at_limit(self) -> bool:
         """Whether the curve is the limit of a condition of motions."""
         return not self.text or (self.text in LIMITS and self.level == 0)
 
-    def tests(self) -> dict[str, Callable[[Records[Point]], np.ndarray]]:
+    def tests(self) -> dict[str, TestFunction]:
         """The test functions of events on the curve: those of orbits that do not vanish on all of it, and whether the
         quantity takes its value at the place that is followed, and not at another one."""
         own = LIMITS[self.text][0] if self.text and self.at_limit else ""
@@ -87,7 +91,7 @@ class EventCondition:
         if not self.text:
             return {kind: found[kind] for kind in ("grazing", "landing jerk")}
         if self.place and self.level is not None and self.text in Certificate.__dataclass_fields__:
-            found[ELSEWHERE] = lambda points: self.place * self.excess(points.column(self.text)) + AT_LIMIT
+            found[ELSEWHERE] = lambda _, points: self.place * self.excess(points.orbits.column(self.text)) + AT_LIMIT
         return found
 
     def excess(self, numbers: np.ndarray) -> np.ndarray:
@@ -116,8 +120,11 @@ class EventCondition:
 
 
 class EventCurve(Curve):
-    """The curve of orbits at an event in two parameters; its points have the value of the first one too.
+    """The curve of orbits at an event in two parameters; its points have the value of the first one too, which may be a
+    quantity where parameters are tuned.
 
+    tuned, tuned_sizes : names of tuned parameters, which are unknowns in front of the first parameter; and their sizes
+    first : the value of the first parameter where the curve begins
     within : bounds of the first parameter, where the curve ends; None for none
     locates : whether the events of orbits are located along it
     """
@@ -126,32 +133,48 @@ class EventCurve(Curve):
 
     def __init__(
         self, machine: Machine, along: str, second: str, method: str, span: float, stated: EventStatement,
-        condition: EventCondition, within: tuple[float, float] | None = None, locates: bool = True,
+        condition: EventCondition, tuned: tuple[str, ...], tuned_sizes: np.ndarray, first: float,
+        within: tuple[float, float] | None = None, locates: bool = True,
     ):  # fmt: skip
-        super().__init__(machine, second, method, span)
-        self.first, self.condition, self.within, self.locates = self.names.index(along), condition, within, locates
-        self.equations_of_orbits = equations_of(machine.model, method, self.names)
+        self.machine, self.along, self.method, self.span, self.tuned = machine, second, method, span, tuned
+        self.condition, self.within, self.locates, self.first = condition, within, locates, along
+        self.equations_of_orbits = equations_of_family(machine, method, along, tuned)
+        self.names = self.equations_of_orbits.parameters
+        self.parameters, self.place = values_of(machine, self.names), self.names.index(second)
         self.equations = shooting_equations(stated.statement, self.names)
+        # The places of the tuned parameters, and the unit of one that passes zero.
+        self.places = slice(self.equations.own, self.equations.size - 1)
+        self.least_tuned = 0.1 * tuned_sizes
         # The unit of the first parameter is the distance of its bounds, or its value; of one that passes zero its first
         # value, or 1 when the first value is zero.
-        self.least = within[1] - within[0] if within else 0.1 * abs(self.parameters[self.first]) or 1.0
+        self.least = within[1] - within[0] if within else 0.1 * abs(first) or 1.0
         self.own_settings = {"event": condition.name, "along": along}
 
     def parameters_at(self, xs: np.ndarray) -> np.ndarray:
-        values = super().parameters_at(xs)
-        values[:, self.first] = xs[:, -2]
-        return values
+        return self.equations.with_tuned(xs, super().parameters_at(xs))
+
+    def of_orbits(self, xs: np.ndarray) -> np.ndarray:
+        """The unknowns (..., n) of the orbits, or their units, at points (..., N + 1), or from units."""
+        own = self.equations_of_orbits.own
+        return np.concatenate([xs[..., :own], xs[..., self.places]], axis=-1)
 
     def size(self, x: np.ndarray) -> np.ndarray:
-        """The unknowns of the orbit as on any curve, the others as if they belonged to them, the two parameters."""
-        own = self.equations_of_orbits.size
+        """The unknowns of the orbit as on any curve, the others as if they belonged to them, the tuned parameters, and
+        the two parameters."""
+        own, rest = self.equations_of_orbits.own, self.places.start
         size = super().size(np.concatenate([x[..., :own], x[..., -1:]], axis=-1))
-        others = np.maximum(np.abs(x[..., own:-2]), 0.1 * size[..., :own].max(-1, keepdims=True))
+        others = np.maximum(np.abs(x[..., own:rest]), 0.1 * size[..., :own].max(-1, keepdims=True))
+        tuned = np.maximum(np.abs(x[..., self.places]), self.least_tuned)
         first = np.maximum(np.abs(x[..., -2:-1]) * (self.within is None), self.least)
-        return np.concatenate([size[..., :own], others, first, size[..., -1:]], axis=-1)
+        return np.concatenate([size[..., :own], others, tuned, first, size[..., -1:]], axis=-1)
 
     def varied(self, p: np.ndarray) -> dict[str, float]:
-        return {**super().varied(p), self.names[self.first]: float(p[self.first])}
+        """The parameters of the machine that vary along the curve, by name."""
+        return {name: float(p[self.names.index(name)]) for name in self.also if name in self.machine.values}
+
+    @property
+    def also(self) -> tuple[str, ...]:
+        return self.along, *self.equations.statement.tuned
 
     @property
     def kernel(self) -> None:
@@ -164,6 +187,11 @@ class EventCurve(Curve):
     def evaluate(self, xs: np.ndarray) -> Evaluation:
         found = super().evaluate(xs)
         residual = found.residual.copy()
+        if self.condition.crossing:
+            jacobian = found.jacobian.copy()
+            residual[:, -1] = self._crossing(xs, found)
+            jacobian[:, -1] = self._slopes_of_crossing(xs, residual[:, :-1], jacobian[:, :-1])
+            return replace(found, residual=residual, jacobian=jacobian)
         if not self.condition.stationary:
             residual[:, -1] -= self.condition.level
             return replace(found, residual=residual)
@@ -181,6 +209,25 @@ class EventCurve(Curve):
         jacobian[:, -1] = change[:, -1] - np.einsum("mi,mij->mj", adjoint, change[:, :-1])
         return replace(found, residual=residual, jacobian=jacobian)
 
+    def _crossing(self, xs: np.ndarray, evaluation: Evaluation) -> np.ndarray:
+        """The test function (m,) of the multipliers at points (m, n + 1), where the equations are the evaluation."""
+        return CROSSINGS[self.condition.crossing](self._others(xs, evaluation))
+
+    def _slopes_of_crossing(self, xs: np.ndarray, residual: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
+        """Its derivatives (m, n + 1) in the directions of all that Newton's method may do, by central differences: the
+        two in which the other equations, with this residual (m, n - 1) and Jacobian (m, n - 1, n + 1), do not change,
+        and the shortest step to where they hold."""
+        size = self.size(xs)[:, None]
+        u, s, v = np.linalg.svd(jacobian * size)
+        steps = (residual[:, None] @ u / s[:, None]) @ v[:, :-2]
+        lengths = np.linalg.norm(steps, axis=2, keepdims=True)
+        ways = np.concatenate([steps / np.where(lengths > 0, lengths, 1.0), v[:, -2:]], axis=1)
+        moves = TANGENT_STEP * ways * size
+        beside = np.stack([xs[:, None] + moves, xs[:, None] - moves]).reshape(-1, xs.shape[1])
+        found = self.equations_of_orbits.evaluate_all(self.of_orbits(beside), self.parameters_at(beside))
+        ahead, behind = self._crossing(beside, found).reshape(2, *ways.shape[:2])
+        return np.einsum("mc,mcn->mn", (ahead - behind) / (2 * TANGENT_STEP), ways / size)
+
     @staticmethod
     def _tangents(jacobians: np.ndarray) -> np.ndarray:
         """The null vectors (m, n) of length 1 of Jacobians (m, n - 1, n), on one side of the curve throughout."""
@@ -191,10 +238,10 @@ class EventCurve(Curve):
     def solutions(self, points: CurvePoints) -> tuple[Solved, np.ndarray]:
         """The solutions of the machine's own equations, with the errors measured along the first parameter, or across
         the family where that does not determine the orbit."""
-        n = self.equations_of_orbits.size
-        us, ps, sizes = points.xs[:, :n], self.parameters_at(points.xs), self.size(points.xs)
-        sizes = np.concatenate([sizes[:, :n], sizes[:, -2:-1]], axis=1)
-        evaluation = self.equations_of_orbits.evaluate_all(us, ps, (self.names[self.first],))
+        n, sizes = self.equations_of_orbits.size, self.size(points.xs)
+        us, ps = self.of_orbits(points.xs), self.parameters_at(points.xs)
+        sizes = np.concatenate([self.of_orbits(sizes), sizes[:, -2:-1]], axis=1)
+        evaluation = self.equations_of_orbits.evaluate_all(us, ps, (self.first,))
         closing = np.tile(np.eye(n + 1)[-1], (len(us), 1))
         tangents = self._tangents(evaluation.jacobian * sizes[:, None])
         folds = np.abs(tangents[:, -1]) < AT_A_FOLD
@@ -221,7 +268,7 @@ class EventEndings(Endings):
     def far(self, last: CurvePoint, history: History, way: Passed = ()) -> End | None:
         if end := super().far(last, history, way):
             return end
-        own, names = self.curve.equations_of_orbits.size, self.curve.equations.statement.unknowns
+        own, names = self.curve.equations_of_orbits.own, self.curve.equations.statement.unknowns
         for i in self._grown(last.x[None])[0].nonzero()[0].tolist():
             return End(
                 "escaped", f"the {names[own + i]} grows without bound near {self.curve.along} = {last.value:.6g}"
@@ -230,7 +277,7 @@ class EventEndings(Endings):
 
     def _grown(self, xs: np.ndarray) -> np.ndarray:
         """Whether the unknowns besides those of the orbit have grown beyond the ratio that counts as an escape."""
-        own, ratio = self.curve.equations_of_orbits.size, self.control.escape_ratio
+        own, ratio = self.curve.equations_of_orbits.own, self.control.escape_ratio
         return np.abs(xs[:, own:-2]) > ratio * np.maximum(np.abs(self.origin.u[own:-1]), 1.0)
 
     def cut(self, segment: Segment) -> tuple[Segment, End | None]:
@@ -242,7 +289,7 @@ class EventEndings(Endings):
             if outward * (segment.b.x[-2] - bound) > 0 >= outward * (segment.a.x[-2] - bound):
                 share = segment.zero(partial(_beyond, bound, outward))
                 last = segment.b if share is None else self.curve.certify(segment(share))
-                end = End("reached", f"{self.curve.names[self.curve.first]} = {bound:g}")
+                end = End("reached", f"{self.curve.first} = {bound:g}")
                 segment = type(segment)(self.curve, segment.a, last)
         return segment, end
 

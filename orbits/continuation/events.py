@@ -1,7 +1,8 @@
 """Events on a curve of orbits between two neighbouring points: located, certified, in order.
 
-A test function changes its sign at an event: those of orbits (`curve.TEST_FUNCTIONS`), those of the user (`watch`), the
-parameter's share of the tangent at a fold, and the determinant of the bordered Jacobian at a branch point.
+A test function changes its sign at an event: those of orbits (`curve.TEST_FUNCTIONS`), of the multipliers of the map of
+launches, and of the user (`watch`), the parameter's share of the tangent at a fold, and the determinant of the bordered
+Jacobian at a branch point.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -15,11 +16,11 @@ import numpy as np
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number
 from ..numerics.roots import bracketed_root
 from ..periodic.orbit import Orbit
-from ..records import NONE, Records
+from ..records import NONE
+from ..simulation.lossless_hops import CROSSINGS, is_crossing
 from ..units import LIFTOFF_SPEED
 from .corrector import correct
-from .curve import TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints, Watch, interpolated
-from .point import Point
+from .curve import TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints, TestFunction, Watch, interpolated
 
 # An event is located to this share of the chord between two points, where rounding begins to show.
 WIDTH = 1e-13
@@ -32,20 +33,21 @@ INSIDE = 1e-9
 class Segment:
     """The curve between two neighbouring certified points; a place on it is stated as its share of the chord."""
 
-    # The test functions of certified orbits.
-    tests: Mapping[str, Callable[[Records[Point]], np.ndarray]] = TEST_FUNCTIONS
+    tests: Mapping[str, TestFunction] = TEST_FUNCTIONS
 
     def __init__(self, curve: Curve, a: CurvePoint, b: CurvePoint):
         self.curve, self.a, self.b = curve, a, b
 
     @classmethod
     def may_happen(
-        cls, before: CurvePoint, points: Sequence[CurvePoint], requested: tuple[float, ...], watch: Watch
+        cls, curve: Curve, before: CurvePoint, points: Sequence[CurvePoint], requested: tuple[float, ...], watch: Watch
     ) -> np.ndarray:
-        """Whether an event may lie between each of certified points (m,) and the one before it, (m,)."""
+        """Whether an event may lie between each of certified points (m,) of a curve and the one before it, (m,)."""
         if watch:
             return np.ones(len(points), bool)
-        parts = [(part.values[:, None], cls._test_signs(part)) for part in map(CurvePoints.of, ([before], points))]
+        parts = [
+            (each.values[:, None], cls._test_signs(curve, each)) for each in map(CurvePoints.of, ([before], points))
+        ]
         values, signs = map(np.concatenate, zip(*parts, strict=True))
         low, high = np.minimum(values[:-1], values[1:]), np.maximum(values[:-1], values[1:])
         return (signs[:-1] != signs[1:]).any(1) | ((low <= requested) & (requested <= high)).any(1)
@@ -105,14 +107,14 @@ class Segment:
 
     def events(self, requested: tuple[float, ...], watch: Watch) -> list[tuple[str, CurvePoint]]:
         """The events by kind and point, in order along the curve; with the `requested` values of the parameter."""
-        if not self.may_happen(self.a, [self.b], requested, watch).any():
+        if not self.may_happen(self.curve, self.a, [self.b], requested, watch).any():
             return []
         located = [(kind, share, self.curve.certify(point)) for kind, share, point in self._sign_changes(watch)]
         turns = [0.0, *([] if self.fold is None else [self.fold]), 1.0]
         for (low, high), part in zip(pairwise(turns), self.sheets(), strict=True):
             for value in part._passed(requested):
                 share = low + (high - low) * (value - part.a.value) / (part.b.value - part.a.value)
-                located.append(("asked", share, part.point_at(value)))
+                located.append(("value", share, part.point_at(value)))
         return [(kind, point) for kind, _, point in sorted(located, key=lambda event: event[1])]
 
     def _sign_changes(self, watch: Watch) -> Iterator[tuple[str, float, CurvePoint]]:
@@ -123,7 +125,9 @@ class Segment:
             yield "branch point", *branch
         for kind in ("family", *self.tests, *watch):
             if (share := self.zero(partial(self._test, kind, watch))) is not None:
-                yield kind, share, self(share)
+                point = self(share)
+                if kind not in CROSSINGS or is_crossing(kind, self.curve.others(CurvePoints.of([point]))[0]):
+                    yield kind, share, point
 
     def _branch_point(self) -> tuple[float, CurvePoint] | None:
         """The share and point of a branch point; its error is measured without the Jacobian's singular direction."""
@@ -150,16 +154,30 @@ class Segment:
         if kind == "family":
             return 1.0 if point.point.family == self.a.point.family else -1.0
         if kind in self.tests:
-            value = self.tests[kind](CurvePoints.of([point]).orbits).item()
+            value = self.tests[kind](self.curve, CurvePoints.of([point])).item()
             return None if value == NONE else value
         return watched(kind, watch[kind], self.curve.orbit(point))
 
     @classmethod
-    def _test_signs(cls, points: CurvePoints) -> np.ndarray:
+    def _test_signs(cls, curve: Curve, points: CurvePoints) -> np.ndarray:
         """The signs (m, k) of the test functions of points, and their families."""
-        signs = [((values := test(points.orbits)) >= 0) & (values != NONE) for test in cls.tests.values()]
+        signs = [((values := test(curve, points)) >= 0) & (values != NONE) for test in cls.tests.values()]
         signs += [points.tangents[:, -1] >= 0, points.branch_tests >= 0, points.orbits.column("family")]
         return np.array(signs).T
+
+
+def _test_of_crossing(kind: str, curve: Curve, points: CurvePoints) -> np.ndarray:
+    """The test function of a crossing of the unit circle by multipliers."""
+    return CROSSINGS[kind](curve.others(points))
+
+
+class CrossingSegment(Segment):
+    """The same with the crossings of the unit circle by multipliers among the events."""
+
+    tests: Mapping[str, TestFunction] = {
+        **TEST_FUNCTIONS,
+        **{kind: partial(_test_of_crossing, kind) for kind in CROSSINGS},
+    }
 
 
 def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: Orbit) -> float | None:

@@ -30,6 +30,8 @@ from .table import names_of_motions, numbers_of_motions
 
 # The reason why a family from an unfinished file has no end.
 UNFINISHED = "its file ends before it does: resume it to go on"
+# Kinds of events in files of earlier versions, with their names of today.
+OLD_KINDS = {"asked": "value"}
 # Default time limit of the proof of a curve, in seconds.
 LIMIT_OF_BRANCH = 600.0
 # Endings of the files that a family is saved to; the first is lines of JSON, which grow point by point.
@@ -171,7 +173,9 @@ class Family(
 
     def _varied(self, point: Point) -> dict[str, float]:
         """The values of the parameters that vary along the family, at a point."""
-        return {**point.also, **dict.fromkeys(self._along, point.value)}
+        quantities = QUANTITIES_ALONG if self.settings.get("tune") else ()
+        also = {name: value for name, value in point.also.items() if name not in quantities}
+        return {**also, **dict.fromkeys(self._along, point.value)}
 
     def _numbers_of(self, points: Sequence[Point]) -> list[str]:
         """The names of the numbers that points of the curve have."""
@@ -196,7 +200,7 @@ class Family(
         """
         rows = list[tuple[Point, str]]()
         for point, event in self.in_order() if events else ((point, None) for point in self.points):
-            if event and event.kind == "asked" and rows:  # its point is the previous row
+            if event and event.kind == "value" and rows:  # its point is the previous row
                 rows.pop()
             rows.append((point, event.kind if event else ""))
         points = [point for point, _ in rows]
@@ -405,15 +409,17 @@ class Family(
             if "point" in item:
                 points.append(conform(item["point"], Point, where))
             elif "event" in item:
-                events.append(conform(item["event"], Event, where))
+                event = conform(item["event"], Event, where)
+                events.append(replace(event, kind=OLD_KINDS.get(event.kind, event.kind)))
             else:
                 end = conform(item["end"], End, where)
         check_points(points, events)
         found = tuple(points), tuple(events), end
         family = cls(head["along"], head["machine"], *found, head["settings"], head["versions"])
-        if machine is not None:  # with the value that its description has of the parameter that varies
-            words = {**family.machine, **family.machine["parameters"]}
-            own = {each: words[each] for each in (family.name, *family.settings.get("tune", ())) if each in words}
+        if machine is not None:  # with the values that its description has of the parameters that vary
+            words, settings = {**family.machine, **family.machine["parameters"]}, family.settings
+            varied = family.name, settings.get("along"), *settings.get("tune", ())
+            own = {each: words[each] for each in varied if each in words}
             family = replace(family, source=is_of(machine, family.machine, own))
         return _modernised(family) if family.machine.get("laws_in") == "SI" else family
 

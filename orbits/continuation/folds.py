@@ -3,18 +3,20 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from ..errors import InputError, NoOrbit
 from ..model.machine import Machine
 from ..running.exclusive import exclusive
-from ..shooting.formulations import equations_of
 from .curve import check_followed, machine_at, tuned_at
 from .family import Family
 from .follow import bounds_of
 from .follow_event import collect_event, start_of_fold
 from .point import Point
 from .step_control import Options, StepControl, checked_options
+from .tuned_curve import equations_of_family
 
-# At a fold the parameter changes by less than this share when the launch speed doubles.
+# At a fold the parameter changes by less than this share when an unknown doubles.
 STEEPEST = 1e-3
 
 
@@ -56,15 +58,14 @@ def follow_fold(
     check_followed(machine, across)
     if along == across:
         raise InputError(f"the fold in '{along}' is followed along another parameter")
-    if isinstance(fold, Point) and tuned_at(machine, fold, along):
-        raise InputError("folds of families with tuned numbers are located, and not followed")
+    tuned = tuned_at(machine, fold, along) if isinstance(fold, Point) else ()
     machine, method = machine_at(machine, fold, along, method)
     bounds_of(across, machine.values[across], stop)
     options = checked_options(at=at, longest=longest, most=most, step_control=step_control)
-    base = equations_of(machine.model, method, tuple(machine.values)).statement
-    alpha = base.unknowns.index("alpha")
-    steepness = abs(fold.tangent[-1]) * fold.u[alpha]
-    if not steepness < STEEPEST * abs(fold.tangent[alpha]) * max(abs(fold.value), 1e-3):
+    base = equations_of_family(machine, method, along, tuned).statement
+    sizes = np.maximum(np.abs(fold.u), 0.1 * np.abs(fold.u).max())
+    most = (np.abs(fold.tangent[:-1]) / sizes).max()
+    if not abs(fold.tangent[-1]) < STEEPEST * most * max(abs(fold.value), 1e-3):
         raise NoOrbit(f"this point is no fold: {along} changes along its family")
     begun = start_of_fold(machine, base, fold, along)
-    return collect_event(machine, method, along, across, stop, begun, options, output=output)
+    return collect_event(method, along, across, stop, begun, options, tuned=tuned, output=output)

@@ -59,6 +59,7 @@ def follow(
     most: int = Options.most,
     stop_inadmissible: bool = Options.stop_inadmissible,
     step_control: StepControl = Options.step_control,
+    multipliers: bool = Options.multipliers,
     method: str | None = None,
     output: str | Path | None = None,
     resume: Family | None = None,
@@ -82,6 +83,9 @@ def follow(
     most : largest number of points
     stop_inadmissible : end where the orbits are not motions any more, instead of following them
     step_control : the constants of step-size control, of acceptance, and of the end of a run
+    multipliers : whether to locate where multipliers of the map of launches cross the unit circle, at 1 ("multiplier
+        1"), at -1 ("flip"), or as a complex pair ("Neimark-Sacker"); that of the energy is always 1. Where a launch is
+        a speed alone there are no others
     method : the method of `find`; "shooting" uses Ipopt for the first orbit only
     output : a file to which every point is written as it is found, for `Family.load` and `resume`
     resume : a family to continue from its last point; the other arguments must be the same
@@ -99,7 +103,7 @@ def follow(
     >>> round(family.events[1].point.value, 9)
     -0.010695215
     """
-    options = checked_options(at, watch, longest, most, stop_inadmissible, step_control)
+    options = checked_options(at, watch, longest, most, stop_inadmissible, step_control, multipliers)
     tracer = begin_run(machine, along, start, stop, family, method, options, resume, tune)
     return collect_family(tracer, resume, output, progress)
 

@@ -1,5 +1,6 @@
 """Follow an event of a family in two parameters: where admissibility is lost, a quantity has a value, a fold."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..design.design_point import no_motion
-from ..design.design_quantities import ABSENT, COMPOSITION, VARIATIONAL, base_statement, extremes_of
+from ..design.design_quantities import ABSENT, COMPOSITION, FRICTION_LEFT, VARIATIONAL, base_statement, extremes_of
 from ..design.event_statement import (
     BARRIER,
     EventStatement,
@@ -17,7 +18,7 @@ from ..design.event_statement import (
     names_of_kind,
 )
 from ..design.extremes import Kind, Place, places_of
-from ..design.problem import Outputs, formula_names, known_formula
+from ..design.problem import Outputs, known_formula, names_along
 from ..design.sensitivities import quantities
 from ..errors import FlowError, InputError, NoOrbit, finite_number, whole_number
 from ..flow.flow import flow_of
@@ -28,18 +29,20 @@ from ..periodic.certified import orbit_from
 from ..periodic.orbit import Orbit
 from ..running import interrupts
 from ..running.exclusive import exclusive
-from ..shooting.formulations import equations_of, vector
+from ..shooting.formulations import vector
 from ..shooting.single_shooting import shooting_equations
-from ..symbolic.formula import Formula, parse
+from ..simulation.lossless_hops import CROSSINGS
+from ..symbolic.formula import Formula, parse, suggest
 from ..units import without_units
 from .checkpoint import collect_family
-from .curve import check_followed
+from .curve import TEST_FUNCTIONS, check_followed
 from .event_curve import COLLAPSE, LIMITS, EventCondition, EventCurve, EventTracer
 from .family import Family
 from .follow import bounds_of, start_tracer
 from .point import End, Event, Point, point_in_units
-from .step_control import Options, StepControl, checked_options
+from .step_control import OTHER_EVENTS, Options, StepControl, checked_options
 from .table import names_of_motions
+from .tuned_curve import equations_of_family, values_of
 
 # How the name of an event begins along which a quantity is stationary.
 EXTREMUM = "extremum of "
@@ -49,7 +52,7 @@ NOT_FOLLOWED = {
     "them, follow_branch_points follows it",
     "law ends": "beyond it there is no motion on one side of which its equation could be solved",
     "family": "the number of a family is counted, and is no equation",
-    "asked": "the parameter has one value on it: follow(machine, second) goes along it",
+    "value": "the parameter has one value on it: follow(machine, second) goes along it",
 }
 # Samples of the energy over the places of a contact, in which its barrier is searched, up to these multiples of the
 # distance from touchdown to the place of rest; and the largest share of the energy at rest that is left there.
@@ -61,11 +64,14 @@ SAME_VALUE = 1e-7
 
 
 class EventStart(NamedTuple):
-    """Where a curve of events begins: its condition, the statement, and a guess of the unknowns (n,)."""
+    """Where a curve of events begins: the machine there, its condition, the statement, a guess of the unknowns (n,),
+    and the sizes (t,) of the tuned parameters there, or of their changes along the family."""
 
+    machine: Machine
     condition: EventCondition
     stated: EventStatement
     x: np.ndarray
+    tuned_sizes: np.ndarray
 
 
 @exclusive
@@ -89,9 +95,9 @@ def follow_event(
 
     family : as `follow` returns it, or as it is loaded with its machine
     event : one of `family.events` or its kind: "fold", "grazing", "masses touch", "contact pulls", "landing jerk",
-        "collapse"; or a formula of quantities and parameters with its value, as {"clearance": 0.1}; or where a formula
-        is stationary along the family, as "extremum of alpha". Conditions that have no kind are such formulas too, as
-        {"friction_left": 0.0} and {"smallest_stance_force": 0.0}
+        "collapse", "foot lifts", "foot slides", "multiplier 1", "flip", "Neimark-Sacker"; or a formula of quantities
+        and parameters with its value, as {"clearance": 0.1}; or where a formula is stationary along the family, as
+        "extremum of alpha"
     second : name of the second parameter, which begins at the machine's own value
     stop : its last value, or a pair of bounds, as in `follow`
     number : of the event among those of its kind, from 0 in order along the family
@@ -123,12 +129,11 @@ def follow_event(
     if machine is None:
         raise InputError("this family does not know its machine: load it by Family.load(path, machine)")
     check_followed(machine, second)
-    if family.settings.get("tune") or family.settings.get("event"):
-        raise InputError(
-            "events of families with tuned numbers, and of curves of events, are located, and not followed"
-        )
-    if second == family.name:
-        raise InputError(f"the event lies at a value of {second}: it is followed along another parameter")
+    if family.settings.get("event"):
+        raise InputError("events of curves of events are located, and not followed")
+    if second in (family.name, *_statement(machine, family).tuned):
+        what = "lies at a value of" if second == family.name else "is on a family that tunes"
+        raise InputError(f"the event {what} {second}: it is followed along another parameter")
     options = checked_options(at, None, longest, most, stop_inadmissible, step_control)
     if within is not None:
         within = bounds_within(family.name, within)
@@ -139,24 +144,25 @@ def follow_event(
     first = float(begun.x[-1])
     if within is not None and not within[0] <= first <= within[1]:
         raise InputError(f"within = ({within[0]:g}, {within[1]:g}): the curve begins at {family.name} = {first:.10g}")
-    machine = machine.with_values(**{family.name: first})
-    names = family.settings["method"], family.name, second
-    return collect_event(machine, *names, stop, begun, options, within, locate, output)
+    names, tuned = (family.settings["method"], family.name, second), _tuned(family)
+    return collect_event(*names, stop, begun, options, within, locate, tuned, output)
 
 
 def collect_event(
-    machine: Machine, method: str, along: str, second: str, stop: Any, begun: EventStart, options: Options,
-    within: tuple[float, float] | None = None, locate: bool = True, output: str | Path | None = None,
+    method: str, along: str, second: str, stop: Any, begun: EventStart, options: Options,
+    within: tuple[float, float] | None = None, locate: bool = True, tuned: tuple[str, ...] = (),
+    output: str | Path | None = None,
 ) -> Family:  # fmt: skip
-    """The curve of an event of a machine's family along a parameter, from its start on."""
-    start = machine.values[second]
+    """The curve of an event of a family along a parameter, from its start on."""
+    machine, start = begun.machine, begun.machine.values[second]
     behind, stop = bounds_of(second, start, stop, options.at)
     if begun.condition.stationary:  # second derivatives, and their differences, grow as powers of first ones
         control = options.step_control
         growth = max(control.largest_amplification ** (1 / 3), 10.0)
         options = replace(options, step_control=replace(control, largest_amplification=growth))
+    of_family = tuned, begun.tuned_sizes, float(begun.x[-1])
     curve = EventCurve(
-        machine, along, second, method, abs(stop - behind), begun.stated, begun.condition, within, locate
+        machine, along, second, method, abs(stop - behind), begun.stated, begun.condition, *of_family, within, locate
     )
     try:
         tracer = start_tracer(curve, np.append(begun.x, start), start, behind, stop, options, EventTracer)
@@ -168,10 +174,24 @@ def collect_event(
 
 def start_of_fold(machine: Machine, base: Statement, point: Point, along: str) -> EventStart:
     """The start of a curve of folds."""
+    return _of_orbit(machine, base, point, along, EventCondition(f"fold in {along}", along, None))
+
+
+def _of_orbit(machine: Machine, base: Statement, point: Point, along: str, condition: EventCondition) -> EventStart:
+    """The start of a curve whose condition says something of the equations of an orbit."""
     stated = event_statement(machine.model, base, along, parse(along), (), ())
-    known = dict(zip(base.unknowns, point.u, strict=False)) | {along: point.value}
-    condition = EventCondition(f"fold in {along}", along, None)
-    return EventStart(condition, stated, _completed(machine, stated, known))
+    known = dict(zip(base.unknowns, point.u, strict=False))
+    return _start(machine, condition, stated, base, point, known)
+
+
+def _start(
+    machine: Machine, condition: EventCondition, stated: EventStatement, base: Statement, point: Point,
+    known: Mapping[str, float],
+) -> EventStart:  # fmt: skip
+    """The start of a curve at a point of a family of orbits with a statement, from known unknowns by name."""
+    own = slice(len(base.unknowns) - len(base.tuned), len(base.unknowns))
+    sizes = np.maximum(np.abs(point.u), np.abs(point.tangent[:-1]))[own]
+    return EventStart(machine, condition, stated, _completed(machine, stated, known, point.value), sizes)
 
 
 def bounds_within(name: str, within: tuple[float, float]) -> tuple[float, float]:
@@ -199,18 +219,21 @@ def _begun(machine: Machine, family: Family, event: Event | str | Mapping[str, f
         condition = EventCondition(event, formula.text, None)
         return _of_formula(machine, family, _turn(machine, family, formula, number), formula, condition)
     found = _event_of(family, event, number)
-    own = _bare(machine, family, found.point)
+    own, here = _bare(machine, family, found.point), machine.with_values(**family._varied(found.point))
     if found.kind == "fold":
-        return start_of_fold(machine, _statement(machine, family), own, family.name)
+        return start_of_fold(here, _statement(machine, family), own, family.name)
+    if found.kind in CROSSINGS:
+        condition = EventCondition(found.kind, family.name, None, crossing=found.kind)
+        return _of_orbit(here, _statement(machine, family), own, family.name, condition)
     if found.kind == COLLAPSE:
         return _of_collapse(machine, family, own)
     limits = {kind: text for text, (kind, _) in LIMITS.items()}
     if found.kind not in limits:
-        known = ", ".join(["fold", COLLAPSE, *limits])
+        known = ", ".join(["fold", COLLAPSE, *limits, *CROSSINGS])
         reason = NOT_FOLLOWED.get(found.kind, "of a function that is watched no derivatives are known: state a formula")
         raise InputError(f"a curve of '{found.kind}' is not followed: {reason}; those of {known} are")
     text = limits[found.kind]
-    size = getattr(own, text)
+    size = getattr(own, text) if text in Certificate.__dataclass_fields__ else 0.0
     if size is None or abs(size) > JUMPS:  # on one side the contact turns back before a barrier, on the other beyond it
         return _of_collapse(machine, family, own)
     condition = EventCondition(found.kind, text, 0.0, place=_side_of(machine, text, 0.0))
@@ -225,21 +248,30 @@ def _event_of(family: Family, event: Event | str, number: int) -> Event:
             where = f"{family.name} = {event.point.value:.10g}"
             raise InputError(f"the event '{event.kind}' at {where} is none of this family: take one of family.events")
         return event
-    kinds = list(dict.fromkeys(each.kind for each in family.events))
     found = [each for each in family.events if each.kind == event]
-    if not 0 <= number < len(found):
-        here = ", ".join(
-            f"{kinds.count(kind) and sum(e.kind == kind for e in family.events)} '{kind}'" for kind in kinds
-        )
-        raise NoOrbit(f"the family has no event '{event}' of number {number}; it has {here or 'none'}")
-    return found[number]
+    if number < len(found):
+        return found[number]
+    counts = Counter(each.kind for each in family.events)
+    here = ", ".join(f"{count} '{kind}'" for kind, count in counts.items()) or "none"
+    if found:
+        raise NoOrbit(f"number = {number}: the family has {here}, and the first is number 0")
+    machine, known = family.source, [*TEST_FUNCTIONS, *OTHER_EVENTS, *counts]
+    if event in CROSSINGS and "multipliers" not in family.settings:
+        here += f"; a '{event}' is located by follow(..., multipliers=True)"
+    elif event not in known:
+        if machine and event in names_along(machine):
+            text = f"'{event}' is no event: a quantity is followed at a value, as {{'{event}': 0.1}}, or where it is"
+            raise InputError(f"{text} stationary along the family, as '{EXTREMUM}{event}'")
+        near = suggest(str(event), known)
+        raise InputError(f"there is no event '{event}'{near}{'' if near.endswith('?') else '.'} The family has {here}")
+    raise NoOrbit(f"the family has no event '{event}'; it has {here}")
 
 
 def _known(machine: Machine, text: object) -> Formula:
     """A formula of the quantities and parameters of a machine."""
     if not isinstance(text, str):
         raise InputError(f"event = {text!r}; it is a kind of event, or a formula of quantities with its value")
-    formula = known_formula(text, formula_names(machine), "the event")
+    formula = known_formula(text, names_along(machine), "the event")
     if not formula.names:
         raise InputError(f"the event '{text}' says nothing of the orbit or the machine")
     return formula
@@ -256,6 +288,9 @@ def _values_along(machine: Machine, family: Family, formula: Formula) -> np.ndar
     here = [machine.with_values(**family._varied(point)) for point in family.points]
     known, used = {*family._numbers_of(family.points), *names_of_motions(machine)}, _quantities(machine, formula)
     values = {name: family.column(name) for name in used if name in known}
+    if FRICTION_LEFT in used and machine.model.planar and machine.model.planar.friction:
+        stated = np.array([machine.model.planar.friction(own.values) for own in here])
+        values[FRICTION_LEFT], known = stated - family.column("friction_needed"), known | {FRICTION_LEFT}
     if missing := [name for name in used if name not in known]:
         method, each = family.settings["method"], list[list[float]]()
         for own, point in zip(here, family.points, strict=True):
@@ -312,19 +347,25 @@ def _bare(machine: Machine, family: Family, point: Point) -> Point:
 
 def _statement(machine: Machine, family: Family) -> Statement:
     """The statement of the family's orbits."""
-    return equations_of(machine.model, family.settings["method"], tuple(machine.values)).statement
+    return equations_of_family(machine, family.settings["method"], family.name, _tuned(family)).statement
+
+
+def _tuned(family: Family) -> tuple[str, ...]:
+    """The names of the tuned parameters of a family."""
+    return tuple(family.settings.get("tune", ()))
 
 
 def _of_formula(
     machine: Machine, family: Family, point: Point, formula: Formula, condition: EventCondition
 ) -> EventStart:  # fmt: skip
     """The start of a curve on which a formula has a value or is stationary."""
-    here = machine.with_values(**{family.name: point.value})
+    here = machine.with_values(**family._varied(point))
     used = tuple(_quantities(here, formula))
     kinds: tuple[Kind, ...] = ()
     times, contact = list[float](), None
     if used:
-        base_statement(machine.model)  # refuses machines whose orbits are not their own mirror images
+        if not _tuned(family):
+            base_statement(machine.model)  # refuses machines whose orbits are not their own mirror images
         if "landing_sensitivity" in used or "loss_coefficient" in used:
             _check_variational(machine)
         orbit = orbit_from(here, family.settings["method"], point.u, point.error).dimensionless()
@@ -333,13 +374,13 @@ def _of_formula(
         contact = orbit.contact_time
     base = _statement(machine, family)
     stated = event_statement(machine.model, base, family.name, formula, used, kinds)
-    known = dict(zip(base.unknowns, point.u, strict=False)) | {family.name: point.value}
+    known = dict(zip(base.unknowns, point.u, strict=False))
     known |= {names_of_kind(kind)[1]: time for kind, time in zip(kinds, times, strict=True)}
     if "contact_duration" in stated.statement.unknowns and "contact_duration" not in known:
         if contact is None:
             raise NoOrbit("the contact of the orbit at the event does not end, so that it has no time")
         known["contact_duration"] = contact / 2
-    return EventStart(condition, stated, _completed(here, stated, known))
+    return _start(here, condition, stated, base, point, known)
 
 
 def _check_variational(machine: Machine) -> None:
@@ -363,26 +404,29 @@ def _places_on(machine: Machine, orbit: Orbit, extremes: Sequence[str]) -> list[
     return [place for place in found.values() if place]
 
 
-def _completed(machine: Machine, stated: EventStatement, known: Mapping[str, float]) -> np.ndarray:
-    """The unknowns (n,) of a statement: those that are values follow from the others."""
+def _completed(machine: Machine, stated: EventStatement, known: Mapping[str, float], first: float) -> np.ndarray:
+    """The unknowns (n,) of a statement, the last of which is the `first` parameter: those that are values follow from
+    the others."""
     names = stated.statement.unknowns
-    x = np.array([known.get(name, 0.0) for name in names])
-    equations = shooting_equations(stated.statement, tuple(machine.values))
+    x = np.array([*(known.get(name, 0.0) for name in names[:-1]), first])
     if stated.rows:
-        residual = equations.evaluate(x, vector(machine.values)).residual
+        equations = shooting_equations(
+            stated.statement, tuple(dict.fromkeys((*machine.values, *stated.statement.tuned)))
+        )
+        residual = equations.evaluate(x, values_of(machine, equations.parameters)).residual
         x[[names.index(name) for name in stated.rows]] = residual[[*stated.rows.values()]]
     return x
 
 
 def _of_collapse(machine: Machine, family: Family, point: Point) -> EventStart:
     """The start of a curve of collapses."""
-    here, base = machine.with_values(**{family.name: point.value}), _statement(machine, family)
+    here, base = machine.with_values(**family._varied(point)), _statement(machine, family)
     u = dict(zip(base.unknowns, point.u, strict=False))
     place, speed = map(float, here.model.touchdown(u, here.values))
     side = float(np.sign(speed))
     stated = collapse_statement(machine.model, base, family.name, side)
-    known = u | {family.name: point.value, BARRIER: _barrier(here, stated, place, speed, side)}
-    return EventStart(EventCondition(COLLAPSE, ""), stated, _completed(here, stated, known))
+    known = u | {BARRIER: _barrier(here, stated, place, speed, side)}
+    return _start(here, EventCondition(COLLAPSE, ""), stated, base, point, known)
 
 
 def _barrier(machine: Machine, stated: EventStatement, place: float, speed: float, side: float) -> float:

@@ -14,11 +14,12 @@ import numpy as np
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
 from ..numerics.hermite import around
 from ..shooting.division import LARGEST_ARC_GROWTH
+from ..simulation.lossless_hops import CROSSINGS
 from .corrector import MEMORY, correct, correct_all, predict_and_correct
 from .curve import TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints, StepEnd, Watch, interpolated
 
 # Events that are not among `TEST_FUNCTIONS`. The functions of a user cannot have these names.
-OTHER_EVENTS = ("fold", "branch point", "family", "asked")
+OTHER_EVENTS = ("fold", "branch point", "family", "value", *CROSSINGS)
 # The largest step is at least this many times as long as the shortest, so that step-size control has some range.
 LEAST_PLAY = 10
 Points = Sequence[CurvePoint | StepEnd]
@@ -113,6 +114,7 @@ class Options:
     most: int = 10_000
     stop_inadmissible: bool = False
     step_control: StepControl = StepControl()
+    multipliers: bool = False
 
 
 def checked_options(*args: Any, **options: Any) -> Options:
@@ -133,8 +135,8 @@ def checked_options(*args: Any, **options: Any) -> Options:
     for name, function in watch.items():
         if not callable(function) or name in (*TEST_FUNCTIONS, *OTHER_EVENTS):
             raise InputError(f"watch '{name}' is a function of the orbit, under a name of its own")
-    stops = bool(unchecked.stop_inadmissible)
-    return replace(unchecked, at=at, watch=dict(watch), longest=float(longest), most=most, stop_inadmissible=stops)
+    flags: Any = {name: bool(getattr(unchecked, name)) for name in ("stop_inadmissible", "multipliers")}
+    return replace(unchecked, at=at, watch=dict(watch), longest=float(longest), most=most, **flags)
 
 
 class Stepper:

@@ -15,7 +15,7 @@ from ..shooting.division import LARGEST_ARC_GROWTH
 from ..units import Message
 from .corrector import MEMORY, correct
 from .curve import Curve, CurvePoint, CurvePoints, StepEnd
-from .events import Segment
+from .events import CrossingSegment, Segment
 from .limits import Endings
 from .point import End, Event
 from .step_control import Options, Stepper
@@ -63,6 +63,8 @@ class Tracer:
 
     def __init__(self, curve: Curve, first: CurvePoint, behind, stop, options: Options, earlier: Sequence = ()):
         self.curve, self.options, self.control, self.earlier = curve, options, options.step_control, earlier
+        if options.multipliers:
+            self.segments = CrossingSegment
         self.behind, self.stop, bounds = behind, stop, (min(behind, stop), max(behind, stop))
         self.start = earlier[0].value if earlier else first.value
         self.stepper = Stepper(curve, bounds, self.start, options)
@@ -157,7 +159,7 @@ class Tracer:
         if not len(points):
             return
         busy = self.endings.may_end(last, points)
-        busy |= self.segments.may_happen(last, points, self.options.at, self.options.watch)
+        busy |= self.segments.may_happen(self.curve, last, points, self.options.at, self.options.watch)
         first = 0
         for i in (*busy.nonzero()[0].tolist(), len(points)):
             if first < i:
@@ -210,13 +212,13 @@ class Tracer:
         values, items, index = self.options.at, list[CurvePoint | Event](), before
         segment, end = self.endings.cut(self.segments(self.curve, last, point))
         for kind, event in segment.events(values, self.options.watch):
-            if kind == "asked":
+            if kind == "value":
                 index += 1
                 items.append(event)
             items.append(Event(kind, index, event.point))
         items.append(segment.b)
         if not end and segment.b.value in values:
-            items.append(Event("asked", index + 1, segment.b.point))
+            items.append(Event("value", index + 1, segment.b.point))
         return items, segment.b, index + 1 - before, end
 
     def _after(self, state: TracerState, batch: Batch, ends: list[CurvePoint]) -> TracerState:

@@ -19,6 +19,8 @@ from ..periodic.tuned import (
     tuned_equations,
     tuned_names,
 )
+from ..shooting.formulations import equations_of
+from ..shooting.single_shooting import Shooting
 from .curve import Curve, CurvePoint, CurvePoints, check_followed
 from .point import Point
 
@@ -31,12 +33,11 @@ class TunedCurve(Curve):
     """
 
     def __init__(self, machine: Machine, along: str, tuned: Sequence[str], span: float, x: np.ndarray):
-        self.prescribed = (along,) if is_quantity(machine, along) else ()
         self.machine, self.along, self.method, self.span = machine, along, METHOD, span
         self.tuned = tuple(tuned)
-        self.equations = self.equations_of_orbits = tuned_equations(machine, self.tuned, self.prescribed)
+        self.equations = self.equations_of_orbits = equations_of_family(machine, METHOD, along, self.tuned)
         self.names = self.equations.parameters
-        self.parameters = np.array([machine.values.get(name, 0.0) for name in self.names])
+        self.parameters = values_of(machine, self.names)
         self.place = self.names.index(along)
         jacobian, own = self.evaluate(x[None]).jacobian[0], self.equations.own
         changes = solve(jacobian[:, :-1], jacobian[:, -1])[own:] * span
@@ -63,12 +64,29 @@ class TunedCurve(Curve):
             errors = errors_of_tuned(*self.solutions(CurvePoints.of([point])))
         except NoOrbit:  # such as a run without speed
             return orbit
-        return orbit.with_tuned(errors, dict.fromkeys(self.prescribed, point.value))
+        return orbit.with_tuned(errors, dict.fromkeys(prescribed_along(self.machine, self.along), point.value))
 
     def varied(self, p: np.ndarray) -> dict[str, float]:
         names, places = self.equations.statement.tuned, self.equations.places
         own = super().varied(p) if self.along in self.machine.values else {}
         return {**own, **dict(zip(names, p[places].tolist(), strict=True))}
+
+
+def prescribed_along(machine: Machine, along: str) -> tuple[str, ...]:
+    """The quantities that are prescribed along a family: the one along which it goes, if it is one."""
+    return (along,) if is_quantity(machine, along) else ()
+
+
+def equations_of_family(machine: Machine, method: str, along: str, tuned: tuple[str, ...]) -> Shooting:
+    """The equations of the orbits of a family along a name, with tuned parameters if there are any."""
+    if tuned:
+        return tuned_equations(machine, tuned, prescribed_along(machine, along))
+    return equations_of(machine.model, method, tuple(machine.values))
+
+
+def values_of(machine: Machine, names: Sequence[str]) -> np.ndarray:
+    """The values of a machine's parameters of these names, 0 for prescribed quantities."""
+    return np.array([machine.values.get(name, 0.0) for name in names])
 
 
 def checked_tuning(machine: Machine, along: str, tune: Any) -> tuple[str, ...]:

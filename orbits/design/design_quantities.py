@@ -49,7 +49,7 @@ def quantity_names(model: Model, p: Mapping) -> list[str]:
     """The quantities of a model's orbits."""
     missing = [*([] if model.tension else ["largest_spring_force"]), *(() if model.one_speed else VARIATIONAL)]
     missing += [] if model.separation(p) is not None else ["smallest_separation"]
-    missing += [] if model.planar and model.planar.stands else PLANAR
+    missing += PLANAR if model.planar is None else [] if model.planar.stands else ["smallest_stance_force"]
     missing += [] if model.planar and model.planar.friction else [FRICTION_LEFT]
     return [name for name in DESIGNED if name not in missing] + list(model.rises(p))
 
@@ -89,7 +89,8 @@ def extreme_of(model: Model, name: str) -> tuple[tuple[str, Callable], ...]:
     tensions = over_cycle(model.tension or (lambda x, p, q: 0.0))
     # The forces of a law in pieces in the second half of a step are those in the first, or their negatives.
     tensions = tensions[::2] if model.flight.pieces and not model.plain else tensions
-    ground = {phase: getattr(model, phase).watch for phase in ("flight", "contact") if model.planar}
+    standing = ("flight", "contact") if model.planar and model.planar.stands else ("contact",)
+    ground = {phase: getattr(model, phase).watch for phase in standing if model.planar}
     slips = tuple(
         (phase, lambda x, p, q, on=on: on[TANGENTIAL_FORCE](x, p, q) / on[NORMAL_FORCE](x, p, q))
         for phase, on in ground.items()
@@ -114,6 +115,10 @@ def base_statement(model: Model) -> Statement:
     if not model.reversor:
         raise InputError("a design needs a machine whose motion is its own mirror image in time: leave out the damping")
     refuse_forward(model)
+    return _simplest(model)
+
+
+def _simplest(model: Model) -> Statement:
     return model.reduction.statement if model.reduction else half_orbit(model)
 
 
@@ -200,7 +205,7 @@ def expressions(
         `hand_over_factors`, for the quantities that need them
     q : the data of the piece at launch
     """
-    half, contact, jerk = base_statement(model).arcs[0].duration(u, p), u["contact"], _landing_jerk(model, u, p, q)
+    half, contact, jerk = _simplest(model).arcs[0].duration(u, p), u["contact"], _landing_jerk(model, u, p, q)
     values = {"alpha": u["alpha"], "liftoff_extension": model.liftoff_extension(u, p), "landing_jerk": jerk}
     values |= {"flight_time": 2 * half, "contact_time": 2 * contact, "period": 2 * (half + contact)}
     if any(name in VARIATIONAL for name in names):

@@ -20,7 +20,7 @@ from ..periodic.quantities import dimension_of
 from ..symbolic.formula import Formula
 from ..units import Units
 from .design_quantities import VARIATIONAL, expressions, extreme_of, landing_sensitivity, variational_arc
-from .extremes import Kind, extreme_function
+from .extremes import Kind, extreme_function, start_function
 
 HALF_CONTACT_TIME, SLOPE = "contact_duration", "landing sensitivity"
 # The distance in contact from touchdown to the place at which the machine would be at rest.
@@ -46,8 +46,8 @@ def event_statement(
 ) -> EventStatement:
     """The statement of orbits at which a formula has a value.
 
-    base : of the orbits alone
-    along : name of the parameter that is an unknown
+    base : of the orbits alone, perhaps with tuned parameters
+    along : name of the parameter, or of the prescribed quantity, that is an unknown
     used : the quantities that the formula uses, which are made of extremes of these kinds
 
     The last residual is the value of the formula, from which the prescribed one has to be subtracted.
@@ -82,13 +82,22 @@ def event_statement(
     last = arcs[-1]
 
     def conditions(u: Mapping, x: Sequence, p: Mapping) -> list:
-        starts = [_function(model, kind, _begin(model, kind, u, p), p)[0] - u[value] for value, kind in here]
+        starts = [_at_start(model, kind, u, p) - u[value] for value, kind in here]
         return [*last.conditions(u, x, p), *starts, _value_of_formula(model, formula, used, kinds, u, p)]
 
-    unknowns = (*base.unknowns, *added, along)
     arcs[-1] = replace(last, conditions=conditions)
-    name = f"{base.name} with {formula.text}"
-    return EventStatement(Statement(name, unknowns, tuple(arcs), (*base.durations, *durations), (along,)), rows)
+    return EventStatement(_extended(f"{base.name} with {formula.text}", base, arcs, added, durations, along), rows)
+
+
+def _extended(
+    name: str, base: Statement, arcs: Sequence[Arc], added: Sequence[str], durations: Sequence[str], along: str
+) -> Statement:
+    """A statement with further arcs, unknowns and durations, and with a parameter that is the last unknown, after the
+    tuned ones."""
+    own, tuned = base.unknowns[: len(base.unknowns) - len(base.tuned)], (*base.tuned, along)
+    last = f"prescribed {along}" if along in own else along
+    unknowns = (*own, *added, *base.tuned, last)
+    return Statement(name, unknowns, tuple(arcs), (*base.durations, *durations), tuned)
 
 
 def _value_of_formula(
@@ -113,6 +122,14 @@ def _phase_of_kind(model: Model, kind: Kind) -> str:
 def _begin(model: Model, kind: Kind, u: Mapping, p: Mapping) -> list:
     """The state in which the phase of an extreme begins."""
     return model.launch(u, p) if _phase_of_kind(model, kind) == "flight" else model.touchdown(u, p)
+
+
+def _at_start(model: Model, kind: Kind, u: Mapping, p: Mapping) -> Any:
+    """The value of the function of an extreme where its phase begins."""
+    x = _begin(model, kind, u, p)
+    data = getattr(model, _phase_of_kind(model, kind)).data(x, p)
+    function = start_function(model, tuple(p), kind.extreme, kind.function)
+    return function(ca.vertcat(*map(ca.SX, x)), ca.vertcat(*p.values()), ca.vertcat(*data))
 
 
 def _function(model: Model, kind: Kind, x: Sequence, p: Mapping) -> list:
@@ -177,6 +194,6 @@ def collapse_statement(model: Model, base: Statement, along: str, side: float) -
         return [side * field(x, p, phase.data(x, p))[1], x[1]]
 
     arc = Arc(phase, start, lambda u, p: u[BARRIER], conditions)
-    unknowns = (*base.unknowns, BARRIER, along)
-    name = f"{base.name} before a collapse"
-    return EventStatement(Statement(name, unknowns, (*base.arcs, arc), (*base.durations, BARRIER), (along,)), {})
+    return EventStatement(
+        _extended(f"{base.name} before a collapse", base, (*base.arcs, arc), [BARRIER], [BARRIER], along), {}
+    )

@@ -10,6 +10,7 @@ from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories
 from ..model.machine import Machine
 from ..model.model import Model
+from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
 from ..numerics.polynomial_roots import evaluate, powers
 from ..numerics.roots import Array, enclosed_sign_changes
 from ..periodic.certificate import STATIONARY
@@ -104,6 +105,10 @@ class _Sampled:
         for table, column in zip(tables, columns, strict=False):
             table[:, :-1][inside] = column[:-count, 0]
             table[np.arange(count), self.counts] = column[-count:, 0]
+        if extreme == "slip" and machines[0].model.sticks:
+            begun = c[paths.first, :, 0]
+            start = ElementwiseFunction(start_function(machines[0].model, tuple(machines[0].values), extreme, index))
+            self.values[:, 0] = start(begun, ps, self.flow.data_of_pieces(begun, ps))[0][:, 0]
         rates, known = self.rates[np.arange(count), self.counts], np.isfinite(self.values)
         sizes = np.abs(self.values, out=np.zeros_like(self.values), where=known).max(1)
         self.still = machines[0].model.plain | (np.abs(rates) * paths.ends <= STATIONARY * sizes)
@@ -155,6 +160,21 @@ def extreme_function(model: Model, names: tuple[str, ...], extreme: str, index: 
     field, value = ca.vertcat(*phase.field(*arguments)), ca.SX(function(*arguments))
     rate = ca.jacobian(value, x) @ field
     return ca.Function("extreme", [x, p, q], [value, rate, ca.jacobian(rate, x) @ field])
+
+
+@cached
+def start_function(model: Model, names: tuple[str, ...], extreme: str, index: int) -> ca.Function:
+    """(x, p, data of the piece) -> the value of a function of an extreme where its phase begins: of a share of two
+    forces that vanish there the ratio of their rates."""
+    whole = extreme_function(model, names, extreme, index)
+    x, p, q = whole.sx_in()
+    if extreme == "slip" and model.sticks:
+        on, sign = model.contact.watch, 1.0 - 2.0 * index
+        arguments = ca.vertsplit(x), dict(zip(names, ca.vertsplit(p), strict=True)), ca.vertsplit(q)
+        field = ca.vertcat(*model.contact.field(*arguments))
+        along, across = (ca.jtimes(ca.SX(on[name](*arguments)), x, field) for name in (TANGENTIAL_FORCE, NORMAL_FORCE))
+        return ca.Function("start", [x, p, q], [sign * along / across])
+    return ca.Function("start", [x, p, q], [whole(x, p, q)[0]])
 
 
 @cached

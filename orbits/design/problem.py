@@ -157,6 +157,11 @@ def design_problem(
 def formula_names(machine: Machine) -> list[str]:
     """The names that a formula of a design may use: quantities of the orbit and parameters of the machine."""
     refuse_forward(machine.model)
+    return names_along(machine)
+
+
+def names_along(machine: Machine) -> list[str]:
+    """The names that a formula may use along a family, whose parameters may be tuned: as `formula_names`."""
     quantities = quantity_names(machine.model, machine.values)
     parameters = free_parameters(machine)
     if ambiguous := [name for name in parameters if name in quantities]:

@@ -392,7 +392,7 @@ class Flow:
         return BufferedFunction(ca.Function("rates", [x, p], [ca.densify(self.vector_field.field(x, p)[0])]))
 
     def field(self, xs: Array, p: Array) -> list[Array]:
-        """Rates (m, n) and watched quantities (m, k) at states (m, n) with the same parameters (np,)."""
+        """Rates (m, n) and watched quantities (m, k) at states (m, n) with parameters (m, np), or (np,) of them all."""
         return self.fields(xs, self.data(xs, p))
 
     @cached_property
@@ -401,10 +401,12 @@ class Flow:
         return ElementwiseFunction(self.vector_field.field)
 
     def data(self, xs: Array, p: Array) -> Array:
-        """Parameters with the data of the piece of each state (m, n): (m, np + nq), or (1, np) without pieces."""
+        """Parameters (m, np), or (np,) of all, with the data of the piece of each state (m, n): (m, np + nq), without
+        pieces (1, np) for those of all."""
+        ps = np.atleast_2d(p)
         if self.phase.pieces is None:
-            return np.reshape(p, (1, -1))
-        return np.hstack([np.tile(p, (len(xs), 1)), self.data_of_pieces(xs, p[None])])
+            return ps
+        return np.hstack([np.broadcast_to(ps, (len(xs), ps.shape[1])), self.data_of_pieces(xs, ps)])
 
     def piece_data(self, xs: Array, ps: Array) -> tuple[Array, Array]:
         """Data (m, nq) of the pieces at states (m, n) with parameters (m, np) or (1, np), and the derivatives

@@ -30,8 +30,8 @@ from .tuned import (
     tuned_equations,
     tuned_values,
     tuning_of,
-    with_extremes,
 )
+from .tuned_extremes import with_extremes
 
 Progress: TypeAlias = Callable[[float], None] | None  # called with the share that is done
 # An orbit nearby, the unknowns of a half orbit by name, or the name of a file of an orbit.

@@ -1,7 +1,8 @@
 """The quantities of an orbit: the name of each in tables, and its values for m orbits; dimensions are in `units`."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -43,11 +44,15 @@ def _stroke(model: Model, cycles: Cycles) -> np.ndarray:
     return stroke
 
 
-def _speed(model: Model, cycles: Cycles) -> np.ndarray:
-    """The speeds (m,) of the centre of mass along the ground in flight."""
+def speed_in_flight(model: Model, u: Mapping, p: Mapping) -> Any:
+    """The speed of the centre of mass along the ground in flight from a launch with unknowns `u`."""
     assert model.planar is not None
     assert model.planar.travel is not None
-    return np.broadcast_to(model.planar.travel(model.launch(cycles.u, cycles.p), cycles.p), len(cycles))
+    return model.planar.travel(model.launch(u, p), p)
+
+
+def _speed(model: Model, cycles: Cycles) -> np.ndarray:
+    return np.broadcast_to(speed_in_flight(model, cycles.u, cycles.p), len(cycles))
 
 
 def _mean_speed(model: Model, cycles: Cycles) -> np.ndarray:

@@ -15,6 +15,7 @@ from ..errors import NoOrbit
 from ..model.model import STEP_LENGTH
 from ..shooting.formulations import vector
 from ..shooting.single_shooting import Shooting
+from .tuned import OF_STEPS
 
 # The share of the launch speed at which a run begins where no quantity says how fast it is.
 SLOW_SHARE = 0.1
@@ -47,22 +48,17 @@ def run_start(machine: Any, equations: Shooting, hop: Mapping[str, float], at: M
     across = np.abs(jacobian[:, upright]).max(1) <= UNMOVED_SHARE * np.abs(jacobian).max()
     direction = np.linalg.svd(jacobian[across][:, lateral])[2][-1]
     moved = dict(zip([unknowns[i] for i in lateral], direction.tolist(), strict=True))
-    period = 2 * (u["duration"] + u["contact_duration"])
 
     def at_share(share: float) -> dict[str, float]:
         """The unknowns at a multiple of the direction."""
         return {**u, **{name: share * change for name, change in moved.items()}}
 
-    quantities = {
-        "speed": lambda near: float(model.planar.travel(model.launch(near, p), p)),
-        STEP_LENGTH: lambda near: near[STEP_LENGTH],
-        "mean_speed": lambda near: near[STEP_LENGTH] / period,
-    }
-    prescribed = [(each, value) for each, value in at.items() if each in quantities]
+    prescribed = [(each, value) for each, value in at.items() if each in OF_STEPS]
     (name, value), *_ = [*prescribed, ("speed", SLOW_SHARE * abs(u["alpha"]))]
     share = 1e-6  # the speed is nearly linear in the angles
     for _ in range(MOST_SHARES_OF_RUN):
-        if not (found := quantities[name](at_share(share))):
+        near = at_share(share)
+        if not (found := float(OF_STEPS[name].of(model, near, {**p, STEP_LENGTH: near[STEP_LENGTH]}))):
             raise NoOrbit(f"the {model.name} does not move along the ground beside its vertical hop: give a start")
         share, last = share * value / found, share
         if abs(share - last) <= SAME_SHARE_OF_RUN * abs(share):

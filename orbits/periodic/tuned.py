@@ -7,7 +7,6 @@ is one equation more. Then as many parameters of the machine are unknowns too, t
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,15 +19,13 @@ from ..model.phase import Arc, Statement
 from ..numerics.roots import solve
 from ..running.time_limit import TimeOver
 from ..shooting.error_bound import error_bounds
-from ..shooting.formulations import half_orbit, vector
+from ..shooting.formulations import half_orbit
 from ..shooting.multiple_shooting import boundary_functions
 from ..shooting.single_shooting import Evaluation, Shooting, shooting_equations
 from ..symbolic.formula import suggest
 from ..units import DIMENSIONS, FREQUENCY, LENGTH, SPEED, Dimension
-from .certificate import Certificate
-from .certified import Solved, known_solutions
-from .orbit import Orbit
-from .quantities import numbers_of
+from .certified import Solved
+from .quantities import speed_in_flight
 
 # The method whose equations are tuned.
 METHOD = "half orbit"
@@ -36,13 +33,10 @@ METHOD = "half orbit"
 SHORTEST_WAY = 1e-4
 # A corrector that changes an unknown by a larger share of its size may have jumped to another orbit.
 FARTHEST_CORRECTED = 0.03
-# Newton's method with differences: the share of a parameter by which it is changed for them, the largest step, steps
-# below which the slopes stay, the smallest step, and the number of steps; each relative to the parameters.
-CHANGED_BY, LARGEST_TUNING, SAME_SLOPES, SMALLEST_MOVE, MOST_MOVES = 1e-6, 0.5, 1e-4, 1e-14, 40
 # A tuned parameter that may be off by more than this share of its value is not determined.
 WORST_TUNED = 0.01
-# Smaller values are compared with this one; and the rounding of a quantity of the motion, relative to it.
-SMALLEST, ROUNDING_OF_EXTREMES = 1e-3, 1e-14
+# Smaller values are compared with this one.
+SMALLEST = 1e-3
 
 
 class Prescribed(NamedTuple):
@@ -72,7 +66,7 @@ PRESCRIBED: dict[str, Prescribed] = {
 }
 # Those of machines that go forward: the step is a parameter, which is tuned unless it is prescribed.
 OF_STEPS: dict[str, Prescribed] = {
-    "speed": Prescribed(lambda model, u, p: model.planar.travel(model.launch(u, p), p), SPEED),
+    "speed": Prescribed(speed_in_flight, SPEED),
     "mean_speed": Prescribed(lambda model, u, p: p[STEP_LENGTH] / _period(model, u, p), SPEED, True),
     STEP_LENGTH: Prescribed(lambda model, u, p: p[STEP_LENGTH], LENGTH),
 }
@@ -348,100 +342,3 @@ def errors_of_tuned(solved: Solved, closing: np.ndarray | None = None) -> dict[s
                 f"another number{slow if solved.model.sticks else ''}"
             )
     return found
-
-
-def with_extremes(
-    machine: Machine, tuning: Tuning, first: Orbit, near: Callable[[Machine, Orbit, Tuning], tuple[Orbit, dict]]
-) -> tuple[Orbit, dict[str, float]]:
-    """The orbit with tuned parameters where quantities of its whole motion are prescribed too, by Newton's method with
-    differences, and estimates of the errors of these parameters.
-
-    first : the machine's own orbit
-    near : (machine, known orbit, tuning) -> the orbit where only equations are prescribed, and errors, as in `find`
-
-    As many of the parameters as there are such quantities, the last ones for which this is possible, are moved in
-    steps; the others are tuned at each step.
-    """
-    reason: Exception | None = None
-    for moved in reversed([*combinations(tuning.names, len(tuning.extremes))]):
-        rest = replace(tuning, names=tuple(name for name in tuning.names if name not in moved), extremes={})
-        try:
-            return _by_moving(machine, moved, rest, tuning.extremes, first, near)
-        except NoOrbit as error:
-            reason = reason or error
-    assert reason is not None
-    raise reason
-
-
-def _by_moving(machine, moved, rest, targets, first, near) -> tuple[Orbit, dict[str, float]]:
-    """`with_extremes` for the parameters that are `moved` in steps."""
-    wanted, x, last = np.array([*targets.values()]), np.array([first.source.values[name] for name in moved]), np.inf
-    sizes, slopes = np.maximum(np.abs(wanted), SMALLEST), np.zeros((len(x), len(x)))
-    found, at = np.full(len(wanted), np.nan), ", ".join(f"{name} = {value:.6g}" for name, value in targets.items())
-
-    def reached() -> tuple[str, str]:
-        each = zip(moved, x.tolist(), strict=True), zip(targets, found.tolist(), strict=True)
-        ran, here = (", ".join(f"{name} = {value:.6g}" for name, value in pairs) for pairs in each)
-        return ran, here
-
-    def solved(values: np.ndarray, known: Orbit) -> tuple[Orbit, dict[str, float], np.ndarray]:
-        assert known.source is not None
-        others = {name: known.source.values[name] for name in rest.names}
-        here = machine.with_values(**others, **dict(zip(moved, values.tolist(), strict=True)))
-        try:
-            orbit, errors = near(here, known, rest)
-            return orbit, errors, np.array([quantity_of(orbit, name) for name in targets])
-        except TimeOver as over:
-            if np.isnan(found).any():
-                raise
-            raise over.reached("on the way to {} it has come to {}, with {}".format(at, *reached()[::-1])) from None
-
-    def off(found: np.ndarray) -> float:
-        return float(np.max(np.abs(found - wanted) / sizes))
-
-    orbit, errors, found = solved(x, first)
-    for _ in range(MOST_MOVES):
-        if last > SAME_SLOPES:
-            for i, change in enumerate(CHANGED_BY * np.where(x == 0, 1.0, x)):
-                beside = x + change * (np.arange(len(x)) == i)
-                slopes[:, i] = (solved(beside, orbit)[2] - found) / (beside - x)[i]
-        step = solve(slopes, wanted - found)
-        size = float(np.max(np.abs(step) / np.where(x == 0, 1.0, np.abs(x))))
-        if size < SMALLEST_MOVE or (size < SAME_SLOPES and size > 0.5 * last):
-            noise = np.abs(wanted - found) + ROUNDING_OF_EXTREMES * np.abs(found)
-            own = np.abs(np.linalg.inv(slopes)) @ noise + np.spacing(np.abs(x))
-            return orbit, errors | dict(zip(moved, own.tolist(), strict=True))
-        share, last, reason = min(1.0, LARGEST_TUNING / size), size, "it comes no closer"
-        while share > SHORTEST_WAY:
-            try:
-                trial = solved(x + share * step, orbit)
-                if size < SAME_SLOPES or off(trial[2]) < off(found):
-                    x, (orbit, errors, found) = x + share * step, trial
-                    break
-            except (NoOrbit, FlowError, InputError) as error:
-                reason = str(error)
-            share /= 2
-        else:
-            break
-    ran, here = reached()
-    raise NoOrbit(f"no orbit with {at} is reached: {ran.replace(' =', ' ran to')}, where {here}, and {reason}")
-
-
-def quantity_of(orbit: Orbit, name: str) -> float:
-    """A quantity of an orbit's whole motion, in the orbit's units; raises `NoOrbit` where it has none."""
-    if name in Certificate.__dataclass_fields__:
-        value = getattr(orbit.certificate, name)
-    elif (time := orbit.dimensionless().contact_time) is None:
-        value = None
-    else:
-        machine, bare = orbit.source, orbit.dimensionless()
-        assert machine is not None
-        model, times = machine.model, {"duration": bare.flight_time / 2, "contact_duration": time / 2}
-        known = model.launch_at(bare.flight.coefficients[0, :, 0].tolist()) | times | {"alpha": bare.alpha}
-        us, ps = vector({each: known[each] for each in model.half_unknowns})[None], vector(machine.values)[None]
-        cycles = known_solutions(model, METHOD, tuple(machine.values), us, ps, np.array([bare.error])).cycles
-        value = numbers_of(model, cycles, None, model.units and model.units(cycles.p), [name])[name][0]
-    if value is None:
-        why = "; ".join(orbit.violations) or f"in family {orbit.family} it has no such place; a rise is known for each"
-        raise NoOrbit(f"an orbit on the way has no {name}: {why}")
-    return float(value)

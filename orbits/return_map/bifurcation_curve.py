@@ -17,7 +17,7 @@ class PlaceOnCurve:
     """An event on a curve of bifurcations, located.
 
     kind : "turn" (the curve turns round in the second parameter), "cusp" (it does so in both parameters at once: two
-        curves of folds meet), or "asked" (a value of the second parameter in `at`)
+        curves of folds meet), or "value" (a value of the second parameter in `at`)
     values : of the two parameters there
     alphas : the launch speeds (period,) of the periodic hops
     """

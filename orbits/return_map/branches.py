@@ -216,7 +216,7 @@ class LaunchSegment(Segment):
 
     @staticmethod
     def may_happen(
-        before: CurvePoint, points: Sequence[CurvePoint], requested: tuple[float, ...], watch: Watch
+        curve: Any, before: CurvePoint, points: Sequence[CurvePoint], requested: tuple[float, ...], watch: Watch
     ) -> np.ndarray:
         return np.ones(len(points), bool)
 
@@ -438,7 +438,7 @@ class BranchTracer:
                     before, passed = last if self._distance(last, item) >= AROUND else before, []
                     last, count = item, count + 1
                     yield last.point
-                elif isinstance(item, Event) and item.kind != "asked":
+                elif isinstance(item, Event) and item.kind != "value":
                     passed.append(FoundEvent(item.kind, cast(Any, item.point)))
                 elif isinstance(item, End) and (item.kind not in ("stuck", "stopped") or self._grown(last)):
                     yield from passed

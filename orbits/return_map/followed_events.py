@@ -187,7 +187,7 @@ class EventSegment(Segment):
 
     @staticmethod
     def may_happen(
-        before: CurvePoint, points: Sequence[CurvePoint], requested: tuple[float, ...], watch: Watch
+        curve: Any, before: CurvePoint, points: Sequence[CurvePoint], requested: tuple[float, ...], watch: Watch
     ) -> np.ndarray:
         return np.ones(len(points), bool)
 

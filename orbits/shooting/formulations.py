@@ -274,14 +274,22 @@ def _landing_by(
     """Derivatives (m, states) of the state at landing by the unknown with index `alpha`, on which that with index
     `liftoff` depends with slopes (m,); the second half of the motion is the mirror image of the first, and so is its
     transition matrix."""
-    first, start, mirror = evaluation.transitions[0], evaluation.starts[0][:, :, [alpha]], np.array(reversor)[:, None]
+    start = evaluation.starts[0][:, :, [alpha]]
     if slope is not None:
         start = start + np.reshape(slope, (-1, 1, 1)) * evaluation.starts[0][:, :, [liftoff]]
-    change = mirror * (first @ start)
-    parts = np.moveaxis(evaluation.parts[0], 1, 0) if evaluation.parts else [first[:, :, : first.shape[1]]]
+    return through_mirror(evaluation, 0, start, reversor)[:, :, 0]
+
+
+def through_mirror(evaluation: Evaluation, arc: int, change: ndarray, signs: tuple[int, ...]) -> ndarray:
+    """Changes (m, states, c) at the end of a motion of which an arc is the first half, from those (m, states + t, c) at
+    its start: the second half is the mirror image of the first, by a reversor of these signs, and so is its
+    transition matrix."""
+    first, mirror = evaluation.transitions[arc], np.array(signs)[:, None]
+    change = mirror * (first[:, :, : change.shape[1]] @ change)
+    parts = np.moveaxis(evaluation.parts[arc], 1, 0) if evaluation.parts else [first[:, :, : first.shape[1]]]
     for part in parts[::-1]:
         change = solve(part, change)
-    return (mirror * change)[:, :, 0]
+    return mirror * change
 
 
 def contact_force_row(contact: Phase) -> Affine:

@@ -60,7 +60,7 @@ def plot_bifurcation_curve(curve: Any, axes: Axes | None = None) -> Axes:
     words = f"{curve.kind}, {name_of_hops(count).removeprefix('hops of ')}"
     colour = COLOURS[(count - 1) % len(COLOURS)] if own else "black"
     axes.plot(*curve.values.T, STYLES_OF_CURVES[curve.kind], color=colour, lw=1.6, label=words)
-    places = np.array([event.values for event in curve.events if event.kind != "asked"]).reshape(-1, 2)
+    places = np.array([event.values for event in curve.events if event.kind != "value"]).reshape(-1, 2)
     if len(places):
         axes.plot(*places.T, "o", color="0.15", mfc="white", ms=5, zorder=4)
     if not own:

@@ -224,7 +224,7 @@ def plot_family(family: "Family", axes: Axes | None = None, quantity: str = "alp
         name = label if label and not some else None if NO_MOTIONS in known else NO_MOTIONS
         axes.plot(x, others, label=name, **style)
     for i, (_, event) in enumerate(family.in_order()):
-        if event and event.kind != "asked":
+        if event and event.kind != "value":
             style = {"marker": MARKERS.get(event.kind, "P"), "ls": "", "ms": 6, "mfc": "white", "mew": 1.4, "zorder": 4}
             kind = plain(event.kind)
             axes.plot(x[i], y[i], color="0.15", label=None if kind in known else kind, **style)

@@ -22,13 +22,16 @@ from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import MOST_CLOSED_STEPS, first_zeros
 from ..model.machine import Machine
+from ..model.model import Model
 from ..model.phase import Affine
 from ..numerics.polynomial_roots import Crossings
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..periodic.certificate import gradients
 from ..shooting.formulations import vector
+from ..symbolic.caches import cached
+from ..symbolic.kernels import ElementwiseFunction
 from ..units import LIFTOFF_SPEED, Message, Quantity
-from .feet import LIFTS_OFF, STEPS_BACK, exits_of, feet_of, first_to_touch
+from .feet import LIFTS_OFF, STEPS_BACK, Foot, exits_of, feet_of, first_to_touch
 from .footing import FALLS, SLIPS, FallTest, Footing, SlipTest
 from .hand_over import landed
 
@@ -239,17 +242,25 @@ class Impacts:
         share = ca.SX(self.model.share_left(ca.vertsplit(x), self.values))
         return ca.Function("share_slope", [x], [ca.densify(ca.jacobian(share, x))])
 
-    @cached_property
-    def directions_of_landing(self) -> ca.Function:
-        """(flight state, data) -> the directions D (n, 1 + sticks) in which impacts change the state, and their
-        commutators (n, 1 + sticks) with the rates f, which are f' D - D' f."""
-        graph = self.flight.vector_field
-        x, field, known = graph.x, graph.field(graph.x, graph.p)[0], ca.vertsplit(graph.x)
-        rows = [self.model.impact(known, self.values)]
-        rows += self.model.sticking(known, self.values)[0] if self.model.sticking else []
-        directions = [ca.densify(ca.vertcat(*row)) for row in rows]
-        commutators = [ca.jtimes(field, x, each) - ca.jtimes(each, x, field) for each in directions]
-        return ca.Function("directions", [x, graph.p], [ca.horzcat(*directions), ca.densify(ca.horzcat(*commutators))])
+    def shares_of_landing(self, x: np.ndarray, foot: Foot, ps: np.ndarray) -> np.ndarray:
+        """The jerks (m, 1 + sticks) of the gap of a foot and of what sticks, over that of the gap, at flight states
+        (m, n) with parameters (m, np)."""
+        jerks = np.array([each.rates(x, ps)[0] for each in (foot, *self.footing.held)]).T
+        return jerks / jerks[:, :1]
+
+    def projection(self, x: np.ndarray, shares: np.ndarray, ps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What a tangential landing takes away from flight states (m, n) in which the machine stands, with parameters
+        (m, np): the matrix (m, n, 2 + sticks), which is to be multiplied by the rows (2 + sticks, n) of the gap, its
+        speed and those of what sticks; and these rows.
+
+        shares : (m, 1 + sticks), the jerks of these over that of the gap
+        """
+        flat = landing_directions(self.model, tuple(self.values))(x, self.flight.data(x, ps))
+        away, commutators = (each.reshape(len(x), -1, x.shape[1]) for each in flat)
+        basis = np.concatenate([away, np.einsum("ms,msn->mn", shares, commutators)[:, None]], axis=1).swapaxes(1, 2)
+        speeds = [each.speed for each in self.footing.held]
+        rows = np.vstack([np.array(self.gap.weights), self.gap_speed, *speeds])
+        return basis @ np.linalg.inv(rows @ basis), rows
 
     def launch(self, alpha: ArrayLike) -> np.ndarray:
         """Flight states (m, n) at lift-off with launch speeds (m,)."""
@@ -327,6 +338,12 @@ class Impacts:
     def force_gradient(self, y: np.ndarray) -> np.ndarray:
         """The gradient (k,) of the contact force at a contact state (k,)."""
         return self.force_slope(y, self.contact.data(y[None], self.p)[0])[0].full().ravel()
+
+    @cached_property
+    def force_gradients(self) -> ElementwiseFunction:
+        """(contact state, data) -> the gradient of the contact force, at several states."""
+        y, data = self.force_slope.sx_in()
+        return ElementwiseFunction(ca.Function("gradients", [y, data], [self.force_slope(y, data)[0].T]))
 
     def grazes(self, ys: np.ndarray) -> np.ndarray:
         """Whether (exits, m) the force of each exit vanishes at contact states (m, k), up to rounding, as that on the
@@ -419,6 +436,21 @@ class Impacts:
         q = [0.0] * (self.model.flight.pieces.size if self.model.flight.pieces else 0)
         gradient = np.array([float(g) for g in self.model.flight_gradient(launch.real.tolist(), self.values, q)])
         return float(gradient[moved] @ direction[moved])
+
+
+@cached
+def landing_directions(model: Model, names: tuple[str, ...]) -> ElementwiseFunction:
+    """(flight state, parameters of these names with the data of a piece) -> the directions D in which impacts change
+    the state, one after the other, and their commutators with the rates f, which are f' D - D' f."""
+    flow = flow_of(model.flight, names)
+    x, p = ca.SX.sym("x", flow.size), ca.SX.sym("p", len(names) + (flow.phase.pieces.size if flow.phase.pieces else 0))
+    known, values, data = flow.symbols(x, p)
+    field = ca.vertcat(*model.flight.field(known, values, data))
+    rows = [model.impact(known, values), *(model.sticking(known, values)[0] if model.sticking else ())]
+    directions = [ca.densify(ca.vertcat(*row)) for row in rows]
+    commutators = [ca.jtimes(field, x, each) - ca.jtimes(each, x, field) for each in directions]
+    found = [ca.vertcat(*directions), ca.densify(ca.vertcat(*commutators))]
+    return ElementwiseFunction(ca.Function("directions", [x, p], found))
 
 
 def decided_impacts(impacts: Impacts, alpha: np.ndarray, cap: int) -> tuple[np.ndarray, ...]:

@@ -52,11 +52,15 @@ class LaunchSection:
 
     def tangent(self, y: np.ndarray) -> np.ndarray:
         """The derivative (k, d) of the contact state by the free unknowns at a launch (k,)."""
-        gradient = self.impacts.force_gradient(y)
-        tangent = np.zeros((len(y), len(self.names)))
-        tangent[self._free, range(len(self.names))] = 1.0
-        tangent[self._bound] = -gradient[self._free] / gradient[self._bound]
-        return tangent
+        return self.tangents(self.impacts.force_gradient(y))
+
+    def tangents(self, gradients: np.ndarray) -> np.ndarray:
+        """The derivatives (..., k, d) of contact states by the free unknowns at launches where the contact force has
+        gradients (..., k)."""
+        tangents = np.zeros((*gradients.shape, len(self.names)))
+        tangents[..., self._free, range(len(self.names))] = 1.0
+        tangents[..., self._bound, :] = -gradients[..., self._free] / gradients[..., [self._bound]]
+        return tangents
 
     def free(self, ys: np.ndarray) -> np.ndarray:
         """The free unknowns (..., d) of launches, contact states (..., k)."""

@@ -174,7 +174,6 @@ def tangential_landing(
     """
     jerk, snap = foot.rates(landing[None], impacts.p)[:, 0]
     data = impacts.flight.data(landing[None], impacts.p)[0]
-    gap_speed = impacts.gap_speed
     if not jerk < 0:
         raise NoOrbit("the gap closes without a jerk: the landing is tangential to a higher order")
     # The landing that rounding lets happen early or late is led to where the acceleration of the gap vanishes.
@@ -182,17 +181,12 @@ def tangential_landing(
     exact = lasted - late - 0.5 * snap / jerk * late**2
     path, variations = impacts.flight.run(start[0], impacts.p, exact, seeds=start[1])
     x = path.end[: impacts.flight.size]
-    jerks = [each.rates(x[None], impacts.p)[0, 0] for each in (foot, *impacts.footing.held)]
-    shares = np.array(jerks) / jerks[0]
+    shares = impacts.shares_of_landing(x[None], foot, impacts.p)
     if foot.labels:
         x, variations = foot.labels(x, impacts.values), np.array(foot.labels.signs)[:, None] * variations
-    data = impacts.flight.data(x[None], impacts.p)[0]
-    away, commutators = (each.full() for each in impacts.directions_of_landing(x, data))
-    weights, speeds = np.array(impacts.gap.weights), [each.speed for each in impacts.footing.held]
-    basis, rows = np.column_stack([away, commutators @ shares]), np.vstack([weights, gap_speed, *speeds])
-    project = np.eye(len(x)) - basis @ np.linalg.solve(rows @ basis, rows)
-    closed = x - basis @ np.linalg.solve(rows @ basis, [impacts.gap(x), *(rows[1:] @ x)])
-    return impacts.onto_contact @ closed, impacts.onto_contact @ project @ variations
+    (taken,), rows = impacts.projection(x[None], shares, impacts.p)
+    closed = x - taken @ [impacts.gap(x), *(rows[1:] @ x)]
+    return impacts.onto_contact @ closed, impacts.onto_contact @ (variations - taken @ (rows @ variations))
 
 
 def _follow(flow: Flow, p, x, change, limit: float, stop) -> tuple[np.ndarray, np.ndarray, float]:

@@ -243,6 +243,7 @@ COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
 @options.start_option
 @click.option("--method", metavar="NAME", help="As in find.")
 @click.option("--stop-inadmissible", is_flag=True, help="End where the orbits are not motions any more.")
+@click.option("--multipliers", is_flag=True, help="Locate where multipliers cross the unit circle.")
 @options.free_limit_option
 @options.json_option
 @options.plot_option
@@ -258,8 +259,8 @@ COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
 @click.option("--second", metavar="NAME=STOP", help="The second parameter, from its own value, and its last value.")
 def follow_command(
     family: int, along: str, start: float | None, stop: float, tune: tuple[str, ...], at: str | None, longest: float,
-    hop: str | None, method: str | None, stop_inadmissible: bool, as_json: bool, plot: str | None, output: str | None,
-    save: str | None, resume: str | None, event: str | None, second: str | None, **stated: Any,
+    hop: str | None, method: str | None, stop_inadmissible: bool, multipliers: bool, as_json: bool, plot: str | None,
+    output: str | None, save: str | None, resume: str | None, event: str | None, second: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Follow a family of orbits along a parameter, past folds, to its end; or an event of it in two parameters."""
     from orbits.continuation.family import Family
@@ -277,8 +278,8 @@ def follow_command(
     with options.progress() as report:
         followed = follow(
             machine, along, stop, first or start, family, at=values, longest=longest,
-            method=method, stop_inadmissible=stop_inadmissible, output=None if of_event else output, resume=before,
-            progress=report, tune=tuned,
+            method=method, stop_inadmissible=stop_inadmissible, multipliers=multipliers,
+            output=None if of_event else output, resume=before, progress=report, tune=tuned,
         )  # fmt: skip
     if of_event:
         from orbits.continuation.follow_event import follow_event

@@ -159,7 +159,7 @@ def joined_ways(parts: list[Family]) -> Family:
         return parts[0]
     up, down = parts
     last = len(down) - 1
-    turned = [replace(e, after=last - e.after - (e.kind != "asked")) for e in reversed(down.events)]
+    turned = [replace(e, after=last - e.after - (e.kind != "value")) for e in reversed(down.events)]
     events = [*turned, *(replace(event, after=event.after + last) for event in up.events)]
     return replace(up, points=(*down.points[:0:-1], *up.points), events=tuple(events))
 

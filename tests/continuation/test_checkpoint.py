@@ -85,7 +85,7 @@ def test_a_family_resumed_at_an_asked_value():
     for most in (2, 3, 8, 15):
         first = follow(Hopper("cubic"), "beta", 1.0, 0.0, at=asked, most=most)
         whole = follow(Hopper("cubic"), "beta", 1.0, 0.0, at=asked, resume=first)
-        assert [point.value for point in events(whole, "asked")] == list(asked)
+        assert [point.value for point in events(whole, "value")] == list(asked)
         assert (np.diff(whole.column("beta")) > 1e-9).all()
 
 

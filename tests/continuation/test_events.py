@@ -96,5 +96,5 @@ def test_every_asked_value_is_an_event_once():
     """Those too that a step happens to end on."""
     asked = 1 + np.arange(1, 101) / 100  # the last is where the curve ends
     family = follow(Hopper("r"), "mass_ratio", 2.0, at=asked)
-    assert [point.value for point in events(family, "asked")] == asked[:-1].tolist()
+    assert [point.value for point in events(family, "value")] == asked[:-1].tolist()
     assert all(family[event.after].value == event.point.value for event in family.events)

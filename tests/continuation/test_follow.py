@@ -20,7 +20,7 @@ def test_golden_values_are_hit_exactly():
         assert abs(point.alpha - alpha) <= max(point.error, 1e-15)
     assert family.end.kind == "reached"
     assert family[-1].value == 5.0
-    assert [event.kind for event in family.events] == ["asked"] * 3
+    assert [event.kind for event in family.events] == ["value"] * 3
 
 
 def test_the_fold_of_the_cubic_spring_and_its_second_sheet(softening_family):

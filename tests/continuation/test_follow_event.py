@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from orbits import Family, InputError, NoOrbit, find, follow, follow_event, follow_fold, quantities
-from problems import Hopper, Juggler, hopper_in_si, rimless_wheel, rocking_block, runner
+from orbits import Family, InputError, NoOrbit, find, follow, follow_event, follow_fold, multipliers, quantities
+from problems import Chain, Hopper, Juggler, hopper_in_si, rimless_wheel, rocking_block, runner
 
 LONG = {"longest": 0.2}
+# Near the hop of a chain of masses 1, 2.9 and 1.
+CHAIN = {"liftoff": 1.0, "alpha": 5.754, "y1": -1.485, "y1'": -0.304, "duration": 3.344, "contact_duration": 4.27}
 
 
 @pytest.fixture(scope="module")
@@ -181,7 +183,11 @@ def test_what_is_given_decides_what_follows():
 
 def test_what_is_not_followed_is_refused(low, quintic, tmp_path):
     for text, event, second, stop in (
-        ("no event 'grazing' of number 0; it has 1 'masses touch'", "grazing", "delta", 1.0),
+        ("no event 'grazing'; it has 1 'masses touch'", "grazing", "delta", 1.0),
+        ("no event 'flip'; .*follow\\(..., multipliers=True\\)", "flip", "delta", 1.0),
+        ("there is no event 'folds'; did you mean 'fold'", "folds", "delta", 1.0),
+        ("'clearance' is no event: a quantity is followed at a value", "clearance", "delta", 1.0),
+        ("'rest_lenght' to follow; did you mean 'rest_length'", "masses touch", "rest_lenght", 1.0),
         ("unknown quantity 'nix'", {"nix": 1.0}, "delta", 1.0),
         ("passes 100 along the family 0 times", {"alpha": 100.0}, "delta", 1.0),
         ("0 extrema", "extremum of alpha", "delta", 1.0),
@@ -193,6 +199,8 @@ def test_what_is_not_followed_is_refused(low, quintic, tmp_path):
     ):
         with pytest.raises((InputError, NoOrbit), match=text):
             follow_event(low, event, second, stop)
+    with pytest.raises(NoOrbit, match="number = 1: the family has 1 'masses touch'"):
+        follow_event(low, "masses touch", "delta", 1.0, number=1)
     with pytest.raises(InputError, match="same all along the family"):
         follow_event(low, {"rest_length": 9.0}, "delta", 1.0)
     with pytest.raises(InputError, match="the curve begins at beta"):
@@ -205,16 +213,95 @@ def test_what_is_not_followed_is_refused(low, quintic, tmp_path):
         follow_event(low, "masses touch", "delta", 1.0, within=(1.0, 0.0))
     asked = follow(quintic.source, "beta", -5e-3, at=[-5.5e-3])
     with pytest.raises(InputError, match="one value on it"):
-        follow_event(asked, "asked", "delta", 1.0)
+        follow_event(asked, "value", "delta", 1.0)
     with pytest.raises(InputError, match=r"Family.load\(path, machine\)"):
-        follow_event(Family.load(asked.save(tmp_path / "a.json")), "asked", "delta", 1.0)
+        follow_event(Family.load(asked.save(tmp_path / "a.json")), "value", "delta", 1.0)
     curve = follow_event(quintic, "fold", "delta", -1e-7)
     with pytest.raises(InputError, match="of curves of events"):
         follow_event(curve, "fold", "rest_length", 1.0)
 
 
+@pytest.fixture(scope="module")
+def chain():
+    """A family of hops of a chain along which a pair of multipliers leaves the unit circle."""
+    machine = Chain((1, 2.9, 1))
+    first = find(machine, start=CHAIN)
+    return follow(machine, "m2", 3.1, start=first, multipliers=True, longest=0.3)
+
+
+def largest_complex(machine, orbit):
+    """By how much the largest modulus of a pair of complex multipliers is above 1."""
+    values = multipliers(machine, orbit).values
+    return float(np.abs(values[np.abs(values.imag) > 1e-9]).max() - 1)
+
+
+def test_multipliers_that_leave_the_unit_circle(chain):
+    """Against bisection on single hops, whose motions are followed."""
+    machine, (crossing,) = chain.source, [event for event in chain.events if event.kind == "Neimark-Sacker"]
+    beyond = lambda m2: largest_complex(here := machine.with_values(m2=m2), find(here, start=CHAIN))  # noqa: E731
+    assert crossing.point.value == pytest.approx(brentq(beyond, 2.9, 3.1, xtol=1e-13), abs=1e-11)
+    curve = follow_event(chain, "Neimark-Sacker", "m3", 1.02, longest=0.5)
+    assert curve.end.kind == "reached"
+    edge = machine.with_values(m2=curve[-1].also["m2"], m3=1.02)
+    assert largest_complex(edge, find(edge, start=CHAIN)) == pytest.approx(0.0, abs=1e-11)
+
+
+def test_multipliers_are_refused_where_there_is_one():
+    with pytest.raises(InputError, match="crosses nothing"):
+        follow(Hopper("cubic", rest_length=9.0), "beta", 0.1, multipliers=True)
+
+
 @pytest.mark.slow
-def test_events_of_tuned_families_are_refused():
-    run = follow(runner(foot_mass=0.1, rest_length=3.7), "speed", 0.41, tune=("inertia", "hip_stiffness"), start=0.4)
-    with pytest.raises(InputError, match="tuned numbers"):
-        follow_event(run, "fold", "foot_mass", 0.2)
+def test_a_flip_of_runs():
+    """A family with a tuned number, and a curve on which it is tuned too."""
+    machine = runner(foot_mass=0.1, rest_length=3.7)
+    run = find(machine, tune=("inertia", "hip_stiffness"), at={"speed": 0.4})
+    family = follow(run.source, "foot_mass", 0.3, start=run, tune="inertia", multipliers=True, longest=0.3)
+    (flip,) = [event.point for event in family.events if event.kind == "flip"]
+    curve = follow_event(family, "flip", "rest_length", 3.8, longest=0.5)
+    for point in (flip, curve[-1]):
+        moved = {"foot_mass": point.value} if point is flip else {"rest_length": point.value}
+        start = dict(zip(machine.model.half_unknowns, point.u, strict=False)) | {"step": point.also["step"]}
+        orbit = find(run.source.with_values(**point.also, **moved), start=start, tune="inertia")
+        assert np.abs(multipliers(orbit.source, orbit).values + 1).min() == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.fixture(scope="module")
+def runs():
+    """Runs with a stated friction, which is just enough at one speed."""
+    machine = runner(foot_mass=0.1, rest_length=3.7, friction=0.4)
+    return follow(machine, "speed", 0.7, start=0.5, tune=("inertia", "hip_stiffness"), longest=0.3)
+
+
+@pytest.mark.slow
+def test_a_foot_that_slides_is_an_event_of_runs_and_a_curve(runs, tmp_path):
+    (slides,) = [event.point for event in runs.events if event.kind == "foot slides"]
+    assert slides.friction_needed == pytest.approx(0.4, abs=1e-12)
+    curve = follow_event(runs, "foot slides", "foot_mass", 0.104, longest=0.5)
+    assert all(point.admissible for point in curve)
+    tuned = {"tune": ("inertia", "hip_stiffness"), "at": {"speed": curve[-1].also["speed"]}}
+    orbit = find(runs.source.with_values(foot_mass=0.104), **tuned)
+    assert orbit.certificate.friction_needed == pytest.approx(0.4, abs=1e-12)
+    assert orbit.source.values["inertia"] == pytest.approx(curve[-1].also["inertia"], rel=1e-11)
+    other = runs.source.with_values(inertia=5.0, hip_stiffness=5.0)
+    assert Family.load(curve.save(tmp_path / "slides.jsonl"), other) == curve
+
+
+@pytest.mark.slow
+def test_friction_is_needed_most_as_the_foot_lands(runs):
+    """There both forces vanish, and the share is that of their rates."""
+    curve = follow_event(runs, {"friction_needed": 0.45}, "foot_mass", 0.102, longest=0.5)
+    assert curve.column("friction_needed") == pytest.approx(0.45, abs=1e-12)
+    with pytest.raises(InputError, match="on a family that tunes inertia"):
+        follow_event(runs, "foot slides", "inertia", 5.0)
+
+
+def test_folds_of_tuned_families():
+    """A law that does not depend on the sign of b: the launch speed is extreme where it is that of a linear spring."""
+    machine = Hopper("k*r + b**2*r**3", parameters={"b": 0.1, "k": 1.0})
+    family = follow(machine, "alpha", 6.0, tune="b")
+    curve = follow_event(family, "fold", "k", 1.2, longest=0.5)
+    assert curve[-1].also["alpha"] == pytest.approx(4.493409457909064 / np.sqrt(1.2), rel=1e-12)
+    fold = next(event.point for event in family.events if event.kind == "fold")
+    again = follow_fold(machine, fold, "alpha", "k", 1.2, longest=0.5)
+    assert again[-1].also["alpha"] == pytest.approx(curve[-1].also["alpha"], rel=1e-12)

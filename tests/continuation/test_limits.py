@@ -37,7 +37,7 @@ def test_an_isola_closes():
     machine = Hopper("r + (b - q**2)*r**3", rest_length=30.0, parameters={"b": FOLD + 4e-4, "q": 0.0})
     family = follow(machine, "q", (-0.1, 0.1), at=[0.0, 0.01, -0.01], most=600)
     assert family.end.kind == "closed"
-    assert sorted(point.value for point in events(family, "asked")) == [-0.01, -0.01, 0.0, 0.01, 0.01]
+    assert sorted(point.value for point in events(family, "value")) == [-0.01, -0.01, 0.0, 0.01, 0.01]
     assert [fold.value for fold in events(family, "fold")] == pytest.approx([0.02, -0.02], abs=1e-9)
     assert [fold.alpha for fold in events(family, "fold")] == pytest.approx([FOLD_ALPHA] * 2, abs=1e-6)
     assert family[-1].u == pytest.approx(family[0].u, rel=1e-9)

@@ -61,12 +61,12 @@ def test_its_units_are_told(stiffening, softening):
 
 def test_events_stand_in_order_along_the_curve(softening):
     frame = softening.dataframe()
-    asked = [event for event in softening.events if event.kind == "asked"]
+    asked = [event for event in softening.events if event.kind == "value"]
     assert len(frame) == len(softening) + len(softening.events) - len(asked)
     (fold,) = np.flatnonzero(frame["event"] == "fold")
     assert frame["beta"][fold] == pytest.approx(-0.0106952149164040, rel=1e-12)
     assert frame["beta"].idxmin() == fold
-    assert frame["beta"][frame["event"] == "asked"].tolist() == [event.point.value for event in asked]
+    assert frame["beta"][frame["event"] == "value"].tolist() == [event.point.value for event in asked]
     assert (np.diff(frame["alpha"]) > 0).all()
     collapsed = ~frame["admissible"]
     (collapse,) = np.flatnonzero(frame["event"] == "collapse")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from orbits import InputError, NoOrbit, Orbit, find, follow, quantities, starts
-from orbits.periodic import tuned
+from orbits.periodic import tuned, tuned_extremes
 from orbits.periodic.tuned import tuned_equations
 from orbits.running.time_limit import TimeOver
 from orbits.shooting.formulations import vector
@@ -58,7 +58,8 @@ def test_without_units_prescribed_values_have_none():
 @pytest.mark.parametrize(("slow", "name"), [("solved_near", "period"), ("quantity_of", "body_rise")])
 def test_where_the_time_is_over_the_place_is_named(monkeypatch, slow, name):
     """The values of the orbit where the search begins, since the first step from there ends after the time."""
-    known, calls, part = find(CUBIC), [], getattr(tuned, slow)
+    home = tuned if slow == "solved_near" else tuned_extremes
+    known, calls, part = find(CUBIC), [], getattr(home, slow)
 
     def late(*arguments):
         calls.append(arguments)
@@ -66,7 +67,7 @@ def test_where_the_time_is_over_the_place_is_named(monkeypatch, slow, name):
             raise TimeOver("it takes more than 30 s")
         return part(*arguments)
 
-    monkeypatch.setattr(tuned, slow, late)
+    monkeypatch.setattr(home, slow, late)
     value = known.period if name == "period" else known.rises["body"]
     text = f"more than 30 s; on the way to {name} = 4 it has come to {name} = {value:.6g}, with beta = 0.3"
     with pytest.raises(NoOrbit, match=text):

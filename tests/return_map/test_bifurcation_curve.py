@@ -14,7 +14,7 @@ ALPHAS = np.array([[4.6, 4.5], [4.7, 4.6], [4.8, 4.6], [4.9, 4.6]])
 
 
 def curve(machine=None, units=None) -> BifurcationCurve:
-    events = (PlaceOnCurve("turn", (0.25, 2.5), (4.8, 4.6)), PlaceOnCurve("asked", (0.2, 2.0), (4.7, 4.6)))
+    events = (PlaceOnCurve("turn", (0.25, 2.5), (4.8, 4.6)), PlaceOnCurve("value", (0.2, 2.0), (4.7, 4.6)))
     own = machine_in_words(machine or Hopper()), (1, 2), VALUES, ALPHAS, events, End("reached", "mass_ratio = 1.5")
     return BifurcationCurve("fold", "inject", "mass_ratio", *own, units=units or {})
 

@@ -60,7 +60,7 @@ def family_data(family: Any, quantity: str = "alpha") -> FamilyData:
     along, speed_in = family.in_order(), family.units.get("alpha", "")
     texts = ["a motion" if point.admissible else "; ".join(point.violations) for point, _ in along]
     texts = [text if event is None else f"{event.kind}: {text}" for text, (_, event) in zip(texts, along, strict=True)]
-    marked = [i for i, (_, event) in enumerate(along) if event and event.kind != "asked"]
+    marked = [i for i, (_, event) in enumerate(along) if event and event.kind != "value"]
     kinds = [along[i][1].kind for i in marked]
     if along:
         marked, kinds = [*marked, len(along) - 1], [*kinds, f"end: {family.end.kind}"]

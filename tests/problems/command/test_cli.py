@@ -508,7 +508,7 @@ class TestFollow:
         assert by_value[0.5]["alpha"] == pytest.approx(2.7218099551244222, rel=1e-12)
         assert by_value[1.0]["alpha"] == pytest.approx(2.4464033594052791, rel=1e-12)
         assert {"flight_time", "admissible", "error", "stable_side"} <= set(by_value[2.0])
-        assert [event["kind"] for event in document["events"]] == ["asked", "asked"]
+        assert [event["kind"] for event in document["events"]] == ["value", "value"]
         assert document["end"]["kind"] == "reached"
 
     @pytest.mark.slow
