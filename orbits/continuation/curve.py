@@ -16,8 +16,8 @@ from ..consistency.accepted import check_parameters
 from ..errors import InputError, NoOrbit, OrbitsError
 from ..flow.flow import OUT_OF_LAW
 from ..model.machine import Machine
-from ..numerics.hermite import around
 from ..model.planar import Planar
+from ..numerics.hermite import around
 from ..periodic.certificate import Certificate
 from ..periodic.certified import Solved, certified, orbit_from, orbit_of_solved
 from ..periodic.orbit import Orbit
