@@ -131,7 +131,7 @@ class MapsAlong:
             self.pieces = found.in_units(unit)
 
     @cached_property
-    def _along(self) -> CyclesAlong | None:
+    def along(self) -> CyclesAlong | None:
         """The hops by their equations, None where these do not state them at all values: along a restitution, with one,
         with several numbers of a launch, hysteresis or laws in pieces."""
         if self.name == RESTITUTION or getattr(self.machine, RESTITUTION, 0.0) > 0:
@@ -139,7 +139,10 @@ class MapsAlong:
         machine, *others = (self.machine_at(self.low + share * (self.high - self.low)) for share in (0.5, 0.3, 0.7))
         model, varied = machine.model, {**machine.values, self.name: 0.0}
         same = all(each.model is model and {**each.values, self.name: 0.0} == varied for each in others)
-        if not (same and self.name in (*machine.values, INJECT) and model.one_speed and model.plain) or model.hysteretic:
+        if (
+            not (same and self.name in (*machine.values, INJECT) and model.one_speed and model.plain)
+            or model.hysteretic
+        ):
             return None
         if model.flight.pieces or model.contact.pieces:
             return None
@@ -213,12 +216,12 @@ class MapsAlong:
         return product
 
     def smooth_cycles(self, alpha: np.ndarray, value: np.ndarray, period: int) -> "SmoothCycles | None":
-        """The `cycles` with their derivatives where the `pieces` of the map have all of their launches, or else where no
-        hop is near a border of the map; else None."""
-        if self.pieces is not None or not period:
-            if (known := self._cycles_on_pieces(alpha, value, period)) or not period:
-                return known
-        found = self._along and self._along(alpha, np.broadcast_to(value, alpha.shape), period)
+        """The `cycles` with their derivatives where the `pieces` of the map have all of their launches, or else where
+        no hop is near a border of the map; else None."""
+        known = self._cycles_on_pieces(alpha, value, period) if self.pieces is not None or not period else None
+        if known or not period:
+            return known
+        found = self.along and self.along(alpha, np.broadcast_to(value, alpha.shape), period)
         return SmoothCycles(*found) if found else None
 
     def _cycles_on_pieces(self, alpha: np.ndarray, value: np.ndarray, period: int) -> "SmoothCycles | None":

@@ -21,16 +21,17 @@ from ..units import LIFTOFF_SPEED
 from .cycle_statement import INJECT, cycle_statement, force_in_contact, gap_speed, pressing
 from .flown_hops import flown_hops
 
-# A step of Newton's method below the first number, relative to the unknowns, is the last one; one below the second that
-# no longer shrinks is rounding; and a hop near enough takes at most so many.
-LAST_STEP_OF_HOPS, ROUNDING_OF_HOPS, MOST_STEPS_OF_HOPS = 1e-11, 1e-9, 7
-# The speeds of landings and the forces after them are not 0, as a share of the launch speed and of the weight, where they
-# are larger than the first number. The least gap and force between are larger than the second, as a share of the
+# A step of Newton's method below the first number, relative to the unknowns, is the last one, as what it leaves is its
+# square; one below the second that no longer shrinks is rounding; and a hop near enough takes at most so many.
+LAST_STEP_OF_HOPS, ROUNDING_OF_HOPS, MOST_STEPS_OF_HOPS = 1e-7, 1e-9, 7
+# The speeds of landings and the forces after them are not 0, as a share of the launch speed and of the weight, where
+# they are larger than the first number. The least gap and force between are larger than the second, as a share of the
 # greatest: so far from touching, the samples decide.
 APART_FROM_BORDERS, NOT_TOUCHING = 1e-9, 1e-3
 # Hops from launches nearer than this, as shares of the speed and of the range, have the same impacts.
 SAME_HOPS = 1e-6
 SOLVED_BEFORE = 24  # the latest hops from which others are guessed
+FARTHEST_BEND = 4.0  # second derivatives from two hops serve up to this many times the distance of these
 SAMPLES_OF_ARC = np.linspace(0.03, 0.97, 32)  # the shares of the time of an arc at which gap and force are tested
 SAME_LAUNCH_STATE = 1e-6  # the end of a contact and a launch are the same state up to this
 STEP_OF_UNITS = 1e-5  # of a parameter, relative, for the derivative of the unit of speed
@@ -157,14 +158,7 @@ class CyclesAlong:
         else:
             ps[:, self.names.index(self.name)] = values
         away = np.column_stack([alphas - [k.alpha for k in begun], values - [k.value for k in begun]])
-        # For each number of impacts the points and hops with it, and their unknowns.
-        groups = []
-        for count in np.unique(impacts).tolist():
-            which, hops = np.nonzero(impacts == count)
-            pairs = zip(which.tolist(), hops.tolist(), strict=True)
-            us = np.array([begun[i].unknowns[h] + begun[i].changes[h] @ away[i] for i, h in pairs])
-            us[hops == 0, 1] = (alphas / units)[which[hops == 0]]
-            groups.append((count, which, hops, us))
+        groups = self._groups(impacts, begun, away, known, alphas / units)
         last, failed = np.full(m, np.inf), np.zeros(m, bool)
         for _ in range(MOST_STEPS_OF_HOPS):
             speeds, following, slopes, rates = (np.empty((m, period)) for _ in range(4))
@@ -222,6 +216,39 @@ class CyclesAlong:
                     )
                 )
         return (launches, impacts, slopes, changes), failed
+
+    def _groups(
+        self, impacts: np.ndarray, begun: Sequence[SolvedHops], away: np.ndarray, known: Sequence[SolvedHops],
+        speeds: np.ndarray,
+    ) -> list[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:  # fmt: skip
+        """For each number among the impacts (m, period) the points and hops with it, and guesses of their unknowns from
+        hops this far `away` (m, 2), with first launches (m,) without units."""
+        bends = [self._bend(known, guess, step) for guess, step in zip(begun, away, strict=True)]
+        groups = []
+        for count in np.unique(impacts).tolist():
+            which, hops = np.nonzero(impacts == count)
+            pairs = zip(which.tolist(), hops.tolist(), strict=True)
+            us = np.array([begun[i].unknowns[h] + begun[i].changes[h] @ away[i] + bends[i][h] for i, h in pairs])
+            us[hops == 0, 1] = speeds[which[hops == 0]]
+            groups.append((count, which, hops, us))
+        return groups
+
+    def _bend(self, known: Sequence[SolvedHops], guess: SolvedHops, away: np.ndarray) -> list[Any]:
+        """What the second derivatives change in the unknowns of hops this far away from a guess, in the direction of
+        other known hops that are not much nearer to it: those nearest to the hops."""
+        scale = np.array([guess.alpha, self.span])
+        target, best = away / scale, (np.inf, 0.0, guess)
+        for k in known:
+            apart = np.array([k.alpha - guess.alpha, k.value - guess.value]) / scale
+            length = float(apart @ apart)
+            share = float(apart @ target) / length if length else np.inf
+            if abs(share) <= FARTHEST_BEND and k.impacts == guess.impacts and k.tested and guess.tested:
+                left = target - apart
+                best = min(best, (float(left @ left), share, k), key=lambda each: each[0])
+        _, share, other = best
+        pairs = zip(other.changes, guess.changes, strict=True)
+        ahead = np.array([other.alpha - guess.alpha, other.value - guess.value])
+        return [0.5 * share**2 * ((there - here) @ ahead) for there, here in pairs]
 
     @staticmethod
     def _by_first(
