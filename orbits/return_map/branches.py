@@ -230,7 +230,7 @@ def bounce_between(curve: LaunchCurve, before: PeriodicLaunch, behind: PeriodicL
         return None
     place = np.array([found.alpha, found.first]) / curve.scale
     apart = np.linalg.norm(0.5 * (before.place + behind.place) - place)
-    if apart > BORDER_BEYOND * max(np.linalg.norm(behind.place - before.place), AROUND):
+    if apart > BORDER_BEYOND * max(float(np.linalg.norm(behind.place - before.place)), AROUND):
         return None
     point = PeriodicLaunch(found.first, found.alphas, slope, fewer.impacts, place, behind.tangent)
     return FoundEvent(_kind_of((slope, slope)), point, "bounce", (slope, slope))
@@ -314,7 +314,8 @@ class LaunchEndings(Endings):
         if maps.pieces is not None and not self._jumps(before.point, behind.point):
             return None
         differ = [i for i, count in enumerate(impacts) if count != behind.point.impacts[i]]
-        if all(bounce_between(self.curve, before.point, behind.point, hop) for hop in differ):
+        first, second = cast(Any, before.point), cast(Any, behind.point)
+        if all(bounce_between(self.curve, first, second, hop) for hop in differ):
             return None
         pairs, reach = zip(before.point.alphas, behind.point.alphas, strict=True), size * float(self.curve.scale[0])
         spans = [(min(pair) - reach, max(pair) + reach) for pair in pairs]
