@@ -1,7 +1,6 @@
 """The toolkit's exceptions, all derived from `OrbitsError`, and the checks of numbers that a user gives."""
 
 from numbers import Real
-from typing import Any
 
 import numpy as np
 
@@ -55,12 +54,7 @@ class NoOrbit(OrbitsError):
 
 
 class FlowError(NoOrbit):
-    """A trajectory cannot be integrated further: it grows without bound, or its state is no longer a number.
-
-    broken : of several trajectories that are integrated together, (m,) which ones seem to be like that
-    """
-
-    broken: Any = None
+    """A trajectory cannot be integrated further: it grows without bound, or its state is no longer a number."""
 
 
 class OutOfRange(FlowError):

@@ -13,15 +13,19 @@ Run: python studies/figure_8.py [--output FOLDER] [--quick]
 """
 
 import argparse
+import sys
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
+
 from orbits import NoOrbit, ReturnMap, find, multiplier
 from orbits.numerics.roots import bracketed_root
 from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
 from problems import Hopper
+from studies.period_four import crisis
 
 MACHINE = Hopper()
 LOW, HIGH = 4.3, 5.3
@@ -92,15 +96,6 @@ def last_cycle(low: float = 0.1, high: float = 0.1135) -> float:
         alpha, slope = cycle(eps, alpha)
         excess[eps] = slope + 1
     return bracketed_root(lambda eps: cycle(eps, alpha)[1] + 1, low, high, excess[low], excess[high], width=1e-13)
-
-
-def crisis(low: float = 0.12, high: float = 0.15) -> float:
-    """The injection at which the highest launch that is reached comes to the unstable fixed point in one hop."""
-    plain = ReturnMap(MACHINE)
-    alpha = np.linspace(4.495, 4.505, 2001)  # the map's maximum is smooth, and its value forgives the grid
-    highest = float(plain(alpha).next.max())
-    excess = lambda eps: float(plain(highest + eps).next) + eps - pair(eps)[0]  # noqa: E731
-    return bracketed_root(excess, low, high, excess(low), excess(high), width=1e-13)
 
 
 def main(folder: Path, quick: bool = False) -> dict[str, float]:

@@ -21,6 +21,7 @@ import numpy as np
 from orbits import ReturnMap, bifurcations, find, multiplier, period_diagram
 from orbits.numerics.roots import bracketed_root
 from orbits.return_map.flown_hops import slopes_of_hops
+from orbits.show.period_figures import name_curve
 from orbits.show.plot import COLOURS, legend_below, new_axes, new_row, save_figure
 from orbits.simulation.impacts import Impacts
 from problems import Hopper
@@ -135,8 +136,10 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         curve.plot(axes)
         print(f"\n{curve}")
     masses = np.linspace(*MASS_RATIOS, 3 if quick else 21)
-    axes.plot([crisis(mass) for mass in masses], masses, "-.", color="black", lw=1.6, label="crisis")
-    axes.set(xlim=over["inject"], title="the periods that attract, with flips (full), folds (dashed) and the crisis")
+    line = np.column_stack([[crisis(mass) for mass in masses], masses])
+    axes.plot(*line.T, color="black", lw=2.6, alpha=0.55, label="crisis")
+    name_curve(axes, line, "crisis")
+    axes.set(xlim=over["inject"], title="the periods that attract, with curves of bifurcations and the crisis")
     legend_below(axes)
     print(f"\n  figure: {save_figure(axes, folder / 'periods.png')}")
     return numbers

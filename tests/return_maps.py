@@ -15,7 +15,7 @@ from problems import Hopper
 class KnownMaps(MapsAlong):
     """Maps in closed form in place of a machine's: next(a, value), slope(a, value), impacts(a), where they jump."""
 
-    _along = None
+    along = None
 
     def __init__(self, low, high, following, slope, impacts=lambda a: np.ones(len(a), int), jump=None):
         self.name, self.low, self.high, self.inject = "value", low, high, 0.0

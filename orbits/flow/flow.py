@@ -132,7 +132,7 @@ class Flow:
 
         All have the same seeds (n, columns) and parameter seeds (np, columns), or (m, n, columns) and (m, np, columns)
         are those of each. Returns the motions and the derivatives (m, n, columns) of their ends. Raises the `FlowError`
-        of the first that cannot be followed, with those that seem `broken`.
+        of the first that cannot be followed.
         """
         if self.shared is not None:
             flow, used = self.shared
@@ -234,11 +234,7 @@ class Flow:
         own = [each if each.ndim > 2 else [each] * len(starts) for each in seeds]
         each, found = list(zip(starts, ps, durations.tolist(), *own, strict=True)), {}
         for i in (*broken, *range(len(each))):
-            try:
-                found[i] = self.run(*each[i])
-            except FlowError as error:
-                error.broken = np.isin(range(len(each)), broken if i in broken else i)
-                raise
+            found[i] = self.run(*each[i])
         motions, variations = zip(*(found[i] for i in range(len(each))), strict=True)
         return Trajectories.of(motions), np.array(variations)
 

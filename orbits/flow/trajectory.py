@@ -180,6 +180,20 @@ class Trajectories:
             return Trajectories(starts, ends, coefficients, self.counts[i], self.names, moving)
         return Trajectory(np.concatenate([starts, [ends]]), coefficients, self.names, moving)
 
+    def parted(self, count: int) -> list["Trajectories"]:
+        """The motions in `count` parts of as many each, in order."""
+        if count == 1:
+            return [self]
+        m, moving = len(self) // count, self.variations
+        parts = []
+        for i in range(0, len(self), m):
+            own, steps = slice(i, i + m), slice(self.first[i], self.last[i + m - 1] + 1)
+            variations = None if moving is None else moving[steps]
+            arrays = self.starts[steps], self.ends[own], self.coefficients[steps], self.counts[own]
+            parts.append(Trajectories(*arrays, self.names, variations))
+            parts[-1].of_lasts, parts[-1].finals = self.of_lasts[own], self.finals[own]
+        return parts
+
     def with_rows(self, coefficients: Array, names: tuple[str, ...]) -> "Trajectories":
         """Motions in the same steps with other rows, of these names, without variations."""
         other = Trajectories(self.starts, self.ends, coefficients, self.counts, names)
@@ -221,9 +235,14 @@ class Trajectories:
         return powers(self.steps, self.coefficients.shape[2])
 
     @cached_property
+    def of_lasts(self) -> np.ndarray:
+        """Powers (m, K + 1) of the lengths of the last steps."""
+        return powers(self.steps[self.last], self.coefficients.shape[2])
+
+    @cached_property
     def finals(self) -> np.ndarray:
         """The rows (m, rows) at the end of each motion."""
-        return np.einsum("mrk,mk->mr", self.coefficients[self.last], self.of_steps[self.last])
+        return np.einsum("mrk,mk->mr", self.coefficients[self.last], self.of_lasts)
 
     @cached_property
     def step_ends(self) -> np.ndarray:

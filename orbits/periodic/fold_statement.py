@@ -32,13 +32,22 @@ def fold_statement(statement: Statement, along: str) -> Statement:
     return Statement(f"fold of the {statement.name}", unknowns, arcs, statement.durations)
 
 
-def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: Arc | None) -> Arc:
-    """An arc whose states are motion, variation and parameter; `before` is the arc before it."""
-    n, phase = len(arc.phase.states), arc.phase
+@lru_cache(maxsize=64)
+def _doubled_phase(phase: Phase, along: str) -> Phase:
+    """A phase whose states are motion, variation and parameter."""
+    n = len(phase.states)
 
     def field(x, p, q):
         rates = phase.field(x[:n], {**p, along: x[-1]}, q)
         return [*_with_variation(rates, x[:n], x[n : 2 * n]), 0 * x[-1]]
+
+    states = (*phase.states, *(f"d{name}" for name in phase.states), along)
+    return Phase(phase.name, states, field, reaches=phase.reaches)
+
+
+def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: Arc | None) -> Arc:
+    """An arc whose states are motion, variation and parameter; `before` is the arc before it."""
+    n = len(arc.phase.states)
 
     def split(u, p):
         """The statement's own unknowns by name, as a list, their direction, and the parameters with the varied one."""
@@ -66,8 +75,7 @@ def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: Arc | None
         named, own, direction, p = split(u, p)
         return _with_variation(arc.guard(named, x[:n], p, q), [*own, *x[:n]], [*direction, *x[n : 2 * n]])
 
-    states = (*phase.states, *(f"d{name}" for name in phase.states), along)
-    doubled = Phase(phase.name, states, field, reaches=phase.reaches)
+    doubled = _doubled_phase(arc.phase, along)
     return Arc(doubled, start, lambda u, p: arc.duration(u, {**p, along: u[along]}), conditions, guard)
 
 

@@ -31,6 +31,7 @@ bounces, and what leads there, stay undecided: a launch that comes back may lie 
 """
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
@@ -70,7 +71,7 @@ BY_GRAVITY = TIMES_OF_FLIGHT**2 / 2
 STEPS_TO_LANDING, HALVINGS_OF_FLIGHT, FIRST_TIMES = 60, 30, (0.25, 1e-6)
 FIRST_PARTS = 40  # of the range, which are halved until they are decided
 SHRINKS = 0.7  # an interval that Newton's method leaves longer than this share is halved
-LAUNCH_REFINEMENTS = 4
+LAUNCH_REFINEMENTS, SHORTEST_OF_KNOWN = 4, 1e-9  # intervals with a launch that was found are halved to that length
 
 
 @dataclass(frozen=True)
@@ -202,12 +203,13 @@ class LinearHopper:
             slope = slope * own
         return after, slope
 
-    def launches_back(self, count: int, shortest: float) -> LaunchesBack:
-        """All launches that come back after some hops, not necessarily for the first time."""
+    def launches_back(self, count: int, shortest: float, known: Sequence[float] = ()) -> LaunchesBack:
+        """All launches that come back after some hops, not necessarily for the first time. Intervals with one that is
+        `known` are halved further than others."""
         low, high = np.nextafter(float(self.low.lower()), 0.0), np.nextafter(float(self.high.upper()), np.inf)
         edges = np.linspace(low, high, FIRST_PARTS + 1).tolist()
         waiting, found = [*pairwise(edges)], list[tuple[arb, tuple[float, float]]]()
-        undecided = list[tuple[float, float]]()
+        undecided, shortest_of_known = list[tuple[float, float]](), min(shortest, SHORTEST_OF_KNOWN)
         while waiting:
             a, b = waiting.pop()
             try:
@@ -224,7 +226,7 @@ class LinearHopper:
                     continue
             except Unproved:
                 pass
-            if b - a < shortest:
+            if b - a < (shortest_of_known if any(a <= x <= b for x in known) else shortest):
                 undecided.append((a, b))
             else:
                 waiting += [(a, 0.5 * (a + b)), (0.5 * (a + b), b)]
@@ -272,7 +274,8 @@ def proof_of_all_hops(machine: Machine, hops: PeriodicHops, inject: Fraction, sh
     with ctx.workprec(FIRST_BITS):
         closed_form = LinearHopper(*map(ball_of_fraction, (ratio, inject, *ends)))
         shorter = [closed_form.launches_back(d, shortest) for d in range(1, hops.period) if hops.period % d == 0]
-        back, reasons = closed_form.launches_back(hops.period, shortest), list[str]()
+        known = [x for cycle in hops for x in cycle.launches]
+        back, reasons = closed_form.launches_back(hops.period, shortest, known), list[str]()
         found = list[arb]()
         for x, (a, b) in zip(back.found, back.alone, strict=True):
             if any(a < y.lower() and y.upper() < b for each in shorter for y in each.found):

@@ -20,12 +20,14 @@ from ..continuation.limits import Endings
 from ..continuation.point import End, Event
 from ..continuation.step_control import Options, StepControl
 from ..continuation.tracer import Tracer, TracerState
-from ..errors import NoOrbit
+from ..errors import NoOrbit, OrbitsError
 from ..numerics.roots import bracketed_root, solve
 from ..running import interrupts
 from ..simulation.impacts import STATUSES
 from .bifurcation import name_of_hops
+from .cycle_statement import Border
 from .cycles import INJECT, MapsAlong, excess_of
+from .followed_events import located_border
 from .map_pieces import CONTINUOUS, MapBorder
 
 Vector = np.ndarray
@@ -36,10 +38,12 @@ LONGEST_BRANCH = 20_000
 # Beside lossless hops the curvature has no bound, so that the first steps there are as short as the distance to them.
 STEPS_OF_BRANCHES = StepControl(
     first_step=1e-2, shortest_step=1e-9, largest_correction=1.0, largest_turn=0.6, target_correction=0.1,
-    largest_lengthening=4.0, neighbours=2, largest_batch=4, most_rejections=100, same_point=SAME_PLACE,
+    largest_lengthening=4.0, neighbours=2, largest_batch=16, most_rejections=100, same_point=SAME_PLACE,
 )  # fmt: skip
 # Hops of longer periods have as many sheets, which lie close to each other: a correction may not lead to another one.
-STEPS_OF_SHEETS = replace(STEPS_OF_BRANCHES, largest_correction=0.2, target_correction=2e-2, largest_turn=0.3)
+STEPS_OF_SHEETS = replace(
+    STEPS_OF_BRANCHES, largest_correction=0.2, target_correction=2e-2, largest_turn=0.3, largest_batch=4
+)
 OTHER_SHEET = 0.25  # launches are on another sheet where their change differs from that of the rates by this share
 ON_BOTH_SIDES = (
     0.5  # where the two launches beside a flip do not lie on both sides of it up to this share, they are others
@@ -211,6 +215,27 @@ class LaunchCurve:
         return self.certify(point._replace(x=np.append(point.x[:-1], value), certified=None))
 
 
+def bounce_between(curve: LaunchCurve, before: PeriodicLaunch, behind: PeriodicLaunch, hop: int) -> FoundEvent | None:
+    """The event between two points at which the contact force vanishes after a landing of a hop and then grows, so that
+    the map and its slope are continuous, by Newton's method on its equations; None where it is not found there."""
+    maps, fewer = curve.maps, min(before, behind, key=lambda each: each.impacts[hop])
+    hops = None if maps.pieces is not None or maps.along is None else maps.along.nearest(fewer)
+    if hops is None or abs(before.impacts[hop] - behind.impacts[hop]) != 1:
+        return None
+    value = float(curve.possible(0.5 * (before.value + behind.value)))
+    inject, border = value if maps.name == INJECT else maps.inject, Border(hop, fewer.impacts[hop] - 1)
+    try:
+        found, slope = located_border(maps.machine_at(value), maps.name, value, inject, border, hops.unknowns)
+    except (OrbitsError, np.linalg.LinAlgError):
+        return None
+    place = np.array([found.alpha, found.first]) / curve.scale
+    apart = np.linalg.norm(0.5 * (before.place + behind.place) - place)
+    if apart > BORDER_BEYOND * max(float(np.linalg.norm(behind.place - before.place)), AROUND):
+        return None
+    point = PeriodicLaunch(found.first, found.alphas, slope, fewer.impacts, place, behind.tangent)
+    return FoundEvent(_kind_of((slope, slope)), point, "bounce", (slope, slope))
+
+
 class LaunchSegment(Segment):
     """The branch between two neighbouring points."""
 
@@ -287,6 +312,10 @@ class LaunchEndings(Endings):
         if impacts == behind.point.impacts:
             return None
         if maps.pieces is not None and not self._jumps(before.point, behind.point):
+            return None
+        differ = [i for i, count in enumerate(impacts) if count != behind.point.impacts[i]]
+        first, second = cast(Any, before.point), cast(Any, behind.point)
+        if all(bounce_between(self.curve, first, second, hop) for hop in differ):
             return None
         pairs, reach = zip(before.point.alphas, behind.point.alphas, strict=True), size * float(self.curve.scale[0])
         spans = [(min(pair) - reach, max(pair) + reach) for pair in pairs]
@@ -492,6 +521,8 @@ class BranchTracer:
     def _at_border(self, before: PeriodicLaunch, behind: PeriodicLaunch, hop: int) -> FoundEvent | None:
         """The event at which a launch is at a border: the parameter for which the border's own launch comes back, by
         the secant method. None where it is not found between the points."""
+        if found := bounce_between(self.curve, before, behind, hop):
+            return found
         ends, values = (before.alphas[hop], behind.alphas[hop]), [before.value, behind.value]
         if values[0] == values[1]:
             values[1] += SAME_PLACE * self.curve.span

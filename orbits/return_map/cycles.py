@@ -131,19 +131,23 @@ class MapsAlong:
             self.pieces = found.in_units(unit)
 
     @cached_property
-    def _along(self) -> CyclesAlong | None:
-        """The hops by their equations, None where these do not state them at all values: along the injection or a
-        restitution, with a restitution, several numbers of a launch, hysteresis or laws in pieces."""
-        if self.name in (INJECT, RESTITUTION) or getattr(self.machine, RESTITUTION, 0.0) > 0:
+    def along(self) -> CyclesAlong | None:
+        """The hops by their equations, None where these do not state them at all values: along a restitution, with one,
+        with several numbers of a launch, hysteresis or laws in pieces."""
+        if self.name == RESTITUTION or getattr(self.machine, RESTITUTION, 0.0) > 0:
             return None
         machine, *others = (self.machine_at(self.low + share * (self.high - self.low)) for share in (0.5, 0.3, 0.7))
         model, varied = machine.model, {**machine.values, self.name: 0.0}
         same = all(each.model is model and {**each.values, self.name: 0.0} == varied for each in others)
-        if not (same and self.name in machine.values and model.one_speed and model.plain) or model.hysteretic:
+        if (
+            not (same and self.name in (*machine.values, INJECT) and model.one_speed and model.plain)
+            or model.hysteretic
+        ):
             return None
         if model.flight.pieces or model.contact.pieces:
             return None
-        return CyclesAlong(machine, self.name, self.inject, self.high - self.low, lambda value: self.at(value).impacts)
+        impacts_at = lambda value: self.at(0.0 if self.name == INJECT else value).impacts  # noqa: E731
+        return CyclesAlong(machine, self.name, self.inject, self.high - self.low, impacts_at)
 
     def all_cycles(self, value: float, between: tuple[float, float], period: int) -> list[np.ndarray]:
         """The launches (period,) of all cycles between two launch speeds at a value of the parameter."""
@@ -212,11 +216,16 @@ class MapsAlong:
         return product
 
     def smooth_cycles(self, alpha: np.ndarray, value: np.ndarray, period: int) -> "SmoothCycles | None":
-        """The `cycles` with their derivatives where the `pieces` of the map have all of their launches, or where, along
-        another parameter, no hop is near a border of the map; else None."""
-        if self.pieces is None and period:
-            found = self._along and self._along(alpha, np.broadcast_to(value, alpha.shape), period)
-            return SmoothCycles(*found) if found else None
+        """The `cycles` with their derivatives where the `pieces` of the map have all of their launches, or else where
+        no hop is near a border of the map; else None."""
+        known = self._cycles_on_pieces(alpha, value, period) if self.pieces is not None or not period else None
+        if known or not period:
+            return known
+        found = self.along and self.along(alpha, np.broadcast_to(value, alpha.shape), period)
+        return SmoothCycles(*found) if found else None
+
+    def _cycles_on_pieces(self, alpha: np.ndarray, value: np.ndarray, period: int) -> "SmoothCycles | None":
+        """The `smooth_cycles` from the `pieces` of the map."""
         launches, impacts = np.empty((len(alpha), period + 1)), np.empty((len(alpha), period), int)
         changes, slopes = np.zeros((len(alpha), period + 1, 2)), np.empty((len(alpha), period))
         launches[:, 0], changes[:, 0, 0] = alpha, 1.0

@@ -5,7 +5,7 @@ equation of its own with a guess of its launch speed, from the nearest hops that
 """
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -21,16 +21,17 @@ from ..units import LIFTOFF_SPEED
 from .cycle_statement import INJECT, cycle_statement, force_in_contact, gap_speed, pressing
 from .flown_hops import flown_hops
 
-# A step of Newton's method below the first number, relative to the unknowns, is the last one; one below the second that
-# no longer shrinks is rounding; and a hop near enough takes at most so many.
-LAST_STEP_OF_HOPS, ROUNDING_OF_HOPS, MOST_STEPS_OF_HOPS = 1e-11, 1e-9, 7
-# Hops are smooth in this sense where their landings and the forces after these are farther than the first number from
-# 0, as a share of the launch speed and of the weight, and the least gap and force between than the second, as a share
-# of the greatest: so far from a border of the map the samples between decide.
-APART_FROM_BORDERS, NOT_TOUCHING = 1e-4, 1e-3
+# A step of Newton's method below the first number, relative to the unknowns, is the last one, as what it leaves is its
+# square; one below the second that no longer shrinks is rounding; and a hop near enough takes at most so many.
+LAST_STEP_OF_HOPS, ROUNDING_OF_HOPS, MOST_STEPS_OF_HOPS = 1e-7, 1e-9, 7
+# The speeds of landings and the forces after them are not 0, as a share of the launch speed and of the weight, where
+# they are larger than the first number. The least gap and force between are larger than the second, as a share of the
+# greatest: so far from touching, the samples decide.
+APART_FROM_BORDERS, NOT_TOUCHING = 1e-9, 1e-3
 # Hops from launches nearer than this, as shares of the speed and of the range, have the same impacts.
 SAME_HOPS = 1e-6
 SOLVED_BEFORE = 24  # the latest hops from which others are guessed
+FARTHEST_BEND = 4.0  # second derivatives from two hops serve up to this many times the distance of these
 SAMPLES_OF_ARC = np.linspace(0.03, 0.97, 32)  # the shares of the time of an arc at which gap and force are tested
 SAME_LAUNCH_STATE = 1e-6  # the end of a contact and a launch are the same state up to this
 STEP_OF_UNITS = 1e-5  # of a parameter, relative, for the derivative of the unit of speed
@@ -78,25 +79,34 @@ class CyclesAlong:
         from launch speeds (m,) at values (m,), as of `SmoothCycles`; None where they are near a border of the map."""
         known = self._solved.setdefault(period, deque(maxlen=SOLVED_BEFORE))
         places = list(zip(alphas.tolist(), values.tolist(), strict=True))
-        guesses = [self._nearest(known, *place) for place in places]
-        flown = np.zeros(len(places), bool)
+        others = [self._guesses(known, *place, period) for place in places]
+        guesses = [next(each) for each in others]
         try:
-            while True:
-                failed = np.array([guess is None for guess in guesses])
-                if not failed.any():
-                    found, failed = self._solve(alphas, values, cast(list[SolvedHops], guesses), known)
-                    if found:
-                        return found
-                if (failed & flown).any() or not failed.any():
-                    return None
+            while None not in guesses:
+                found, failed = self._solve(alphas, values, cast(list[SolvedHops], guesses), known)
+                if found or not failed.any():
+                    return found
                 for i in np.flatnonzero(failed):
-                    guesses[i] = self._flown(*places[i], period)
-                flown |= failed
+                    guesses[i] = next(others[i])
         except (OrbitsError, np.linalg.LinAlgError):
-            return None
+            pass
+        return None
 
-    def _nearest(self, known: Sequence[SolvedHops], alpha: float, value: float) -> SolvedHops | None:
-        return min(known, key=lambda k: abs(k.alpha / alpha - 1) + abs(k.value - value) / self.span, default=None)
+    def _guesses(
+        self, known: Sequence[SolvedHops], alpha: float, value: float, period: int
+    ) -> Iterator[SolvedHops | None]:
+        """Hops near those from a launch: of each sequence of impacts the nearest known ones, then those of a
+        simulation, and None."""
+        apart = lambda k: abs(k.alpha / alpha - 1) + abs(k.value - value) / self.span  # noqa: E731
+        yield from {each.impacts: each for each in sorted(known, key=apart, reverse=True)}.values().__reversed__()
+        yield self._flown(alpha, value, period)
+        yield None
+
+    def nearest(self, point: Any) -> SolvedHops | None:
+        """The solved hops that are nearest to those of a `PeriodicLaunch`, with the same impacts; None without any."""
+        same = (k for k in self._solved.get(len(point.impacts), ()) if k.impacts == point.impacts)
+        apart = lambda k: abs(k.alpha / point.alpha - 1) + abs(k.value - point.value) / self.span  # noqa: E731
+        return min(same, key=apart, default=None)
 
     def _flown(self, alpha: float, value: float, period: int) -> SolvedHops | None:
         """The hops as a simulation has them, None where one has no next launch."""
@@ -118,7 +128,7 @@ class CyclesAlong:
                 <= SAME_LAUNCH_STATE
             ):
                 return None  # the contact ends where no launch begins
-            speed += self.inject / float(unit[0])
+            speed += (value if self.name == INJECT else self.inject) / float(unit[0])
         return SolvedHops(
             alpha, value, tuple(counts), tuple(unknowns), tuple(np.zeros((len(u), 2)) for u in unknowns), False
         )
@@ -142,17 +152,13 @@ class CyclesAlong:
         m, period = len(alphas), len(begun[0].impacts)
         impacts = np.array([each.impacts for each in begun])
         units, growing = self._units(values)
-        ps = np.tile([*self.machine.values.values(), 0.0], (m, 1))
-        ps[:, self.names.index(self.name)] = values
+        ps, added = np.tile([*self.machine.values.values(), 0.0], (m, 1)), self.inject / units
+        if self.name == INJECT:
+            added = values / units
+        else:
+            ps[:, self.names.index(self.name)] = values
         away = np.column_stack([alphas - [k.alpha for k in begun], values - [k.value for k in begun]])
-        # For each number of impacts the points and hops with it, and their unknowns.
-        groups = []
-        for count in np.unique(impacts).tolist():
-            which, hops = np.nonzero(impacts == count)
-            pairs = zip(which.tolist(), hops.tolist(), strict=True)
-            us = np.array([begun[i].unknowns[h] + begun[i].changes[h] @ away[i] for i, h in pairs])
-            us[hops == 0, 1] = (alphas / units)[which[hops == 0]]
-            groups.append((count, which, hops, us))
+        groups = self._groups(impacts, begun, away, known, alphas / units)
         last, failed = np.full(m, np.inf), np.zeros(m, bool)
         for _ in range(MOST_STEPS_OF_HOPS):
             speeds, following, slopes, rates = (np.empty((m, period)) for _ in range(4))
@@ -168,7 +174,7 @@ class CyclesAlong:
             launches, moved = np.empty((m, period + 1)), np.zeros((m, period + 1))
             launches[:, 0] = alphas / units
             for hop in range(period):
-                launches[:, hop + 1] = following[:, hop] + slopes[:, hop] * moved[:, hop] + self.inject / units
+                launches[:, hop + 1] = following[:, hop] + slopes[:, hop] * moved[:, hop] + added
                 if hop + 1 < period:
                     moved[:, hop + 1] = launches[:, hop + 1] - speeds[:, hop + 1]
             size = np.zeros(m)
@@ -187,14 +193,14 @@ class CyclesAlong:
             return None, ~settled
         tested = np.abs(away / np.column_stack([alphas, np.full(m, self.span)])).max(1) > SAME_HOPS
         tested |= [not guess.tested for guess in begun]
-        for (count, which, _, us), step in zip(groups, steps, strict=True) if tested.any() else ():
-            failed[which[~self._are_smooth(count, us, ps[which], step.evaluation)]] = True
+        for (count, which, _, us), step in zip(groups, steps, strict=True):
+            failed[which[~self._are_smooth(count, us, ps[which], step.evaluation, bool(tested.any()))]] = True
         failed |= ~(launches > 0).all(1)
         if failed.any():
             return None, failed
         changes = np.zeros((m, period + 1, 2))
         changes[:, 0, 0] = 1.0
-        rates = units[:, None] * rates + growing[:, None] * (launches[:, 1:] - (self.inject / units)[:, None]
+        rates = units[:, None] * rates + growing[:, None] * (launches[:, 1:] - added[:, None]
                                                              - slopes * launches[:, :-1])  # fmt: skip
         for hop in range(period):
             changes[:, hop + 1] = slopes[:, hop, None] * changes[:, hop]
@@ -210,6 +216,39 @@ class CyclesAlong:
                     )
                 )
         return (launches, impacts, slopes, changes), failed
+
+    def _groups(
+        self, impacts: np.ndarray, begun: Sequence[SolvedHops], away: np.ndarray, known: Sequence[SolvedHops],
+        speeds: np.ndarray,
+    ) -> list[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:  # fmt: skip
+        """For each number among the impacts (m, period) the points and hops with it, and guesses of their unknowns from
+        hops this far `away` (m, 2), with first launches (m,) without units."""
+        bends = [self._bend(known, guess, step) for guess, step in zip(begun, away, strict=True)]
+        groups = []
+        for count in np.unique(impacts).tolist():
+            which, hops = np.nonzero(impacts == count)
+            pairs = zip(which.tolist(), hops.tolist(), strict=True)
+            us = np.array([begun[i].unknowns[h] + begun[i].changes[h] @ away[i] + bends[i][h] for i, h in pairs])
+            us[hops == 0, 1] = speeds[which[hops == 0]]
+            groups.append((count, which, hops, us))
+        return groups
+
+    def _bend(self, known: Sequence[SolvedHops], guess: SolvedHops, away: np.ndarray) -> list[Any]:
+        """What the second derivatives change in the unknowns of hops this far away from a guess, in the direction of
+        other known hops that are not much nearer to it: those nearest to the hops."""
+        scale = np.array([guess.alpha, self.span])
+        target, best = away / scale, (np.inf, 0.0, guess)
+        for k in known:
+            apart = np.array([k.alpha - guess.alpha, k.value - guess.value]) / scale
+            length = float(apart @ apart)
+            share = float(apart @ target) / length if length else np.inf
+            if abs(share) <= FARTHEST_BEND and k.impacts == guess.impacts and k.tested and guess.tested:
+                left = target - apart
+                best = min(best, (float(left @ left), share, k), key=lambda each: each[0])
+        _, share, other = best
+        pairs = zip(other.changes, guess.changes, strict=True)
+        ahead = np.array([other.alpha - guess.alpha, other.value - guess.value])
+        return [0.5 * share**2 * ((there - here) @ ahead) for there, here in pairs]
 
     @staticmethod
     def _by_first(
@@ -251,17 +290,22 @@ class CyclesAlong:
         change, by_speed, by_value = found.transpose(2, 0, 1)
         return done, StepsOfHops(change, by_speed, by_value, following, *slopes, evaluation)
 
-    def _are_smooth(self, count: int, us: np.ndarray, ps: np.ndarray, evaluation: Evaluation) -> np.ndarray:
-        """Whether hops (k,) have these impacts and no others, and are not too near to others."""
+    def _are_smooth(
+        self, count: int, us: np.ndarray, ps: np.ndarray, evaluation: Evaluation, between: bool
+    ) -> np.ndarray:
+        """Whether hops (k,) have these impacts and no others, and are not too near to others, by their landings and, if
+        `between`, by gap and force between these."""
         model, p, m = self.model, dict(zip(self.names, ps.T, strict=True)), len(us)
         many = {name: np.repeat(values, len(SAMPLES_OF_ARC)) for name, values in p.items()}
         sure: np.ndarray = np.asarray((us[:, 2:] > 0).all(1))
         for impact, motions in enumerate(evaluation.trajectories):
             flies = impact < count
             size = len((model.flight if flies else model.contact).states)
-            rows, end = [*rows_within(motions, SAMPLES_OF_ARC)[:, :size].T], [*motions.finals[:, :size].T]
-            between = model.gap(many).at(rows) if flies else force_in_contact(model, rows, many)
-            sure &= _stay_above(np.broadcast_to(between, rows[0].shape).reshape(m, -1))
+            end = [*motions.finals[:, :size].T]
+            if between:
+                rows = [*rows_within(motions, SAMPLES_OF_ARC)[:, :size].T]
+                values = model.gap(many).at(rows) if flies else force_in_contact(model, rows, many)
+                sure &= _stay_above(np.broadcast_to(values, rows[0].shape).reshape(m, -1))
             if flies:
                 side = 1.0 if impact + 1 == count else -1.0
                 sure &= -gap_speed(model, end, p) > APART_FROM_BORDERS * us[:, 1]

@@ -102,13 +102,14 @@ def slopes_of_hops(impacts: Impacts, alphas: np.ndarray) -> np.ndarray:
             us = hops.unknowns(impacts, which)
             done, evaluation = equations.evaluate_lanes(us, np.tile(vector(p), (len(us), 1)))
             if evaluation is not None:
-                slopes[which[done]] = _slopes_of_jacobians(evaluation.jacobian)
+                slopes[which[done]] = slopes_of_jacobians(evaluation.jacobian)
     return slopes
 
 
-def _slopes_of_jacobians(jacobians: np.ndarray) -> np.ndarray:
-    """The slopes (k,) from the derivatives (k, n, n) of the equations of one hop. All but the last equation determine
-    the other unknowns from the launch speed, the second unknown; the last is that of the next speed less this one."""
+def slopes_of_jacobians(jacobians: np.ndarray) -> np.ndarray:
+    """The slopes (k,) from the derivatives (k, n, n) of the equations of one hop, or of a cycle. All but the last
+    equation determine the other unknowns from the launch speed, the second unknown; the last is that of the next speed
+    less this one."""
     others = np.delete(np.arange(jacobians.shape[1]), 1)
     rows, last = jacobians[:, :-1], jacobians[:, -1]
     moved = solve(rows[:, :, others], -rows[:, :, [1]])[:, :, 0]

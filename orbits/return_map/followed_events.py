@@ -46,7 +46,7 @@ from .cycle_statement import (
 )
 from .cycles import RESTITUTION, parameters_of_maps
 from .cycles_along import rows_within
-from .flown_hops import flown_hops
+from .flown_hops import flown_hops, slopes_of_jacobians
 
 # Shares of the time of a flight or contact at which the gap and the contact force are tested; the places nearer to its
 # ends, where they vanish, belong to the events there.
@@ -289,6 +289,30 @@ def located(machine: Machine, along: str, event: Bifurcation, inject: float = 0.
     return replace(event, value=point.first, alphas=point.alphas, multiplier=MULTIPLIER_AT.get(event.kind, np.nan))
 
 
+def located_border(
+    machine: Machine, along: str, value: float, inject: float, border: Border, hops: Sequence[np.ndarray]
+) -> tuple[EventPoint, float]:
+    """Where the contact force vanishes after an impact of a cycle, by Newton's method from a guess, and the multiplier
+    there of the hops whose contact is sustained.
+
+    hops : the unknowns of each hop near it, as in the statement of one hop
+
+    Raises `NoOrbit` where the method does not converge to hops that have these impacts alone.
+    """
+    impacts, second = tuple(len(u) - 3 for u in hops), _other_than(along, machine)
+    u = np.concatenate([*(each[:2] for each in hops), *(each[2:] for each in hops)])
+    fixed = inject if second == INJECT else machine.values[second]
+    curve = EventEquations(machine, along, second, border, impacts, inject, 1.0)
+    row = np.eye(len(u) + 2)[-1]
+    point = curve.certify(correct(curve, np.array([*u, value, fixed]), row, fixed, row))
+    found = cast(EventPoint, point.point)
+    if over := [name for name, least in found.tests.items() if not least > 0]:
+        raise NoOrbit(f"{over[0]}: the hops have other impacts")
+    equations = shooting_equations(cycle_statement(machine.model, impacts), curve.names)
+    jacobian = equations.evaluate(point.x[:-2], curve.parameters_at(point.x[None])[0]).jacobian
+    return found, float(slopes_of_jacobians(jacobian[None])[0])
+
+
 def _event_equations(
     machine: Machine, along: str, event: Bifurcation, second: str, inject: float
 ) -> tuple[Machine, EventEquations, np.ndarray]:
@@ -299,7 +323,7 @@ def _event_equations(
         inject = event.value
     else:
         machine = machine.with_values(**{along: event.value})
-    second = second or next(name for name in (*machine.values, INJECT) if name != along)
+    second = second or _other_than(along, machine)
     speed = machine.units.of(LIFTOFF_SPEED) if machine.units else 1.0
     cycle = _Cycle(Impacts(machine), [alpha / speed for alpha in event.alphas])
     if cycle.lossless(SLOW_LANDING) is not None and (event.kind == "fold" or len(event.alphas) == 1):
@@ -316,6 +340,11 @@ def _event_equations(
         direction = np.linalg.svd(jacobian)[2][-1]
         u = [*u, *np.delete(direction / direction[place], place)]
     return machine, curve, np.array([*u, event.value, start])
+
+
+def _other_than(along: str, machine: Machine) -> str:
+    """A parameter of hops other than one."""
+    return next(name for name in (*machine.values, INJECT) if name != along)
 
 
 def _check_event(machine: Machine, along: str, event: Bifurcation, second: str) -> None:

@@ -16,7 +16,7 @@ moderate degree is the map up to rounding, on cells that are halved until it is.
 found where no polynomial fits. Cells that are too short to be halved, as where borders accumulate, stay unresolved.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import pairwise
@@ -25,7 +25,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..numerics.roots import enclosed_sign_changes
-from ..running import interrupts
+from ..result import Report
+from ..running import heartbeat, interrupts
 from ..simulation.feet import LIFTS_OFF
 from ..simulation.impacts import STATUSES
 from .hops import Hops
@@ -234,10 +235,14 @@ class _Resolving:
         pairs = zip(hops.impacts, hops.status.tolist(), strict=True)
         return np.array([count if status == LIFTS_OFF else names[status] for count, status in pairs])
 
-    def borders(self, x: np.ndarray) -> None:
-        """Add the borders between neighbouring launch speeds (m,), ascending, from the first to the last label."""
-        labels = self.labels(x)
-        a, b, left, right = x[:-1], x[1:], labels[:-1], labels[1:]
+    def borders(self, rows: Sequence[np.ndarray]) -> None:
+        """Add the borders between neighbouring launch speeds, ascending in each of the rows, from the first to the last
+        label."""
+        x = np.concatenate(rows)
+        labels, inside = self.labels(x), np.ones(len(x), bool)
+        inside[np.cumsum([len(row) for row in rows]) - 1] = False  # the last of each row has no neighbour above
+        a, left = x[inside], labels[inside]
+        b, right = x[1:][inside[:-1]], labels[1:][inside[:-1]]
         known = np.array(sorted(self.lossless) or [np.inf])
         beside = np.abs(known[np.clip(np.searchsorted(known, a), 0, len(known) - 1)] - 0.5 * (a + b)) <= 0.5 * (b - a)
         for _ in range(BORDERS_IN_A_ROW):
@@ -252,9 +257,9 @@ class _Resolving:
             self.cuts |= set(a.tolist())
             left = self.labels(a)
 
-    def cells(self, ends: list[float]) -> list[_Cell]:
-        """Two cells for each interval between neighbouring ends, which meet in its middle."""
-        pairs = [(a, b) for a, b in pairwise(ends) if b > a]
+    def cells(self, rows: Sequence[Sequence[float]]) -> list[_Cell]:
+        """Two cells for each interval between neighbouring ends in rows, which meet in its middle."""
+        pairs = [(a, b) for ends in rows for a, b in pairwise(ends) if b > a]
         sides = [(end, side, b - a) for a, b in pairs for end, side in ((a, 1), (b, -1))]
         self._probe([each for each in sides if each[0] in self.cuts])
         power = lambda at, side: self.powers.get((at, side), 1)  # noqa: E731
@@ -274,36 +279,44 @@ class _Resolving:
         rooted &= np.abs(second - first) > ROUNDED_NEXT * np.abs(first)
         self.powers |= {each[:2]: 2 if root else 1 for each, root in zip(sides, rooted.tolist(), strict=True)}
 
-    def resolve(self, samples: int) -> None:
-        """Find the borders between the launches of a grid, and fit the cells between them."""
+    def resolve(self, samples: int, progress: Report = None) -> None:
+        """Find the borders between the launches of a grid, and fit the cells between them; `progress` is called with
+        the share of the range that is resolved."""
         grid = np.linspace(self.low, self.high, samples)
         stars = sorted(self.lossless)  # there rounding decides on the number of impacts
         for star in stars:
             grid = np.append(grid[np.abs(grid - star) > self.shortest], [star - self.shortest, star + self.shortest])
         grid = np.unique(grid[(grid >= self.low) & (grid <= self.high)])
-        self.borders(grid)
-        waiting = self.cells(sorted({self.low, self.high, *self.cuts}))
+        self.borders([grid])
+        waiting = self.cells([sorted({self.low, self.high, *self.cuts})])
         while waiting:
             interrupts.heed()
             done, refused = self.fits(waiting)
             self.fitted += done
-            waiting = [cell for each in refused for cell in self.parts(*each)]
+            waiting = self.parts(refused)
+            share = 1.0 - sum(abs(cell.reach) for cell in waiting) / (self.high - self.low)
+            if progress:
+                progress(min(max(share, 0.0), 1.0))
+            resolved = f"{100 * share:.4g} % of the launch speeds from {self.low:g} to {self.high:g} are resolved"
+            heartbeat.remark(f"{resolved}: a narrower range takes less time")
 
-    def parts(self, cell: _Cell, launches: np.ndarray | None) -> list[_Cell]:
-        """Parts of a cell that no polynomial fits, cut at borders between its launches or in the middle; none where it
-        is too short."""
-        (a, b), known = cell.ends, set(self.cuts)
-        if b - a <= self.shortest:
-            self.unresolved.append((a, b))
-            return []
-        if launches is not None:
-            self.borders(launches)
-            new = sorted(each for each in self.cuts - known if a < each < b)
-            if new:
-                if cell.origin in (a, b):
-                    self.powers[cell.origin, 1 if cell.origin == a else -1] = cell.power
-                return self.cells([a, *new, b])
-        return cell.halves()
+    def parts(self, refused: Sequence[tuple[_Cell, np.ndarray | None]]) -> list[_Cell]:
+        """Parts of cells that no polynomial fits, cut at borders between their launches or in the middle; none of those
+        that are too short."""
+        known, found, cut = set(self.cuts), list[_Cell](), list[list[float]]()
+        self.unresolved += [cell.ends for cell, _ in refused if np.diff(cell.ends) <= self.shortest]
+        refused = [each for each in refused if np.diff(each[0].ends) > self.shortest]
+        if rows := [launches for _, launches in refused if launches is not None]:
+            self.borders(rows)
+        added = np.array(sorted(self.cuts - known))
+        for cell, _ in refused:
+            a, b = cell.ends
+            new = added[(a < added) & (added < b)].tolist()
+            if new and cell.origin in (a, b):
+                self.powers[cell.origin, 1 if cell.origin == a else -1] = cell.power
+            cut += [[a, *new, b]] if new else []
+            found += [] if new else cell.halves()
+        return [*self.cells(cut), *found]
 
     def fits(self, cells: list[_Cell]) -> tuple[list[_FittedCell], list[tuple[_Cell, np.ndarray | None]]]:
         """The cells that polynomials fit, and those that none does, with their launches if these are of several kinds.
@@ -386,10 +399,11 @@ def _cell_nodes(degree: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def map_pieces(
-    hops_from: Callable[[np.ndarray], Hops], lossless: list[float], low: float, high: float, samples: int
-) -> MapPieces:
+    hops_from: Callable[[np.ndarray], Hops], lossless: list[float], low: float, high: float, samples: int,
+    progress: Report = None,
+) -> MapPieces:  # fmt: skip
     """The pieces of a map without injection between two launch speeds; lossless ones are known, other borders are
     searched for between the launches of a grid."""
     found = _Resolving(hops_from, lossless, low, high)
-    found.resolve(samples)
+    found.resolve(samples, progress)
     return found.result()

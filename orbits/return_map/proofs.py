@@ -95,7 +95,7 @@ def prove_all_hops(
     machine : the dimensionless `Hopper` with a linear spring and any mass ratio
     hops : from `ReturnMap.periodic_hops`, which are compared with the theorem
     inject : an exact decimal above 0, that of the hops
-    shortest : shorter intervals of launch speeds are not halved any more
+    shortest : shorter intervals of launch speeds are not halved any more, but for those with one of the hops
     limit : as in `prove`
 
     The result encloses the launch of each hop. Near lossless launches, grazes and changes of the number of bounces, and

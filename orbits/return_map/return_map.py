@@ -224,13 +224,15 @@ class ReturnMap:
             return lossless_hops(self, period, low, high, lossless)
         if self.only_gains:
             return PeriodicHops(self._words, period, low, high, self.inject, ())
-        return all_periodic_hops(self, self._pieces(low, high, samples), period, progress)
+        half = progress and (lambda share: progress(0.5 * share))  # the other half are the hops
+        pieces = self._pieces(low, high, samples, half)
+        return all_periodic_hops(self, pieces, period, progress and (lambda share: progress(0.5 + 0.5 * share)))
 
-    def _pieces(self, low: float, high: float, samples: int) -> MapPieces:
+    def _pieces(self, low: float, high: float, samples: int, progress: Progress = None) -> MapPieces:
         """The pieces between two launch speeds of the dimensionless map without injection."""
         if (found := self._resolved.get((low, high, samples))) is None:
             plain, lossless = ReturnMap(self.machine, cap=self.cap), lossless_speeds(self.impacts, low, high)
-            found = self._resolved[low, high, samples] = map_pieces(plain, lossless, low, high, samples)
+            found = self._resolved[low, high, samples] = map_pieces(plain, lossless, low, high, samples, progress)
         return found
 
     @property

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 SILENCE = 60.0  # seconds between two messages
+SOON_SAID = 10.0  # seconds after which a function that can say how far it is does so
 LOGGER = logging.getLogger("orbits")
 _running = threading.local()  # the `name` of the outermost function of a thread, when it `began` and when it `spoke`
 
@@ -30,3 +31,10 @@ def beat() -> None:
     if getattr(_running, "name", None) and (now := time.monotonic()) - _running.spoke > SILENCE:
         _running.spoke = now
         LOGGER.warning("%s has been computing for %.0f s", _running.name, now - _running.began)
+
+
+def remark(how_far: str) -> None:
+    """Say how far the function is, where it has been silent for some seconds."""
+    if getattr(_running, "name", None) and (now := time.monotonic()) - _running.spoke > SOON_SAID:
+        _running.spoke = now
+        LOGGER.warning("%s: %s", _running.name, how_far)

@@ -133,6 +133,17 @@ class Shooting:
         """`evaluate_all` at one point."""
         return self.evaluate_all(np.reshape(u, (1, -1)), np.reshape(p, (1, -1)), vary)[0]
 
+    @cached_property
+    def together(self) -> list[list[int]]:
+        """The arcs in groups of one flow each, which can be followed one after another: an arc that depends on the one
+        before it is in a later group."""
+        groups, behind = dict[tuple, list[int]](), [0] * len(self.flows)  # how many arcs depend on each
+        for i in reversed(range(1, len(self.flows))):
+            behind[i - 1] = (behind[i] + 1) * bool(self.ends[i][0].function.jac_sparsity(0, 1).nnz())
+        for i, flow in enumerate(self.flows):
+            groups.setdefault((behind[i], flow), []).append(i)
+        return [groups[key] for key in sorted(groups, key=lambda key: -key[0])]
+
     @cached
     def seeds(self, vary: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, list]:
         """Derivatives of the unknowns (n, n + k), of the parameters (np, n + k) and of the `moving` ones (t, n + k) by
@@ -162,13 +173,17 @@ class Shooting:
     def evaluate_all(self, us: np.ndarray, ps: np.ndarray, vary: tuple[str, ...] = ()) -> Evaluation:
         """Residual, Jacobian and motion at points (m, n) with parameters (m, np), with steps that the error control of
         the flow chooses; raises `FlowError` when a motion cannot be integrated."""
-        ps, before, arcs = self.with_tuned(us, ps), np.zeros((len(us), 0)), []
-        for flow, begin, seeds in zip(self.flows, self.beginnings, self.seeds(vary)[3], strict=True):
-            start = begin(us, before, ps)[0][:, :, 0]
-            motions, transitions = flow.run_all(start[:, :-1], ps, start[:, -1], *seeds)
-            before = motions.finals[:, : flow.size]
-            arcs.append((motions, before, transitions))
-        return self.closed(us, ps, vary, arcs)
+        m, ps, arcs = len(us), self.with_tuned(us, ps), dict[int, tuple]()
+        for group in self.together:
+            flow, seeds, count = self.flows[group[0]], self.seeds(vary)[3][group[0]], len(group)
+            ends = (arcs[i - 1][1] if i - 1 in arcs else np.zeros((m, self.flows[i - 1].size * (i > 0))) for i in group)
+            starts = [self.beginnings[i](us, end, ps)[0][:, :, 0] for i, end in zip(group, ends, strict=True)]
+            start = np.concatenate(starts) if count > 1 else starts[0]
+            own = np.tile(ps, (count, 1)) if count > 1 else ps
+            found = flow.run_all(start[:, :-1], own, start[:, -1], *seeds)
+            for i, motions, transitions in zip(group, found[0].parted(count), np.split(found[1], count), strict=True):
+                arcs[i] = motions, motions.finals[:, : flow.size], transitions
+        return self.closed(us, ps, vary, [arcs[i] for i in range(len(arcs))])
 
     def evaluate_lanes(
         self, us: np.ndarray, ps: np.ndarray, vary: tuple[str, ...] = ()
@@ -193,7 +208,7 @@ class Shooting:
         known = list[np.ndarray]()
         for flow, (motions, ends, transitions) in zip(self.flows, arcs, strict=True):
             c, last = motions.coefficients[:, : flow.size], motions.last
-            speeds = np.einsum("mrk,mk->mr", derivative(c[last]), motions.of_steps[last, :-1])
+            speeds = np.einsum("mrk,mk->mr", derivative(c[last]), motions.of_lasts[:, :-1])
             data, slopes = flow.piece_data(c[motions.first, :, 0], ps)
             known += [ends, transitions.swapaxes(1, 2), speeds, data, slopes.swapaxes(1, 2)]
         residual, jacobian, *rest = self.closing(vary)(us, ps, *(array.reshape(len(us), -1) for array in known))

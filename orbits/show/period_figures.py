@@ -12,7 +12,15 @@ from .plot import COLOURS, finished, legend_below, new_axes, plain
 IN_REST, IN_CHAOS, WITHOUT_PERIOD = -2, -1, 0  # places where no launch goes on, and where one does without a period
 # The colours of the periods after those of all figures.
 FURTHER_COLOURS = ("#882255", "#999933", "#44AA99", "#332288", "#AA4499", "#DDCC77", "#117733", "#661100", "#6699CC")
-STYLES_OF_CURVES = {"flip": "-", "fold": "--", "border collision": ":", "non-smooth fold": ":"}
+# The dashes of curves of bifurcations, of one for each doubling of the period.
+AT_BORDERS = (0, (1, 1.3)), (0, (1, 2)), (0, (1, 3)), (0, (1, 4))
+STYLES_OF_CURVES: dict[str, tuple[Any, ...]] = {
+    "flip": ("-", (0, (6, 1.2)), (0, (5, 1.2, 1, 1.2)), (0, (4, 1.2, 1, 1.2, 1, 1.2))),
+    "fold": ((0, (3, 2)), (0, (3, 2, 1, 2)), (0, (2, 1)), (0, (2, 1, 1, 1))),
+    **dict.fromkeys(("border collision", "non-smooth fold"), AT_BORDERS),
+}
+# Where the names of curves stand in a figure with several, as shares of these and in points beside them.
+PLACES_OF_NAMES = ((0.5, (-34, 10)), (0.45, (34, -14)), (0.72, (-46, 14)), (0.85, (-52, 4)), (0.3, (40, -10)))
 
 
 def plot_periods(diagram: Any, axes: Axes | None = None) -> Axes:
@@ -59,12 +67,26 @@ def plot_bifurcation_curve(curve: Any, axes: Axes | None = None) -> Axes:
     count = len(curve.impacts)
     words = f"{curve.kind}, {name_of_hops(count).removeprefix('hops of ')}"
     colour = COLOURS[(count - 1) % len(COLOURS)] if own else "black"
-    axes.plot(*curve.values.T, STYLES_OF_CURVES[curve.kind], color=colour, lw=1.6, label=words)
+    styles = STYLES_OF_CURVES[curve.kind]
+    style = styles[min(int(count).bit_length(), len(styles)) - 1]
+    axes.plot(*curve.values.T, ls=style, color=colour, lw=1.6, label=words)
     places = np.array([event.values for event in curve.events if event.kind != "value"]).reshape(-1, 2)
     if len(places):
         axes.plot(*places.T, "o", color="0.15", mfc="white", ms=5, zorder=4)
     if not own:
+        name_curve(axes, curve.values, words)
         return legend_below(axes)
     axes.set_title(plain(curve.title()), fontsize="medium", wrap=True)
     across, up = (curve.heading(name).replace("_", " ") for name in (curve.along, curve.second))
     return finished(axes, xlabel=across, ylabel=up)
+
+
+def name_curve(axes: Axes, values: np.ndarray, words: str) -> None:
+    """Write a name beside a curve (n, 2), at another place than those of the curves before it."""
+    share, beside = PLACES_OF_NAMES[len(axes.texts) % len(PLACES_OF_NAMES)]
+    frame = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85}
+    arrow = {"arrowstyle": "-", "lw": 0.7, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate(
+        words, values[int(share * (len(values) - 1))], beside, textcoords="offset points", ha="center", va="center",
+        fontsize="small", bbox=frame, arrowprops=arrow, zorder=5,
+    )  # fmt: skip
