@@ -189,6 +189,29 @@ class Mechanism(Stated):
         if self.drawing is not None:
             refuse_misdrawn(self.drawing, {*self.coordinates, *self.names})
 
+    @classmethod
+    def from_lagrangian(
+        cls, T: Any, V: Any, coordinates: Sequence[Any], gap: Any, parameters: Mapping[Any, float] | None = None,
+        gravity: Any = "g", **stated: Any,
+    ) -> "Mechanism":  # fmt: skip
+        """A machine from its energies as SymPy's expressions, with the extra `sympy`.
+
+        T : the kinetic energy, quadratic in the speeds y.diff(t); the masses in it may depend on the coordinates
+        V : the potential energy, of the coordinates alone
+        coordinates : functions of time, as of `dynamicsymbols`
+        gap : the distance that closes at landing, or, by name, that which opens and that which closes
+        parameters : the values of all other symbols, by symbol or name
+        gravity : the symbol of the acceleration of gravity in V, or its name; what is proportional to it is weight
+        stated : other arguments of `Mechanism`, in which SymPy's expressions may stand for formulas and for names;
+            `elements` are added to those that follow from the energies, as a `Damper`
+
+        Raises `InputError` for energies that no such machine has, for a parameter without a value, for functions that
+        formulas do not have, and for `sticks` and `friction`, which need the places of masses along the ground.
+        """
+        from .energies import stated_by_energies
+
+        return cls(**stated_by_energies(T, V, coordinates, gap, parameters or {}, gravity, stated))
+
     def _lengths(self) -> dict[str, str]:
         """The coordinates that are lengths, each by its name; all of them where none is."""
         lengths = [name for name in self.coordinates if name not in self.angles]
