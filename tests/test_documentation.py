@@ -36,7 +36,8 @@ PYTHON = ("python", "{drawn}")
 # What waits for a reader at the browser, or for a machine that a page only speaks of.
 NOT_RUN = ("orbits explore",)
 # The package that a block needs beside the required ones and those of the tests.
-NEEDED = {"dataframe": "pandas", "dataset": "xarray", ".page(": "bokeh", "explore": "bokeh", "sympy": "sympy"}
+NEEDED = {"dataframe": "pandas", "dataset": "xarray", ".page(": "bokeh", "explore": "bokeh"}
+NEEDED |= {"mujoco": "mujoco", "sympy": "sympy"}
 
 
 def name_of(path: Path) -> str:

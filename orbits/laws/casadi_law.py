@@ -12,10 +12,10 @@ from ..symbolic.formula import CONSTANTS, FUNCTIONS, MAX_LENGTH
 from ..symbolic.machine_code import OPERATIONS
 from ..symbolic.tracing import Text
 
-_NAMES = {getattr(ca, name): name.removeprefix("OP_").lower() for name in dir(ca) if name.startswith("OP_")}
+_OPERATION_NAMES = {getattr(ca, name): name.removeprefix("OP_").lower() for name in dir(ca) if name.startswith("OP_")}
 _BRANCHING = ("lt", "le", "eq", "ne", "not", "and", "or", "if_else_zero", "floor", "ceil", "fmin", "fmax")
 # Operations with kinks and jumps, beside those of formulas.
-BRANCHES = {op for op, name in _NAMES.items() if name in (*_BRANCHING, "copysign", "fmod", "remainder")}
+BRANCHES = {op for op, name in _OPERATION_NAMES.items() if name in (*_BRANCHING, "copysign", "fmod", "remainder")}
 # Operations that formulas have, on parts of these.
 _WRITTEN: dict[int, Callable] = {
     ca.OP_ASSIGN: lambda a: a,
@@ -30,7 +30,7 @@ _WRITTEN: dict[int, Callable] = {
     ca.OP_POW: lambda a, b: a**b,
     ca.OP_CONSTPOW: lambda a, b: a**b,
 }
-_CALLS = {getattr(ca, f"OP_{known.upper()}"): name for name, (_, known) in FUNCTIONS.items()}
+_FUNCTION_NAMES = {getattr(ca, f"OP_{known.upper()}"): name for name, (_, known) in FUNCTIONS.items()}
 
 
 class CasadiLaw:
@@ -69,7 +69,7 @@ class CasadiLaw:
             raise InputError(f"{own} needs a value of '{missing[0]}': parameters={{'{missing[0]}': ...}}")
         self.function = self._expanded(function, own)
         operations = {op for op, *_ in self._tape}
-        if not branches and (found := sorted(_NAMES[op] for op in operations & BRANCHES)):
+        if not branches and (found := sorted(_OPERATION_NAMES[op] for op in operations & BRANCHES)):
             raise InputError(
                 f"{own} has branches ({', '.join(found)}): state where it has kinks or jumps, as "
                 f"springs.function({self.__name__}, breakpoints=(0.5,))"
@@ -85,7 +85,7 @@ class CasadiLaw:
             reason = str(error).strip().splitlines()[-1][:100]
             raise InputError(f"{own} cannot be written in scalar operations ({reason}): {remedy}") from None
         operations = {expanded.instruction_id(i) for i in range(expanded.n_instructions())}
-        if others := sorted(_NAMES[op] for op in operations - OPERATIONS):
+        if others := sorted(_OPERATION_NAMES[op] for op in operations - OPERATIONS):
             called = ", ".join(function.get_function()) if "call" in others else ""
             what = f"calls {called}" if called else f"has {', '.join(others)}"
             raise InputError(f"{own} {what}, of which there are no scalar operations for motions: {remedy}")
@@ -115,12 +115,12 @@ class CasadiLaw:
                 values.append(arguments[places[0]])
             elif constant is not None:
                 values.append(int(constant) if constant == int(constant) else constant)
-            elif op in _CALLS:
-                values.append(Text(f"{_CALLS[op]}({values[places[0]].text})"))
+            elif op in _FUNCTION_NAMES:
+                values.append(Text(f"{_FUNCTION_NAMES[op]}({values[places[0]].text})"))
             elif op in _WRITTEN:
                 values.append(_WRITTEN[op](*(values[place] for place in places)))
             else:
-                raise TypeError(f"formulas have no {_NAMES[op]}")
+                raise TypeError(f"formulas have no {_OPERATION_NAMES[op]}")
             if len(getattr(values[-1], "text", "")) > MAX_LENGTH:
                 raise TypeError("the formula is too long")
         raise AssertionError("a function has a result")

@@ -32,6 +32,7 @@ from ..model.model import STEP_LENGTH, Model, as_derived
 from ..running.exclusive import exclusive, exclusive_property
 from ..symbolic.formula import suggest
 from ..units import FORCE, LENGTH, TORQUE, Dimension, Units, unit_text
+from .bodies import Body, refuse_misbuilt
 from .derived import derived_launch, derived_model, linear_equations, refuse_uneven_tables
 from .dimensions import dimensions_of_parameters, length_or_angle
 from .drawing import Drawing, refuse_misdrawn
@@ -95,6 +96,7 @@ class Mechanism(Stated):
         where they are across; an orbit that needs more violates it. A number, or a formula of parameters
     bounds : the least and the largest value of parameters, by name, that such machines have
     drawing : a `Drawing` of the machine in the plane, for figures; None for masses on one vertical line
+    bodies : a list of `Body` with joints, for `export` to simulators; none for masses on one vertical line
     sticks : coordinates along the ground that are at rest while the gap is closed, as that of a foot which does not
         slide. Nothing depends on the place of such a coordinate; it is 0 in contact, and a step moves it on by the
         amount "step", a number of each orbit that is not stated
@@ -142,6 +144,7 @@ class Mechanism(Stated):
     drawing: Drawing | None = None
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     sticks: Sequence[str] = ()
+    bodies: Sequence[Body] = ()
 
     @exclusive
     def __post_init__(self) -> None:
@@ -149,6 +152,7 @@ class Mechanism(Stated):
             coordinates=listed("coordinates", self.coordinates), elements=listed("elements", self.elements),
             knees=tuple(listed("knees", knee) for knee in listed("knees", self.knees)),
             angles=listed("angles", self.angles), sticks=listed("sticks", self.sticks),
+            bodies=listed("bodies", self.bodies),
         )  # fmt: skip
         first = next(iter(self.gaps.values()), "") if isinstance(self.gaps, Mapping) else ""
         if (first != self.gap and "" not in (first, self.gap)) or first == self.gap == "":
@@ -188,6 +192,7 @@ class Mechanism(Stated):
             refuse_values(self)
         if self.drawing is not None:
             refuse_misdrawn(self.drawing, {*self.coordinates, *self.names})
+        refuse_misbuilt(self.bodies, {*self.coordinates, *self.names})
 
     @classmethod
     def from_lagrangian(

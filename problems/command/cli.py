@@ -90,10 +90,11 @@ def orbits() -> None:
 @options.plot_option
 @options.animate_option
 @options.file_option("--save", "result", "Save the orbit (.json), for Orbit.load.")
+@options.export_option
 def find_command(
     family: int, method: str | None, hop: str | None, tune: tuple[str, ...], prescribed: tuple[str, ...],
     allow_inadmissible: bool, limit: float, as_json: bool, explain: bool, plot: str | None, animate: str | None,
-    save: str | None, **stated: Any,
+    save: str | None, export: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Find one lossless orbit and certify it. With --tune and --at, numbers of the machine are found too."""
     from orbits.periodic.find import find
@@ -106,7 +107,7 @@ def find_command(
             machine, requested, method=method, progress=report, limit=limit, start=options.started(machine, hop),
             tune=tuned, at=options.named_values(prescribed, "--at") or None,
         )  # fmt: skip
-    options.write(orbit, as_json, plot, animate, save)
+    options.write(orbit, as_json, plot, animate, save, export)
     if explain and not as_json:
         click.echo("  what this scene did not need:")
         click.echo("".join(f"      {line}\n" for line in orbit.skipped), nl=False)
@@ -394,9 +395,10 @@ def _print_hops(step: "ReturnMap", hops: "Hops") -> None:
 @options.json_option
 @options.plot_option
 @options.animate_option
+@options.export_option
 def simulate_command(
     alpha: float | None, hop: str | None, hops: int | None, end: float | None, cap: int, inject: float, as_json: bool,
-    plot: str | None, animate: str | None, **stated: Any,
+    plot: str | None, animate: str | None, export: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Simulate the machine from a launch, through every impact and contact."""
     from orbits.simulation.simulation import simulate
@@ -404,7 +406,7 @@ def simulate_command(
     machine = options.machine_of(**stated)
     launch = options.launches_of(machine, hop, alpha)
     run = simulate(machine, launch, hops=hops, time=float("inf") if end is None else end, inject=inject, cap=cap)
-    options.write(run, as_json, plot, animate)
+    options.write(run, as_json, plot, animate, export=export)
 
 
 @orbits.command("optimize", epilog="\b\nExit code: 0 found, 1 no such design (with the reason), 2 bad input.")

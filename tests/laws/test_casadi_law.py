@@ -115,7 +115,7 @@ def rejected():
     yield ca.Function("f", [r], [ca.sin(r) / r]), "0/0 at r = 0"
 
 
-@pytest.mark.parametrize(("function", "message"), rejected())
+@pytest.mark.parametrize(("function", "message"), [*rejected()])
 def test_what_is_refused(function, message):
     with pytest.raises(InputError, match=message):
         springs.function(function)
