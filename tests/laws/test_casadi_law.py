@@ -45,9 +45,9 @@ def test_a_function_that_formulas_do_not_have(tmp_path):
     orbit = find(machine)
     traced = find(Hopper(lambda r, b: SATURATING(r, b), parameters={"b": 0.2}))
     assert orbit.alpha == pytest.approx(traced.alpha, rel=1e-13)
-    family = follow(machine, "b", 0.22)
+    family = follow(machine, "b", 0.21)
     assert family.end.kind == "reached"
-    members = sweep(machine, {"b": [0.2, 0.22]}).table()
+    members = sweep(machine, {"b": [0.2, 0.21]}).table()
     assert list(members["alpha"]) == pytest.approx([orbit.alpha, family.points[-1].alpha], rel=1e-12)
     assert Orbit.load(orbit.save(tmp_path / "hop.json"), machine) == orbit
 
