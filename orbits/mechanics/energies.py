@@ -174,12 +174,18 @@ class _Energies:
                 )
             found += [self._weight(term) for term in self.sympy.Add.make_args(by_gravity) if term.has(*self.places)]
             V = V.subs(g, 0)
-        steady = lambda term: not any(self.sympy.diff(term, y).has(*self.places) for y in self.places)  # noqa: E731
-        weights = [] if in_si or pulled else [term for term in self.sympy.Add.make_args(V) if steady(term)]
-        found += [self._weight(term) for term in weights if term.has(*self.places)]
-        laws, left = self._along_sums(V - sum(weights))
+        steady = [term for term in self.sympy.Add.make_args(V) if self._is_steady(term)]
+        laws, left = self._along_sums(V - sum(steady))
+        if pulled or not in_si:  # else what pulls has no mass in kg
+            found += [self._weight(term / (g if pulled else 1)) for term in steady if term.has(*self.places)]
+        else:
+            left += sum(steady)
         springs: list[Element] = [self._spring(way, energy) for way, energy in laws.items()]
         return [*springs, *([] if left == 0 else [Potential(self.formula(left, "V"))]), *found], pulled
+
+    def _is_steady(self, energy: Any) -> bool:
+        """Whether an energy is that of a force that does not depend on the place."""
+        return not any(self.sympy.diff(energy, y).has(*self.places) for y in self.places)
 
     def _along_sums(self, energy: Any) -> tuple[dict[tuple, Any], Any]:
         """An energy as functions of sums of coordinates, by these, and the rest.

@@ -27,6 +27,7 @@ Examples:
   orbits find --spring table:rows.csv --json           a measured spring, in the machine's units
   orbits find --gravity "1/(1 + z/R)**2" --set R=150 --rest-length 20
   orbits find --machine rover.toml --animate hop.gif   a machine in SI units
+  orbits find --rest-length 9 --export hop             the motion and a model for MuJoCo and Drake
   orbits find --machine wheel --set inertia_ratio=1 --set gravity_ratio=0.5   it walks; also rocker and shuttle
   orbits prove --spring cubic --set beta=0.3 --rest-length 8
   orbits prove --spring cubic --between beta=0.299:0.301 --rest-length 8

@@ -104,6 +104,21 @@ def test_a_wheel():
         assert getattr(walk, name) == pytest.approx(getattr(expected, name), rel=1e-13)
 
 
+def test_a_constant_force_is_a_weight():
+    """A body that a force pulls down too hops as one with so much more weight, and no more inertia."""
+    pull = sympy.Symbol("pull")
+    numbers = {m1: 1.0, m2: 1.0, g: 1.0, pull: 0.5}
+    V = (y1 - y2) ** 2 / 2 + g * (m1 * y1 + m2 * y2) + pull * y1
+    forced = Mechanism.from_lagrangian(TWO, V, (y1, y2), y2, numbers)
+    whole = (y1 - y2) ** 2 / 2 + sympy.Rational(3, 2) * g * y1 + g * m2 * y2
+    heavy = Mechanism.from_lagrangian(TWO, whole, (y1, y2), y2, {m1: 1.0, m2: 1.0, g: 1.0})
+    assert [each.mass for each in forced.elements[1:]] == ["m1", "m2", "pull/g"]
+    orbits = [find_all(each, starts(each, 4, 4))[0].alpha for each in (forced, heavy)]
+    assert orbits[0] == pytest.approx(orbits[1], rel=1e-13)
+    in_si = Mechanism.from_lagrangian(TWO, LINEAR + pull * y1, (y1, y2), y2, {m1: 1, m2: 1, pull: 1}, in_si=True)
+    assert [each.energy for each in in_si.elements if isinstance(each, Potential)] == ["m1*y1 + pull*y1 + m2*y2"]
+
+
 def test_what_is_no_spring_is_a_potential():
     bent = sympy.sin(y1 * y2) / 10
     machine = Mechanism.from_lagrangian(TWO, LINEAR + bent, (y1, y2), y2, MASSES, elements=[Damper("y1", 0.1)])

@@ -82,7 +82,7 @@ def test_where_nothing_can_be_written(tmp_path, orbits, folder, message):
 
 
 def test_machines_without_bodies(tmp_path):
-    with pytest.raises(InputError, match="the knee hopper is no column .* give Mechanism.bodies="):
+    with pytest.raises(InputError, match=r"the knee hopper is no column .* give Mechanism.bodies="):
         find(knee_hopper()).export(tmp_path / "knee")
     saved = find(Hopper()).save(tmp_path / "hop.json")
     with pytest.raises(InputError, match="needs the orbit's machine"):
