@@ -9,6 +9,7 @@ from ..symbolic.formula import suggest
 from .dimensions import plain_slope
 from .drawing import LANDINGS, REPEATED, Outline
 from .elements import Inerter, Mass, Scalar, names_in, value_of
+from .refusals import listed
 
 # The axes (across, into the plane, up) of joints by their kinds.
 AXES = {"across": (1.0, 0.0, 0.0), "up": (0.0, 0.0, 1.0), "down": (0.0, 0.0, -1.0), "turn": (0.0, 1.0, 0.0)}
@@ -56,7 +57,8 @@ def refuse_misbuilt(bodies: Sequence[Any], known: set[str]) -> None:
     """Raise `InputError` for what are no bodies of a machine with these names of coordinates and parameters."""
     earlier = list[str]()
     for body in bodies:
-        if not isinstance(body, Body) or not all(isinstance(joint, Joint) for joint in body.joints):
+        joints = listed("joints", body.joints) if isinstance(body, Body) else [None]
+        if not all(isinstance(joint, Joint) for joint in joints):
             raise InputError(f"bodies = {bodies!r}; they are a list of Body with lists of Joint")
         if body.carrier is not None and body.carrier not in earlier:
             raise InputError(f"body '{body.name}': its carrier '{body.carrier}' is no earlier body")
@@ -72,7 +74,7 @@ def refuse_misbuilt(bodies: Sequence[Any], known: set[str]) -> None:
                     f"body '{body.name}': '{expression}' has '{unknown[0]}'{suggest(unknown[0], known | more)}"
                 )
     for what, names in (("bodies", earlier), ("joints", [joint.name for body in bodies for joint in body.joints])):
-        if odd := [name for name in names if not name.isidentifier() or names.count(name) > 1]:
+        if odd := [name for name in names if not str(name).isidentifier() or names.count(name) > 1]:
             raise InputError(f"bodies: '{odd[0]}' is no name, of letters, digits and _, of one of the {what} alone")
 
 

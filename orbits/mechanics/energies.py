@@ -17,8 +17,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..laws.law import number
 from ..symbolic.sympy_formulas import abridged, formula_of, name_of_parameter, sympy_package
 from .elements import Element, Potential, Spring, Weight, value_of
+from .refusals import listed
 
 ALONG = "r"  # the variable of springs' laws
 # The least eigenvalue of an inertia, over the largest, from which on it is regular.
@@ -30,6 +32,11 @@ def stated_by_energies(
     stated: Mapping[str, Any],
 ) -> dict[str, Any]:  # fmt: skip
     """The arguments of a `Mechanism` with these energies; see `Mechanism.from_lagrangian`."""
+    if taken := [name for name in ("inertia", "surface_gravity", "gap", "gaps") if name in stated]:
+        raise InputError(f"{taken[0]} = {stated[taken[0]]!r}: that follows from T, V, gap and gravity; leave it out")
+    for name, value in (("parameters", parameters), ("rest", stated.get("rest", {}))):
+        if not isinstance(value, Mapping):
+            raise InputError(f"{name} = {value!r}; it is a mapping of names")
     if along := [name for name in ("sticks", "friction") if stated.get(name)]:
         raise InputError(
             f"{along[0]} = {stated[along[0]]!r}: the force along the ground follows from where the masses are, which T "
@@ -42,7 +49,7 @@ def stated_by_energies(
     own |= {"surface_gravity": str(gravity)} if pulled else {}
     own["inertia"] = [[energies.formula(entry, "T") if entry != 0 else 0.0 for entry in row] for row in inertia]
     own["gaps" if isinstance(gap, Mapping) else "gap"] = energies.plain(gap, "gap")
-    values = {str(name): value for name, value in parameters.items()}
+    values = {str(name): number(str(name), value) for name, value in parameters.items()}
     if missing := sorted(energies.found.keys() - values.keys()):
         raise InputError(f"'{missing[0]}' has no value: give parameters={{{missing[0]}: ...}}")
     _refuse_singular(own["inertia"], energies.names, values, own.get("rest", {}))
@@ -50,7 +57,7 @@ def stated_by_energies(
     return {
         **own,
         "coordinates": energies.names,
-        "elements": [*elements, *own.get("elements", ())],
+        "elements": [*elements, *listed("elements", own.get("elements", ()))],
         "parameters": {name: value for name, value in values.items() if name not in vanished},
     }
 

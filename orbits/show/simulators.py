@@ -48,25 +48,38 @@ def export_orbit(orbit: "Orbit", folder: str | Path, t: ArrayLike | None = None)
         cycles = cycles_shown(orbit)
         end = orbit.flight_time if orbit.contact_time is None else cycles * orbit.period
         t = np.linspace(0.0, end, cycles * (TABLE_ROWS - 1) + 1)
-    t = np.ravel(np.asarray(t, dtype=float))
+    t = _times(t)
     flying = t <= orbit.flight_time if orbit.contact_time is None else np.mod(t, orbit.period) <= orbit.flight_time
     return _export(orbit, t, np.where(flying, "flight", "contact"), folder)
 
 
 def export_simulation(run: "Simulation", folder: str | Path, t: ArrayLike | None = None) -> Path:
     """Write the table and the model of a simulation to a folder; see `Simulation.export`."""
-    t = np.ravel(np.linspace(0.0, run.end, TABLE_ROWS) if t is None else np.asarray(t, dtype=float))
+    t = _times(np.linspace(0.0, run.end, TABLE_ROWS) if t is None else t)
     return _export(run, t, np.where(run.in_contact(t), "contact", "flight"), folder)
 
 
 def check_folder(folder: str | Path) -> Path:
     """The path of a folder to write to; raises `InputError` where there is a file, or no folder to make it in."""
-    path = Path(folder)
-    if path.exists() and not path.is_dir():
-        raise InputError(f"'{path}' cannot be written to: it is a file, and not a folder")
-    if not path.parent.is_dir():
-        raise InputError(f"'{path}' cannot be made: there is no folder '{path.parent}'")
+    if not isinstance(folder, str | Path):
+        raise InputError(f"folder = {folder!r}; it is the name of one")
+    with refusing("motion", path := Path(folder)):
+        if path.exists() and not path.is_dir():
+            raise InputError(f"'{path}' cannot be written to: it is a file, and not a folder")
+        if not path.parent.is_dir():
+            raise InputError(f"'{path}' cannot be made: there is no folder '{path.parent}'")
     return path
+
+
+def _times(t: ArrayLike) -> np.ndarray:
+    """Times (k,) of a table; raises `InputError` for anything but finite numbers, and for none."""
+    try:
+        times = np.ravel(np.asarray(t, dtype=float))
+    except (TypeError, ValueError):
+        times = np.zeros(0)
+    if not len(times) or not np.isfinite(times).all():
+        raise InputError(f"t = {t!r}: the times of a table are finite numbers, one or more")
+    return times
 
 
 def _export(result: "Orbit | Simulation", t: np.ndarray, phases: np.ndarray, folder: str | Path) -> Path:
@@ -226,6 +239,8 @@ class _Jointed:
         (x, z), (across, up) = (map(self.number, pair) for pair in (body.place, body.centre))
         node, lines = _node(carrier, "body", name=body.name, pos=_in_text(x, 0, z)), self._lines(body)
         mass = self.number(body.mass)
+        if not 0 < mass < np.inf:
+            raise InputError(f"body '{body.name}' has the mass {mass:g}; simulators take one above 0")
         about = max(self.number(body.inertia), OF_A_POINT * mass)
         inertia = _in_text(about, about, about)
         _node(node, "inertial", pos=_in_text(across, 0, up), mass=_in_text(mass), diaginertia=inertia)

@@ -54,6 +54,8 @@ def test_small_angles_have_no_bodies():
     ("bodies", "message"),
     [
         (["hip"], "list of Body with lists of Joint"),
+        ([Body("hip", UP, "m")], "joints = .* it is a list"),
+        ([Body("hip", [Joint(None, "up", "body")], -1.0), Body(3, [UP], 1.0)], "'3' is no name"),
         ([Body("hip", [UP], "m", carrier="trunk")], "its carrier 'trunk' is no earlier body"),
         ([Body("hip", [Joint("up", "sideways", "body")], "m")], "no axis 'sideways'; known: across"),
         ([Body("hip", [UP], "bdy")], "'bdy' has 'bdy'; did you mean 'body'"),

@@ -155,12 +155,20 @@ OTHER = dynamicsymbols("other")
         (TWO, LINEAR + sympy.Symbol("y1"), y2, MASSES, "a symbol and a coordinate that are both called y1"),
         (TWO, LINEAR + sympy.Symbol("m1", positive=True) * y1, y2, MASSES, "two symbols 'm1' with different assump"),
         (TWO, LINEAR + sympy.Symbol("r") * y1**2, y2, MASSES | {"r": 1.0}, "'r' is the extension in a spring's law"),
+        (TWO, LINEAR, y2, {m1: 1.0, m2: k}, "m2 = 'k' is not a number"),
+        (TWO, LINEAR, y2, [1.0, 1.0], "parameters = .* it is a mapping"),
         ("__import__('os')", LINEAR, y2, MASSES, "is no expression of SymPy"),
     ],
 )  # fmt: skip
 def test_what_is_refused(T, V, gap, parameters, message):
     with pytest.raises(InputError, match=message):
         Mechanism.from_lagrangian(T, V, (y1, y2), gap, parameters)
+
+
+@pytest.mark.parametrize("stated", [{"inertia": [[1, 0], [0, 1]]}, {"elements": 5}, {"rest": "a"}])
+def test_other_statements_are_refused(stated):
+    with pytest.raises(InputError, match=f"^{next(iter(stated))} = "):
+        Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, MASSES, **stated)
 
 
 @pytest.mark.parametrize("coordinates", [[y1, m1], [y1, v2], y1, [y1, sympy.Function("y2")(m1)]])

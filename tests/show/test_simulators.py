@@ -8,7 +8,7 @@ import pytest
 
 from orbits import InputError, Orbit, find, simulate
 from orbits.show.plane import labelled
-from problems import Chain, Hopper, hopper_in_si, knee_hopper, rimless_wheel, rocking_block, runner
+from problems import Chain, Hopper, Juggler, hopper_in_si, knee_hopper, rimless_wheel, rocking_block, runner
 
 
 def read(folder):
@@ -32,12 +32,12 @@ MOTIONS = {
     "hopper": lambda: find(Hopper(rest_length=10)),
     "leg": lambda: find(hopper_in_si(60.0, 3.0, stiffness=8000.0, rest_length=0.8)),
     "chain": lambda: simulate(Chain((1, 2, 3)).mechanism, state=[2.0, 0, 1.0, 0, 0.5, 0], time=1.0),
+    "juggler": lambda: find(Juggler(mass_ratio=0.7)),
     "wheel": lambda: find(wheel()),
     "downhill": lambda: simulate(wheel(slope=0.02), 1.0, hops=2),
     "block": lambda: find(rocking_block(inertia_ratio=1.0, gravity_ratio=0.5, angle=0.3, share=0.5)),
     "runner": a_run,
 }
-LOSSLESS = [name for name in MOTIONS if name != "downhill"]
 
 
 def test_the_table_and_the_model_of_a_leg(tmp_path):
@@ -79,6 +79,16 @@ def test_where_nothing_can_be_written(tmp_path, orbits, folder, message):
     refused = orbits("find --export", tmp_path / folder)
     assert refused.code == 2
     assert message in refused.err
+
+
+@pytest.mark.parametrize("t", [[], [np.nan], "abc", [1e9]])
+def test_times_are_those_of_the_motion(t, tmp_path):
+    run = simulate(Hopper(), 4.6, hops=1)
+    with pytest.raises(InputError, match="times"):
+        run.export(tmp_path / "hop", t=t)
+    for folder in (None, tmp_path / ("x" * 300), "a\0b"):
+        with pytest.raises(InputError, match=r"folder =|cannot be written"):
+            run.export(folder)
 
 
 def test_machines_without_bodies(tmp_path):
