@@ -48,14 +48,14 @@ def export_orbit(orbit: "Orbit", folder: str | Path, t: ArrayLike | None = None)
         cycles = cycles_shown(orbit)
         end = orbit.flight_time if orbit.contact_time is None else cycles * orbit.period
         t = np.linspace(0.0, end, cycles * (TABLE_ROWS - 1) + 1)
-    t = _times(t)
+    t = _checked_times(t)
     flying = t <= orbit.flight_time if orbit.contact_time is None else np.mod(t, orbit.period) <= orbit.flight_time
     return _export(orbit, t, np.where(flying, "flight", "contact"), folder)
 
 
 def export_simulation(run: "Simulation", folder: str | Path, t: ArrayLike | None = None) -> Path:
     """Write the table and the model of a simulation to a folder; see `Simulation.export`."""
-    t = _times(np.linspace(0.0, run.end, TABLE_ROWS) if t is None else t)
+    t = _checked_times(np.linspace(0.0, run.end, TABLE_ROWS) if t is None else t)
     return _export(run, t, np.where(run.in_contact(t), "contact", "flight"), folder)
 
 
@@ -71,7 +71,7 @@ def check_folder(folder: str | Path) -> Path:
     return path
 
 
-def _times(t: ArrayLike) -> np.ndarray:
+def _checked_times(t: ArrayLike) -> np.ndarray:
     """Times (k,) of a table; raises `InputError` for anything but finite numbers, and for none."""
     try:
         times = np.ravel(np.asarray(t, dtype=float))
