@@ -82,6 +82,7 @@ def bodies_of(mechanism: Any, p: Mapping[str, float]) -> Sequence[Body]:
     """The bodies that a `Mechanism` states, or those of masses in a column, each of which moves up with one coordinate;
     raises `InputError` for another machine."""
     if mechanism.bodies:
+        refuse_misbuilt(mechanism.bodies, {*mechanism.coordinates, *p})
         return mechanism.bodies
     masses, found = [each for each in mechanism.elements if isinstance(each, Mass)], list[Body]()
     names = {height: name for name, height in (mechanism.heights or {}).items()}

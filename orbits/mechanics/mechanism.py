@@ -148,6 +148,7 @@ class Mechanism(Stated):
 
     @exclusive
     def __post_init__(self) -> None:
+        checked = isinstance(self.bodies, tuple)  # those of a copy are, and an export checks them again
         self._store(
             coordinates=listed("coordinates", self.coordinates), elements=listed("elements", self.elements),
             knees=tuple(listed("knees", knee) for knee in listed("knees", self.knees)),
@@ -192,7 +193,8 @@ class Mechanism(Stated):
             refuse_values(self)
         if self.drawing is not None:
             refuse_misdrawn(self.drawing, {*self.coordinates, *self.names})
-        refuse_misbuilt(self.bodies, {*self.coordinates, *self.names})
+        if not checked:
+            refuse_misbuilt(self.bodies, {*self.coordinates, *self.names})
 
     @classmethod
     def from_lagrangian(
