@@ -28,11 +28,13 @@ from .errors import (
 )
 from .exact.bounds import Enclosure as Enclosure
 from .mechanics import (
+    Body as Body,
     Damper as Damper,
     Drawing as Drawing,
     Force as Force,
     Ground as Ground,
     Inerter as Inerter,
+    Joint as Joint,
     Mass as Mass,
     Outline as Outline,
     Potential as Potential,

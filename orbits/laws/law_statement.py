@@ -6,12 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeAlias
 
+import casadi as ca
 import numpy as np
 
 from ..errors import InputError
 from ..running.exclusive import exclusive
 from ..symbolic.formula import CONSTANTS, parse, suggest
 from ..symbolic.tracing import traced
+from .casadi_law import CasadiLaw
 from .law import Algebraic, Key, Law, LawPieces, Written, number
 from .law_expressions import HOW_TO_WRITE, break_table, derivative_expression, formula_expression, function_expression
 
@@ -89,12 +91,16 @@ def from_potential(text: str, variable: str, parameters: Values = None) -> Law:
 
 @exclusive
 def from_function(function: Callable, variable: str, parameters: Values = None, breakpoints: Sequence = ()) -> Law:
-    """A law from a Python function (x, **parameters) written with operators and NumPy or CasADi functions.
+    """A law from a Python function (x, **parameters) written with operators and NumPy or CasADi functions, or from a
+    `casadi.Function` (x, parameters), whose names of its arguments are those of the parameters.
 
     breakpoints : where it is not smooth; integration steps end there
 
-    Raises `InputError` for a function that cannot be evaluated with symbols.
+    Raises `InputError` for a function that cannot be evaluated with symbols, and for a `casadi.Function` that is no
+    scalar of scalars in scalar operations, or has branches and no breakpoints.
     """
+    if isinstance(function, ca.Function):
+        function = CasadiLaw(function, parameters or {}, branches=bool(breakpoints))
     name = getattr(function, "__name__", "function")
     if not isinstance(breakpoints, list | tuple):
         raise InputError(f"breakpoints = {breakpoints!r}; they are a tuple of extensions")
@@ -102,6 +108,8 @@ def from_function(function: Callable, variable: str, parameters: Values = None, 
     table = LawPieces(0, break_table(tuple(breaks))) if breakpoints else None
     parameters = dict(parameters or {})
     text = None if breakpoints else traced(function, (variable,), tuple(parameters))
+    if text is not None and isinstance(function, CasadiLaw):
+        return from_formula(text, variable, parameters)
     expression = function_expression(function, variable, tuple(parameters))
     law = Law(name, variable, expression, parameters, table, Written((text,)) if text else None)
     _refuse_removable(law, law)
@@ -143,7 +151,9 @@ def _refuse_removable(law: Law, force: Callable) -> None:
 
 
 def _argument_names(function: Callable) -> list[str]:
-    """Names of the arguments of a Python function after its first."""
+    """Names of the arguments of a function after its first."""
+    if isinstance(function, ca.Function):
+        return [function.name_in(i) for i in range(1, function.n_in())]
     try:
         return list(inspect.signature(function).parameters)[1:]
     except ValueError:  # a builtin or a NumPy function

@@ -70,7 +70,7 @@ def length_or_angle(extension: object, coordinates: set[str], angles: set[str]) 
     used = names_in(extension) & coordinates
     if not used & angles:
         return LENGTH
-    plain = {name for name in used if _plain_slope(extension, name)}
+    plain = {name for name in used if plain_slope(extension, name)}
     if plain - angles:
         return LENGTH
     return ANGLE if plain else None
@@ -91,7 +91,7 @@ def _lengths(height: object, coordinates: set[str]) -> dict[str, Dimension]:
     if not isinstance(height, str):
         return {}
     names = sorted(names_in(height) - coordinates)
-    return {name: LENGTH for name in names if abs(_plain_slope(height, name)) == 1.0}
+    return {name: LENGTH for name in names if abs(plain_slope(height, name)) == 1.0}
 
 
 @exclusive
@@ -121,7 +121,7 @@ def _turned(place: object, angles: frozenset[str]) -> dict[str, Dimension]:
 
 @exclusive
 @lru_cache(maxsize=256)
-def _plain_slope(formula: str, name: str) -> float:
+def plain_slope(formula: str, name: str) -> float:
     """The derivative of a formula by a name, where it is a number; else 0."""
     symbols = {each: ca.SX.sym(each) for each in names_in(formula)}
     slope = ca.jacobian(ca.SX(value_of(formula, symbols, {})), symbols[name])

@@ -32,6 +32,7 @@ from ..model.model import STEP_LENGTH, Model, as_derived
 from ..running.exclusive import exclusive, exclusive_property
 from ..symbolic.formula import suggest
 from ..units import FORCE, LENGTH, TORQUE, Dimension, Units, unit_text
+from .bodies import Body, refuse_misbuilt
 from .derived import derived_launch, derived_model, linear_equations, refuse_uneven_tables
 from .dimensions import dimensions_of_parameters, length_or_angle
 from .drawing import Drawing, refuse_misdrawn
@@ -95,6 +96,7 @@ class Mechanism(Stated):
         where they are across; an orbit that needs more violates it. A number, or a formula of parameters
     bounds : the least and the largest value of parameters, by name, that such machines have
     drawing : a `Drawing` of the machine in the plane, for figures; None for masses on one vertical line
+    bodies : a list of `Body` with joints, for `export` to simulators; none for masses on one vertical line
     sticks : coordinates along the ground that are at rest while the gap is closed, as that of a foot which does not
         slide. Nothing depends on the place of such a coordinate; it is 0 in contact, and a step moves it on by the
         amount "step", a number of each orbit that is not stated
@@ -142,13 +144,16 @@ class Mechanism(Stated):
     drawing: Drawing | None = None
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     sticks: Sequence[str] = ()
+    bodies: Sequence[Body] = ()
 
     @exclusive
     def __post_init__(self) -> None:
+        checked = isinstance(self.bodies, tuple)  # those of a copy are, and an export checks them again
         self._store(
             coordinates=listed("coordinates", self.coordinates), elements=listed("elements", self.elements),
             knees=tuple(listed("knees", knee) for knee in listed("knees", self.knees)),
             angles=listed("angles", self.angles), sticks=listed("sticks", self.sticks),
+            bodies=listed("bodies", self.bodies),
         )  # fmt: skip
         first = next(iter(self.gaps.values()), "") if isinstance(self.gaps, Mapping) else ""
         if (first != self.gap and "" not in (first, self.gap)) or first == self.gap == "":
@@ -188,6 +193,31 @@ class Mechanism(Stated):
             refuse_values(self)
         if self.drawing is not None:
             refuse_misdrawn(self.drawing, {*self.coordinates, *self.names})
+        if not checked:
+            refuse_misbuilt(self.bodies, {*self.coordinates, *self.names})
+
+    @classmethod
+    def from_lagrangian(
+        cls, T: Any, V: Any, coordinates: Sequence[Any], gap: Any, parameters: Mapping[Any, float] | None = None,
+        gravity: Any = "g", **stated: Any,
+    ) -> "Mechanism":  # fmt: skip
+        """A machine from its energies as SymPy's expressions, with the extra `sympy`.
+
+        T : the kinetic energy, quadratic in the speeds y.diff(t); the masses in it may depend on the coordinates
+        V : the potential energy, of the coordinates alone
+        coordinates : functions of time, as of `dynamicsymbols`
+        gap : the distance that closes at landing, or, by name, that which opens and that which closes
+        parameters : the values of all other symbols, by symbol or name
+        gravity : the symbol of the acceleration of gravity in V, or its name; what is proportional to it is weight
+        stated : other arguments of `Mechanism`, in which SymPy's expressions may stand for formulas and for names;
+            `elements` are added to those that follow from the energies, as a `Damper`
+
+        Raises `InputError` for energies that no such machine has, for a parameter without a value, for functions that
+        formulas do not have, and for `sticks` and `friction`, which need the places of masses along the ground.
+        """
+        from .energies import stated_by_energies
+
+        return cls(**stated_by_energies(T, V, coordinates, gap, parameters or {}, gravity, stated))
 
     def _lengths(self) -> dict[str, str]:
         """The coordinates that are lengths, each by its name; all of them where none is."""

@@ -47,7 +47,7 @@ def upright(mechanism: Any) -> Any:
         "separation": at_zero(mechanism.separation),
         "rest": {name: place for name, place in mechanism.rest.items() if name in left},
         "angles": [name for name in mechanism.angles if name in left],
-        "sticks": (), "reversor": {}, "symmetry": {}, "friction": None, "drawing": None, "bounds": {},
+        "sticks": (), "reversor": {}, "symmetry": {}, "friction": None, "drawing": None, "bodies": (), "bounds": {},
     }  # fmt: skip
     try:
         used = replace(mechanism, **chosen, parameters={})._used_names

@@ -404,6 +404,18 @@ class Orbit(Result, what="orbit", printed_digits=15):
         """Write an animation of one cycle (.gif or .mp4); returns its path."""
         return shown("animation").animate_orbit(self, path, frames, progress)
 
+    def export(self, folder: str | Path, t: ArrayLike | None = None) -> Path:
+        """Write the motion for simulators of robots to a folder, which is made where it is missing; returns its path.
+
+        "motion.csv" has the places and then the speeds of the joints at times `t`, by default over a cycle, or some of
+        a machine that moves on; "model.xml" is the machine's model for MuJoCo, whose joints have the same order. The
+        model has no ground that touches, and no springs that are not straight; it says what is left out.
+
+        Raises `InputError` for a machine that is not a column of masses and states no `bodies`, for an orbit without
+        its machine, and where the folder cannot be written to.
+        """
+        return shown("simulators").export_orbit(self, folder, t)
+
     def page(self, path: str | Path) -> Path:
         """Write a page in one file (.html) that needs no network: the animated machine, the certificate, heights, phase
         portrait, contact force and, where the orbit has its machine, the spring's law; returns its path.

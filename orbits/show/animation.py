@@ -11,7 +11,7 @@ from ..errors import InputError
 from ..io import check_path
 from ..result import Axes, Report
 from ..units import Units
-from .plane import CYCLES_ONWARD, animate_in_plane, comes_back, drawing_of, landings_of, steps_of_run, write_frames
+from .plane import animate_in_plane, cycles_shown, drawing_of, labelled, write_frames
 from .plot import COLOURS, SHADE, new_axes, off_screen, unit_labels
 
 if TYPE_CHECKING:
@@ -25,14 +25,11 @@ SPRING_END = "spring's end"  # the height of an end that an actuator moves; it i
 def animate_orbit(orbit: "Orbit", path: str | Path, frames: int = 80, progress: Report = None) -> Path:
     """Write one cycle as an animation of masses, spring and ground, .gif or, by ffmpeg, .mp4; returns the path."""
     closed, drawing = orbit.contact_time is not None, drawing_of(orbit.source)
-    end = orbit.period if closed else orbit.flight_time
-    if orbit.source and drawing and drawing.onward:  # so far that it is seen to go on, or that it is back
-        end *= 2 if comes_back(drawing, orbit.source.values) else CYCLES_ONWARD
+    end = (orbit.period if closed else orbit.flight_time) * cycles_shown(orbit)
     t = np.linspace(0, end, _frames(frames), endpoint=not closed)
     words = np.where(np.mod(t, end if not closed else orbit.period) <= orbit.flight_time, "flight", "contact")
     if drawing:
-        landings = landings_of(orbit, t)
-        return animate_in_plane(check_animation(path), words, orbit.source, orbit(t), landings, orbit.scales, progress)
+        return animate_in_plane(check_animation(path), words, orbit.source, *labelled(orbit, t), orbit.scales, progress)
     shape, floating = orbit.shape, orbit.certificate.smallest_separation is None
     joints = shape.springs, shape.knees, shape.embed
     return _animate(path, words, orbit(t), shape.heights, joints, floating, orbit.scales, progress)
@@ -43,10 +40,7 @@ def animate_simulation(run: "Simulation", path: str | Path, frames: int = 200, p
     t, machine = np.linspace(0, run.end, _frames(frames)), run.source
     words = np.where(run.in_contact(t), "contact", "flight")
     if drawing_of(machine):
-        states, steps = run(t), steps_of_run(run, t)
-        if machine.model.sticks:  # each step of a simulation has a length of its own
-            states, steps = run.unrolled(t), np.zeros_like(steps)
-        return animate_in_plane(check_animation(path), words, machine, states, steps, machine.units, progress)
+        return animate_in_plane(check_animation(path), words, machine, *labelled(run, t), machine.units, progress)
     floating, joints = run.smallest_separation is None, (run.springs, run.knees, machine.model.embed)
     return _animate(path, words, run(t), run.heights, joints, floating, machine.units, progress)
 

@@ -60,6 +60,23 @@ def steps_of_run(run: "Simulation", t: np.ndarray) -> np.ndarray:
     return np.array([getattr(leg, "stance", 0) for leg in run.legs])[np.maximum(legs, 0)]
 
 
+def labelled(result: Any, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The flight states (k, n) of an orbit or a simulation at times (k,) in the labels after so many landings (k,)."""
+    if hasattr(result, "contact_time"):
+        return result(t), landings_of(result, t)
+    if result.source.model.sticks:  # each step of a simulation has a length of its own
+        return result.unrolled(t), np.zeros(len(t), int)
+    return result(t), steps_of_run(result, t)
+
+
+def cycles_shown(orbit: "Orbit") -> int:
+    """The number of cycles after which it is seen of an orbit that it goes on, or that it is back."""
+    drawing, machine = drawing_of(orbit.source), orbit.source
+    if machine is None or orbit.contact_time is None or not (drawing and drawing.onward):
+        return 1
+    return 2 if comes_back(drawing, machine.values) else CYCLES_ONWARD
+
+
 def plane_paths(machine: Any, states: np.ndarray, landings: np.ndarray) -> list[PlanePath]:
     """The outlines of a machine in flight states (k, n) in the labels after so many landings (k,)."""
     drawing, p, found = machine.drawing, machine.values, list[PlanePath]()

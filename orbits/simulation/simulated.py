@@ -236,6 +236,11 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         """Write an animation of the whole motion (.gif or .mp4); returns its path. See `animate_simulation`."""
         return shown("animation").animate_simulation(self, path, frames, progress)
 
+    def export(self, folder: str | Path, t: ArrayLike | None = None) -> Path:
+        """Write the motion at times `t`, by default over all of it, for simulators of robots to a folder; returns its
+        path. See `Orbit.export`."""
+        return shown("simulators").export_simulation(self, folder, t)
+
     def in_contact(self, t: ArrayLike) -> np.ndarray:
         """Whether the machine is in contact at times (...)."""
         index = index_of_legs(self.legs, np.asarray(t, dtype=float))

@@ -34,6 +34,9 @@ _INTRINSICS |= {ca.OP_FMIN: "minnum", ca.OP_FMAX: "maxnum", ca.OP_COPYSIGN: "cop
 _TRIGONOMETRIC = [kind + name + end for name in ("sin", "cos", "tan") for kind in ("", "a") for end in ("", "h")]
 _CALLED = [*_TRIGONOMETRIC, "exp", "log", "expm1", "log1p", "erf", "pow", "atan2", "fmod", "hypot", "remainder"]
 _LIBRARY = {getattr(ca, f"OP_{name.upper()}"): name for name in _CALLED} | {ca.OP_CONSTPOW: "pow"}
+# All operations that have machine code.
+_OTHERS = ("ASSIGN", "NEG", "INV", "NOT", "AND", "OR", "IF_ELSE_ZERO", "SIGN", "INPUT", "OUTPUT", "CONST")
+OPERATIONS = {*_ARITHMETIC, *_COMPARISONS, *_INTRINSICS, *_LIBRARY, *(getattr(ca, f"OP_{name}") for name in _OTHERS)}
 # The instructions of a graph after which another block begins: the time to compile one grows with its square.
 LONGEST_BLOCK = 300
 # The seconds that the shortest function takes to compile.

@@ -358,7 +358,7 @@ _RECURSIONS: dict[int, Callable[..., ca.SX]] = {
     ca.OP_TAN: partial(_tangent, ca.tan, 1),
     ca.OP_TANH: partial(_tangent, ca.tanh, -1),
 }
-for _name in ("log", "log1p", "asin", "acos", "atan", "asinh", "acosh", "atanh"):
+for _name in ("log", "log1p", "asin", "acos", "atan", "asinh", "acosh", "atanh", "erf"):
     _function = getattr(ca, _name)
     _slope = _instructions(lambda a, f=_function: ca.jacobian(f(a), a), 1)
     _RECURSIONS[getattr(ca, f"OP_{_name.upper()}")] = partial(_integral, _function, _slope)

@@ -27,6 +27,7 @@ Examples:
   orbits find --spring table:rows.csv --json           a measured spring, in the machine's units
   orbits find --gravity "1/(1 + z/R)**2" --set R=150 --rest-length 20
   orbits find --machine rover.toml --animate hop.gif   a machine in SI units
+  orbits find --rest-length 9 --export hop             the motion and a model for MuJoCo and Drake
   orbits find --machine wheel --set inertia_ratio=1 --set gravity_ratio=0.5   it walks; also rocker and shuttle
   orbits prove --spring cubic --set beta=0.3 --rest-length 8
   orbits prove --spring cubic --between beta=0.299:0.301 --rest-length 8
@@ -90,10 +91,11 @@ def orbits() -> None:
 @options.plot_option
 @options.animate_option
 @options.file_option("--save", "result", "Save the orbit (.json), for Orbit.load.")
+@options.export_option
 def find_command(
     family: int, method: str | None, hop: str | None, tune: tuple[str, ...], prescribed: tuple[str, ...],
     allow_inadmissible: bool, limit: float, as_json: bool, explain: bool, plot: str | None, animate: str | None,
-    save: str | None, **stated: Any,
+    save: str | None, export: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Find one lossless orbit and certify it. With --tune and --at, numbers of the machine are found too."""
     from orbits.periodic.find import find
@@ -106,7 +108,7 @@ def find_command(
             machine, requested, method=method, progress=report, limit=limit, start=options.started(machine, hop),
             tune=tuned, at=options.named_values(prescribed, "--at") or None,
         )  # fmt: skip
-    options.write(orbit, as_json, plot, animate, save)
+    options.write(orbit, as_json, plot, animate, save, export)
     if explain and not as_json:
         click.echo("  what this scene did not need:")
         click.echo("".join(f"      {line}\n" for line in orbit.skipped), nl=False)
@@ -395,9 +397,10 @@ def _print_hops(step: "ReturnMap", hops: "Hops") -> None:
 @options.json_option
 @options.plot_option
 @options.animate_option
+@options.export_option
 def simulate_command(
     alpha: float | None, hop: str | None, hops: int | None, end: float | None, cap: int, inject: float, as_json: bool,
-    plot: str | None, animate: str | None, **stated: Any,
+    plot: str | None, animate: str | None, export: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Simulate the machine from a launch, through every impact and contact."""
     from orbits.simulation.simulation import simulate
@@ -405,7 +408,7 @@ def simulate_command(
     machine = options.machine_of(**stated)
     launch = options.launches_of(machine, hop, alpha)
     run = simulate(machine, launch, hops=hops, time=float("inf") if end is None else end, inject=inject, cap=cap)
-    options.write(run, as_json, plot, animate)
+    options.write(run, as_json, plot, animate, export=export)
 
 
 @orbits.command("optimize", epilog="\b\nExit code: 0 found, 1 no such design (with the reason), 2 bad input.")

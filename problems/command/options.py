@@ -131,13 +131,24 @@ def file_option(flag: str, kind: str, text: str) -> Callable:
     return click.option(flag, metavar="FILE", help=text, callback=check)
 
 
+def _checked_folder(context: Any, parameter: Any, folder: str | None) -> str | None:
+    from orbits.show.simulators import check_folder
+
+    return folder if folder is None else str(check_folder(folder))
+
+
+export_option = click.option(
+    "--export", metavar="FOLDER", callback=_checked_folder,
+    help="Write motion.csv and model.xml for MuJoCo or Drake to a folder.",
+)  # fmt: skip
 plot_option = file_option("--plot", "figure", "Write a figure (.png, .pdf, .svg).")
 animate_option = file_option("--animate", "animation", "Write an animation (.gif, or .mp4 with ffmpeg).")
 
 
 def write(
-    result: Any, as_json: bool, plot: str | None = None, animate: str | None = None, save: str | None = None
-) -> None:
+    result: Any, as_json: bool, plot: str | None = None, animate: str | None = None, save: str | None = None,
+    export: str | None = None,
+) -> None:  # fmt: skip
     """Write the requested files, and print the result as one JSON document or in words."""
     from orbits.io import to_json
     from orbits.show.plot import save_figure
@@ -149,6 +160,8 @@ def write(
             result.animate(animate, progress=report)
     if save is not None:
         result.save(save)
+    if export is not None:
+        result.export(export)
     click.echo(to_json(result.document()) if as_json else str(result))
 
 

@@ -24,7 +24,7 @@ from orbits import Mechanism
 from orbits.errors import InputError
 from orbits.laws.law import number
 from orbits.laws.law_statement import LawLike
-from orbits.mechanics import Drawing, Mass, Outline, Spring
+from orbits.mechanics import Body, Drawing, Joint, Mass, Outline, Spring
 
 from ..laws.springs import as_spring
 from .parameters import checked_numbers, refuse_taken, with_parameters
@@ -112,7 +112,33 @@ def runner(
         in_si=in_si,
         words=WORDS_OF_RUNNERS,
         drawing=_runner_drawn(),
+        bodies=_runner_bodies(),
     )
+
+
+def _runner_bodies() -> list[Body]:
+    """A trunk at the hip, and a leg that turns there and is as long as its foot slides down along it."""
+    trunk = [("0", f"{end}*rest_length") for end in (-0.1, 0.3)]
+    return [
+        Body(
+            "trunk",
+            [
+                Joint("hip_across", "across", f"{HIP[0]} + steps*step"),
+                Joint("hip_up", "up", HIP[1]),
+                Joint("pitch", "turn", "phi"),
+            ],
+            "body_mass",
+            "inertia",
+            outlines=[Outline("trunk", trunk)],
+        ),
+        Body(
+            "foot",
+            [Joint("hip", "turn", "theta - phi"), Joint("leg", "down", "l")],
+            "foot_mass",
+            carrier="trunk",
+            outlines=[Outline("leg", [("0", "0"), ("0", "rest_length")])],
+        ),
+    ]
 
 
 def _runner_drawn() -> Drawing:

@@ -22,6 +22,7 @@ built, and Pankov, arXiv 2402.16010.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import hypot, inf, pi
 from typing import Any
 
@@ -29,7 +30,7 @@ from orbits import Mechanism
 from orbits.errors import InputError
 from orbits.laws.law import number
 from orbits.laws.law_statement import LawLike
-from orbits.mechanics import Drawing, Mass, Outline, Potential, Spring, Weight
+from orbits.mechanics import Body, Drawing, Joint, Mass, Outline, Potential, Spring, Weight
 from orbits.mechanics.elements import Element
 
 from ..laws.springs import as_spring
@@ -68,6 +69,8 @@ SHARED_MASS, SHARED_GRAVITY, SHARED_INERTIA = (
 UPRIGHT = {"theta": "2*angle - theta", "phi": "2*angle - phi"}
 ONWARD = {"theta": "theta - 2*angle", "phi": "phi - 2*angle"}
 MIRRORED = {"theta": "-theta", "phi": "-phi"}
+# The sign of the angles of a machine that is its own mirror image after each landing, as a factor.
+MIRRORED_BY_STEPS = "*cos(pi*steps)"
 
 
 def rimless_wheel(
@@ -131,7 +134,7 @@ def rimless_wheel(
         reversor=None if tilted else UPRIGHT, symmetry=ONWARD, heights=heights,
         gaps={"rear foot": "theta", "front foot": "2*angle - theta"},
         words=END | _unjudged(own, share) | ({"none": why} if tilted else {}),
-        drawing=_wheel_drawn(own, "slope" if tilted else 0.0),
+        drawing=_wheel_drawn(own, "slope" if tilted else 0.0), bodies=_wheel_bodies(own, turned),
     )  # fmt: skip
 
 
@@ -179,6 +182,7 @@ def rocking_block(
     return _stepping(
         "rocking block", forces, turned, gravity, own, spring, parameters, friction, symmetry=MIRRORED, gap="theta",
         heights=heights, words=END | BLOCK_WORDS | _unjudged(own, share), drawing=_block_drawn(own), separation=top,
+        bodies=_block_bodies(own, turned),
     )  # fmt: skip
 
 
@@ -291,9 +295,54 @@ def _wheel_drawn(own: Mapping[str, float], tilt: str | float) -> Drawing | None:
     )
 
 
+def _wheel_bodies(own: Mapping[str, float], inertia: str) -> list[Body]:
+    """A wheel with this inertia about its hub, and the body that turns on it; none for small angles."""
+    if "angle" not in own:
+        return []
+    length = "length" if "length" in own else "1"
+    joints = [
+        Joint("hub_across", "across", f"{length}*sin(theta - angle) + 2*steps*{length}*sin(angle)"),
+        Joint("hub_up", "up", f"{length}*cos(theta - angle)"),
+        Joint("wheel", "turn", "theta - angle + 2*angle*steps"),
+    ]
+    spoke = Outline("wheel", [("0", "0"), _aslant(("0", "0"), "2*angle*i", f"(-{length})")], repeat="pi/angle")
+    return _turning_within(own, Body("wheel", joints, "", inertia, outlines=[spoke]), "", f"{length}/2")
+
+
+def _block_bodies(own: Mapping[str, float], inertia: str) -> list[Body]:
+    """A block with this inertia about its centre, and the body that turns on it; none for small angles."""
+    if not {"half_width", "angle"} & own.keys():
+        return []
+    wide, high = _sides(own)
+    across, up = f"{high}*sin(theta) - {wide}*cos(theta)", f"{high}*cos(theta) + {wide}*sin(theta)"
+    joints = [
+        Joint("centre_across", "across", f"({across} + {wide}){MIRRORED_BY_STEPS} - {wide}"),
+        Joint("centre_up", "up", up),
+        Joint("block", "turn", f"theta{MIRRORED_BY_STEPS}"),
+    ]
+    corners = [(f"{x}*{wide}", f"{z}*{high}") for x, z in (("-1", "-1"), ("1", "-1"), ("1", "1"), ("-1", "1"))]
+    block = Body("block", joints, "", inertia, outlines=[Outline("block", corners, closed=True)])
+    return _turning_within(own, block, MIRRORED_BY_STEPS, f"{high}/2")
+
+
+def _turning_within(own: Mapping[str, float], outer: Body, mirrored: str, length: str) -> list[Body]:
+    """An outer body without its mass, and the inner one on it, of this half length. Each has half the mass, since that
+    of both is at one point and no motion tells them apart."""
+    mass = f"({'mass' if 'mass' in own else SHARED_MASS})/2"
+    bar = Outline("inner body", [("0", f"-{length}"), ("0", length)])
+    about = "body_inertia" if "body_inertia" in own else 1.0
+    joint = Joint("inner_body", "turn", f"(phi - theta){mirrored}")
+    return [replace(outer, mass=mass), Body("inner_body", [joint], mass, about, carrier=outer.name, outlines=[bar])]
+
+
+def _sides(own: Mapping[str, float]) -> tuple[str, str]:
+    """Half the width and half the height of a block."""
+    return ("half_width", "half_height") if "half_width" in own else ("sin(angle)", "cos(angle)")
+
+
 def _block_drawn(own: Mapping[str, float]) -> Drawing | None:
     """A block, whose edge on the right is at 0 in each stance; None for small angles."""
-    wide, high = ("half_width", "half_height") if "half_width" in own else ("sin(angle)", "cos(angle)")
+    wide, high = _sides(own)
     if not {"half_width", "angle"} & own.keys():
         return None
     left = [_aslant(("0", "0"), "theta - pi/2", f"2*{wide}"), ("0", "0")]

@@ -38,6 +38,7 @@ FUNCTIONS = {
     "asinh": ca.asinh,
     "acosh": lambda r: ca.acosh(2 + r),
     "atanh": ca.atanh,
+    "erf": ca.erf,
     "nested": lambda r: ca.exp(-(ca.sin(r) ** 2)) / ca.cosh(r),
 }
 

@@ -1,0 +1,301 @@
+"""Motions for simulators of robots: a table of the places and speeds of joints, and a model in MuJoCo's MJCF.
+
+The model has the machine's bodies, its gravity, and those springs and dampers that are straight lines in the places of
+the joints. It has no ground that touches: a simulator replays the table, or integrates a phase without contact.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+from xml.etree import ElementTree
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import InputError
+from ..io import refusing, write_table, writing
+from ..laws.law import from_key
+from ..mechanics.bodies import AXES, Body, Joint, bodies_of
+from ..mechanics.drawing import LANDINGS, REPEATED
+from ..mechanics.elements import Damper, Force, Potential, Spring, value_of
+from ..result import TABLE_ROWS
+from ..running.exclusive import exclusive
+from ..symbolic.calls import MappedFunction
+from .plane import cycles_shown, drawing_of, labelled
+
+if TYPE_CHECKING:
+    from ..periodic.orbit import Orbit
+    from ..simulation.simulated import Simulation
+
+MOTION_FILE, MODEL_FILE = "motion.csv", "model.xml"
+# The inertia of a point mass, since simulators take none of 0, over its mass times the square of a unit of length.
+OF_A_POINT = 1e-14
+# Lengths of the machine in the ground that is shown, and thicknesses of what is shown in one.
+GROUND_SIZE, THICKNESS = 50.0, 40.0
+# Weights of joints in an extension are equal, or whole numbers, up to rounding.
+ALIKE_WEIGHTS, ALIKE_SHIFTS = 1e-12, 1e-9
+UNTOUCHED = {"contype": "0", "conaffinity": "0"}
+
+
+def export_orbit(orbit: "Orbit", folder: str | Path, t: ArrayLike | None = None) -> Path:
+    """Write an orbit's table and model to a folder; see `Orbit.export`."""
+    if orbit.source is None:
+        raise InputError("an export needs the orbit's machine: name it, Orbit.load(path, machine)")
+    if t is None:
+        cycles = cycles_shown(orbit)
+        end = orbit.flight_time if orbit.contact_time is None else cycles * orbit.period
+        t = np.linspace(0.0, end, cycles * (TABLE_ROWS - 1) + 1)
+    t = _checked_times(t)
+    flying = t <= orbit.flight_time if orbit.contact_time is None else np.mod(t, orbit.period) <= orbit.flight_time
+    return _export(orbit, t, np.where(flying, "flight", "contact"), folder)
+
+
+def export_simulation(run: "Simulation", folder: str | Path, t: ArrayLike | None = None) -> Path:
+    """Write the table and the model of a simulation to a folder; see `Simulation.export`."""
+    t = _checked_times(np.linspace(0.0, run.end, TABLE_ROWS) if t is None else t)
+    return _export(run, t, np.where(run.in_contact(t), "contact", "flight"), folder)
+
+
+def check_folder(folder: str | Path) -> Path:
+    """The path of a folder to write to; raises `InputError` where there is a file, or no folder to make it in."""
+    if not isinstance(folder, str | Path):
+        raise InputError(f"folder = {folder!r}; it is the name of one")
+    with refusing("motion", path := Path(folder)):
+        if path.exists() and not path.is_dir():
+            raise InputError(f"'{path}' cannot be written to: it is a file, and not a folder")
+        if not path.parent.is_dir():
+            raise InputError(f"'{path}' cannot be made: there is no folder '{path.parent}'")
+    return path
+
+
+def _checked_times(t: ArrayLike) -> np.ndarray:
+    """Times (k,) of a table; raises `InputError` for anything but finite numbers, and for none."""
+    try:
+        times = np.ravel(np.asarray(t, dtype=float))
+    except (TypeError, ValueError):
+        times = np.zeros(0)
+    if not len(times) or not np.isfinite(times).all():
+        raise InputError(f"t = {t!r}: the times of a table are finite numbers, one or more")
+    return times
+
+
+def _export(result: "Orbit | Simulation", t: np.ndarray, phases: np.ndarray, folder: str | Path) -> Path:
+    path, machine = check_folder(folder), result.source
+    if not hasattr(machine, "stated"):
+        raise InputError(f"{machine!r} is a model written by hand: only what is stated by its mechanics has bodies")
+    jointed = _Jointed.of(machine)
+    places, speeds = jointed.motion(*labelled(result, t))
+    rows = np.column_stack([t, places, speeds]).tolist()
+    model = jointed.model(places)
+    with refusing("motion", path):
+        path.mkdir(exist_ok=True)
+    lines = ([row[0], phase, *row[1:]] for row, phase in zip(rows, phases, strict=True))
+    write_table(jointed.heads, lines, path / MOTION_FILE, "motion")
+    with writing("model", path / MODEL_FILE) as target:
+        target.write_text(model + "\n", encoding="utf-8")
+    return path
+
+
+class Pull(NamedTuple):
+    """A straight spring or damper.
+
+    weights : (m,) of the joints in its extension
+    options : "stiffness" and "rest", the sum of the joints where it is unloaded, or "damping"
+    """
+
+    weights: np.ndarray
+    options: dict[str, float]
+
+
+@dataclass(frozen=True)
+class _Jointed:
+    """A `Mechanism` with its bodies and the values p of its parameters."""
+
+    mechanism: Any
+    bodies: Sequence[Body]
+    p: Mapping[str, float]
+
+    @classmethod
+    def of(cls, machine: Any) -> "_Jointed":
+        """That of a machine which is stated by its mechanics."""
+        mechanism = machine.stated()
+        p = {**mechanism.parameters, **machine.values}
+        return cls(mechanism, bodies_of(mechanism, p), p)
+
+    @property
+    def joints(self) -> list[Joint]:
+        """All joints, as the model has them."""
+        return [joint for body in self.bodies for joint in body.joints]
+
+    @property
+    def heads(self) -> list[str]:
+        """The names of the table's columns with their units."""
+        units = [("rad" if joint.axis == "turn" else "m") if self.mechanism.in_si else "" for joint in self.joints]
+        named = [(joint.name, unit) for joint, unit in zip(self.joints, units, strict=True)]
+        places = [f"{name} ({unit})" if unit else name for name, unit in named]
+        speeds = [f"{name}' ({unit}/s)" if unit else f"{name}'" for name, unit in named]
+        return ["time (s)" if self.mechanism.in_si else "time", "phase", *places, *speeds]
+
+    def number(self, expression: Any) -> float:
+        """The value of a formula of the parameters."""
+        return float(value_of(expression, {}, self.p))
+
+    @cached_property
+    def _symbols(self) -> dict[str, ca.SX]:
+        return {name: ca.SX.sym(name) for name in (*self.mechanism.coordinates, LANDINGS)}
+
+    @cached_property
+    def _coordinates(self) -> ca.SX:
+        return ca.vertcat(*(self._symbols[name] for name in self.mechanism.coordinates))
+
+    @cached_property
+    def _places(self) -> ca.SX:
+        return ca.vertcat(*(ca.SX(value_of(joint.place, self._symbols, self.p)) for joint in self.joints))
+
+    @exclusive
+    def motion(self, states: np.ndarray, landings: np.ndarray) -> list[np.ndarray]:
+        """The places and the speeds (k, m) of the joints in flight states (k, n) after so many landings (k,)."""
+        y, v, n = self._coordinates, ca.SX.sym("v", self._coordinates.numel()), 2 * len(self.mechanism.coordinates)
+        results = [self._places, ca.jtimes(self._places, y, v)]
+        function = MappedFunction(ca.Function("motion", [y, v, self._symbols[LANDINGS]], results))
+        found = function(states[:, :n:2], states[:, 1:n:2], landings.astype(float)[:, None])
+        return [np.asarray(each).reshape(len(states), -1) for each in found]
+
+    @exclusive
+    def weights(self, extension: Any) -> tuple[np.ndarray, float] | None:
+        """The weights (m,) of the joints in an extension, and the rest of it; None where it is no such sum."""
+        y, seen = self._coordinates, list[tuple[np.ndarray, float]]()
+        whole = ca.SX(value_of(extension, self._symbols, self.p))
+        results = [whole, self._places, ca.jacobian(whole, y), ca.jacobian(self._places, y)]
+        function = ca.Function("extension", [y, self._symbols[LANDINGS]], list(map(ca.densify, results)))
+        for place in np.random.default_rng(0).uniform(0.3, 1.2, (2, y.numel())):
+            value, places, slopes, frame = (each.full() for each in function(place, 0.0))
+            weights = np.linalg.lstsq(frame.T, slopes.ravel(), rcond=None)[0]
+            whole_numbers = np.round(weights)
+            weights = np.where(abs(weights - whole_numbers) < ALIKE_WEIGHTS, whole_numbers, weights)
+            if not np.allclose(frame.T @ weights, slopes.ravel(), atol=ALIKE_WEIGHTS):
+                return None
+            seen.append((weights, float(value[0, 0] - weights @ places.ravel())))
+        (first, shift), (second, other) = seen
+        alike = np.allclose(first, second, atol=ALIKE_WEIGHTS) and np.isclose(shift, other, atol=ALIKE_SHIFTS)
+        return (first, shift) if alike else None
+
+    def pulls(self) -> tuple[list[Pull], list[str]]:
+        """The straight springs and dampers, and, in words, what else of the machine has no place in the model."""
+        found, left = list[Pull](), list[str]()
+        for each in self.mechanism.elements:
+            words = f"the {type(each).__name__.lower()}"
+            if isinstance(each, Potential | Force):
+                left.append(words)
+            elif isinstance(each, Damper) and (known := self.weights(each.extension)):
+                found.append(Pull(known[0], {"damping": self.number(each.coefficient)}))
+            elif isinstance(each, Spring) and each.force.degree() == 1 and (known := self.weights(each.extension)):
+                force, stiffness = (float(value) for value in from_key(each.force, self.p).with_slope(0.0))
+                found.append(Pull(known[0], {"stiffness": stiffness, "rest": -force / stiffness - known[1]}))
+            elif isinstance(each, Spring | Damper):
+                law = f" with the force {each.force.text}" if isinstance(each, Spring) else ""
+                left.append(f"{words} along {each.extension}{law}")
+        key = self.mechanism.gravity
+        return found, [*left, *([f"the change of gravity {key.text} with height"] if key.degree() else [])]
+
+    def model(self, places: np.ndarray) -> str:
+        """The model as MJCF; `places` (k, m) of the joints say how large it is where nothing is shown of its bodies."""
+        pulls, left = self.pulls()
+        root = ElementTree.Element("mujoco", model=self.mechanism.name.replace(" ", "_"))
+        units = "kg, m, s and rad" if self.mechanism.in_si else "units of the machine, without dimensions"
+        notes = [
+            f"Numbers are in {units}.",
+            f"{MOTION_FILE} has qpos and qvel in this order.",
+            "The ground touches nothing.",
+        ]
+        notes += [f"Not in this model: {each}." for each in left]
+        root.append(ElementTree.Comment(f" {' '.join(notes)} ".replace("--", "- -")))
+        _node(root, "compiler", angle="radian", inertiafromgeom="false")
+        gravity = self.number(self.mechanism.surface_gravity) * float(from_key(self.mechanism.gravity, self.p)(0.0))
+        drawing = drawing_of(self.mechanism)
+        tilt = self.number(drawing.tilt) if drawing else 0.0
+        down = _in_text(gravity * np.sin(tilt), 0.0, -gravity * np.cos(tilt))
+        _node(root, "option", gravity=down, integrator="RK4", timestep="0.001")
+        world, size = _node(root, "worldbody"), self._size(places)
+        ground = _in_text(GROUND_SIZE * size, GROUND_SIZE * size, size)
+        _node(world, "geom", name="ground", type="plane", size=ground, rgba="0.8 0.8 0.8 1", **UNTOUCHED)
+        nodes: dict[str | None, ElementTree.Element] = {None: world}
+        for body in self.bodies:
+            nodes[body.name] = self._body(nodes[body.carrier], body, [each for each in pulls if _is_alone(each)], size)
+        tendons = [each for each in pulls if not _is_alone(each)]
+        parent = _node(root, "tendon") if tendons else root
+        for pull in tendons:
+            self._tendon(parent, pull)
+        ElementTree.indent(root)
+        return ElementTree.tostring(root, encoding="unicode")
+
+    def _body(
+        self, carrier: ElementTree.Element, body: Body, pulls: Sequence[Pull], size: float
+    ) -> ElementTree.Element:
+        """A body with its joints, the springs and dampers of single joints among these, and what is shown of it."""
+        (x, z), (across, up) = (map(self.number, pair) for pair in (body.place, body.centre))
+        node, lines = _node(carrier, "body", name=body.name, pos=_in_text(x, 0, z)), self._lines(body)
+        mass = self.number(body.mass)
+        if not 0 < mass < np.inf:
+            raise InputError(f"body '{body.name}' has the mass {mass:g}; simulators take one above 0")
+        about = max(self.number(body.inertia), OF_A_POINT * mass)
+        inertia = _in_text(about, about, about)
+        _node(node, "inertial", pos=_in_text(across, 0, up), mass=_in_text(mass), diaginertia=inertia)
+        for joint in body.joints:
+            place, own = self.joints.index(joint), dict[str, str]()
+            for pull in pulls:
+                if sign := pull.weights[place]:
+                    rest = pull.options.get("rest", 0.0) * sign
+                    own |= {name: _in_text(rest if name == "rest" else x) for name, x in pull.options.items()}
+            own |= {"springref": own.pop("rest")} if "rest" in own else {}
+            kind = "hinge" if joint.axis == "turn" else "slide"
+            _node(node, "joint", name=joint.name, type=kind, axis=_in_text(*AXES[joint.axis]), **own)
+        for a, b in lines:
+            ends = _in_text(a[0], 0, a[1], b[0], 0, b[1])
+            _node(node, "geom", type="capsule", fromto=ends, size=_in_text(size / THICKNESS), mass="0", **UNTOUCHED)
+        if not lines:
+            _node(node, "geom", type="sphere", size=_in_text(2 * size / THICKNESS), mass="0", **UNTOUCHED)
+        return node
+
+    def _tendon(self, parent: ElementTree.Element, pull: Pull) -> None:
+        """A spring or a damper of several joints. A length below 0 would stand for that at the start, so that then all
+        signs are turned over."""
+        sign = -1.0 if pull.options.get("rest", 0.0) < 0 else 1.0
+        own = {name: _in_text(sign * x if name == "rest" else x) for name, x in pull.options.items()}
+        own |= {"springlength": own.pop("rest")} if "rest" in own else {}
+        node = _node(parent, "fixed", **own)
+        for joint, weight in zip(self.joints, pull.weights, strict=True):
+            if weight:
+                _node(node, "joint", joint=joint.name, coef=_in_text(sign * weight))
+
+    def _lines(self, body: Body) -> list[tuple[list[float], list[float]]]:
+        """The lines that are shown of a body, in its frame."""
+        found = list[tuple[list[float], list[float]]]()
+        for outline in body.outlines:
+            for i in range(round(self.number(outline.repeat))):
+                at = {REPEATED: float(i)}
+                points = [[float(value_of(value, at, self.p)) for value in point] for point in outline.points]
+                closing = points[:1] if outline.closed else []
+                found += [pair for pair in zip(points, [*points[1:], *closing], strict=False) if pair[0] != pair[1]]
+        return found
+
+    def _size(self, places: np.ndarray) -> float:
+        """A length of the machine: that of the longest line that is shown, or how far the joints move."""
+        lengths = [float(np.hypot(*np.subtract(*pair))) for body in self.bodies for pair in self._lines(body)]
+        return max(lengths, default=float(np.ptp(places))) or 1.0
+
+
+def _is_alone(pull: Pull) -> bool:
+    """Whether an extension is the place of one joint, or its negative, up to what does not change."""
+    return bool(np.count_nonzero(pull.weights) == 1 and abs(pull.weights).max() == 1)
+
+
+def _node(parent: ElementTree.Element, tag: str, **attributes: str) -> ElementTree.Element:
+    return ElementTree.SubElement(parent, tag, attributes)
+
+
+def _in_text(*values: float) -> str:
+    return " ".join(f"{float(value) + 0.0:.17g}" for value in values)

@@ -1,0 +1,177 @@
+"""Machines from their energies in SymPy's expressions, against the same machines stated by their elements."""
+
+from math import pi
+
+import pytest
+
+from orbits import InputError, Mechanism, find, find_all, prove, starts
+from orbits.check_proof import check
+from orbits.mechanics import Damper, Potential, Spring
+from problems import Chain, Hopper, hopper_in_si, knee_hopper, plate_hopper, rimless_wheel
+
+sympy = pytest.importorskip("sympy")
+from sympy.physics.mechanics import dynamicsymbols  # noqa: E402
+
+pytestmark = pytest.mark.extra("sympy")
+
+y1, y2, y3 = dynamicsymbols("y1 y2 y3")
+m1, m2, m3, k, c, g, length = sympy.symbols("m1 m2 m3 k c g length")
+MASSES = {m1: 1.0, m2: 1.0}
+
+
+def kinetic(*pairs):
+    """The kinetic energy of masses with coordinates."""
+    return sum(m * y.diff(dynamicsymbols._t) ** 2 for m, y in pairs) / 2
+
+
+TWO = kinetic((m1, y1), (m2, y2))
+LINEAR = (y1 - y2) ** 2 / 2 + m1 * y1 + m2 * y2
+LEG = find(hopper_in_si(60.0, 3.0, force="8000*r + 2e6*r**3", rest_length=0.8, surface_gravity=9.81))
+CUBIC = k * (y1 - y2) ** 2 / 2 + c * (y1 - y2) ** 4 / 4 + g * (m1 * (y1 + length) + m2 * y2)
+
+
+@pytest.mark.parametrize("V", [CUBIC, CUBIC.expand(), CUBIC.subs(y1, y1 - length)], ids=["sums", "products", "length"])
+def test_a_leg_in_si(V):
+    """However its energy is written, it is that of one spring and two weights."""
+    numbers = {m1: 60.0, m2: 3.0, k: 8000.0, c: 2e6, g: 9.81, length: 0.8}
+    rest = {y1: length} if V.has(y1 - y2 - length) else {}
+    leg = Mechanism.from_lagrangian(TWO, V, (y1, y2), y2, numbers, in_si=True, rest=rest)
+    assert [type(each).__name__ for each in leg.elements] == ["Spring", "Weight", "Weight"]
+    assert find(leg).alpha == pytest.approx(LEG.alpha, rel=1e-13)
+    assert leg.units_of_parameters()["k"] == "N/m"
+
+
+def test_a_hopper_and_its_proof():
+    """alpha = tan(alpha), and a theorem that the second program verifies."""
+    hopper = Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, MASSES)
+    own = find(Hopper())
+    orbit = find(hopper)
+    assert orbit.alpha == pytest.approx(own.alpha * 2**0.5, rel=1e-13)  # time in units of 1/sqrt(2)
+    proof = prove(orbit)
+    assert proof.proved
+    assert "the inertia [m1, 0.0; 0.0, m2]" in str(proof)
+    assert check(proof.saved()) == []
+
+
+def test_a_chain_and_a_plate():
+    plain = Mechanism.from_lagrangian(
+        kinetic((1, y1), (1, y2), (1, y3)), ((y1 - y2) ** 2 + (y2 - y3) ** 2) / 2 + y1 + y2 + y3, (y1, y2, y3), y3
+    )
+    chain = Chain(masses=(1, 1, 1))
+    pairs = [(plain, chain.mechanism)]
+    body, foot, plate = dynamicsymbols("body foot plate")
+    energy = (body - foot) ** 2 / 2 + k * plate**2 / 2 + m1 * body + m2 * foot + m3 * plate
+    numbers = {m1: 1, m2: 1, m3: 1, k: 100}
+    landed = Mechanism.from_lagrangian(
+        kinetic((m1, body), (m2, foot), (m3, plate)), energy, (body, foot, plate), foot - plate, numbers, launch=body
+    )
+    pairs.append((landed, plate_hopper()))
+    for machine, by_hand in pairs:
+        expected = find_all(by_hand, starts(by_hand, 4, 4))[0]
+        assert find(machine, start=expected).alpha == pytest.approx(expected.alpha, rel=1e-13)
+
+
+def test_an_inertia_that_varies():
+    """The knee, whose masses depend on its angle."""
+    foot, knee = dynamicsymbols("foot knee")
+    link, straight = sympy.symbols("link straight")
+    hip = foot + 2 * link * sympy.sin(knee / 2)
+    numbers = {m1: 60.0, m2: 3.0, k: 600.0, link: 0.45, straight: 2.6, g: 9.81}
+    machine = Mechanism.from_lagrangian(
+        kinetic((m1, hip), (m2, foot)), k * (knee - straight) ** 2 / 2 + g * (m1 * hip + m2 * foot), (foot, knee), foot,
+        numbers, rest={knee: straight}, angles=[knee], launch=knee, separation=hip - foot, in_si=True,
+    )  # fmt: skip
+    orbit, expected = find(machine), find(knee_hopper())
+    assert orbit.alpha == pytest.approx(expected.alpha, rel=1e-13)
+    assert orbit.certificate.smallest_separation == pytest.approx(expected.certificate.smallest_separation, rel=1e-12)
+
+
+def test_a_wheel():
+    """A machine that steps, with two gaps by name and with maps in SymPy's expressions."""
+    phi, theta = dynamicsymbols("phi theta")
+    mass, about, body, angle = sympy.symbols("mass about body angle")
+    machine = Mechanism.from_lagrangian(
+        kinetic((about, theta), (body, phi)),
+        k * (phi - theta) ** 2 / 2 + mass * g * length * sympy.cos(theta - angle),
+        [phi, theta], {"rear foot": theta, "front foot": 2 * angle - theta},
+        {mass: 2.0, length: 0.4, about: 0.4, body: 0.4, k: 20.0, angle: pi / 8, g: 9.81},
+        reversor={theta: 2 * angle - theta, phi: 2 * angle - phi}, in_si=True, angles=[phi, theta],
+        symmetry={theta: theta - 2 * angle, phi: phi - 2 * angle},
+    )  # fmt: skip
+    wheel = rimless_wheel(mass=2.0, length=0.4, spokes=8, inertia=0.4, body_inertia=0.4, stiffness=20.0)
+    walk, expected = find(machine), find(wheel)
+    for name in ("alpha", "flight_time", "contact_time"):
+        assert getattr(walk, name) == pytest.approx(getattr(expected, name), rel=1e-13)
+
+
+def test_a_constant_force_is_a_weight():
+    """A body that a force pulls down too hops as one with so much more weight, and no more inertia."""
+    pull = sympy.Symbol("pull")
+    numbers = {m1: 1.0, m2: 1.0, g: 1.0, pull: 0.5}
+    V = (y1 - y2) ** 2 / 2 + g * (m1 * y1 + m2 * y2) + pull * y1
+    forced = Mechanism.from_lagrangian(TWO, V, (y1, y2), y2, numbers)
+    whole = (y1 - y2) ** 2 / 2 + sympy.Rational(3, 2) * g * y1 + g * m2 * y2
+    heavy = Mechanism.from_lagrangian(TWO, whole, (y1, y2), y2, {m1: 1.0, m2: 1.0, g: 1.0})
+    assert [each.mass for each in forced.elements[1:]] == ["m1", "m2", "pull/g"]
+    orbits = [find_all(each, starts(each, 4, 4))[0].alpha for each in (forced, heavy)]
+    assert orbits[0] == pytest.approx(orbits[1], rel=1e-13)
+    in_si = Mechanism.from_lagrangian(TWO, LINEAR + pull * y1, (y1, y2), y2, {m1: 1, m2: 1, pull: 1}, in_si=True)
+    assert [each.energy for each in in_si.elements if isinstance(each, Potential)] == ["m1*y1 + pull*y1 + m2*y2"]
+
+
+def test_what_is_no_spring_is_a_potential():
+    bent = sympy.sin(y1 * y2) / 10
+    machine = Mechanism.from_lagrangian(TWO, LINEAR + bent, (y1, y2), y2, MASSES, elements=[Damper("y1", 0.1)])
+    assert [each.energy for each in machine.elements if isinstance(each, Potential)] == ["sin(y1*y2)/10"]
+    assert [each.extension for each in machine.elements if isinstance(each, Damper | Spring)] == ["y1 - y2", "y1"]
+    with pytest.raises(InputError, match=r"sticks = .* does not say; state the machine by its elements"):
+        Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, MASSES, sticks=[y1])
+
+
+v1, v2, t = y1.diff(), y2.diff(), dynamicsymbols._t
+OTHER = dynamicsymbols("other")
+
+
+@pytest.mark.parametrize(
+    ("T", "V", "gap", "parameters", "message"),
+    [
+        (TWO + v1, LINEAR, y2, MASSES, "T has 'y1'' beside terms quadratic in the speeds"),
+        (TWO + m1, LINEAR, y2, MASSES, "T has 'm1' beside terms quadratic"),
+        (TWO + v1**3, LINEAR, y2, MASSES, "T is not quadratic in the speeds"),
+        (TWO * t, LINEAR, y2, MASSES, "T depends on time t itself"),
+        (TWO + v1.diff() ** 2, LINEAR, y2, MASSES, "T has Derivative"),
+        (m1 * (v1 + v2) ** 2 / 2, LINEAR, y2, MASSES, "least eigenvalue of their matrix is 0 where y1 = 0, y2 = 0"),
+        (TWO, LINEAR, y2, {m1: 1.0, m2: -1.0}, "eigenvalue of their matrix is -1 .* give y2 a mass above 0"),
+        (TWO / y1**2, LINEAR, y2, MASSES, "T has no finite value where y1 = 0"),
+        (TWO, LINEAR + y1 * v1, y2, MASSES, "V depends on the speed of y1"),
+        (TWO, LINEAR + OTHER**2, y2, MASSES, "V has other.t., which is no coordinate"),
+        (TWO, LINEAR + sympy.besselj(0, y1), y2, MASSES, "no function 'besselj'"),
+        (TWO, LINEAR + sympy.Max(y1, 0), y2, MASSES, "no function 'Heaviside'"),
+        (TWO, LINEAR + sympy.I * y1**2, y2, MASSES, "'I' .ImaginaryUnit. has no place in a formula"),
+        (TWO, LINEAR + sympy.nan, y2, MASSES, "V = nan is not finite"),
+        (TWO, LINEAR + g**2 * y1, y2, MASSES | {g: 1.0}, "V is not linear in gravity 'g'"),
+        (TWO, LINEAR, y2 - v2, MASSES, "gap depends on the speed of y2"),
+        (TWO, LINEAR, y2, {m1: 1.0}, "'m2' has no value: give parameters={m2: ...}"),
+        (TWO, LINEAR + sympy.Symbol("y1"), y2, MASSES, "a symbol and a coordinate that are both called y1"),
+        (TWO, LINEAR + sympy.Symbol("m1", positive=True) * y1, y2, MASSES, "two symbols 'm1' with different assump"),
+        (TWO, LINEAR + sympy.Symbol("r") * y1**2, y2, MASSES | {"r": 1.0}, "'r' is the extension in a spring's law"),
+        (TWO, LINEAR, y2, {m1: 1.0, m2: k}, "m2 = 'k' is not a number"),
+        (TWO, LINEAR, y2, [1.0, 1.0], "parameters = .* it is a mapping"),
+        ("__import__('os')", LINEAR, y2, MASSES, "is no expression of SymPy"),
+    ],
+)  # fmt: skip
+def test_what_is_refused(T, V, gap, parameters, message):
+    with pytest.raises(InputError, match=message):
+        Mechanism.from_lagrangian(T, V, (y1, y2), gap, parameters)
+
+
+@pytest.mark.parametrize("stated", [{"inertia": [[1, 0], [0, 1]]}, {"elements": 5}, {"rest": "a"}])
+def test_other_statements_are_refused(stated):
+    with pytest.raises(InputError, match=f"^{next(iter(stated))} = "):
+        Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, MASSES, **stated)
+
+
+@pytest.mark.parametrize("coordinates", [[y1, m1], [y1, v2], y1, [y1, sympy.Function("y2")(m1)]])
+def test_coordinates_are_functions_of_time(coordinates):
+    with pytest.raises(InputError, match=r"coordinates|other|no coordinate"):
+        Mechanism.from_lagrangian(TWO, LINEAR, coordinates, y2, MASSES)
