@@ -31,15 +31,18 @@ MOST_ON_WAY, MOST_ON_CURVE, LONGEST_ON_WAY, LONGEST_ON_CURVE = 60, 400, 0.5, 0.0
 # Curves are not followed far to where rounding decides, which takes many steps: what is left there is bisected.
 ON_CURVE = StepControl(largest_batch=32, target_correction=1e-4, largest_amplification=1e6, escape_ratio=20.0)
 # A curve of an event's kind that passes a row within this share of the range of the event is its curve.
-SAME_CURVE = 1e-5
+SAME_CURVE = 1e-7
 
 
 class Roughly(Segment):
-    """A segment between two neighbours whose events are located as precisely as curves that begin there need it, since
-    their first point solves the equations of the event; and no other events."""
+    """A segment between two neighbours whose events are located only as precisely as curves that begin there need it,
+    since their first points solve the equations of the events; and no other events are located.
+
+    A quantity that changes its sign by a jump is distinguished from one that vanishes by its value there.
+    """
 
     tests: ClassVar = {kind: test for kind, test in TEST_FUNCTIONS.items() if kind in FOLLOWED}
-    width = 1e-3
+    width = 1e-8
 
 
 class Box(NamedTuple):

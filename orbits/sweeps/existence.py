@@ -27,11 +27,12 @@ from ..periodic.find import StartLike, family_number, find
 from ..periodic.orbit import Orbit, orbit_of
 from ..result import Axes, Result, Row, shown
 from ..running import interrupts
+from ..symbolic.kernels import compiled_at_once
 from .boundary_curves import Box, Neighbours, boundary_curves, places_on_rows, points_of
 from .designs import Axis, axis_of
 from .execute import check_executor
 from .progress import SweepProgress, on_screen
-from .sparse_grid import NOT_SEARCHED, SparseGrid
+from .sparse_grid import LARGE_GRID, NOT_SEARCHED, SparseGrid
 from .sweep import checked_question, sweep
 from .sweep_result import Sweep
 
@@ -58,12 +59,14 @@ class Boundaries:
 
 @dataclass(frozen=True)
 class BoundaryCurve:
-    """A curve of an event that was followed: the event, the values of the two parameters at its points, and its end."""
+    """A curve of an event that was followed: the event, the values of the two parameters at its points, its end, and
+    the curve's directions at the points, which are changes (along, across) of any length."""
 
     event: str
     along: tuple[float, ...]
     across: tuple[float, ...]
     end: str
+    directions: tuple[tuple[float, float], ...] = ()
 
 
 class Stretch(NamedTuple):
@@ -290,7 +293,8 @@ def existence(
 
     rows = tuple(grid[across].reshape(grid.about["shape"])[0].tolist())
     box = Box(along, across, grid[along].reshape(grid.about["shape"])[:, 0], np.array(rows))
-    curves = boundary_curves(box, _pairs_to_follow(grid["status"].reshape(grid.about["shape"])), orbit_at, machine)
+    with compiled_at_once(len(grid) >= LARGE_GRID):
+        curves = boundary_curves(box, _pairs_to_follow(grid["status"].reshape(grid.about["shape"])), orbit_at, machine)
     if sparse:
         sparse.search_around(_nodes_of(box, curves))
         grid = sparse.sweep()
@@ -306,7 +310,9 @@ def existence(
     followed = list[BoundaryCurve]()
     for curve in curves:
         x, y = points_of(box, curve).tolist()
-        followed.append(BoundaryCurve(str(curve.settings["event"]), tuple(x), tuple(y), curve.end.reason))
+        directions = tuple((point.tangent[-2], point.tangent[-1]) for point in curve.points)
+        event = str(curve.settings["event"])
+        followed.append(BoundaryCurve(event, tuple(x), tuple(y), curve.end.reason, directions))
     return Existence(along, across, rows, grid, replace(boundaries, points=points), tuple(followed))
 
 
