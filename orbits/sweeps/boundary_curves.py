@@ -1,9 +1,9 @@
 """The boundaries of a diagram as curves of events, each followed from where it passes between two neighbours."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -41,7 +41,7 @@ class Roughly(Segment):
     A quantity that changes its sign by a jump is distinguished from one that vanishes by its value there.
     """
 
-    tests: ClassVar = {kind: test for kind, test in TEST_FUNCTIONS.items() if kind in FOLLOWED}
+    tests: Mapping[str, Any] = {kind: test for kind, test in TEST_FUNCTIONS.items() if kind in FOLLOWED}
     width = 1e-8
 
 
