@@ -9,7 +9,7 @@ import numpy as np
 
 # Pieces between two points of a curve; and ends of its parts within a cell are boundaries of the cell that lie within
 # this share of the diagram, to which these are located.
-PIECES, NEAR = 8, 1e-5
+PIECES_BETWEEN, SAME_BOUNDARY = 8, 1e-5
 _Side = tuple[int, int, bool]  # a node, and whether the side of a cell that begins there lies in a row
 _Sides = dict[_Side, list[Any]]
 _Arcs = dict[tuple[int, int], list[np.ndarray]]
@@ -40,14 +40,14 @@ def cells_of_diagram(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
 
 
 def smooth(curve: Any, size: np.ndarray) -> np.ndarray:
-    """The points (k, 2) of a followed curve with `PIECES` between each two: cubics with the curve's own directions, in
-    units of the diagram's `size` (2,)."""
+    """The points (k, 2) of a followed curve and more between them: cubics with the curve's own directions, in units of
+    the diagram's `size` (2,)."""
     points = np.column_stack([curve.along, curve.across]) / size
     if len(points) < 2 or len(curve.directions) < len(points):
         return points * size
     directions = np.array(curve.directions) / size
     directions /= np.maximum(np.linalg.norm(directions, axis=1), 1e-300)[:, None]
-    t, a, b = np.arange(PIECES)[:, None] / PIECES, points[:-1, None], points[1:, None]
+    t, a, b = np.arange(PIECES_BETWEEN)[:, None] / PIECES_BETWEEN, points[:-1, None], points[1:, None]
     chords = np.linalg.norm(b - a, axis=2, keepdims=True)
     ahead, behind = directions[:-1, None] * chords, directions[1:, None] * chords
     inner = a + (b - a) * t**2 * (3 - 2 * t) + t * (1 - t) * (ahead * (1 - t) - behind * t)
@@ -121,7 +121,7 @@ def _along_curves(around: list[Any], arcs: list[np.ndarray], size: np.ndarray) -
     for arc in arcs:
         away = np.abs((points[:, None] - arc[[0, -1]]) / size).max(2)
         a, b = (cuts[k] for k in away.argmin(0).tolist())
-        if a != b and away.min(0).max() < NEAR and a not in partners and b not in partners:
+        if a != b and away.min(0).max() < SAME_BOUNDARY and a not in partners and b not in partners:
             inside = arc[1:-1].tolist()
             partners[a], partners[b] = (b, inside), (a, inside[::-1])
     if len(partners) < len(cuts):
