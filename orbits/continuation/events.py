@@ -33,7 +33,9 @@ INSIDE = 1e-9
 class Segment:
     """The curve between two neighbouring certified points; a place on it is stated as its share of the chord."""
 
+    # The test functions of certified orbits, and the share of the chord to which events are located.
     tests: Mapping[str, TestFunction] = TEST_FUNCTIONS
+    width = WIDTH
 
     def __init__(self, curve: Curve, a: CurvePoint, b: CurvePoint):
         self.curve, self.a, self.b = curve, a, b
@@ -80,8 +82,9 @@ class Segment:
         """The share of the chord at which the parameter has a fold."""
         return self.zero(lambda point: float(point.tangent[-1]))
 
-    def zero(self, test: Callable[[CurvePoint], float | None], width: float = WIDTH) -> float | None:
+    def zero(self, test: Callable[[CurvePoint], float | None], width: float | None = None) -> float | None:
         """The share of the chord at which a test function changes its sign, zero counting as positive; None without."""
+        width = self.width if width is None else width
         first, last = test(self.a), test(self.b)
         if first is None or last is None or (first >= 0) == (last >= 0):
             return None

@@ -25,7 +25,7 @@ from ..periodic.tuned import METHOD, is_quantity, tuned_values
 from ..running import interrupts
 from ..running.exclusive import LOCK, exclusive
 from ..running.heartbeat import running
-from ..running.time_limit import time_limit
+from ..running.time_limit import TimeOver, time_limit
 from ..shooting.division import LARGEST_ARC_GROWTH
 from ..shooting.formulations import iterative, method_of
 from ..units import without_units
@@ -104,7 +104,10 @@ def follow(
     -0.010695215
     """
     options = checked_options(at, watch, longest, most, stop_inadmissible, step_control, multipliers)
-    tracer = begin_run(machine, along, start, stop, family, method, options, resume, tune)
+    try:
+        tracer = begin_run(machine, along, start, stop, family, method, options, resume, tune)
+    except TimeOver as over:
+        raise over.reached("the orbit to begin with is not found yet") from None
     return collect_family(tracer, resume, output, progress)
 
 

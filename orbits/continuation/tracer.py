@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import NoOrbit, OrbitsError
+from ..running.time_limit import TimeOver, time_to_finish
 from ..shooting.division import LARGEST_ARC_GROWTH
 from ..units import Message
 from .corrector import MEMORY, correct
@@ -72,7 +73,11 @@ class Tracer:
         self._state = TracerState(first, (first,), length, min(self._largest_batch(first), options.most))
         self._batch: Batch | None = None
         if first.certified is None:  # the first point is certified in one call with the points that follow it
-            batch = self._next_batch(self._state)
+            try:
+                batch = self._next_batch(self._state)
+            except TimeOver:  # the run ends with its first point
+                with time_to_finish():
+                    batch = Batch([curve.certify(first)], None, None, length, whole=True)
             if batch.rejection and not len(batch.certified):
                 raise batch.rejection
             first = batch.certified[0]

@@ -63,6 +63,16 @@ def time_limit(seconds: float | None) -> Iterator[None]:
         _limit.until, _limit.seconds = before
 
 
+@contextmanager
+def time_to_finish() -> Iterator[None]:
+    """No limit for what has to be done after a limit is reached, to hand back what was found; it is short."""
+    before, _limit.until = _limit.until, float("inf")
+    try:
+        yield
+    finally:
+        _limit.until = before
+
+
 def time_left() -> float:
     """The seconds until the time is over, infinite without a limit."""
     return _limit.until - time.monotonic()

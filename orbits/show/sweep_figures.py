@@ -1,7 +1,5 @@
 """Figures of sweeps: a line, a map, or a matrix of scatter plots, by the number of parameters; and diagrams."""
 
-from collections.abc import Iterator
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -9,6 +7,7 @@ import numpy as np
 from ..errors import InputError
 from ..model.machine import title_of_machine
 from ..result import Axes
+from .diagram_cells import cells_of_diagram
 from .pages.sweep_view import MOTIONS
 from .plot import (
     COLOURS,
@@ -27,10 +26,10 @@ LEVELS = 8  # contours of a map
 NOTHING = "0.93"  # the grey of parameters without an orbit
 # Styles of the parts of a diagram, by the status of the members there, and of the edges between them.
 STYLES: dict[str, dict[str, Any]] = {
-    "certified": {"fc": COLOURS[0], "ec": COLOURS[0], "lw": 0.2, "label": "motions"},
-    "inadmissible": {"fc": PALE, "ec": PALE, "lw": 0.2, "label": NO_MOTIONS},
-    "no orbit": {"fc": NOTHING, "ec": NOTHING, "lw": 0.5, "label": NO_ORBITS, "zorder": 1.5},
-    "ends": {"fc": NOTHING, "ec": NOTHING, "lw": 0.5, "label": "beyond a fold", "zorder": 1.5},
+    "certified": {"fc": COLOURS[0], "ec": COLOURS[0], "lw": 0.8, "label": "motions"},
+    "inadmissible": {"fc": PALE, "ec": PALE, "lw": 0.8, "label": NO_MOTIONS},
+    "no orbit": {"fc": NOTHING, "ec": NOTHING, "lw": 0.8, "label": NO_ORBITS, "zorder": 1.5},
+    "ends": {"fc": NOTHING, "ec": NOTHING, "lw": 0.8, "label": "beyond a fold", "zorder": 1.5},
     "failed": {"fc": "white", "ec": "0.8", "hatch": "///", "lw": 0, "label": "not known", "zorder": 1.6},
     "not reached": {"fc": "white", "ec": "0.8", "hatch": "///", "lw": 0, "label": "not reached", "zorder": 1.6},
 }
@@ -116,7 +115,7 @@ def plot_existence(diagram: Any, quantity: str | None = None, axes: Axes | None 
     from matplotlib.collections import LineCollection, PolyCollection
 
     axes, sweep = axes or new_axes(6.4, 4.8), diagram.grid
-    cells = list(_cells_of_diagram(diagram))
+    cells = list(cells_of_diagram(diagram))
     styles = (
         STYLES
         if quantity is None
@@ -128,7 +127,7 @@ def plot_existence(diagram: Any, quantity: str | None = None, axes: Axes | None 
         axes.figure.colorbar(drawn, ax=axes, label=_axis_label(sweep, quantity))
     for status, fill in styles.items():
         if shown := [polygon for polygons, _ in cells for own, polygon in polygons if own == status]:
-            axes.add_collection(PolyCollection(shown, **fill))
+            axes.add_collection(PolyCollection(shown, **fill, snap=False))  # cells with curved sides meet the others
     for kind, style in EDGES.items():
         if pieces := [piece for _, lines in cells for own, piece in lines if own == kind]:
             axes.add_collection(LineCollection(pieces, **style, label=kind, capstyle="round"))
@@ -143,46 +142,6 @@ def _beyond_edges(z: np.ndarray) -> np.ndarray:
     padded = np.pad(z, 1, constant_values=np.nan)
     around = np.ma.masked_invalid(np.lib.stride_tricks.sliding_window_view(padded, (3, 3)))
     return np.ma.where(np.isfinite(z), z, around.mean(axis=(2, 3)))
-
-
-def _cells_of_diagram(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
-    """For each cell of a diagram's grid its polygons, each with the status in it, and its pieces of edges, each with
-    the name of its edge.
-
-    The boundaries on the sides of a cell are joined, two by a line and more by lines to their middle.
-    """
-    found, statuses = diagram.boundaries, diagram.statuses.T
-    x, y = diagram.grid[diagram.along].reshape(statuses.shape)[:, 0], np.array(diagram.values)
-    sides: dict[tuple[int, int, bool], list[Any]] = {}
-    parts = (part.tolist() for part in (found.nodes, found.in_row, found.points, found.statuses))
-    for (i, j), along, point, pair in zip(*parts, strict=True):
-        sides.setdefault((i, j, along), []).append((point, tuple(pair)))
-    for side in sides.values():
-        side.sort()
-    for i, j in np.ndindex(len(x) - 1, len(y) - 1):
-        ways = ((i, j, True), 1), ((i + 1, j, False), 1), ((i, j + 1, True), -1), ((i, j, False), -1)
-        corners = [(x[i], y[j]), (x[i + 1], y[j]), (x[i + 1], y[j + 1]), (x[i], y[j + 1])]
-        round_it: list[Any] = []  # corners, without a status, and boundaries, with those before and behind
-        for corner, (place, way) in zip(corners, ways, strict=True):
-            round_it.append((corner, None))
-            round_it.extend((point, pair[::way]) for point, pair in sides.get(place, [])[::way])
-        cuts = [k for k, (_, pair) in enumerate(round_it) if pair]
-        if not cuts:
-            yield [(statuses[i, j], corners)], []
-            continue
-        middle = np.mean([round_it[k][0] for k in cuts], axis=0)
-        inner = [middle] if len(cuts) > 2 else []
-        polygons = []
-        for start, end in pairwise([*cuts, cuts[0] + len(round_it)]):
-            arc = [round_it[k % len(round_it)][0] for k in range(start, end + 1)]
-            polygons.append((round_it[start][1][1], arc + inner))
-        ends = [round_it[k] for k in cuts]
-        yield polygons, [(_edge_of(pair), [point, middle]) for point, pair in ends]
-
-
-def _edge_of(pair: tuple[str, str]) -> str:
-    """The name of the edge to which a boundary between two statuses belongs."""
-    return "edge of the orbits" if {*pair} & {"no orbit", "ends"} else "edge of the motions"
 
 
 def _matrix(sweep: Any, quantity: str) -> Axes:

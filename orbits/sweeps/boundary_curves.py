@@ -1,14 +1,16 @@
 """The boundaries of a diagram as curves of events, each followed from where it passes between two neighbours."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..continuation.checkpoint import begun
+from ..continuation.curve import TEST_FUNCTIONS
 from ..continuation.event_curve import COLLAPSE, LIMITS
+from ..continuation.events import Segment
 from ..continuation.family import Family
 from ..continuation.follow import begin_run
 from ..continuation.follow_event import follow_event
@@ -28,8 +30,19 @@ MOST_ON_WAY, MOST_ON_CURVE, LONGEST_ON_WAY, LONGEST_ON_CURVE = 60, 400, 0.5, 0.0
 # Few points are solved at a time, since most curves end soon, and long steps are taken, since the rows are hit exactly.
 # Curves are not followed far to where rounding decides, which takes many steps: what is left there is bisected.
 ON_CURVE = StepControl(largest_batch=32, target_correction=1e-4, largest_amplification=1e6, escape_ratio=20.0)
-# A curve that passes a row within this share of the range of an event is the curve of that event.
+# A curve of an event's kind that passes a row within this share of the range of the event is its curve.
 SAME_CURVE = 1e-7
+
+
+class Roughly(Segment):
+    """A segment between two neighbours whose events are located only as precisely as curves that begin there need it,
+    since their first points solve the equations of the events; and no other events are located.
+
+    A quantity that changes its sign by a jump is distinguished from one that vanishes by its value there.
+    """
+
+    tests: Mapping[str, Any] = {kind: test for kind, test in TEST_FUNCTIONS.items() if kind in FOLLOWED}
+    width = 1e-8
 
 
 class Box(NamedTuple):
@@ -92,7 +105,7 @@ def _curves_between(
     with suppress(OrbitsError):
         family = _up_to_fold(here, box.along, end, orbit_at(here))
         for event in family.events:
-            known = np.array([place for place, _ in crossings[pair.j]])
+            known = np.array([place for place, fold in crossings[pair.j] if fold == (event.kind == "fold")])
             if (np.abs(known - event.point.value) < SAME_CURVE * box.width).any() or not _is_boundary(
                 family, event, pair.ends
             ):
@@ -109,6 +122,7 @@ def _up_to_fold(machine: Machine, along: str, stop: float, start: Orbit) -> Fami
     """The family of an orbit up to a value, or up to its first fold."""
     options = checked_options(longest=LONGEST_ON_WAY, most=MOST_ON_WAY)
     tracer = begin_run(machine, along, start, stop, 1, None, options, None, None)
+    tracer.segments = Roughly
     points, events = list[Point](), list[Event]()
     with interrupts.deferred():
         for item in tracer:

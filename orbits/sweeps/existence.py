@@ -27,11 +27,13 @@ from ..periodic.find import StartLike, family_number, find
 from ..periodic.orbit import Orbit, orbit_of
 from ..result import Axes, Result, Row, shown
 from ..running import interrupts
+from ..running.time_limit import TimeOver
+from ..symbolic.kernels import compiled_at_once
 from .boundary_curves import Box, Neighbours, boundary_curves, places_on_rows, points_of
 from .designs import Axis, axis_of
 from .execute import check_executor
 from .progress import SweepProgress, on_screen
-from .sparse_grid import NOT_SEARCHED, SparseGrid
+from .sparse_grid import LARGE_GRID, NOT_SEARCHED, SparseGrid
 from .sweep import checked_question, sweep
 from .sweep_result import Sweep
 
@@ -58,12 +60,14 @@ class Boundaries:
 
 @dataclass(frozen=True)
 class BoundaryCurve:
-    """A curve of an event that was followed: the event, the values of the two parameters at its points, and its end."""
+    """A curve of an event that was followed: the event, the values of the two parameters at its points, its end, and
+    the curve's directions at the points, which are changes (along, across) of any length."""
 
     event: str
     along: tuple[float, ...]
     across: tuple[float, ...]
     end: str
+    directions: tuple[tuple[float, float], ...] = ()
 
 
 class Stretch(NamedTuple):
@@ -83,6 +87,7 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
     grid : the sweep of the members on the grid, `along` first
     boundaries : the points between neighbours of different statuses
     curves : the curves of events that were followed
+    stopped : why some boundaries in rows are not located, "" where all are
     """
 
     along: str
@@ -91,6 +96,7 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
     grid: Sweep
     boundaries: Boundaries
     curves: tuple[BoundaryCurve, ...] = ()
+    stopped: str = ""
 
     machine = property(lambda self: self.grid.machine)
 
@@ -123,7 +129,14 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
         others = int(np.count_nonzero(found.located)) - exact
         text = f"{members - skipped} of {members} members were searched"
         text += f", and {skipped} inside regions without orbits were not" if skipped else ""
-        return f"{text}; {exact} boundary points lie on {len(self.curves)} curves of events, {others} are bisected"
+        text += f"; {exact} boundary points lie on {len(self.curves)} curves of events, {others} are bisected"
+        loose = int(np.count_nonzero(self._loose))
+        return text + (f", and {loose} are midpoints between members: {self.stopped}" if loose else "")
+
+    @property
+    def _loose(self) -> np.ndarray:
+        """Whether boundaries lie in rows and are not located, (k,)."""
+        return self.boundaries.in_row.astype(bool) & ~self.boundaries.located.astype(bool)
 
     @property
     def between(self) -> tuple[float, float]:
@@ -156,8 +169,9 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
 
     def unknown(self, row: int) -> bool:
         """Whether a row may be incomplete as one of its members has failed, or is not reached from the start: where
-        the orbits end at a fold on the way, a member may have others."""
-        return any(status in ("failed", AT_FOLD, NOT_REACHED) for _, _, status in self.row(row))
+        the orbits end at a fold on the way, a member may have others; or as its boundaries are not located."""
+        loose = (self._loose & (self.boundaries.nodes[:, 1] == row)).any()
+        return bool(loose) or any(status in ("failed", AT_FOLD, NOT_REACHED) for _, _, status in self.row(row))
 
     @property
     def orbit_edges(self) -> np.ndarray:
@@ -241,7 +255,9 @@ def existence(
     The orbit of a machine is the one of least launch speed, or the one that is continued from the start. The boundaries
     are located to 1e-6 of a parameter's range wherever neighbours on the grid have different statuses; what lies
     between two neighbours of the same status is not detected. Where the motions become too sensitive for an orbit to be
-    certified, the boundary is that of the orbits that `find` finds. Raises `InputError` for invalid arguments.
+    certified, the boundary is that of the orbits that `find` finds. Where a `time_limit` is reached once the grid is
+    searched, boundaries that are not located yet are midpoints between members, as `rests_on` states; before, `NoOrbit`
+    is raised. Raises `InputError` for invalid arguments.
 
     >>> from orbits import existence
     >>> from problems import Hopper
@@ -290,24 +306,33 @@ def existence(
 
     rows = tuple(grid[across].reshape(grid.about["shape"])[0].tolist())
     box = Box(along, across, grid[along].reshape(grid.about["shape"])[:, 0], np.array(rows))
-    curves = boundary_curves(box, _pairs_to_follow(grid["status"].reshape(grid.about["shape"])), orbit_at, machine)
-    if sparse:
-        sparse.search_around(_nodes_of(box, curves))
-        grid = sparse.sweep()
+    curves, by_curves, stopped = list[Family](), dict[tuple[int, int], list[tuple[float, str, str]]](), ""
     shares = np.linspace(0, 1, grid.about["shape"][0]), _shares_at(column, rows)
     statuses = grid["status"].reshape(grid.about["shape"])
-    places = [[row.share(place) for place in each] for each in _places_in_rows(box, curves)]
-    by_curves = _on_curves(statuses, shares, places, statuses_at)
-    done = len(grid) + 2 * sum(map(len, places))
-    show(SweepProgress(done, done, dict(Counter(statuses.ravel().tolist())), perf_counter() - began, 0.0))
-    boundaries = _located(statuses, shares, both_ways, statuses_at, show, by_curves)
+    try:
+        with compiled_at_once(len(grid) >= LARGE_GRID):
+            curves = boundary_curves(box, _pairs_to_follow(statuses), orbit_at, machine)
+        if sparse:
+            sparse.search_around(_nodes_of(box, curves))
+            grid = sparse.sweep()
+            statuses = grid["status"].reshape(grid.about["shape"])
+        places = [[row.share(place) for place in each] for each in _places_in_rows(box, curves)]
+        by_curves = _on_curves(statuses, shares, places, statuses_at)
+        done = len(grid) + 2 * sum(map(len, places))
+        show(SweepProgress(done, done, dict(Counter(statuses.ravel().tolist())), perf_counter() - began, 0.0))
+    except TimeOver as over:
+        stopped = str(over)
+    boundaries, later = _located(statuses, shares, both_ways, statuses_at, show, by_curves)
     points = np.column_stack([axis.at(share) for axis, share in zip(scales, boundaries.points.T, strict=True)])
     points[boundaries.in_row, 1] = box.rows[boundaries.nodes[boundaries.in_row, 1]]
     followed = list[BoundaryCurve]()
     for curve in curves:
         x, y = points_of(box, curve).tolist()
-        followed.append(BoundaryCurve(str(curve.settings["event"]), tuple(x), tuple(y), curve.end.reason))
-    return Existence(along, across, rows, grid, replace(boundaries, points=points), tuple(followed))
+        directions = tuple((point.tangent[-2], point.tangent[-1]) for point in curve.points)
+        event = str(curve.settings["event"])
+        followed.append(BoundaryCurve(event, tuple(x), tuple(y), curve.end.reason, directions))
+    boundaries = replace(boundaries, points=points)
+    return Existence(along, across, rows, grid, boundaries, tuple(followed), stopped or later)
 
 
 def _pairs_to_follow(statuses: np.ndarray) -> list[Neighbours]:
@@ -384,10 +409,10 @@ def _located(
     statuses_at: Callable[[np.ndarray], np.ndarray],
     show: Callable[[SweepProgress], None],
     on_curves: Mapping[tuple[int, int], list[tuple[float, str, str]]],
-) -> Boundaries:
+) -> tuple[Boundaries, str]:
     """The boundaries of a grid with statuses (m, n) at shares of the ranges along (m,) and across (n,), their points in
-    shares too: those on curves, and others by bisection. Where a third status is met between two neighbours, there are
-    two boundaries."""
+    shares too: those on curves, and others by bisection; and why that was stopped before its end, or "". Where a third
+    status is met between two neighbours, there are two boundaries."""
     nodes = np.concatenate(differing := [np.argwhere(np.diff(codes_of(statuses), axis=axis)) for axis in (0, 1)])
     in_row = np.repeat([True, False], list(map(len, differing)))
     known = np.array([pair in on_curves for pair in map(tuple, nodes.tolist())], bool) & in_row
@@ -396,11 +421,15 @@ def _located(
     low, high = (np.column_stack([share[k] for share, k in zip(shares, at.T, strict=True)])
                  for at in (nodes, nodes + steps))  # fmt: skip
     parts = np.column_stack([statuses[tuple(at.T)] for at in (nodes, nodes + steps)])
-    began, done, counts = perf_counter(), 0, Counter[str]()
+    began, done, counts, stopped = perf_counter(), 0, Counter[str](), ""
     while len(wide := np.flatnonzero(((high - low).max(axis=1, initial=0) > LOCATED_TO) & (in_row | both_ways))):
-        interrupts.heed()
         middle = 0.5 * (low[wide] + high[wide])
-        found = statuses_at(middle)
+        try:
+            interrupts.heed()
+            found = statuses_at(middle)
+        except TimeOver as over:
+            stopped = str(over)
+            break
         before, behind = (found == parts[wide, side] for side in (0, 1))
         other = ~(before | behind)
         # A third status divides the pair into two; the second one, which begins with that status, is appended.
@@ -416,16 +445,17 @@ def _located(
         left, seconds = int(np.ceil(rounds).sum()), perf_counter() - began
         show(SweepProgress(done, done + left, dict(counts), seconds, left * seconds / done))
     exact = [(node, x, pair) for node, each in on_curves.items() for x, *pair in each]
-    count = len(exact)
+    count, located = len(exact), (high - low).max(axis=1, initial=0) <= LOCATED_TO
     points = [(x, shares[1][j]) for (_, j), x, _ in exact]
-    return Boundaries(
+    boundaries = Boundaries(
         np.concatenate([in_row, np.ones(count, bool)]),
-        np.concatenate([in_row | both_ways, np.ones(count, bool)]),
+        np.concatenate([(in_row | both_ways) & located, np.ones(count, bool)]),
         np.concatenate([np.zeros(len(nodes), bool), np.ones(count, bool)]),
         np.concatenate([nodes, np.reshape([node for node, _, _ in exact], (-1, 2)).astype(int)]),
         np.concatenate([0.5 * (low + high), np.reshape(points, (-1, 2))]),
         np.concatenate([parts, np.reshape([pair for _, _, pair in exact], (-1, 2)).astype(object)]),
     )
+    return boundaries, stopped
 
 
 def codes_of(statuses: np.ndarray) -> np.ndarray:

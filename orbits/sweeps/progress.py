@@ -50,6 +50,14 @@ def on_screen(progress: Callable[[Any], None] | bool | None) -> Callable[[Any], 
     return show
 
 
+def pace(done: int, whole: int, seconds: float) -> str:
+    """How many members were done in some seconds, and how long the others would take, in words."""
+    if not done:
+        return f"none of {whole} members was done"
+    left = _duration((whole - done) * seconds / done)
+    return f"{done} of {whole} members were done in {_duration(seconds)}, and the others would take about {left}"
+
+
 def _duration(seconds: float) -> str:
     """A time in words: seconds, or minutes, or hours."""
     if seconds < 100:

@@ -8,8 +8,9 @@ import numpy as np
 
 from ..running import interrupts
 from ..running.exclusive import exclusive
+from ..running.time_limit import TimeOver
 from .members import solve_chunk
-from .progress import SweepProgress
+from .progress import SweepProgress, pace
 from .question import CHUNK, Question, empty_table
 from .sweep_result import Sweep
 
@@ -71,15 +72,19 @@ class SparseGrid:
     def solve(self, wanted: np.ndarray) -> None:
         """Fill in those of the wanted members (m, n) that are not known."""
         members = np.flatnonzero(wanted & ~self.known)
-        with interrupts.deferred():
-            for start in range(0, len(members), CHUNK):
-                interrupts.heed()
-                some = members[start : start + CHUNK]
-                part = solve_chunk(self.question, some, self.question.values_of(some))
-                for name, column in part.columns.items():
-                    self.table.columns[name][some] = column
-                self.known.flat[some] = True
-                self._report()
+        try:
+            with interrupts.deferred():
+                for start in range(0, len(members), CHUNK):
+                    interrupts.heed()
+                    some = members[start : start + CHUNK]
+                    part = solve_chunk(self.question, some, self.question.values_of(some))
+                    for name, column in part.columns.items():
+                        self.table.columns[name][some] = column
+                    self.known.flat[some] = True
+                    self._report()
+        except TimeOver as over:
+            done, seconds = int(self.known.sum()), perf_counter() - self.began
+            raise over.reached(pace(done, self.known.size, seconds)) from None
 
     def _report(self) -> None:
         done, whole, seconds = int(self.known.sum()), self.known.size, perf_counter() - self.began

@@ -17,7 +17,7 @@ from ..running.exclusive import exclusive
 from ..running.time_limit import TimeOver
 from .designs import Members, members_of
 from .execute import check_executor, chunks_of, solved_chunks
-from .progress import SweepProgress, on_screen
+from .progress import SweepProgress, on_screen, pace
 from .question import LAUNCH_SPEED, Question, Table, empty_table, question_of
 from .sweep_result import Sweep, solves_again
 
@@ -185,7 +185,8 @@ def _computed(
             table = store.read()
         return Sweep.of(question, table)
     except (KeyboardInterrupt, TimeOver) as stop:
-        cause = f"{stop}; " if isinstance(stop, TimeOver) else ""
+        now, seconds = int(done.sum()) - before, time.perf_counter() - began
+        cause = f"{stop}; {pace(now, count - before, seconds)}; " if isinstance(stop, TimeOver) else ""
         if store is None:
             raise type(stop)(f"{cause}nothing is kept: name a store to keep what is done") from None
         stored, way = f"{int(done.sum())} of {count} members are in {store.path}", "in the command with --resume"

@@ -4,9 +4,9 @@ code."""
 import ctypes
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent import futures
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from functools import cached_property
 from itertools import accumulate, pairwise
 from typing import NamedTuple
@@ -46,7 +46,24 @@ FIRST_CAPACITY = 16
 
 # One record, one end and one iteration of every point.
 _ONCE = np.ones(3)
-_memory = threading.local()  # the array `records` of each thread, which is reused as new memory is slow to write to
+# Of each thread the array `records`, which is reused as new memory is slow to write to, and whether it is `at_once`.
+_memory = threading.local()
+
+
+@contextmanager
+def compiled_at_once(many: bool = True) -> Iterator[None]:
+    """Make the machine code of each kernel at its first call in this block, if many calls are to come there."""
+    before = getattr(_memory, "at_once", False)
+    _memory.at_once = many or before
+    try:
+        yield
+    finally:
+        _memory.at_once = before
+
+
+def at_once() -> bool:
+    """Whether this thread is in a block of `compiled_at_once`."""
+    return getattr(_memory, "at_once", False)
 
 
 class Iterated(NamedTuple):
@@ -137,7 +154,7 @@ class Kernel:
         seconds = iterations * self.seconds_per_step
         if self._code is None:
             self.interpretation_budget -= seconds
-            if self.interpretation_budget < 0:
+            if self.interpretation_budget < 0 or at_once():
                 self.compile()
         elif self.optimisation_budget < np.inf:
             self.optimisation_budget -= COMPILED_SHARE * seconds
@@ -199,7 +216,7 @@ class Kernel:
         count, first, cost, parts = len(ends), 0, 0.0, list[list[np.ndarray]]()
         while self._code is None and first < count:
             # A call that would use up the budget on its own is compiled for immediately.
-            if self.interpretation_budget < cost * (count - first) and self.compile():
+            if (at_once() or self.interpretation_budget < cost * (count - first)) and self.compile():
                 break
             before = self.interpretation_budget
             parts.append(self._interpret([array[first if len(array) == count else 0] for array in inputs], ends[first]))

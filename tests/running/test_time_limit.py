@@ -7,8 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from orbits import InputError, NoOrbit, find, find_all, follow, sweep, time_limit
+from orbits import Family, InputError, NoOrbit, existence, find, find_all, follow, sweep, time_limit
+from orbits.continuation.tracer import Tracer
 from orbits.running.time_limit import check_time
+from orbits.sweeps import sparse_grid
 from problems import Hopper
 
 
@@ -26,7 +28,12 @@ class TestTimeLimit:
 
     def test_a_block_limits_all_that_is_computed_in_it(self, monkeypatch):
         """Beyond the 30 s that a search has without one, too; a family is handed back as far as it was followed."""
-        with pytest.raises(NoOrbit, match=r"it takes more than 0.3 s.*nothing is kept"), time_limit(0.3):
+        with (
+            pytest.raises(
+                NoOrbit, match=r"it takes more than 0.3 s.*; in 0 s none of 2 members was done; nothing is kept"
+            ),
+            time_limit(0.3),
+        ):
             sweep(Hopper("abs(r) + b*r", parameters={"b": 0.1}), {"b": [0.1, 0.2]}, progress=False)
         late = SimpleNamespace(monotonic=lambda: np.inf)
         with time_limit(60.0):
@@ -42,6 +49,46 @@ class TestTimeLimit:
         assert whole.end.kind == "reached"
         with pytest.raises(InputError, match="limit = -1"), time_limit(-1):
             pass
+
+    def test_a_family_has_its_first_orbit_at_least(self, monkeypatch, tmp_path):
+        """Where the time is over while the points after it are solved; a run goes on from there."""
+        machine, late = Hopper("cubic", rest_length=9.0), SimpleNamespace(monotonic=lambda: np.inf)
+
+        def next_batch(*_):
+            monkeypatch.setattr("orbits.running.time_limit.time", late)
+            check_time()
+
+        monkeypatch.setattr(Tracer, "_next_batch", next_batch)
+        with time_limit(60.0):
+            family = follow(machine, "beta", 0.4, start=0.3, output=tmp_path / "family.jsonl")
+        assert (len(family), family.end.kind) == (1, "interrupted")
+        monkeypatch.undo()
+        saved = Family.load(tmp_path / "family.jsonl", machine)
+        assert saved[0].alpha == family[0].alpha == pytest.approx(find(family.source).alpha, abs=1e-12)
+        assert follow(machine, "beta", 0.4, start=0.3, resume=saved).end.kind == "reached"
+        with pytest.raises(NoOrbit, match=r"more than 0.1 s.* the orbit to begin with is not found"), time_limit(0.1):
+            follow(Hopper("abs(r) + b*r", parameters={"b": 0.1}), "b", 0.2)
+
+    def test_a_diagram_has_its_grid_at_least(self, monkeypatch):
+        """Its boundaries are then midpoints; before the grid is searched there is none."""
+        late = SimpleNamespace(monotonic=lambda: np.inf)
+
+        def diagram(samples, over):
+            end = lambda state: over(state) and monkeypatch.setattr("orbits.running.time_limit.time", late)  # noqa: E731
+            with time_limit(60.0):
+                return existence(
+                    Hopper("cubic"), "beta", (-0.03, 0.01), "rest_length", (25, 30), samples=samples, progress=end
+                )
+
+        found = diagram((9, 2), lambda state: state.done == state.whole)
+        monkeypatch.undo()
+        assert not found.boundaries.located.any()
+        assert "midpoints between members: it takes more than 60 s" in str(found)
+        assert found.motions(0) == [(-0.0075, 0.01)]
+        assert found.unknown(0)
+        monkeypatch.setattr(sparse_grid, "CHUNK", 3)
+        with pytest.raises(NoOrbit, match=r"more than 60 s.*; 3 of 18 members were done in .*others would take about"):
+            diagram((9, 2), lambda state: True)
 
     def test_the_next_search_has_its_own(self):
         with pytest.raises(NoOrbit, match="it takes more than"):

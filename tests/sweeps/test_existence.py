@@ -144,6 +144,24 @@ def test_polygons_cover_the_diagram_once(diagram):
     assert area == pytest.approx((BETWEEN[1] - BETWEEN[0]) * (DELTAS[-1] - DELTAS[0]), rel=1e-12)
 
 
+def test_the_edges_in_the_figure_are_the_curves(diagram):
+    """Between the rows, too: the fold by its own curve, which the line between the points on the rows misses."""
+    curve, size = follow_fold(MACHINE, event_of("fold"), "beta", "delta", -4e-5, at=[-2e-5]), np.array([0.03, 7e-5])
+    exact = next(np.array([point.also["beta"], point.value]) for point in curve.points if point.value == -2e-5) / size
+    rows = np.array([(diagram.stretches(row)[0][0], DELTAS[row]) for row in (0, 1)]) / size
+    (edge,) = [each for each in diagram.plot().collections if each.get_label() == "edge of the orbits"]
+    off = [_distance(exact, np.array(line) / size) for line in (*edge.get_segments(), rows * size)]
+    assert min(off) < 1e-5
+    assert off[-1] > 20 * min(off)
+
+
+def _distance(point: np.ndarray, line: np.ndarray) -> float:
+    """The distance of a point (2,) from a polyline (k, 2)."""
+    ahead, away = line[1:] - line[:-1], point - line[:-1]
+    shares = np.clip((ahead * away).sum(1) / np.maximum((ahead**2).sum(1), 1e-300), 0.0, 1.0)
+    return float(np.linalg.norm(away - shares[:, None] * ahead, axis=1).min())
+
+
 def test_files(diagram, tmp_path):
     document = json.loads(diagram.save(tmp_path / "a.json").read_text(encoding="utf-8"))
     assert (document["along"], document["across"], document["count"]) == ("beta", "delta", 27)

@@ -11,7 +11,7 @@ from kernel_functions import assert_equal, both, countdown, starts
 from orbits import InputError, ReturnMap, find, follow
 from orbits.running import interrupts
 from orbits.symbolic import kernels
-from orbits.symbolic.kernels import Kernel
+from orbits.symbolic.kernels import Kernel, compiled_at_once
 from problems import Hopper
 
 
@@ -186,6 +186,17 @@ def test_nothing_is_compiled_for_a_few_points():
     while not kernel.compiled:
         kernel(starts(1000, 6), np.ones((1, 1)))
     assert_equal(kernel(z, np.ones((1, 1))), few)
+
+
+def test_code_is_made_at_the_first_of_many_calls():
+    """In a block that says so, in other blocks within it too; the numbers are the same."""
+    kernel, z = Kernel(countdown()), starts(5, 6)
+    with compiled_at_once(False):
+        few = kernel(z, np.ones((1, 1)))
+    assert not kernel.compiled
+    with compiled_at_once(), compiled_at_once(False):
+        assert_equal(kernel(z, np.ones((1, 1))), few)
+    assert kernel.compiled
 
 
 def test_rows_of_a_table():

@@ -1,0 +1,163 @@
+"""The cells of a diagram of existence: the parts of each, and the edges between them, along the curves of events where
+these were followed, else straight."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+# Pieces between two points of a curve; and ends of its parts within a cell are boundaries of the cell that lie within
+# this share of the diagram, to which these are located.
+PIECES_BETWEEN, SAME_BOUNDARY = 8, 1e-5
+_Side = tuple[int, int, bool]  # a node, and whether the side of a cell that begins there lies in a row
+_Sides = dict[_Side, list[Any]]
+_Arcs = dict[tuple[int, int], list[np.ndarray]]
+
+
+def cells_of_diagram(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
+    """For each cell of a diagram's grid its polygons, each with the status in it, and its pieces of edges, each with
+    the name of its edge.
+
+    The boundaries on the sides of a cell are joined by the curves that pass it; where none does, two are joined by a
+    line, and more by lines to their middle.
+    """
+    statuses = diagram.statuses.T
+    x, y = diagram.grid[diagram.along].reshape(statuses.shape)[:, 0], np.array(diagram.values)
+    arcs, size = _arcs(diagram, x, y), np.array([np.ptp(x), np.ptp(y) or 1.0])
+    sides = _sides(diagram, _crossings(arcs, x))
+    for i, j in np.ndindex(len(x) - 1, len(y) - 1):
+        ways = ((i, j, True), 1), ((i + 1, j, False), 1), ((i, j + 1, True), -1), ((i, j, False), -1)
+        corners = [(x[i], y[j]), (x[i + 1], y[j]), (x[i + 1], y[j + 1]), (x[i], y[j + 1])]
+        around: list[Any] = []  # corners, without a status, and boundaries, with those before and behind
+        for corner, (place, way) in zip(corners, ways, strict=True):
+            around.append((corner, None))
+            around.extend((point, pair[::way]) for point, pair in sides.get(place, [])[::way])
+        if not any(pair for _, pair in around):
+            yield [(statuses[i, j], corners)], []
+            continue
+        yield _along_curves(around, arcs.get((i, j), []), size) or _along_lines(around)
+
+
+def smooth(curve: Any, size: np.ndarray) -> np.ndarray:
+    """The points (k, 2) of a followed curve and more between them: cubics with the curve's own directions, in units of
+    the diagram's `size` (2,)."""
+    points = np.column_stack([curve.along, curve.across]) / size
+    if len(points) < 2 or len(curve.directions) < len(points):
+        return points * size
+    directions = np.array(curve.directions) / size
+    directions /= np.maximum(np.linalg.norm(directions, axis=1), 1e-300)[:, None]
+    t, a, b = np.arange(PIECES_BETWEEN)[:, None] / PIECES_BETWEEN, points[:-1, None], points[1:, None]
+    chords = np.linalg.norm(b - a, axis=2, keepdims=True)
+    ahead, behind = directions[:-1, None] * chords, directions[1:, None] * chords
+    inner = a + (b - a) * t**2 * (3 - 2 * t) + t * (1 - t) * (ahead * (1 - t) - behind * t)
+    # At a cusp of the curve, which is between two points, the direction turns round.
+    turned = ((ahead * behind).sum(2) <= 0) | ((ahead * (b - a)).sum(2) <= 0) | ((behind * (b - a)).sum(2) <= 0)
+    inner[turned[:, 0]] = (a + (b - a) * t)[turned[:, 0]]
+    return np.vstack([inner.reshape(-1, 2), points[-1:]]) * size
+
+
+def _arcs(diagram: Any, x: np.ndarray, y: np.ndarray) -> _Arcs:
+    """The parts of the diagram's curves within each cell of a grid with places x (m,) and y (n,), each (k, 2)."""
+    found, size = _Arcs(), np.array([np.ptp(x), np.ptp(y) or 1.0])
+    for curve in diagram.curves:
+        points = smooth(curve, size)
+        for axis, lines in enumerate((x, y)):
+            points = _cut(points, axis, lines)
+        middles = 0.5 * (points[1:] + points[:-1])
+        cells = np.column_stack([np.searchsorted(each, middles[:, k]) - 1 for k, each in enumerate((x, y))])
+        changes = np.flatnonzero((cells[1:] != cells[:-1]).any(1)) + 1
+        for first, last in pairwise([0, *changes.tolist(), len(cells)]):
+            if first < last:
+                found.setdefault(tuple(cells[first].tolist()), []).append(points[first : last + 1])
+    return found
+
+
+def _cut(points: np.ndarray, axis: int, lines: np.ndarray) -> np.ndarray:
+    """A polyline (k, 2) with further points where it passes places (m,) along an axis."""
+    away = points[:, axis, None] - lines
+    pieces, which = np.nonzero(away[:-1] * away[1:] < 0)
+    shares = away[pieces, which] / (away[pieces, which] - away[pieces + 1, which])
+    added = points[pieces] + shares[:, None] * (points[pieces + 1] - points[pieces])
+    added[:, axis] = lines[which]
+    order = np.argsort(np.concatenate([np.arange(len(points)), pieces + shares]), kind="stable")
+    return np.concatenate([points, added])[order]
+
+
+def _crossings(arcs: _Arcs, x: np.ndarray) -> dict[tuple[int, int], list[float]]:
+    """The places across at which curves leave cells to the right, by the node at the lower end of that side."""
+    found: dict[tuple[int, int], set[float]] = {}
+    for (i, j), each in arcs.items():
+        for point in (arc[k].tolist() for arc in each for k in (0, -1)):
+            for side in (i, i + 1):
+                if 0 <= side < len(x) and point[0] == x[side]:
+                    found.setdefault((side, j), set()).add(point[1])
+    return {node: sorted(places) for node, places in found.items()}
+
+
+def _sides(diagram: Any, crossings: dict[tuple[int, int], list[float]]) -> _Sides:
+    """The boundaries on the sides of cells, in order. Those between rows that are not located lie where curves pass the
+    side, if as many do."""
+    found, sides = diagram.boundaries, _Sides()
+    parts = (part.tolist() for part in (found.nodes, found.in_row, found.points, found.statuses, found.located))
+    loose = set[_Side]()
+    for (i, j), along, point, pair, located in zip(*parts, strict=True):
+        sides.setdefault((i, j, along), []).append((point, tuple(pair)))
+        if not along and not located:
+            loose.add((i, j, along))
+    for place, side in sides.items():
+        side.sort()
+        places = crossings.get(place[:2], [])
+        if place in loose and len(places) == len(side):
+            side[:] = [([point[0], y], pair) for (point, pair), y in zip(side, places, strict=True)]
+    return sides
+
+
+def _along_curves(around: list[Any], arcs: list[np.ndarray], size: np.ndarray) -> tuple[list[Any], list[Any]] | None:
+    """The polygons and edges of a cell between the arcs that join its boundaries in pairs; None where they do not."""
+    cuts = [k for k, (_, pair) in enumerate(around) if pair]
+    points = np.array([around[k][0] for k in cuts])
+    partners: dict[int, tuple[int, list[Any]]] = {}
+    for arc in arcs:
+        away = np.abs((points[:, None] - arc[[0, -1]]) / size).max(2)
+        a, b = (cuts[k] for k in away.argmin(0).tolist())
+        if a != b and away.min(0).max() < SAME_BOUNDARY and a not in partners and b not in partners:
+            inside = arc[1:-1].tolist()
+            partners[a], partners[b] = (b, inside), (a, inside[::-1])
+    if len(partners) < len(cuts):
+        return None
+    polygons, left = [], dict.fromkeys(cuts)
+    following = dict(pairwise([*cuts, cuts[0]]))
+    while left:
+        start = cut = next(iter(left))
+        status, polygon = around[start][1][1], []
+        while cut in left:
+            del left[cut]
+            end = following[cut]
+            if around[cut][1][1] != status or around[end][1][0] != status:
+                return None
+            last = end if end > cut else end + len(around)
+            polygon += [around[k % len(around)][0] for k in range(cut, last + 1)]
+            cut, inside = partners[end]
+            polygon += inside
+        polygons.append((status, polygon))
+    edges = [
+        (_edge_of(around[a][1]), [around[a][0], *inside, around[b][0]]) for a, (b, inside) in partners.items() if a < b
+    ]
+    return polygons, edges
+
+
+def _along_lines(around: list[Any]) -> tuple[list[Any], list[Any]]:
+    """The polygons and edges of a cell whose boundaries are joined by lines."""
+    cuts = [k for k, (_, pair) in enumerate(around) if pair]
+    middle = np.mean([around[k][0] for k in cuts], axis=0)
+    inner, polygons = [middle] if len(cuts) > 2 else [], []
+    for start, end in pairwise([*cuts, cuts[0] + len(around)]):
+        arc = [around[k % len(around)][0] for k in range(start, end + 1)]
+        polygons.append((around[start][1][1], arc + inner))
+    return polygons, [(_edge_of(pair), [point, middle]) for point, pair in (around[k] for k in cuts)]
+
+
+def _edge_of(pair: tuple[str, str]) -> str:
+    """The name of the edge to which a boundary between two statuses belongs."""
+    return "edge of the orbits" if {*pair} & {"no orbit", "ends"} else "edge of the motions"
