@@ -225,7 +225,7 @@ class Explorer:
                 self._go_along(family, place)
 
     def _go_along(self, family: FamilyResult, place: int) -> None:
-        scene = self._computed.scene.with_numbers(**{family.along: family.values[place]})
+        scene = self._computed.scene.with_numbers(**{family.along: family.values[place]}, **family.tuned[place])
         self._go(replace(scene, start=family.starts[place]), "family point")
 
     def _map_clicked(self, event: Tap | Press) -> None:
