@@ -225,7 +225,7 @@ class Scene:
     @property
     def prescribed(self) -> dict[str, float]:
         """The numbers that are stated of the motion, not of the machine."""
-        return {SPEED: self.numbers.get(SPEED, 0.0)} if self.machine == RUNNER else {}
+        return {SPEED: self.numbers[SPEED]} if self.machine == RUNNER and SPEED in self.numbers else {}
 
     @property
     def start_names(self) -> tuple[str, ...]:
