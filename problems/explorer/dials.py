@@ -72,11 +72,10 @@ def dials_of(machine: Machine, scene: Scene) -> list[Dial]:
 
 
 Exists: TypeAlias = Callable[[str, float], bool]
+Ways: TypeAlias = Mapping[str, tuple[float, float, bool]]
 
 
-def _dial(
-    exists: Exists, name: str, value: float, unit: str, ways: Mapping[str, tuple[float, float, bool]], span: float = SPAN
-) -> Dial:
+def _dial(exists: Exists, name: str, value: float, unit: str, ways: Ways, span: float = SPAN) -> Dial:
     if name in ways:
         low, high, factors = ways[name]
         return Dial(name, value, unit, min(low, value), max(high, value), factors and value > 0, name == "spokes")

@@ -145,6 +145,7 @@ window.startExplorer = (bridge, figures) => {
       caption.hidden = !figures[name].visible;
       if (caption.textContent !== text) caption.textContent = text;
     }
+    $("launch-line").hidden = !figures.map.visible;
     for (const place of document.querySelectorAll("[data-figure]"))
       place.classList.toggle("stale", state.stale.includes(place.dataset.figure));
     $("certificate").classList.toggle("stale", state.stale.includes("machine"));

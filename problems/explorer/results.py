@@ -83,7 +83,11 @@ def start_of(machine: Machine, orbit: Orbit | Point) -> tuple[float, ...]:
     """The start that a scene stores to find an `Orbit`, or a family's `Point`, again."""
     if not machine.model.sticks:
         return orbit.liftoff_extension, orbit.alpha, orbit.flight_time / 2
-    known = stated_unknowns(machine.model, orbit) if isinstance(orbit, Orbit) else dict(zip(START_OF_RUN, orbit.u))
+    known = (
+        stated_unknowns(machine.model, orbit)
+        if isinstance(orbit, Orbit)
+        else dict(zip(START_OF_RUN, orbit.u, strict=False))
+    )
     return tuple(known[name] * (machine.units.of(name) if machine.units else 1.0) for name in START_OF_RUN)
 
 

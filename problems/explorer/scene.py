@@ -33,7 +33,7 @@ LOSSES = ("restitution", "damping", "drag")
 # Numbers of a machine that steps that it may be without; none of them changes a lossless step.
 OPTIONAL_OF_STEPS = ("friction", "share", "slope")
 # A lossless run has a stated speed, for which two numbers of the runner are tuned; where its search begins, by name.
-RUNNER, TUNED_OF_RUNNERS, SPEED = "runner", ("inertia", "hip_stiffness"), "speed"
+RUNNER, TUNED_OF_RUNNERS, SPEED_OF_RUN = "runner", ("inertia", "hip_stiffness"), "speed"
 OPTIONAL_OF_RUNNERS = {True: ("friction",), False: ("friction", "body_mass", "stiffness", "surface_gravity")}
 START_OF_HOP = ("liftoff", "alpha", "duration")
 START_OF_RUN = ("liftoff", "alpha", "theta", "theta'", "phi", "phi'", "duration", "contact_duration", "step")
@@ -95,14 +95,14 @@ BEGINNINGS: dict[tuple[str, bool], dict[str, Any]] = {
     },
     (RUNNER, False): {
         "spring": LINEAR_IN_SI,
-        "along": SPEED,
-        "numbers": {"foot_mass": 0.1, "rest_length": 3.7, "inertia": 5.7, "hip_stiffness": 5.4, SPEED: 0.4},
+        "along": SPEED_OF_RUN,
+        "numbers": {"foot_mass": 0.1, "rest_length": 3.7, "inertia": 5.7, "hip_stiffness": 5.4, SPEED_OF_RUN: 0.4},
     },
     (RUNNER, True): {
         "spring": LINEAR_IN_SI,
-        "along": SPEED,
+        "along": SPEED_OF_RUN,
         "numbers": {"body_mass": 70.0, "foot_mass": 7.0, "rest_length": 0.9, "stiffness": 2800.0, "inertia": 24.0}
-        | {"hip_stiffness": 900.0, "surface_gravity": 9.81, SPEED: 0.7},
+        | {"hip_stiffness": 900.0, "surface_gravity": 9.81, SPEED_OF_RUN: 0.7},
     },
 }
 
@@ -202,8 +202,8 @@ class Scene:
             if len(start) != len(self.start_names) or start[self.start_names.index("duration")] <= 0:
                 raise InputError(f"a start has {', '.join(self.start_names)}, and a duration above 0")
             object.__setattr__(self, "start", start)
-        if not self.prescribed.get(SPEED, 1.0) > 0:
-            raise InputError(f"speed = {numbers[SPEED]:g}; a run goes forward, with a speed above 0")
+        if not self.prescribed.get(SPEED_OF_RUN, 1.0) > 0:
+            raise InputError(f"speed = {numbers[SPEED_OF_RUN]:g}; a run goes forward, with a speed above 0")
         if self.launch is not None and finite_number("launch", self.launch) <= 0:
             raise InputError(f"launch = {self.launch:g}; a launch speed is above 0")
 
@@ -225,7 +225,8 @@ class Scene:
     @property
     def prescribed(self) -> dict[str, float]:
         """The numbers that are stated of the motion, not of the machine."""
-        return {SPEED: self.numbers[SPEED]} if self.machine == RUNNER and SPEED in self.numbers else {}
+        names = (SPEED_OF_RUN,) if self.machine == RUNNER else ()
+        return {name: self.numbers[name] for name in names if name in self.numbers}
 
     @property
     def start_names(self) -> tuple[str, ...]:
@@ -374,8 +375,8 @@ def scene_of_machine(machine: Machine) -> Scene:
 def _scene_of_runner(machine: Machine) -> Scene:
     """The scene of a runner; raises `InputError` for another machine that sticks."""
     si = machine.units is not None
-    numbers = {SPEED: BEGINNINGS[RUNNER, si]["numbers"][SPEED], **machine.values}
-    scene = Scene(RUNNER, si, LINEAR_IN_SI, numbers=numbers, along=SPEED).complete()
+    numbers = {SPEED_OF_RUN: BEGINNINGS[RUNNER, si]["numbers"][SPEED_OF_RUN], **machine.values}
+    scene = Scene(RUNNER, si, LINEAR_IN_SI, numbers=numbers, along=SPEED_OF_RUN).complete()
     if {**scene.build().describe()} != {**machine.describe()}:
         raise InputError("the page tunes the numbers of a `problems.runner` with plain springs: find(tune=) of others")
     return scene

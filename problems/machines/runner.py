@@ -123,6 +123,11 @@ def _runner_drawn() -> Drawing:
     foot = [(f"x + {a}*rest_length", f"z + {b}*rest_length") for a, b in ((-0.05, 0.0), (0.08, 0.0), (0.0, 0.06))]
     path = Outline("path of the hip", [HIP], traced=True)
     return Drawing(
-        [Outline("leg", [("x", "z"), HIP]), Outline("trunk", trunk, ends=True), Outline("foot", foot, closed=True), path],
+        [
+            Outline("leg", [("x", "z"), HIP]),
+            Outline("trunk", trunk, ends=True),
+            Outline("foot", foot, closed=True),
+            path,
+        ],
         onward={"x": "x + step"},
     )

@@ -7,7 +7,9 @@ from .bokeh_figures import GREY, bokeh
 
 CYCLES_PER_SECOND = 0.4  # at first
 # A finger needs a handle that is larger than a pointer's.
-LARGE_HANDLES = """.noUi-target .noUi-handle { width: 24px; height: 24px; right: -12px; top: -9px; border-radius: 12px; }"""
+LARGE_HANDLES = (
+    """.noUi-target .noUi-handle { width: 24px; height: 24px; right: -12px; top: -9px; border-radius: 12px; }"""
+)
 # One function for everything that calls it: `cause` is "layout", "data", "button" or "place". The state is on the
 # source of the motion. Glyphs that are redrawn in each frame are changed in place and not reported
 # to a server (`change.emit` and `sync: false`), or there would be a message for each frame.
