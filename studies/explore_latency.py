@@ -1,8 +1,9 @@
 """How long is it from a slider that is moved to the new picture, in the browser, and from the command to a drawn page?
 
-`orbits explore` is served, a headless Chromium opens the page, and a slider is moved 100 times by JavaScript. What is
-measured is the time from the input event until the figure of the heights has painted the new hop, with the machine
-moving, as people see it; of a hopper, and of a runner, whose numbers are tuned for each speed. Needs the extras `explore` and `browser`, Chromium and chromedriver.
+`orbits explore` is served, a headless Chromium opens the page, and a slider is moved 100 times by JavaScript: of a
+hopper, and of a runner, whose numbers are tuned for each speed. What is measured is the time from the input event until the
+figure of the heights has painted the new motion, with the machine moving, as people see it. Needs the extras `explore`
+and `browser`, Chromium and chromedriver.
 """
 
 import argparse
@@ -16,7 +17,7 @@ import numpy as np
 # 1,200 x 900 pixels, as on a small screen.
 SWITCHES = ("headless=new", "no-sandbox", "disable-gpu", "window-size=1200,900", "no-first-run", "disable-sync")
 DRAWN = "return document.body.dataset.shown > 0 && Bokeh.documents[0].is_idle"
-NOTHING_ELSE = "const {state} = explorer; return ['map-text', 'family-text'].every(t => !/being|growing/.test(state[t]))"
+NOTHING_ELSE = "return ['map-text', 'family-text'].every(text => !/being|growing/.test(explorer.state[text]))"
 MACHINES = {"hopper": ("beta",), "runner": ("speed", "--machine", "runner")}  # the slider, and options of the command
 # Moves the slider, waits for the first paint after the data of the masses are others, and moves it again.
 MOVES = """
@@ -91,7 +92,7 @@ def measured(moves: int, slider: str, *options: str) -> tuple[float, float, np.n
                 driver.get(address)
                 waited(driver, DRAWN)
                 drawn = time.perf_counter() - began
-                waited(driver, NOTHING_ELSE)
+                waited(driver, NOTHING_ELSE, 240.0)  # they have the lowest priority
                 driver.set_script_timeout(120)
                 times = driver.execute_async_script(MOVES, slider, moves, 100, 400)
             finally:
