@@ -259,7 +259,8 @@ def test_a_runner_runs_at_the_speed_of_its_slider(page, address):
         return [0, -1].map(i => [xs.at(i), ys.at(i)]);
     """)
     assert [path[0][-1], path[1][-1]] == pytest.approx([leg[0][1], leg[1][1]], abs=0.1)
-    assert max(path[1]) == pytest.approx(run.certificate.rises["body"] + min(path[1]), rel=0.05)
+    _, _, z, _, leg_length, _, theta, *_ = run(np.linspace(0, run.period, 400)).T
+    assert max(path[1]) == pytest.approx((z + leg_length * np.cos(theta)).max(), rel=1e-3)
     type_in(page, "number-speed", "0.5")
     faster = find(run.source, tune=("inertia", "hip_stiffness"), at={"speed": 0.5}, start=run)
     assert shown(page) == pytest.approx(faster.alpha, rel=1e-6)
