@@ -1,9 +1,9 @@
 """How long is it from a slider that is moved to the new picture, in the browser, and from the command to a drawn page?
 
 `orbits explore` is served, a headless Chromium opens the page, and a slider is moved 100 times by JavaScript: of a
-hopper, and of a runner, whose numbers are tuned for each speed. What is measured is the time from the input event until the
-figure of the heights has painted the new motion, with the machine moving, as people see it. Needs the extras `explore`
-and `browser`, Chromium and chromedriver.
+hopper, and of a runner, whose numbers are tuned for each speed. What is measured is the time from the input event until
+the figure of the heights has painted the new motion, with the machine moving, as people see it. Needs the extras
+`explore` and `browser`, Chromium and chromedriver.
 """
 
 import argparse

@@ -95,7 +95,7 @@ def scene_of_link(query: Mapping[str, list[bytes]]) -> Scene:
         _rows_of(args),
         numbers,
         _whole_in_link("family", args.get("family", "1")),
-        start,  # type: ignore[arg-type]  # the scene checks their number
+        start,
         args.get("along", ""),
         _number_in_link("launch", args["launch"]) if "launch" in args else None,
     )

@@ -163,7 +163,7 @@ def _is_growing(part: Family) -> bool:
 
 def _orbit_of_scene(machine: Machine, scene: Scene) -> Orbit:
     """The orbit of a scene; raises `NoOrbit`."""
-    start = scene.start and dict(zip(scene.start_names, scene.start, strict=True))
+    start = None if scene.start is None else dict(zip(scene.start_names, scene.start, strict=True))
     if not scene.tuned:
         return find(machine, scene.family, start=start)
     try:

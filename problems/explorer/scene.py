@@ -267,7 +267,7 @@ class Scene:
         if self.machine == RUNNER:
             free = OPTIONAL_OF_RUNNERS[self.si]
             if in_spring.pop("stiffness", None) is None and self.spring.replace(" ", "") != LINEAR_IN_SI:
-                own, free = ({n: own[n] for n in own if n != "stiffness"}, [n for n in free if n != "stiffness"])
+                own, free = ({n: own[n] for n in own if n != "stiffness"}, tuple(n for n in free if n != "stiffness"))
         needed = {name: value for name, value in own.items() if name not in free}
         needed |= {name: value for name, value in in_spring.items() if name not in own}
         known = {name: self.numbers.get(name, value) for name, value in needed.items()}

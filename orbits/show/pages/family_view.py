@@ -103,7 +103,7 @@ class FamilyFigure:
         unseen |= {"hover_fill_color": COLOURS[0], "hover_line_color": None, "size": 7}
         points = figure.scatter("value", "quantity", source=self.points, **unseen)
         style = {"marker": "marker", "fill_color": "white", "line_color": INK, "line_width": 1.6, "size": 10}
-        text = {
+        text: dict[str, object] = {
             "text": "label",
             "x_offset": "aside",
             "y_offset": "below",
