@@ -19,6 +19,9 @@ WAYS_OF_STEPS |= {"share": (0.05, 1.0, False), "slope": (-0.1, 0.1, False)}
 UNITS_OF_STEPS = {"mass": "kg", "stiffness": "N m/rad", "surface_gravity": "m/s^2", "angle": "rad", "slope": "rad"}
 UNITS_OF_STEPS |= dict.fromkeys(("length", "half_width", "half_height"), "m")
 UNITS_OF_STEPS |= dict.fromkeys(("inertia", "body_inertia"), "kg m^2")
+SPAN_OF_RUNNERS = 3.0  # a runner whose numbers are changed more has no run, or one that is not found
+UNITS_OF_RUNNERS = {"stiffness": "N/m", "surface_gravity": "m/s^2", "rest_length": "m", "speed": "m/s"}
+UNITS_OF_RUNNERS |= {"body_mass": "kg", "foot_mass": "kg", "inertia": "kg m^2", "hip_stiffness": "N m/rad"}
 WAYS = {"mass_ratio": (0.01, 100.0, True), "link": (0.1, 1.0, True), "rest_angle": (0.5, 3.0, False)}
 
 
@@ -56,8 +59,10 @@ def dials_of(machine: Machine, scene: Scene) -> list[Dial]:
         return True
 
     if scene.steps:
-        units = UNITS_OF_STEPS
-        return [_dial(exists, name, value, units.get(name, ""), WAYS_OF_STEPS) for name, value in scene.numbers.items()]
+        units = UNITS_OF_STEPS if not scene.tuned else UNITS_OF_RUNNERS if scene.si else {}
+        span, ways = (SPAN_OF_RUNNERS, {}) if scene.tuned else (SPAN, WAYS_OF_STEPS)
+        numbers = {name: value for name, value in scene.numbers.items() if name not in scene.tuned}
+        return [_dial(exists, name, value, units.get(name, ""), ways, span) for name, value in numbers.items()]
     units, values = machine_in_words(machine).get("units", {}), machine.values
     names = [name for name in free_parameters(machine) if name in values]
     dials = [_dial(exists, name, values[name], units.get(name, ""), WAYS) for name in names]
@@ -67,15 +72,16 @@ def dials_of(machine: Machine, scene: Scene) -> list[Dial]:
 
 
 Exists: TypeAlias = Callable[[str, float], bool]
+Ways: TypeAlias = Mapping[str, tuple[float, float, bool]]
 
 
-def _dial(exists: Exists, name: str, value: float, unit: str, ways: Mapping[str, tuple[float, float, bool]]) -> Dial:
+def _dial(exists: Exists, name: str, value: float, unit: str, ways: Ways, span: float = SPAN) -> Dial:
     if name in ways:
         low, high, factors = ways[name]
         return Dial(name, value, unit, min(low, value), max(high, value), factors and value > 0, name == "spokes")
     positive = not exists(name, -(abs(value) or 1.0))
     if value > 0 and (positive or value > LARGE):
-        low, high = value / SPAN, value * SPAN
+        low, high = value / span, value * span
         return Dial(name, value, unit, _edge(exists, name, value, low), _edge(exists, name, value, high), True)
     reach = _rounded_up(4 * abs(value)) if value else 1.0
     low, high = (-reach, reach) if value == 0 else (-reach / 4, reach) if value > 0 else (-reach, reach / 4)

@@ -23,9 +23,11 @@ KINDS_IN_WORDS = {
     "wheel": "rimless wheel",
     "rocker": "rocking block",
     "shuttle": "shuttle",
+    "runner": "runner",
     "wheel si": "rimless wheel, in SI",
     "rocker si": "rocking block, in SI",
     "shuttle si": "shuttle, in SI",
+    "runner si": "runner, in SI",
 }
 OFFERED_FAMILIES = 12
 REST_LENGTHS = {False: 10.0, True: 1.0}  # defaults for a spring without one, by whether it is in SI
@@ -42,6 +44,7 @@ def shown_fields(scene: Scene, dials: list[Dial], has_python_machine: bool) -> d
     families = sorted({*range(1, OFFERED_FAMILIES + 1), scene.family})
     kinds = KINDS_IN_WORDS | ({PYTHON_MACHINE: "the machine of the Python call"} if has_python_machine else {})
     names = [dial.name for dial in dials if dial.name != "restitution" and not dial.whole]
+    names = [*scene.prescribed] if scene.tuned else names  # along another number a third one would have to be tuned
     return {
         "scene": {
             "kind": scene.machine + (" si" if scene.si else ""),
@@ -49,7 +52,7 @@ def shown_fields(scene: Scene, dials: list[Dial], has_python_machine: bool) -> d
             "spring": "" if rows else scene.spring,
             "gravity": scene.gravity,
             "fixed": fixed,
-            "steps": scene.steps,
+            "steps": "runs" if scene.tuned else "yes" if scene.steps else "no",
             "floating": None if free is None else free not in scene.numbers,
             "rows": rows and {"name": rows.name, "branch": rows.branch or "", "noise": rows.noise},
             "along": scene.along,
@@ -66,7 +69,9 @@ def shown_fields(scene: Scene, dials: list[Dial], has_python_machine: bool) -> d
 
 def _free_number(scene: Scene) -> str | None:
     """The number that a machine may be without, as one with a spring that is long enough, or with small angles."""
-    return None if scene.fixed_laws or (scene.steps and scene.si) else "angle" if scene.steps else "rest_length"
+    if scene.fixed_laws or scene.tuned or (scene.steps and scene.si):
+        return None
+    return "angle" if scene.steps else "rest_length"
 
 
 def dial_label(name: str) -> str:

@@ -16,10 +16,12 @@ from ..laws.springs import HYSTERETIC_KINDS
 from ..machines.files import MASSES, SI_KEYS, SI_KEYS_OF_STEPS, STEPPING
 from ..machines.steps import RATIOS
 from .scene import (
+    BEGINNINGS,
     LARGEST_ROWS,
     LINEAR_IN_SI,
     LOSSES,
     PYTHON_MACHINE,
+    RUNNER,
     DroppedRows,
     Scene,
     beginning,
@@ -93,7 +95,7 @@ def scene_of_link(query: Mapping[str, list[bytes]]) -> Scene:
         _rows_of(args),
         numbers,
         _whole_in_link("family", args.get("family", "1")),
-        start,  # type: ignore[arg-type]  # the scene checks their number
+        start,
         args.get("along", ""),
         _number_in_link("launch", args["launch"]) if "launch" in args else None,
     )
@@ -140,7 +142,8 @@ def scene_of_statement(stated: Mapping[str, Any], family: int = 1) -> Scene:
     si = stated.get("si")
     machine, spring = stated.get("machine", "hopper"), stated.get("spring")
     if machine in STEPPING:
-        return _scene_of_steps(machine, si, spring, stated.get("parameters", {}), family)
+        own = {name: stated[name] for name in ("mass_ratio", "rest_length") if stated.get(name) is not None}
+        return _scene_of_steps(machine, si, spring, own | stated.get("parameters", {}), family)
     if "ground" in stated:
         raise InputError("the page shows hops on rigid ground, which have a family: leave [ground] out")
     if isinstance(spring, str) and spring.partition(":")[0] in HYSTERETIC_KINDS:
@@ -173,7 +176,7 @@ def _scene_of_steps(
         defaults = {name: each.default for name, each in signature(STEPPING[machine]).parameters.items()}
         usual = {name: defaults[name] for name in SI_KEYS_OF_STEPS[machine] if isinstance(defaults[name], float)}
         numbers |= {name: value for name, value in (usual | dict(si)).items() if (name, value) != ("slope", 0.0)}
-    law = spring or (LINEAR_IN_SI if si is not None else "r")
+    law = spring or BEGINNINGS[machine, si is not None]["spring"]
     return with_surroundings(Scene(machine, si is not None, law, numbers=numbers, family=family).complete())
 
 
@@ -210,9 +213,11 @@ def python_lines(scene: Scene) -> str:
     """The lines of Python that make the scene's machine and find its hop."""
     start = ""
     if scene.start is not None:
-        names = ("liftoff", "alpha", "duration")
-        start = f", start=dict({', '.join(f'{n}={v!r}' for n, v in zip(names, scene.start, strict=True))})"
-    find = f"orbit = find(machine, family={scene.family}{start})\nprint(orbit)\n"
+        known = dict(zip(scene.start_names, scene.start, strict=True))
+        named = f"dict({', '.join(f'{name}={value!r}' for name, value in known.items())})"
+        start = f", start={known!r}" if scene.tuned else f", start={named}"
+    tuned = f", tune={scene.tuned!r}, at={scene.prescribed!r}" if scene.tuned else ""
+    find = f"orbit = find(machine, family={scene.family}{tuned}{start})\nprint(orbit)\n"
     if scene.fixed_laws:
         numbers = ", ".join(f"{name}={value!r}" for name, value in scene.numbers.items() if name != "restitution")
         made = f"from problems import {scene.machine}\n\nmachine = {scene.machine}()"
@@ -226,10 +231,12 @@ def python_lines(scene: Scene) -> str:
     arguments = []
     if scene.steps:
         maker, parameters = STEPPING[kind].__name__, parameters or {}
-        own = si or {name: parameters[name] for name in (*RATIOS, "friction") if name in parameters}
+        names = (*RATIOS, "friction") if kind != RUNNER else SI_KEYS_OF_STEPS[RUNNER]
+        own = si or {name: parameters[name] for name in names if name in parameters}
         parameters = {name: value for name, value in parameters.items() if name not in own}
         arguments += [f"{name}={value!r}" for name, value in own.items()]
         arguments += [f"spring={stated['spring']!r}"] if "spring" in stated else []
+        arguments += ["in_si=True"] if kind == RUNNER and si else []
     elif si is not None:
         arguments += [repr(si[name]) for name in MASSES[kind]]
         arguments += [f"force={stated['spring']!r}"] if "spring" in stated else []

@@ -5,18 +5,24 @@
 window.startExplorer = (bridge, figures) => {
   const $ = (id) => document.getElementById(id);
   const STEPS = 400, LARGEST_ROWS = 1 << 20, PATIENCE = 700;
-  let n = 0, timer = null, state = null;
+  let n = 0, timer = null, began = 0, state = null;
 
-  // A long computation can be stopped, whether a field, a click on a figure or the page itself has requested it.
+  // A long computation is shown with its seconds and can be stopped, whether a field, a click on a figure or the page
+  // itself has requested it.
   const settled = () => state && state.idle && state.n >= n;
-  function offer_stop_later() {
-    clearTimeout(timer);
-    timer = setTimeout(() => { $("stop").hidden = settled(); }, PATIENCE);
+  function show_busy(busy) {
+    for (const id of ["busy", "stop"]) $(id).hidden = !busy;
+    if (busy) write("busy-text", `being solved for ${Math.round((performance.now() - began) / 1000)} s`);
+  }
+  function watch_time() {
+    clearInterval(timer);
+    began = performance.now();
+    timer = setInterval(() => show_busy(!settled() && performance.now() - began >= PATIENCE), PATIENCE);
   }
   function ask(act, rest = {}) {
     n += 1;
     bridge.request = JSON.stringify({n, act, ...rest});
-    offer_stop_later();
+    watch_time();
   }
 
   // A slider has the whole numbers from 0 to STEPS, equal steps or equal factors of a parameter.
@@ -99,7 +105,7 @@ window.startExplorer = (bridge, figures) => {
     $("floating-line").hidden = scene.floating == null;
     $("floating").checked = Boolean(scene.floating);
     $("laws").hidden = scene.fixed;
-    for (const part of document.querySelectorAll("[data-steps]")) part.hidden = (part.dataset.steps == "yes") != scene.steps;
+    for (const part of document.querySelectorAll("[data-steps]")) part.hidden = part.dataset.steps != scene.steps;
     write_field("spring", scene.spring, problems.spring);
     write_field("gravity", scene.gravity, problems.gravity);
     $("spring").disabled = Boolean(scene.rows);
@@ -115,7 +121,7 @@ window.startExplorer = (bridge, figures) => {
 
   // The slider goes through the hops of the family in order along the curve, also past a fold of the parameter.
   function show_place(place) {
-    for (const id of ["place-line", "place-hint"]) $(id).hidden = !place;
+    $("place-line").hidden = !place;
     if (!place) return;
     Object.assign($("place"), {max: place.of - 1, value: place.at});
     $("place").dataset.key = place.key;
@@ -127,13 +133,22 @@ window.startExplorer = (bridge, figures) => {
     write("problem", state.problems.page || "");
     $("problem").hidden = !state.problems.page;
     write("status", state.status);
+    $("status").dataset.verdict = state.verdict;
     write("hop-title", state.title);
     if ($("certificate").dataset.sent !== state.table) {
       $("certificate").dataset.sent = state.table;
       $("certificate").innerHTML = state.table;
     }
-    for (const id of ["machine-text", "family-text", "map-text", "link-text", "python", "file"]) write(id, state[id]);
-    $("map-hint").hidden = !figures.map.visible;
+    for (const id of ["certificate-title", "family-text", "map-text", "link-text", "python", "file"]) write(id, state[id]);
+    for (const caption of document.querySelectorAll("[data-caption]")) {
+      const name = caption.dataset.caption, text = state.captions[name] || "";
+      caption.hidden = !figures[name].visible;
+      if (caption.textContent !== text) caption.textContent = text;
+    }
+    $("launch-line").hidden = !figures.map.visible;
+    for (const place of document.querySelectorAll("[data-figure]"))
+      place.classList.toggle("stale", state.stale.includes(place.dataset.figure));
+    $("certificate").classList.toggle("stale", state.stale.includes("machine"));
     $("undo").disabled = !state.undo;
     $("lowest").hidden = !state.lowest;
     $("save-rows").hidden = !state.scene.rows;
@@ -144,10 +159,10 @@ window.startExplorer = (bridge, figures) => {
       history.replaceState(null, "", `?${state.link}`);
     }
     if (settled()) {
-      clearTimeout(timer);
+      clearInterval(timer);
       timer = null;
-      $("stop").hidden = true;
-    } else if (timer === null) offer_stop_later();
+      show_busy(false);
+    } else if (timer === null) watch_time();
     if (state.n >= n) show_fields();
     document.body.dataset.shown = state.shown;
   }
@@ -222,7 +237,8 @@ window.startExplorer = (bridge, figures) => {
   for (const button of document.querySelectorAll("[data-copy]")) button.addEventListener("click", async () => {
     const from = $(button.dataset.copy);
     await navigator.clipboard.writeText(from.value ?? from.textContent);
-    write("status", "Copied.");
+    button.textContent = "Copied";
+    setTimeout(() => { button.textContent = "Copy"; }, 2000);
   });
   for (const button of document.querySelectorAll("[data-save]")) button.addEventListener("click", async () => {
     const kind = button.dataset.save, name = $("picture").value;
@@ -241,6 +257,46 @@ window.startExplorer = (bridge, figures) => {
     if (!held) Bokeh.index.get(figure).invalidate_layout();  // its legend may have grown meanwhile
   };
   for (const place of document.querySelectorAll("[data-figure]")) seen.observe(place);
+  // On a phone a figure's tools are too small for fingers, and take a tenth of its width.
+  const narrow = matchMedia("(max-width: 600px)");
+  function show_tools() {
+    for (const place of document.querySelectorAll("[data-figure]"))
+      figures[place.dataset.figure].setv({toolbar_location: narrow.matches ? null : "right"}, {sync: false});
+  }
+  narrow.addEventListener("change", show_tools);
+  if (narrow.matches) show_tools();
+
+  // The tour comes up on the first visit alone, and by its button; a browser that stores nothing shows it each time.
+  const steps = [...document.querySelectorAll("#tour li")], memory = (act, ...rest) => {
+    try { return localStorage[act]("tour", ...rest); } catch { return null; }
+  };
+  let at = 0, pointed = null;
+  function tour(step) {
+    at = Math.max(step, 0);
+    pointed?.classList.remove("shown-by-tour");
+    $("tour").hidden = at >= steps.length;
+    if ($("tour").hidden) {
+      memory("setItem", "seen");
+      return;
+    }
+    steps.forEach((each, k) => { each.hidden = k != at; });
+    $("tour-back").hidden = at == 0;
+    $("tour-next").textContent = at == steps.length - 1 ? "Done" : "Next";
+    write("tour-count", `${at + 1} of ${steps.length}`);
+    pointed = $(steps[at].dataset.at);
+    pointed.classList.add("shown-by-tour");
+    if (at) pointed.scrollIntoView({block: "center"}); else scrollTo(0, 0);
+  }
+  function end_tour() {
+    tour(steps.length);
+    $("tour-again").focus();
+  }
+  $("tour-next").addEventListener("click", () => at == steps.length - 1 ? end_tour() : tour(at + 1));
+  $("tour-back").addEventListener("click", () => tour(at - 1));
+  $("tour-end").addEventListener("click", end_tour);
+  $("tour-again").addEventListener("click", () => { tour(0); $("tour-next").focus(); });
+  document.addEventListener("keydown", (event) => { if (event.key == "Escape" && !$("tour").hidden) end_tour(); });
+  if (!memory("getItem")) tour(0);
 
   // The workers of a page that was left are stopped before its session ends; a browser that restores the page from its
   // cache loads it anew.

@@ -225,7 +225,7 @@ class Explorer:
                 self._go_along(family, place)
 
     def _go_along(self, family: FamilyResult, place: int) -> None:
-        scene = self._computed.scene.with_numbers(**{family.along: family.values[place]})
+        scene = self._computed.scene.with_numbers(**{family.along: family.values[place]}, **family.tuned[place])
         self._go(replace(scene, start=family.starts[place]), "family point")
 
     def _map_clicked(self, event: Tap | Press) -> None:
@@ -291,10 +291,14 @@ class Explorer:
         self._figures.law.figure.visible = law is not None
         if law is not None:
             self._figures.law.show(law)
+        self._note_drawn("law", self._computed.scene)
         self._follow()
         self._computed = replace(self._computed, map_text="The map is being computed.")
         self._request("map", self._computed.scene)
         self._send_state()
+
+    def _note_drawn(self, name: str, scene: Scene) -> None:
+        self._computed = replace(self._computed, drawn={**self._computed.drawn, name: scene})
 
     def _follow(self) -> None:
         """Follow the family of the hop, unless it is already shown or being followed."""
@@ -336,6 +340,7 @@ class Explorer:
         elif isinstance(result, MapData):
             self._figures.map.figure.visible = True
             self._figures.map.show(result)
+            self._note_drawn("map", task.arguments[0])
             self._computed = replace(self._computed, map_text=_text_of_map(result), map_centre=result.centre)
         self._send_state()
 
@@ -351,7 +356,7 @@ def _text_of_map(data: MapData) -> str:
     if data.basin is None:
         return "The basin is being found."
     if not data.centre:
-        return f"{data.share or 0:.1%} of these launches come to a lossless hop."
+        return f"{data.share or 0:.1%} of these launches come to a lossless hop: the basin, which is shaded."
     top = f"{data.basin.max():.2g}" + (f" {data.unit}" if data.unit else "")
     return f"Launches up to {top} faster than the lossless step come back to it; others near it lead away from it."
 

@@ -12,10 +12,12 @@ from .fields import shown_fields
 from .forms import link_of, machine_file, python_lines
 from .results import FamilyResult, HopResult
 from .scene import Scene
+from .words import captions, verdict
 
 LONGEST_HISTORY = 200
 GESTURE = 1.0  # seconds: changes of one field that follow sooner are undone together
 ROWS_LEFT_OUT = "The measured rows are too many for a link, which leaves them out: save the machine file and its rows."
+FIGURES_OF_HOP = ("machine", "heights", "portrait", "force")
 MOST_SENT_PIECES = 8  # of a growing family: a slider may have been moved before the newest piece arrived
 
 
@@ -71,6 +73,7 @@ class Computed:
     dials : the sliders that are known, by the `kind_of` their scenes
     family, family_text : the family that is drawn, None without one; its extent, or why there is none, in words
     pieces : the newest families that were drawn, the last one last, each after the key by which the tab refers to it
+    drawn : the scenes whose spring and whose map are drawn, by the figures' names
     map_text, map_centre : the status of the map, in words, and the launch speed from which it counts all others
     """
 
@@ -82,6 +85,7 @@ class Computed:
     family: FamilyResult | None = None
     family_text: str = ""
     pieces: tuple[tuple[str, FamilyResult], ...] = ()
+    drawn: Mapping[str, Scene] = field(default_factory=dict)
     map_text: str = ""
     map_centre: float = 0.0
 
@@ -118,19 +122,21 @@ def tab_state(requested: Requested, computed: Computed, idle: bool, has_python_m
         file = str(error)
     rows = hop.rows if hop else []
     dials = computed.dials_for(requested.scene) or computed.dials_for(scene)
-    failing = f", which is no motion: {'; '.join(hop.violations)}" if hop and hop.violations else ""
-    kind = "step" if scene.steps else "hop"
+    yes_or_no, sentence = verdict(scene, hop, computed.failed)
     return {
         "n": requested.message,
         "shown": computed.count,
         "idle": idle,
-        "status": f"A {kind} of family {scene.family}, alpha = {hop.alpha:.8g}{failing}." if hop else "",
+        "verdict": yes_or_no,
+        "status": sentence,
         "title": hop.data.title if hop else "",
         "problems": {**computed.failed, **requested.refused},
-        "machine-text": _about_the_picture(hop),
+        "captions": captions(scene, hop),
+        "stale": _stale(requested.scene, computed),
+        "certificate-title": f"Certificate: {len(rows)} rows, with error bounds" if rows else "",
         "table": html_table(rows, "Certificate"),
         "undo": requested.can_undo(scene),
-        "lowest": scene.start is not None,
+        "lowest": scene.start is not None and not scene.tuned,
         "link": link,
         "link-text": "" if whole else ROWS_LEFT_OUT,
         "family-text": computed.family_text,
@@ -142,23 +148,12 @@ def tab_state(requested: Requested, computed: Computed, idle: bool, has_python_m
     }
 
 
-def _about_the_picture(hop: HopResult | None) -> str:
-    """What the animated machine shows, in words."""
-    if hop is None:
-        return ""
-    plane, turns = hop.data.plane, hop.data.turns
-    if plane is not None and plane.marks:
-        return (
-            "As one sees it who walks beside it: dots on the ground are where feet stand, and none lands with a speed."
-        )
-    if plane is not None:
-        return "It touches on one side and then on the other, and never lands with a speed."
-    if turns:
-        return (
-            "For small angles there is no picture in the plane. Angles are in units of half that between two spokes or "
-            "walls, and of a block in units of its width over its height."
-        )
-    return "The foot comes to the ground with neither a speed nor an acceleration, and so loses nothing."
+def _stale(requested: Scene, computed: Computed) -> list[str]:
+    """The figures that are not those of the requested scene, by name."""
+    hop = requested.hop
+    names = [*FIGURES_OF_HOP] if computed.hop is not None and computed.scene.hop != hop else []
+    names += [name for name, scene in computed.drawn.items() if scene.hop != hop]
+    return names + ([] if computed.family is None or computed.family_of(requested) else ["family"])
 
 
 def _place(computed: Computed, scene: Scene) -> dict[str, object] | None:

@@ -1,16 +1,17 @@
 """What a worker computes for the page: the hop of a scene, its family piece by piece, the return map around it."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from orbits.continuation.family import Family
 from orbits.continuation.follow import follow
 from orbits.continuation.point import Point
-from orbits.errors import InputError
+from orbits.errors import InputError, NoOrbit
 from orbits.model.machine import Machine
-from orbits.periodic.find import find
+from orbits.periodic.find import find, stated_unknowns
 from orbits.periodic.orbit import Orbit
 from orbits.return_map.return_map import ReturnMap
 from orbits.show.pages.family_view import FamilyData, family_data
@@ -19,12 +20,13 @@ from orbits.show.pages.law_view import LawData, law_data
 from orbits.show.pages.map_view import MapData, map_data
 
 from .dials import Dial, dials_of
-from .scene import Scene
+from .scene import START_OF_RUN, Scene
 
 FIRST_PIECE, PIECE, LONGEST_FAMILY = 12, 60, 2000  # points of a family when it is first shown, per update, in all
 BEYOND = 2.0  # the map is drawn up to this multiple of the hop's launch speed
 SLOWEST_DRAWN = 1e-3  # and from this multiple on
 COBWEB = 80  # hops
+MOST_TRIALS = 16  # of runs on the way from one to another whose numbers are far away, some 0.1 s each
 # The map of a machine that steps is drawn from and to these multiples of the range that leads to its lossless step, by
 # whether landings bounce above it, not below; at a few launches and then at more, each of which takes some 10 ms, and
 # 500 ms where feet take over from each other often.
@@ -65,8 +67,10 @@ def hop_results(python_machine: object, scene: Scene, with_dials: bool) -> Itera
     if with_dials:
         yield DialsResult(dials_of(machine, scene))
     orbit = _orbit_of_scene(machine, scene)
-    if scene.start is not None:
-        scene = replace(scene, start=start_of(orbit))
+    if scene.tuned and orbit.source is not None:
+        scene = scene.with_numbers(**{name: orbit.source.values[name] for name in scene.tuned})
+    if scene.tuned or scene.start is not None:
+        scene = replace(scene, start=start_of(machine, orbit))
     try:
         law = law_data(machine, orbit)
     except InputError:
@@ -75,9 +79,16 @@ def hop_results(python_machine: object, scene: Scene, with_dials: bool) -> Itera
     yield HopResult(scene, hop_data(orbit), law, rows, orbit.alpha, orbit.violations)
 
 
-def start_of(orbit: Orbit | Point) -> tuple[float, float, float]:
+def start_of(machine: Machine, orbit: Orbit | Point) -> tuple[float, ...]:
     """The start that a scene stores to find an `Orbit`, or a family's `Point`, again."""
-    return orbit.liftoff_extension, orbit.alpha, orbit.flight_time / 2
+    if not machine.model.sticks:
+        return orbit.liftoff_extension, orbit.alpha, orbit.flight_time / 2
+    known = (
+        stated_unknowns(machine.model, orbit)
+        if isinstance(orbit, Orbit)
+        else dict(zip(START_OF_RUN, orbit.u, strict=False))
+    )
+    return tuple(known[name] * (machine.units.of(name) if machine.units else 1.0) for name in START_OF_RUN)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,13 +98,15 @@ class FamilyResult:
     of : the scene, with the parameter that the family is followed along
     values : of that parameter, at the points in order along the curve, without events, as no hop is found at a fold
     starts : the starts of these points, each as in a scene
+    tuned : the tuned numbers at these points, by name
     text : the extent of the family and how it ends, in words
     """
 
     of: Scene
     data: FamilyData
     values: tuple[float, ...]
-    starts: tuple[tuple[float, float, float], ...]
+    starts: tuple[tuple[float, ...], ...]
+    tuned: tuple[Mapping[str, float], ...]
     text: str
 
     def nearest(self, value: float, alpha: float) -> int:
@@ -121,7 +134,7 @@ def same_family(scene: Scene, other: Scene) -> bool:
 
 def _beside(scene: Scene) -> Scene:
     """The part of a scene that does not change along a family."""
-    others = {name: value for name, value in scene.numbers.items() if name != scene.along}
+    others = {name: value for name, value in scene.numbers.items() if name not in (scene.along, *scene.tuned)}
     return replace(scene, start=None, launch=None, numbers=others)
 
 
@@ -129,18 +142,19 @@ def family_results(python_machine: object, scene: Scene, low: float, high: float
     """The family through a scene's hop along its parameter, between two values, as it grows from the hop upward and
     then downward."""
     machine, along = scene.build(python_machine), scene.along
-    here = machine.values.get(along)
+    here = scene.prescribed.get(along, machine.values.get(along))
     if here is None:
         raise InputError(f"this machine has no parameter '{along}' to follow")
     hop, bounds = _orbit_of_scene(machine, scene), (min(low, here), max(high, here))
     ways = [(word, stop) for word, stop in (("up", bounds), ("down", bounds[::-1])) if stop[1] != here]
     parts: dict[str, Family] = {}
+    tune: dict[str, Any] = {"tune": scene.tuned} if scene.tuned else {}
     for word, stop in ways:
-        parts[word] = follow(machine, along, stop, family=hop.family, start=hop, most=FIRST_PIECE)
-        yield _family_result(scene, parts, len(ways))
+        parts[word] = follow(machine, along, stop, family=hop.family, start=hop, most=FIRST_PIECE, **tune)
+        yield _family_result(machine, scene, parts, len(ways))
         while _is_growing(parts[word]):
-            parts[word] = follow(machine, along, stop, family=hop.family, resume=parts[word], most=PIECE)
-            yield _family_result(scene, parts, len(ways))
+            parts[word] = follow(machine, along, stop, family=hop.family, resume=parts[word], most=PIECE, **tune)
+            yield _family_result(machine, scene, parts, len(ways))
 
 
 def _is_growing(part: Family) -> bool:
@@ -149,8 +163,46 @@ def _is_growing(part: Family) -> bool:
 
 def _orbit_of_scene(machine: Machine, scene: Scene) -> Orbit:
     """The orbit of a scene; raises `NoOrbit`."""
-    start = scene.start and dict(zip(("liftoff", "alpha", "duration"), scene.start, strict=True))
-    return find(machine, scene.family, start=start)
+    start = None if scene.start is None else dict(zip(scene.start_names, scene.start, strict=True))
+    if not scene.tuned:
+        return find(machine, scene.family, start=start)
+    try:
+        found = _run(machine, scene, start)
+    except NoOrbit:  # the start is that of other numbers, which may be far away
+        found = _run_led_to(machine, scene)
+    _last_run[:] = [(scene, found)]
+    return found
+
+
+def _run(machine: Machine, scene: Scene, start: Any) -> Orbit:
+    return find(machine, scene.family, start=start, tune=scene.tuned, at=scene.prescribed)
+
+
+def _run_led_to(machine: Machine, scene: Scene) -> Orbit:
+    """The run of a scene without a start or, where none is found, the one to which the last run leads as the numbers
+    change little by little; raises the `NoOrbit` of the former."""
+    try:
+        return _run(machine, scene, None)
+    except NoOrbit as error:
+        if not _last_run or _last_run[0][0].numbers.keys() != scene.numbers.keys():
+            raise
+        reason = error
+    (before, run), share, step = _last_run[0], 0.0, 0.5
+    for _ in range(MOST_TRIALS):
+        ahead = min(share + step, 1.0)
+        x = {name: (1 - ahead) * before.numbers[name] + ahead * value for name, value in scene.numbers.items()}
+        between = scene.with_numbers(**x)
+        try:
+            run, share = _run(between.build(), between, run), ahead
+        except NoOrbit:
+            step /= 2
+        if share == 1:
+            return run
+    raise NoOrbit(f"no run is found from the run before, nor from the hop on the spot: {reason}")
+
+
+# The run found last and its scene, from which one of numbers that are far away is reached.
+_last_run: list[tuple[Scene, Orbit]] = []
 
 
 def joined_ways(parts: list[Family]) -> Family:
@@ -164,12 +216,13 @@ def joined_ways(parts: list[Family]) -> Family:
     return replace(up, points=(*down.points[:0:-1], *up.points), events=tuple(events))
 
 
-def _family_result(scene: Scene, parts: dict[str, Family], ways: int) -> FamilyResult:
+def _family_result(machine: Machine, scene: Scene, parts: dict[str, Family], ways: int) -> FamilyResult:
     family = joined_ways(list(parts.values()))
     ended = {word: part for word, part in parts.items() if not _is_growing(part)}
     endings = ". ".join(f"{word}: {part.end.kind}, {part.end.reason}" for word, part in ended.items())
     text = f"{len(family)} orbits" + (f". {endings}." if len(ended) == ways else ", still growing")
-    values, starts = tuple(p.value for p in family.points), tuple(start_of(p) for p in family.points)
+    values, starts = tuple(p.value for p in family.points), tuple(start_of(machine, p) for p in family.points)
+    tuned = tuple({name: point.also[name] for name in scene.tuned} for point in family.points)
     data = family_data(family)
     ends = [(part[-1].value, part[-1].alpha, f"end: {part.end.kind}") for part in ended.values()]
     # The last event of a family is its end; this family may have two ends, or none yet.
@@ -177,7 +230,7 @@ def _family_result(scene: Scene, parts: dict[str, Family], ways: int) -> FamilyR
         name: [*list(column)[:-1], *(end[k] for end in ends)] for k, (name, column) in enumerate(data.events.items())
     }
     data = replace(data, events=events)
-    return FamilyResult(scene, data, values, starts, text)
+    return FamilyResult(scene, data, values, starts, tuned, text)
 
 
 def map_results(python_machine: object, scene: Scene) -> Iterator[MapData]:

@@ -32,6 +32,11 @@ LINEAR_IN_SI = "stiffness*r"
 LOSSES = ("restitution", "damping", "drag")
 # Numbers of a machine that steps that it may be without; none of them changes a lossless step.
 OPTIONAL_OF_STEPS = ("friction", "share", "slope")
+# A lossless run has a stated speed, for which two numbers of the runner are tuned; where its search begins, by name.
+RUNNER, TUNED_OF_RUNNERS, SPEED_OF_RUN = "runner", ("inertia", "hip_stiffness"), "speed"
+OPTIONAL_OF_RUNNERS = {True: ("friction",), False: ("friction", "body_mass", "stiffness", "surface_gravity")}
+START_OF_HOP = ("liftoff", "alpha", "duration")
+START_OF_RUN = ("liftoff", "alpha", "theta", "theta'", "phi", "phi'", "duration", "contact_duration", "step")
 MOST_NUMBERS, LARGEST_SHOWN_FAMILY, LONGEST_LAW = 40, 1000, 2000
 LARGEST_ROWS = 1 << 20  # characters of a dropped table
 NAME = re.compile(r"[A-Za-z_]\w{0,39}", re.ASCII)
@@ -88,6 +93,17 @@ BEGINNINGS: dict[tuple[str, bool], dict[str, Any]] = {
         "numbers": {"inertia": 0.5, "body_inertia": 0.5, "stiffness": 20.0, "angle": 0.3, "mass": 2.0, "length": 0.4}
         | {"surface_gravity": 9.81},
     },
+    (RUNNER, False): {
+        "spring": LINEAR_IN_SI,
+        "along": SPEED_OF_RUN,
+        "numbers": {"foot_mass": 0.1, "rest_length": 3.7, "inertia": 5.7, "hip_stiffness": 5.4, SPEED_OF_RUN: 0.4},
+    },
+    (RUNNER, True): {
+        "spring": LINEAR_IN_SI,
+        "along": SPEED_OF_RUN,
+        "numbers": {"body_mass": 70.0, "foot_mass": 7.0, "rest_length": 0.9, "stiffness": 2800.0, "inertia": 24.0}
+        | {"hip_stiffness": 900.0, "surface_gravity": 9.81, SPEED_OF_RUN: 0.7},
+    },
 }
 
 
@@ -141,8 +157,7 @@ class Scene:
     rows : a measured spring, which replaces `spring`
     numbers : the parameters by name, those of the formulas among them
     family : of the hop
-    start : lift-off extension, launch speed and half the flight's duration from which the hop is found, where it is
-        not the lowest of its family
+    start : the unknowns `start_names` from which the hop is found, where it is not the lowest of its family
     along : the parameter that the family is followed along, "" for none
     launch : the launch speed from which a cobweb is drawn in the return map
     """
@@ -154,7 +169,7 @@ class Scene:
     rows: DroppedRows | None = None
     numbers: Mapping[str, float] = field(default_factory=dict)
     family: int = 1
-    start: tuple[float, float, float] | None = None
+    start: tuple[float, ...] | None = None
     along: str = ""
     launch: float | None = None
 
@@ -184,9 +199,11 @@ class Scene:
         object.__setattr__(self, "numbers", numbers)
         if self.start is not None:
             start = tuple(finite_number("start", value) for value in self.start)
-            if len(start) != 3 or start[2] <= 0:
-                raise InputError("a start is a lift-off extension, a launch speed and a duration above 0")
+            if len(start) != len(self.start_names) or start[self.start_names.index("duration")] <= 0:
+                raise InputError(f"a start has {', '.join(self.start_names)}, and a duration above 0")
             object.__setattr__(self, "start", start)
+        if not self.prescribed.get(SPEED_OF_RUN, 1.0) > 0:
+            raise InputError(f"speed = {numbers[SPEED_OF_RUN]:g}; a run goes forward, with a speed above 0")
         if self.launch is not None and finite_number("launch", self.launch) <= 0:
             raise InputError(f"launch = {self.launch:g}; a launch speed is above 0")
 
@@ -199,6 +216,22 @@ class Scene:
     def steps(self) -> bool:
         """Whether formulas state a machine that steps."""
         return self.machine in STEPPING
+
+    @property
+    def tuned(self) -> tuple[str, ...]:
+        """The numbers of the machine that are tuned, and so are results: the scene has values at which that begins."""
+        return TUNED_OF_RUNNERS if self.machine == RUNNER else ()
+
+    @property
+    def prescribed(self) -> dict[str, float]:
+        """The numbers that are stated of the motion, not of the machine."""
+        names = (SPEED_OF_RUN,) if self.machine == RUNNER else ()
+        return {name: self.numbers[name] for name in names if name in self.numbers}
+
+    @property
+    def start_names(self) -> tuple[str, ...]:
+        """The names of the unknowns of a start."""
+        return START_OF_RUN if self.machine == RUNNER else START_OF_HOP
 
     @property
     def hop(self) -> "Scene":
@@ -230,9 +263,13 @@ class Scene:
     def _complete_steps(self) -> "Scene":
         """The same of a machine that steps."""
         free = (*(() if self.si else ("angle",)), *OPTIONAL_OF_STEPS)  # without units no angle is for small ones
-        own = BEGINNINGS[self.machine, self.si]["numbers"]
+        own, in_spring = BEGINNINGS[self.machine, self.si]["numbers"], _names_in(self.spring)
+        if self.machine == RUNNER:
+            free = OPTIONAL_OF_RUNNERS[self.si]
+            if in_spring.pop("stiffness", None) is None and self.spring.replace(" ", "") != LINEAR_IN_SI:
+                own, free = ({n: own[n] for n in own if n != "stiffness"}, tuple(n for n in free if n != "stiffness"))
         needed = {name: value for name, value in own.items() if name not in free}
-        needed |= {name: value for name, value in _names_in(self.spring).items() if name not in own}
+        needed |= {name: value for name, value in in_spring.items() if name not in own}
         known = {name: self.numbers.get(name, value) for name, value in needed.items()}
         numbers = known | {name: self.numbers[name] for name in free if name in self.numbers}
         return replace(self, numbers=numbers, along=self.along if self.along in numbers else "")
@@ -257,7 +294,7 @@ class Scene:
 
     def _statement_of_steps(self) -> dict[str, Any]:
         """The same of a machine that steps."""
-        numbers: dict[str, float] = {**self.numbers}
+        numbers: dict[str, float] = {name: x for name, x in self.numbers.items() if name not in self.prescribed}
         if (spokes := numbers.get("spokes", 0.5)).is_integer():
             numbers["spokes"] = int(spokes)
         names = SI_KEYS_OF_STEPS[self.machine] if self.si else []
@@ -313,7 +350,12 @@ def with_surroundings(scene: Scene) -> Scene:
 
 
 def scene_of_machine(machine: Machine) -> Scene:
-    """The scene of any machine: a statement where that makes the same machine, else the machine itself."""
+    """The scene of any machine: a statement where that makes the same machine, else the machine itself.
+
+    Raises `InputError` for a machine that sticks and is no runner with plain springs: its numbers have to be tuned.
+    """
+    if machine.model.sticks:
+        return _scene_of_runner(machine)
     if isinstance(machine, AnyMachine) and machine.kind in KINDS:
         words = machine.describe()
         si = isinstance(machine, MachineInSI)
@@ -328,6 +370,16 @@ def scene_of_machine(machine: Machine) -> Scene:
         except InputError:
             pass  # laws that are Python functions or tables are no formulas
     return scene_with_fixed_laws(machine)
+
+
+def _scene_of_runner(machine: Machine) -> Scene:
+    """The scene of a runner; raises `InputError` for another machine that sticks."""
+    si = machine.units is not None
+    numbers = {SPEED_OF_RUN: BEGINNINGS[RUNNER, si]["numbers"][SPEED_OF_RUN], **machine.values}
+    scene = Scene(RUNNER, si, LINEAR_IN_SI, numbers=numbers, along=SPEED_OF_RUN).complete()
+    if {**scene.build().describe()} != {**machine.describe()}:
+        raise InputError("the page tunes the numbers of a `problems.runner` with plain springs: find(tune=) of others")
+    return scene
 
 
 def _own_numbers(scene: Scene) -> dict[str, float]:

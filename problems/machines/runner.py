@@ -147,7 +147,13 @@ def _runner_drawn() -> Drawing:
         (f"{HIP[0]} + {end}*rest_length*sin(phi)", f"{HIP[1]} + {end}*rest_length*cos(phi)") for end in (-0.1, 0.3)
     ]
     foot = [(f"x + {a}*rest_length", f"z + {b}*rest_length") for a, b in ((-0.05, 0.0), (0.08, 0.0), (0.0, 0.06))]
+    path = Outline("path of the hip", [HIP], traced=True)
     return Drawing(
-        [Outline("leg", [("x", "z"), HIP]), Outline("trunk", trunk, ends=True), Outline("foot", foot, closed=True)],
+        [
+            Outline("leg", [("x", "z"), HIP]),
+            Outline("trunk", trunk, ends=True),
+            Outline("foot", foot, closed=True),
+            path,
+        ],
         onward={"x": "x + step"},
     )

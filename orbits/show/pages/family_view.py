@@ -29,6 +29,8 @@ SHAPES = {"fold": "circle", "branch point": "square", "grazing": "inverted_trian
 SHAPES |= {"contact pulls": "triangle", "landing jerk": "square_x", "collapse": "diamond", "family": "star"}
 SHAPES |= {"law ends": "diamond_cross"}
 OTHER_SHAPE, SHAPE_OF_END = "plus", "square_pin"
+NEAR_EACH_OTHER = (0.2, 0.07)  # events nearer than these shares of the figure's width and height have one label
+PIXELS_ASIDE, RISES = 11, 0.02  # pixels from an event to its label, which a curve that rises more would run into
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +93,7 @@ class FamilyFigure:
         models, new = bokeh("models"), bokeh("models").ColumnDataSource
         self._curve = new(empty_columns("value", "motions", "others"))
         self.points = new(empty_columns("value", "quantity", "alpha", "note"))
-        self._events = new(empty_columns("value", "quantity", "kind", "marker"))
+        self._events = new(empty_columns("value", "quantity", "kind", "marker", "label", "aside", "below", "align"))
         self._here = new(empty_columns("value", "quantity"))
         self.figure = figure = new_figure("", height)
         line = figure.line("value", "motions", source=self._curve, line_width=2.5, color=COLOURS[0])
@@ -101,13 +103,23 @@ class FamilyFigure:
         unseen |= {"hover_fill_color": COLOURS[0], "hover_line_color": None, "size": 7}
         points = figure.scatter("value", "quantity", source=self.points, **unseen)
         style = {"marker": "marker", "fill_color": "white", "line_color": INK, "line_width": 1.6, "size": 10}
-        events = figure.scatter("value", "quantity", source=self._events, **style)
+        text: dict[str, object] = {
+            "text": "label",
+            "x_offset": "aside",
+            "y_offset": "below",
+            "text_align": "align",
+            "text_color": INK,
+            "text_font_size": "12px",
+        }
+        text |= {"text_baseline": "middle", "background_fill_color": "white", "background_fill_alpha": 0.8}
+        figure.text("value", "quantity", source=self._events, **text)
+        figure.scatter("value", "quantity", source=self._events, **style)
         ring = {"size": 16, "fill_color": None, "line_color": COLOURS[1], "line_width": 3}
         here = figure.scatter("value", "quantity", source=self._here, **ring, **MOVING)
         new_item = models.LegendItem
         self._items = [new_item(label="motions", renderers=[line]), new_item(label="no motions", renderers=[dashed])]
         self._items.append(new_item(label="shown", renderers=[here], visible=False))
-        legend_above(figure, *self._items, new_item(label={"field": "kind"}, renderers=[events]), columns=3)
+        legend_above(figure, *self._items, columns=3)
         self._hover = hover([points], [("", "@note")])
         figure.add_tools(self._hover, models.TapTool(renderers=[points]))
 
@@ -128,7 +140,7 @@ class FamilyFigure:
         changes: list[Change] = [
             (self._curve, "data", {name: getattr(data, name) for name in ("value", "motions", "others")}),
             (self.points, "data", data.points),
-            (self._events, "data", {**data.events, "marker": markers}),
+            (self._events, "data", {**data.events, "marker": markers, **_event_labels(data)}),
             (self.figure.xaxis[0], "axis_label", across),
             (self.figure.yaxis[0], "axis_label", up),
             (self._items[0], "visible", bool(np.isfinite(data.motions).any())),
@@ -152,3 +164,26 @@ class FamilyFigure:
         marked = value is not None and quantity is not None
         place = {"value": [value], "quantity": [quantity]} if marked else empty_columns("value", "quantity")
         return [(self._here, "data", place), (self._items[2], "visible", marked)]
+
+
+def _event_labels(data: FamilyData) -> dict[str, list]:
+    """The labels of the events with their distances aside and down in pixels, away from the curve: one label at the
+    first of several events that are close together, and none at the others."""
+    curve = np.array([data.value, data.points["quantity"]], dtype=float)
+    curve = curve[:, np.isfinite(curve).all(0)]
+    low, size = curve.min(1, initial=np.inf), np.ptp(curve, axis=1) if curve.size else np.ones(2)
+    shares, along = (
+        (np.array(each, dtype=float) - low[:, None]) / np.where(size > 0, size, 1.0)[:, None]
+        for each in ([data.events["value"], data.events["quantity"]], curve)
+    )
+    columns: dict[str, list] = {"label": [], "aside": [], "below": [], "align": []}
+    for i, place in enumerate(shares.T):
+        near = (np.abs(shares - place[:, None]) < np.array(NEAR_EACH_OTHER)[:, None]).all(0)
+        kinds = [data.events["kind"][k] for k in np.flatnonzero(near)] if near.argmax() == i else []
+        side = 1 if place[0] < 0.5 else -1
+        beside = along[1, np.abs(along[0] - place[0] - side * NEAR_EACH_OTHER[0] / 2) < NEAR_EACH_OTHER[0] / 2]
+        columns["label"].append(", ".join(dict.fromkeys(kinds)))
+        columns["aside"].append(side * PIXELS_ASIDE)
+        columns["below"].append(PIXELS_ASIDE if len(beside) and beside.mean() > place[1] + RISES else -PIXELS_ASIDE)
+        columns["align"].append("left" if side > 0 else "right")
+    return columns

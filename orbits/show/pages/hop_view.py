@@ -311,7 +311,7 @@ class HopFigures:
         self._shade(figure)
         line = figure.line("time", "force", source=self._force, line_color=INK, line_width=2.5)
         other = figure.line("time", "force", source=self._landed, line_color=GREY, line_width=2.5, line_dash=[5, 3])
-        named = {"of the point that opens next": line, "of the point that landed": other}
+        named = {"on the point that opens": line, "that landed": other}
         items = [bokeh("models").LegendItem(label=name, renderers=[drawn]) for name, drawn in named.items()]
         legend_above(figure, *items)
         figure.scatter("time", "force", source=self._bodies, size=9, color=INK, line_color="white", **MOVING)

@@ -96,9 +96,9 @@ class MapFigure:
         figure.scatter(
             "alpha", "following", source=self._start, color=COLOURS[1], line_color="white", size=10, **MOVING
         )
-        names = ("map", line), ("next = this", identity), ("cobweb", web), ("comes back to a lossless one", strips)
+        names = ("map", line), ("next = this", identity), ("cobweb", web), ("basin", strips)
         self._items = {name: models.LegendItem(label=name, renderers=[drawn]) for name, drawn in names}
-        legend_above(figure, *self._items.values(), columns=2)
+        legend_above(figure, *self._items.values())
         entries = [("launch speed", "@alpha{%.6g}"), ("next", "@following{%.6g}")]
         figure.add_tools(hover([line], entries, mode="vline"))
 
@@ -124,5 +124,5 @@ class MapFigure:
         unit = (f" - {data.centre:.9g}" if data.centre else "") + (f" ({data.unit})" if data.unit else "")
         changes += [(self.figure.xaxis[0], "axis_label", "launch speed" + unit)]
         changes += [(self.figure.yaxis[0], "axis_label", "next launch speed" + unit)]
-        shown = {"cobweb": data.web.size > 0, "comes back to a lossless one": len(basin) > 0}
+        shown = {"cobweb": data.web.size > 0, "basin": len(basin) > 0}
         return [*changes, *((self._items[name], "visible", is_shown) for name, is_shown in shown.items())]

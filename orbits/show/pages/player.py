@@ -6,6 +6,10 @@ from ..plane import BEHIND
 from .bokeh_figures import GREY, bokeh
 
 CYCLES_PER_SECOND = 0.4  # at first
+# A finger needs a handle that is larger than a pointer's.
+LARGE_HANDLES = (
+    """.noUi-target .noUi-handle { width: 24px; height: 24px; right: -12px; top: -9px; border-radius: 12px; }"""
+)
 # One function for everything that calls it: `cause` is "layout", "data", "button" or "place". The state is on the
 # source of the motion. Glyphs that are redrawn in each frame are changed in place and not reported
 # to a server (`change.emit` and `sync: false`), or there would be a message for each frame.
@@ -149,13 +153,14 @@ def new_player(machine: Any, **sources: Any) -> Any:
     arguments; so the source of a figure with a legend has no callback.
     """
     models = bokeh("models")
-    button = models.Toggle(label="Pause", active=True, width=64, align="end", name="play")
+    button = models.Toggle(label="Pause", active=True, width=72, height=44, align="end", name="play")
+    style = {"stylesheets": [models.InlineStyleSheet(css=LARGE_HANDLES)]}
     speed = models.Slider(
-        start=0.05, end=2, step=0.05, value=CYCLES_PER_SECOND, title="Cycles/s", width=120, name="speed"
+        start=0.05, end=2, step=0.05, value=CYCLES_PER_SECOND, title="Cycles/s", width=120, name="speed", **style
     )
     slider = models.Slider(
         start=0, end=1, step=0.001, value=0, title="Place", sizing_mode="stretch_width", format="0.000",
-        min_width=100, name="place",
+        min_width=100, name="place", **style,
     )  # fmt: skip
     models_by_name = dict(machine=machine, button=button, speed=speed, slider=slider, **sources)
     causes = [(machine, "inner_width", "layout"), (machine, "inner_height", "layout")]

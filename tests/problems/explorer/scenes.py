@@ -30,6 +30,8 @@ SCENES = {
 SCENES |= {
     "wheel": beginning("wheel", True),
     "small rocker": Scene("rocker", numbers={"inertia_ratio": 0.7, "gravity_ratio": 0.5}, family=2),
+    "runner": beginning("runner"),
+    "runner in SI": beginning("runner", True).with_numbers(friction=0.5).complete(),
     "cubic shuttle": replace(beginning("shuttle"), spring="r + beta*r**3").complete(),
 }
 given = pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)

@@ -5,6 +5,7 @@ import pytest
 from orbits import InputError
 from orbits.errors import LONGEST_MESSAGE
 from problems import rimless_wheel
+from problems.explorer.dials import dials_of
 from problems.explorer.fields import changed, shown_fields
 from problems.explorer.scene import beginning
 from tests.problems.explorer.scenes import SCENES
@@ -57,6 +58,18 @@ def test_what_no_machine_that_steps_has_is_refused(act, value, words):
     change = {"name": "spokes", "value": value} if act != "rows" else {"name": "x.csv", "text": "extension,force\n"}
     with pytest.raises(InputError, match=words):
         changed(SCENES["wheel"], act, change).build()
+
+
+def test_a_run_has_a_speed_above_0_and_its_tuned_numbers_are_no_sliders():
+    runner = beginning("runner")
+    with pytest.raises(InputError, match="with a speed above 0"):
+        changed(runner, "number", {"name": "speed", "value": 0.0})
+    fields = shown_fields(runner, dials_of(runner.build(), runner), False)
+    assert [dial["name"] for dial in fields["dials"]] == ["foot_mass", "rest_length", "speed"]
+    assert fields["alongs"] == [("", "none"), ("speed", "speed")]  # along another one a third would have to be tuned
+    quadratic = changed(runner, "spring", {"value": "r + b*r**3"})
+    assert quadratic.build().values["b"] == quadratic.numbers["b"]
+    assert "stiffness" not in quadratic.build().values
 
 
 def test_small_angles_and_back():

@@ -46,8 +46,9 @@ def test_python_lines_find_the_same_hop(scene, tmp_path, monkeypatch):
     path.write_text(python_lines(scene), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     orbit = runpy.run_path(str(path))["orbit"]
-    start = scene.start and dict(zip(("liftoff", "alpha", "duration"), scene.start, strict=True))
-    assert orbit.alpha == find(scene.build(), scene.family, start=start).alpha
+    start = scene.start and dict(zip(scene.start_names, scene.start, strict=True))
+    tuned = {"tune": scene.tuned, "at": scene.prescribed} if scene.tuned else {}
+    assert orbit.alpha == find(scene.build(), scene.family, start=start, **tuned).alpha
 
 
 def test_python_lines_of_a_machine_with_fixed_laws(tmp_path):
@@ -132,6 +133,7 @@ def test_rows_that_are_too_many_stay_out_of_the_link():
         ({"si": {"body_mass": 70.0, "foot_mass": 5.0, "stiffness": 2e4, "rest_length": 1.0}}, "stiffness"),
         ({"machine": "juggler"}, "mass_ratio"),
         ({"machine": "wheel"}, "angle"),
+        ({"machine": "runner", "rest_length": 4.0}, "speed"),
         ({"machine": "rocker", "parameters": {"inertia_ratio": 2.0}}, "gravity_ratio"),
     ],
 )

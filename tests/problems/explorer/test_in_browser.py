@@ -10,7 +10,7 @@ pytest.importorskip("bokeh")
 
 from orbits import find, follow
 from orbits.show.plot import COLOURS
-from problems import Hopper, rimless_wheel, rocking_block
+from problems import Hopper, rimless_wheel, rocking_block, runner
 from problems.explorer.forms import scene_of_link
 from problems.laws import springs
 from tests.browser import Page, chromium, wait_for
@@ -48,6 +48,8 @@ def browser(address):  # it ends before the server does, which it would miss
 def page(browser: Page, address: str):
     """The page with what it begins with, drawn."""
     browser.resize(1200)
+    browser.open(address)
+    browser.run("localStorage.setItem('tour', 'seen')")
     browser.open(address)
     shown(browser)
     yield browser
@@ -226,7 +228,7 @@ def test_a_wheel_walks_in_the_plane(page, address):
     page.open(address + "?machine=wheel&si=1&spring=stiffness*r&p.friction=0.3")
     wheel = rimless_wheel(2.0, 0.4, 8, 0.5, 0.5, 20.0)
     assert shown(page) == pytest.approx(find(wheel).alpha, rel=1e-6)
-    assert "no motion: it needs the friction 0.405608" in element(page, "status").text
+    assert "No motion: it needs the friction 0.405608" in element(page, "status").text
     assert not element(page, "drop").is_displayed()
     page.resize(400)
     assert is_not_blank(page, "machine")
@@ -243,6 +245,53 @@ def test_a_wheel_walks_in_the_plane(page, address):
     assert body[1].mean() == pytest.approx(spokes[0][1][0], rel=1e-6)
     page.run("const s = document.getElementById('machine'); s.value = 'rocker'; s.dispatchEvent(new Event('change'))")
     assert shown(page) == pytest.approx(find(rocking_block(angle=0.3)).alpha, rel=1e-6)
+
+
+def test_a_runner_runs_at_the_speed_of_its_slider(page, address):
+    """Its numbers are tuned, and the path drawn behind it ends at its hip."""
+    page.open(address + "?machine=runner&spring=stiffness*r&along=speed")
+    run = find(runner(), tune=("inertia", "hip_stiffness"), at={"speed": 0.4})
+    assert shown(page) == pytest.approx(run.alpha, rel=1e-6)
+    assert f"inertia = {run.source.values['inertia']:.6g}" in element(page, "status").text
+    leg, path = page.run("""
+        const lines = explorer.figures.machine.renderers.map(r => r.data_source.data);
+        const {xs, ys} = lines.find(data => data.size && data.closed);
+        return [0, -1].map(i => [xs.at(i), ys.at(i)]);
+    """)
+    assert [path[0][-1], path[1][-1]] == pytest.approx([leg[0][1], leg[1][1]], abs=0.1)
+    _, _, z, _, leg_length, _, theta, *_ = run(np.linspace(0, run.period, 400)).T
+    assert max(path[1]) == pytest.approx((z + leg_length * np.cos(theta)).max(), rel=1e-3)
+    type_in(page, "number-speed", "0.5")
+    faster = find(run.source, tune=("inertia", "hip_stiffness"), at={"speed": 0.5}, start=run)
+    assert shown(page) == pytest.approx(faster.alpha, rel=1e-6)
+    assert "speed above 0" not in problem(page)
+    type_in(page, "number-speed", "-1")
+    shown(page)
+    assert "speed above 0" in problem(page)
+
+
+def test_the_tour_comes_once_and_when_it_is_called(page, address):
+    page.run("localStorage.removeItem('tour')")
+    page.open(address)
+    shown(page)
+    assert element(page, "tour").is_displayed()
+    assert not element(page, "certificate").is_displayed()  # its rows are folded
+    page.driver.find_element("tag name", "body").send_keys("\ue00c")  # Escape
+    assert not element(page, "tour").is_displayed()
+    page.open(address)
+    shown(page)
+    assert not element(page, "tour").is_displayed()
+    element(page, "tour-again").send_keys("\ue007")  # Enter
+    first = element(page, "tour").text
+    page.driver.switch_to.active_element.send_keys("\ue007")
+    assert element(page, "tour").text != first
+    assert "2 of 6" in element(page, "tour").text
+    for _ in range(5):
+        element(page, "tour-next").send_keys("\ue007")
+    assert not element(page, "tour").is_displayed()
+    assert page.driver.switch_to.active_element.get_attribute("id") == "tour-again"
+    element(page, "certificate-title").send_keys("\ue007")
+    assert element(page, "certificate").is_displayed()
 
 
 def test_a_click_in_the_map_launches_there(page):

@@ -85,6 +85,20 @@ def tab(monkeypatch):
     return Tab
 
 
+def test_a_picture_of_other_numbers_is_dimmed_beside_the_verdict(tab):
+    page = tab(beginning("juggler"))
+    assert (page.told["verdict"], page.told["stale"]) == ("yes", [])
+    told = page.ask("number", name="mass_ratio", value=-1.0)
+    assert told["verdict"] == "no"
+    assert {"machine", "heights", "portrait", "force"} <= {*told["stale"]}
+    assert "mass_ratio" in told["problems"]["page"]
+    told = page.ask("spring", value="r +")  # no scene, so that the last one stands
+    assert "r +" in told["problems"]["spring"]
+    told = page.ask("number", name="mass_ratio", value=2.0)
+    assert (told["verdict"], told["stale"], told["problems"]) == ("yes", [], {})
+    assert told["status"].startswith("A motion: the ball is thrown")
+
+
 @pytest.mark.slow
 def test_the_slider_goes_through_a_fold_from_hop_to_hop(tab):
     page = tab(SOFTENING)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orbits import InputError, find, follow
-from problems import Hopper
+from orbits import InputError, NoOrbit, find, follow
+from problems import Hopper, runner
 
 pytest.importorskip("bokeh")
 
@@ -59,6 +59,37 @@ def test_a_point_beyond_a_fold_is_come_back_to():
     assert moved.alpha == pytest.approx(high, rel=1e-6)  # constant gravity knows no rest length
     (other,) = hop_results(None, replace(scene, start=None), False)
     assert other.alpha < 0.9 * high
+
+
+def test_a_run_is_that_of_find_and_is_found_again_from_its_start():
+    scene = beginning("runner")
+    (result,) = hop_results(None, scene, False)
+    run = find(runner(), tune=("inertia", "hip_stiffness"), at={"speed": 0.4})
+    assert result.alpha == pytest.approx(run.alpha, rel=1e-12)
+    assert result.scene.numbers["inertia"] == pytest.approx(run.source.values["inertia"], rel=1e-11)
+    assert "path of the hip" in result.data.plane.outlines["name"]
+    assert result.data.plane.advance == pytest.approx(run.step, rel=1e-12)
+    (again,) = hop_results(None, result.scene, False)
+    assert again.scene.start == pytest.approx(result.scene.start, rel=1e-11)
+    (moved,) = hop_results(None, result.scene.with_numbers(speed=0.5), False)  # from the start of another speed
+    assert dict(moved.rows)["speed in flight"] == "0.5"
+
+
+@pytest.mark.slow
+def test_runs_far_away_are_reached_and_those_of_a_family_in_si_are_found_again():
+    (near,) = hop_results(None, beginning("runner"), False)
+    far = near.scene.with_numbers(foot_mass=0.2)
+    with pytest.raises(NoOrbit):
+        find(far.build(), start=None, tune=far.tuned, at=far.prescribed)
+    (result,) = hop_results(None, far, False)
+    assert result.violations == ()
+    in_si = beginning("runner", True)
+    *_, family = family_results(None, in_si, 0.6, 0.75)
+    for place in (0, len(family.values) // 2, -1):
+        there = in_si.with_numbers(speed=family.values[place], **family.tuned[place])
+        (run,) = hop_results(None, replace(there, start=family.starts[place]), False)
+        assert run.alpha == pytest.approx(family.starts[place][1], rel=1e-11)
+        assert run.scene.numbers["inertia"] == pytest.approx(family.tuned[place]["inertia"], rel=1e-10)
 
 
 def test_beside_a_lossless_step_the_map_is_as_its_loss_says():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from orbits import InputError
-from problems import Hopper, Juggler, explorer, hopper_in_si, inerter_hopper, rocking_block, shuttle
+from problems import Hopper, Juggler, explorer, hopper_in_si, inerter_hopper, rocking_block, runner, shuttle
 from problems.command.options import first_scene
 from problems.explorer.scene import beginning, scene_of_machine
 from problems.laws import springs
@@ -40,6 +40,20 @@ def test_any_other_machine_keeps_its_laws(machine):
         scene.build()
 
 
+def test_a_runner_made_in_python_is_tuned_on_the_page():
+    machine = runner(0.12, in_si=True, body_mass=2.0, friction=0.7)
+    scene = scene_of_machine(machine)
+    assert (scene.machine, scene.si, scene.along, scene.tuned) == (
+        "runner",
+        True,
+        "speed",
+        ("inertia", "hip_stiffness"),
+    )
+    assert scene.build().values == machine.values
+    with pytest.raises(InputError, match="with plain springs"):
+        scene_of_machine(runner(spring="r + b*r**3", parameters={"b": 0.1}))
+
+
 def test_the_command_lines_machine_is_what_the_page_begins_with(tmp_path):
     assert first_scene(2) == replace(beginning("hopper"), family=2)
     scene = first_scene(machine="juggler", spring="sinh", settings=("b=0.4",), mass_ratio=2.0)
@@ -54,6 +68,7 @@ def test_the_command_lines_machine_is_what_the_page_begins_with(tmp_path):
     )
     balanced = first_scene(machine=f"{tmp_path}/machine.toml").build()
     assert balanced.describe() == shuttle(0.5, 0.5, 20.0, 0.3).describe()
+    assert first_scene(machine="runner") == beginning("runner")
     with pytest.raises(InputError, match="without a value"):
         first_scene(machine=None, spring="r + c*r**3")
 

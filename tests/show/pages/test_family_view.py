@@ -1,6 +1,7 @@
 """The figure of a family on a page: motions, events, its end, and the hop that is shown."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -31,6 +32,23 @@ def test_a_family_has_its_motions_events_and_end(softening_family):
     with pytest.raises(InputError, match="no quantity 'weight'"):
         family_data(softening_family, "weight")
     assert pickle.loads(pickle.dumps(data)).labels == data.labels
+
+
+def test_events_are_named_where_they_are(softening_family):
+    """Those that are close together have one label; the legend names the lines alone."""
+    figure = FamilyFigure()
+    figure.show(family_data(softening_family))
+    events = next(r.data_source.data for r in figure.figure.renderers if "label" in r.data_source.data)
+    named = dict(zip(events["kind"], events["label"], strict=True))
+    assert sorted(", ".join(filter(None, named.values())).split(", ")) == sorted(events["kind"])
+    assert named["end: escaped"] == "end: escaped"
+    data = family_data(softening_family)
+    close = {"value": [data.value[0]] * 2, "quantity": [data.points["quantity"][0]] * 2, "kind": ["fold", "collapse"]}
+    figure.show(replace(data, events=close))
+    events = next(r.data_source.data for r in figure.figure.renderers if "label" in r.data_source.data)
+    assert events["label"] == ["fold, collapse", ""]
+    (legend,) = figure.figure.legend
+    assert [item.label.value for item in legend.items] == ["motions", "no motions", "shown"]
 
 
 def test_a_familys_figure_marks_the_hop_that_is_shown(softening_family):

@@ -1,0 +1,73 @@
+"""What the page says in plain words: whether the machine has such a motion, and what each figure shows."""
+
+from collections.abc import Mapping
+
+from .results import HopResult
+from .scene import Scene
+
+# What a machine does for ever without losing energy, by its kind, and why nothing is lost; other machines hop.
+DOES = {
+    "juggler": ("the ball is thrown and caught", "the hand meets it with neither a speed nor an acceleration"),
+    "wheel": ("it walks over level ground", "no foot lands with a speed"),
+    "rocker": ("it rocks from edge to edge", "no edge lands with a speed"),
+    "shuttle": ("it goes from wall to wall", "it touches each without a speed"),
+    "runner": ("it runs over level ground", "its foot lands at rest and sticks"),
+}
+IT_HOPS = ("it hops", "its foot lands with neither a speed nor an acceleration")
+NONE_YET, NOT_FOUND = "The first motion is being found.", "No motion is found for these numbers."
+NO_MOTION = "The figures show a solution of the equations that no machine can follow."
+DIMMED = "The figures, which are dimmed, still show the motion before."
+BESIDE_IT = "Seen by one who goes on beside it: dots on the ground are where feet stand, the line is the path so far."
+SMALL_ANGLES = (
+    "For small angles there is no picture in the plane. Angles are in units of half that between two spokes or walls, "
+    "and of a block in units of its width over its height."
+)
+# Of figures that show the same of every machine.
+ON_LAW = "Force over extension; the shaded range is what this motion uses."
+ON_MAP = "The launch speed after a landing: where the curve meets the dashed line, the motion repeats. Click to launch."
+ON_FORCE = "It may never fall below 0: nothing pulls what touches. Where nothing is lost, it begins and ends at 0."
+
+
+def verdict(scene: Scene, hop: HopResult | None, failed: Mapping[str, str]) -> tuple[str, str]:
+    """Whether there is a motion, "yes", "no" or "" where that is not known yet, and the same as a sentence.
+
+    scene, hop : that are shown; None before there is a hop
+    failed : why the hop that was requested last is not shown, by the place on the page
+    """
+    if failed:
+        return "no", f"{NOT_FOUND} {DIMMED}" if hop else NOT_FOUND
+    if hop is None:
+        return "", NONE_YET
+    if hop.violations:
+        return "no", f"No motion: {'; '.join(hop.violations)}. {NO_MOTION}"
+    does, why = DOES.get(scene.machine, IT_HOPS)
+    tuned = " and ".join(f"{name.replace('_', ' ')} = {scene.numbers[name]:.6g}" for name in scene.tuned)
+    needs = f" It needs {tuned}, which are tuned." if tuned else ""
+    return "yes", f"A motion: {does} for ever, and no energy is lost: {why}.{needs}"
+
+
+def captions(scene: Scene, hop: HopResult | None) -> dict[str, str]:
+    """What the figures show, in one line each, by their names."""
+    if hop is None:
+        return {}
+    data, along = hop.data, scene.along.replace("_", " ")
+    stands = "the ball lies on the hand" if "ball" in data.names else "the foot stands"
+    machine, portrait = "The motion, over and over: nothing drives it.", "a closed curve is a motion that repeats"
+    if data.plane is None and data.turns:
+        machine = SMALL_ANGLES
+    elif data.plane is not None and data.plane.marks:
+        machine = BESIDE_IT
+        portrait = "with each step it begins again, turned on by an angle" if data.turns else portrait
+    what, rate, cycle = "Height of each part", "Speed over height", "cycle"
+    if data.turns:
+        what, rate, cycle, stands = "Angle of each body", "Rate over angle", "step", "both points touch"
+    around = f"Each point is the motion of a machine with another {along}, the ring the one above"
+    return {
+        "machine": machine,
+        "heights": f"{what} over one {cycle}; shaded while {stands}.",
+        "portrait": f"{rate}: {portrait}.",
+        "force": f"There is no contact force: {data.why}." if data.why else ON_FORCE,
+        "law": ON_LAW,
+        "family": f"{around}; dashed parts are no motions. Click on the curve to go there, or move the slider.",
+        "map": ON_MAP,
+    }

@@ -1,0 +1,50 @@
+"""The verdict as a sentence, and the lines below the figures."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("bokeh")
+
+from problems.explorer.scene import Scene, beginning
+from problems.explorer.words import captions, verdict
+
+pytestmark = pytest.mark.extra("bokeh")
+
+
+def hop(*violations: str, names=("body", "foot"), turns=False, marks=None, why=""):
+    """A hop with what its words depend on."""
+    plane = None if marks is None else SimpleNamespace(marks=marks)
+    return SimpleNamespace(violations=violations, data=SimpleNamespace(names=names, turns=turns, plane=plane, why=why))
+
+
+def test_the_verdict_says_whether_there_is_a_motion_and_why_not():
+    scene = beginning("hopper")
+    assert verdict(scene, None, {}) == ("", "The first motion is being found.")
+    assert verdict(scene, hop(), {})[0] == "yes"
+    assert verdict(scene, hop(), {})[1].startswith("A motion: it hops for ever")
+    kind, text = verdict(scene, hop("foot below ground at t = 1", "the ground would have to pull"), {})
+    assert (kind, text.startswith("No motion: foot below ground at t = 1; the ground")) == ("no", True)
+    assert verdict(scene, None, {"page": "no"}) == ("no", "No motion is found for these numbers.")
+    assert "dimmed" in verdict(scene, hop(), {"page": "no"})[1]  # the picture beside it is that of other numbers
+    assert "inertia = 5.7 and hip stiffness = 5.4, which are tuned" in verdict(beginning("runner"), hop(), {})[1]
+
+
+@pytest.mark.parametrize(
+    ("scene", "found", "words"),
+    [
+        (beginning("hopper"), hop(), {"heights": "the foot stands", "machine": "nothing drives it", "family": "beta"}),
+        (beginning("juggler"), hop(names=("ball", "hand")), {"heights": "ball lies on the hand"}),
+        (beginning("wheel"), hop(turns=True, marks=[0.0]), {"portrait": "turned on", "heights": "both points touch"}),
+        (beginning("runner"), hop(marks=[0.0]), {"portrait": "closed curve", "machine": "where feet stand"}),
+        (replace(beginning("wheel"), numbers={}), hop(turns=True), {"machine": "For small angles there is no picture"}),
+        (Scene(), hop(why="the contact never ends"), {"force": "no contact force: the contact never ends"}),
+    ],
+)
+def test_each_figure_has_its_line(scene, found, words):
+    lines = captions(scene, found)
+    assert {*lines} == {"machine", "heights", "portrait", "force", "law", "family", "map"}
+    for name, text in words.items():
+        assert text in lines[name]
+    assert captions(scene, None) == {}
