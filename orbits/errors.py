@@ -1,5 +1,6 @@
-"""The toolkit's exceptions, all derived from `OrbitsError`, and the checks of numbers that a user gives."""
+"""The toolkit's exceptions, all derived from `OrbitsError`, and the checks of numbers and names that a user gives."""
 
+from collections.abc import Iterable
 from numbers import Real
 from typing import Any
 
@@ -98,3 +99,11 @@ def whole_number(name: str, value: object, what: str = "", least: int = 1, most:
         kind = f"number of {what}," if what else "whole number"
         raise InputError(f"{name} = {value!r}; it is a {kind} from {least} {bounds}")
     return number
+
+
+def list_of_names(what: str, names: object) -> list[str]:
+    """`names` in a list, where a single one may be text; raises `InputError` that says `what` they are."""
+    found = [names] if isinstance(names, str) else list(names) if isinstance(names, Iterable) else [None]
+    if not all(isinstance(name, str) for name in found):
+        raise InputError(f"{what} = {names!r}; it is a name, or a list of names")
+    return [str(name) for name in found]

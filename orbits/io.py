@@ -336,7 +336,7 @@ def _array(value: object, name: str) -> np.ndarray:
     try:
         array = np.array(value)
         array = np.array(value, dtype=float) if array.dtype.kind == "O" else array
-    except (ValueError, TypeError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{name} is not an array") from None
     if array.dtype.kind == "f" and np.isinf(array).any():
         raise InputError(f"{name} has a number that is not finite")

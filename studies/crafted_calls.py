@@ -45,14 +45,70 @@ NUMBERS = (
     *("nan", "inf", "-inf", "1e308", "-1e308", "1e-320", "-0", "0", "-1", "1", "2.5", "1e999", "x", "", "0x10", "1e15"),
     *("1_000", "\u0661", "1e-16", "9" * 5000, "1,2", "1:2", "0.3 ", "--", "1e5", "7"),
 )
+WHOLE = ("0", "1", "2", "3", "7", "12", "100", "5000", "1000000", "99999999999")
+EXTREMES = (
+    "nan",
+    "inf",
+    "1e308",
+    "1e-320",
+    "-0",
+    "0",
+    "1e-16",
+    "1e15",
+    "0.3",
+    "2.5",
+    "1e5",
+    "-1e308",
+    "1",
+    "1e-5",
+    "20",
+)
 RANGES = ("0:1", "1:0", "1:1", "nan:1", "0:inf", "1e-320:1e308:log", "-1:1:log", "1:2:3:4", ":", "norm(0,0)")
 RANGES += ("norm(nan,1)", "norm(1,1e308)", "norm(0.3,0.02)", "1,2,3", "1,1", ",", "-1e308:1e308", "0:1e-320", "0.3:0.4")
-NAMES = ("beta", "alpha", "mass_ratio", "rest_length", "damping", "x", "", "\u00e9", "a b", "period", "a" * 300, "inject")
+NAMES = (
+    "beta",
+    "alpha",
+    "mass_ratio",
+    "rest_length",
+    "damping",
+    "x",
+    "",
+    "\u00e9",
+    "a b",
+    "period",
+    "a" * 300,
+    "inject",
+)
 FORMULAS = (
-    *("", "x" * 3000, "'", "\x00", "\x1b[31m", "\u00e9", "r^3", "(" * 5000, "r" + "+r" * 4000, "__import__('os')", "1/0"),
+    *(
+        "",
+        "x" * 3000,
+        "'",
+        "\x00",
+        "\x1b[31m",
+        "\u00e9",
+        "r^3",
+        "(" * 5000,
+        "r" + "+r" * 4000,
+        "__import__('os')",
+        "1/0",
+    ),
     *("r/r", "1e308*r", "1e-320*r", "r**1e308", "exp(exp(r))", "sqrt(r)", "log(r)", "abs(r)", "r - 0.5*r**3", "nan*r"),
     *("tanh(1e6*r)", "-r", "0", "1", "r**3", "sin(1e9*r)", "potential:", "potential:r**4", "table:", "loop:", "r; r"),
-    *("1/(1+z)**2", "1e308", "-1", "z", "1 - z", "table:/dev/zero", "cubic", "tanh", "lossy:r", "beta*r", "1/r", "r**-1"),
+    *(
+        "1/(1+z)**2",
+        "1e308",
+        "-1",
+        "z",
+        "1 - z",
+        "table:/dev/zero",
+        "cubic",
+        "tanh",
+        "lossy:r",
+        "beta*r",
+        "1/r",
+        "r**-1",
+    ),
 )
 ODD = (None, True, "", "x" * 300, 1j, b"x", object(), [], {}, (), [[]], {"x": 1}, {1: 2}, (1, 0), (np.nan, 1), "\u00e9")
 ODD += (np.zeros(0), np.array(np.nan), np.array(["a"]), Decimal("NaN"), 10**400, lambda: 0, int, range(3), Path("/"))
@@ -142,7 +198,9 @@ def make_files(folder: Path) -> None:
     orbits.sweep(cubic, {"beta": [0.1, 0.2]}, store=folder / "store.db", progress=False)
     with suppress(InputError):  # without python-flint
         orbits.prove(orbits.find(Hopper())).save(folder / "proof.json")
-    (folder / "rows.csv").write_text("r;f\n" + "\n".join(f"{r / 4};{r / 4 + 0.02 * (r / 4) ** 3}" for r in range(-60, 61)))
+    (folder / "rows.csv").write_text(
+        "r;f\n" + "\n".join(f"{r / 4};{r / 4 + 0.02 * (r / 4) ** 3}" for r in range(-60, 61))
+    )
     (folder / "designs.csv").write_text("beta,mass_ratio\n0.1,1\n0.2,2\n")
     for ending in ("json", "jsonl", "csv", "toml", "db"):
         (folder / f"deep.{ending}").write_text(DEEP)
@@ -178,7 +236,13 @@ def paths(folder: Path) -> list[str]:
     """Names of files that are good, bad or cannot be."""
     good = [str(each) for each in sorted(folder.iterdir())]
     names = [f"new.{ending}" for ending in ("json", "csv", "jsonl", "db", "png", "gif", "nc", "pdf", "x")]
-    bad = ["", "\0.json", "\ud800.csv", "x" * 300, *(f"{'x' * 300}.{end}" for end in ("json", "db", "csv", "toml", "png"))]
+    bad = [
+        "",
+        "\0.json",
+        "\ud800.csv",
+        "x" * 300,
+        *(f"{'x' * 300}.{end}" for end in ("json", "db", "csv", "toml", "png")),
+    ]
     bad += ["/", ".", "/dev/full", "/dev/zero", "/proc/x.json", "/sys/x.db", "no/where.json", "no/where.db", "no/a.png"]
     return [*good, *(str(folder / name) for name in names), *bad, "orbit.json/x.json", "d/" * 3000 + "a.json"]
 
@@ -191,7 +255,13 @@ def crafted_toml(rng: random.Random) -> str:
     value = rng.choice((rng.choice(NUMBERS), json.dumps(rng.choice(FORMULAS)), "[]", "{}", "[nan, 1]", "[0.1, 0.1]"))
     lines[at] = f"{lines[at].split('=')[0]}= {value}"
     if name == "design.toml" and rng.random() < 0.5:
-        extra = ("starts = 'global'", "subject_to = ['alpha <= nan']", "subject_to = ['x <= 1']", "seed = -1", "starts = 9")
+        extra = (
+            "starts = 'global'",
+            "subject_to = ['alpha <= nan']",
+            "subject_to = ['x <= 1']",
+            "seed = -1",
+            "starts = 9",
+        )
         lines.insert(lines.index("[design]") + 1, rng.choice(extra))
     return "\n".join(lines)
 
@@ -207,21 +277,27 @@ def text_for(option: click.Parameter, folder: Path, rng: random.Random) -> str:
         return rng.choice(FORMULAS)
     if "=" in mark or name == "follow":
         mark = ":" if name == "follow" else "="
-        value = rng.choice(RANGES if "RANGE" in (option.metavar or "") or ":" in (option.metavar or "") else NUMBERS)
+        ranges = "RANGE" in (option.metavar or "") or ":" in (option.metavar or "")
+        value = rng.choice(RANGES if ranges else NUMBERS if rng.random() < 0.3 else EXTREMES)
         return rng.choice((f"{rng.choice(NAMES)}{mark}{value}", f"beta{mark}{value}", value))
     if name in ("along", "goal", "outcome", "sampling", "cost", "method", "machine"):
         return rng.choice((*NAMES, *FORMULAS[:12], "grid", "map", "work", "shooting", "wheel", "runner", "hopper"))
     if mark.startswith("A:B") or mark.startswith("A|") or "," in mark:
         return rng.choice((*RANGES, *NUMBERS, "1:2:3", "1:2:1e9", "1:2:-3", "1e-320:1:5", "1:1e308:5", "3:9:1000001"))
-    return rng.choice(NUMBERS)
+    parsed = WHOLE if isinstance(option.type, click.types.IntParamType) else EXTREMES
+    return rng.choice(NUMBERS if rng.random() < 0.2 else parsed)
 
 
 def crafted_line(verb: str, folder: Path, rng: random.Random) -> list[str]:
     """A line of a command with some options replaced or added."""
     (folder / "crafted.toml").write_text(crafted_toml(rng), encoding="utf-8", errors="surrogateescape")
-    words = re.sub(r"[\w.]+\.(json|jsonl|csv|toml|db|png)\b", lambda f: str(folder / f[0]), rng.choice(LINES[verb])).split()
-    options = [each for each in commands.commands[verb].params if isinstance(each, click.Option) and each.name != "limit"]
-    for option in rng.sample(options, rng.choice((1, 1, 1, 2, 3))):
+    words = re.sub(
+        r"[\w.]+\.(json|jsonl|csv|toml|db|png)\b", lambda f: str(folder / f[0]), rng.choice(LINES[verb])
+    ).split()
+    options = [
+        each for each in commands.commands[verb].params if isinstance(each, click.Option) and each.name != "limit"
+    ]
+    for option in rng.sample(options, min(len(options), rng.choice((1, 1, 1, 2, 3)))):
         flag = option.opts[-1]
         if option.is_flag:
             words.append(flag)
@@ -250,7 +326,7 @@ def _machines() -> dict[str, Callable[[], Any]]:
         "in_si": lambda: problems.hopper_in_si(60.0, 3.0, stiffness=8000.0, rest_length=0.8),
         "table": lambda: Hopper(springs.table(tuple(np.transpose(table)))),
         "asteroid": lambda: Hopper(gravity="1/(1 + z/R)**2", rest_length=20, parameters={"R": 150}),
-        "hand": lambda: problems.HeavyHand(mass_ratio=5.0),
+        "hand": lambda: problems.HeavyHand("r + beta*r**3", parameters={"beta": 0.3}),
         "chain": lambda: problems.Chain(),
         "chain_hand": lambda: problems.chain_hand(),
         "knee": lambda: problems.knee_hopper(stiffness=3000.0),
@@ -267,7 +343,7 @@ MACHINES = _machines()
 BUILDERS: dict[str, dict[str, Any]] = {
     "Hopper": {"spring": "r + beta*r**3", "mass_ratio": 1.0, "rest_length": 20.0, "parameters": {"beta": 0.3}},
     "Juggler": {"spring": "tanh", "mass_ratio": 1.0, "parameters": {"b": 0.2}},
-    "HeavyHand": {"mass_ratio": 5.0},
+    "HeavyHand": {"spring": "r + beta*r**3", "parameters": {"beta": 0.3}},
     "hopper_in_si": {"body_mass": 60.0, "foot_mass": 3.0, "stiffness": 8000.0, "rest_length": 0.8},
     "juggler_in_si": {"ball_mass": 0.1, "hand_mass": 1.0, "stiffness": 50.0},
     "Chain": {"masses": (1.0, 1.0, 1.0)},
@@ -419,7 +495,10 @@ def crafted_arguments(function: Callable, known: dict[str, Any], folder: Path, r
     """The arguments of a call with some replaced or added."""
     kinds = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
     stated = {each.name: each.default for each in signature(function).parameters.values() if each.kind in kinds}
-    some, known = [name for name in {**stated, **known} if name not in ("machine", "limit", "executor", "client")], {**known}
+    some, known = (
+        [name for name in {**stated, **known} if name not in ("machine", "limit", "executor", "client", "axes")],
+        {**known},
+    )
     for name in rng.sample(some, min(len(some), rng.choice((1, 1, 1, 2)))):
         known[name] = odd(known.get(name, stated.get(name)), folder, rng, name)
     return known
@@ -492,7 +571,11 @@ def by_python(function: Callable, arguments: dict[str, Any], folder: Path) -> Ou
     except Exception as error:
         return Outcome("fault", f"{type(error).__name__}: {error}"[:300])
     accepted = any(isinstance(each, float) and each != each for each in arguments.values())
-    return Outcome("fault", f"nan in the result or in a value: {text[:300]}") if has_nan(text) or accepted else Outcome("result")
+    return (
+        Outcome("fault", f"nan in the result or in a value: {text[:300]}")
+        if has_nan(text) or accepted
+        else Outcome("result")
+    )
 
 
 def watched(call: Callable[[Terminal], Outcome]) -> Outcome:
@@ -500,12 +583,12 @@ def watched(call: Callable[[Terminal], Outcome]) -> Outcome:
     began = Terminal.heard = time.process_time()
     said, stopped = Terminal(), [0.0]
 
-    def look(*_: object) -> None:
-        now = time.process_time()
+    def look(_: int, frame: Any) -> None:
+        now, place = time.process_time(), f"{frame.f_code.co_filename}:{frame.f_lineno}"
         if stopped[0] and now - stopped[0] > HEEDED:
-            raise Silence("an interrupt is not heeded")
+            raise Silence(f"an interrupt is not heeded, at {place}")
         if not stopped[0] and now - Terminal.heard > SILENT:
-            raise Silence(f"silent for {SILENT:g} s")
+            raise Silence(f"silent for {SILENT:g} s, at {place}")
         if not stopped[0] and now - began > LONGEST:
             stopped[0] = now
             os.kill(os.getpid(), signal.SIGINT)
@@ -569,14 +652,19 @@ def crafted(number: int, seed: int, folder: Path, only: str | None = None) -> Cr
     return Crafted(verb, text, lambda said: by_python(function, given, folder))
 
 
-def main(calls: int = 3000, first: int = 0, seed: int = 0, only: str | None = None, unnamed: bool = False) -> dict[str, Any]:
+def main(
+    calls: int = 3000, first: int = 0, seed: int = 0, only: str | None = None, unnamed: bool = False
+) -> dict[str, Any]:
     """The number of calls of each verb by how they end, and the faults."""
     counts, faults = defaultdict[str, Counter](Counter), list[str]()
     with tempfile.TemporaryDirectory() as name:
         folder, home = Path(name), Path.cwd()
         make_files(folder)
-        whole = {path: (path.stat(), path.read_bytes()) for path in folder.iterdir() if path.is_file() and not
-            path.name.startswith("huge")}
+        whole = {
+            path: (path.stat(), path.read_bytes())
+            for path in folder.iterdir()
+            if path.is_file() and not path.name.startswith("huge")
+        }
         os.chdir(folder)
         try:
             for number in range(first, first + calls):

@@ -252,7 +252,7 @@ def bounds_of(along: str, start: float, stop: object, at: Sequence[float] = ()) 
     behind, ahead = finite_number("stop", behind), finite_number("stop", ahead)
     if start == ahead:
         raise InputError(f"{along} goes from {start:g} to {ahead:g}: there is no way between")
-    if not (SHORTEST_WAY <= abs(ahead - start) and abs(ahead - behind) <= 1 / SHORTEST_WAY):
+    if not (abs(ahead - start) >= SHORTEST_WAY and abs(ahead - behind) <= 1 / SHORTEST_WAY):
         bounds = f"a way is from {SHORTEST_WAY:g} to {1 / SHORTEST_WAY:g} long"
         raise InputError(f"{along} goes from {behind:g} to {ahead:g}: {bounds}; state the parameter in another unit")
     if (behind - start) * (ahead - start) > 0:

@@ -153,6 +153,8 @@ def hold(orbit: Orbit, along: str, *, effort: float = 0.05, landing: float = 20.
 
 def _driven(orbit: Orbit, along: str) -> Mechanism:
     """The machine of an orbit with the force along an extension; raises `InputError` for those that are not held."""
+    if not isinstance(orbit, Orbit):
+        raise InputError(f"orbit = {orbit!r}; hold takes a lossless orbit, as find(machine) returns")
     machine = orbit.source
     if not isinstance(machine, Mechanism) or machine.model.one_speed or machine.model.changes_contact:
         stated = "stands on one foot, and whose launch is more than a speed"

@@ -138,7 +138,7 @@ class ReturnMap:
             return hops_of_launches(self.machine, self.section, alpha, self.inject / self._speed, self.cap)
         try:
             alpha = np.array(alpha, dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise InputError(f"alpha = {alpha!r}; launch speeds are numbers") from None
         launches = np.isfinite(alpha) & (alpha > 0)
         if not (alpha.ndim or launches):

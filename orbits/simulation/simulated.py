@@ -363,7 +363,7 @@ def times_within(t: ArrayLike, end: float, second: str = "") -> np.ndarray:
     """
     try:
         times = np.asarray(t, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         times = np.array(np.nan)
     if not ((times >= 0) & (times <= end * (1 + 1e-12))).all():
         raise InputError(f"times lie between 0 and {end:.6g}{second}")

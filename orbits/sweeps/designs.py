@@ -261,7 +261,7 @@ def as_numbers(name: str, column: Iterable[Any], table: str = "samples") -> np.n
     entries = column if isinstance(column, np.ndarray) and column.dtype.kind == "f" else list(column)
     try:
         values = np.array([np.nan if isinstance(value, bool) else float(value) for value in entries])
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         values = np.array([_as_number(value) for value in entries])
     if not np.isfinite(values).all():
         row = int(np.argmin(np.isfinite(values)))
@@ -272,7 +272,7 @@ def as_numbers(name: str, column: Iterable[Any], table: str = "samples") -> np.n
 def _as_number(value: Any) -> float:
     try:
         return float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return np.nan
 
 

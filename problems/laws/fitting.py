@@ -147,6 +147,8 @@ def fit(
     {'b': 0.3, 'k': 1.0}
     """
     text, own = _formula_of(formula)
+    if not isinstance(start, Mapping | None):
+        raise InputError(f"start = {start!r}; it maps names of parameters to values near them")
     names = sorted(parse(text).names - {"r"})
     own = own | dict(start or {})
     if unknown := [name for name in own if name not in names]:
