@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 LONGEST_MESSAGE = 300  # characters
+LARGEST_NUMBER, LARGEST_SEED = 10**9, 2**64 - 1  # of things that are counted; and of random numbers
 # What stays of a longer message, which quotes its input: its beginning and its end, where the remedy stands.
 HEAD, TAIL = 180, 110
 
@@ -90,12 +91,14 @@ def finite_number(name: str, value: object) -> float:
 
 
 def whole_number(name: str, value: object, what: str = "", least: int = 1, most: int | None = None) -> int:
-    """`value` as a whole number (of `what`) from `least` to `most`; raises `InputError` with the bounds."""
+    """`value` as a whole number (of `what`) from `least` to `most`, by default to a `LARGEST_NUMBER`, which no memory
+    holds; raises `InputError` with the bounds."""
     number = least - 1
     if isinstance(value, int | np.integer) and not isinstance(value, bool):
         number = int(value)
-    if number < least or (most is not None and number > most):
-        bounds = "upwards" if most is None else f"to {most}"
+    largest = LARGEST_NUMBER if most is None else most
+    if not least <= number <= largest:
+        bounds = "upwards" if most is None and number < least else f"to {largest}"
         kind = f"number of {what}," if what else "whole number"
         raise InputError(f"{name} = {value!r}; it is a {kind} from {least} {bounds}")
     return number

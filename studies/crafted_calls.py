@@ -1,7 +1,7 @@
 """Does any call break? Crafted calls of every command, verb and machine end in a result or in one short reason.
 
-Each call is a valid one with a few values replaced by ones that no one means, drawn by a seed and its number. A fault is
-an internal error, a warning, a NaN that is accepted or returned, ten seconds of processor time without a word, or an
+Each call is a valid one with a few values replaced by ones that no one means, drawn by a seed and its number. A fault
+is an internal error, a warning, a NaN that is accepted or returned, ten seconds of processor time without a word, or an
 interrupt that is not heeded: a call that takes long is interrupted as by Ctrl-C.
 Run: python studies/crafted_calls.py [--calls N] [--first N] [--seed N] [--only VERB] [--unnamed]
 """
@@ -39,77 +39,26 @@ from orbits import Family, InputError, NoOrbit, Orbit, OrbitsError, ReturnMap, S
 from problems import Hopper, springs, steering
 from problems.command.cli import main as command, orbits as commands
 
-# Seconds of processor time: without a word, of a call before it is interrupted, and until it has heeded that.
-SILENT, LONGEST, HEEDED = 10.0, 12.0, 10.0
-NUMBERS = (
-    *("nan", "inf", "-inf", "1e308", "-1e308", "1e-320", "-0", "0", "-1", "1", "2.5", "1e999", "x", "", "0x10", "1e15"),
-    *("1_000", "\u0661", "1e-16", "9" * 5000, "1,2", "1:2", "0.3 ", "--", "1e5", "7"),
-)
-WHOLE = ("0", "1", "2", "3", "7", "12", "100", "5000", "1000000", "99999999999")
-EXTREMES = (
-    "nan",
-    "inf",
-    "1e308",
-    "1e-320",
-    "-0",
-    "0",
-    "1e-16",
-    "1e15",
-    "0.3",
-    "2.5",
-    "1e5",
-    "-1e308",
-    "1",
-    "1e-5",
-    "20",
-)
-RANGES = ("0:1", "1:0", "1:1", "nan:1", "0:inf", "1e-320:1e308:log", "-1:1:log", "1:2:3:4", ":", "norm(0,0)")
-RANGES += ("norm(nan,1)", "norm(1,1e308)", "norm(0.3,0.02)", "1,2,3", "1,1", ",", "-1e308:1e308", "0:1e-320", "0.3:0.4")
-NAMES = (
-    "beta",
-    "alpha",
-    "mass_ratio",
-    "rest_length",
-    "damping",
-    "x",
-    "",
-    "\u00e9",
-    "a b",
-    "period",
-    "a" * 300,
-    "inject",
-)
-FORMULAS = (
-    *(
-        "",
-        "x" * 3000,
-        "'",
-        "\x00",
-        "\x1b[31m",
-        "\u00e9",
-        "r^3",
-        "(" * 5000,
-        "r" + "+r" * 4000,
-        "__import__('os')",
-        "1/0",
-    ),
-    *("r/r", "1e308*r", "1e-320*r", "r**1e308", "exp(exp(r))", "sqrt(r)", "log(r)", "abs(r)", "r - 0.5*r**3", "nan*r"),
-    *("tanh(1e6*r)", "-r", "0", "1", "r**3", "sin(1e9*r)", "potential:", "potential:r**4", "table:", "loop:", "r; r"),
-    *(
-        "1/(1+z)**2",
-        "1e308",
-        "-1",
-        "z",
-        "1 - z",
-        "table:/dev/zero",
-        "cubic",
-        "tanh",
-        "lossy:r",
-        "beta*r",
-        "1/r",
-        "r**-1",
-    ),
-)
+# Seconds of processor time: without a word, of a call before it is interrupted, until it has heeded that, and until it
+# is interrupted again, as Python may lose an interrupt while it collects garbage.
+SILENT, LONGEST, HEEDED, AGAIN = 10.0, 12.0, 10.0, 2.0
+
+
+def words(text: str) -> list[str]:
+    return text.split()
+
+
+NUMBERS = words("nan inf -inf 1e308 -1e308 1e-320 -0 0 -1 1 2.5 1e999 x 0x10 1e15 1_000 \u0661 1e-16 1,2 1:2 -- 1e5 7")
+NUMBERS += ["", "0.3 ", "9" * 5000]
+WHOLE = words("0 1 2 3 7 12 100 5000 1000000 99999999999")
+EXTREMES = words("nan inf 1e308 1e-320 -0 0 1e-16 1e15 0.3 2.5 1e5 -1e308 1 1e-5 20")
+RANGES = words("0:1 1:0 1:1 nan:1 0:inf 1e-320:1e308:log -1:1:log 1:2:3:4 : norm(0,0) norm(nan,1) norm(1,1e308)")
+RANGES += words("norm(0.3,0.02) 1,2,3 1,1 , -1e308:1e308 0:1e-320 0.3:0.4 1:2:3 1:2:1e9 1:2:-3 1e-320:1:5 3:9:1000001")
+NAMES = [*words("beta alpha mass_ratio rest_length damping x \u00e9 period inject"), "", "a b", "a" * 300]
+FORMULAS = """r/r|1e308*r|1e-320*r|r**1e308|exp(exp(r))|sqrt(r)|log(r)|abs(r)|r - 0.5*r**3|nan*r|tanh(1e6*r)|-r|0|1|r**3
+sin(1e9*r)|potential:|potential:r**4|table:|loop:|r; r|1/(1+z)**2|1e308|-1|z|1 - z|table:/dev/zero|cubic|tanh|lossy:r
+beta*r|1/r|r**-1|r^3|\u00e9|__import__('os')|1/0|'""".replace("\n", "|").split("|")
+FORMULAS += ["", "x" * 3000, "\x00", "\x1b[31m", "(" * 5000, "r" + "+r" * 4000]
 ODD = (None, True, "", "x" * 300, 1j, b"x", object(), [], {}, (), [[]], {"x": 1}, {1: 2}, (1, 0), (np.nan, 1), "\u00e9")
 ODD += (np.zeros(0), np.array(np.nan), np.array(["a"]), Decimal("NaN"), 10**400, lambda: 0, int, range(3), Path("/"))
 FLOATS = (np.nan, np.inf, -np.inf, 1e308, -1e308, 1e-320, -0.0, 0, -1, 1, 2.5, 10**400, True, "1", 1e15, 1e-16, 7)
@@ -118,62 +67,86 @@ FLOATS += (np.float64("nan"), 1e5, 1000)
 
 # ---- the command line
 
-LINES: dict[str, tuple[str, ...]] = {
-    "find": (
-        "", "--spring cubic --set beta=0.3", "--spring cubic --set beta=0.3 --rest-length 9", "--machine juggler",
-        "--masses 60,3 --rest-length 0.8 --spring 8000*r+2e6*r**3", "--machine leg.toml", "--machine ground.toml",
-        "--machine wheel --set inertia_ratio=1 --set gravity_ratio=0.5", "--machine wheel.toml",
-        "--machine rocker --set inertia_ratio=1 --set gravity_ratio=0.5", "--spring table:rows.csv",
-        "--machine shuttle --set inertia_ratio=1", "--start orbit.json --spring cubic --set beta=0.3 --rest-length 20",
-        "--machine runner --tune inertia --tune hip_stiffness --at speed=0.4", "--gravity 1/(1+z/R)**2 --set R=150 "
-        "--rest-length 20", "--spring k*r --tune k=1 --at frequency=0.1", "--spring tanh --set b=0.2", "--explain",
-    ),
-    "prove": (
-        "", "--spring cubic --set beta=0.3 --rest-length 8", "--spring cubic --between beta=0.299:0.301 --rest-length 8",
-        "--inject 0.03 --near 4.6", "--spring cubic --along beta --from 0.1 --to 0.12 --rest-length 30", "--loss",
-        "--spring k*r --tune k=1 --at frequency=0.1",
-    ),
-    "check-proof": ("proof.json", "orbit.json"),
-    "follow": (
-        "--spring cubic --along beta --from 0.1 --to 0.3 --longest 0.5",
-        "--spring cubic --along beta --from 0 --to -0.02 --event fold --second mass_ratio=1.2",
-        "--spring cubic --tune beta=0.3 --along period --to 6", "--along mass_ratio --to 2", "--machine leg.toml "
-        "--along body_mass --to 62", "--spring cubic --rest-length 20 --along beta --from 0.1 --to 0.3 --resume "
-        "family.jsonl", "--machine wheel --set gravity_ratio=0.5 --along inertia_ratio --from 1 --to 1.1",
-    ),
-    "map": (
-        "--alpha 4", "--alpha 3:9:5", "--alpha 4.3:5:20 --along inject --from 0.02 --to 0.03", "--machine leg.toml "
-        "--alpha 1:2:3", "--spring cubic --set beta=0.3 --alpha 3:4:5 --plot map.png", "--damping 0.1 --alpha 4",
-    ),
-    "simulate": (
-        "--alpha 4 --hops 2", "--alpha 4 --time 9 --damping 0.01", "--restitution 0.3 --alpha 4.6 --hops 3",
-        "--machine leg.toml --alpha 2 --hops 2", "--machine wheel.toml --start wheel.json --hops 2", "--drag 0.1 "
-        "--alpha 4 --hops 2 --inject 0.01", "--machine juggler --alpha 5 --hops 2", "--start orbit.json --hops 1",
-    ),
-    "optimize": ("design.toml", "front.toml", "leg.toml", "crafted.toml"),
-    "sweep": (
-        "--spring cubic --over beta=0.1:0.3 --samples 8", "--over mass_ratio=0.1:10:log --samples 8 --family 1,2",
-        "--spring cubic --from designs.csv", "--over alpha=3:6 --outcome map --samples 5",
-        "--over mass_ratio=1,2 --outcome fixed_points --between 4:5", "--spring cubic --over beta=0.1,0.2 --store new.db",
-        "--spring cubic --rest-length 20 --over beta=0.1,0.2 --store store.db --resume", "--spring k*r --over mass_ratio=1,2 --tune k=1 "
-        "--at frequency=0.1", "--machine leg.toml --over body_mass=60:70 --samples 4 --quantities period,alpha/2",
-    ),
-    "existence": (
-        "--spring cubic --along beta=-0.02:0.1 --across rest_length=6,9 --samples 5", "--machine leg.toml --along "
-        "body_mass=60:70 --across rest_length=0.7,0.9 --samples 3", "--along mass_ratio=1:2 --across rest_length=2:9 "
-        "--samples 3,4 --colour alpha --plot where.png",
-    ),
-    "uncertainty": (
-        "--spring cubic --over beta=norm(0.3,0.02) --samples 16", "--over mass_ratio=1:2 --samples 8 --indices",
-        "--machine leg.toml --over body_mass=norm(60,1) --samples 8 --quantities period",
-    ),
-    "control": (
-        "hold --damping 0.01 --intervals 8", "recover --short 0.1 --intervals 8", "start-up --pumps 2 --stroke 2 "
-        "--intervals 8", "hold --damping 0.01 --intervals 6 --follow damping:0.02", "hold --damping 0.01 --actuator "
-        "force:y1-y2 --force 0.5 --intervals 8", "hold --machine leg.toml --damping 1 --intervals 6",
-    ),
-    "explore": ("--no-browser --port 0", "--spring cubic --set beta=0.3 --rest-length 8", "--machine leg.toml"),
-}  # fmt: skip
+# Valid lines; a file in them is one of `make_files`.
+LINES = """
+find
+find --spring cubic --set beta=0.3
+find --spring cubic --set beta=0.3 --rest-length 9
+find --machine juggler
+find --masses 60,3 --rest-length 0.8 --spring 8000*r+2e6*r**3
+find --machine leg.toml
+find --machine ground.toml
+find --machine wheel --set inertia_ratio=1 --set gravity_ratio=0.5
+find --machine wheel.toml
+find --machine rocker --set inertia_ratio=1 --set gravity_ratio=0.5
+find --spring table:rows.csv
+find --machine shuttle --set inertia_ratio=1
+find --start orbit.json --spring cubic --set beta=0.3 --rest-length 20
+find --machine runner --tune inertia --tune hip_stiffness --at speed=0.4
+find --gravity 1/(1+z/R)**2 --set R=150 --rest-length 20
+find --spring k*r --tune k=1 --at frequency=0.1
+find --spring tanh --set b=0.2
+find --explain
+prove
+prove --spring cubic --set beta=0.3 --rest-length 8
+prove --spring cubic --between beta=0.299:0.301 --rest-length 8
+prove --inject 0.03 --near 4.6
+prove --spring cubic --along beta --from 0.1 --to 0.12 --rest-length 30
+prove --loss
+prove --spring k*r --tune k=1 --at frequency=0.1
+check-proof proof.json
+check-proof orbit.json
+follow --spring cubic --along beta --from 0.1 --to 0.3 --longest 0.5
+follow --spring cubic --along beta --from 0 --to -0.02 --event fold --second mass_ratio=1.2
+follow --spring cubic --tune beta=0.3 --along period --to 6
+follow --along mass_ratio --to 2
+follow --machine leg.toml --along body_mass --to 62
+follow --spring cubic --rest-length 20 --along beta --from 0.1 --to 0.3 --resume family.jsonl
+follow --machine wheel --set gravity_ratio=0.5 --along inertia_ratio --from 1 --to 1.1
+map --alpha 4
+map --alpha 3:9:5
+map --alpha 4.3:5:20 --along inject --from 0.02 --to 0.03
+map --machine leg.toml --alpha 1:2:3
+map --spring cubic --set beta=0.3 --alpha 3:4:5 --plot map.png
+map --damping 0.1 --alpha 4
+simulate --alpha 4 --hops 2
+simulate --alpha 4 --time 9 --damping 0.01
+simulate --restitution 0.3 --alpha 4.6 --hops 3
+simulate --machine leg.toml --alpha 2 --hops 2
+simulate --machine wheel.toml --start wheel.json --hops 2
+simulate --drag 0.1 --alpha 4 --hops 2 --inject 0.01
+simulate --machine juggler --alpha 5 --hops 2
+simulate --start orbit.json --hops 1
+optimize design.toml
+optimize front.toml
+optimize leg.toml
+optimize crafted.toml
+sweep --spring cubic --over beta=0.1:0.3 --samples 8
+sweep --over mass_ratio=0.1:10:log --samples 8 --family 1,2
+sweep --spring cubic --from designs.csv
+sweep --over alpha=3:6 --outcome map --samples 5
+sweep --over mass_ratio=1,2 --outcome fixed_points --between 4:5
+sweep --spring cubic --over beta=0.1,0.2 --store new.db
+sweep --spring cubic --rest-length 20 --over beta=0.1,0.2 --store store.db --resume
+sweep --spring k*r --over mass_ratio=1,2 --tune k=1 --at frequency=0.1
+sweep --machine leg.toml --over body_mass=60:70 --samples 4 --quantities period,alpha/2
+existence --spring cubic --along beta=-0.02:0.1 --across rest_length=6,9 --samples 5
+existence --machine leg.toml --along body_mass=60:70 --across rest_length=0.7,0.9 --samples 3
+existence --along mass_ratio=1:2 --across rest_length=2:9 --samples 3,4 --colour alpha --plot where.png
+uncertainty --spring cubic --over beta=norm(0.3,0.02) --samples 16
+uncertainty --over mass_ratio=1:2 --samples 8 --indices
+uncertainty --machine leg.toml --over body_mass=norm(60,1) --samples 8 --quantities period
+control hold --damping 0.01 --intervals 8
+control recover --short 0.1 --intervals 8
+control start-up --pumps 2 --stroke 2 --intervals 8
+control hold --damping 0.01 --intervals 6 --follow damping:0.02
+control hold --damping 0.01 --actuator force:y1-y2 --force 0.5 --intervals 8
+control hold --machine leg.toml --damping 1 --intervals 6
+explore --no-browser --port 0
+explore --spring cubic --set beta=0.3 --rest-length 8
+explore --machine leg.toml
+""".strip().splitlines()
+COMMANDS = sorted({line.split()[0] for line in LINES})
 TOML = {
     "leg.toml": "[si]\nbody_mass = 60\nfoot_mass = 3\nstiffness = 8000\nrest_length = 0.8\n",
     "ground.toml": "[ground]\nmass = 2.0\nstiffness = 50.0\n",
@@ -283,7 +256,7 @@ def text_for(option: click.Parameter, folder: Path, rng: random.Random) -> str:
     if name in ("along", "goal", "outcome", "sampling", "cost", "method", "machine"):
         return rng.choice((*NAMES, *FORMULAS[:12], "grid", "map", "work", "shooting", "wheel", "runner", "hopper"))
     if mark.startswith("A:B") or mark.startswith("A|") or "," in mark:
-        return rng.choice((*RANGES, *NUMBERS, "1:2:3", "1:2:1e9", "1:2:-3", "1e-320:1:5", "1:1e308:5", "3:9:1000001"))
+        return rng.choice((*RANGES, *NUMBERS))
     parsed = WHOLE if isinstance(option.type, click.types.IntParamType) else EXTREMES
     return rng.choice(NUMBERS if rng.random() < 0.2 else parsed)
 
@@ -291,25 +264,24 @@ def text_for(option: click.Parameter, folder: Path, rng: random.Random) -> str:
 def crafted_line(verb: str, folder: Path, rng: random.Random) -> list[str]:
     """A line of a command with some options replaced or added."""
     (folder / "crafted.toml").write_text(crafted_toml(rng), encoding="utf-8", errors="surrogateescape")
-    words = re.sub(
-        r"[\w.]+\.(json|jsonl|csv|toml|db|png)\b", lambda f: str(folder / f[0]), rng.choice(LINES[verb])
-    ).split()
+    line = rng.choice([line for line in LINES if line.split()[0] == verb])
+    stated = re.sub(r"[\w.]+\.(json|jsonl|csv|toml|db|png)\b", lambda found: str(folder / found[0]), line).split()[1:]
     options = [
         each for each in commands.commands[verb].params if isinstance(each, click.Option) and each.name != "limit"
     ]
     for option in rng.sample(options, min(len(options), rng.choice((1, 1, 1, 2, 3)))):
         flag = option.opts[-1]
         if option.is_flag:
-            words.append(flag)
+            stated.append(flag)
             continue
         value = text_for(option, folder, rng)
-        if flag in words and rng.random() < 0.8:
-            words[words.index(flag) + 1] = value
+        if flag in stated and rng.random() < 0.8:
+            stated[stated.index(flag) + 1] = value
         else:
-            words += [flag, value]
-    if words and not words[0].startswith("-") and rng.random() < 0.15:
-        words[0] = rng.choice((*paths(folder), *NUMBERS))
-    return [verb, *words]
+            stated += [flag, value]
+    if stated and not stated[0].startswith("-") and rng.random() < 0.15:
+        stated[0] = rng.choice((*paths(folder), *NUMBERS))
+    return [verb, *stated]
 
 
 # ---- from Python
@@ -402,7 +374,8 @@ def _calls(name: str) -> dict[str, tuple[Callable, dict[str, Any]]]:
         "follow": (follow, {"machine": own, "along": p, "stop": 1.05 * value, "longest": 0.5}),
         "trace": (lambda **a: list(orbits.trace(**a)), {"machine": own, "along": p, "stop": 1.05 * value}),
         "follow_event": (
-            orbits.follow_event, {"family": family(), "event": "fold", "second": "mass_ratio", "stop": 1.2, "longest": 0.5},
+            orbits.follow_event,
+            {"family": family(), "event": "fold", "second": "mass_ratio", "stop": 1.2, "longest": 0.5},
         ),
         "follow_fold": (
             orbits.follow_fold,
@@ -476,7 +449,9 @@ def odd(value: Any, folder: Path, rng: random.Random, name: str = "") -> Any:
         return rng.choice(ODD)
     if name in ("output", "store", "path", "start"):
         return rng.choice(paths(folder))
-    if isinstance(value, bool | int | float):
+    if isinstance(value, bool):
+        return rng.random() < 0.5
+    if isinstance(value, int | float):
         return rng.choice(FLOATS)
     if isinstance(value, str):
         return rng.choice((*NAMES, *FORMULAS))
@@ -581,7 +556,7 @@ def by_python(function: Callable, arguments: dict[str, Any], folder: Path) -> Ou
 def watched(call: Callable[[Terminal], Outcome]) -> Outcome:
     """How a call ends that is watched for warnings and silence, and interrupted where it takes long."""
     began = Terminal.heard = time.process_time()
-    said, stopped = Terminal(), [0.0]
+    said, stopped, pressed = Terminal(), [0.0], [0.0]
 
     def look(_: int, frame: Any) -> None:
         now, place = time.process_time(), f"{frame.f_code.co_filename}:{frame.f_lineno}"
@@ -589,8 +564,8 @@ def watched(call: Callable[[Terminal], Outcome]) -> Outcome:
             raise Silence(f"an interrupt is not heeded, at {place}")
         if not stopped[0] and now - Terminal.heard > SILENT:
             raise Silence(f"silent for {SILENT:g} s, at {place}")
-        if not stopped[0] and now - began > LONGEST:
-            stopped[0] = now
+        if now - began > LONGEST and now - pressed[0] > AGAIN:
+            stopped[0], pressed[0] = stopped[0] or now, now
             os.kill(os.getpid(), signal.SIGINT)
 
     class Spoken(logging.Handler):
@@ -629,8 +604,8 @@ class Crafted(NamedTuple):
 def crafted(number: int, seed: int, folder: Path, only: str | None = None) -> Crafted:
     """The call of a number."""
     rng = random.Random(f"{seed} {number}")
-    if rng.random() < 0.5 if only is None else only in LINES:
-        verb = only or rng.choice([*LINES])
+    if rng.random() < 0.5 if only is None else only in COMMANDS:
+        verb = only or rng.choice(COMMANDS)
         line = crafted_line(verb, folder, rng)
         return Crafted(f"orbits {verb}", " ".join(line), lambda said: by_command(line, said))
     kind = rng.random() if only is None else 0.5 if only not in (*BUILDERS, *FILES) else float(only in FILES)

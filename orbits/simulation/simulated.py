@@ -203,7 +203,8 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
     def _notes(self) -> list[str]:
         """The notes on the whole motion."""
         speed, second, metre = (f" {self.unit_of(n)}".rstrip() for n in ("launches", "end", "smallest_separation"))
-        speeds, why = ", ".join(f"{alpha:.10g}" for alpha in self.launches), f": {self.reason}" if self.reason else ""
+        why = f": {self.reason}" if self.reason else ""
+        speeds = ", ".join("none" if alpha is None else f"{alpha:.10g}" for alpha in known(self.launches))
         notes = [
             f"launch speeds {speeds}{speed}",
             *self._way_in_words(),

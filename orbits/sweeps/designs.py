@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from ..errors import InputError, finite_number, whole_number
+from ..errors import LARGEST_SEED, InputError, finite_number, whole_number
 from ..io import MEGABYTE, read_file
 from ..numerics.sobol import sobol_points
 
@@ -130,7 +130,7 @@ def members_of(
     if sampling == "grid":
         return _grid(axes, samples)
     count = whole_number("samples", 1000 if samples is None else samples, "members", most=MOST_MEMBERS)
-    shares = _shares(sampling, count, len(axes), whole_number("seed", seed, least=0))
+    shares = _shares(sampling, count, len(axes), whole_number("seed", seed, least=0, most=LARGEST_SEED))
     columns = [axis.at(column) for axis, column in zip(axes.values(), shares.T, strict=True)]
     drawn = f"{sampling}, seed {seed}"
     return _finite_members(Members(tuple(axes), np.column_stack(columns), None, tuple(axes.values()), drawn))

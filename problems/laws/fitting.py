@@ -199,7 +199,10 @@ def _weighted_rows(
     r: np.ndarray, force: np.ndarray, sense: float, branch: str | None, label: str, noise: Any
 ) -> tuple[MeasuredRows, float | None]:
     """The rows on a branch, and the standard deviation of one of weight 1 if it is stated."""
-    stated = None if noise is None else np.asarray(noise, dtype=float)
+    try:
+        stated = None if noise is None else np.asarray(noise, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"noise = {noise!r}; it is a number, or one for each row") from None
     if stated is None or stated.ndim == 0:
         if stated is not None and not number("noise", noise, high=1e100) > 0:
             raise InputError(f"noise = {noise:g}; it is the standard deviation of a row's force, above 0")

@@ -73,13 +73,18 @@ def motion_in_si(driven: Actuated, machine: Any, control: Control, cost: str) ->
     return control_in_units(control, units, dimensions_of_costs(driven)[cost], named, dimensions_of_rows(driven))
 
 
+def _actuated(machine: Any, actuator: Actuator | None) -> Actuated:
+    """The machine with its actuator, by default the one that moves the end of the only spring."""
+    return Actuated(machine, Actuator() if actuator is None else actuator)
+
+
 def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., Driven]:
     """Extend a function of this module to machines in SI, with bounds and speeds in SI; the result has its machine."""
 
     @exclusive
     @wraps(function)
     def steered(machine: Any, *arguments: object, **options: Any) -> Driven:
-        driven = Actuated(machine, options.pop("actuator", None) or Actuator())
+        driven = _actuated(machine, options.pop("actuator", None))
 
         def in_si(control: Control, machine: Any) -> Control:
             return motion_in_si(driven, machine, control, options.get("cost", "effort"))
@@ -134,7 +139,7 @@ def keep_hopping(
     if cost == "work" and rate == np.inf:
         raise InputError("least positive work is done by jerks: give the largest rate")
     bounds = {"rate": rate, "stroke": stroke, "force": force, "power": power}
-    hop = _hop(Actuated(machine, actuator or Actuator()), family, start, lossless, intervals, bounds)
+    hop = _hop(_actuated(machine, actuator), family, start, lossless, intervals, bounds)
     hop = replace(hop, prescribed=prescribed_launch(hop.driven, hop.orbit, speed=speed, height=height))
     if hop.needs_no_control and not (lossless and cost == "effort"):
         return _least_effort(replace(hop, lossless=True), None, progress)
@@ -166,7 +171,7 @@ def recover(
     >>> steering.missed(Hopper(), back) < 1e-9
     True
     """
-    driven = Actuated(machine, actuator or Actuator())
+    driven = _actuated(machine, actuator)
     bounds = {"rate": rate, "stroke": stroke, "force": force, "power": power}
     hop = _hop(driven, family, start, lossless or (short == 0 and not driven.damped), intervals, bounds)
     reached = _aim(driven, hop.orbit, aim)
@@ -207,7 +212,7 @@ def start_up(
     'optimal'
     """
     pumps, intervals = whole_number("pumps", pumps, "pumps"), whole_number("intervals", intervals, "intervals")
-    driven = Actuated(machine, actuator or Actuator())
+    driven = _actuated(machine, actuator)
     orbit = _lossless(driven, family, start)
     limits = actuator_limits(driven, rate=rate, stroke=stroke, force=force, power=power)
     rest, reached = rest_in_contact(driven, orbit), _aim(driven, orbit, aim)
