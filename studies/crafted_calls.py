@@ -361,82 +361,88 @@ def held() -> Any:
     return steering.keep_hopping(Hopper(damping=0.01), intervals=8)
 
 
-def _calls(name: str) -> dict[str, tuple[Callable, dict[str, Any]]]:
-    """Valid calls of every verb with a machine of this name: the function and its arguments."""
+def _calls(name: str) -> dict[str, Callable[[], tuple[Callable, dict[str, Any]]]]:
+    """Valid calls of every verb with a machine of this name: functions that return the function and its arguments."""
     own, cubic, linear = machine(name), machine("cubic"), machine("hopper")
     p = next(iter(own.values), "mass_ratio")
     value = own.values.get(p, 1.0)
     over = {p: (value, 1.1 * value)}
     tuned = {"tune": ("inertia", "hip_stiffness"), "at": {"speed": 0.4}} if name == "runner" else {}
     return {
-        "find": (orbits.find, {"machine": own, **tuned}),
-        "find_all": (orbits.find_all, {"machine": own, "fastest": 9.0, "limit": 5.0}),
-        "follow": (follow, {"machine": own, "along": p, "stop": 1.05 * value, "longest": 0.5}),
-        "trace": (lambda **a: list(orbits.trace(**a)), {"machine": own, "along": p, "stop": 1.05 * value}),
-        "follow_event": (
+        "find": lambda: (orbits.find, {"machine": own, **tuned}),
+        "find_all": lambda: (orbits.find_all, {"machine": own, "fastest": 9.0, "limit": 5.0}),
+        "follow": lambda: (follow, {"machine": own, "along": p, "stop": 1.05 * value, "longest": 0.5}),
+        "trace": lambda: (lambda **a: list(orbits.trace(**a)), {"machine": own, "along": p, "stop": 1.05 * value}),
+        "follow_event": lambda: (
             orbits.follow_event,
             {"family": family(), "event": "fold", "second": "mass_ratio", "stop": 1.2, "longest": 0.5},
         ),
-        "follow_fold": (
+        "follow_fold": lambda: (
             orbits.follow_fold,
             {"machine": Hopper("cubic"), "fold": fold(), "along": "beta", "across": "mass_ratio", "stop": 1.2},
         ),
-        "orbit_at": (orbits.orbit_at, {"machine": Hopper("cubic"), "point": family().points[0], "along": "beta"}),
-        "sweep": (orbits.sweep, {"machine": own, "over": over, "samples": 4}),
-        "existence": (
+        "orbit_at": lambda: (
+            orbits.orbit_at, {"machine": Hopper("cubic"), "point": family().points[0], "along": "beta"},
+        ),
+        "sweep": lambda: (orbits.sweep, {"machine": own, "over": over, "samples": 4}),
+        "existence": lambda: (
             orbits.existence,
             {"machine": cubic, "along": "beta", "between": (-0.02, 0.1), "across": "rest_length", "values": [6.0, 9.0],
              "samples": 4},
         ),
-        "uncertainty": (orbits.uncertainty, {"machine": own, "over": over, "samples": 8}),
-        "optimize": (orbits.optimize, {"machine": cubic, "minimise": "alpha", "over": {"beta": (0.1, 0.5)}}),
-        "design.follow": (best().follow, {"what": "mass_ratio <= 2", "to": 3.0}),
-        "pareto": (
+        "uncertainty": lambda: (orbits.uncertainty, {"machine": own, "over": over, "samples": 8}),
+        "optimize": lambda: (orbits.optimize, {"machine": cubic, "minimise": "alpha", "over": {"beta": (0.1, 0.5)}}),
+        "design.follow": lambda: (best().follow, {"what": "mass_ratio <= 2", "to": 3.0}),
+        "pareto": lambda: (
             orbits.pareto,
             {"machine": cubic, "minimise": ("alpha", "mass_ratio*period"), "points": 3,
              "over": {"beta": (0.1, 0.5), "mass_ratio": (0.5, 2.0)}},
         ),
-        "quantities": (orbits.quantities, {"machine": cubic, "orbit": orbit(), "names": "period"}),
-        "sensitivities": (orbits.sensitivities, {"machine": own}),
-        "orbit_function": (orbits.orbit_function, {"machine": cubic, "over": "beta"}),
-        "simulate": (orbits.simulate, {"machine": own, "alpha": 4.0, "hops": 2}),
-        "multiplier": (orbits.multiplier, {"machine": own, "alpha": 4.6}),
-        "multipliers": (orbits.multipliers, {"machine": own, "launch": 4.6}),
-        "map": (ReturnMap, {"machine": own, "inject": 0.01}),
-        "map.call": (ReturnMap(linear, 0.03).__call__, {"alpha": np.array([4.0, 5.0])}),
-        "map.fixed_points": (ReturnMap(linear, 0.03).fixed_points, {"low": 4.0, "high": 5.0}),
-        "map.periodic_hops": (ReturnMap(linear, 0.03).periodic_hops, {"period": 2, "low": 4.3, "high": 5.0}),
-        "map.basins": (ReturnMap(linear).basins, {"low": 4.0, "high": 5.0}),
-        "map.upkeep": (ReturnMap(linear).upkeep, {"alpha": 4.6}),
-        "map.preimages": (ReturnMap(linear).preimages, {"edges": [(4.2, 4.4)], "low": 3.0, "high": 5.0}),
-        "map.plot": (ReturnMap(linear, 0.03).plot, {"low": 4.0, "high": 5.0, "samples": 50}),
-        "bifurcations": (
+        "quantities": lambda: (orbits.quantities, {"machine": cubic, "orbit": orbit(), "names": "period"}),
+        "sensitivities": lambda: (orbits.sensitivities, {"machine": own}),
+        "orbit_function": lambda: (orbits.orbit_function, {"machine": cubic, "over": "beta"}),
+        "simulate": lambda: (orbits.simulate, {"machine": own, "alpha": 4.0, "hops": 2}),
+        "multiplier": lambda: (orbits.multiplier, {"machine": own, "alpha": 4.6}),
+        "multipliers": lambda: (orbits.multipliers, {"machine": own, "launch": 4.6}),
+        "map": lambda: (ReturnMap, {"machine": own, "inject": 0.01}),
+        "map.call": lambda: (ReturnMap(linear, 0.03).__call__, {"alpha": np.array([4.0, 5.0])}),
+        "map.fixed_points": lambda: (ReturnMap(linear, 0.03).fixed_points, {"low": 4.0, "high": 5.0}),
+        "map.periodic_hops": lambda: (ReturnMap(linear, 0.03).periodic_hops, {"period": 2, "low": 4.3, "high": 5.0}),
+        "map.basins": lambda: (ReturnMap(linear).basins, {"low": 4.0, "high": 5.0}),
+        "map.upkeep": lambda: (ReturnMap(linear).upkeep, {"alpha": 4.6}),
+        "map.preimages": lambda: (ReturnMap(linear).preimages, {"edges": [(4.2, 4.4)], "low": 3.0, "high": 5.0}),
+        "map.plot": lambda: (ReturnMap(linear, 0.03).plot, {"low": 4.0, "high": 5.0, "samples": 50}),
+        "bifurcations": lambda: (
             orbits.bifurcations,
             {"machine": linear, "along": "inject", "span": (0.02, 0.03), "between": (4.3, 5.0), "samples": 40},
         ),
-        "period_diagram": (
+        "period_diagram": lambda: (
             orbits.period_diagram,
             {"machine": linear, "over": {"inject": (0.02, 0.03), "mass_ratio": (1.0, 1.1)}, "between": (4.3, 5.0),
              "samples": (2, 2), "hops": 64, "grid": 40},
         ),
-        "hold": (orbits.hold, {"orbit": orbit("runner"), "along": "x"}),
-        "keep_hopping": (steering.keep_hopping, {"machine": machine("damped"), "intervals": 6}),
-        "control.follow": (held().follow, {"name": "damping", "to": 0.02}),
-        "recover": (steering.recover, {"machine": linear, "short": 0.1, "intervals": 6}),
-        "start_up": (steering.start_up, {"machine": linear, "pumps": 2, "stroke": 2.0, "intervals": 6}),
-        "prove": (orbits.prove, {"orbit": orbit(), "digits": 12}),
-        "prove_absence": (orbits.prove_absence, {"machine": Hopper("tanh", parameters={"b": 0.9}), "family": 1}),
-        "prove_fixed_point": (orbits.prove_fixed_point, {"machine": linear, "point": 4.6, "inject": "0.03"}),
-        "check": (orbits.check, {"machine": own}),
-        "starts": (orbits.starts, {"machine": own, "limit": 5.0}),
-        "branch_points": (orbits.find_branch_points, {"machine": own, "over": over, "designs": 4, "limit": 5.0}),
-        "orbit.call": (orbit().__call__, {"t": [0.0, 1.0]}),
-        "orbit.plot": (orbit().plot, {}),
-        "orbit.page": (orbit().page, {"path": "new.html"}),
-        "family.at": (family().at, {"value": -0.005}),
-        "table": (springs.table, {"source": ([-9.0, -4.0, 0.0, 4.0, 9.0], [-9.0, -4.0, 0.0, 4.0, 9.0])}),
-        "fit": (springs.fit, {"table": (np.arange(-9.0, 10.0), np.arange(-9.0, 10.0)), "formula": "k*r"}),
-        "formula": (springs.formula, {"text": "r + beta*r**3"}),
+        "hold": lambda: (orbits.hold, {"orbit": orbit("runner"), "along": "x"}),
+        "keep_hopping": lambda: (steering.keep_hopping, {"machine": machine("damped"), "intervals": 6}),
+        "control.follow": lambda: (held().follow, {"name": "damping", "to": 0.02}),
+        "recover": lambda: (steering.recover, {"machine": linear, "short": 0.1, "intervals": 6}),
+        "start_up": lambda: (steering.start_up, {"machine": linear, "pumps": 2, "stroke": 2.0, "intervals": 6}),
+        "prove": lambda: (orbits.prove, {"orbit": orbit(), "digits": 12}),
+        "prove_absence": lambda: (
+            orbits.prove_absence, {"machine": Hopper("tanh", parameters={"b": 0.9}), "family": 1},
+        ),
+        "prove_fixed_point": lambda: (orbits.prove_fixed_point, {"machine": linear, "point": 4.6, "inject": "0.03"}),
+        "check": lambda: (orbits.check, {"machine": own}),
+        "starts": lambda: (orbits.starts, {"machine": own, "limit": 5.0}),
+        "branch_points": lambda: (
+            orbits.find_branch_points, {"machine": own, "over": over, "designs": 4, "limit": 5.0},
+        ),
+        "orbit.call": lambda: (orbit().__call__, {"t": [0.0, 1.0]}),
+        "orbit.plot": lambda: (orbit().plot, {}),
+        "orbit.page": lambda: (orbit().page, {"path": "new.html"}),
+        "family.at": lambda: (family().at, {"value": -0.005}),
+        "table": lambda: (springs.table, {"source": ([-9.0, -4.0, 0.0, 4.0, 9.0], [-9.0, -4.0, 0.0, 4.0, 9.0])}),
+        "fit": lambda: (springs.fit, {"table": (np.arange(-9.0, 10.0), np.arange(-9.0, 10.0)), "formula": "k*r"}),
+        "formula": lambda: (springs.formula, {"text": "r + beta*r**3"}),
     }  # fmt: skip
 
 
@@ -621,7 +627,7 @@ def crafted(number: int, seed: int, folder: Path, only: str | None = None) -> Cr
         name = rng.choice([*MACHINES])
         calls = _calls(name)
         verb = only or rng.choice([*calls])
-        function, known = calls[verb]
+        function, known = calls[verb]()
         given = crafted_arguments(function, known, folder, rng)
     text = f"{verb}({', '.join(f'{key}={value!r}'[:160] for key, value in given.items())})"
     return Crafted(verb, text, lambda said: by_python(function, given, folder))

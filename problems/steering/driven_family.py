@@ -64,8 +64,8 @@ def follow_driven(driven: Driven, name: str, to: float, **options: Any) -> Drive
     added = [] if known is None else [each for each in known.problem.fixed if each not in actuated.still]
     prescribed = {each: driven.parameters[each] for each in added if each in LAUNCH_CONDITIONS}
     numbers |= prescribed
-    if not isinstance(name, str) or name not in numbers:
-        if name in LAUNCH_CONDITIONS:
+    if name not in list(numbers):
+        if name in list(LAUNCH_CONDITIONS):
             raise InputError(f"the {name} is not prescribed: take keep_hopping(machine, {name}=...)")
         remedy = "; state it above 0 in the machine, to follow it from there" if name == "damping" else ""
         raise InputError(f"'{name}' is no number of the machine; there are: {', '.join(numbers)}{remedy}")

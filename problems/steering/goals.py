@@ -39,6 +39,7 @@ from .turns import turns_of_leg, turns_of_orbit
 ROUNDINGS = (1.0, 0.3, 0.1)
 # Tolerance of least work: quadrature is slow near corners of the power, while the motion itself stays smooth.
 WORK_TOLERANCE = 1e-7
+MOST_INTERVALS = 10_000  # of a motion, far more than one needs
 # Multiples of a rate at which least work is sought where it is not found at that rate, each from the result before.
 WIDER_RATES = (4.0, 2.0, 1.4, 1.0)
 
@@ -211,7 +212,10 @@ def start_up(
     >>> steering.start_up(Hopper(), pumps=2, stroke=2.0).status
     'optimal'
     """
-    pumps, intervals = whole_number("pumps", pumps, "pumps"), whole_number("intervals", intervals, "intervals")
+    pumps, intervals = (
+        whole_number("pumps", pumps, "pumps"),
+        whole_number("intervals", intervals, "intervals", most=MOST_INTERVALS),
+    )
     driven = _actuated(machine, actuator)
     orbit = _lossless(driven, family, start)
     limits = actuator_limits(driven, rate=rate, stroke=stroke, force=force, power=power)
@@ -329,7 +333,7 @@ def _hop(
     orbit = _lossless(driven, family, start)
     if driven.restitution > 0 and not lossless:
         raise InputError(f"restitution = {driven.restitution:g}: it bounces where it lands plastically; set 0 for that")
-    intervals = whole_number("intervals", intervals, "intervals of flight and contact together", 2)
+    intervals = whole_number("intervals", intervals, "intervals of flight and contact together", 2, MOST_INTERVALS)
     return _Hop(driven, orbit, bool(lossless), intervals, actuator_limits(driven, **bounds))
 
 
@@ -417,7 +421,7 @@ def _cheapest(
     for number, start in enumerate(starts):
         part = _share_of(progress, number / len(starts), (number + 1) / len(starts))
         try:
-            guess = start if isinstance(start, Control | list) else start()
+            guess = start() if callable(start) else start
             results.append(solve(stages, values, guess=guess, progress=part))
         except NoOrbit as reason:
             reasons.append(reason)
