@@ -1,10 +1,12 @@
-"""The toolkit's exceptions, all derived from `OrbitsError`, and the checks of numbers that a user gives."""
+"""The toolkit's exceptions, all derived from `OrbitsError`, and the checks of numbers and names that a user gives."""
 
+from collections.abc import Iterable
 from numbers import Real
 
 import numpy as np
 
 LONGEST_MESSAGE = 300  # characters
+LARGEST_NUMBER, LARGEST_SEED = 10**9, 2**64 - 1  # of things that are counted; and of random numbers
 # What stays of a longer message, which quotes its input: its beginning and its end, where the remedy stands.
 HEAD, TAIL = 180, 110
 
@@ -83,12 +85,22 @@ def finite_number(name: str, value: object) -> float:
 
 
 def whole_number(name: str, value: object, what: str = "", least: int = 1, most: int | None = None) -> int:
-    """`value` as a whole number (of `what`) from `least` to `most`; raises `InputError` with the bounds."""
+    """`value` as a whole number (of `what`) from `least` to `most`, by default to a `LARGEST_NUMBER`, which no memory
+    holds; raises `InputError` with the bounds."""
     number = least - 1
     if isinstance(value, int | np.integer) and not isinstance(value, bool):
         number = int(value)
-    if number < least or (most is not None and number > most):
-        bounds = "upwards" if most is None else f"to {most}"
+    largest = LARGEST_NUMBER if most is None else most
+    if not least <= number <= largest:
+        bounds = "upwards" if most is None and number < least else f"to {largest}"
         kind = f"number of {what}," if what else "whole number"
         raise InputError(f"{name} = {value!r}; it is a {kind} from {least} {bounds}")
     return number
+
+
+def list_of_names(what: str, names: object) -> list[str]:
+    """`names` in a list, where a single one may be text; raises `InputError` that says `what` they are."""
+    found = [names] if isinstance(names, str) else list(names) if isinstance(names, Iterable) else [None]
+    if not all(isinstance(name, str) for name in found):
+        raise InputError(f"{what} = {names!r}; it is a name, or a list of names")
+    return [str(name) for name in found]

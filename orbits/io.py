@@ -222,8 +222,11 @@ def _is_open_already(path: Path) -> bool:
 
 
 def check_ending(path: str | Path, endings: tuple[str, ...]) -> Path:
-    """The path of a file to write; raises `InputError` when its ending is none of these."""
-    path = Path(path)
+    """The path of a file to write; raises `InputError` when it is no path, or its ending is none of these."""
+    try:
+        path = Path(path)
+    except TypeError:
+        raise InputError(f"{path!r} cannot be written: it is no name of a file") from None
     if endings and path.suffix.lower() not in endings:
         raise InputError(f"'{path}' cannot be written: its name needs an ending, {' or '.join(endings)}")
     return path
@@ -231,8 +234,15 @@ def check_ending(path: str | Path, endings: tuple[str, ...]) -> Path:
 
 def check_path(path: str | Path, endings: tuple[str, ...]) -> Path:
     """The path of a file to write, with one of the endings if there are any; raises `InputError` where its ending, its
-    folder or its permissions rule that out."""
+    folder, its permissions or a name that no file can have rule that out."""
     path = check_ending(path, endings)
+    try:
+        os.stat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error  # without the name
+        raise InputError(f"'{path}' cannot be written: {reason}") from None
     if not path.parent.is_dir():
         raise InputError(f"'{path}' cannot be written: there is no folder '{path.parent}'")
     if path.is_dir():
@@ -240,6 +250,15 @@ def check_path(path: str | Path, endings: tuple[str, ...]) -> Path:
     if not os.access(path if path.exists() else path.parent, os.W_OK):
         raise InputError(f"'{path}' cannot be written: permission denied")
     return path
+
+
+@contextmanager
+def nested() -> Iterator[None]:
+    """Where a document is parsed or checked: one that is nested too deeply is a `ValueError`."""
+    try:
+        yield
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
 
 
 def read_file(path: str | Path, complaint: str, parse: Callable[[BinaryIO], Read], most: int = 32 * MEGABYTE) -> Read:
@@ -250,14 +269,12 @@ def read_file(path: str | Path, complaint: str, parse: Callable[[BinaryIO], Read
     try:
         if os.path.exists(path) and not os.path.isfile(path):
             raise ValueError("it is a folder or a device, not a file")
-        with open(path, "rb") as file:
+        with open(path, "rb") as file, nested():
             if (size := os.fstat(file.fileno()).st_size) > most:
                 raise ValueError(f"it has {size} bytes, and at most {most} are read")
             return parse(file)
-    except RecursionError:
-        reason: object = "it is nested too deeply"
     except KeyError as error:
-        reason = f"it has no {error}"
+        reason: object = f"it has no {error}"
     except (OSError, ValueError, TypeError, AttributeError, IndexError, ArithmeticError) as error:
         reason = error
     raise InputError(f"{complaint}: {reason}") from None
@@ -319,7 +336,7 @@ def _array(value: object, name: str) -> np.ndarray:
     try:
         array = np.array(value)
         array = np.array(value, dtype=float) if array.dtype.kind == "O" else array
-    except (ValueError, TypeError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{name} is not an array") from None
     if array.dtype.kind == "f" and np.isinf(array).any():
         raise InputError(f"{name} has a number that is not finite")

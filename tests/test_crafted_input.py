@@ -17,6 +17,7 @@ from orbits import Family, InputError, Orbit
 from orbits.errors import LONGEST_MESSAGE
 from problems.command.cli import main
 from problems.laws import springs
+from studies import crafted_calls
 
 pytestmark = pytest.mark.usefixtures("any_digest")
 
@@ -249,3 +250,12 @@ def test_deep_nesting_and_large_files_are_refused(tmp_path):
     assert (code, "nested too deeply" in message) == (2, True)
     path.write_text("#" * 100_000)
     assert "at most 16384 are read" in by_command(["find", "--machine", str(path)])[1]
+
+
+def test_a_dozen_crafted_calls():
+    assert not crafted_calls.main(calls=12)["faults"]
+
+
+@pytest.mark.slow
+def test_two_hundred_crafted_calls():
+    assert not crafted_calls.main(calls=200, seed=2026)["faults"]

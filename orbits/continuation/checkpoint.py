@@ -98,7 +98,7 @@ class Lines:
         if output is None:
             return
         self.whole, self.sealing = check_ending(output, FAMILY_ENDINGS[:1]), Sealing()
-        is_other = self.whole.is_file() and not _is_in(resume, self.whole)
+        is_other = os.path.isfile(self.whole) and not _is_in(resume, self.whole)
         self.path = self.whole.with_suffix(f".part{self.whole.suffix}") if is_other else self.whole
         *lines, _ = family.records()  # all but the end
         with writing("family", self.path) as target:

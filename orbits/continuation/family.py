@@ -10,7 +10,7 @@ from typing import Any, BinaryIO, Literal, NotRequired, TypedDict, overload
 import numpy as np
 
 from ..consistency.accepted import check_parameters
-from ..errors import InputError
+from ..errors import InputError, finite_number
 from ..exact.claim import CONTACT_DURATION, Claim
 from ..io import DIGEST, MEGABYTE, Document, conform, has_digest, sealed, to_json, unsealed, writing
 from ..model.machine import Machine, title_of_machine
@@ -218,6 +218,7 @@ class Family(
 
     def at(self, value: float) -> list[Point]:
         """The points whose parameter has exactly this value."""
+        value = finite_number("value", value)
         everywhere = {(point.value, point.u): point for point in (*self.points, *(e.point for e in self.events))}
         return [point for point in everywhere.values() if point.value == value]
 

@@ -40,6 +40,8 @@ from .tracer import Tracer
 from .tuned_curve import TunedCurve, checked_tuning, curve_at
 
 Stop = float | tuple[float, float]
+# The square of a longer way, and its inverse, are finite numbers.
+SHORTEST_CURVE = 1e-150
 # The first point of the other curve may lie this many steps away, since the curves need not meet at a right angle.
 LONGEST_FIRST_STEP = 10.0
 
@@ -257,6 +259,9 @@ def bounds_of(along: str, start: float, stop: object, at: Sequence[float] = ()) 
     behind, ahead = finite_number("stop", behind), finite_number("stop", ahead)
     if start == ahead:
         raise InputError(f"{along} goes from {start:g} to {ahead:g}: there is no way between")
+    if not (abs(ahead - start) >= SHORTEST_CURVE and abs(ahead - behind) <= 1 / SHORTEST_CURVE):
+        bounds = f"a way is from {SHORTEST_CURVE:g} to {1 / SHORTEST_CURVE:g} long"
+        raise InputError(f"{along} goes from {behind:g} to {ahead:g}: {bounds}; state the parameter in another unit")
     if (behind - start) * (ahead - start) > 0:
         raise InputError(f"stop = ({behind:g}, {ahead:g}): {along} starts at {start:g}, which does not lie between")
     if outside := [value for value in at if not min(behind, ahead) <= value <= max(behind, ahead)]:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, overload
 
 import numpy as np
 
-from ..errors import FlowError, InputError, NoOrbit, finite_number
+from ..errors import LARGEST_SEED, FlowError, InputError, NoOrbit, finite_number, whole_number
 from ..flow.flow import flow_of
 from ..laws.law import Algebraic, Key, Law, LawPieces, Parameters, from_key
 from ..laws.law_statement import from_formula
@@ -144,6 +144,7 @@ def starts(
     laws = [from_key(spring.force, machine.values) for spring in springs]
     if not finite_number("slope", slope) > 0:
         raise InputError(f"slope = {slope:g} is out of bounds; it lies above 0")
+    seed = whole_number("seed", seed, least=0, most=LARGEST_SEED)
     lines = [
         None if spring.force.degree() == 1 else _straight_line(law, slope)
         for spring, law in zip(springs, laws, strict=True)

@@ -91,6 +91,8 @@ def values_of(machine: Machine, names: Sequence[str]) -> np.ndarray:
 
 def checked_tuning(machine: Machine, along: str, tune: Any) -> tuple[str, ...]:
     """The tuned parameters of a family along a name; raises `InputError` where it cannot be followed so."""
+    if not isinstance(along, str):
+        raise InputError(f"along = {along!r}; it is the name of a parameter")
     if tune is None:
         if is_quantity(machine, along):
             raise InputError(f"'{along}' is a quantity of the orbits: say by tune= which parameter changes with it")

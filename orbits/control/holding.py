@@ -36,6 +36,7 @@ HOLD_BEGINS, HOLD_ENDS = 0.1, 0.9
 # The recursion has settled once the cost of a launch changes by this share in a cycle; a cost that grows on and on is
 # that of a direction that the force does not reach.
 SETTLED_COST, MOST_SWEEPS, LARGEST_COST = 1e-13, 2000, 1e14
+MOST_PARTS_HELD = 1000
 SIZED_AT = 201  # instants of an orbit by which its sizes are measured
 
 
@@ -114,7 +115,7 @@ def hold(orbit: Orbit, along: str, *, effort: float = 0.05, landing: float = 20.
     >>> round(float(abs(held.multipliers[0])), 4), bool(abs(held.held_multipliers[0]) < 1)
     (14.2953, True)
     """
-    parts = whole_number("parts", parts, "intervals")
+    parts = whole_number("parts", parts, "intervals", most=MOST_PARTS_HELD)
     if not (finite_number("effort", effort) > 0 and finite_number("landing", landing) >= 0):
         raise InputError(
             f"effort = {effort:g}, landing = {landing:g}; weights lie above 0, that of the landing may be 0"
@@ -153,6 +154,8 @@ def hold(orbit: Orbit, along: str, *, effort: float = 0.05, landing: float = 20.
 
 def _driven(orbit: Orbit, along: str) -> Mechanism:
     """The machine of an orbit with the force along an extension; raises `InputError` for those that are not held."""
+    if not isinstance(orbit, Orbit):
+        raise InputError(f"orbit = {orbit!r}; hold takes a lossless orbit, as find(machine) returns")
     machine = orbit.source
     if not isinstance(machine, Mechanism) or machine.model.one_speed or machine.model.changes_contact:
         stated = "stands on one foot, and whose launch is more than a speed"

@@ -13,7 +13,7 @@ from ..periodic.certified import Certified, certified
 from ..periodic.continued import AT_FOLD, NOT_REACHED, continued, continued_tuned, orbit_from_unknowns
 from ..periodic.find import StartLike, find, first_tuned, in_units_of
 from ..periodic.orbit import Orbit, orbit_of
-from ..periodic.orbits_at_once import lowest_orbits
+from ..periodic.orbits_at_once import lowest_orbits, motions_together
 from ..periodic.quantities import OF_RUNS, names_of_many, numbers_of
 from ..periodic.tuned import Tuning, errors_of_tuned, prescribable, tuning_of
 from ..running import interrupts
@@ -67,7 +67,7 @@ def solved_designs(
     if start is not None:
         _continue(machine, start, designs, formulas, report)
         return designs
-    left = _solved_in_lanes(machine, designs, family, formulas).tolist()
+    left = _solved_in_lanes(machine, designs, family, formulas, report).tolist()
     for done, i in enumerate(left, count - len(left)):
         interrupts.heed()
         report(done)
@@ -225,8 +225,10 @@ def fill_in_tuned(
                 _fill_in_formulas(designs, i, own, find(own, start=in_units_of(own, u)), alone)
 
 
-def _solved_in_lanes(machine: Machine, designs: Designs, family: int, formulas: Mapping[str, Formula]) -> np.ndarray:
-    """Fill in the designs whose orbits are found together, and return the others.
+def _solved_in_lanes(
+    machine: Machine, designs: Designs, family: int, formulas: Mapping[str, Formula], report: Callable[[int], None]
+) -> np.ndarray:
+    """Fill in the designs whose orbits are found together, and return the others; `report` as in `solved_designs`.
 
     Machines that differ in numbers alone share a model, or few models where their laws vary so finely that integration
     steps are bounded.
@@ -240,16 +242,20 @@ def _solved_in_lanes(machine: Machine, designs: Designs, family: int, formulas: 
         if base.model in tried or not {*designs.names, *used} <= _known_together(base):
             continue
         tried.add(base.model)
-        ps = _parameters_of(base, designs, left)
-        try:
-            parts, absent = lowest_orbits(base.model, tuple(base.values), ps, family)
-        except Exception:  # a defect that one design causes: each of them is then solved alone
-            continue
-        for orbits in parts:
-            _fill_in(designs, left[orbits.which], base.model, orbits, formulas)
-        for k, error in absent.items():
-            own = _units_at(base.model, dict(zip(base.values, ps[k].tolist(), strict=True)))
-            designs.statuses[left[k]], designs.reasons[left[k]] = "no orbit", str(shortened(in_units(error, own)))
+        size = motions_together(family)
+        for some in (left[first : first + size] for first in range(0, len(left), size)):
+            interrupts.heed()
+            report(int(np.count_nonzero(designs.statuses != "")))
+            ps = _parameters_of(base, designs, some)
+            try:
+                parts, absent = lowest_orbits(base.model, tuple(base.values), ps, family)
+            except Exception:  # a defect that one design causes: each of them is then solved alone
+                continue
+            for orbits in parts:
+                _fill_in(designs, some[orbits.which], base.model, orbits, formulas)
+            for k, error in absent.items():
+                own = _units_at(base.model, dict(zip(base.values, ps[k].tolist(), strict=True)))
+                designs.statuses[some[k]], designs.reasons[some[k]] = "no orbit", str(shortened(in_units(error, own)))
         left = left[designs.statuses[left] == ""]
     return left
 

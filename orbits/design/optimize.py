@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..consistency.accepted import check_parameters
-from ..errors import InputError, NoOrbit, OrbitsError, whole_number
+from ..errors import LARGEST_SEED, InputError, NoOrbit, OrbitsError, whole_number
 from ..model.machine import Machine
 from ..periodic.continued import continued_orbits
 from ..periodic.find import Progress, StartLike, check_start, find
@@ -164,7 +164,7 @@ def _global_best(
     machine: Machine, problem: DesignProblem, origin: Origin, seed: int, progress: Progress = None
 ) -> Design:
     """The best design from the seeds of a sample."""
-    seed, report = whole_number("seed", seed, least=0), progress or (lambda share: None)
+    seed, report = whole_number("seed", seed, least=0, most=LARGEST_SEED), progress or (lambda share: None)
     seeds = seeds_of(machine, problem, origin.family, seed, origin.orbit, lambda share: report(0.5 * share))
     points = [dict(zip(problem.names, each.values.tolist(), strict=True)) for each in seeds]
     best = best_design(machine, problem, origin, points, lambda share: report(0.5 + 0.5 * share))
@@ -221,7 +221,7 @@ def starting_points(machine: Machine, problem: DesignProblem, count: int, seed: 
 
     Bounds that span decades are sampled by their logarithm.
     """
-    count, seed = whole_number("starts", count, "starts"), whole_number("seed", seed, least=0)
+    count, seed = whole_number("starts", count, "starts"), whole_number("seed", seed, least=0, most=LARGEST_SEED)
     low, high, own = np.array(problem.low), np.array(problem.high), problem.theta(machine)
     points = [own if ((low <= own) & (own <= high)).all() else 0.5 * (low + high)]
     if count > 1:

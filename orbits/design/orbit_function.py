@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from ..consistency.accepted import check_parameters
-from ..errors import InputError, NoOrbit, whole_number
+from ..errors import InputError, NoOrbit, list_of_names, whole_number
 from ..model.machine import Machine
 from ..model.model import Model, refuse_forward, refuse_hysteresis
 from ..numerics.roots import Array
@@ -76,8 +76,8 @@ def orbit_function(
     >>> round(float(launch(0.3)[0][1]), 9)
     2.936459188
     """
-    names = [over] if isinstance(over, str) else list(over)
-    texts = [quantities] if isinstance(quantities, str) else list(quantities)
+    names = list_of_names("over", over)
+    texts = list_of_names("quantities", quantities)
     check_parameters(machine, *names)
     if not names or len({*names}) < len(names):
         raise InputError(f"over = {over!r}; it names the parameters of the function, each once")
@@ -88,6 +88,8 @@ def orbit_function(
         raise InputError(f"a {machine.model.name} has no reversor: {halves}")
     machine.with_values(**{each: machine.values[each] for each in names})  # refuses one that follows from others
     whole_number("times", times, "times", least=0)
+    if not (isinstance(name, str) and ca.Function.check_name(name)):
+        raise InputError(f"name = {name!r}; it has letters, digits and single underscores, and begins with a letter")
     known = known_orbit(machine, orbit, start)
     if known.contact_time is None:
         raise NoOrbit("the orbit has no contact that ends: " + "; ".join(known.violations))

@@ -1,7 +1,7 @@
 """A design problem: an objective, parameters with bounds, constraints; checked before anything is solved."""
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -167,11 +167,6 @@ def names_along(machine: Machine) -> list[str]:
     if ambiguous := [name for name in parameters if name in quantities]:
         raise InputError(f"'{ambiguous[0]}' is a quantity of the orbit: call the formula's parameter something else")
     return quantities + parameters
-
-
-def list_of_names(names: str | Iterable[str]) -> list[str]:
-    """The names in a list; a single one may be text."""
-    return [names] if isinstance(names, str) else list(names)
 
 
 def known_formula(text: str, known: Collection[str], what: str) -> Formula:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TypeAlias
 
 from ..consistency.accepted import check_parameters
-from ..errors import InputError, OrbitsError
+from ..errors import InputError, OrbitsError, list_of_names
 from ..model.machine import Machine, free_parameters, machine_in_words
 from ..periodic.find import StartLike, check_start, find
 from ..periodic.orbit import Orbit
@@ -13,7 +13,7 @@ from ..running.exclusive import exclusive
 from .design_point import Case, DesignPoint, design_points, has_loss, no_motion
 from .design_quantities import extremes_of, quantity_names
 from .extremes import places_of
-from .problem import Outputs, formula_names, known_formula, list_of_names
+from .problem import Outputs, formula_names, known_formula
 from .slopes import Sensitivities
 
 # Requested names, one or a list; None for all.
@@ -70,7 +70,7 @@ def sensitivities(
     check_parameters(machine)
     formula_names(machine)  # raises for a machine that cannot be designed, before an orbit is searched for
     orbit = known_orbit(machine, orbit, start)
-    names = free_parameters(machine) if names is None else list_of_names(names)
+    names = free_parameters(machine) if names is None else list_of_names("names", names)
     # The machine itself determines which of its parameters follow from others.
     machine.with_values(**{name: machine.values[name] for name in names if name in machine.values})
     check_parameters(machine, *names)
@@ -108,10 +108,12 @@ def _formulas_at(machine: Machine, orbit: Orbit, texts: Sequence[str], over: Seq
 
 def _requested(machine: Machine, orbit: Orbit, names: Names) -> Sequence[str]:
     """The requested names, or all quantities that the orbit has; raises `InputError` for another machine's orbit."""
+    if not isinstance(orbit, Orbit):
+        raise InputError(f"orbit = {orbit!r}; it is an orbit of the machine, as find(machine) returns")
     if dict(orbit.machine) != machine_in_words(machine):
         raise InputError(f"the orbit is another machine's: {dict(orbit.machine)}")
     if names is not None:
-        return list_of_names(names)
+        return list_of_names("names", names)
     known, bare = quantity_names(machine.model, machine.values), orbit.dimensionless()
     if bare.contact is None:
         raise no_motion(machine, bare)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..consistency.accepted import check_parameters
-from ..errors import InputError, NoOrbit
+from ..errors import InputError, NoOrbit, list_of_names
 from ..model.machine import MACHINE_FIELDS, Machine
 from ..model.model import STEP_LENGTH
 from ..periodic.find import find
@@ -132,7 +132,7 @@ def _tuning_of(
     known = {name: value for name, value in orbit.prescribed.items() if name in BY_EQUATIONS}
     own = [name for name in orbit.tuned if name != STEP_LENGTH]
     own = own[: len(own) - (len(orbit.prescribed) - len(known))]
-    names = (tune,) if isinstance(tune, str) else tuple(own if tune is None else tune)
+    names = tuple(list_of_names("tune", own if tune is None else tune))
     check_parameters(machine, *names)
     if both := {*names} & {*varied}:
         raise InputError(f"'{min(both)}' is tuned: it has no value of its own")

@@ -1,6 +1,6 @@
 """Exceptions of a proof that does not succeed or takes too long, which is no error but a result."""
 
-from ..running import time_limit
+from ..running import interrupts, time_limit
 
 # Why some theorems need a law without pieces.
 NOT_ACROSS = "second derivatives are not enclosed across the breakpoints of a law in pieces, or of a table"
@@ -15,8 +15,8 @@ class TooLong(Unproved):
 
 
 def check_proof_time() -> None:
-    """Raise `TooLong` where the time limit is reached."""
+    """Raise `TooLong` where the time limit is reached; a long proof says here that it goes on."""
     try:
-        time_limit.check_time()
+        interrupts.heed()
     except time_limit.TimeOver as over:
         raise TooLong(str(over)) from None

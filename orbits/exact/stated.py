@@ -257,6 +257,13 @@ def exact_bounds(name: str, value: Decimals) -> Bounds:
     return low, high
 
 
+def exact_values(parameters: object) -> dict[str, Decimals]:
+    """Exact values of parameters by name; raises `InputError` unless it is a mapping, or None for no values."""
+    if not isinstance(parameters, Mapping | None):
+        raise InputError(f"parameters = {parameters!r}; they map names to decimals, as {{'beta': '0.3'}}")
+    return dict(parameters or {})
+
+
 def stated_machine(machine: Machine, parameters: Mapping[str, Decimals]) -> StatedMachine:
     """What a theorem about a machine states, with exact values of some of its parameters; each other one stands for
     the shortest decimal that rounds to it.

@@ -111,7 +111,8 @@ class Liftoff:
         static, alpha = self.extension(law), np.asarray(alpha, dtype=float)
         if damping == 0.0:
             return np.full(alpha.shape, static)
-        level, result = 1.0 - self.load - damping * alpha, np.full(alpha.shape, np.nan)
+        with np.errstate(over="ignore"):  # no force has an infinite level
+            level, result = 1.0 - self.load - damping * alpha, np.full(alpha.shape, np.nan)
         extensions, forces = _rising_branch(law, static, up=damping < 0)
         cell = np.searchsorted(forces, level, side="right") - 1
         inside = (cell >= 0) & (cell < len(extensions) - 1)

@@ -200,7 +200,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         """
         try:
             times = np.asarray(t, dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             times = np.array(np.nan)
         if not np.isfinite(times).all():
             raise InputError("times must be finite numbers")

@@ -24,6 +24,19 @@ from .guess import Guesses, guess as guess_alone, guesses
 from .homotopy import MAX_CORRECTION
 from .orbit import Orbit
 
+# Motions of higher families have more steps, so that fewer are kept in memory together: this many of family 1.
+MOTIONS_TOGETHER, LOW_FAMILIES = 1024, 32
+
+
+def motions_together(family: int) -> int:
+    """The largest number of machines for which the orbits of a family are to be found together."""
+    return max(1, MOTIONS_TOGETHER // _lengthening(family))
+
+
+def _lengthening(family: int) -> int:
+    """The number of times that a motion of a family may be longer than those of low families."""
+    return max(1, family // LOW_FAMILIES)
+
 
 class _Family(NamedTuple):
     """One family of machines with parameters (m, np) of one model, and the equations of its orbits."""
@@ -34,6 +47,11 @@ class _Family(NamedTuple):
     family: int
     method: str
     equations: Shooting
+
+    @property
+    def most(self) -> int:
+        """The largest number of steps of a motion that are recorded."""
+        return self.equations.flows[0].control.max_block * _lengthening(self.family)
 
 
 def lowest_orbits(
@@ -81,7 +99,7 @@ def orbits_near(
         method = iterative(method_of(model))
         sought = _Family(model, names, ps, family or 0, method, equations_of(model, method, names))
         if sought.equations.in_lanes and family:
-            solved = _at_value(_kernel_of(model, sought.equations), guess, ps, with_motions=True)
+            solved = _at_value(_kernel_of(model, sought.equations), guess, ps, sought.most)
             if found := _certified(sought, solved.which, solved.xs[:, :-1], solved.evaluation):
                 each = orbits_of(part, method, sought.equations, found, began)
                 orbits |= {these[k]: orbit for k, orbit in each.items()}
@@ -118,7 +136,7 @@ def _from_guesses(sought: _Family, guess: Guesses) -> Certified | None:
     if not len(which):
         return None
     us = np.column_stack([guess.unknowns[name][which] for name in sought.equations.statement.unknowns])
-    solved, us, evaluation = _solved_together(sought.model, sought.equations, us, sought.ps[which])
+    solved, us, evaluation = _solved_together(sought, us, sought.ps[which])
     return _certified(sought, which[solved], us, evaluation)
 
 
@@ -170,7 +188,7 @@ def _in_cells(
     if not len(known):
         return None
     kernel = _kernel_of(sought.model, sought.equations)
-    solved = _at_value(kernel, starts[known], ps[known], with_motions=True)
+    solved = _at_value(kernel, starts[known], ps[known], sought.most)
     which, us = known[solved.which], solved.xs[:, :-1]
     orbits = _certified(sought._replace(ps=ps), which, us, solved.evaluation)
     if orbits is None:
@@ -185,35 +203,36 @@ def _kernel_of(model: Model, equations: Shooting) -> NewtonKernel:
 
 
 def _solved_together(
-    model: Model, equations: Shooting, us: np.ndarray, ps: np.ndarray
+    sought: _Family, us: np.ndarray, ps: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, Evaluation | None]:
     """The indices of the guesses (m, n) that lead to a solution, these solutions (k, n), and the equations there; the
     homotopy, if any, is taken in one step, which is the first that `find` tries."""
-    kernel = _kernel_of(model, equations)
-    if model.homotopy is None:
-        found = _at_value(kernel, us, ps, with_motions=True)
+    equations, kernel = sought.equations, _kernel_of(sought.model, sought.equations)
+    if sought.model.homotopy is None:
+        found = _at_value(kernel, us, ps, sought.most)
         return found.which, found.xs[:, :-1], found.evaluation
     before = ps.copy()
     before[:, kernel.place] = 0.0
-    first = _at_value(kernel, us, before, with_motions=False)
+    first = _at_value(kernel, us, before)
     guesses = first.xs[:, :-1] + first.directions[:, :-1]
     positive = [equations.statement.unknowns.index(name) for name in ("alpha", "duration")]
     ahead = np.flatnonzero((guesses[:, positive] > 0).all(axis=1))
     if not len(ahead):
         return ahead, guesses[ahead], None
-    found = _at_value(kernel, guesses[ahead], ps[first.which[ahead]], with_motions=True)
+    found = _at_value(kernel, guesses[ahead], ps[first.which[ahead]], sought.most)
     which, xs = ahead[found.which], found.xs[:, :-1]
     near = (np.abs(xs - guesses[which])[:, positive] <= MAX_CORRECTION * np.abs(xs[:, positive])).all(axis=1)
     evaluation = found.evaluation and found.evaluation[np.flatnonzero(near)]
     return first.which[which[near]], xs[near], evaluation
 
 
-def _at_value(kernel: NewtonKernel, us: np.ndarray, ps: np.ndarray, with_motions: bool) -> Solutions:
-    """The solutions to which Newton's method converges from guesses (m, n), with fixed parameters (m, np)."""
+def _at_value(kernel: NewtonKernel, us: np.ndarray, ps: np.ndarray, recorded: int = 0) -> Solutions:
+    """The solutions to which Newton's method converges from guesses (m, n), with fixed parameters (m, np), and their
+    motions of at most so many `recorded` steps."""
     xs = np.column_stack([us, ps[:, kernel.place]])
     rows, units = np.zeros(xs.shape), np.maximum(np.abs(xs), SMALLEST_UNIT)
     rows[:, -1] = 1.0
-    return kernel(xs, rows, xs[:, -1], units, ps, 1, with_motions)
+    return kernel(xs, rows, xs[:, -1], units, ps, 1, recorded > 0, recorded or None)
 
 
 def _certified(sought: _Family, which: np.ndarray, us: np.ndarray, evaluation: Evaluation | None) -> Certified | None:

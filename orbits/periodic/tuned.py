@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..consistency.accepted import check_parameters
-from ..errors import FlowError, InputError, NoOrbit, finite_number
+from ..errors import FlowError, InputError, NoOrbit, finite_number, list_of_names
 from ..model.machine import Machine
 from ..model.model import STEP_LENGTH, Model
 from ..model.phase import Arc, Statement
@@ -121,7 +121,7 @@ def tuned_names(machine: Machine, tune: str | Iterable[str] | None) -> tuple[str
     """The names of the tuned parameters; raises `InputError` for one that is unknown, fixed, or stated twice."""
     if isinstance(tune, Mapping) or not isinstance(tune or (), Iterable):
         raise InputError(f"tune = {tune!r}; it has names, whose search begins at their values in the machine")
-    names = (tune,) if isinstance(tune, str) else tuple(tune or ())
+    names = tuple(list_of_names("tune", () if tune is None else tune))
     check_parameters(machine, *names)
     if len({*names}) < len(names):
         raise InputError(f"tune = {names!r}: it names each parameter once")

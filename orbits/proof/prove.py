@@ -14,6 +14,7 @@ from typing import Protocol, TypeAlias
 from ..consistency.accepted import check_machine, check_parameters
 from ..errors import InputError
 from ..exact.claim import Claim, claim_of
+from ..exact.stated import exact_values
 from ..model.machine import Machine
 from ..model.model import refuse_hysteresis
 from ..periodic.orbit import Orbit
@@ -71,13 +72,13 @@ def prove(
     (True, 1, True)
     """
     need_flint()
-    claim = claim_of(orbit, machine, list(parameters or {}), tune, at)
+    claim = claim_of(orbit, machine, list(exact_values(parameters)), tune, at)
     check_machine(claim.machine)
     refuse_hysteresis(claim.machine.model)
     from .case import checked_digits
     from .intervals import proof_of
 
-    return proof_of(claim, checked_digits(digits), dict(parameters or {}), motion, loss, limit, attraction)
+    return proof_of(claim, checked_digits(digits), exact_values(parameters), motion, loss, limit, attraction)
 
 
 def prove_claims(
@@ -156,7 +157,7 @@ def prove_fold(
     refuse_hysteresis(machine.model)
     if not all(hasattr(fold, name) for name in ("u", "tangent", "value")):
         raise InputError('the fold is the `point` of a "fold" event of a family')
-    if along in (parameters or {}):
+    if along in exact_values(parameters):
         raise InputError(f"'{along}' is what folds: it has no value of its own")
     if machine.units is not None:
         raise InputError("a fold is proved of a dimensionless machine: follow and prove machine.dimensionless()")
@@ -169,7 +170,7 @@ def prove_fold(
     alpha = fold.tangent[names.index("alpha")]
     directions = {name: each / alpha for name, each in zip(names, fold.tangent[:-1], strict=True)}
     unknowns = dict(zip(names, fold.u, strict=True))
-    values = dict(parameters or {})
+    values = exact_values(parameters)
     with time_limit(limit):
         return proof_of_fold(machine, unknowns, directions, along, fold.value, values, checked_digits(digits))
 
@@ -198,7 +199,7 @@ def prove_absence(machine: Machine, family: int | None = None, *, parameters: Ex
         raise InputError(f"family = {family!r}; families are numbered from 1")
     from .absence import proof_of_absence
 
-    return proof_of_absence(machine, family, dict(parameters or {}))
+    return proof_of_absence(machine, family, exact_values(parameters))
 
 
 def need_flint() -> None:

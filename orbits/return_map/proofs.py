@@ -12,6 +12,7 @@ import numpy as np
 
 from ..consistency.accepted import check_machine
 from ..errors import InputError, NoOrbit, finite_number
+from ..exact.stated import exact_values
 from ..model.machine import Machine, machine_in_words
 from ..model.model import refuse_steps
 from ..proof.prove import Decimal, Exact, need_flint
@@ -64,7 +65,7 @@ def prove_fixed_point(
     from ..proof.case import checked_digits
     from .proved_map import SaidHops, proof_of_fixed_point
 
-    digits, values = checked_digits(digits), dict(parameters or {})
+    digits, values = checked_digits(digits), exact_values(parameters)
     low, high = exact_bounds("inject", inject)
     if not low > 0:
         raise InputError(f"inject = {inject!r}; it is above 0: without it fixed points are lossless: prove(orbit)")
@@ -153,7 +154,7 @@ def prove_doubling(
     from ..proof.case import checked_digits
     from .proved_map import proof_of_doubling
 
-    digits, values = checked_digits(digits), dict(parameters or {})
+    digits, values = checked_digits(digits), exact_values(parameters)
     with time_limit(limit):
         guess = guessed_hop(machine, flip.alpha, flip.value)
         return proof_of_doubling(machine, guess, (flip.value, flip.alpha), values, digits)

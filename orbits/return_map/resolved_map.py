@@ -18,6 +18,7 @@ from ..numerics.roots import enclosed_sign_changes, resolved
 from ..periodic.certified import certified_orbit, solve_from
 from ..periodic.find import Progress, find
 from ..periodic.orbit import Orbit
+from ..running import interrupts
 from ..simulation.impacts import Impacts
 
 SLOWEST_LOSSLESS = 1e-3  # below this, in the units of the machine, no lossless launch is searched
@@ -117,8 +118,9 @@ def lossless_speeds(impacts: Impacts, low: float, high: float) -> list[float]:
     if not impacts.model.conservative or impacts.descends:
         return []
     of_families = not impacts.model.reduction or impacts.model.reduction.exact
-    orbits = _orbits_of_families(impacts, low, high) if of_families else _all_orbits(impacts, low, high)
-    return sorted({orbit.alpha for orbit in orbits if low <= orbit.alpha <= high and orbit.admissible})
+    with interrupts.deferred():
+        orbits = _orbits_of_families(impacts, low, high) if of_families else _all_orbits(impacts, low, high)
+        return sorted({orbit.alpha for orbit in orbits if low <= orbit.alpha <= high and orbit.admissible})
 
 
 def _orbits_of_families(impacts: Impacts, low: float, high: float) -> Iterator[Orbit]:
@@ -127,6 +129,7 @@ def _orbits_of_families(impacts: Impacts, low: float, high: float) -> Iterator[O
     `low` or `high`, of so many families at most."""
     beyond, steps, last = 0, not impacts.model.plain, low
     for family in range(1, MOST_FAMILIES + 1) if steps else count(1):
+        interrupts.heed()
         try:
             orbit = find(impacts.machine, family)
         except NoOrbit:

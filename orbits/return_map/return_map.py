@@ -138,7 +138,7 @@ class ReturnMap:
             return hops_of_launches(self.machine, self.section, alpha, self.inject / self._speed, self.cap)
         try:
             alpha = np.array(alpha, dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise InputError(f"alpha = {alpha!r}; launch speeds are numbers") from None
         launches = np.isfinite(alpha) & (alpha > 0)
         if not (alpha.ndim or launches):
@@ -298,7 +298,11 @@ class ReturnMap:
         the intervals `edges`. They end where the map passes an edge, or jumps; `samples` is as in `fixed_points`."""
         self._check_one_speed("preimages")
         low, high, samples = _checked_grid(low, high, samples)
-        edges = [(finite_number("edges", a), finite_number("edges", b)) for a, b in edges]
+        try:
+            pairs = [(a, b) for a, b in edges]
+        except (TypeError, ValueError):
+            raise InputError(f"edges = {edges!r}; they are pairs (low, high) of launch speeds") from None
+        edges = [(finite_number("edges", a), finite_number("edges", b)) for a, b in pairs]
         for low_edge, high_edge in edges:
             if not 0 < low_edge <= high_edge:
                 ends = {name: Quantity(x, LIFTOFF_SPEED) for name, x in (("low", low_edge), ("high", high_edge))}

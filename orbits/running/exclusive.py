@@ -43,12 +43,14 @@ def threads() -> int:
 
 
 def exclusive(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """The same function, run by one thread at a time. The settings of the environment are checked first, as an error in
-    them inside would pass for one of the problem."""
+    """The same function, run by one thread at a time. The settings of the environment and a function that `progress` is
+    reported to are checked first, as an error in them inside would pass for one of the problem."""
 
     @wraps(function)
     def alone(*arguments: _P.args, **options: _P.kwargs) -> _R:
         threads()
+        if not isinstance(report := options.get("progress"), bool | None) and not callable(report):
+            raise InputError(f"progress = {report!r}; it is a function that is called with the share that is done")
         with LOCK, running(function.__qualname__):
             return function(*arguments, **options)
 

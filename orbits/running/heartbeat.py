@@ -1,4 +1,4 @@
-"""A function that computes for minutes says so once a minute, through the logger "orbits"."""
+"""A function that computes for long says so through the logger "orbits": soon, and then up to once a minute."""
 
 import logging
 import threading
@@ -6,8 +6,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-SILENCE = 60.0  # seconds between two messages
-SOON_SAID = 10.0  # seconds after which a function that can say how far it is does so
+SOON, SILENCE = 8.0, 60.0  # seconds until the first message, and at most between two
 LOGGER = logging.getLogger("orbits")
 _running = threading.local()  # the `name` of the outermost function of a thread, when it `began` and when it `spoke`
 
@@ -28,13 +27,16 @@ def running(name: str) -> Iterator[None]:
 
 def beat() -> None:
     """Say that the function still computes, where it has been silent for long."""
-    if getattr(_running, "name", None) and (now := time.monotonic()) - _running.spoke > SILENCE:
+    if not getattr(_running, "name", None):
+        return
+    now, before = time.monotonic(), _running.spoke - _running.began
+    if now - _running.spoke > min(max(SOON, before), SILENCE):
         _running.spoke = now
         LOGGER.warning("%s has been computing for %.0f s", _running.name, now - _running.began)
 
 
 def remark(how_far: str) -> None:
     """Say how far the function is, where it has been silent for some seconds."""
-    if getattr(_running, "name", None) and (now := time.monotonic()) - _running.spoke > SOON_SAID:
+    if getattr(_running, "name", None) and (now := time.monotonic()) - _running.spoke > SOON:
         _running.spoke = now
         LOGGER.warning("%s: %s", _running.name, how_far)

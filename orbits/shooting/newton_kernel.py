@@ -67,10 +67,14 @@ class NewtonKernel:
         self.kernel = stepper.kernel_of(self._function(stepper, parameter_seeds))
 
     def __call__(
-        self, xs: Array, rows: Array, levels: Array, units: Array, ps: Array, least: int, with_motions: bool
-    ) -> Solutions:
+        self, xs: Array, rows: Array, levels: Array, units: Array, ps: Array, least: int, with_motions: bool,
+        most: int | None = None,
+    ) -> Solutions:  # fmt: skip
         """The solutions near points xs (m, n + 1) with parameters (m, np) where rows . X = levels, by at least `least`
-        Newton steps; the points left out have to be solved one by one."""
+        Newton steps; the points left out have to be solved one by one.
+
+        most : steps of a motion that are recorded, which bounds the memory; None for those of one call of the flow
+        """
         at, motion, control, (states, columns) = self.places, self.motion, self.flow.control, self.seeds.shape
         begin = self.equations.beginnings[0](xs[:, :-1], xs[:, :0], ps)[0][:, :, 0]
         z = np.zeros((len(xs), self.kernel.sizes_in[0]))
@@ -82,7 +86,7 @@ class NewtonKernel:
         if on := self.flow.on_pieces(begin[:, :-1], ps):
             z[:, motion.piece], tables = on.numbers, [on.tables]
             data.append(np.broadcast_to(on.breaks, (len(xs), self.flow.breaks)))
-        z, (c, before, steps), counts, _ = self.kernel(z, np.hstack(data), *tables, most=control.max_block)
+        z, (c, before, steps), counts, _ = self.kernel(z, np.hstack(data), *tables, most=most or control.max_block)
         solved = (z[:, at.doing] == DONE) & (np.abs(z[:, motion.state]).max(1) <= control.runaway)
         owner, begins = np.repeat(np.arange(len(z)), counts), begins_of_steps(steps[:, 0], counts)
         solved[owner[steps[:, 0] <= control.shortest_step * np.maximum(begins, 1.0)]] = False

@@ -130,7 +130,7 @@ class LaunchSection:
     def _numbers(values: Any) -> np.ndarray:
         try:
             return np.array(values, dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise InputError(f"launch = {values!r}; a launch is numbers") from None
 
     def launch(self, launch: Any) -> np.ndarray:

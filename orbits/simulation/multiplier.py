@@ -22,9 +22,10 @@ from .feet import LIFTS_OFF, STEPS_BACK, Foot
 from .footing import FALLS, SLIPS, FallTest
 from .hand_over import landed, share_left, standing
 from .hysteresis import Branches, FirstOf, first_reversal
-from .impacts import CAP, LIFTOFF_ORDER, STATUSES, ContactEnd, Impacts, no_launch
+from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, STATUSES, ContactEnd, Impacts, no_launch
 
 RESTS = "the machine rests: it does not lift off again"
+SLOWEST_LAUNCH_VARIED = 1e-150  # the square of a slower launch, and its inverse, are no numbers
 TANGENTIAL = 1e-7  # an impact slower than this, relative to the launch speed, is tangential
 
 
@@ -56,6 +57,10 @@ def multiplier(machine: Machine, alpha: float) -> float:
 @in_own_units((), alpha=LIFTOFF_SPEED)
 def _slope_of_hop(machine: Machine, alpha: float) -> float:
     """The `multiplier` of the hop that starts with a speed above 0."""
+    if not SLOWEST_LAUNCH_VARIED <= alpha <= FASTEST_LAUNCH:
+        text = "alpha = {alpha:g}; a launch speed that can be varied lies between {low:g} and {high:g}"
+        bounds = {"alpha": alpha, "low": SLOWEST_LAUNCH_VARIED, "high": FASTEST_LAUNCH}
+        raise InputError(Message(text, **{name: Quantity(x, LIFTOFF_SPEED) for name, x in bounds.items()}))
     return slope_of_hop(Branches(machine) if machine.model.hysteretic else Impacts(machine), alpha)
 
 

@@ -203,7 +203,8 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
     def _notes(self) -> list[str]:
         """The notes on the whole motion."""
         speed, second, metre = (f" {self.unit_of(n)}".rstrip() for n in ("launches", "end", "smallest_separation"))
-        speeds, why = ", ".join(f"{alpha:.10g}" for alpha in self.launches), f": {self.reason}" if self.reason else ""
+        why = f": {self.reason}" if self.reason else ""
+        speeds = ", ".join("none" if alpha is None else f"{alpha:.10g}" for alpha in known(self.launches))
         notes = [
             f"launch speeds {speeds}{speed}",
             *self._way_in_words(),
@@ -368,7 +369,7 @@ def times_within(t: ArrayLike, end: float, second: str = "") -> np.ndarray:
     """
     try:
         times = np.asarray(t, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         times = np.array(np.nan)
     if not ((times >= 0) & (times <= end * (1 + 1e-12))).all():
         raise InputError(f"times lie between 0 and {end:.6g}{second}")

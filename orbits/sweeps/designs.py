@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from ..errors import InputError, finite_number, whole_number
+from ..errors import LARGEST_SEED, InputError, finite_number, whole_number
 from ..io import MEGABYTE, read_file
 from ..numerics.sobol import sobol_points
 
@@ -133,7 +133,7 @@ def members_of(
     if sampling == "grid":
         return _grid(axes, samples)
     count = whole_number("samples", 1000 if samples is None else samples, "members", most=MOST_MEMBERS)
-    shares = _shares(sampling, count, len(axes), whole_number("seed", seed, least=0))
+    shares = _shares(sampling, count, len(axes), whole_number("seed", seed, least=0, most=LARGEST_SEED))
     columns = [axis.at(column) for axis, column in zip(axes.values(), shares.T, strict=True)]
     drawn = f"{sampling}, seed {seed}"
     return _finite_members(Members(tuple(axes), np.column_stack(columns), None, tuple(axes.values()), drawn))
@@ -264,7 +264,7 @@ def as_numbers(name: str, column: Iterable[Any], table: str = "samples") -> np.n
     entries = column if isinstance(column, np.ndarray) and column.dtype.kind == "f" else list(column)
     try:
         values = np.array([np.nan if isinstance(value, bool) else float(value) for value in entries])
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         values = np.array([_as_number(value) for value in entries])
     if not np.isfinite(values).all():
         row = int(np.argmin(np.isfinite(values)))
@@ -275,7 +275,7 @@ def as_numbers(name: str, column: Iterable[Any], table: str = "samples") -> np.n
 def _as_number(value: Any) -> float:
     try:
         return float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return np.nan
 
 

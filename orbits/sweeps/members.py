@@ -51,17 +51,24 @@ def _found(question: Question, table: Table, report: Callable[[int], None]) -> N
     known = (names_of_tuned if tuning else formula_names)(question.machine) if question.quantities else ()
     formulas = {text: known_formula(text, known, "the quantity") for text in question.quantities}
     start = None if question.start is None or tuning else find(question.machine, start=question.start)
+    before = 0  # the number of members of the families before
+
+    def count(done: int) -> None:
+        if before + done:
+            report(before + done)
+
     for family in question.families:
         rows, names = np.flatnonzero(families == family), question.members.names
         values = np.column_stack([table.columns[name][rows] for name in names])
         if tuning:
-            own = question.machine, names, values, family, tuning, formulas, question.start, report
+            own = question.machine, names, values, family, tuning, formulas, question.start, count
             designs = tuned_designs(*own)
         else:
-            designs = solved_designs(question.machine, names, values, family, formulas, start, report)
+            designs = solved_designs(question.machine, names, values, family, formulas, start, count)
         for name, numbers in designs.numbers.items():
             table.columns[name][rows] = numbers
         table.columns["status"][rows], table.columns["reason"][rows] = designs.statuses, designs.reasons
+        before += len(rows)
 
 
 def _machine_at(question: Question, table: Table, row: int) -> Machine:

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..continuation.checkpoint import versions
 from ..design.designs_at_once import columns_of_tuned, names_of_tuned, tuning_of_designs
-from ..design.problem import formula_names, known_formula, list_of_names
-from ..errors import InputError, finite_number
+from ..design.problem import formula_names, known_formula
+from ..errors import InputError, finite_number, list_of_names
 from ..io import Document
 from ..model.machine import Machine, machine_in_words
 from ..periodic.find import check_start, family_number, find, unknowns_of_start
@@ -162,7 +162,7 @@ def question_of(
     if not families or len(set(families)) < len(families):
         raise InputError(f"family = {family!r}; it is a number, or a list of different ones")
     families = tuple(map(family_number, families))
-    quantities = list_of_names(quantities)
+    quantities = list_of_names("quantities", quantities)
     if start is not None and (outcome != "find" or families != (1,)):
         raise InputError("start is an orbit from which others are continued, of its own family: leave out the other")
     tuning = _tuning(machine, members, outcome, tune, at)

@@ -5,6 +5,7 @@ transaction: a killed process loses the chunks that it was working on and no oth
 """
 
 import json
+import os
 import sqlite3
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..io import conform, digest, sealed, to_json, unsealed
+from ..io import check_path, conform, digest, nested, sealed, to_json, unsealed
 from .question import Question, SavedQuestion, Table, empty_table
 
 STORE_FORMAT = "persistent-orbits sweep 1"
@@ -33,13 +34,12 @@ class Store:
         """Open the store of a question; without `resume` an existing file is refused. Raises `InputError` for a file
         that is no store, that is spoilt, or that holds the results of another question."""
         self.path, self.question = Path(path), question
-        known = self.path.exists() and not _has_no_table(self.path)
+        known = os.path.exists(path) and not _has_no_table(self.path)
         if known and not resume:
             raise InputError(f"the store {path} exists: go on with it by resuming, or name another file")
-        if not known and not self.path.parent.is_dir():
-            raise InputError(f"the store {path} cannot be made: there is no folder '{self.path.parent}'")
         if known:
             self._check_question()
+        check_path(path, ())
         with self._using("written"):
             self.connection = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
             self._keep_journal()
@@ -146,10 +146,10 @@ def _has_no_table(path: Path) -> bool:
 def question_in(path: str | Path) -> dict[str, Any]:
     """The question's document in a store; raises `InputError` for a file that is no store, or is spoilt."""
     complaint = f"{path} is no store of a sweep"
-    if not Path(path).is_file():
-        raise InputError(f"{complaint}: " + ("it is a folder" if Path(path).is_dir() else "there is no such file"))
+    if not os.path.isfile(path):
+        raise InputError(f"{complaint}: " + ("it is a folder" if os.path.isdir(path) else "there is no such file"))
     try:
-        with _database_at(path) as connection:
+        with _database_at(path) as connection, nested():
             (check,) = connection.execute("PRAGMA quick_check(1)").fetchone()
             if check == "ok":
                 kind, text = connection.execute("SELECT format, document FROM question").fetchone()

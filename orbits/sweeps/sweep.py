@@ -14,6 +14,7 @@ from ..model.machine import Machine, free_parameters
 from ..periodic.find import StartLike
 from ..running import interrupts
 from ..running.exclusive import exclusive
+from ..running.heartbeat import running
 from ..running.time_limit import TimeOver
 from .designs import Members, members_of
 from .execute import check_executor, chunks_of, solved_chunks
@@ -171,7 +172,7 @@ def _computed(
             show_state(min(int(done.sum()) + more, count - 1))
 
     try:
-        with interrupts.deferred():
+        with running("sweep"), interrupts.deferred():
             for part in solved_chunks(question, chunks, executor, workers, within_chunk):
                 if store is not None:
                     store.write(part)

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypedDict
 import numpy as np
 
 from ..design.designs_at_once import DESIGN_STATUSES, tuned_orbit
-from ..design.problem import list_of_names
-from ..errors import InputError, NoOrbit
+from ..errors import InputError, NoOrbit, list_of_names
 from ..io import Document, conform, extra_package, to_json
 from ..model.machine import Machine
 from ..periodic.continued import continued_orbits
@@ -291,7 +290,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
             raise InputError("Sobol's indices take a sweep with its machine: Sweep.load(store, machine=...)")
         return sobol_indices(
             self.question,
-            quantities if quantities is None else list_of_names(quantities),
+            quantities if quantities is None else list_of_names("quantities", quantities),
             samples,
             seed,
             partial(Sweep.again, self.question, **options),

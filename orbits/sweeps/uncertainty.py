@@ -6,9 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..design.problem import list_of_names
 from ..design.sensitivities import sensitivities
-from ..errors import InputError, whole_number
+from ..errors import InputError, list_of_names, whole_number
 from ..model.machine import Machine
 from ..periodic.find import StartLike, check_start, find
 from ..result import Axes, Result, shown
@@ -85,7 +84,7 @@ def uncertainty(
     uncertain = _uncertain(over, samples, seed, list(machine.values))
     check_start(machine, start)
     orbit = find(machine, family) if start is None else find(machine, start=start)
-    quantities = list_of_names(quantities)
+    quantities = list_of_names("quantities", quantities)
     texts = ["alpha", "flight_time", *quantities]
     slopes = sensitivities(machine, orbit, list(uncertain.names), texts)
     options |= {"seed": seed, "family": family, "quantities": quantities, "start": None if start is None else orbit}

@@ -200,7 +200,7 @@ def prove_command(
 
 
 @orbits.command("check-proof", epilog="\b\nExit code: 0 verified, 1 not, 2 bad input.")
-@click.argument("file", type=click.Path(exists=True, dir_okay=False))
+@click.argument("file")
 @options.json_option
 def check_proof_command(file: str, as_json: bool) -> None:
     """Verify a proof of an orbit that was saved with prove --save, by a second program that reads only this file."""

@@ -65,7 +65,7 @@ loss_options = combined(
     click.option("--inject", type=float, default=0.0, metavar="EPS", help=f"Added to every launch speed{IN_UNITS}"),
 )
 start_option = click.option(
-    "--start", "hop", type=click.Path(dir_okay=False), metavar="FILE",
+    "--start", "hop", metavar="FILE",
     help="Start from a saved orbit, also where a launch has several numbers, as on compliant ground.",
 )  # fmt: skip
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")

@@ -147,6 +147,8 @@ def fit(
     {'b': 0.3, 'k': 1.0}
     """
     text, own = _formula_of(formula)
+    if not isinstance(start, Mapping | None):
+        raise InputError(f"start = {start!r}; it maps names of parameters to values near them")
     names = sorted(parse(text).names - {"r"})
     own = own | dict(start or {})
     if unknown := [name for name in own if name not in names]:
@@ -197,7 +199,10 @@ def _weighted_rows(
     r: np.ndarray, force: np.ndarray, sense: float, branch: str | None, label: str, noise: Any
 ) -> tuple[MeasuredRows, float | None]:
     """The rows on a branch, and the standard deviation of one of weight 1 if it is stated."""
-    stated = None if noise is None else np.asarray(noise, dtype=float)
+    try:
+        stated = None if noise is None else np.asarray(noise, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"noise = {noise!r}; it is a number, or one for each row") from None
     if stated is None or stated.ndim == 0:
         if stated is not None and not number("noise", noise, high=1e100) > 0:
             raise InputError(f"noise = {noise:g}; it is the standard deviation of a row's force, above 0")

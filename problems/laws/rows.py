@@ -33,7 +33,7 @@ def _numbers(source: Any, label: str) -> tuple[np.ndarray, np.ndarray]:
     """Extensions and forces (n,) of two sequences; raises `InputError` for anything else."""
     try:
         r, force = (np.asarray(column, dtype=float) for column in source)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{label}: a table is two sequences of numbers, extensions and forces") from None
     if r.ndim != 1 or not r.size or r.shape != force.shape or not (np.isfinite(r).all() and np.isfinite(force).all()):
         raise InputError(f"{label}: extensions and forces must be two finite lists of one length, with rows")

@@ -94,6 +94,8 @@ class Actuated(Stated):
     units: Units | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.actuator, Actuator):
+            raise InputError(f"actuator = {self.actuator!r}; it is an Actuator(along, kind), or None")
         if not hasattr(self.machine, "stated"):
             kind = type(self.machine).__name__
             raise InputError(f"a {kind} is no machine whose spring can be moved: state it as an orbits.Mechanism(...)")

@@ -104,8 +104,8 @@ def _check_number(
     driven: Driven, name: str, to: float, numbers: Mapping[str, float], launch: Mapping[str, float]
 ) -> None:
     """Raise `InputError` for what is not followed: `numbers` are all that could be, with those of the launch."""
-    if name not in numbers:
-        if name in LAUNCH_CONDITIONS:
+    if name not in list(numbers):
+        if name in list(LAUNCH_CONDITIONS):
             raise InputError(f"the {name} is not prescribed: take keep_hopping(machine, {name}=...)")
         raise InputError(f"'{name}' is no number of the motion; there are: {', '.join(numbers)}")
     if driven.actuated.has_corners:

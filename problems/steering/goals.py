@@ -39,6 +39,7 @@ from .turns import turns_of_leg, turns_of_orbit
 ROUNDINGS = (1.0, 0.3, 0.1)
 # Tolerance of least work: quadrature is slow near corners of the power, while the motion itself stays smooth.
 WORK_TOLERANCE = 1e-7
+MOST_INTERVALS = 10_000  # of a motion, far more than one needs
 # Multiples of a rate at which least work is sought where it is not found at that rate, each from the result before.
 WIDER_RATES = (4.0, 2.0, 1.4, 1.0)
 
@@ -73,13 +74,18 @@ def motion_in_si(driven: Actuated, machine: Any, control: Control, cost: str) ->
     return control_in_units(control, units, dimensions_of_costs(driven)[cost], named, dimensions_of_rows(driven))
 
 
+def _actuated(machine: Any, actuator: Actuator | None) -> Actuated:
+    """The machine with its actuator, by default the one that moves the end of the only spring."""
+    return Actuated(machine, Actuator() if actuator is None else actuator)
+
+
 def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., Driven]:
     """Extend a function of this module to machines in SI, with bounds and speeds in SI; the result has its machine."""
 
     @exclusive
     @wraps(function)
     def steered(machine: Any, *arguments: object, **options: Any) -> Driven:
-        driven = Actuated(machine, options.pop("actuator", None) or Actuator())
+        driven = _actuated(machine, options.pop("actuator", None))
 
         def in_si(control: Control, machine: Any) -> Control:
             return motion_in_si(driven, machine, control, options.get("cost", "effort"))
@@ -134,7 +140,7 @@ def keep_hopping(
     if cost == "work" and rate == np.inf:
         raise InputError("least positive work is done by jerks: give the largest rate")
     bounds = {"rate": rate, "stroke": stroke, "force": force, "power": power}
-    hop = _hop(Actuated(machine, actuator or Actuator()), family, start, lossless, intervals, bounds)
+    hop = _hop(_actuated(machine, actuator), family, start, lossless, intervals, bounds)
     hop = replace(hop, prescribed=prescribed_launch(hop.driven, hop.orbit, speed=speed, height=height))
     if hop.needs_no_control and not (lossless and cost == "effort"):
         return _least_effort(replace(hop, lossless=True), None, progress)
@@ -166,7 +172,7 @@ def recover(
     >>> steering.missed(Hopper(), back) < 1e-9
     True
     """
-    driven = Actuated(machine, actuator or Actuator())
+    driven = _actuated(machine, actuator)
     bounds = {"rate": rate, "stroke": stroke, "force": force, "power": power}
     hop = _hop(driven, family, start, lossless or (short == 0 and not driven.damped), intervals, bounds)
     reached = _aim(driven, hop.orbit, aim)
@@ -206,8 +212,11 @@ def start_up(
     >>> steering.start_up(Hopper(), pumps=2, stroke=2.0).status
     'optimal'
     """
-    pumps, intervals = whole_number("pumps", pumps, "pumps"), whole_number("intervals", intervals, "intervals")
-    driven = Actuated(machine, actuator or Actuator())
+    pumps, intervals = (
+        whole_number("pumps", pumps, "pumps"),
+        whole_number("intervals", intervals, "intervals", most=MOST_INTERVALS),
+    )
+    driven = _actuated(machine, actuator)
     orbit = _lossless(driven, family, start)
     limits = actuator_limits(driven, rate=rate, stroke=stroke, force=force, power=power)
     rest, reached = rest_in_contact(driven, orbit), _aim(driven, orbit, aim)
@@ -324,7 +333,7 @@ def _hop(
     orbit = _lossless(driven, family, start)
     if driven.restitution > 0 and not lossless:
         raise InputError(f"restitution = {driven.restitution:g}: it bounces where it lands plastically; set 0 for that")
-    intervals = whole_number("intervals", intervals, "intervals of flight and contact together", 2)
+    intervals = whole_number("intervals", intervals, "intervals of flight and contact together", 2, MOST_INTERVALS)
     return _Hop(driven, orbit, bool(lossless), intervals, actuator_limits(driven, **bounds))
 
 
@@ -412,7 +421,7 @@ def _cheapest(
     for number, start in enumerate(starts):
         part = _share_of(progress, number / len(starts), (number + 1) / len(starts))
         try:
-            guess = start if isinstance(start, Control | list) else start()
+            guess = start() if callable(start) else start
             results.append(solve(stages, values, guess=guess, progress=part))
         except NoOrbit as reason:
             reasons.append(reason)

@@ -82,6 +82,7 @@ def test_trace_yields_orbits_events_and_the_end():
     [
         ({"along": "gamma"}, "no parameter 'gamma' to follow; it has mass_ratio, beta"),
         ({"stop": 0.3}, "there is no way between"),
+        ({"start": 0.0, "stop": 1e-320}, "a way is from 1e-150 to 1e[+]150 long"),
         ({"stop": np.nan}, "not a finite number"),
         ({"longest": 0.0}, "a step is a share"),
         ({"most": 0}, "a number of points"),

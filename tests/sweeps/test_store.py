@@ -6,6 +6,7 @@ import sqlite3
 import subprocess
 import sys
 import textwrap
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -237,3 +238,17 @@ def test_an_executor_that_is_none_leaves_no_store(tmp_path):
     with pytest.raises(InputError, match="executor = 'threads'"):
         sweep(Hopper("cubic"), {"beta": (0.1, 0.2)}, 8, executor="threads", store=tmp_path / "a.db")
     assert not (tmp_path / "a.db").exists()
+
+
+def test_names_and_questions_that_cannot_be_read_are_refused(tmp_path):
+    for name in ("x" * 300, "a\0", "a\ud800"):
+        with pytest.raises(InputError, match="cannot be written"):
+            Store(tmp_path / name, asked())
+    path = tmp_path / "deep.db"
+    with closing(sqlite3.connect(path)) as store:
+        store.execute("CREATE TABLE question (format TEXT, document TEXT)")
+        store.execute("INSERT INTO question VALUES (?, ?)", (STORE_FORMAT, "[" * 60_000))
+        store.commit()
+    for read in (Sweep.load, lambda path: Store(path, asked())):
+        with pytest.raises(InputError, match="nested too deeply"):
+            read(path)

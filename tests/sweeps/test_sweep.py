@@ -5,7 +5,9 @@ import pytest
 
 from orbits import InputError, Mechanism, NoOrbit, Sweep, find, find_all, quantities, sensitivities, starts, sweep
 from orbits.mechanics import Mass, Spring
-from orbits.sweeps.question import CHUNK
+from orbits.sweeps.designs import members_of
+from orbits.sweeps.members import solve_chunk
+from orbits.sweeps.question import CHUNK, question_of
 from problems import Chain, HeavyHand, Hopper, Juggler, plate_hopper, runner, springs
 from tests.runners import FAST
 from tests.sweeps.swept import CASES
@@ -257,3 +259,11 @@ class TestTuned:
         assert found.orbit(1).alpha == pytest.approx(alone.alpha, rel=1e-12)
         assert "fold" in found["reason"][2]
         assert np.isnan(found["inertia"][2])
+
+
+def test_members_of_every_family_are_counted_as_they_are_done():
+    counted, machine = list[int](), Hopper("cubic")
+    members = members_of({"beta": [0.1, 0.2, 0.3]}, None, None, 0, ["beta"])
+    question = question_of(machine, members, [1, 2, 3], (), "find", None)
+    solve_chunk(question, np.arange(9), question.values_of(np.arange(9)), counted.append)
+    assert counted == [3, 6]
