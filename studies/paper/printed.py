@@ -34,12 +34,12 @@ def numbers() -> Iterator[tuple[str, float]]:
     yield "begin in a fold at an injection of #", folds[0].value
     yield "end in a crisis at #.", period_four.crisis()
     damping = 1e-5
-    yield r"is $#\,c^2$ if the landing", keep_hopping(Hopper(damping=damping), start=hop).cost / damping**2
+    yield r"grows like $#\,c^2$ for small", keep_hopping(Hopper(damping=damping), start=hop).cost / damping**2
     wheel = rimless_wheel(mass=2.0, length=0.4, spokes=8, inertia=0.4, body_inertia=0.4, stiffness=20.0)
-    yield "A rimless wheel of # spokes", math.pi / wheel.values["angle"]
-    yield "if friction is at least #.", find(wheel).certificate.friction_needed
+    yield "one of # spokes needs", math.pi / wheel.values["angle"]
+    yield "needs friction of #.", find(wheel).certificate.friction_needed
     run = find(runner(foot_mass=0.1, rest_length=3.7), tune=("inertia", "hip_stiffness"), at={"speed": 0.4})
-    yield "runs without loss at a speed of #, with", run.speed
+    yield "one runs at a dimensionless speed of #, with", run.speed
     yield "with steps of # and", run.step
     yield "friction of #, if", run.certificate.friction_needed
 
