@@ -25,7 +25,7 @@ def cells_of_diagram(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
     statuses = diagram.statuses.T
     x, y = diagram.grid[diagram.along].reshape(statuses.shape)[:, 0], np.array(diagram.values)
     arcs, size = _arcs(diagram, x, y), np.array([np.ptp(x), np.ptp(y) or 1.0])
-    sides = _sides(diagram, _crossings(arcs, x))
+    sides = _sides_of_rows(diagram, _crossings(arcs, x))
     for i, j in np.ndindex(len(x) - 1, len(y) - 1):
         ways = ((i, j, True), 1), ((i + 1, j, False), 1), ((i, j + 1, True), -1), ((i, j, False), -1)
         corners = [(x[i], y[j]), (x[i + 1], y[j]), (x[i + 1], y[j + 1]), (x[i], y[j + 1])]
@@ -95,7 +95,7 @@ def _crossings(arcs: _Arcs, x: np.ndarray) -> dict[tuple[int, int], list[float]]
     return {node: sorted(places) for node, places in found.items()}
 
 
-def _sides(diagram: Any, crossings: dict[tuple[int, int], list[float]]) -> _Sides:
+def _sides_of_rows(diagram: Any, crossings: dict[tuple[int, int], list[float]]) -> _Sides:
     """The boundaries on the sides of cells, in order. Those between rows that are not located lie where curves pass the
     side, if as many do."""
     found, sides = diagram.boundaries, _Sides()

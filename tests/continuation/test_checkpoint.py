@@ -75,7 +75,7 @@ def test_what_cannot_be_resumed_or_watched_is_said(softening_family):
             follow(Hopper("cubic"), "beta", start=0.0, **question)
     with pytest.raises(InputError, match="give it another name"):
         follow(Hopper("r + alpha*r**3", parameters={"alpha": 0.1}), "alpha", 1.0)
-    with pytest.raises(InputError, match="no parameter"):
+    with pytest.raises(InputError, match="it is the name of a parameter"):
         follow(Hopper("cubic"), ["beta"], 1.0)
 
 
