@@ -77,7 +77,7 @@ TESTED_WITH = {
     "return_map/cycles": "return_map/test_bifurcations",
     "return_map/fixed_point_statement": "return_map/test_proved_map",
     "return_map/hops": "return_map/test_return_map",
-    "show/diagram_cells": "show/test_cells",
+    "show/diagram_cells": "show/test_sweep_figures",
     "show/pages/bokeh_figures": "show/pages/test_hop_view",
     "show/pages/map_view": "problems/explorer/test_page",
     "show/pages/player": "show/pages/test_hop_view",

@@ -252,6 +252,7 @@ def test_deep_nesting_and_large_files_are_refused(tmp_path):
     assert "at most 16384 are read" in by_command(["find", "--machine", str(path)])[1]
 
 
+@pytest.mark.slow
 def test_a_dozen_crafted_calls():
     assert not crafted_calls.main(calls=12)["faults"]
 

@@ -28,8 +28,9 @@ PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
 BLOCK = re.compile(r"^```(python|toml|text|output|console|\{drawn\}[^\n]*)\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
 # The pages whose code takes more than some seconds.
 LONG = (
-    *("chain.md", "command_line.md", "control.md", "design.md", "families.md", "proof.md", "return_map.md"),
-    *("running.md", "start.md", "thousand_orbits.md"),
+    *("chain.md", "command_line.md", "control.md", "design.md", "families.md", "gallery.md", "machine.md"),
+    *("measured_spring.md", "pages.md", "proof.md", "return_map.md", "running.md", "start.md", "steps.md"),
+    "thousand_orbits.md",
 )
 PYTHON = ("python", "{drawn}")
 # What waits for a reader at the browser, or for a machine that a page only speaks of.
@@ -266,7 +267,12 @@ WITH_EXAMPLES = (
 )
 # A fold costs second derivatives of a whole flight, a control and a front many iterations.
 LONG_EXAMPLES = (
+    "orbits.control.holding",
     "orbits.continuation.branch_curve",
+    "orbits.continuation.follow",
+    "orbits.periodic.branch_points",
+    "problems.machines.knee",
+    "problems.machines.plate",
     "orbits.continuation.folds",
     "orbits.design.pareto",
     "orbits.return_map.proofs",

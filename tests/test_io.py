@@ -286,6 +286,7 @@ class TestDigests:
         with pytest.raises(InputError, match="was changed after it was written"):
             Sweep.load(store)
 
+    @pytest.mark.slow
     def test_two_processes_that_begin_a_store_at_once(self, tmp_path):
         script = (
             "import sys\n"

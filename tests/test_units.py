@@ -300,6 +300,7 @@ def test_designs_over_masses(tmp_path):
     assert [best.unit_of(name) for name in ("body_rise", "stroke/body_rise", "2*foot_rise")] == ["m", "", ""]
 
 
+@pytest.mark.slow
 def test_steering():
     damped = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 5000.0, "b": 1e5}, damping=5.0)
     units, bare_machine = damped.units, damped.dimensionless()

@@ -135,6 +135,7 @@ def hop_of_rows():
     return find(Hopper(springs.table(ROWS, noise=0), rest_length=20.0))
 
 
+@pytest.mark.slow
 def test_a_measured_spring():
     """The lateness, by quadratures, changes its sign between the bounds of the enclosure."""
     orbit = hop_of_rows()
@@ -161,6 +162,7 @@ def test_a_chain_with_a_measured_spring():
     assert find(cubic, start=orbit).alpha == pytest.approx(float(proof.alpha.low), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_parameters_of_a_table():
     """Its scale and its shift are numbers or intervals of the theorem, and what they say is so."""
     machine = Hopper(springs.table(ROWS, noise=0, scale="s", shift="d"), rest_length=20.0)

@@ -40,6 +40,7 @@ def random_machines(count: int):
                 )
 
 
+@pytest.mark.slow
 def test_no_false_alarms():
     found = [(machine, algebraic_relations(machine.model, machine.values)) for machine in random_machines(40)]
     alarms = [(machine, suspects(relations)) for machine, relations in found if suspects(relations)]

@@ -25,6 +25,7 @@ def test_rest_length(point):
     assert all(each.hop.admissible for each in curve)
 
 
+@pytest.mark.slow
 def test_it_ends(point):
     lengths = [3.6, 3.0]
     curve = follow_branch_points(point, "rest_length", lengths)

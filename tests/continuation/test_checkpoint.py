@@ -15,6 +15,7 @@ from orbits.continuation import checkpoint
 from problems import Hopper
 
 
+@pytest.mark.slow
 def test_a_killed_run_is_resumed(tmp_path):
     """Every finished point is on disk; resumed, the curve is that of an uninterrupted run."""
     path = tmp_path / "family.jsonl"
@@ -38,6 +39,7 @@ def test_a_killed_run_is_resumed(tmp_path):
     assert Family.load(path) == rest
 
 
+@pytest.mark.slow
 def test_another_machine_cannot_resume(softening_family):
     with pytest.raises(InputError, match="another machine"):
         follow(Hopper("cubic", rest_length=31.0), "beta", -0.02, 0.0, resume=softening_family)

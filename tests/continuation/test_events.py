@@ -43,6 +43,7 @@ def test_the_users_own_event():
     assert find(Hopper("cubic", parameters={"beta": point.value})).alpha == pytest.approx(3.0, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_table_that_ends_is_no_collapse():
     """In contact the hop of a light foot leaves the table."""
     rows = np.linspace(-6.0, 5.0, 12)
@@ -78,6 +79,7 @@ def test_watched_truths_poles_and_orbits_without_what_is_asked(softening_family)
     assert [event.kind for event in beyond.events if event.kind != "period"] == ["collapse", "fold"]
 
 
+@pytest.mark.slow
 def test_where_the_contact_does_not_end_its_force_says_nothing():
     """A spring that collapses at the very start: of the two that change there, contact and force, one is an event."""
     machine = Hopper("r + 0.039*r**2 + s*(0.0041*r**5 - 0.035*r**3)", parameters={"s": 0.0})

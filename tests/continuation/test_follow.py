@@ -61,6 +61,7 @@ def test_stiffness_only_changes_the_units():
     assert family.column("alpha") * np.sqrt(family.column("k")) == pytest.approx(4.493409457909064, rel=1e-13)
 
 
+@pytest.mark.slow
 def test_the_last_step_is_of_the_motion_itself():
     """Not of what a Newton step from there makes of it, where it may go back: this air spring got stuck."""
     machine = Hopper("L*(1 - (1 + r/L)**(-1.4))/1.4", parameters={"L": 50.0})
@@ -130,6 +131,7 @@ class TestBranchPoint:
             assert other.end.kind == "reached"
             assert other.at(value)[0].alpha == pytest.approx(family.at(-value)[0].alpha, rel=1e-12)
 
+    @pytest.mark.slow
     def test_at_another_value_of_the_parameter(self):
         machine = Hopper("r + (b + (q - 1)**2)*r**3", rest_length=30.0, parameters={"b": FOLD, "q": 0.92})
         (point,) = events(follow(machine, "q", 1.08), "branch point")
@@ -178,6 +180,7 @@ def test_a_family_does_not_depend_on_the_unit_of_its_parameter():
         assert 1e6 * b.point.value == pytest.approx(a.point.value, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("machine", "along", "stop", "family"),
     [

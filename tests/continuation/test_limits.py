@@ -13,6 +13,7 @@ from orbits.continuation.step_control import Options, StepControl
 from problems import Hopper, shuttle
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", slow_after(1, [4, 1]))
 def test_the_saturating_spring_runs_off_to_its_limit(family):
     curve = follow(Hopper("tanh"), "b", 0.9, 0.05, family)
@@ -31,6 +32,7 @@ def test_no_first_orbit_is_said_and_a_lost_curve_keeps_what_it_has():
     assert len(family) > 10
 
 
+@pytest.mark.slow
 def test_an_isola_closes():
     """With b = fold + d - q**2 the two sheets are joined at both ends of q**2 = d: fold, fold, and the start again. The
     start is among the values to come to, which is none; the others are on both sheets."""
@@ -47,6 +49,7 @@ def test_an_isola_closes():
             follow(machine, "q", bounds, start=start)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("before", "longest"),
     slow_after(2, [(1e-3, 0.02), (1e-7, 0.011), (1e-9, 0.02)]),
@@ -78,6 +81,7 @@ def test_a_limit_is_as_good_as_it_says(machine, along, stop, limit):
     assert "family" not in [event.kind for event in family.events]
 
 
+@pytest.mark.slow
 def test_a_flight_near_a_barrier_is_followed_on():
     """Of a quadratic spring, up to 1e14-fold growth of small changes: the launch speeds are those of elliptic integrals
     in 60 digits. With E the energy at lift-off and e1 < e2 < e3 the zeros of 2 (E - V), (2 K(m) - F(phi, m)) times the
@@ -93,6 +97,7 @@ def test_a_flight_near_a_barrier_is_followed_on():
     assert np.isfinite(family.column("stroke")).all()
 
 
+@pytest.mark.slow
 def test_a_shuttle_stays_near_its_upright_place():
     """Its two walls are nearly reached from above: a change grows 1e12-fold within half a flight."""
     machine = shuttle(angle=0.5)

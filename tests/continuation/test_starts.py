@@ -69,6 +69,7 @@ def of_end_stops():
     return machine, starts(machine, 4.0, 6.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "leg"),
     [

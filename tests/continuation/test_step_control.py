@@ -77,6 +77,7 @@ def test_a_run_gives_up_after_the_rejections_allowed():
     assert ends[0][-1].value >= ends[1][-1].value
 
 
+@pytest.mark.slow
 def test_a_curve_escapes_sooner_where_less_is_asked_of_it():
     near, far = (
         follow(Hopper("tanh"), "b", 0.9, 0.05, step_control=StepControl(escape_ratio=ratio)) for ratio in (20.0, 40.0)

@@ -94,6 +94,7 @@ def test_many_orbits_are_computed_by_parts(softening, monkeypatch):
     assert AT_ONCE_IN_TABLE > 100
 
 
+@pytest.mark.slow
 def test_families_of_other_methods_and_curves_of_folds(softening):
     shot = follow(Hopper("r + b*r**3", "1/(1 + z/R)**2", 1.0, 9.0, parameters={"b": 0.1, "R": 80.0}), "R", 60.0)
     row = shot.dataframe().iloc[-1]
@@ -127,6 +128,7 @@ def test_without_pandas(softening, monkeypatch):
         softening.dataframe()
 
 
+@pytest.mark.slow
 def test_a_machine_whose_spring_turns():
     """The extension of a knee's spring is an angle, and its heights are no affine functions of the state."""
     machine = knee_hopper()

@@ -75,6 +75,7 @@ def test_a_run_is_held(run, held):
     assert np.abs(distances(run, again)[:2] - far[:2]).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_a_run_in_si_is_held_as_the_dimensionless_one(held):
     """60 kg, with a leg of 20 kN/m: effort and landing have no units."""
     metre, second = 60 * 9.81 / 2e4, np.sqrt(60 / 2e4)

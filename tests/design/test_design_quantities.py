@@ -12,6 +12,7 @@ from orbits import InputError, NoOrbit, find, quantities, sensitivities
 from problems import Hopper, rimless_wheel, rocking_block, shuttle
 
 
+@pytest.mark.slow
 def test_quantities_are_those_of_the_document():
     for machine, family in ((CUBIC, 2), (VARYING, 1)):
         orbit = find(machine, family)
@@ -74,6 +75,7 @@ class TestSteps:
         assert [found[text]["inertia_ratio"] for text in texts] == pytest.approx(by_inertia, rel=1e-10)
         assert [found[text]["gravity_ratio"] for text in texts] == pytest.approx(by_gravity, rel=1e-10)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("kind", slow_after(1, STEPS))
     def test_all_quantities_with_their_derivatives(self, kind):
         """Those of documents, of neighbouring orbits, and of states on a fine mesh of the whole step."""

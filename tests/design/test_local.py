@@ -76,6 +76,7 @@ def test_a_formula_without_a_value_on_the_equation(capfd):
     assert not capfd.readouterr().err
 
 
+@pytest.mark.slow
 def test_phase_that_collapses():
     """The contact of a softening spring lasts ever longer, and at beta = -0.0067221 for ever."""
     soft = Hopper("cubic", rest_length=30.0, parameters={"beta": -0.005})

@@ -111,6 +111,7 @@ def test_points_of_a_curve_are_those_that_a_search_finds(linear, what, to, over)
     assert multipliers == pytest.approx({each.text: each.multiplier for each in same.active}, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_an_inactive_constraint_enters_and_the_curve_ends_where_constraints_exclude_each_other():
     """The lightest leg that is allowed has the shortest stroke for its rise."""
     best = optimize(LINEAR, maximise="k", over=OF_LINEAR, subject_to=["centre_of_mass_rise == 0.04", "stroke <= 0.4"])
@@ -127,6 +128,7 @@ def test_an_inactive_constraint_enters_and_the_curve_ends_where_constraints_excl
     assert "the constraints exclude each other" in curve.end
 
 
+@pytest.mark.slow
 def test_a_demand_on_the_motion_becomes_active():
     """As the leg gets shorter its masses come near each other, and at last the stiffness keeps them apart."""
     best = optimize(CUBIC, minimise="loss_coefficient + alpha", over={"b": RANGE})
@@ -184,6 +186,7 @@ def test_what_cannot_be_followed(linear):
         flat.follow("alpha >= 3.2", 3.25)
 
 
+@pytest.mark.slow
 def test_a_curve_ends_in_words_where_an_extreme_is_at_two_places():
     """The peak force in contact falls with the mass ratio to that in flight, as in a search without the bound."""
     spring = Hopper("r + a*r**2 + b*r**3", mass_ratio=5.0, rest_length=60.0, parameters={"a": 0.1, "b": 0.1})

@@ -91,6 +91,7 @@ def test_varying_gravity_goes_over_into_constant():
     assert far[0] - flat.parameters["b"] == pytest.approx(10 * (far[1] - flat.parameters["b"]), rel=1e-2)
 
 
+@pytest.mark.slow
 def test_an_equation_between_quantities():
     """The equation leaves one parameter; along it C falls with the mass ratio, here scanned, down to its bound."""
     machine = CUBIC.with_values(mass_ratio=0.3)
@@ -197,6 +198,7 @@ ON_GRID = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", slow_after(1, ON_GRID))
 def test_the_optimum_is_the_least_of_a_dense_grid(case):
     """The grid is narrowed about its least value; from a family and from a start."""

@@ -108,6 +108,7 @@ def test_it_has_the_quantities_and_their_derivatives():
 
 
 class TestWithinOtherProblems:
+    @pytest.mark.slow
     @pytest.mark.parametrize("hessian", slow_after(1, ["limited-memory", "exact"]))
     def test_ipopt_finds_the_optimum_of_optimize(self, hessian):
         """The least contact force at a rise of the centre of mass."""
@@ -184,6 +185,7 @@ class TestRefusals:
         with pytest.raises(InputError, match="a hopper has no reversor: the second half of its orbits is no mirror"):
             orbit_function(Hopper(damping=0.1), "damping")
 
+    @pytest.mark.slow
     def test_a_start_stands_for_the_orbit(self, tmp_path):
         orbit, machine = of_plate(plate_hopper()), plate_hopper()
         near = orbit_function(machine, "m3", start=orbit.save(tmp_path / "hop.json"))

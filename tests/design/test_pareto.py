@@ -24,6 +24,7 @@ def test_a_front_is_that_of_all_its_starts():
             assert not (pair < front.values * (1 - 1e-8)).all(1).any()
 
 
+@pytest.mark.slow
 def test_a_flat_end_of_a_front_is_best_in_the_other_objective():
     """The launch speed is least, 3.2, all along a curve of two stiffnesses whose ranges differ forty times, and the
     greatest force falls along it to where the higher stiffness is 0."""
@@ -60,6 +61,7 @@ def test_front():
     assert only.parameters["b"] == RANGE[0]
 
 
+@pytest.mark.slow
 def test_a_front_with_gaps_has_a_curve_for_each_piece():
     """The second objective has several minima over the first: at each level the first place that reaches it is best."""
     second = "cos(4*b) - 0.4*b"
@@ -75,6 +77,7 @@ def test_a_front_with_gaps_has_a_curve_for_each_piece():
     assert np.diff(front.values[:, 0]).max() > 1.0  # the gap
 
 
+@pytest.mark.slow
 def test_a_front_is_that_of_searches_at_its_levels(front):
     """To 1e-8, and where a bound becomes active the front has an event."""
     options = {"over": OVER, "subject_to": ["stroke <= 0.25"]}

@@ -20,6 +20,7 @@ def found_everywhere():
     return optimize(MACHINE, **ASKED, starts="global")
 
 
+@pytest.mark.slow
 def test_a_global_search_finds_the_better_of_two_edges():
     alone, everywhere = optimize(MACHINE, **ASKED, starts=1), found_everywhere()
     grid = sweep(MACHINE, OVER, (18, 10), sampling="grid", quantities=["loss_coefficient"], progress=False)

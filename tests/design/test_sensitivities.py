@@ -47,6 +47,7 @@ def test_breakpoints_that_move():
             assert slopes[name] == pytest.approx((above[quantity] - below[quantity]) / (2 * h), rel=1e-6, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_measured_spring_is_the_formula_that_it_was_made_of():
     """Every quantity and its slope, also along what scales and shifts the rows."""
     values = {"b": 1.2, "d": 0.1}
@@ -80,6 +81,7 @@ def test_a_force_that_jumps_has_no_smooth_variation():
         quantities(machine, orbit, ["loss_coefficient"])
 
 
+@pytest.mark.slow
 def test_a_jump_that_moves_with_the_units_of_a_machine_in_si():
     """The unit of length follows from the masses, and with it where the force jumps; against neighbouring orbits."""
     law = springs.function(lambda r: 1000 * r + 30 * np.where(r > 0.02, 1, 0), breakpoints=(0.02,))

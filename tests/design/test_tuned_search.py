@@ -29,6 +29,7 @@ def test_the_best_design_is_that_of_the_closed_form():
     assert "a search without derivatives" in str(best)
 
 
+@pytest.mark.slow
 def test_bounds_and_constraints_hold():
     over = {"mass_ratio": (0.5, 3.0)}
     bound = optimize(LINEAR, minimise="k", over=over, **WITH_FREQUENCY)

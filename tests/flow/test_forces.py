@@ -142,6 +142,7 @@ def test_a_measured_spring_has_the_force_of_its_formula():
     assert columns["spring force"] == pytest.approx(x + 0.02 * x**3, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_driven_motion_has_the_force_on_its_moved_spring():
     driven = steering.recover(LEG, 0.01, intervals=14)
     columns = driven.table()

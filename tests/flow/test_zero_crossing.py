@@ -77,6 +77,7 @@ def test_what_is_watched_is_told_at_the_zero():
     assert rows[0, 2] == pytest.approx(1.0 - 9.0 * rows[0, 0], rel=1e-14)
 
 
+@pytest.mark.slow
 def test_a_motion_that_falls_for_ever_is_given_up_without_its_steps(monkeypatch):
     """The spring carries less than the weight, and bends so often that the fall takes thousands of steps."""
     impacts = Impacts(Hopper("tanh(r) + s*sin(r)", parameters={"s": 3.0}))

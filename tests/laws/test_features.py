@@ -83,6 +83,7 @@ def test_a_bump_that_the_steps_leap_over_is_noticed():
     assert alpha - 4.493409457909064 == pytest.approx(shift, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_narrow_quotient_is_not_leapt_over():
     """Half the flight takes the time alpha, and ends where the extension turns: by SciPy in steps that see the bump."""
     force = lambda r: r + 0.5 / (1 + ((r + 3) / 0.1) ** 40)  # noqa: E731

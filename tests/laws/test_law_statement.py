@@ -9,6 +9,7 @@ from problems import Hopper, Juggler, hopper_in_si
 from problems.laws import gravity, springs
 
 
+@pytest.mark.slow
 def test_one_law_five_ways():
     """A formula, a potential, a Python function, a function with a declared breakpoint, and a fine table."""
     r = np.linspace(-6, 3, 200)

@@ -53,6 +53,7 @@ def test_a_hopper_and_its_proof():
     assert check(proof.saved()) == []
 
 
+@pytest.mark.slow
 def test_a_chain_and_a_plate():
     plain = Mechanism.from_lagrangian(
         kinetic((1, y1), (1, y2), (1, y3)), ((y1 - y2) ** 2 + (y2 - y3) ** 2) / 2 + y1 + y2 + y3, (y1, y2, y3), y3
@@ -71,6 +72,7 @@ def test_a_chain_and_a_plate():
         assert find(machine, start=expected).alpha == pytest.approx(expected.alpha, rel=1e-13)
 
 
+@pytest.mark.slow
 def test_an_inertia_that_varies():
     """The knee, whose masses depend on its angle."""
     foot, knee = dynamicsymbols("foot knee")

@@ -83,6 +83,7 @@ class TestRigidLimits:
         assert last[1] - last[5] == pytest.approx(rigid.launches[-1], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_knee_hopper_on_heavy_ground():
     """A mechanism whose inertia varies."""
     rigid, machine = find(knee_hopper()), knee_hopper()

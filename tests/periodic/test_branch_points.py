@@ -56,11 +56,13 @@ def test_the_rank_is_lost(point):
     assert 0.1 < point.conditioning <= 1
 
 
+@pytest.mark.slow
 def test_the_hop_is_a_motion(point):
     assert point.hop.admissible
     assert point.hop.alpha == pytest.approx(4.493409457909064 * np.sqrt(0.1 * 1.1), rel=1e-14)
 
 
+@pytest.mark.slow
 def test_runs_begin_there(point):
     changes = []
     for speed in (0.02, 0.04):

@@ -124,6 +124,7 @@ class TestSteps:
         assert force == pytest.approx(orbit.contact_force(orbit.flight_time + t[1:]), abs=1e-9)
         assert t[1:][force < 0][0] == pytest.approx(when, abs=1e-3)
 
+    @pytest.mark.slow
     def test_masses_meet_in_the_second_halves_too(self):
         """The extension has its largest value in one half of the flight, and its least in the other."""
         usual = stepping("wheel", 1.0, 0.5, 0.3)

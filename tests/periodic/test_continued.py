@@ -64,6 +64,7 @@ def test_the_way_ends_at_the_fold_of_the_family():
         assert float(reason.rpartition("m1 = ")[2]) == pytest.approx(fold, abs=2e-5)
 
 
+@pytest.mark.slow
 def test_no_result_depends_on_the_others():
     start, rng = hops_of_chain()[0], np.random.default_rng(1)
     values = {"m1": rng.uniform(0.9, 1.2, 30), "b": rng.uniform(0, 0.02, 30)}
@@ -89,6 +90,7 @@ def test_a_fold_beside_the_straight_way_is_gone_round():
     assert found.unknowns[1] == pytest.approx(above[-1].u, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spring", ["r + beta*r**3", "table"])
 def test_machines_of_one_speed_are_continued_too(spring):
     """Against the families that are guessed and searched."""

@@ -212,6 +212,7 @@ def test_threads_do_not_disturb_each_other():
     assert together == [(orbit.alpha, orbit.error) for orbit in map(find, machines)]
 
 
+@pytest.mark.slow
 def test_rounding_near_a_singularity_is_no_leap():
     orbit = find(Hopper(springs.rubber(length=0.5)), 60)
     assert orbit.alpha == pytest.approx(165.944491364, rel=1e-10)

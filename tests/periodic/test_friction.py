@@ -74,6 +74,7 @@ def test_friction_of_machines_with_the_sine(kind, mu, kappa, a, share, law):
     assert 0 < orbit.certificate.friction_time <= orbit.flight_time / 2
 
 
+@pytest.mark.slow
 def test_an_orbit_that_needs_more_friction_than_there_is_violates_it():
     less = find(wheel(friction=0.385))
     enough = find(wheel(friction="0.385 + 0.001*share"))

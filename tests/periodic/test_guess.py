@@ -14,6 +14,7 @@ def test_saturating_spring_has_a_family_below_its_limit(b, family):
     assert find(Hopper("tanh", parameters={"b": b}), family).family == family
 
 
+@pytest.mark.slow
 def test_saturating_spring_has_none_above_its_limit():
     with pytest.raises(NoOrbit, match="none up to launch speed"):
         find(Hopper("tanh", parameters={"b": 0.34}))

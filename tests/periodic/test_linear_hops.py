@@ -159,6 +159,7 @@ def test_the_units_do_not_matter():
         np.testing.assert_allclose(other.liftoff, expected, atol=1e-11 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_other_starts_lead_to_the_same_hops():
     """A chain of nine masses, from three sets of starts. Newton's method for the two times alone, with the best
     amplitudes at each pair of times, finds 23 hops too."""

@@ -80,6 +80,7 @@ class TestPlots:
         collapsing = find(machine_of(next(r for r in REFERENCES if not r["admissible"])), 2)
         assert collapsing.plot().lines[0].get_xdata()[-1] == pytest.approx(collapsing.flight_time)
 
+    @pytest.mark.slow
     def test_animation(self, orbit, tmp_path):
         from PIL import Image
 
@@ -119,6 +120,7 @@ class TestUnits:
             path = orbit(t)[:, i]
             assert orbit.si()[f"{name}_rise_m"] == pytest.approx(path.max() - path[0], rel=1e-7)
 
+    @pytest.mark.slow
     def test_the_units_do_not_matter(self):
         """The same machine measured against another stiffness is the same motion."""
         a, b = (

@@ -17,6 +17,7 @@ def begun(machine, at):
     return start_of_run(machine, hop, tuning_of(machine, TUNE, at))
 
 
+@pytest.mark.slow
 def test_a_run_is_begun_near_where_it_is():
     machine = runner(inertia=FAST["inertia"], hip_stiffness=FAST["hip_stiffness"])
     start = begun(machine, {"speed": 0.4})

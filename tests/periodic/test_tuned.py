@@ -38,6 +38,7 @@ def test_mass_ratio_for_a_contact_time_is_known_in_closed_form():
     assert orbit.machine["mass_ratio"] == pytest.approx(0.31, rel=1e-13)
 
 
+@pytest.mark.slow
 def test_a_number_that_no_equation_has_is_named():
     with pytest.raises(NoOrbit, match=r"on friction: tune another number \(no equation of half an orbit has friction"):
         find(runner(friction=0.9), tune=("friction", "inertia"), at={"speed": 0.4})

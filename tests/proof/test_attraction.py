@@ -54,6 +54,7 @@ class TestLinear:
         with mp.workdps(DIGITS):
             yield
 
+    @pytest.mark.slow
     def test_what_is_proved(self, proof):
         assert proof.proved
         assert proof.attraction_radius == "0.01"
@@ -81,6 +82,7 @@ class TestLinear:
             assert 0 < d < before
             assert d < (1 / mp.cbrt(first) + n * c / 3) ** -3
 
+    @pytest.mark.slow
     def test_the_bounds_come_to_the_coefficient(self, orbit, monkeypatch):
         """They are apart like the time of the landings, the cube root of the distance."""
         widths = list[float]()
@@ -140,6 +142,7 @@ class TestRefusals:
         assert proof.reasons == ("the loss coefficient: impacts are not plastic, with restitution = 0.3",)
         assert "loses" not in proof.statement
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("machine", "parameters", "reason"),
         [

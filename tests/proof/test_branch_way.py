@@ -43,6 +43,7 @@ def test_pieces_follow_one_another(folded_curve):
                 assert abs(end - begin) + Fraction(piece.within[name]) < Fraction(after.alone_within[name])
 
 
+@pytest.mark.slow
 def test_points_of_two_families_are_no_curve(machine):
     first, second = (follow(machine, "beta", stop=0.51, start=0.5, family=number, longest=0.1) for number in (1, 2))
     count = len(first) // 2

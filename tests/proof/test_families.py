@@ -28,6 +28,7 @@ def test_the_points_of_a_family(machine, family):
         assert abs(float(proof.alpha.low) - point.alpha) < 1e-14
 
 
+@pytest.mark.slow
 def test_processes_prove_the_same(machine, family):
     def told(proofs):
         return [dataclasses.replace(proof, seconds=0.0) for proof in proofs]

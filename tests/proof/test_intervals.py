@@ -63,6 +63,7 @@ SLOW = pytest.mark.slow
 
 
 class TestIntervalParameters:
+    @pytest.mark.slow
     def test_a_narrow_one(self, cubic_hop):
         low, high = "0.2999999", "0.3000001"
         proof = prove(cubic_hop, parameters={"beta": (low, high)})
@@ -96,6 +97,7 @@ class TestIntervalParameters:
         assert not proof.proved
         assert set(proof.conditions.values()) == {"undecided"}
 
+    @pytest.mark.slow
     def test_two_at_once(self):
         orbit = find(machine_of(REFERENCES[4]))
         proof = prove(orbit, parameters={"beta": ("0.2999999", "0.3000001"), "R": ("49.9999", "50.0001")})

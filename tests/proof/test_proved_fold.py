@@ -23,6 +23,7 @@ def fold(machine):
     return next(event.point for event in family.events if event.kind == "fold")
 
 
+@pytest.mark.slow
 def test_the_fold_of_the_cubic_family(machine, fold):
     proof = prove_fold(machine, fold, "beta")
     assert proof.proved

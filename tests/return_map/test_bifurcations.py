@@ -118,6 +118,7 @@ def test_the_flip_of_the_paper():
     assert [stable for *_, stable in of_the_paper().branches[0].stretches()] in ([0, 1, 0], [0, 1, 0][::-1])
 
 
+@pytest.mark.slow
 def test_points_come_back():
     for branch in of_the_paper().branches:
         for value, alphas, slope in zip(branch.values[::4], branch.alphas[::4], branch.multipliers[::4], strict=True):

@@ -26,6 +26,7 @@ def fixed_point(machine: Hopper, eps: float, low: float, high: float) -> float:
     return by_bisection(lambda alpha: float(ReturnMap(machine, inject=eps)(alpha).next) - alpha, low, high)
 
 
+@pytest.mark.slow
 def test_flips_along_the_mass_ratio():
     curve = follow_bifurcation(Hopper(), "inject", FLIP, "mass_ratio", 2.0, at=[1.25], longest=0.2)
     for mass_ratio, low, high in ((1.25, 0.0742, 0.0743), (2.0, 0.102, 0.1021)):
@@ -36,6 +37,7 @@ def test_flips_along_the_mass_ratio():
     assert curve.impacts == (1,)
 
 
+@pytest.mark.slow
 def test_flips_of_period_two():
     """At the end of the curve both hops come back, with multiplier -1."""
     curve = follow_bifurcation(Hopper(), "inject", FLIP_OF_TWO, "mass_ratio", 1.1, longest=0.5)

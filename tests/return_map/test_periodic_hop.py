@@ -43,6 +43,7 @@ def test_one_orbit_alone_or_its_file_is_a_start_and_none_is_not(tmp_path):
         step.fixed_points(starts=[])
 
 
+@pytest.mark.slow
 def test_a_stable_fixed_point_attracts():
     machine, orbit = hop_of()
     step = ReturnMap(machine, inject=1e-3)

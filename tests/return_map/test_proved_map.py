@@ -65,6 +65,7 @@ def holds(enclosure, value):
     return mp.mpf(enclosure.low) <= value <= mp.mpf(enclosure.high)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inject", FIXED)
 def test_the_pair_of_fixed_points_in_closed_form(inject):
     for guess, flights in FIXED[inject].items():
@@ -96,6 +97,7 @@ def cycle_near(alpha, inject, period):
     return min(found, key=lambda each: abs(each.alpha - alpha))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("inject", "first", "impacts"), PERIODIC)
 def test_hops_of_a_longer_period_in_closed_form(inject, first, impacts):
     cycle = cycle_near(first, inject, len(impacts))
@@ -125,6 +127,7 @@ def test_hops_of_a_longer_period_in_closed_form(inject, first, impacts):
     assert ("unstable" in proof.statement) == (abs(rate(alpha)) > 1)
 
 
+@pytest.mark.slow
 def test_hops_that_are_said_otherwise_are_not_proved():
     cycle = cycle_near(4.4929, "0.12", 2)
     moved = replace(cycle, launches=(cycle.alpha, cycle.launches[1] + 1e-10), impacts=(1, 1), multiplier=-7.6)
@@ -166,6 +169,7 @@ def test_hops_of_period_two_of_other_machines(machine, inject):
         assert float(multiplier.low) - 1e-8 <= cycle.multiplier <= float(multiplier.high) + 1e-8
 
 
+@pytest.mark.slow
 def test_the_period_doubling_in_closed_form():
     """Curve (d) of the paper's Fig. 8."""
     flights = FIXED["0.071587384137"][4.5418]

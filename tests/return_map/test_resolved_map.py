@@ -96,6 +96,7 @@ def test_the_basin_is_what_comes_to_a_lossless_hop(machine):
         assert np.isfinite(inside).all()
 
 
+@pytest.mark.slow
 def test_the_map_is_broken_only_where_it_jumps():
     """With restitution the number of impacts changes all the time and the map does not; light feet make it jump."""
 

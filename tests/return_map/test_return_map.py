@@ -196,6 +196,7 @@ def test_bounces_that_accumulate_end_in_contact():
     assert float(ReturnMap(Hopper(restitution=1e-6))(4.6).next) == pytest.approx(float(plastic.next), abs=1e-5)
 
 
+@pytest.mark.slow
 def test_many_bounces_that_rounding_decides_are_undecided():
     """Launches that differ by some roundings have the same outcome wherever one is said."""
     machine = Hopper(restitution=0.9)

@@ -92,6 +92,7 @@ def test_threads_share_the_items_of_a_call(monkeypatch, threads):
         assert in_threads(square, []) == []
 
 
+@pytest.mark.slow
 def test_a_map_in_threads(monkeypatch):
     """Not a bit depends on their number, where several batches of launches share them; what they build is built once,
     by a thread that has the lock."""

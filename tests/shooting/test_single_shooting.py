@@ -101,6 +101,7 @@ def test_no_solution_is_an_error_in_words():
         equations.newton([1.0, 1.0], np.array([40.0]))
 
 
+@pytest.mark.slow
 def test_in_machine_code_it_is_the_same():
     """The equations with their derivatives, from lanes of the processor and from the virtual machine."""
     machine = machine_of(REFERENCES[4])

@@ -77,6 +77,7 @@ def test_what_lands_on_a_mass_is_drawn_on_it(motion, rooms, drawn):
     assert min(coils, default=1.0) > 0
 
 
+@pytest.mark.slow
 def test_a_knee_is_drawn_with_links_of_their_length(tmp_path, monkeypatch):
     """From below to above, in the picture as long as two links, whatever the heights."""
     kept, new_axes = [], plot.new_axes

@@ -102,6 +102,7 @@ def test_results_show_themselves(kind):
     assert len(np.unique(drawn @ np.array([1 << 16, 1 << 8, 1]))) > 10  # colours
 
 
+@pytest.mark.slow
 def test_a_cell_tells_the_numbers():
     rows = {name: text for name, text, *_ in Cells(find(Hopper())._repr_html_()).rows}
     assert float(rows["alpha"].split()[0]) == pytest.approx(LINEAR_HOP, abs=1e-6)

@@ -103,6 +103,7 @@ def test_pictures_can_be_read(walk, rock):
         assert len(names) == 2
 
 
+@pytest.mark.slow
 def test_animations_go_on(walk, rock, tmp_path):
     for orbit in (walk, rock):
         with Image.open(orbit.animate(tmp_path / "motion.gif", 6)) as image:

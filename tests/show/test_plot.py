@@ -85,6 +85,7 @@ def test_figures_can_be_read(kind):
     check_looks(kind, axes.figure)
 
 
+@pytest.mark.slow
 def test_legends_name_only_what_is_there():
     names = lambda axes: [text.get_text() for text in axes.get_legend().get_texts()]  # noqa: E731
     assert names(find(Hopper(rest_length=20)).plot()) == ["body", "foot", "centre of mass", "contact"]

@@ -60,6 +60,7 @@ def test_legends_name_only_what_is_there():
     assert names(without.plot()) == {"no orbits"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("both_ways", [False, True])
 def test_edges_are_lines(both_ways):
     """Every edge of a diagram is one collection of lines, located or not, and nothing is marked by circles."""

@@ -110,6 +110,7 @@ def test_a_run_is_followed_for_some_steps(run):
     assert motion.document()["mean_speed"] == motion.mean_speed
 
 
+@pytest.mark.slow
 def test_momentum_in_flight(run):
     """The centre of mass keeps its speed along the ground, and the turning about it is conserved."""
     motion, p = simulate(run.source, disturbed(run, theta=-0.02, alpha=0.05), hops=1), run.source.values
@@ -184,6 +185,7 @@ def test_friction(run):
     assert "slips" in STATUSES
 
 
+@pytest.mark.slow
 def test_friction_at_a_landing_with_a_speed(run):
     state = run(0.5)
     state[1] += 0.5

@@ -90,6 +90,7 @@ def test_injection_keeps_a_damped_hopper_going():
     assert np.ptp(run.launches[-10:]) < 1e-3
 
 
+@pytest.mark.slow
 def test_a_cap_ends_with_a_status():
     assert simulate(Hopper(mass_ratio=1e3), 3.4, hops=1, cap=10).status == "cap"
     assert simulate(Hopper("r", "1/(1 + z/R)**2", rest_length=5.0, parameters={"R": 5.0}), 9.0, hops=1).status == (

@@ -114,6 +114,7 @@ def test_a_command_has_its_options(name, monkeypatch, tmp_path):
     assert asked == [(tmp_path, True)]
 
 
+@pytest.mark.slow
 def test_air_track(tmp_path, capsys):
     """Section 10: A1/A2 = 1.517 and 0.103 m, beside the measured 1.523 and 0.099 m."""
     numbers = air_track.main(tmp_path)
@@ -266,6 +267,7 @@ def test_gravity_families(tmp_path):
     assert found["hopper", "1/(1 + z*k)**2", 1].end.kind == "reached"
 
 
+@pytest.mark.slow
 def test_figure_3(tmp_path):
     numbers = figure_3.main(tmp_path)
     assert numbers["ratio"] == pytest.approx(2.0, rel=1e-13)
@@ -285,6 +287,7 @@ def last_bouncing() -> float:
     return float(mp.findroot(missed, (3.7, 6.9))[0])
 
 
+@pytest.mark.slow
 def test_figure_4(tmp_path):
     numbers = figure_4.main(tmp_path)
     assert [numbers[name] < -1e-9 for name in figure_4.LANDINGS] == [False, False, True, True, False]
@@ -330,6 +333,7 @@ def test_figure_5(tmp_path):
     assert (tmp_path / "figure_5.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_figure_6(tmp_path):
     numbers = figure_6.main(tmp_path)
     assert numbers["typical speed"] > 1

@@ -6,6 +6,7 @@ import pytest
 from studies.table_noise import main
 
 
+@pytest.mark.slow
 def test_alpha_is_within_the_stated_deviations(capsys):
     found = main(2, seed=0)
     assert all(each.off < 3 for each in found)

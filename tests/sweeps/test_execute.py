@@ -51,6 +51,7 @@ def test_workers_give_the_same_bits():
     assert alone.statuses() == {"certified": 2 * CHUNK + 50}
 
 
+@pytest.mark.slow
 def test_a_member_does_not_depend_on_the_others():
     whole = sweep(Hopper("cubic"), OVER, 300)
     order = np.random.default_rng(0).permutation(300)[:170]

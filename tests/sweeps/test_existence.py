@@ -49,6 +49,7 @@ def test_the_edges_are_folds_and_the_collapse(diagram):
     assert [stretch.status for stretch in diagram.row(1)] == ["no orbit", "inadmissible", "certified"]
 
 
+@pytest.mark.slow
 def test_the_edge_moves_as_the_fold_does(diagram):
     curve = follow_fold(MACHINE, event_of("fold"), "beta", "delta", -4e-5)
     assert diagram.stretches(0)[0][0] == pytest.approx(curve[-1].also["beta"], abs=TO_ACCURACY)
@@ -74,6 +75,7 @@ def test_boundaries_of_a_juggler():
     assert [diagram.stretches(row)[0][0] for row in (0, 1)] == pytest.approx([fold, fold], abs=0.012e-6)
 
 
+@pytest.mark.slow
 def test_three_statuses_between_two_neighbours():
     """On a grid of two values the fold and the collapse lie between the same neighbours, and both are located."""
     diagram = existence(MACHINE, "beta", BETWEEN, "delta", [0.0], samples=2)
@@ -104,6 +106,7 @@ def test_boundaries_lie_on_curves_of_events(diagram):
     assert diagram.rests_on.endswith("0 are bisected")
 
 
+@pytest.mark.slow
 def test_members_far_inside_a_region_without_orbits_are_not_searched(monkeypatch):
     monkeypatch.setattr(sparse_grid, "LARGE_GRID", 0)
     diagram = existence(MACHINE, "beta", (-0.03, -0.005), "delta", (-4e-5, 0.0), samples=(14, 9))
@@ -191,6 +194,7 @@ def test_rows_without_orbits_are_empty():
     diagram.plot()
 
 
+@pytest.mark.slow
 def test_progress_is_told():
     told = []
     existence(MACHINE, "beta", BETWEEN, "delta", [0.0, 1e-5], samples=3, progress=told.append)

@@ -30,6 +30,7 @@ def in_a_process(*arguments) -> Result:
 # Whole processes.
 
 
+@pytest.mark.slow
 def test_process_finds_an_orbit():
     done = in_a_process("find", "--json")
     assert (done.code, done.err) == (0, "")
@@ -528,6 +529,7 @@ class TestFollow:
         result = orbits("follow --along mass_ratio --from 0.5 --to 2 --json")
         assert {round(point["alpha"], 12) for point in result.document["points"]} == {4.493409457909}
 
+    @pytest.mark.slow
     def test_a_curve_that_is_lost_exits_with_1(self, orbits, tmp_path):
         """With gravity the extension grows beyond the measured rows."""
         rows = "extension_mm,force_N\n" + "\n".join(f"{mm},{8 * mm}" for mm in range(-150, 21))

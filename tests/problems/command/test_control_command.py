@@ -44,6 +44,7 @@ def test_recover_in_si(orbits, tmp_path):
     assert Driven.load(whole).source == leg
 
 
+@pytest.mark.slow
 def test_an_actuator_is_named(orbits):
     """A force between the masses, as in Python; the default is the end of the only spring, as there."""
     line = "control hold --damping 0.01 --intervals 16 --json"

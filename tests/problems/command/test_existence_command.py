@@ -8,6 +8,7 @@ CUBIC = "existence --spring 'r + beta*r**3'"
 FOLD = "--along beta=-0.02:0.02 --across mass_ratio=0.5,2"
 
 
+@pytest.mark.slow
 def test_the_diagram_ends_at_the_fold(orbits):
     done = orbits(f"{CUBIC} {FOLD} --samples 3 --json")
     assert done.code == 0
@@ -20,6 +21,7 @@ def test_the_diagram_ends_at_the_fold(orbits):
     assert len(document["members"]) == 6
 
 
+@pytest.mark.slow
 def test_files_are_written_and_two_processes_write_the_same(orbits, tmp_path):
     for workers in (1, 2):
         rows, figure = tmp_path / f"rows{workers}.csv", tmp_path / "diagram.png"
@@ -32,6 +34,7 @@ def test_files_are_written_and_two_processes_write_the_same(orbits, tmp_path):
     assert first.startswith(b"mass_ratio,from beta,to beta,status")
 
 
+@pytest.mark.slow
 def test_ranges_and_both_ways(orbits):
     text = f"{CUBIC} --along mass_ratio=0.5:2:log --across beta=-0.02:0.0 --samples 2,3 --both-ways --json"
     document = orbits(text).document

@@ -35,6 +35,7 @@ gravity_ratio = [0.2, 1.0]
 """
 
 
+@pytest.mark.slow
 def test_command_line(orbits, tmp_path):
     path = tmp_path / "leg.toml"
     path.write_text(FILE)

@@ -212,6 +212,7 @@ def soft(tmp_path_factory):
 class TestStartOfSeveralNumbers:
     """What the commands compute from `--start` is what the functions do, and without it they name it."""
 
+    @pytest.mark.slow
     def test_it_is_the_start_of_functions(self, soft, orbits):
         machine, orbit, file, hop = soft
 
@@ -239,6 +240,7 @@ class TestStartOfSeveralNumbers:
         best = optimize(machine, minimise="largest_contact_force", over={"ground_stiffness": (45, 55)}, start=orbit)
         assert done.document["objective"]["value"] == pytest.approx(best.objective, rel=1e-9)
 
+    @pytest.mark.slow
     def test_steering(self, soft, orbits):
         machine, orbit, file, hop = soft
         done = orbits(f"control hold --damping 0.01 --machine {file} --start {hop} {OF_SEVERAL['control hold']} --json")

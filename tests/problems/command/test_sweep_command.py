@@ -292,6 +292,7 @@ def test_an_interrupt_says_what_is_kept(tmp_path, workers):
     assert "nothing is kept: name a store" in said
 
 
+@pytest.mark.slow
 def test_workers_write_the_same_store_and_the_same_file(orbits, tmp_path):
     written = []
     for workers in (1, 2):

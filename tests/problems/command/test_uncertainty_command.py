@@ -18,6 +18,7 @@ def test_the_spread_follows_from_dimensions(orbits):
     assert document["deviation"]["alpha"] == pytest.approx(document["linear"]["alpha"], rel=0.1)
 
 
+@pytest.mark.slow
 def test_indices_files_and_figures(orbits, tmp_path):
     """Times do not depend on gravity, so that all of their spread is that of the stiffness."""
     table, figure = tmp_path / "spread.csv", tmp_path / "indices.png"

@@ -126,6 +126,7 @@ def test_hops_of_one_launch_speed_are_told_apart(tab, along):
         assert page.ask("place", value=place, key=told["place"]["key"])["place"]["at"] == place
 
 
+@pytest.mark.slow
 def test_the_place_that_is_asked_for_is_told_at_once(tab):
     page = tab(SOFTENING)
     told = page.rest()
@@ -176,6 +177,7 @@ def test_what_comes_after_a_page_was_left_is_not_shown(tab):
     assert {name: each.asked for name, each in page.workers.items()} == asked
 
 
+@pytest.mark.slow
 def test_a_page_that_comes_back_computes_again(tab):
     page = tab(SOFTENING)
     page.workers["family"].held = True

@@ -44,6 +44,7 @@ def test_a_family_from_the_upper_end_of_its_slider_goes_down():
     assert "up" not in family.text
 
 
+@pytest.mark.slow
 def test_a_point_beyond_a_fold_is_come_back_to():
     """Two hops have the same beta < 0: the start tells which is meant, and another slider keeps to its branch."""
     softening = replace(
@@ -92,6 +93,7 @@ def test_runs_far_away_are_reached_and_those_of_a_family_in_si_are_found_again()
         assert run.scene.numbers["inertia"] == pytest.approx(family.tuned[place]["inertia"], rel=1e-10)
 
 
+@pytest.mark.slow
 def test_beside_a_lossless_step_the_map_is_as_its_loss_says():
     """next - alpha = d - C |d|^(4/3) on the side without a bounce, and d - K C d^(4/3) on the other one."""
     scene = beginning("wheel")

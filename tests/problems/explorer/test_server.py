@@ -79,11 +79,13 @@ def test_what_no_file_can_be_called_is_not_found(port, path):
     assert answer(port, path)[0] == 404
 
 
+@pytest.mark.slow
 def test_the_page_is_served_by_both_names_of_this_machine(port):
     for host in ("localhost", "127.0.0.1"):
         assert "startExplorer" in answer(port, headers={"Host": f"{host}:{port}"})[1]
 
 
+@pytest.mark.slow
 def test_a_page_names_no_address_but_its_own(port):
     status, text = answer(port)
     assert status == 200
@@ -207,6 +209,7 @@ def test_a_notebook_shows_the_page_of_a_machine():
         socket.create_connection(("127.0.0.1", urlsplit(page.address).port), timeout=2)
 
 
+@pytest.mark.slow
 def test_what_is_no_machine_is_said():
     with pytest.raises(InputError, match="no machine"):
         explore("hopper")

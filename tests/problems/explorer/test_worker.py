@@ -157,6 +157,7 @@ def test_ten_do_not_disturb_each_other(made):
         assert answer.alpha == orbit.alpha
 
 
+@pytest.mark.slow
 @pytest.mark.posix
 def test_workers_end_with_the_program_that_started_them(tmp_path):
     script = tmp_path / "killed.py"

@@ -116,6 +116,7 @@ class TestFit:
     def test_its_rows_as_a_data_frame(self):
         assert self.FOUND.dataframe().shape == (60, 4)
 
+    @pytest.mark.slow
     def test_its_correlations_go_on_into_the_uncertainty(self):
         """Against the delta method, and against hops of springs fitted to drawn rows."""
         machine = Hopper(self.FOUND.law, rest_length=20.0)

@@ -247,6 +247,7 @@ class TestMeasuredSprings:
         assert [hop.alpha for hop in hops] == pytest.approx([hop.alpha for hop in expected], rel=1e-12)
         assert [hop.admissible for hop in hops] == [hop.admissible for hop in expected]
 
+    @pytest.mark.slow
     def test_landing_and_lift_off_by_dop853_with_events(self, hops):
         """A flight ends where the lowest mass is back on the ground, from which it came apart with the jerk; the
         contact ends where the lower spring carries the lowest mass."""

@@ -95,6 +95,7 @@ def test_without_inerter_it_is_the_hopper():
     assert orbit.certificate.loss_coefficient == pytest.approx(plain.certificate.loss_coefficient, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_a_hardening_family_along_the_inertance():
     family = follow(hardening(0.0), "inertance", 0.0, 3.0)
     assert family.end.kind == "reached"

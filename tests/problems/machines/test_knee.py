@@ -188,6 +188,7 @@ OTHER = knee_hopper(body_mass=4.0, foot_mass=2.0, link=0.4, stiffness=70.0, rest
 LINK = MACHINE.values["link"]
 
 
+@pytest.mark.slow
 def test_it_holds_against_mechanics_and_wrong_fields_are_named():
     assert max(check(MACHINE).largest, check(KneeByHand()).largest) < 0.1
     flight, contact = MODEL.flight, MODEL.contact
@@ -425,6 +426,7 @@ def test_a_knee_that_does_not_carry_the_body_says_so(stiffness):
 SMALL = {"body_mass": 0.9, "foot_mass": 0.045, "link": 0.05}
 
 
+@pytest.mark.slow
 def test_a_measured_torque_is_that_of_its_formula():
     r = np.linspace(-2.7, 2.7, 41)
     formula = find(knee_hopper("r + b*r**3", parameters={"b": 0.2}, **SMALL))
@@ -447,6 +449,7 @@ def test_a_torque_with_a_corner_that_the_knee_passes():
         assert slopes[quantity]["rest_angle"] == pytest.approx(difference, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_energy_over_many_hops(orbit):
     run = simulate(MACHINE, orbit.alpha, hops=50)
     assert run.status == "done"
@@ -496,6 +499,7 @@ def test_beside_the_orbit_there_is_no_multiplier_but_a_power_law(orbit):
     assert lost == pytest.approx(c * change ** (4 / 3), rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_loss_beside_the_orbit_where_the_impact_depends_on_the_bend():
     """With an inertia against bending the mass that an impact stops depends on the knee's angle; the losses of nearby
     hops, extrapolated to the orbit, where they follow the power 4/3, have the certificate's coefficient."""
@@ -516,6 +520,7 @@ def test_each_method_comes_to_the_same_orbit(orbit, method):
     assert find(MACHINE, method=method).alpha == pytest.approx(orbit.alpha, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_its_families_follow_the_link():
     family = follow(MACHINE, "link", 0.22, 0.3)
     assert family.heading("alpha") == "alpha (rad/s)"
@@ -533,6 +538,7 @@ def test_its_families_follow_the_link():
     assert best.unit_of("alpha") == "rad/s"
 
 
+@pytest.mark.slow
 def test_sensitivities_of_heights_that_are_no_straight_lines(orbit):
     step, slopes_found = 1e-4, sensitivities(MACHINE, orbit, ["link"])
     low, high = (find(MACHINE.with_values(link=LINK + change)) for change in (-step, step))

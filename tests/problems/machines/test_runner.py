@@ -27,6 +27,7 @@ def fast():
     return find(runner(foot_mass=0.1, rest_length=3.7, inertia=5.7, hip_stiffness=5.4), tune=TUNE, at=SPEED)
 
 
+@pytest.mark.slow
 def test_the_numbers_of_a_run(fast):
     assert fast.admissible
     assert fast.source.values["inertia"] == pytest.approx(FAST["inertia"], rel=1e-12)

@@ -113,6 +113,7 @@ class TestSI:
         assert tilted.model.symmetry == (1, 1, 1, 1)
 
 
+@pytest.mark.slow
 def test_they_hold_against_mechanics():
     for build in KINDS.values():
         assert check(build(angle=0.3, spring="r + r**3")).largest < 1

@@ -20,6 +20,7 @@ def parts_of(leg):
     return [len(part) for part in parts], [part.sum() for part in parts]
 
 
+@pytest.mark.slow
 def test_a_recovery_is_a_minimum_of_effort():
     """The conditions of Karush, Kuhn and Tucker, with SciPy's integrator on equations of motion that are written out.
 
@@ -66,6 +67,7 @@ def test_a_recovery_is_a_minimum_of_effort():
     assert np.abs(slopes @ multipliers - gradient).max() < 1e-8
 
 
+@pytest.mark.slow
 def test_the_search_has_a_bound(monkeypatch):
     """One solve is too few, in whatever order the pieces are passed."""
     monkeypatch.setattr(corners, "MOST_SOLVES", 1)

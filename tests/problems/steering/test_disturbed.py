@@ -96,6 +96,7 @@ def test_without_inputs_it_is_the_return_map():
     assert off.run.launches[0] == pytest.approx(alpha - d, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_small_disturbance_grows_as_linearised():
     """Two hops that land at a speed: the flow's matrix exponentials and the saltation at landing and lift-off."""
     c = 0.05
@@ -125,6 +126,7 @@ def test_a_small_disturbance_grows_as_linearised():
             assert found / (sign * size) == pytest.approx(slopes, rel=tolerance)
 
 
+@pytest.mark.slow
 def test_a_start_under_a_disturbance(started_hopper):
     """A damper that the start does not know of, by another integrator; and a state of its own."""
     times, inputs = started_hopper.schedule("w")
@@ -137,6 +139,7 @@ def test_a_start_under_a_disturbance(started_hopper):
     assert np.array_equal(started_hopper.simulate(2, state=state).run.launches, run.launches)
 
 
+@pytest.mark.slow
 def test_a_push_of_nothing_changes_nothing(driven_hopper):
     """Wherever the motion is cut for it: in flight, in contact, and where no inputs are left."""
     for driven, times in ((driven_hopper, (2.0, 11.0, 20.0)), (steering.recover(Hopper(), 0.05), (3.0, 12.0, 18.0))):

@@ -55,6 +55,7 @@ def test_the_table_tells_the_work(driven_hopper, started_hopper):
     assert list(driven_hopper.table()) == [*names, "work", "positive work", "spring force", "contact force"]
 
 
+@pytest.mark.slow
 def test_si(driven_leg, tmp_path):
     bare, units = driven_leg.dimensionless(), DAMPED_LEG.units
     assert bare.source == DAMPED_LEG.dimensionless()
@@ -93,6 +94,7 @@ def test_files(name, tmp_path, request):
     assert np.array_equal(Control.load(tmp_path / "driven.json").legs[0].path(0.1), driven.legs[0].path(0.1))
 
 
+@pytest.mark.slow
 def test_a_machine_that_no_file_states_is_given(tmp_path):
     machine = Hopper(springs.function(lambda r, b: r + b * r**3, b=0.01))
     driven = steering.recover(machine, 0.05, intervals=14)
@@ -140,6 +142,7 @@ def test_stages_of_another_machine_are_refused(driven_hopper, driven_leg, tmp_pa
             Driven.load(tmp_path / "mixed.json")
 
 
+@pytest.mark.slow
 def test_a_juggler(tmp_path):
     driven = steering.start_up(Juggler(), 2)
     assert isinstance(driven.motion, Simulation)

@@ -27,6 +27,7 @@ def test_the_law_of_small_damping_is_the_limit_of_the_family(from_lossless):
     assert np.abs(np.diff(cost) - np.diff(c) * (slope[1:] + slope[:-1]) / 2).max() < 1e-3  # the trapezium rule
 
 
+@pytest.mark.slow
 def test_a_landing_that_is_free_costs_111_9():
     """The contact force at the landing is above 0 below a damping of 0.003, and 0 from there on."""
     family = steering.keep_hopping(Hopper(damping=0.02), lossless=False).follow("damping", 1e-5)
@@ -80,6 +81,7 @@ def test_bounds_that_are_touched_within_intervals():
         assert hop.cost == pytest.approx(steering.keep_hopping(Hopper(damping=c), force=6.0).cost, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_a_design_number_is_followed():
     kept = steering.keep_hopping(Hopper("cubic", parameters={"beta": 0.05}, damping=0.02), intervals=20)
     family = kept.follow("beta", 0.06)

@@ -179,6 +179,7 @@ def test_an_answer_is_the_motion_of_the_machine_written_out(driven_hopper, lossl
     assert x == pytest.approx(start, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_varying_gravity_and_a_hard_spring():
     machine = Hopper("cubic", "1/(1+z/R)**2", rest_length=20, damping=0.01, parameters={"beta": 0.05, "R": 150.0})
     found = steering.keep_hopping(machine)
@@ -186,6 +187,7 @@ def test_a_varying_gravity_and_a_hard_spring():
     assert steering.missed(machine, found) <= 1e-8
 
 
+@pytest.mark.slow
 def test_a_start_from_rest():
     """The actuator's work is the energy of the lossless hop, and the machine hops on by itself."""
     machine = Hopper()
@@ -290,6 +292,7 @@ def damped_column():
     return column, hop, steering.keep_hopping(column, actuator=Actuator("y2 - y3"), start=hop, intervals=20)
 
 
+@pytest.mark.slow
 def test_a_damped_column_is_kept_hopping():
     """Its work is what the dampers take away, and three hops driven open loop begin at the same speed."""
     column, _, kept = damped_column()
@@ -318,6 +321,7 @@ def test_a_column_comes_onto_the_hop_at_which_it_is_kept():
     assert back.followed_by(kept, hops=1).launches[-2:] == pytest.approx(kept.launch, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_start_onto_the_hop_at_which_a_damped_hopper_is_kept(driven_hopper):
     started = steering.start_up(Hopper(damping=0.01), 2, stroke=3.0, aim=driven_hopper)
     assert started(started.end) == pytest.approx(driven_hopper(0.0), abs=1e-9)
@@ -344,6 +348,7 @@ def test_a_hand_of_two_masses_keeps_throwing(end):
     assert kept.work[0] == pytest.approx(1e-3 * trapezoid(kept(t)[:, 3] ** 2, t), rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moved", slow_after(1, ["body - foot", "plate"]))
 def test_a_hopper_on_a_plate_is_kept_hopping(moved):
     """Moved at its leg the machine hops on open loop; moved at the plate its contact force touches zero on the way."""

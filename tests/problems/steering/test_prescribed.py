@@ -75,6 +75,7 @@ def _rise(hop):
     return height.max() - height[0]
 
 
+@pytest.mark.slow
 def test_the_height_is_the_rise_of_the_centre_of_mass():
     orbit = find(Hopper())
     kept = steering.keep_hopping(Hopper(), height=orbit.rises["centre of mass"], intervals=20)

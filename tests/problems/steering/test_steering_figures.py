@@ -5,6 +5,7 @@ import pytest
 from legibility import faults
 
 
+@pytest.mark.slow
 def test_figures(driven_hopper, driven_leg):
     axes = driven_hopper.plot()
     _, end, rate = axes.figure.axes

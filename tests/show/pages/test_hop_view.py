@@ -107,6 +107,7 @@ def test_an_orbit_from_a_file_or_another_process_shows_the_same(name, request, t
                 assert getattr(found, key) == value, key
 
 
+@pytest.mark.slow
 def test_what_no_rest_length_says_is_no_height(cubic_hop):
     hand = hop_data(find(Juggler()))
     assert hand.floating

@@ -43,6 +43,7 @@ def test_the_page_of_an_orbit(tmp_path):
     assert "contact force (N)" in text
 
 
+@pytest.mark.slow
 def test_what_a_page_says_of_an_orbit_is_escaped(tmp_path):
     orbit = find(Hopper())
     bad = "</script><script>alert(1)</script><img src=x onerror=alert(1)>"
