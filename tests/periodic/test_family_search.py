@@ -71,7 +71,7 @@ def test_the_cells_of_many_are_those_of_each_alone():
 
 
 def test_a_search_begins_at_different_launch_speeds():
-    """Neither rounding nor the bound of the uniform grid makes two of them coincide, between which there is no slope."""
+    """Neither rounding nor the end of the uniform grid makes two of them coincide, with no slope between them."""
     machine = Hopper("cubic", parameters={"beta": 0.1})
     names, p = tuple(machine.values), np.array([list(machine.values.values())])
     search = machine.model.search(machine.values)
