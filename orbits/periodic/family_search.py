@@ -135,7 +135,7 @@ class Lateness:
         last = fastest or scale * family * search.fastest
         far = np.zeros(0) if last <= top else np.geomspace(top, last, 2 + int(np.log(last / top) / np.log(SPEED_RATIO)))
         slow = np.geomspace(SLOWEST_LAUNCH * scale, step, SLOW_LAUNCHES)
-        return _distinct(np.concatenate([slow[:-1], np.arange(step, min(top, last), step), far, [last]]))
+        return _well_apart(np.concatenate([slow[:-1], np.arange(step, min(top, last), step), far, [last]]))
 
     def _with_speeds_near_guess(self, speeds: np.ndarray, p: Sequence[float]) -> np.ndarray:
         """The launch speeds at which the search of a machine that steps begins, with parameters (np,)."""
@@ -144,7 +144,7 @@ class Lateness:
         except NoOrbit:
             return speeds
         near = alpha * np.geomspace(1 / NEAR_GUESS, NEAR_GUESS, NEAR_LAUNCHES)
-        return _distinct(np.sort(np.concatenate([speeds, near[near < speeds[-1]]])))
+        return _well_apart(np.sort(np.concatenate([speeds, near[near < speeds[-1]]])))
 
     def enclosed(self, cell: np.ndarray) -> float:
         """The launch speed in a cell (2,) of the first machine at which the lateness changes its sign."""
@@ -236,7 +236,7 @@ class Lateness:
         return Affine(tuple(rates[1:] - rates[0]))
 
 
-def _distinct(speeds: np.ndarray) -> np.ndarray:
+def _well_apart(speeds: np.ndarray) -> np.ndarray:
     """Of increasing launch speeds (k,) those that are not followed by nearly the same one."""
     return speeds[np.append(np.diff(speeds) > NARROWEST_CELL * speeds[1:], True)]
 

@@ -9,7 +9,7 @@ from orbits.errors import InputError, one_of
 
 from .measured import FEWEST_ROWS
 
-BRANCHES = ("loading", "unloading", "mean")
+BRANCH_NAMES = ("loading", "unloading", "mean")
 # The fewest rows on each branch of a detected loop.
 FEWEST_ON_BRANCH = 3
 # Each row between which a spline runs ends an integration step: more would cost minutes and add no digit.
@@ -88,7 +88,7 @@ def branch_of(r: np.ndarray, force: np.ndarray, sense: float, branch: str | None
     Raises `InputError` for a loop without a named branch, and for a branch of too few rows.
     """
     if branch is not None:
-        one_of("branch", branch, BRANCHES)
+        one_of("branch", branch, BRANCH_NAMES)
     direction = _directions(r)
     if branch in ("loading", "unloading"):
         # A table of one side alone is loaded away from rest, whichever sign it gives that side.
