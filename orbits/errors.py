@@ -1,6 +1,6 @@
 """The toolkit's exceptions, all derived from `OrbitsError`, and the checks of numbers and names that a user gives."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from numbers import Real
 
 import numpy as np
@@ -98,8 +98,16 @@ def whole_number(name: str, value: object, what: str = "", least: int = 1, most:
     return number
 
 
+def one_of(name: str, value: object, known: Sequence[str]) -> str:
+    """`value` as one of the known words; raises `InputError` with them."""
+    if not isinstance(value, str) or value not in known:
+        raise InputError(f"{name} = {value!r}; it is one of {', '.join(known)}")
+    return value
+
+
 def list_of_names(what: str, names: object) -> list[str]:
     """`names` in a list, where a single one may be text; raises `InputError` that says `what` they are."""
+    names = names.tolist() if isinstance(names, np.ndarray) else names
     found = [names] if isinstance(names, str) else list(names) if isinstance(names, Iterable) else [None]
     if not all(isinstance(name, str) for name in found):
         raise InputError(f"{what} = {names!r}; it is a name, or a list of names")

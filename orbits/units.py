@@ -170,10 +170,13 @@ class Units:
 
     def convert_motion(self, path: Any, own: Mapping[str, Dimension] | None = None) -> Any:
         """A `Trajectory` in SI; `own` has the dimensions of rows that are no states."""
-        with np.errstate(all="ignore"):  # the last coefficients may be beyond all numbers
+        with np.errstate(all="ignore"):
             powers = float(self.time) ** -np.arange(path.coefficients.shape[2])
-            rows = self.of_states(path.names, own)[:, None] * powers
-            return replace(path, times=path.times * self.time, coefficients=path.coefficients * rows, variations=None)
+            c = path.coefficients * (self.of_states(path.names, own)[:, None] * powers)
+        # The last coefficients may be beyond all numbers: their terms are far below rounding, and are left out.
+        return replace(
+            path, times=path.times * self.time, coefficients=np.where(np.isfinite(c), c, 0.0), variations=None
+        )
 
     def convert_height(self, height: Any, states: Sequence[str]) -> Any:
         """A function of the state whose value is a length, for states of these names in SI; None for None."""

@@ -21,7 +21,7 @@ import tempfile
 import time
 import warnings
 from collections import Counter, defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, redirect_stderr, redirect_stdout, suppress
 from decimal import Decimal
 from functools import cache
@@ -372,7 +372,7 @@ def _calls(name: str) -> dict[str, Callable[[], tuple[Callable, dict[str, Any]]]
         "find": lambda: (orbits.find, {"machine": own, **tuned}),
         "find_all": lambda: (orbits.find_all, {"machine": own, "fastest": 9.0, "limit": 5.0}),
         "follow": lambda: (follow, {"machine": own, "along": p, "stop": 1.05 * value, "longest": 0.5}),
-        "trace": lambda: (lambda **a: list(orbits.trace(**a)), {"machine": own, "along": p, "stop": 1.05 * value}),
+        "trace": lambda: (lambda **a: [*heard(orbits.trace(**a))], {"machine": own, "along": p, "stop": 1.05 * value}),
         "follow_event": lambda: (
             orbits.follow_event,
             {"family": family(), "event": "fold", "second": "mass_ratio", "stop": 1.2, "longest": 0.5},
@@ -501,6 +501,13 @@ class Terminal(io.StringIO):
         return super().write(text)
 
 
+def heard(items: Iterable[Any]) -> Iterator[Any]:
+    """The items, each of which is a word."""
+    for item in items:
+        Terminal.heard = time.process_time()
+        yield item
+
+
 class Outcome(NamedTuple):
     """How a call ends, in a word; what it says; and the values that no one means."""
 
@@ -524,7 +531,8 @@ def by_command(arguments: list[str], said: Terminal) -> Outcome:
     text, words = out.getvalue(), said.getvalue()
     if "internal error" in words or "Traceback" in words or code not in (0, 1, 2, 130):
         return Outcome("fault", f"code {code}: {words[-300:]}")
-    if code == 0 and any(has_nan(each) for each in (text, *arguments)):
+    # A file may be called nan.
+    if code == 0 and any(has_nan(each) for each in (text, *(each for each in arguments if not os.path.exists(each)))):
         return Outcome("fault", f"nan in the result or in a value: {text[:300]}")
     return Outcome({0: "result", 1: "no orbit", 2: "refused", 130: "interrupted"}[code], words)
 
@@ -638,6 +646,7 @@ def main(
 ) -> dict[str, Any]:
     """The number of calls of each verb by how they end, and the faults."""
     counts, faults = defaultdict[str, Counter](Counter), list[str]()
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # which shells ignore in the background
     with tempfile.TemporaryDirectory() as name:
         folder, home = Path(name), Path.cwd()
         make_files(folder)
@@ -658,11 +667,13 @@ def main(
                 elif unnamed and found.kind == "refused":
                     print(f"{number}: {ascii(each.text)[:300]}\n    {ascii(found.said)[:300]}", flush=True)
                 restore(folder, whole)
+                if (number - first + 1) % 100 == 0:
+                    print(f"{number - first + 1} calls, {len(faults)} faults", flush=True)
         finally:
             os.chdir(home)
-    for verb, count in sorted(counts.items()):
-        print(f"  {verb}: {', '.join(f'{n} {kind}' for kind, n in count.most_common())}")
-    print(f"{calls} calls, {len(faults)} faults")
+            for verb, count in sorted(counts.items()):
+                print(f"  {verb}: {', '.join(f'{n} {kind}' for kind, n in count.most_common())}")
+            print(f"{sum(each.total() for each in counts.values())} calls, {len(faults)} faults", flush=True)
     return {"counts": counts, "faults": faults}
 
 

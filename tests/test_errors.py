@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orbits import InputError
-from orbits.errors import LONGEST_MESSAGE, shortened, whole_number
+from orbits.errors import LONGEST_MESSAGE, list_of_names, one_of, shortened, whole_number
 
 
 @pytest.mark.parametrize("value", [2, 5, np.int64(3)])
@@ -18,6 +18,20 @@ def test_other_numbers_are_refused(value):
         whole_number("order", value, "powers", 2, 5)
     with pytest.raises(InputError, match=r"order = -1; it is a number of powers, from 0 upwards"):
         whole_number("order", -1, "powers", 0)
+
+
+@pytest.mark.parametrize("value", [None, "sobol ", 1, ["grid"], np.zeros(0), np.array(["grid", "sobol"])])
+def test_a_word_that_is_none_of_the_known_is_refused(value):
+    assert one_of("sampling", "grid", ("grid", "sobol")) == "grid"
+    with pytest.raises(InputError, match=r"sampling = .*; it is one of grid, sobol"):
+        one_of("sampling", value, ("grid", "sobol"))
+
+
+@pytest.mark.parametrize("names", [None, 3, np.array(np.nan), [1], {1: 2}])
+def test_names_are_texts(names):
+    assert list_of_names("quantities", np.array(["alpha"])) == list_of_names("quantities", "alpha") == ["alpha"]
+    with pytest.raises(InputError, match="it is a name, or a list of names"):
+        list_of_names("quantities", names)
 
 
 def test_a_long_message_keeps_its_remedy():

@@ -350,7 +350,7 @@ def test_a_launch_by_its_unknowns_is_in_si():
         (lambda m: find(m, start={"alpha": "x"}), "start 'alpha' = 'x' is not a finite number"),
         (lambda m: find(m, 0), "family = 0; a family is a whole number from 1 to 10000"),
         (lambda m: find_all(m, family=0), "family = 0; a family is a whole number from 1 to 10000"),
-        (lambda m: find(m, method="x 2"), "unknown method 'x 2'; known: closed form, relative, half orbit, shooting"),
+        (lambda m: find(m, method="x 2"), "method = 'x 2'; it is one of closed form, relative, half orbit, shooting"),
         (lambda m: simulate(m, 1.5, time=-2.0), "time = -2.0; it is a number above 0"),
         (lambda m: simulate(m, 1.5, hops=0), "hops = 0; it is a number of lift-offs, from 1 upwards"),
         (lambda m: simulate(m, -1.5, hops=1), "alpha = -1.5; a launch speed is above 0"),

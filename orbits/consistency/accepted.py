@@ -63,6 +63,6 @@ def check_parameters(machine: Machine, *names: str) -> None:
     free = free_parameters(machine)
     for name in names:
         if name not in free:
-            near = suggest(str(name), free)
+            near = suggest(name, free)
             named = f"{near} It" if near.endswith("?") else "; it"
             raise InputError(f"the machine has no parameter '{name}' to follow{named} has {', '.join(free)}")

@@ -262,7 +262,7 @@ def _event_of(family: Family, event: Event | str, number: int) -> Event:
         if machine and event in names_along(machine):
             text = f"'{event}' is no event: a quantity is followed at a value, as {{'{event}': 0.1}}, or where it is"
             raise InputError(f"{text} stationary along the family, as '{EXTREMUM}{event}'")
-        near = suggest(str(event), known)
+        near = suggest(event, known)
         raise InputError(f"there is no event '{event}'{near}{'' if near.endswith('?') else '.'} The family has {here}")
     raise NoOrbit(f"the family has no event '{event}'; it has {here}")
 

@@ -160,6 +160,8 @@ def _driven(orbit: Orbit, along: str) -> Mechanism:
     if not isinstance(machine, Mechanism) or machine.model.one_speed or machine.model.changes_contact:
         stated = "stands on one foot, and whose launch is more than a speed"
         raise InputError(f"hold takes a mechanism that {stated}, not a {orbit.machine['machine']}")
+    if not isinstance(along, str):
+        raise InputError(f"along = {along!r}; it is a formula of the coordinates, as 'phi - theta'")
     if INPUT in machine.names:
         raise InputError(f"'{INPUT}' is the name of the force, and a parameter of the machine: rename it")
     if not orbit.contact_time or machine.restitution or machine.model.reversor is None:

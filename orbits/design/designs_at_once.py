@@ -236,8 +236,9 @@ def _solved_in_lanes(
     used, tried = set().union(*(formula.names for formula in formulas.values())), set[Model]()
     left = np.arange(len(designs.values))
     for i in range(len(designs.values)):
-        if i not in left:
+        if designs.statuses[i] != "":
             continue
+        interrupts.heed()
         base = designs.machine(machine, i)
         if base.model in tried or not {*designs.names, *used} <= _known_together(base):
             continue

@@ -128,7 +128,7 @@ def moving_number(problem: DesignProblem, machine: Machine, what: str, end: floa
         return Moving(what, machine.values[what], end)
     if isinstance(what, str) and what.isidentifier() and machine.units is not None:
         machine.with_values(**{what: end})  # raises the machine's own error
-    known = suggest(str(what), [*(each.text for each in problem.constraints), *names])
+    known = suggest(what, [*(each.text for each in problem.constraints), *names])
     raise InputError(f"the design has no constraint, bound or parameter '{what}'{known}")
 
 

@@ -234,7 +234,7 @@ def _checked_bounds(machine, over):
         if name not in (names := free_parameters(machine)):
             if machine.units is not None:
                 machine.with_values(**{str(name): 1.0})  # raises the machine's own error
-            known = suggest(str(name), names)
+            known = suggest(name, names)
             raise InputError(f"the machine has no parameter '{name}' to design{known}")
         try:
             low, high = bounds

@@ -63,7 +63,7 @@ def refuse_misbuilt(bodies: Sequence[Any], known: set[str]) -> None:
         if body.carrier is not None and body.carrier not in earlier:
             raise InputError(f"body '{body.name}': its carrier '{body.carrier}' is no earlier body")
         if odd := [joint.axis for joint in body.joints if joint.axis not in AXES]:
-            raise InputError(f"body '{body.name}': a joint has no axis {odd[0]!r}{suggest(str(odd[0]), AXES)}")
+            raise InputError(f"body '{body.name}': a joint has no axis {odd[0]!r}{suggest(odd[0], AXES)}")
         earlier.append(body.name)
         places = [(joint.place, {LANDINGS}) for joint in body.joints]
         own = [(value, set[str]()) for value in (body.mass, body.inertia, *body.centre, *body.place)]

@@ -133,7 +133,7 @@ def _refuse_keys(m: Any) -> None:
         ("knees", "height", joined, tuple(m.heights)),
     ):
         if unknown := [name for name in names if name not in known]:
-            raise InputError(f"{what}: there is no {kind} '{unknown[0]}'{suggest(str(unknown[0]), known)}")
+            raise InputError(f"{what}: there is no {kind} '{unknown[0]}'{suggest(unknown[0], known)}")
     used = {name for each in m.expressions for name in names_in(each)} if m.actuators else set()
     if not m.has_functions and (unused := [name for name in m.actuators if name not in used]):
         hint = suggest(unused[0], sorted(used - {*m.coordinates}))

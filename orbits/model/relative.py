@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..laws.features import NO_FEATURES, features, features_of_many, reaches_of_many, unit_of_length, units_of_length
-from ..laws.law import WRONG_SIGN, Algebraic, Key, Parameters, from_key
+from ..laws.law import WRONG_SIGN, Algebraic, Key, Parameters, from_key, number
 from .liftoff import Liftoff
 from .modes import Modes, single_mode
 from .phase import Arc, Phase, Pieces, Statement
@@ -139,9 +139,8 @@ class Relative:
         # Where gravity varies or steps are short, the fastest flights would take most of the search's time.
         fastest = FASTEST if single and not gravity and law.reach == math.inf else FASTEST_IN_DETAIL
         spacing = float(np.clip(finest, *SPACINGS))
-        return Search(
-            float(self.scale(1 / unit, p)), spacing, fastest, single, float(self.time(p)), self.by_speed is not None
-        )
+        scale = number("the scale of launch speeds", float(self.scale(1 / unit, p)), low=0)
+        return Search(scale, spacing, fastest, single, float(self.time(p)), self.by_speed is not None)
 
     def own_and_single(self, p: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Which of many machines (m,) take integration steps as far as this model lets them, and which have no feature

@@ -135,8 +135,7 @@ class Lateness:
         last = fastest or scale * family * search.fastest
         far = np.zeros(0) if last <= top else np.geomspace(top, last, 2 + int(np.log(last / top) / np.log(SPEED_RATIO)))
         slow = np.geomspace(SLOWEST_LAUNCH * scale, step, SLOW_LAUNCHES)
-        speeds = np.concatenate([slow[:-1], np.arange(step, min(top, last), step), far])
-        return np.append(speeds[speeds < last * (1 - NARROWEST_CELL)], last)
+        return _well_apart(np.concatenate([slow[:-1], np.arange(step, min(top, last), step), far, [last]]))
 
     def _with_speeds_near_guess(self, speeds: np.ndarray, p: Sequence[float]) -> np.ndarray:
         """The launch speeds at which the search of a machine that steps begins, with parameters (np,)."""
@@ -145,8 +144,7 @@ class Lateness:
         except NoOrbit:
             return speeds
         near = alpha * np.geomspace(1 / NEAR_GUESS, NEAR_GUESS, NEAR_LAUNCHES)
-        every = np.sort(np.concatenate([speeds, near[near < speeds[-1]]]))
-        return every[np.append(np.diff(every) > NARROWEST_CELL * every[1:], True)]
+        return _well_apart(np.sort(np.concatenate([speeds, near[near < speeds[-1]]])))
 
     def enclosed(self, cell: np.ndarray) -> float:
         """The launch speed in a cell (2,) of the first machine at which the lateness changes its sign."""
@@ -236,6 +234,11 @@ class Lateness:
         states = np.vstack([start, start + np.eye(start.shape[1])])
         rates = self.flow.field(states, self.ps[0])[0][:, rows] @ weights[rows]
         return Affine(tuple(rates[1:] - rates[0]))
+
+
+def _well_apart(speeds: np.ndarray) -> np.ndarray:
+    """Of increasing launch speeds (k,) those that are not followed by nearly the same one."""
+    return speeds[np.append(np.diff(speeds) > NARROWEST_CELL * speeds[1:], True)]
 
 
 def _open_cells(owners: np.ndarray, speeds: np.ndarray, late: np.ndarray) -> np.ndarray:

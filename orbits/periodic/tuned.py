@@ -119,7 +119,7 @@ def tuning_of(machine: Machine, tune: str | Iterable[str] | None, at: Mapping[st
 
 def tuned_names(machine: Machine, tune: str | Iterable[str] | None) -> tuple[str, ...]:
     """The names of the tuned parameters; raises `InputError` for one that is unknown, fixed, or stated twice."""
-    if isinstance(tune, Mapping) or not isinstance(tune or (), Iterable):
+    if isinstance(tune, Mapping) or not (tune is None or isinstance(tune, Iterable)):
         raise InputError(f"tune = {tune!r}; it has names, whose search begins at their values in the machine")
     names = tuple(list_of_names("tune", () if tune is None else tune))
     check_parameters(machine, *names)

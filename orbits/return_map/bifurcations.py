@@ -27,6 +27,8 @@ from .resolved_map import ROUNDED
 SECTIONS, SECTIONS_OF_STARTS, ATTRACTOR = 9, 3, 400
 # Launches from which the attractor is searched for, hops until they have reached it, and hops of it that are stored.
 STARTS_OF_HOPS, TRANSIENT, ATTRACTOR_HOPS = 4, 200, 60
+# Launches whose hops are computed together, and the largest number of values of the parameter, for the memory's sake.
+LAUNCHES_TOGETHER, MOST_ATTRACTOR = 2**14, 100_000
 LONGEST_CHORD = 0.02
 # What happens where a launch passes a border of the map, by the kind of the border, and by that of the event.
 BORDERS_IN_WORDS = {
@@ -104,7 +106,8 @@ def bifurcations(
         raise InputError(
             "starts: where a launch is a speed, fixed points are searched for in all of the range: leave them out"
         )
-    count = (ATTRACTOR if along == INJECT else 0) if attractor is None else whole_number("attractor", attractor, "", 0)
+    count = ATTRACTOR if along == INJECT else 0
+    count = count if attractor is None else whole_number("attractor", attractor, "", 0, MOST_ATTRACTOR)
     search = _Search(maps, (slow, fast), values, whole_number("samples", samples, "launches", 2), progress)
     maps.resolve(slow, fast)
     for period in wanted:
@@ -296,17 +299,16 @@ def _slope(event: FoundEvent) -> float:
 
 def _attractor(maps: MapsAlong, between: tuple[float, float], count: int) -> np.ndarray:
     """Values of the parameter and launch speeds (k, 2) in the range `between` that are visited in the long run."""
-    if count == 0:
-        return np.zeros((0, 2))
     values = np.linspace(maps.low, maps.high, count)
     if maps.name == INJECT and (step := maps.at(0.0).impacts).never_lose and step.one_liftoff:
         values = values[values == 0.0]  # otherwise all launches become faster by the injection, or all slower
+    if not len(values):
+        return np.zeros((0, 2))
     starts = np.linspace(*between, STARTS_OF_HOPS + 2)[1:-1]
     repeated = np.repeat(values, len(starts))
-    if maps.name == INJECT:
-        found = _long_run(maps, np.tile(starts, len(values)), repeated)
-    else:
-        found = np.hstack([_long_run(maps, starts, np.full(len(starts), value)) for value in values])
+    size = max(1, LAUNCHES_TOGETHER // len(starts)) if maps.name == INJECT else 1
+    parts = [values[first : first + size] for first in range(0, len(values), size)]
+    found = np.hstack([_long_run(maps, np.tile(starts, len(part)), np.repeat(part, len(starts))) for part in parts])
     places = np.broadcast_to(repeated, found.shape)
     inside = (found >= between[0]) & (found <= between[1])
     return np.column_stack([places[inside], found[inside]])

@@ -361,7 +361,7 @@ class _Resolving:
         pieces = np.cumsum([0, *apart])[: len(fitted)]
         found = MapPieces(
             self.low, self.high, (), own("origin"), own("reach"), own("power"), edges,
-            np.array([fit.coefficients for fit in fitted]).reshape(len(fitted), -1),
+            np.array([fit.coefficients for fit in fitted]).reshape(-1, DEGREES_OF_CELLS[-1] + 1),
             np.array([fit.error for fit in fitted]), np.array([fit.impacts for fit in fitted], int), pieces,
             tuple(sorted(self.unresolved)),
         )  # fmt: skip

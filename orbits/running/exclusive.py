@@ -49,7 +49,7 @@ def exclusive(function: Callable[_P, _R]) -> Callable[_P, _R]:
     @wraps(function)
     def alone(*arguments: _P.args, **options: _P.kwargs) -> _R:
         threads()
-        if not isinstance(report := options.get("progress"), bool | None) and not callable(report):
+        if not ((report := options.get("progress")) is None or report is False or callable(report)):
             raise InputError(f"progress = {report!r}; it is a function that is called with the share that is done")
         with LOCK, running(function.__qualname__):
             return function(*arguments, **options)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from ..errors import FlowError, InputError, NoOrbit, OutOfRange
+from ..errors import FlowError, InputError, NoOrbit, OutOfRange, one_of
 from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories
 from ..flow.zero_crossing import first_zero, first_zeros, until_zero
@@ -50,9 +50,7 @@ def method_of(model: Model, method: str | None = None) -> str:
     }
     if method is None:
         return next(name for name in METHODS if needs[name][1])
-    if method not in METHODS:
-        raise InputError(f"unknown method '{method}'; known: {', '.join(METHODS)}")
-    if not needs[method][1]:
+    if not needs[one_of("method", method, METHODS)][1]:
         raise InputError(f"method '{method}' needs {needs[method][0]}; leave it out for the simplest way")
     return method
 

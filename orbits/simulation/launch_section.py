@@ -137,11 +137,11 @@ class LaunchSection:
         """The dimensionless contact state (k,) of one launch, stated as for `parsed`; raises `InputError` where there
         is none."""
         launches, guess = self.parsed(launch)
-        if launches.ndim != 1 or not np.isfinite(launches).all():
+        with np.errstate(over="ignore"):
+            own = launches / self.unit
+        if launches.ndim != 1 or not np.isfinite(own).all():
             raise InputError(f"launch = {launch!r}; one launch is {len(self.names)} numbers: {', '.join(self.names)}")
-        (y,) = self.states(
-            launches[None] / self.unit, None if guess is None else np.reshape(guess, 1) / self.bound_unit
-        )
+        (y,) = self.states(own[None], None if guess is None else np.reshape(guess, 1) / self.bound_unit)
         if not np.isfinite(y).all():
             raise InputError(f"launch = {launches.tolist()}: the contact force vanishes at no '{self.dependent}'")
         return y

@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from ..errors import LARGEST_SEED, InputError, finite_number, whole_number
+from ..errors import LARGEST_SEED, InputError, finite_number, one_of, whole_number
 from ..io import MEGABYTE, read_file
 from ..numerics.sobol import sobol_points
 
@@ -128,9 +128,7 @@ def members_of(
     axes = {name: axis_of(name, stated) for name, stated in over.items()}
     if sampling is None:
         sampling = "grid" if isinstance(samples, tuple) or all(axis.values for axis in axes.values()) else "sobol"
-    if sampling not in SAMPLINGS:
-        raise InputError(f"sampling = {sampling!r}; it is one of {', '.join(SAMPLINGS)}")
-    if sampling == "grid":
+    if one_of("sampling", sampling, SAMPLINGS) == "grid":
         return _grid(axes, samples)
     count = whole_number("samples", 1000 if samples is None else samples, "members", most=MOST_MEMBERS)
     shares = _shares(sampling, count, len(axes), whole_number("seed", seed, least=0, most=LARGEST_SEED))

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..continuation.family import Family
 from ..design.designs_at_once import CONTINUED_STATUSES, solved_designs
-from ..errors import InputError, NoOrbit
+from ..errors import InputError, NoOrbit, list_of_names
 from ..io import Document
 from ..model.machine import Machine
 from ..periodic.continued import AT_FOLD, NOT_REACHED, continued_orbits
@@ -266,6 +266,7 @@ def existence(
     [(-0.0067, 0.01)]
     """
     family_number(family)
+    along, across = list_of_names("along, across", (along, across))
     if along == across:
         raise InputError(f"a diagram in '{along}' needs another parameter besides")
     row, column = axis_of(along, between), axis_of(across, values)

@@ -201,9 +201,9 @@ def _is_whole(number: tuple) -> bool:
 _SIGNS: dict[type, str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
 
 
-def suggest(word: str, known: Collection[str]) -> str:
+def suggest(word: object, known: Collection[str]) -> str:
     """'; did you mean ...' with the nearest known word, else the list of them, or '' when there are none."""
-    if near := difflib.get_close_matches(word, list(known), n=1):
+    if near := difflib.get_close_matches(str(word), list(known), n=1):
         return f"; did you mean '{near[0]}'?"
     return f"; known: {', '.join(known)}" if known else ""
 

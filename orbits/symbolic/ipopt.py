@@ -180,7 +180,7 @@ class Minimiser:
 def _kind(status: str, cost: float, off: ndarray, slope: float) -> str:
     """The kind of end by the recomputed conditions, as Ipopt reports success at points that do not meet them."""
     most = np.abs(off).max(initial=0.0)
-    if status in ENDED and max(most / FEASIBLE, slope / STATIONARY_GRADIENT) <= 1.0:
+    if status in ENDED and most <= FEASIBLE and slope <= STATIONARY_GRADIENT:
         return "minimum"
     if cost < BOTTOMLESS:
         return "bottomless"

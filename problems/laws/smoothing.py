@@ -5,10 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orbits.errors import InputError
+from orbits.errors import InputError, one_of
 
 from .measured import FEWEST_ROWS
 
+BRANCH_NAMES = ("loading", "unloading", "mean")
 # The fewest rows on each branch of a detected loop.
 FEWEST_ON_BRANCH = 3
 # Each row between which a spline runs ends an integration step: more would cost minutes and add no digit.
@@ -86,6 +87,8 @@ def branch_of(r: np.ndarray, force: np.ndarray, sense: float, branch: str | None
     sense : -1.0 where the travel is a compression
     Raises `InputError` for a loop without a named branch, and for a branch of too few rows.
     """
+    if branch is not None:
+        one_of("branch", branch, BRANCH_NAMES)
     direction = _directions(r)
     if branch in ("loading", "unloading"):
         # A table of one side alone is loaded away from rest, whichever sign it gives that side.
@@ -96,8 +99,6 @@ def branch_of(r: np.ndarray, force: np.ndarray, sense: float, branch: str | None
             found = f"{np.count_nonzero(on)} rows on the branch '{branch}'"
             raise InputError(f"{label}: {found}; a table needs {FEWEST_ROWS}")
         return _rows(r[on], force[on], label)
-    if branch not in (None, "mean"):
-        raise InputError(f"branch = {branch!r}; it is 'loading', 'unloading' or 'mean'")
     up, down = ((r[direction == side], force[direction == side]) for side in (1, -1))
     if branch == "mean" and min(len(up[0]), len(down[0])) >= FEWEST_ROWS:
         return _mean(_rows(*up, label), _rows(*down, label), label)

@@ -186,7 +186,8 @@ def _mass_names(count: int) -> tuple[str, ...]:
 
 def mass_parameters(masses: Sequence[float], fewest: int, most: int) -> dict[str, float]:
     """The masses of a column by name; raises `InputError` unless it is a list of `fewest` to `most` masses above 0."""
-    if np.ndim(masses) != 1:
+    masses = masses.tolist() if isinstance(masses, np.ndarray) else masses
+    if isinstance(masses, str | bytes) or not isinstance(masses, Sequence):
         raise InputError(f"masses = {masses!r}; they are a list of masses, from the top")
     if not fewest <= len(masses) <= most:
         bounds = f"from {fewest} to {most}" if fewest < most else f"{most}"

@@ -28,7 +28,7 @@ from orbits.mechanics import Mass, Spring
 
 from ..laws.springs import as_spring
 from .chain import MOST_MASSES, mass_parameters
-from .parameters import checked_numbers, with_parameters
+from .parameters import stated_numbers, with_parameters
 
 
 def chain_hand(
@@ -50,7 +50,7 @@ def chain_hand(
     >>> len(find_all(juggler, starts(juggler, 4, 4)))
     1
     """
-    values, own = checked_numbers(parameters or {}), mass_parameters(masses, 2, MOST_MASSES)
+    values, own = stated_numbers(parameters), mass_parameters(masses, 2, MOST_MASSES)
     names = ["ball", "hand", *(f"y{i}" for i in range(3, len(own) + 1))]
     laws = springs if isinstance(springs, list | tuple) else [springs] * (len(names) - 1)
     if len(laws) != len(names) - 1:

@@ -147,7 +147,7 @@ def build(statement: dict[str, object], where: str = "the options") -> MachineOf
 def _build(statement: dict[str, Any]) -> MachineOfFile:
     kind = statement.get("machine", "hopper")
     if not isinstance(kind, str) or kind not in (*KINDS, *STEPPING):
-        raise InputError(f"unknown machine {kind!r}{suggest(str(kind), (*KINDS, *STEPPING))}")
+        raise InputError(f"unknown machine {kind!r}{suggest(kind, (*KINDS, *STEPPING))}")
     if kind in STEPPING:
         return _stepping_machine(kind, statement)
     common = {name: statement[name] for name in COMMON_KEYS if name in statement}

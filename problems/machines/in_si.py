@@ -29,7 +29,7 @@ from ..laws.gravity import as_gravity
 from ..laws.springs import as_spring
 from .hopper import Hopper
 from .juggler import Juggler
-from .parameters import checked_numbers, refuse_taken
+from .parameters import refuse_taken, stated_numbers
 from .two_masses import DAMPERS, GROUND_MASS, TwoMasses, TwoMassMachine, checked_ground
 
 STANDARD_GRAVITY = 9.80665
@@ -339,7 +339,7 @@ def _machine(
     body_radius: float | None, gravity: LawLike | None, parameters: object, **numbers: Any,
 ) -> MachineInSI:  # fmt: skip
     """The machine of these statements; `numbers` are further fields of it."""
-    values = checked_numbers(parameters or {})
+    values = stated_numbers(parameters)
     law, stiffness = _spring(force, stiffness, values)
     pull = _gravity_law(gravity, body_radius, values)
     numbers["ground"] = checked_ground(numbers.get("ground"), values, base.kind, in_si=True)

@@ -14,6 +14,11 @@ def checked_numbers(parameters: object) -> dict[str, float]:
     return {name: number(name, value) for name, value in parameters.items()}
 
 
+def stated_numbers(parameters: object) -> dict[str, float]:
+    """`checked_numbers` of parameters that may be left out, as None."""
+    return checked_numbers({} if parameters is None else parameters)
+
+
 def refuse_taken(taken: Collection[str], names: Iterable[str], what: str) -> None:
     """Raise `InputError` for a parameter of a formula whose name is taken, by `what` in words."""
     if found := sorted({*names} & {*taken}):
@@ -24,6 +29,6 @@ def with_parameters(
     own: Mapping[str, object], parameters: object, what: str = "an argument of its own"
 ) -> dict[str, Any]:
     """A machine's own parameters and those of its formulas; raises `InputError` for a name in both."""
-    values = checked_numbers({} if parameters is None else parameters)
+    values = stated_numbers(parameters)
     refuse_taken(own, values, what)
     return {**own, **values}

@@ -27,7 +27,7 @@ from orbits.laws.law_statement import LawLike
 from orbits.mechanics import Body, Drawing, Joint, Mass, Outline, Spring
 
 from ..laws.springs import as_spring
-from .parameters import checked_numbers, refuse_taken, with_parameters
+from .parameters import refuse_taken, stated_numbers, with_parameters
 
 HIP = ("x + l*sin(theta)", "z + l*cos(theta)")
 WORDS_OF_RUNNERS = {
@@ -81,7 +81,7 @@ def runner(
     for name, value in own.items():
         if not value > 0:
             raise InputError(f"{name} = {value:g}; of a runner it lies above 0")
-    values = checked_numbers(parameters or {})
+    values = stated_numbers(parameters)
     refuse_taken(["step"], values, "a number of each run, which is not stated")
     known = with_parameters(own, values)
     leg, hip = (as_spring(law, known, shared=True) for law in (spring, hip_spring))

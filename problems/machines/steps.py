@@ -34,7 +34,7 @@ from orbits.mechanics import Body, Drawing, Joint, Mass, Outline, Potential, Spr
 from orbits.mechanics.elements import Element
 
 from ..laws.springs import as_spring
-from .parameters import checked_numbers, with_parameters
+from .parameters import stated_numbers, with_parameters
 
 # The ratios of a machine whose numbers can be computed, and its angles; three spokes are the fewest.
 RATIO_BOUNDS, ANGLE_BOUNDS, WIDEST_WHEEL = (1e-12, 1e12), (1e-9, pi / 2 - 1e-9), pi / 3 + 1e-15
@@ -113,10 +113,11 @@ def rimless_wheel(
     stated = {"mass": mass, "length": length, "inertia": inertia, "body_inertia": body_inertia, "stiffness": stiffness}
     if spokes is not None and not (number("spokes", spokes) >= 3 and spokes == int(spokes)):
         raise InputError(f"spokes = {spokes!r}; a wheel has a whole number of them, from 3")
+    slope = number("slope", slope, -pi / 2, pi / 2)
     if own := _in_si("rimless wheel", {**stated, "spokes": spokes}, (inertia_ratio, gravity_ratio, angle, share)):
         _refuse_below(own["inertia"], "the foot", own["mass"] * own["length"] ** 2, "mass * length**2")
         own, gravity = own | {"angle": pi / own.pop("spokes"), "surface_gravity": surface_gravity}, "surface_gravity"
-        tilted = {} if slope == 0 else {"slope": number("slope", slope, -pi / 2, pi / 2)}
+        tilted = {"slope": slope} if slope else {}
         fall = " + slope" if tilted else ""  # heights and places across are those of gravity
         forces: list[Element] = [
             Mass(f"length*cos(theta - angle{fall})", "mass", across=f"length*sin(theta - angle{fall})")
@@ -124,7 +125,7 @@ def rimless_wheel(
         heights: dict[str, str] | None = {"hub": HUB}
         turned = "inertia - mass*length**2"
     else:
-        if slope != 0:
+        if slope:
             raise InputError(f"slope = {slope:g} belongs to a wheel in SI, with a mass and a length")
         own, heights, tilted = _ratios(inertia_ratio, gravity_ratio, angle, share=share), None, {}
         forces, turned, gravity = _shared(own, BALANCED_NEARLY), SHARED_INERTIA, SHARED_GRAVITY
@@ -218,7 +219,7 @@ def shuttle(
         heights: dict[str, str] | None = {"end": HUB}
         turned, gravity = "inertia", "surface_gravity"
     else:
-        if mass or length:
+        if number("mass", mass) or number("length", length):
             raise InputError("mass and length belong to a shuttle in SI, with its inertia; else state gravity_ratio")
         own, heights = _ratios(inertia_ratio, gravity_ratio, angle, least=0.0), None
         turned, gravity = "1/inertia_ratio", "1"
@@ -383,7 +384,7 @@ def _ratios(
     """The parameters of a machine without units; the gravity ratio may be 0 where that is the `least`, and there is no
     share."""
     own = {"inertia_ratio": _positive("inertia_ratio", 1.0 if inertia_ratio is None else inertia_ratio)}
-    gravity = 0.5 if gravity_ratio is None else gravity_ratio
+    gravity = number("gravity_ratio", 0.5 if gravity_ratio is None else gravity_ratio)
     own["gravity_ratio"] = gravity if gravity == least else _positive("gravity_ratio", gravity)
     if least is None:
         own["share"] = 1.0 if share is None else _positive("share", share)
@@ -410,7 +411,7 @@ def _stepping(
     spring: LawLike | None, parameters: Mapping[str, float] | None, friction: float | None = None, **stated: Any,
 ) -> Mechanism:  # fmt: skip
     """The mechanism of an inner and an outer body; formulas with the angle take 1 for it where it has no value."""
-    in_si, values = "inertia" in own, checked_numbers(parameters or {})
+    in_si, values = "inertia" in own, stated_numbers(parameters)
     own = own if friction is None else {**own, "friction": _positive("friction", friction)}
     for key in () if "angle" in own or "gaps" not in stated else ("reversor", "symmetry", "gaps"):
         stated[key] = {each: text.replace("angle", "1") for each, text in stated[key].items()}

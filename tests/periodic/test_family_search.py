@@ -71,6 +71,16 @@ def test_the_cells_of_many_are_those_of_each_alone():
     assert [len(cells.cells) for cells in together] == [2, 2, 0, 0]
 
 
+def test_a_search_begins_at_different_launch_speeds():
+    """Neither rounding nor the end of the uniform grid makes two of them coincide, with no slope between them."""
+    machine = Hopper("cubic", parameters={"beta": 0.1})
+    names, p = tuple(machine.values), np.array([list(machine.values.values())])
+    search = machine.model.search(machine.values)
+    for family in range(1, 201):
+        speeds = Lateness(machine.model, "relative", names, p, family, [search]).speeds(search)
+        assert (np.diff(speeds) > 1e-6 * speeds[1:]).all(), family
+
+
 def test_the_fallback_is_a_search():
     """Under constant gravity this spring does not come back, in falling gravity it does."""
     p = {"a": 0.3, "R": 20.0}

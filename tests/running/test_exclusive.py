@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scripts import run
 
-from orbits import InputError, ReturnMap, trace
+from orbits import InputError, ReturnMap, find_all, trace
 from orbits.running.exclusive import _DYING, LOCK, apart, exclusive, in_threads
 from orbits.symbolic import caches
 from problems import Hopper
@@ -43,6 +43,12 @@ def test_the_lock_is_held_in_a_call_and_not_between_orbits():
     orbits = trace(Hopper("r + b*r**3", parameters={"b": 0.1}), "b", 0.3)
     next(orbits)
     assert in_thread(free)
+
+
+@pytest.mark.parametrize("progress", [True, 3, "x"])
+def test_a_progress_that_is_no_function_is_refused(progress):
+    with pytest.raises(InputError, match="it is a function that is called with the share that is done"):
+        find_all(Hopper("cubic", parameters={"beta": 0.3}), progress=progress)
 
 
 def test_graphs_that_end_in_another_thread_are_released_under_the_lock():

@@ -281,7 +281,7 @@ OPTIONS = [
     ("find --famly 2", 2, "--family"),
     ("find extra", 2, "extra"),
     ("find --method magic", 2, "closed form"),
-    ("find --method ''", 2, "unknown method"),
+    ("find --method ''", 2, "method = ''; it is one of"),
     ("find --method 'closed form' --spring cubic", 2, "straight-line spring"),
     ("find --method relative --gravity linear --rest-length 20", 2, "constant gravity"),
     ("find --machine hoper", 2, "hopper"),
