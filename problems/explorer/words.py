@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from .results import HopResult
 from .scene import Scene
 
-# What a machine does for ever without losing energy, by its kind, and why nothing is lost; other machines hop.
+# What a machine does for ever without losing energy, by its kind, and why nothing is lost; those that were made in
+# Python are known by what moves: others that turn step, and the rest hop.
 DOES = {
     "juggler": ("the ball is thrown and caught", "the hand meets it with neither a speed nor an acceleration"),
     "wheel": ("it walks over level ground", "no foot lands with a speed"),
@@ -13,6 +14,7 @@ DOES = {
     "shuttle": ("it goes from wall to wall", "it touches each without a speed"),
     "runner": ("it runs over level ground", "its foot lands at rest and sticks"),
 }
+IT_STEPS = ("it steps on", "what lands has no speed")
 IT_HOPS = ("it hops", "its foot lands with neither a speed nor an acceleration")
 NONE_YET, NOT_FOUND = "The first motion is being found.", "No motion is found for these numbers."
 NO_MOTION = "The figures show a solution of the equations that no machine can follow."
@@ -23,8 +25,13 @@ SMALL_ANGLES = (
     "and of a block in units of its width over its height."
 )
 # Of figures that show the same of every machine.
-ON_LAW = "Force over extension; the shaded range is what this motion uses."
-ON_MAP = "The launch speed after a landing: where the curve meets the dashed line, the motion repeats. Click to launch."
+ON_LAW = "{} over extension; the shaded range is what this motion uses."
+ON_MAP = "The launch speed after a landing{}: where the curve meets the dashes, the motion repeats. Click to launch."
+ON_FAMILY = (
+    "Each point is the motion of a machine with another {}, the ring the one shown; dashed parts are no motions. "
+    "Click on the curve to go there, or move the slider."
+)
+CHOOSE_PARAMETER = "Choose a parameter to see the machines beside this one."
 ON_FORCE = "It may never fall below 0: nothing pulls what touches. Where nothing is lost, it begins and ends at 0."
 
 
@@ -40,7 +47,8 @@ def verdict(scene: Scene, hop: HopResult | None, failed: Mapping[str, str]) -> t
         return "", NONE_YET
     if hop.violations:
         return "no", f"No motion: {'; '.join(hop.violations)}. {NO_MOTION}"
-    does, why = DOES.get(scene.machine, IT_HOPS)
+    kind = "juggler" if "ball" in hop.data.names else scene.machine
+    does, why = DOES.get(kind, IT_STEPS if hop.data.turns else IT_HOPS)
     tuned = " and ".join(f"{name.replace('_', ' ')} = {scene.numbers[name]:.6g}" for name in scene.tuned)
     needs = f" It needs {tuned}, which are tuned." if tuned else ""
     return "yes", f"A motion: {does} for ever, and no energy is lost: {why}.{needs}"
@@ -58,16 +66,17 @@ def captions(scene: Scene, hop: HopResult | None) -> dict[str, str]:
     elif data.plane is not None and data.plane.marks:
         machine = BESIDE_IT
         portrait = "with each step it begins again, turned on by an angle" if data.turns else portrait
-    what, rate, cycle = "Height of each part", "Speed over height", "cycle"
+    what, rate, cycle, launch = "Height of each part", "Speed over height", "cycle", ""
     if data.turns:
         what, rate, cycle, stands = "Angle of each body", "Rate over angle", "step", "both points touch"
-    around = f"Each point is the motion of a machine with another {along}, the ring the one above"
+        launch = ", less that of the lossless step, as is the one before it"
+    force = hop.law.labels[1].partition(" ")[0].capitalize() if hop.law else "Force"
     return {
         "machine": machine,
         "heights": f"{what} over one {cycle}; shaded while {stands}.",
         "portrait": f"{rate}: {portrait}.",
         "force": f"There is no contact force: {data.why}." if data.why else ON_FORCE,
-        "law": ON_LAW,
-        "family": f"{around}; dashed parts are no motions. Click on the curve to go there, or move the slider.",
-        "map": ON_MAP,
+        "law": ON_LAW.format(force),
+        "family": ON_FAMILY.format(along) if along else CHOOSE_PARAMETER,
+        "map": ON_MAP.format(launch),
     }

@@ -13,10 +13,11 @@ from problems.explorer.words import captions, verdict
 pytestmark = pytest.mark.extra("bokeh")
 
 
-def hop(*violations: str, names=("body", "foot"), turns=False, marks=None, why=""):
+def hop(*violations: str, names=("body", "foot"), turns=False, marks=None, why="", force="force (N)"):
     """A hop with what its words depend on."""
     plane = None if marks is None else SimpleNamespace(marks=marks)
-    return SimpleNamespace(violations=violations, data=SimpleNamespace(names=names, turns=turns, plane=plane, why=why))
+    data, law = SimpleNamespace(names=names, turns=turns, plane=plane, why=why), SimpleNamespace(labels=("", force))
+    return SimpleNamespace(violations=violations, data=data, law=law)
 
 
 def test_the_verdict_says_whether_there_is_a_motion_and_why_not():
@@ -28,6 +29,10 @@ def test_the_verdict_says_whether_there_is_a_motion_and_why_not():
     assert (kind, text.startswith("No motion: foot below ground at t = 1; the ground")) == ("no", True)
     assert verdict(scene, None, {"page": "no"}) == ("no", "No motion is found for these numbers.")
     assert "dimmed" in verdict(scene, hop(), {"page": "no"})[1]  # the picture beside it is that of other numbers
+    given = Scene("given")  # a machine that was made in Python
+    juggled = hop(names=("ball", "hand"))
+    for found, does in ((juggled, "thrown and caught"), (hop(turns=True), "steps on"), (hop(), "it hops")):
+        assert does in verdict(given, found, {})[1]
     assert "inertia = 5.7 and hip stiffness = 5.4, which are tuned" in verdict(beginning("runner"), hop(), {})[1]
 
 
@@ -36,7 +41,14 @@ def test_the_verdict_says_whether_there_is_a_motion_and_why_not():
     [
         (beginning("hopper"), hop(), {"heights": "the foot stands", "machine": "nothing drives it", "family": "beta"}),
         (beginning("juggler"), hop(names=("ball", "hand")), {"heights": "ball lies on the hand"}),
+        (beginning("hopper"), hop(), {"law": "Force over", "map": "after a landing:", "family": "the one shown;"}),
+        (Scene(), hop(), {"family": "Choose a parameter"}),
         (beginning("wheel"), hop(turns=True, marks=[0.0]), {"portrait": "turned on", "heights": "both points touch"}),
+        (
+            beginning("wheel"),
+            hop(turns=True, force="torque"),
+            {"law": "Torque over", "map": "less that of the lossless step"},
+        ),
         (beginning("runner"), hop(marks=[0.0]), {"portrait": "closed curve", "machine": "where feet stand"}),
         (replace(beginning("wheel"), numbers={}), hop(turns=True), {"machine": "For small angles there is no picture"}),
         (Scene(), hop(why="the contact never ends"), {"force": "no contact force: the contact never ends"}),
