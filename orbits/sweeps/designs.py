@@ -18,6 +18,8 @@ SAMPLINGS = ("grid", "sobol", "lhs", "random")
 MOST_MEMBERS = 10_000_000
 # A table's column spans decades from this ratio of its largest to its smallest value on.
 DECADES = 100.0
+# Characters of the arguments of a distribution in a store.
+LONGEST_ARGUMENTS = 1000
 # A table of designs larger than this is refused before it is read.
 LARGEST_TABLE = 1024 * MEGABYTE
 
@@ -46,18 +48,17 @@ class Axis:
 
     @classmethod
     def of_stated(cls, kind: str, stated: Sequence[Any]) -> "Axis":
-        """The axis whose `kind` and `stated` these are."""
-        if kind == "distribution":
-            from scipy import stats
-
-            name, arguments, options = stated
-            family = getattr(stats, name, None)
-            if not isinstance(family, stats.rv_continuous | stats.rv_discrete):
-                raise InputError(f"{name!r} is no distribution of scipy.stats")
-            return cls(distribution=family(*literal_eval(arguments), **literal_eval(options)))
-        if kind == "values":
-            return cls(tuple(stated))
-        return cls(low=stated[0], high=stated[1], logarithmic=len(stated) == 3)
+        """The axis whose `kind` and `stated` these are; raises `InputError` for data that state none."""
+        try:
+            if kind == "distribution":
+                return cls(distribution=_frozen(*stated))
+            if kind == "values":
+                return cls(tuple(stated))
+            return cls(low=stated[0], high=stated[1], logarithmic=len(stated) == 3)
+        except InputError:
+            raise
+        except (ValueError, TypeError, IndexError, KeyError, SyntaxError, MemoryError, RecursionError):
+            raise InputError(f"{str(stated)[:80]} states no {kind}") from None
 
     def at(self, shares: np.ndarray) -> np.ndarray:
         """The values (m,) at shares (m,) between 0 and 1 of the range, the list or the probability."""
@@ -74,6 +75,18 @@ class Axis:
         if self.logarithmic:
             return float(np.log(value / self.low) / np.log(self.high / self.low))
         return (value - self.low) / (self.high - self.low)
+
+
+def _frozen(name: str, arguments: str, options: str) -> Any:
+    """The frozen distribution of `scipy.stats` with these arguments, which are written as in Python."""
+    from scipy import stats
+
+    family = getattr(stats, name, None)
+    if not isinstance(family, stats.rv_continuous | stats.rv_discrete):
+        raise InputError(f"{name!r} is no distribution of scipy.stats")
+    if len(arguments) + len(options) > LONGEST_ARGUMENTS:
+        raise InputError(f"the arguments of {name!r} have more than {LONGEST_ARGUMENTS} characters")
+    return family(*literal_eval(arguments), **literal_eval(options))
 
 
 @dataclass(frozen=True)

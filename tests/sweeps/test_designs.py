@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import norm, uniform
 
 from orbits.errors import InputError
-from orbits.sweeps.designs import members_of
+from orbits.sweeps.designs import Axis, members_of
 
 NAMES = ("beta", "mass_ratio", "rest_length")
 
@@ -114,3 +114,22 @@ def test_a_table_that_is_none_is_refused(tmp_path, text, said):
 def test_a_table_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"no table of designs.*nothing\.csv"):
         members(None, tmp_path / "nothing.csv")
+
+
+@pytest.mark.parametrize(
+    "arguments", ["(" * 900, "(" * 3000, "-" * 900 + "1", "-" * 50_000 + "1", "1", "(1, 2, 3, 4)", "nan"]
+)
+def test_arguments_of_a_distribution_that_no_store_states_are_refused(arguments):
+    assert Axis.of_stated("distribution", Axis(distribution=norm(1, 2)).stated).at(np.array([0.5])) == 1.0
+    with pytest.raises(InputError, match="norm"):
+        Axis.of_stated("distribution", ["norm", arguments, "{}"])
+
+
+@pytest.mark.parametrize(
+    ("kind", "stated"),
+    [("distribution", ["norm"]), ("distribution", ["__doc__", "()", "{}"]), ("distribution", [[], "()", "{}"]),
+     ("values", None), ("range", [1.0]), ("range", {"low": 1.0})],
+)  # fmt: skip
+def test_data_that_state_no_axis_are_refused(kind, stated):
+    with pytest.raises(InputError, match=r"states no|no distribution"):
+        Axis.of_stated(kind, stated)
