@@ -48,6 +48,7 @@ def derived_model(structure: Structure) -> Model:
         embed=parts.embed,
         flight_gradient=parts.flight_gradient,
         extension=parts.extension,
+        extension_offset=parts.extension_offset,
         gap=lambda p: gap,
         guess=launch.relative if launch and moves_alone else None,
         separation=parts.separation,

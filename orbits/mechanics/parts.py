@@ -31,6 +31,7 @@ class Parts:
     """The parts of a model, see `Model` for each, from the mechanics of a structure.
 
     launched : the coordinate that is launched
+    extension, extension_offset : of the spring that is counted, as in `Model`
     counted : as from `_counted`
     height_functions, distance : p -> the heights, by name, and the separation, each as a function of the flight state
     mass : of impacts, a function of the coordinates
@@ -46,6 +47,7 @@ class Parts:
     mechanics: Mechanics
     launched: str
     extension: Affine
+    extension_offset: Callable | None
     counted: list[tuple[Spring, Coefficients]]
     height_functions: dict[str, Callable]
     distance: Callable | None
@@ -70,7 +72,7 @@ class Parts:
         of_forces = flight.gradients @ ca.SX(np.diag([float(term.conservative) for term in flight.terms])) / unit
         steps = steps_of(c, s, mechanics)
         return cls(
-            s, mechanics, launched, _sum_of_coordinates(c, s.counts, "counts"), _counted(c, s),
+            s, mechanics, launched, _sum_of_coordinates(c, s.counts, "counts"), _offset(c, s.counts), _counted(c, s),
             {name: _height(c, height) for name, height in s.heights},
             None if s.separation is None else _height(c, s.separation),
             c.coefficients(flight.impact_mass / unit), c.coefficients(of_forces),
@@ -320,6 +322,12 @@ def _sum_of_coordinates(c: Coordinates, expression: Scalar, what: str) -> Affine
     if weights is None or not any(weights[: c.size]):
         raise InputError(f'{what} = {expression!r} is no sum of coordinates with numbers before them, as "body - foot"')
     return Affine(_interleaved(list(map(float, weights)), len(c.actuators)))
+
+
+def _offset(c: Coordinates, expression: Scalar) -> Callable | None:
+    """p -> the value of an expression where all coordinates are 0; None where that is 0."""
+    found = c.coefficients(c.at_zero(expression))
+    return None if found.exact[0] == 0 else lambda p: found(p)[0][0]
 
 
 def _counted(c: Coordinates, s: Structure) -> list[tuple[Spring, Coefficients]]:

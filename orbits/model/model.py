@@ -67,6 +67,8 @@ class Model:
     embed : matrix (n, m) that turns contact states (m,) into flight states (n,)
     flight_gradient : (x, p, q) -> gradient of the energy in flight
     extension : affine function of the flight state whose stationary points count the family
+    extension_offset : p -> what has to be added to `extension`, so that it is 0 where the spring is unloaded; None for
+        nothing
     gap : p -> height of the contact point above what it lands on, a sum of coordinates of the flight state
     separation : p -> smallest distance within the machine, which must stay positive, a function of the flight state,
         `Affine` or a `StateFormula`; None where it is not stated
@@ -156,6 +158,7 @@ class Model:
     symmetry: tuple[int, ...] | None = None
     symmetry_shift: Shift | None = None
     landing_gap: Callable[[Parameters], Affine] | None = None
+    extension_offset: Callable[[Parameters], Algebraic] | None = None
     planar: Planar | None = None
     feet: tuple[str, ...] = ()
     sticks: tuple[str, ...] = ()
@@ -353,7 +356,13 @@ class Model:
 
     def liftoff_extension(self, u: Parameters, p: Parameters) -> Algebraic:
         """The extension at lift-off with unknowns `u`: numbers, arrays (m,) or expressions."""
-        return self.extension.at(self.launch(u, p))
+        return self.extension_of(p).at(self.launch(u, p))
+
+    def extension_of(self, p: Parameters) -> Affine:
+        """The extension of a spring with these parameters."""
+        if self.extension_offset is None:
+            return self.extension
+        return replace(self.extension, offset=self.extension.offset + self.extension_offset(p))
 
     @property
     def is_guessed(self) -> bool:

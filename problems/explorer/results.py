@@ -20,7 +20,7 @@ from orbits.show.pages.law_view import LawData, law_data
 from orbits.show.pages.map_view import MapData, map_data
 
 from .dials import Dial, dials_of
-from .scene import START_OF_RUN, Scene
+from .scene import START_OF_HOP, START_OF_RUN, Scene
 
 FIRST_PIECE, PIECE, LONGEST_FAMILY = 12, 60, 2000  # points of a family when it is first shown, per update, in all
 BEYOND = 2.0  # the map is drawn up to this multiple of the hop's launch speed
@@ -81,14 +81,14 @@ def hop_results(python_machine: object, scene: Scene, with_dials: bool) -> Itera
 
 def start_of(machine: Machine, orbit: Orbit | Point) -> tuple[float, ...]:
     """The start that a scene stores to find an `Orbit`, or a family's `Point`, again."""
-    if not machine.model.sticks:
-        return orbit.liftoff_extension, orbit.alpha, orbit.flight_time / 2
+    names = START_OF_RUN if machine.model.sticks else START_OF_HOP
     known = (
         stated_unknowns(machine.model, orbit)
         if isinstance(orbit, Orbit)
-        else dict(zip(START_OF_RUN, orbit.u, strict=False))
+        else {"duration": 0.0, **dict(zip(names, orbit.u, strict=False))}
     )
-    return tuple(known[name] * (machine.units.of(name) if machine.units else 1.0) for name in START_OF_RUN)
+    start = tuple(known[name] * (machine.units.of(name) if machine.units else 1.0) for name in names)
+    return start if machine.model.sticks else (start[0], orbit.alpha, orbit.flight_time / 2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,8 +3,10 @@
 import pytest
 from mechanisms import VALUES, leg, same
 
-from orbits import InputError, Mechanism, check, find, starts
+from orbits import InputError, Mechanism, check, find, follow, prove, starts
+from orbits.check_proof import check as faults_of_proof
 from orbits.mechanics import Mass, Spring
+from orbits.show.pages.law_view import law_data
 
 
 @pytest.mark.parametrize(
@@ -74,3 +76,32 @@ def test_landing_on_a_plate_is_the_gap_its_speed_and_its_acceleration():
     assert [float(each) for each in machine.model.landing(u, x, machine.values)] == pytest.approx(
         [foot - plate, 0.4, accelerated], rel=1e-13
     )
+
+
+def long_leg(length: str, **parameters: float) -> Mechanism:
+    """A hopper whose body is counted from the ground, as high above the foot as the length when the spring is
+    unloaded."""
+    elements = [Mass("body", "1"), Mass("foot", "1"), Spring(f"body - foot - {length}", "k*r")]
+    return Mechanism(("body", "foot"), elements, "foot", {"k": 1.0, **parameters}, rest={"body": length})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("length", "parameters"), [("l", {"l": 10.0}), ("10", {})])
+def test_an_extension_is_that_beyond_the_spring_s_length(length, parameters):
+    machine, plain = long_leg(length, **parameters), long_leg("0")
+    assert plain.model.extension_offset is None
+    orbit, known = find(machine), find(plain)
+    assert orbit.alpha == pytest.approx(known.alpha, rel=1e-13)
+    assert orbit.liftoff_extension == pytest.approx(1.0, rel=1e-14)
+    assert law_data(machine, orbit).liftoff == pytest.approx((1.0, 1.0), rel=1e-13)
+    assert law_data(machine, orbit).used == pytest.approx(law_data(plain, known).used, rel=1e-12)
+    proof = prove(orbit)
+    assert proof.proved
+    assert faults_of_proof(proof.saved()) == []
+
+
+def test_an_extension_along_a_family_is_that_beyond_the_length_there():
+    machine = long_leg("l", l=10.0)
+    assert {round(point.liftoff_extension, 12) for point in follow(machine, "l", 12.0).points} == {1.0}
+    tuned = find(machine, tune="k", at={"liftoff_extension": 0.5})
+    assert tuned.source.values["k"] == pytest.approx(2.0, rel=1e-13)

@@ -50,7 +50,7 @@ def law_data(machine: Machine, orbit: "Orbit") -> LawData:
     """
     bare, own, units = orbit.dimensionless(), dimensionless(machine), orbit.scales
     end = bare.flight_time if bare.contact_time is None else bare.period
-    extension = own.model.extension
+    extension = own.model.extension_of(own.values)
     states = bare(np.linspace(0, end, EXTENSIONS))
     used = extension(states)
     low, high = float(used.min()), float(used.max())
@@ -78,8 +78,9 @@ def _forces(machine: Machine, extensions: np.ndarray) -> tuple[np.ndarray, np.nd
     model, p = machine.model, machine.values
     if model.tension is None:
         raise InputError("this machine states no force of a spring over its extension")
-    weights, pieces = np.array(model.extension.weights, dtype=float), model.flight.pieces
-    states = np.outer((extensions - model.extension.offset) / (weights @ weights), weights)
+    extension, pieces = model.extension_of(p), model.flight.pieces
+    weights = np.array(extension.weights, dtype=float)
+    states = np.outer((extensions - extension.offset) / (weights @ weights), weights)
     data = np.zeros((len(states), 0))
     if pieces is not None:
         breaks, rows = map(np.asarray, pieces.table(p))
