@@ -16,6 +16,7 @@ from .processes import prepare
 
 if TYPE_CHECKING:
     from bokeh.server.server import BaseServer
+    from tornado.routing import Matcher
 
     from .scene import Scene
 
@@ -66,13 +67,26 @@ def serve(scene: "Scene", port: int = 0, python_machine: object = None) -> "tupl
         check_unused_sessions_milliseconds=2000,
         unused_session_lifetime_milliseconds=5000,
     )
-    # A host name that another site points to this computer is refused for every path.
-    none = Pages([(".*", ErrorHandler, {"status_code": 404})])  # for paths that no file can have
-    nameless = Rule(PathMatches(".*%00.*"), none)
-    own = RuleRouter([nameless, *(Rule(HostMatches(re.escape(name)), tornado) for name in HOSTS)])
+    # A host name that another site points to this computer is refused for every path, as are another site's scripts.
+    refused = {code: Pages([(".*", ErrorHandler, {"status_code": code})]) for code in (403, 404)}
+    # What no file can be called, and what any site may load.
+    others = Rule(_of_other_sites(hosts), refused[403]), Rule(PathMatches(r".*(%00.*|/autoload\.js)"), refused[404])
+    own = RuleRouter([*others, *(Rule(HostMatches(re.escape(name)), tornado) for name in HOSTS)])
     http = HTTPServer(own, max_header_size=1 << 16)
     http.add_sockets(sockets)
     return BaseServer(loop, tornado, http), f"http://localhost:{port}/"
+
+
+def _of_other_sites(hosts: list[str]) -> "Matcher":
+    """The requests that a page of another site makes, by the origin that the browser states."""
+    from tornado.routing import Matcher
+
+    class OtherOrigins(Matcher):
+        def match(self, request: Any) -> dict[str, Any] | None:
+            origin = request.headers.get("Origin", None)
+            return None if origin is None or origin.removeprefix("http://") in hosts else {}
+
+    return OtherOrigins()
 
 
 def _bound(port: int) -> list[socket.socket]:

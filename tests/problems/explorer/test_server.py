@@ -65,6 +65,15 @@ def answer(port: int, path: str = "/", headers: dict | None = None) -> tuple[int
 def test_only_its_own_page_may_talk_to_it(port, origin, status):
     headers = UPGRADE | {"Origin": origin.format(port=port)}
     assert answer(port, "/ws", headers)[0] == status
+    if status == 403:
+        for path in ("/", "/metadata", "/static/js/bokeh.min.js"):
+            assert answer(port, path, {"Origin": headers["Origin"]})[0] == 403
+
+
+def test_no_other_site_may_read_what_it_serves(port):
+    assert answer(port, "/static/js/bokeh.min.js", {"Origin": f"http://localhost:{port}"})[0] == 200
+    for path in ("/autoload.js", "/autoload.js?bokeh-autoload-element=1"):
+        assert answer(port, path)[0] == 404
 
 
 @pytest.mark.parametrize("host", ["evil.example", "localhost.evil.example", "0.0.0.0", "127x0x0x1", "[::1]"])
