@@ -30,12 +30,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from unittest import mock
 
+import casadi
 import click
 import numpy as np
 
 import orbits
 import problems
-from orbits import Family, InputError, NoOrbit, Orbit, OrbitsError, ReturnMap, Sweep, follow
+from orbits import Family, InputError, Mechanism, NoOrbit, Orbit, OrbitsError, ReturnMap, Sweep, follow
 from problems import Hopper, springs, steering
 from problems.command.cli import main as command, orbits as commands
 
@@ -289,6 +290,7 @@ def crafted_line(verb: str, folder: Path, rng: random.Random) -> list[str]:
 
 def _machines() -> dict[str, Callable[[], Any]]:
     """Machines of every kind, by name."""
+    r, b = casadi.SX.sym("r"), casadi.SX.sym("b")
     table = [(0.25 * i, 0.25 * i + 0.02 * (0.25 * i) ** 3) for i in range(-60, 61)]
     return {
         "hopper": Hopper,
@@ -296,6 +298,9 @@ def _machines() -> dict[str, Callable[[], Any]]:
         "damped": lambda: Hopper("cubic", damping=0.01, parameters={"beta": 0.3}),
         "juggler": lambda: problems.Juggler("r + beta*r**3", parameters={"beta": 0.3}),
         "in_si": lambda: problems.hopper_in_si(60.0, 3.0, stiffness=8000.0, rest_length=0.8),
+        "function": lambda: Hopper(
+            casadi.Function("f", [r, b], [r + b * r**3], ["r", "b"], ["f"]), parameters={"b": 0.3}
+        ),
         "table": lambda: Hopper(springs.table(tuple(np.transpose(table)))),
         "asteroid": lambda: Hopper(gravity="1/(1 + z/R)**2", rest_length=20, parameters={"R": 150}),
         "hand": lambda: problems.HeavyHand("r + beta*r**3", parameters={"beta": 0.3}),
@@ -359,6 +364,25 @@ def best() -> Any:
 @cache
 def held() -> Any:
     return steering.keep_hopping(Hopper(damping=0.01), intervals=8)
+
+
+def exported(t: Any = None) -> Path:
+    """The folder of an orbit for simulators, which is gone after the call."""
+    with tempfile.TemporaryDirectory() as name:
+        return orbit().export(name, t)
+
+
+@cache
+def energies() -> dict[str, Any]:
+    """The arguments of a machine stated by its energies in SymPy, whose spring has a length."""
+    from sympy import symbols
+    from sympy.physics.mechanics import dynamicsymbols
+
+    (y, z), (k, length) = dynamicsymbols("y z"), symbols("k length")
+    T = sum(each.diff(dynamicsymbols._t) ** 2 for each in (y, z)) / 2
+    V = k * (y - z - length) ** 2 / 2 + y + z
+    stated = {"coordinates": (y, z), "gap": z, "parameters": {"k": 1.0, "length": 10.0}, "rest": {"y": length}}
+    return {"T": T, "V": V, **stated}
 
 
 def _calls(name: str) -> dict[str, Callable[[], tuple[Callable, dict[str, Any]]]]:
@@ -442,6 +466,8 @@ def _calls(name: str) -> dict[str, Callable[[], tuple[Callable, dict[str, Any]]]
         "family.at": lambda: (family().at, {"value": -0.005}),
         "table": lambda: (springs.table, {"source": ([-9.0, -4.0, 0.0, 4.0, 9.0], [-9.0, -4.0, 0.0, 4.0, 9.0])}),
         "fit": lambda: (springs.fit, {"table": (np.arange(-9.0, 10.0), np.arange(-9.0, 10.0)), "formula": "k*r"}),
+        "export": lambda: (exported, {"t": [0.0, 1.0]}),
+        "from_lagrangian": lambda: (lambda **a: orbits.find(Mechanism.from_lagrangian(**a), limit=5.0), energies()),
         "formula": lambda: (springs.formula, {"text": "r + beta*r**3"}),
     }  # fmt: skip
 
