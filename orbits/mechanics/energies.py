@@ -262,7 +262,10 @@ def _refuse_singular(
     rows: Sequence[Sequence[Any]], names: Sequence[str], p: Mapping[str, Any], rest: Mapping[str, Any]
 ) -> None:
     """Raise `InputError` for an inertia that is not positive definite at rest."""
-    at = {name: float(value_of(rest.get(name, 0.0), {}, p)) for name in names}
+    try:
+        at = {name: float(value_of(rest.get(name, 0.0), {}, p)) for name in names}
+    except KeyError as error:
+        raise InputError(f"rest: '{error.args[0]}' has no value: give it one in parameters=") from None
     matrix = np.array([[float(value_of(entry, at, p)) for entry in row] for row in rows])
     place = ", ".join(f"{name} = {value:g}" for name, value in at.items())
     if not np.isfinite(matrix).all():

@@ -217,7 +217,9 @@ class Mechanism(Stated):
         """
         from .energies import stated_by_energies
 
-        return cls(**stated_by_energies(T, V, coordinates, gap, parameters or {}, gravity, stated))
+        return cls(
+            **stated_by_energies(T, V, coordinates, gap, {} if parameters is None else parameters, gravity, stated)
+        )
 
     def _lengths(self) -> dict[str, str]:
         """The coordinates that are lengths, each by its name; all of them where none is."""

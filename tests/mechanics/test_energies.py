@@ -2,6 +2,7 @@
 
 from math import pi
 
+import numpy
 import pytest
 
 from orbits import InputError, Mechanism, find, find_all, prove, starts
@@ -169,12 +170,18 @@ OTHER = dynamicsymbols("other")
         (TWO, LINEAR + sympy.Symbol("r") * y1**2, y2, MASSES | {"r": 1.0}, "'r' is the extension in a spring's law"),
         (TWO, LINEAR, y2, {m1: 1.0, m2: k}, "m2 = 'k' is not a number"),
         (TWO, LINEAR, y2, [1.0, 1.0], "parameters = .* it is a mapping"),
+        (TWO, LINEAR, y2, numpy.zeros(0), "parameters = .* it is a mapping"),
         ("__import__('os')", LINEAR, y2, MASSES, "is no expression of SymPy"),
     ],
 )  # fmt: skip
 def test_what_is_refused(T, V, gap, parameters, message):
     with pytest.raises(InputError, match=message):
         Mechanism.from_lagrangian(T, V, (y1, y2), gap, parameters)
+
+
+def test_a_place_of_rest_without_a_value_is_refused():
+    with pytest.raises(InputError, match="rest: 'alpha' has no value"):
+        Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, MASSES, rest={y1: "alpha"})
 
 
 @pytest.mark.parametrize("stated", [{"inertia": [[1, 0], [0, 1]]}, {"elements": 5}, {"rest": "a"}])
