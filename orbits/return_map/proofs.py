@@ -125,7 +125,9 @@ def prove_all_hops(
     if not finite_number("shortest", shortest) > 0:
         raise InputError(f"shortest = {shortest:g}; it is a length above 0")
     if not shortest < hops.high - hops.low:
-        raise InputError(f"shortest = {shortest:g}; it is less than the range of launch speeds, {hops.high - hops.low:g}")
+        raise InputError(
+            f"shortest = {shortest:g}; it is less than the range of launch speeds, {hops.high - hops.low:g}"
+        )
     with time_limit(limit):
         return proof_of_all_hops(machine, hops, low, shortest)
 

@@ -78,7 +78,7 @@ def test_what_is_not_proved_complete():
         prove_all_hops(Hopper(), hops, "0")
     with pytest.raises(InputError, match="shortest = 0"):
         prove_all_hops(Hopper(), hops, "0.12", shortest=0.0)
-    with pytest.raises(InputError, match="shortest = 0.2; it is less than the range"):
+    with pytest.raises(InputError, match="it is less than the range"):
         prove_all_hops(Hopper(), hops, "0.12", shortest=0.2)
     slow = ReturnMap(Hopper(), inject=0.1).periodic_hops(1, 3.0, 3.6)  # many bounces are not decided
     proof = prove_all_hops(Hopper(), slow, "0.1", shortest=1e-3)
