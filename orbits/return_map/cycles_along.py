@@ -21,9 +21,9 @@ from ..units import LIFTOFF_SPEED
 from .cycle_statement import INJECT, cycle_statement, force_in_contact, gap_speed, pressing
 from .flown_hops import flown_hops
 
-# A step of Newton's method below the first number, relative to the unknowns, is the last one: what it leaves of these is
-# its square, but the derivatives are those before it; one below the second that no longer shrinks is rounding; and a
-# hop near enough takes at most so many.
+# A step of Newton's method below the first number, relative to the unknowns, is the last one: it leaves its square of
+# these, but the derivatives are those before it; one below the second that no longer shrinks is rounding; and a hop
+# near enough takes at most so many.
 LAST_STEP_OF_HOPS, ROUNDING_OF_HOPS, MOST_STEPS_OF_HOPS = 1e-10, 1e-9, 8
 # The speeds of landings and the forces after them are not 0, as a share of the launch speed and of the weight, where
 # they are larger than the first number. The least gap and force between are larger than the second, as a share of the

@@ -100,8 +100,8 @@ def prove_all_hops(
     limit : as in `prove`
 
     The result encloses the launch of each hop. Near lossless launches, grazes and changes of the number of bounces, and
-    in what leads there, nothing is decided: the statement lists these intervals, also `stated["undecided"]`; `proved` is
-    false where they are more than a hundredth of the range. The theorem and its proof are described in
+    in what leads there, nothing is decided: the statement lists these intervals, also `stated["undecided"]`. Where they
+    are more than a hundredth of the range, `proved` is false. The theorem and its proof are described in
     `orbits.return_map.all_hops`. Raises `InputError` for other machines.
 
     >>> from orbits import ReturnMap, prove_all_hops
