@@ -29,7 +29,7 @@ from ..periodic.certified import Solved
 from ..records import NONE, Records
 from ..shooting.formulations import Cycles
 from ..shooting.single_shooting import Evaluation, shooting_equations
-from ..simulation.lossless_hops import CROSSINGS
+from ..simulation.lossless_hops import CROSSINGS, angles_left
 from .curve import AT_A_FOLD, TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints, TestFunction
 from .events import Segment
 from .homoclinic import Passed
@@ -263,6 +263,8 @@ class EventEndings(Endings):
             low, high = self.curve.within
             first = CurvePoints.of(points).xs[:, -2]
             ends |= (first < low) | (first > high)
+        if self.curve.condition.crossing == "Neimark-Sacker":
+            ends |= angles_left(self.curve.others(CurvePoints.of(points))) < 0
         return ends
 
     def far(self, last: CurvePoint, history: History, way: Passed = ()) -> End | None:
@@ -282,6 +284,12 @@ class EventEndings(Endings):
 
     def cut(self, segment: Segment) -> tuple[Segment, End | None]:
         segment, end = super().cut(segment)
+        if self.curve.condition.crossing == "Neimark-Sacker":
+            share = segment.zero(lambda point: float(angles_left(self.curve.others(CurvePoints.of([point])))[0]))
+            if share is not None:
+                last = self.curve.certify(segment(share))
+                segment = type(segment)(self.curve, segment.a, last)
+                end = End("degenerate", f"the pair becomes real: a neutral saddle beyond {last.value:.10g}")
         if self.curve.within is None:
             return segment, end
         low, high = self.curve.within

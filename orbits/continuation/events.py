@@ -164,9 +164,14 @@ class Segment:
     @classmethod
     def _test_signs(cls, curve: Curve, points: CurvePoints) -> np.ndarray:
         """The signs (m, k) of the test functions of points, and their families."""
-        signs = [((values := test(curve, points)) >= 0) & (values != NONE) for test in cls.tests.values()]
+        signs = [(values >= 0) & (values != NONE) for values in cls._test_values(curve, points)]
         signs += [points.tangents[:, -1] >= 0, points.branch_tests >= 0, points.orbits.column("family")]
         return np.array(signs).T
+
+    @classmethod
+    def _test_values(cls, curve: Curve, points: CurvePoints) -> list[np.ndarray]:
+        """The values (m,) of each test function at points."""
+        return [test(curve, points) for test in cls.tests.values()]
 
 
 def _test_of_crossing(kind: str, curve: Curve, points: CurvePoints) -> np.ndarray:
@@ -181,6 +186,11 @@ class CrossingSegment(Segment):
         **TEST_FUNCTIONS,
         **{kind: partial(_test_of_crossing, kind) for kind in CROSSINGS},
     }
+
+    @classmethod
+    def _test_values(cls, curve: Curve, points: CurvePoints) -> list[np.ndarray]:
+        others = curve.others(points)  # once for all crossings
+        return [test(curve, points) for test in TEST_FUNCTIONS.values()] + [test(others) for test in CROSSINGS.values()]
 
 
 def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: Orbit) -> float | None:

@@ -87,7 +87,7 @@ def follow(
     step_control : the constants of step-size control, of acceptance, and of the end of a run
     multipliers : whether to locate where multipliers of the map of launches cross the unit circle, at 1 ("multiplier
         1"), at -1 ("flip"), or as a complex pair ("Neimark-Sacker"); that of the energy is always 1. Where a launch is
-        a speed alone there are no others
+        a speed alone there are no others, and this is an `InputError`
     method : the method of `find`; "shooting" uses Ipopt for the first orbit only
     output : a file to which every point is written as it is found, for `Family.load` and `resume`
     resume : a family to continue from its last point; the other arguments must be the same

@@ -11,9 +11,11 @@ Beside it stands the shifted matrix
     S = [[-D, A], [A', H]],   d = |a|^2 / (w max|H|) for each gradient a,   w a large weight,
 
 which is factorised symmetrically: first the rows of D, then those of H in an order that keeps the factors sparse. What
-the former leave is H + A' D^-1 A, which has as many negative eigenvalues as H has on the null space of A, so that the
-signs of the pivots show the second-order condition. Since D is small, the same factors also solve with K, after a few
-steps of iterative refinement.
+the former leave is H + A' D^-1 A, which has at least as many negative eigenvalues as H has on the null space of A. So
+the second-order condition holds where the signs of the pivots show none. Where they show some for each weight, as
+between nearly parallel gradients, the inertia of K decides: K has |A| negative eigenvalues more than H has on the null
+space, where the gradients are independent. Since D is small, the same factors also solve with K, after a few steps of
+iterative refinement.
 """
 
 from copy import copy
@@ -28,7 +30,7 @@ from .roots import Array
 
 # Weights of the active gradients: where one of them is too small, or too large beside rounding, there seem to be more
 # negative eigenvalues than there are.
-WEIGHTS = (1e6, 1e4, 1e8)
+WEIGHTS = (1e6, 1e4)
 # A refinement is enough once the next would change less than this share of the solution. It fails where it does not
 # shrink by the second number, or has not come there after so many steps.
 REFINED, CONTRACTS, STEPS_OF_REFINEMENT = 1e-10, 0.3, 12
@@ -156,9 +158,19 @@ def linearised(
             best, fewest = factors, negative
         if negative == 0:
             break
+    matrix = pattern.matrix(data)
+    if fewest:
+        fewest = _negative_of(matrix, len(active))
     by_constraints = np.append(np.zeros(n), second.values_slope)[active]
     slopes = np.append(second.gradient_slope, by_constraints)
-    return LinearisedConditions(second, slopes, pattern.places, pattern.matrix(data), best, fewest)
+    return LinearisedConditions(second, slopes, pattern.places, matrix, best, fewest)
+
+
+def _negative_of(matrix: sp.csc_matrix, active: int) -> int:
+    """The number of negative eigenvalues of H on the null space of A, by those of K with rows of order one."""
+    dense = matrix.toarray()
+    scale = 1 / np.sqrt(np.maximum(np.abs(dense).max(1, initial=0.0), np.finfo(float).tiny))
+    return int((np.linalg.eigvalsh(scale[:, None] * dense * scale) < 0).sum()) - active
 
 
 def _factorised(matrix: sp.csc_matrix, shifted: int) -> tuple[SuperLU | None, int]:

@@ -28,7 +28,7 @@ MOST_EVENTS_AT_ONCE = 12
 # The events at which a curve ceases to be one of minima, and what they are.
 ENDS_OF_MINIMA = {
     "fold": "the minimum meets a saddle: there is none near it beyond",
-    "bifurcation": "the minimum becomes a saddle, and others branch off, at",
+    "bifurcation": "the minimum becomes a saddle: the second-order condition is lost at",
 }
 
 

@@ -65,7 +65,10 @@ def first_minimum(
             continue
         if point.negative == 0 and not _leads_out(points, point, unsure, nearest):
             return point
-    raise NoOrbit("no minimum that can be followed is at the start: second-order conditions or independence are lost")
+    raise NoOrbit(
+        f"no minimum that can be followed is at {start:.10g}: the second-order condition or the independence of the "
+        "active limits is lost there; begin at another value, or change the limits that coincide"
+    )
 
 
 def _independent(

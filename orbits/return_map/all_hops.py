@@ -72,6 +72,7 @@ STEPS_TO_LANDING, HALVINGS_OF_FLIGHT, FIRST_TIMES = 60, 30, (0.25, 1e-6)
 FIRST_PARTS = 40  # of the range, which are halved until they are decided
 SHRINKS = 0.7  # an interval that Newton's method leaves longer than this share is halved
 LAUNCH_REFINEMENTS, SHORTEST_OF_KNOWN = 4, 1e-9  # intervals with a launch that was found are halved to that length
+LARGEST_SHARE_LEFT = 0.01  # the share of the range beyond which nothing is proved
 
 
 @dataclass(frozen=True)
@@ -291,6 +292,10 @@ def proof_of_all_hops(machine: Machine, hops: PeriodicHops, inject: Fraction, sh
                     for (x, _), own in zip(said, near, strict=True) if len(own) != 1]  # fmt: skip
         reasons += [f"launch: the result does not have the one in {enclosure_of(ball)}"
                     for i, ball in enumerate(found) if [i] not in near]  # fmt: skip
+        share = sum(b - a for a, b in back.undecided) / (hops.high - hops.low)
+        if share > LARGEST_SHARE_LEFT:
+            remedy = f"take a smaller shortest= than {shortest:g}, or a narrower range"
+            reasons.append(f"undecided: {share:.0%} of the range is left: {remedy}")
         enclosures = {f"alpha_{i + 1}": enclosure_of(ball) for i, ball in enumerate(found)}
     return Proof(
         proved=not reasons,
@@ -313,7 +318,8 @@ def _words_of_all(
     n, but = hops.period, ""
     if undecided:
         intervals, length = ", ".join(f"[{a!r}, {b!r}]" for a, b in undecided), sum(b - a for a, b in undecided)
-        but = f", but for {len(undecided)} intervals of together {length:.2g} in which others may lie: {intervals}"
+        many = f"{len(undecided)} intervals of together" if len(undecided) > 1 else "one interval of length"
+        but = f", but for {many} {length:.2g} in which others may lie: {intervals}"
     there = (
         f"exactly one in each of {', '.join(map(str, enclosures.values()))}, and no others" if enclosures else "none"
     )

@@ -21,9 +21,10 @@ from ..units import LIFTOFF_SPEED
 from .cycle_statement import INJECT, cycle_statement, force_in_contact, gap_speed, pressing
 from .flown_hops import flown_hops
 
-# A step of Newton's method below the first number, relative to the unknowns, is the last one, as what it leaves is its
-# square; one below the second that no longer shrinks is rounding; and a hop near enough takes at most so many.
-LAST_STEP_OF_HOPS, ROUNDING_OF_HOPS, MOST_STEPS_OF_HOPS = 1e-7, 1e-9, 7
+# A step of Newton's method below the first number, relative to the unknowns, is the last one: it leaves its square of
+# these, but the derivatives are those before it; one below the second that no longer shrinks is rounding; and a hop
+# near enough takes at most so many.
+LAST_STEP_OF_HOPS, ROUNDING_OF_HOPS, MOST_STEPS_OF_HOPS = 1e-10, 1e-9, 8
 # The speeds of landings and the forces after them are not 0, as a share of the launch speed and of the weight, where
 # they are larger than the first number. The least gap and force between are larger than the second, as a share of the
 # greatest: so far from touching, the samples decide.
@@ -98,7 +99,10 @@ class CyclesAlong:
         """Hops near those from a launch: of each sequence of impacts the nearest known ones, then those of a
         simulation, and None."""
         apart = lambda k: abs(k.alpha / alpha - 1) + abs(k.value - value) / self.span  # noqa: E731
-        yield from {each.impacts: each for each in sorted(known, key=apart, reverse=True)}.values().__reversed__()
+        nearest = dict[tuple[int, ...], SolvedHops]()
+        for each in sorted(known, key=apart):
+            nearest.setdefault(each.impacts, each)
+        yield from nearest.values()
         yield self._flown(alpha, value, period)
         yield None
 

@@ -281,7 +281,7 @@ class _Resolving:
 
     def resolve(self, samples: int, progress: Report = None) -> None:
         """Find the borders between the launches of a grid, and fit the cells between them; `progress` is called with
-        the share of the range that is resolved."""
+        the share of the range that is resolved, or not to be."""
         grid = np.linspace(self.low, self.high, samples)
         stars = sorted(self.lossless)  # there rounding decides on the number of impacts
         for star in stars:
@@ -295,9 +295,12 @@ class _Resolving:
             self.fitted += done
             waiting = self.parts(refused)
             share = 1.0 - sum(abs(cell.reach) for cell in waiting) / (self.high - self.low)
+            given_up = sum(b - a for a, b in self.unresolved) / (self.high - self.low)
             if progress:
                 progress(min(max(share, 0.0), 1.0))
-            resolved = f"{100 * share:.4g} % of the launch speeds from {self.low:g} to {self.high:g} are resolved"
+            resolved = (
+                f"{100 * (share - given_up):.4g} % of the launch speeds from {self.low:g} to {self.high:g} are resolved"
+            )
             heartbeat.remark(f"{resolved}: a narrower range takes less time")
 
     def parts(self, refused: Sequence[tuple[_Cell, np.ndarray | None]]) -> list[_Cell]:

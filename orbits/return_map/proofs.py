@@ -100,8 +100,9 @@ def prove_all_hops(
     limit : as in `prove`
 
     The result encloses the launch of each hop. Near lossless launches, grazes and changes of the number of bounces, and
-    in what leads there, nothing is proved: the statement lists these intervals, also `stated["undecided"]`. The theorem
-    and its proof are described in `orbits.return_map.all_hops`. Raises `InputError` for other machines.
+    in what leads there, nothing is decided: the statement lists these intervals, also `stated["undecided"]`. Where they
+    are more than a hundredth of the range, `proved` is false. The theorem and its proof are described in
+    `orbits.return_map.all_hops`. Raises `InputError` for other machines.
 
     >>> from orbits import ReturnMap, prove_all_hops
     >>> from problems import Hopper
@@ -123,6 +124,10 @@ def prove_all_hops(
         raise InputError(f"the hops are those of another machine, or of another injection, {hops.inject:g}")
     if not finite_number("shortest", shortest) > 0:
         raise InputError(f"shortest = {shortest:g}; it is a length above 0")
+    if not shortest < hops.high - hops.low:
+        raise InputError(
+            f"shortest = {shortest:g}; it is less than the range of launch speeds, {hops.high - hops.low:g}"
+        )
     with time_limit(limit):
         return proof_of_all_hops(machine, hops, low, shortest)
 

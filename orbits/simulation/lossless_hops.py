@@ -102,9 +102,17 @@ CROSSINGS: Mapping[str, Callable[[Array], Array]] = {
 def is_crossing(kind: str, others: Array) -> bool:
     """Whether a test function that vanishes at a matrix (d, d) says that multipliers cross the unit circle: the product
     of two real ones may be 1 too."""
-    if kind != "Neimark-Sacker":
-        return True
+    return kind != "Neimark-Sacker" or bool(abs(_pairs_of_product_one(others[None])[0, 0].imag) > COMPLEX)
+
+
+def angles_left(others: Array) -> Array:
+    """2 - |a + b| (m,) for the pair of eigenvalues a, b of each of matrices (m, d, d) whose product is nearest to 1: on
+    the unit circle it is positive, and it changes its sign where the pair becomes real, a neutral saddle."""
+    return 2.0 - np.abs(_pairs_of_product_one(others).sum(1).real)
+
+
+def _pairs_of_product_one(others: Array) -> Array:
+    """The pairs (m, 2) of eigenvalues of matrices (m, d, d) whose products are nearest to 1."""
     values = np.linalg.eigvals(others)
-    first, second = np.triu_indices(len(values), 1)
-    nearest = np.abs(1 - values[first] * values[second]).argmin()
-    return bool(abs(values[first[nearest]].imag) > COMPLEX)
+    pairs = values[:, np.array(np.triu_indices(values.shape[1], 1)).T]
+    return pairs[np.arange(len(pairs)), np.abs(1 - pairs.prod(2)).argmin(1)]

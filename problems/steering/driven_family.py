@@ -20,9 +20,9 @@ from .driven import Driven, work_done
 from .goals import dimensions_of_costs, motion_in_si
 from .prescribed import LAUNCH_CONDITIONS, OF_THE_ORBIT, check_free_fall
 
-# Steps of the differences that are the slopes of a machine's dimensionless numbers, as a share of the range; numbers
-# that are linear to the second share are so exactly.
-DIFFERENCE_OF_NUMBERS, LINEAR = 1e-5, 1e-14
+# Steps of the differences that are the slopes of a machine's dimensionless numbers, as a share of the range, or of the
+# value if that is larger; numbers that are linear to the second share, at these shares of the range, are so exactly.
+DIFFERENCE_OF_NUMBERS, LINEAR, LINEAR_AT = 1e-5, 1e-14, (0.3, 0.7)
 # The numbers of a launch that are followed: what is prescribed of a hop, and what is missing of a launch speed.
 OF_LAUNCHES: Mapping[str, Dimension] = {**LAUNCH_CONDITIONS, "short": LIFTOFF_SPEED}
 
@@ -162,8 +162,9 @@ def _fixed_parameters(
         )
     if "height" in launch:
         check_free_fall(ends[1], bare(np.linspace(0.0, bare.legs[0].duration, 5))[:, :-1])
-    a, b, middle = (numbers(value) for value in (first, last, 0.5 * (first + last)))
-    if np.abs(0.5 * (a + b) - middle).max() <= LINEAR * (1 + np.abs(middle).max()):
+    a, b = (numbers(value) for value in (first, last))
+    found = [(a + share * (b - a), numbers(first + share * (last - first))) for share in LINEAR_AT]
+    if all(np.abs(line - own).max() <= LINEAR * (1 + np.abs(own).max()) for line, own in found):
         rates = (b - a) / (last - first)
         return lambda value: (a + rates * (value - first), rates)
     return _differenced(numbers, *sorted((first, last)))
@@ -171,9 +172,9 @@ def _fixed_parameters(
 
 def _differenced(numbers: Callable[[float], np.ndarray], low: float, high: float) -> FixedParameters:
     """Numbers with their derivatives, which are those of parabolas through three values within a range."""
-    step = DIFFERENCE_OF_NUMBERS * (high - low)
 
     def at(value: float) -> tuple[np.ndarray, np.ndarray]:
+        step = min(DIFFERENCE_OF_NUMBERS * max(high - low, abs(value)), 0.5 * (high - low))
         middle = min(max(value, low + step), high - step)
         below, here, above = (numbers(each) for each in (middle - step, middle, middle + step))
         bend = (value - middle) / step**2 * (above - 2 * here + below)

@@ -421,7 +421,7 @@ def _cheapest(
     for number, start in enumerate(starts):
         part = _share_of(progress, number / len(starts), (number + 1) / len(starts))
         try:
-            guess = start() if callable(start) else start
+            guess = start() if callable(start) and not isinstance(start, Control) else start
             results.append(solve(stages, values, guess=guess, progress=part))
         except NoOrbit as reason:
             reasons.append(reason)

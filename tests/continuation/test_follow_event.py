@@ -5,6 +5,8 @@ import pytest
 from scipy.optimize import brentq
 
 from orbits import Family, InputError, NoOrbit, find, follow, follow_event, follow_fold, multipliers, quantities
+from orbits.continuation import event_curve
+from orbits.simulation.lossless_hops import angles_left
 from problems import Chain, Hopper, Juggler, hopper_in_si, rimless_wheel, rocking_block, runner
 
 LONG = {"longest": 0.2}
@@ -244,6 +246,18 @@ def test_multipliers_that_leave_the_unit_circle(chain):
     assert curve.end.kind == "reached"
     edge = machine.with_values(m2=curve[-1].also["m2"], m3=1.02)
     assert largest_complex(edge, find(edge, start=CHAIN)) == pytest.approx(0.0, abs=1e-11)
+
+
+def test_a_curve_of_pairs_ends_where_they_become_real(chain, monkeypatch):
+    """As if pairs were real where the modulus of their sum is below 0.6505, which the curve of this chain reaches."""
+    monkeypatch.setattr(event_curve, "angles_left", lambda others: 2.0 - 0.6505 - angles_left(others))
+    curve = follow_event(chain, "Neimark-Sacker", "m3", 1.02, longest=0.5)
+    assert curve.end.kind == "degenerate"
+    assert curve.end.reason.startswith(f"the pair becomes real: a neutral saddle beyond {curve[-1].value:.10g}")
+    edge = chain.source.with_values(m2=curve[-1].also["m2"], m3=curve[-1].value)
+    assert 1.0 < curve[-1].value < 1.02
+    values = multipliers(edge, find(edge, start=CHAIN)).values
+    assert abs(values[values.imag != 0].sum()) == pytest.approx(0.6505, abs=1e-9)
 
 
 def test_multipliers_are_refused_where_there_is_one():

@@ -78,6 +78,13 @@ def test_what_is_not_proved_complete():
         prove_all_hops(Hopper(), hops, "0")
     with pytest.raises(InputError, match="shortest = 0"):
         prove_all_hops(Hopper(), hops, "0.12", shortest=0.0)
+    with pytest.raises(InputError, match="it is less than the range"):
+        prove_all_hops(Hopper(), hops, "0.12", shortest=0.2)
+    slow = ReturnMap(Hopper(), inject=0.1).periodic_hops(1, 3.0, 3.6)  # many bounces are not decided
+    proof = prove_all_hops(Hopper(), slow, "0.1", shortest=1e-3)
+    assert not proof.proved
+    assert "take a smaller shortest= than 0.001, or a narrower range" in proof.reasons[0]
+    assert "but for one interval of length" in proof.statement
     for machine in (Hopper("cubic"), Hopper(rest_length=8.0), hopper_in_si(30.0, 30.0, stiffness=8000.0)):
         found = ReturnMap(machine, inject=0.12).periodic_hops(1, 4.5, 4.6)
         with pytest.raises(InputError, match="spring 'r'"):

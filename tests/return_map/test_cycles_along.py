@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from orbits.return_map.cycles import MapsAlong
+from orbits.return_map.cycles_along import CyclesAlong, SolvedHops
 from problems import Hopper, hopper_in_si
 
 
@@ -33,6 +34,23 @@ def test_hops_and_their_derivatives(machine, name, value, alpha, inject):
     assert found.changes[0] == pytest.approx(differences, rel=1e-5, abs=1e-5)
     multiplier = maps.multiplier(tuple(launches[0, :-1].tolist()), value)
     assert found.slopes[0].prod() == pytest.approx(multiplier, rel=1e-9)
+
+
+def test_derivatives_do_not_depend_on_the_hops_before():
+    """From hops this far away the last step would be short enough for the launches, not for the slopes."""
+    maps = maps_along(Hopper(), "mass_ratio", 0.9, 1.1, 0.1)
+    for alpha in (4.9, 4.9004, 4.9005):
+        found = maps.smooth_cycles(np.array([alpha]), np.ones(1), 1)
+        assert found.slopes[0, 0] == pytest.approx(maps.multiplier((alpha,), 1.0), rel=1e-10)
+
+
+def test_guesses_are_the_nearest_hops_first():
+    along = CyclesAlong(Hopper(), "damping", 0.1, 1.0, lambda _: pytest.fail("no simulation is needed"))
+    known = [SolvedHops(alpha, 0.0, impacts, (), ()) for alpha, impacts in ((4.5, (1,)), (4.7, (1,)), (4.8, (2,)))]
+    guesses = along._guesses(known, 4.51, 0.0, 1)
+    assert [next(guesses).alpha for _ in range(2)] == [4.5, 4.8]
+    guesses = along._guesses(known, 4.79, 0.0, 1)
+    assert [next(guesses).alpha for _ in range(2)] == [4.8, 4.7]
 
 
 def test_in_si():

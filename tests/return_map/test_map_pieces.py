@@ -60,6 +60,17 @@ def test_borders_that_accumulate_are_named():
     assert max(b for _, b in pieces.unresolved) < 1e-6
 
 
+def test_cells_that_are_given_up_are_not_resolved(monkeypatch):
+    said = list[str]()
+    monkeypatch.setattr("orbits.return_map.map_pieces.SHORTEST_CELL", 0.1)
+    monkeypatch.setattr("orbits.return_map.map_pieces.heartbeat.remark", said.append)
+    noise = lambda x: np.where(x < 1.5, x, 1 + np.abs(np.sin(1e9 * x)))  # noqa: E731
+    pieces = map_pieces(hops_of(noise, np.ones_like), [], 1.0, 2.0, 5)
+    left = sum(b - a for a, b in pieces.unresolved)
+    assert left >= 0.5
+    assert said[-1].startswith(f"{100 * (1 - left):.4g} % of the launch speeds from 1 to 2 are resolved")
+
+
 @pytest.fixture(scope="module")
 def of_hopper():
     return map_pieces(ReturnMap(Hopper()), [4.493409457909064], 4.3, 5.3, 50)

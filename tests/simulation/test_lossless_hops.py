@@ -7,7 +7,7 @@ from columns import hop_of
 from orbits import InputError, find, multipliers
 from orbits.shooting.formulations import half_orbit, vector
 from orbits.shooting.single_shooting import shooting_equations
-from orbits.simulation.lossless_hops import CROSSINGS, LosslessHops, is_crossing
+from orbits.simulation.lossless_hops import CROSSINGS, LosslessHops, angles_left, is_crossing
 from problems import Hopper, runner
 
 
@@ -47,6 +47,8 @@ def test_crossings_are_zeros_of_their_test_functions():
         assert inside * outside < 0
         assert is_crossing(kind, at[kind])
     assert not is_crossing("Neimark-Sacker", np.diag([2.0, 0.5]))
+    traces = [2 - 2 * np.cos(1.0), -0.5, -0.5]
+    assert angles_left(np.array([rotation, np.diag([2.0, 0.5]), np.diag([-2.0, -0.5])])) == pytest.approx(traces)
 
 
 def test_the_multiplier_of_a_launch_speed_crosses_nothing():

@@ -6,6 +6,7 @@ from conftest import DAMPED_LEG
 
 from orbits import InputError, NoOrbit
 from problems import DrivenFamily, Hopper, springs, steering
+from problems.steering.driven_family import _differenced
 
 
 @pytest.fixture(scope="module")
@@ -155,3 +156,13 @@ def test_a_leg_in_si(tmp_path):
 def test_what_is_not_followed(follow, words):
     with pytest.raises(InputError, match=words):
         follow()
+
+
+@pytest.mark.parametrize("width", [1.0, 1e-6, 1e-9])
+def test_differences_of_numbers_in_ranges_of_all_widths(width):
+    """The cube of a number from 2 on, whose slope is 3 x^2."""
+    at = _differenced(lambda x: np.array([x**3]), 2.0, 2.0 + width)
+    for value in 2.0 + width * np.array([0.0, 0.3, 1.0]):
+        numbers, slopes = at(value)
+        assert numbers == pytest.approx([value**3], rel=1e-15)
+        assert slopes == pytest.approx([3 * value**2], rel=1e-6)
