@@ -45,7 +45,15 @@ def stated_by_energies(
     energies = _Energies.of(coordinates)
     own = {name: energies.plain(value, name) for name, value in stated.items()}
     inertia = energies.inertia(energies.checked(T, "T", speeds=True))
-    elements, pulled = energies.elements(energies.checked(V, "V"), str(gravity), own.get("in_si", False))
+    energy = energies.checked(V, "V")
+    if not isinstance(gravity, energies.sympy.Symbol) and not (isinstance(gravity, str) and gravity.isidentifier()):
+        raise InputError(
+            f"gravity = {gravity!r}; it is the symbol of the acceleration in V, or its name; its value stands in "
+            "parameters"
+        )
+    if str(gravity) not in {"g", *map(str, energy.free_symbols - {*energies.places})}:
+        raise InputError(f"V has no gravity '{gravity}'")
+    elements, pulled = energies.elements(energy, str(gravity), own.get("in_si", False))
     own |= {"surface_gravity": str(gravity)} if pulled else {}
     own["inertia"] = [[energies.formula(entry, "T") if entry != 0 else 0.0 for entry in row] for row in inertia]
     own["gaps" if isinstance(gap, Mapping) else "gap"] = energies.plain(gap, "gap")

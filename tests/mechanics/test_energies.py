@@ -130,6 +130,15 @@ def test_what_is_no_spring_is_a_potential():
         Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, MASSES, sticks=[y1])
 
 
+@pytest.mark.parametrize("gravity", [9.81, None, "1/(1 + z)**2", g**2, y1])
+def test_gravity_is_a_name(gravity):
+    with pytest.raises(InputError, match=r"gravity = .*; it is the symbol of the acceleration in V, or its name"):
+        Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, MASSES, gravity=gravity)
+    for name in ("G", sympy.Symbol("y1"), m3):
+        with pytest.raises(InputError, match=f"V has no gravity '{name}'"):
+            Mechanism.from_lagrangian(TWO, CUBIC, (y1, y2), y2, MASSES | {k: 1, c: 1, g: 1, length: 1}, gravity=name)
+
+
 v1, v2, t = y1.diff(), y2.diff(), dynamicsymbols._t
 OTHER = dynamicsymbols("other")
 
