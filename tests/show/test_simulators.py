@@ -1,12 +1,14 @@
 """Motions exported for simulators: the files, and what MuJoCo and Drake make of them."""
 
 import csv
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
-from orbits import InputError, Orbit, find, simulate
+from orbits import InputError, Mechanism, Orbit, find, simulate
+from orbits.mechanics import Body, Inerter, Joint, Mass, Spring, Weight
 from orbits.mechanics.bodies import bodies_of
 from orbits.show.plane import labelled
 from problems import Chain, Hopper, Juggler, hopper_in_si, knee_hopper, rimless_wheel, rocking_block, runner
@@ -67,6 +69,39 @@ def test_what_the_model_does_not_have_is_said(tmp_path):
     assert 'fixed damping="0.1' in text
 
 
+UPRIGHT = [Body("top", [Joint("up", "up", "body")], 1.0), Body("toe", [Joint("toe_up", "up", "foot")], 1.0)]
+BLOCK = rocking_block(inertia_ratio=1.0, gravity_ratio=0.5, angle=0.3, share=0.5)
+
+
+def hopping(*elements, **stated):
+    """A short hop of two masses of 1 and what else is stated."""
+    own = [Mass("body", 1.0), Mass("foot", 1.0), Spring("body - foot"), *elements]
+    return simulate(Mechanism(("body", "foot"), own, gap="foot", **stated), 2.0, hops=1)
+
+
+def test_bodies_have_the_weight_of_the_machine(tmp_path):
+    said = "Not in this model: the weight that differs from that of the bodies."
+    for extra, expected in (([], False), ([Weight("body", "0.5")], True)):
+        folder = hopping(*extra).export(tmp_path / "hop")
+        assert (said in (folder / "model.xml").read_text(encoding="utf-8")) == expected
+    folder = hopping(Spring("body - 0.1*a", 0.2), actuators={"a": "speed"}).export(tmp_path / "hop")
+    assert "the displacement of the actuator 'a', which is 0" in (folder / "model.xml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("run", "message"),
+    [
+        (lambda: hopping(Inerter("body - foot", 0.2), bodies=UPRIGHT), "inertia 1 where it has 1.2, of body: state"),
+        (lambda: hopping(bodies=[replace(UPRIGHT[0], mass=7.0), UPRIGHT[1]]), "inertia 7 where it has 1, of body"),
+        (lambda: hopping(bodies=UPRIGHT[:1]), "inertia 0 where it has 1, of foot"),
+        (lambda: find(replace(BLOCK, bodies=[replace(BLOCK.bodies[0], inertia=0.0), *BLOCK.bodies[1:]])), "of theta"),
+    ],
+)
+def test_bodies_have_the_inertia_of_the_machine(tmp_path, run, message):
+    with pytest.raises(InputError, match=message):
+        run().export(tmp_path / "hop")
+
+
 @pytest.mark.parametrize(
     ("folder", "message"), [("none/hop", "there is no folder"), ("file", "it is a file, and not a folder")]
 )
@@ -107,7 +142,6 @@ def test_the_command(tmp_path, orbits):
 
 def places_of_masses(result, t):
     """The places (k, m, 2), across and up, of the elements with mass, moved on by the steps of the drawing."""
-    from orbits.mechanics import Mass
     from orbits.mechanics.elements import value_of
     from orbits.show.plane import _led_on
 
