@@ -221,10 +221,10 @@ class _Jointed:
             scale = np.sqrt(abs(np.outer(np.diag(inertia), np.diag(inertia))))
             if (odd := np.argwhere(~(abs(inertia - built) <= ALIKE_MASSES * scale))).size:
                 i, j = odd[0]
+                moved = " and ".join(dict.fromkeys((m.coordinates[i], m.coordinates[j])))
                 raise InputError(
-                    f"the bodies of the {m.name} have the inertia {built[i, j]:.6g} where it has {inertia[i, j]:.6g}, of "
-                    f"{' and '.join(dict.fromkeys((m.coordinates[i], m.coordinates[j])))}: state the masses, inertias "
-                    "and joints of bodies= so that both are the same"
+                    f"the bodies of the {m.name} have the inertia {built[i, j]:.6g} where it has {inertia[i, j]:.6g}, "
+                    f"of {moved}: state the masses, inertias and joints of bodies= so that both are the same"
                 )
         alike = all(np.allclose(a, b, rtol=0, atol=ALIKE_MASSES * abs(np.append(a, b)).max()) for *_, a, b in seen)
         return [] if alike else ["the weight that differs from that of the bodies"]
@@ -261,7 +261,7 @@ class _Jointed:
                 law = f" with the force {each.force.text}" if isinstance(each, Spring) else ""
                 left.append(f"{words} along {each.extension}{law}")
         key = self.mechanism.gravity
-        left += [f"the displacement of the actuator '{name}', which is 0" for name in self.mechanism.actuators]
+        left += [f"the displacement of the actuator '{name}'" for name in self.mechanism.actuators]
         left += [f"the change of gravity {key.text} with height"] if key.degree() else []
         return found, [*left, *self.weight_beside()]
 
@@ -285,9 +285,15 @@ class _Jointed:
         ground = _in_text(GROUND_SIZE * size, GROUND_SIZE * size, size)
         _node(world, "geom", name="ground", type="plane", size=ground, rgba="0.8 0.8 0.8 1", **UNTOUCHED)
         nodes: dict[str | None, ElementTree.Element] = {None: world}
+        alone, tendons = dict[tuple, Pull](), list[Pull]()
+        for pull in pulls:  # a joint has one spring and one damper
+            where = (*np.flatnonzero(pull.weights), *pull.options)
+            if _is_alone(pull) and where not in alone:
+                alone[where] = pull
+            else:
+                tendons.append(pull)
         for body in self.bodies:
-            nodes[body.name] = self._body(nodes[body.carrier], body, [each for each in pulls if _is_alone(each)], size)
-        tendons = [each for each in pulls if not _is_alone(each)]
+            nodes[body.name] = self._body(nodes[body.carrier], body, [*alone.values()], size)
         parent = _node(root, "tendon") if tendons else root
         for pull in tendons:
             self._tendon(parent, pull)
