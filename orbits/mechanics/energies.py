@@ -12,14 +12,16 @@ is stated by its elements:
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
 from ..laws.law import number
+from ..symbolic.formula import suggest
 from ..symbolic.sympy_formulas import abridged, formula_of, name_of_parameter, sympy_package
-from .elements import Element, Potential, Spring, Weight, value_of
+from .elements import Element, Potential, Spring, Weight, names_in, value_of
 from .refusals import listed
 
 ALONG = "r"  # the variable of springs' laws
@@ -57,7 +59,11 @@ def stated_by_energies(
     own |= {"surface_gravity": str(gravity)} if pulled else {}
     own["inertia"] = [[energies.formula(entry, "T") if entry != 0 else 0.0 for entry in row] for row in inertia]
     own["gaps" if isinstance(gap, Mapping) else "gap"] = energies.plain(gap, "gap")
-    values = {str(name): number(str(name), value) for name, value in parameters.items()}
+    values = dict[str, float]()
+    for name, value in parameters.items():
+        if str(name) in values:
+            raise InputError(f"parameters have '{name}' twice, by its symbol and by its name: leave out one")
+        values[str(name)] = number(str(name), value)
     if missing := sorted(energies.found.keys() - values.keys()):
         raise InputError(f"'{missing[0]}' has no value: give parameters={{{missing[0]}: ...}}")
     _refuse_singular(own["inertia"], energies.names, values, own.get("rest", {}))
@@ -195,7 +201,8 @@ class _Energies:
             found += [self._weight(term / (g if pulled else 1)) for term in steady if term.has(*self.places)]
         else:
             left += sum(steady)
-        springs: list[Element] = [self._spring(way, energy) for way, energy in laws.items()]
+        counting = sorted(laws, key=lambda way: not all(weight.is_Number for weight in way))  # families by the first
+        springs: list[Element] = [self._spring(way, laws[way]) for way in counting]
         return [*springs, *([] if left == 0 else [Potential(self.formula(left, "V"))]), *found], pulled
 
     def _is_steady(self, energy: Any) -> bool:
@@ -234,7 +241,7 @@ class _Energies:
         if first is None:
             return (0,) * len(slopes)
         ratios = tuple(slope if slope == 0 else self.sympy.simplify(slope / first) for slope in slopes)
-        return ratios if all(ratio.is_Number for ratio in ratios) else None
+        return ratios if all(ratio.is_number for ratio in ratios) else None
 
     def _spring(self, way: tuple, energy: Any) -> Spring:
         """The spring along a sum of coordinates with this energy; its extension counts from where it is unloaded, if
@@ -270,6 +277,11 @@ def _refuse_singular(
     rows: Sequence[Sequence[Any]], names: Sequence[str], p: Mapping[str, Any], rest: Mapping[str, Any]
 ) -> None:
     """Raise `InputError` for an inertia that is not positive definite at rest."""
+    for place in rest.values():
+        if not isinstance(place, str | Real) and not callable(place):
+            raise InputError(f"rest: {place!r} is neither a formula nor a number")
+        if missing := sorted(names_in(place) - p.keys()):
+            raise InputError(f"rest: '{missing[0]}' has no value{suggest(missing[0], p)}")
     at = {name: float(value_of(rest.get(name, 0.0), {}, p)) for name in names}
     matrix = np.array([[float(value_of(entry, at, p)) for entry in row] for row in rows])
     place = ", ".join(f"{name} = {value:g}" for name, value in at.items())

@@ -1,10 +1,11 @@
 """Machines from their energies in SymPy's expressions, against the same machines stated by their elements."""
 
+from dataclasses import replace
 from math import pi
 
 import pytest
 
-from orbits import InputError, Mechanism, find, find_all, prove, starts
+from orbits import InputError, Mechanism, find, find_all, prove, simulate, starts
 from orbits.check_proof import check
 from orbits.mechanics import Damper, Potential, Spring
 from problems import Chain, Hopper, hopper_in_si, knee_hopper, plate_hopper, rimless_wheel
@@ -121,6 +122,15 @@ def test_a_constant_force_is_a_weight():
     assert [each.energy for each in in_si.elements if isinstance(each, Potential)] == ["m1*y1 + pull*y1 + m2*y2"]
 
 
+def test_a_sum_with_an_irrational_number_is_a_spring():
+    machine = Mechanism.from_lagrangian(TWO, (sympy.sqrt(2) * y1 - y2) ** 2 / 2 + LINEAR, (y1, y2), y2, MASSES)
+    springs = [(each.extension, each.force.text) for each in machine.elements if isinstance(each, Spring)]
+    assert springs == [("y1 - y2", "r"), ("y1 - sqrt(2)*y2/2", "2*r")]
+    bent = replace(machine, elements=[machine.elements[0], Potential("(sqrt(2)*y1 - y2)**2/2"), *machine.elements[2:]])
+    times = [[event.time for event in simulate(each, 2.0, hops=1).events] for each in (machine, bent)]
+    assert times[0] == pytest.approx(times[1], rel=1e-11)
+
+
 def test_what_is_no_spring_is_a_potential():
     bent = sympy.sin(y1 * y2) / 10
     machine = Mechanism.from_lagrangian(TWO, LINEAR + bent, (y1, y2), y2, MASSES, elements=[Damper("y1", 0.1)])
@@ -167,6 +177,7 @@ OTHER = dynamicsymbols("other")
         (TWO, LINEAR + sympy.Symbol("m1", positive=True) * y1, y2, MASSES, "two symbols 'm1' with different assump"),
         (TWO, LINEAR + sympy.Symbol("r") * y1**2, y2, MASSES | {"r": 1.0}, "'r' is the extension in a spring's law"),
         (TWO, LINEAR, y2, {m1: 1.0, m2: k}, "m2 = 'k' is not a number"),
+        (TWO, LINEAR, y2, MASSES | {"m1": 2.0}, "parameters have 'm1' twice"),
         (TWO, LINEAR, y2, [1.0, 1.0], "parameters = .* it is a mapping"),
         ("__import__('os')", LINEAR, y2, MASSES, "is no expression of SymPy"),
     ],
@@ -180,6 +191,21 @@ def test_what_is_refused(T, V, gap, parameters, message):
 def test_other_statements_are_refused(stated):
     with pytest.raises(InputError, match=f"^{next(iter(stated))} = "):
         Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, MASSES, **stated)
+
+
+@pytest.mark.parametrize(
+    ("place", "message"),
+    [
+        ("m3", "rest: 'm3' has no value; known: m1, m2"),
+        (length, "'length' has no value"),
+        (None, "None is neither a formula nor a number"),
+        ([1.0], "is neither"),
+        ("y2", "rest: 'y2' has no value"),
+    ],
+)
+def test_places_of_rest_have_values(place, message):
+    with pytest.raises(InputError, match=message):
+        Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, MASSES, rest={"y1": place})
 
 
 @pytest.mark.parametrize("coordinates", [[y1, m1], [y1, v2], y1, [y1, sympy.Function("y2")(m1)]])
