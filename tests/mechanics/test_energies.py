@@ -7,7 +7,7 @@ import pytest
 
 from orbits import InputError, Mechanism, find, find_all, prove, simulate, starts
 from orbits.check_proof import check
-from orbits.mechanics import Damper, Potential, Spring
+from orbits.mechanics import Body, Damper, Ground, Joint, Mass, Potential, Spring
 from problems import Chain, Hopper, hopper_in_si, knee_hopper, plate_hopper, rimless_wheel
 
 sympy = pytest.importorskip("sympy")
@@ -129,6 +129,49 @@ def test_a_sum_with_an_irrational_number_is_a_spring():
     bent = replace(machine, elements=[machine.elements[0], Potential("(sqrt(2)*y1 - y2)**2/2"), *machine.elements[2:]])
     times = [[event.time for event in simulate(each, 2.0, hops=1).events] for each in (machine, bent)]
     assert times[0] == pytest.approx(times[1], rel=1e-11)
+
+
+def test_a_force_with_signs():
+    """Parameters are real, and forces have no cases."""
+    V = c * abs(y1 - y2 - length) ** 3 + m1 * y1 + m2 * y2
+    machine = Mechanism.from_lagrangian(TWO, V, (y1, y2), y2, MASSES | {c: 0.5, length: 2.0}, rest={y1: length})
+    spring = machine.elements[0]
+    assert spring.extension == "y1 - y2 - length"
+    assert "abs" in spring.force.text
+    two = [Mass("y1", 1.0), Mass("y2", 1.0), Spring("y1 - y2 - 2", "1.5*r*abs(r)")]
+    by_elements = Mechanism(("y1", "y2"), two, "y2", rest={"y1": 2.0})
+    runs = [[event.time for event in simulate(each, 3.0, hops=1).events] for each in (machine, by_elements)]
+    assert runs[0] == pytest.approx(runs[1], rel=1e-12)
+
+
+def test_energies_of_matrices():
+    speeds, masses = sympy.Matrix([v1, v2]), sympy.diag(m1, m2)
+    for T, V in ((speeds.T * masses * speeds / 2, sympy.Matrix([LINEAR])), (TWO, sympy.ImmutableMatrix([[LINEAR]]))):
+        machine = Mechanism.from_lagrangian(T, V, (y1, y2), y2, MASSES)
+        assert machine.inertia == (("m1", 0.0), (0.0, "m2"))
+    with pytest.raises(InputError, match=r"T = Matrix.* is no scalar expression"):
+        Mechanism.from_lagrangian(masses, LINEAR, (y1, y2), y2, MASSES)
+
+
+def test_expressions_stand_in_elements_and_bodies():
+    r = sympy.Symbol("r")
+    own = [Damper(y1 - y2, 2 * c), Spring(y1, k * r**3)]
+    bodies = [Body("top", [Joint("up", "up", y1 + length)], m1), Body("toe", [Joint("toe_up", "up", y2)], m2)]
+    numbers = MASSES | {c: 0.1, k: 1.0, length: 1.0}
+    machine = Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, numbers, elements=own, bodies=bodies)
+    assert machine.elements[-2] == Damper("y1 - y2", "2*c")
+    assert machine.elements[-1].force.text == "k*r**3"
+    assert machine.bodies[0] == Body("top", [Joint("up", "up", "y1 + length")], "m1")
+
+
+def test_ground_that_yields():
+    """A stated inertia has none of the ground's."""
+    ground = Ground(mass=50.0, spring=k * sympy.Symbol("r"))
+    machine = Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, MASSES | {k: 1e4}, ground=ground)
+    two = [Mass("y1", "m1"), Mass("y2", "m2"), Spring("y1 - y2")]
+    by_elements = Mechanism(("y1", "y2"), two, "y2", {"m1": 1.0, "m2": 1.0, "k": 1e4}, ground=Ground(50.0, "k*r"))
+    runs = [[event.time for event in simulate(each, 3.0, hops=1).events] for each in (machine, by_elements)]
+    assert runs[0] == pytest.approx(runs[1], rel=1e-12)
 
 
 def test_what_is_no_spring_is_a_potential():
