@@ -156,12 +156,12 @@ def test_energies_of_matrices():
 def test_expressions_stand_in_elements_and_bodies():
     r = sympy.Symbol("r")
     own = [Damper(y1 - y2, 2 * c), Spring(y1, k * r**3)]
-    bodies = [Body("top", [Joint("up", "up", y1 + length)], m1), Body("toe", [Joint("toe_up", "up", y2)], m2)]
-    numbers = MASSES | {c: 0.1, k: 1.0, length: 1.0}
+    bodies = [Body("top", [Joint("up", "up", y1 + k)], m1), Body("toe", [Joint("toe_up", "up", y2)], m2)]
+    numbers = MASSES | {c: 0.1, k: 1.0}
     machine = Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, numbers, elements=own, bodies=bodies)
     assert machine.elements[-2] == Damper("y1 - y2", "2*c")
     assert machine.elements[-1].force.text == "k*r**3"
-    assert machine.bodies[0] == Body("top", [Joint("up", "up", "y1 + length")], "m1")
+    assert machine.bodies[0] == Body("top", [Joint("up", "up", "k + y1")], "m1")
 
 
 def test_ground_that_yields():
