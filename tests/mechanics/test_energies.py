@@ -161,7 +161,7 @@ def test_expressions_stand_in_elements_and_bodies():
     machine = Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, numbers, elements=own, bodies=bodies)
     assert machine.elements[-2] == Damper("y1 - y2", "2*c")
     assert machine.elements[-1].force.text == "k*r**3"
-    assert machine.bodies[0] == Body("top", [Joint("up", "up", "k + y1")], "m1")
+    assert machine.bodies[0] == Body("top", [Joint("up", "up", "y1 + k")], "m1")
 
 
 def test_ground_that_yields():

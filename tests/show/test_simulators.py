@@ -128,7 +128,7 @@ def test_times_are_those_of_the_motion(t, tmp_path):
 
 
 def test_machines_without_bodies(tmp_path):
-    with pytest.raises(InputError, match=r"the knee hopper is no column .* give Mechanism.bodies="):
+    with pytest.raises(InputError, match=r"the knee hopper is no column .* give bodies="):
         bodies_of(knee_hopper(), knee_hopper().values)
     saved = find(Hopper()).save(tmp_path / "hop.json")
     with pytest.raises(InputError, match="needs the orbit's machine"):
