@@ -64,7 +64,7 @@ def export_simulation(run: "Simulation", folder: str | Path, t: ArrayLike | None
 
 def check_folder(folder: str | Path) -> Path:
     """The path of a folder to write to; raises `InputError` where there is a file, or no folder to make it in."""
-    if not isinstance(folder, str | Path):
+    if not isinstance(folder, str | Path) or folder == "":
         raise InputError(f"folder = {folder!r}; it is the name of one")
     with refusing("motion", path := Path(folder)):
         if path.exists() and not path.is_dir():

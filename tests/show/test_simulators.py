@@ -122,7 +122,7 @@ def test_times_are_those_of_the_motion(t, tmp_path):
     run = simulate(Hopper(), 4.6, hops=1)
     with pytest.raises(InputError, match="times"):
         run.export(tmp_path / "hop", t=t)
-    for folder in (None, tmp_path / ("x" * 300), "a\0b"):
+    for folder in (None, "", tmp_path / ("x" * 300), "a\0b"):
         with pytest.raises(InputError, match=r"folder =|cannot be written"):
             run.export(folder)
 
