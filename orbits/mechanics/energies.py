@@ -29,7 +29,7 @@ from .refusals import listed
 
 ALONG = "r"  # the variable of springs' laws
 # Names that formulas of these have beside those of coordinates and parameters.
-OWN_NAMES: Mapping[type, tuple[str, ...]] = {
+NAMES_BESIDE: Mapping[type, tuple[str, ...]] = {
     Spring: (ALONG,), Ground: (ALONG,), Joint: (LANDINGS,), Outline: (LANDINGS, REPEATED),
 }  # fmt: skip
 # The least eigenvalue of an inertia, over the largest, from which on it is regular.
@@ -178,7 +178,7 @@ class _Energies:
         if isinstance(value, list | tuple):
             return type(value)(self.plain(each, what, own) for each in value)
         if isinstance(value, Element | Ground | Body | Joint | Outline | Drawing):
-            own = OWN_NAMES.get(type(value), ())
+            own = NAMES_BESIDE.get(type(value), ())
             return replace(
                 value, **{each.name: self.plain(getattr(value, each.name), what, own) for each in fields(value)}
             )

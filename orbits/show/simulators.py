@@ -191,12 +191,12 @@ class _Jointed:
         found = list[tuple[Body, ca.SX, ca.SX]]()
         for body in self.bodies:
             place, angle = frames[body.carrier]
-            place = place + _turned(angle, *map(self.number, body.place))
+            place = place + _turned_by(angle, *map(self.number, body.place))
             for joint in body.joints:
                 (across, turns, up), by = AXES[joint.axis], self._symbolic(joint.place)
-                place, angle = place + _turned(angle, across * by, up * by), angle + turns * by
+                place, angle = place + _turned_by(angle, across * by, up * by), angle + turns * by
             frames[body.name] = place, angle
-            found.append((body, place + _turned(angle, *map(self.number, body.centre)), angle))
+            found.append((body, place + _turned_by(angle, *map(self.number, body.centre)), angle))
         return found
 
     @exclusive
@@ -356,7 +356,7 @@ class _Jointed:
         return max(lengths, default=float(np.ptp(places))) or 1.0
 
 
-def _turned(angle: ca.SX, across: Any, up: Any) -> ca.SX:
+def _turned_by(angle: ca.SX, across: Any, up: Any) -> ca.SX:
     """A vector (2,), across and up, turned clockwise."""
     return ca.vertcat(ca.cos(angle) * across + ca.sin(angle) * up, ca.cos(angle) * up - ca.sin(angle) * across)
 
