@@ -88,7 +88,9 @@ def refuse_misbuilt(bodies: Sequence[Any], known: set[str]) -> None:
                 )
     for what, names in (("bodies", earlier), ("joints", [joint.name for body in bodies for joint in body.joints])):
         if odd := [name for name in names if not _is_name(name) or names.count(name) > 1]:
-            raise InputError(f"bodies: {odd[0]!r} is no name, of letters, digits and _, of one of the {what} alone")
+            raise InputError(
+                f"bodies: {odd[0]!r} is no name, of letters, digits and _ and not world, of one of the {what} alone"
+            )
 
 
 def _is_name(name: object) -> bool:
