@@ -181,7 +181,8 @@ def refusing(what: str, path: str | Path) -> Iterator[None]:
 def _is_full(path: Path) -> bool:
     """Whether a file's disk is as good as full, which the writers of NetCDF report as another error."""
     with suppress(OSError):
-        return shutil.disk_usage(path.parent).free < 64 * 1024
+        disk = shutil.disk_usage(path.parent)  # what is no disk, as /proc, has a total of 0
+        return disk.total > 0 and disk.free < 64 * 1024
     return False
 
 

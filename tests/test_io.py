@@ -9,6 +9,7 @@ import subprocess
 import sys
 from contextlib import closing
 from io import FileIO
+from types import SimpleNamespace
 
 import pytest
 
@@ -88,6 +89,14 @@ class TestWriting:
         write(path)
         assert path.read_bytes() != b"old"
         assert [each.name for each in tmp_path.iterdir()] == [name]
+
+    def test_what_is_no_disk_is_not_full(self, tmp_path, monkeypatch):
+        """As /proc, whose total is 0."""
+        for total, expected in ((0, False), (1 << 30, True)):
+            monkeypatch.setattr("shutil.disk_usage", lambda path, total=total: SimpleNamespace(total=total, free=0))
+            with pytest.raises(InputError) as raised, writing("motion", tmp_path / "none" / "x") as target:
+                target.touch()
+            assert ("No space" in str(raised.value)) == expected
 
     @pytest.mark.posix
     @pytest.mark.parametrize("name", ["orbit.json", "family.jsonl", "sweep.csv", "figure.pdf"])

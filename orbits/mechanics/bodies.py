@@ -9,7 +9,7 @@ from ..symbolic.formula import suggest
 from .dimensions import plain_slope
 from .drawing import LANDINGS, REPEATED, Outline
 from .elements import Inerter, Mass, Scalar, names_in, value_of
-from .refusals import listed
+from .refusals import listed, refuse_expressions
 
 # The axes (across, into the plane, up) of joints by their kinds.
 AXES = {"across": (1.0, 0.0, 0.0), "up": (0.0, 0.0, 1.0), "down": (0.0, 0.0, -1.0), "turn": (0.0, 1.0, 0.0)}
@@ -61,21 +61,41 @@ def refuse_misbuilt(bodies: Sequence[Any], known: set[str]) -> None:
         if not all(isinstance(joint, Joint) for joint in joints):
             raise InputError(f"bodies = {bodies!r}; they are a list of Body with lists of Joint")
         if body.carrier is not None and body.carrier not in earlier:
-            raise InputError(f"body '{body.name}': its carrier '{body.carrier}' is no earlier body")
-        if odd := [joint.axis for joint in body.joints if joint.axis not in AXES]:
+            raise InputError(f"body '{body.name}': its carrier {body.carrier!r} is no earlier body")
+        if odd := [joint.axis for joint in body.joints if not isinstance(joint.axis, str) or joint.axis not in AXES]:
             raise InputError(f"body '{body.name}': a joint has no axis {odd[0]!r}{suggest(odd[0], AXES)}")
+        if odd := [each for each in listed("outlines", body.outlines) if not isinstance(each, Outline)]:
+            raise InputError(
+                f"body '{body.name}': {odd[0]!r} is no Outline, as Outline('leg', [('0', '0'), ('0', '1')])"
+            )
         earlier.append(body.name)
+        pairs = [("centre", body.centre), ("place", body.place)]
+        pairs += [
+            (f"point of '{each.name}'", point) for each in body.outlines for point in listed("points", each.points)
+        ]
+        for what, pair in pairs:
+            if isinstance(pair, str) or not isinstance(pair, Sequence) or len(pair) != 2:
+                raise InputError(f"body '{body.name}': the {what} {pair!r} is no pair (across, up)")
         places = [(joint.place, {LANDINGS}) for joint in body.joints]
         own = [(value, set[str]()) for value in (body.mass, body.inertia, *body.centre, *body.place)]
+        own += [(each.repeat, set[str]()) for each in body.outlines]
         drawn = [(value, {REPEATED}) for each in body.outlines for point in each.points for value in point]
+        refuse_expressions(f"body '{body.name}'", (expression for expression, _ in (*places, *own, *drawn)))
         for expression, more in (*places, *own, *drawn):
             if unknown := sorted(names_in(expression) - known - more):
                 raise InputError(
                     f"body '{body.name}': '{expression}' has '{unknown[0]}'{suggest(unknown[0], known | more)}"
                 )
     for what, names in (("bodies", earlier), ("joints", [joint.name for body in bodies for joint in body.joints])):
-        if odd := [name for name in names if not str(name).isidentifier() or names.count(name) > 1]:
-            raise InputError(f"bodies: '{odd[0]}' is no name, of letters, digits and _, of one of the {what} alone")
+        if odd := [name for name in names if not _is_name(name) or names.count(name) > 1]:
+            raise InputError(
+                f"bodies: {odd[0]!r} is no name, of letters, digits and _ and not world, of one of the {what} alone"
+            )
+
+
+def _is_name(name: object) -> bool:
+    """Whether it is one that simulators take: `world` is the ground's."""
+    return isinstance(name, str) and name.isascii() and name.isidentifier() and name != "world"
 
 
 def bodies_of(mechanism: Any, p: Mapping[str, float]) -> Sequence[Body]:
@@ -96,8 +116,13 @@ def bodies_of(mechanism: Any, p: Mapping[str, float]) -> Sequence[Body]:
     moved_once = sorted(body.joints[0].place for body in found) == sorted(mechanism.coordinates)  # type: ignore[type-var]
     others = mechanism.inertia or any(isinstance(each, Inerter) for each in mechanism.elements)
     if others or len(found) != len(masses) or not moved_once:
+        why = (
+            "states its masses by an inertia, which does not say where they are"
+            if mechanism.inertia
+            else "is no column of masses that move up with one coordinate each"
+        )
         raise InputError(
-            f"the {mechanism.name} is no column of masses that move up with one coordinate each, and states no bodies "
-            "with joints: give Mechanism(bodies=[Body(...)])"
+            f"the {mechanism.name} {why}, and states no bodies with joints: give bodies=[Body(name, [Joint(name, 'up', "
+            "coordinate)], mass), ...]"
         )
     return found

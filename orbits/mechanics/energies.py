@@ -10,19 +10,28 @@ is stated by its elements:
 - what is left is a `Potential`.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from numbers import Real
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
 from ..laws.law import number
+from ..symbolic.formula import suggest
 from ..symbolic.sympy_formulas import abridged, formula_of, name_of_parameter, sympy_package
-from .elements import Element, Potential, Spring, Weight, value_of
+from .bodies import Body, Joint
+from .drawing import LANDINGS, REPEATED, Drawing, Outline
+from .elements import Element, Potential, Spring, Weight, names_in, value_of
+from .ground import Ground
 from .refusals import listed
 
 ALONG = "r"  # the variable of springs' laws
+# Names that formulas of these have beside those of coordinates and parameters.
+NAMES_BESIDE: Mapping[type, tuple[str, ...]] = {
+    Spring: (ALONG,), Ground: (ALONG,), Joint: (LANDINGS,), Outline: (LANDINGS, REPEATED),
+}  # fmt: skip
 # The least eigenvalue of an inertia, over the largest, from which on it is regular.
 REGULAR = 1e-13
 
@@ -45,11 +54,23 @@ def stated_by_energies(
     energies = _Energies.of(coordinates)
     own = {name: energies.plain(value, name) for name, value in stated.items()}
     inertia = energies.inertia(energies.checked(T, "T", speeds=True))
-    elements, pulled = energies.elements(energies.checked(V, "V"), str(gravity), own.get("in_si", False))
+    energy = energies.checked(V, "V")
+    if not isinstance(gravity, energies.sympy.Symbol) and not (isinstance(gravity, str) and gravity.isidentifier()):
+        raise InputError(
+            f"gravity = {gravity!r}; it is the symbol of the acceleration in V, or its name; its value stands in "
+            "parameters"
+        )
+    if str(gravity) not in {"g", *map(str, energy.free_symbols - {*energies.places})}:
+        raise InputError(f"V has no gravity '{gravity}'")
+    elements, pulled = energies.elements(energy, str(gravity), own.get("in_si", False))
     own |= {"surface_gravity": str(gravity)} if pulled else {}
     own["inertia"] = [[energies.formula(entry, "T") if entry != 0 else 0.0 for entry in row] for row in inertia]
     own["gaps" if isinstance(gap, Mapping) else "gap"] = energies.plain(gap, "gap")
-    values = {str(name): number(str(name), value) for name, value in parameters.items()}
+    values = dict[str, float]()
+    for name, value in parameters.items():
+        if str(name) in values:
+            raise InputError(f"parameters have '{name}' twice, by its symbol and by its name: leave out one")
+        values[str(name)] = number(str(name), value)
     if missing := sorted(energies.found.keys() - values.keys()):
         raise InputError(f"'{missing[0]}' has no value: give parameters={{{missing[0]}: ...}}")
     _refuse_singular(own["inertia"], energies.names, values, own.get("rest", {}))
@@ -101,15 +122,18 @@ class _Energies:
         symbols |= dict(zip(listed, places, strict=True))
         return cls(sympy, names, tuple(places), tuple(rates), symbols, time)
 
-    def checked(self, expression: Any, what: str, speeds: bool = False) -> Any:
-        """An expression in the symbols of places and rates; raises `InputError` where it has anything else that depends
-        on time, and speeds where it must not."""
+    def checked(self, expression: Any, what: str, speeds: bool = False, own: Collection[str] = ()) -> Any:
+        """An expression in the symbols of places and rates, with names of its `own` beside parameters; raises
+        `InputError` where it has anything else that depends on time, and speeds where it must not."""
         try:
             inner = self.sympy.sympify(expression, strict=True).doit().xreplace(self.symbols)
         except (AttributeError, self.sympy.SympifyError):
             raise InputError(f"{what} = {expression!r} is no expression of SymPy") from None
-        if not isinstance(inner, self.sympy.Expr):
-            raise InputError(f"{what} = {expression!r} is no scalar expression of SymPy")
+        if getattr(inner, "shape", None) == (1, 1):  # as of q.T * M * q
+            inner = inner[0, 0]
+        if not isinstance(inner, self.sympy.Expr) or inner.is_Matrix:
+            text = " ".join(abridged(expression).split())
+            raise InputError(f"{what} = {text} is no scalar expression of SymPy")
         undefined = inner.atoms(self.sympy.Derivative, self.sympy.core.function.AppliedUndef)
         for each in sorted(undefined, key=self.sympy.default_sort_key):
             known, name = ", ".join(self.names), each.xreplace(self._named)
@@ -122,11 +146,17 @@ class _Energies:
             raise InputError(f"{what} depends on the speed of {moving[0]}: it is a function of the coordinates alone")
         for symbol in inner.free_symbols - {*self.places, *self.rates}:
             name = name_of_parameter(symbol)
+            if name in own:
+                continue
             if name in self.names:
                 raise InputError(f"{what} has a symbol and a coordinate that are both called {name}: rename the symbol")
             if self.found.setdefault(name, symbol) != symbol:
                 raise InputError(f"{what} has two symbols '{name}' with different assumptions: make one of them")
-        return inner
+        return inner.xreplace({each: self.real(each) for each in inner.free_symbols})
+
+    def real(self, symbol: Any) -> Any:
+        """The symbol of a parameter as a real number, for derivatives of abs and the like."""
+        return symbol if symbol.is_real is not None else self.sympy.Symbol(symbol.name, real=True)
 
     @property
     def _named(self) -> dict[Any, Any]:
@@ -140,16 +170,21 @@ class _Energies:
         self.used.update(str(each) for each in self.sympy.sympify(expression).free_symbols - names.keys())
         return formula_of(expression, names, what)
 
-    def plain(self, value: Any, what: str) -> Any:
-        """A statement without SymPy: expressions as formulas, numbers as floats, symbols and coordinates in mappings
-        by their names."""
+    def plain(self, value: Any, what: str, own: Collection[str] = ()) -> Any:
+        """A statement without SymPy: expressions as formulas, which may have names of their `own` beside parameters,
+        numbers as floats, symbols and coordinates in mappings by their names."""
         if isinstance(value, Mapping):
-            return {self.plain(name, what): self.plain(each, what) for name, each in value.items()}
+            return {self.plain(name, what, own): self.plain(each, what, own) for name, each in value.items()}
         if isinstance(value, list | tuple):
-            return type(value)(self.plain(each, what) for each in value)
+            return type(value)(self.plain(each, what, own) for each in value)
+        if isinstance(value, Element | Ground | Body | Joint | Outline | Drawing):
+            own = NAMES_BESIDE.get(type(value), ())
+            return replace(
+                value, **{each.name: self.plain(getattr(value, each.name), what, own) for each in fields(value)}
+            )
         if not isinstance(value, self.sympy.Basic):
             return value
-        return float(value) if value.is_Number else self.formula(self.checked(value, what), what)
+        return float(value) if value.is_Number else self.formula(self.checked(value, what, own=own), what)
 
     def inertia(self, T: Any) -> list[list[Any]]:
         """The matrix M (n, n) of T = v' M v/2; raises `InputError` for another T."""
@@ -171,6 +206,7 @@ class _Energies:
     def elements(self, V: Any, gravity: str, in_si: bool) -> tuple[list[Element], bool]:
         """The elements whose potential energy is V, and whether gravity of this name pulls at them."""
         g = self.found.get(gravity)
+        g = None if g is None else self.real(g)
         pulled = g is not None and V.has(g)
         found: list[Element] = []
         if pulled:
@@ -187,7 +223,8 @@ class _Energies:
             found += [self._weight(term / (g if pulled else 1)) for term in steady if term.has(*self.places)]
         else:
             left += sum(steady)
-        springs: list[Element] = [self._spring(way, energy) for way, energy in laws.items()]
+        counting = sorted(laws, key=lambda way: not all(weight.is_Number for weight in way))  # families by the first
+        springs: list[Element] = [self._spring(way, laws[way]) for way in counting]
         return [*springs, *([] if left == 0 else [Potential(self.formula(left, "V"))]), *found], pulled
 
     def _is_steady(self, energy: Any) -> bool:
@@ -226,7 +263,7 @@ class _Energies:
         if first is None:
             return (0,) * len(slopes)
         ratios = tuple(slope if slope == 0 else self.sympy.simplify(slope / first) for slope in slopes)
-        return ratios if all(ratio.is_Number for ratio in ratios) else None
+        return ratios if all(ratio.is_number for ratio in ratios) else None
 
     def _spring(self, way: tuple, energy: Any) -> Spring:
         """The spring along a sum of coordinates with this energy; its extension counts from where it is unloaded, if
@@ -241,7 +278,9 @@ class _Energies:
         rests = sorted((-each for each in rests if not each.has(r)), key=self.sympy.default_sort_key)
         rests = [self.sympy.S.Zero, *rests]
         rest = next((each for each in rests if self._simple(force.subs(r, each)) == 0), rests[0])
-        force = self._simple(force.subs(r, r + rest)) if rest != 0 else force
+        shifted = force.subs(r, r + rest)
+        simpler = self._simple(shifted)  # has cases where signs meet, which formulas do not have
+        force = force if rest == 0 else shifted if simpler.has(self.sympy.Piecewise) else simpler
         if ALONG in {*self.names, *(str(each) for each in force.free_symbols - {r})}:
             raise InputError(f"'{ALONG}' is the extension in a spring's law; rename the symbol or the coordinate")
         return Spring(self.formula(along - rest, "V"), self.formula(force, "V", **{ALONG: r}))
@@ -262,10 +301,12 @@ def _refuse_singular(
     rows: Sequence[Sequence[Any]], names: Sequence[str], p: Mapping[str, Any], rest: Mapping[str, Any]
 ) -> None:
     """Raise `InputError` for an inertia that is not positive definite at rest."""
-    try:
-        at = {name: float(value_of(rest.get(name, 0.0), {}, p)) for name in names}
-    except KeyError as error:
-        raise InputError(f"rest: '{error.args[0]}' has no value: give it one in parameters=") from None
+    for place in rest.values():
+        if not isinstance(place, str | Real) and not callable(place):
+            raise InputError(f"rest: {place!r} is neither a formula nor a number")
+        if missing := sorted(names_in(place) - p.keys()):
+            raise InputError(f"rest: '{missing[0]}' has no value: give it one in parameters={suggest(missing[0], p)}")
+    at = {name: float(value_of(rest.get(name, 0.0), {}, p)) for name in names}
     matrix = np.array([[float(value_of(entry, at, p)) for entry in row] for row in rows])
     place = ", ".join(f"{name} = {value:g}" for name, value in at.items())
     if not np.isfinite(matrix).all():

@@ -4,13 +4,14 @@ The foot lands on it plastically, and both move as one until the ground falls as
 rigid ground is the gap to the ground's own coordinate. Its weight presses its spring as the machine's does.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
 from typing import Any
 
 from ..errors import InputError
 from .elements import Element, Mass, Scalar, Spring, names_in
+from .refusals import listed
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Ground:
 
 def on_ground(
     ground: object, coordinates: Sequence[str], elements: Sequence[Element], gap: object, launch: str | None,
-    heights: Any,
+    heights: Any, inertia: Any,
 ) -> dict[str, Any]:  # fmt: skip
     """The statement of a mechanism with the ground's coordinate; raises `InputError` for what is no `Ground`, and for a
     gap that is not the height of one coordinate above the ground."""
@@ -60,11 +61,15 @@ def on_ground(
     left = [name for name in coordinates if name != gap]
     # The centre of mass of the machine alone is not that of all that moves.
     own = {name: height for name, height in (heights or {}).items() if name != "centre of mass"}
+    if inertia and not isinstance(inertia, Mapping):
+        rows = [listed("inertia", row) for row in listed("inertia", inertia)]
+        inertia = [*((*row, 0.0) for row in rows), (0.0,) * (len(coordinates) + 1)]
     return {
         "coordinates": (*coordinates, ground.name),
         "elements": (*elements, *ground.elements),
         "gap": f"{gap} - {ground.name}",
         "launch": launch or (left[-1] if left else None),
         "heights": {**own, ground.name: ground.name} if own else heights,
+        "inertia": inertia,
         "ground": None,
     }

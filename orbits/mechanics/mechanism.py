@@ -162,7 +162,7 @@ class Mechanism(Stated):
             )
         self._store(gap=first if self.gap == "" else self.gap)
         if self.ground is not None:
-            stated = self.coordinates, self.elements, self.gap, self.launch, self.heights
+            stated = self.coordinates, self.elements, self.gap, self.launch, self.heights, self.inertia
             self._store(**on_ground(self.ground, *stated))
         self._store(inertia=self._rows(), heights=self.heights or self._lengths())
         refuse_misstated(self)

@@ -44,8 +44,8 @@ def refuse_misstated(mechanism: Any) -> None:
             raise InputError(f"{element!r} is no element; those are {known}, all in `orbits`")
         if isinstance(element, Force) and not callable(element.force):
             raise InputError(f"{element.force!r} in {element} is no Python function (y, v, p)")
-        _refuse_expressions(element, fields_of(element))
-    _refuse_expressions("the mechanism", m.expressions)
+        refuse_expressions(element, fields_of(element))
+    refuse_expressions("the mechanism", m.expressions)
     if unknown := sorted(names_in(m.gap) - {*m.coordinates}):
         hint = suggest(unknown[0], m.coordinates)
         raise InputError(f"gap '{m.gap}' is no sum of coordinates: it has '{unknown[0]}'{hint}")
@@ -101,7 +101,7 @@ def _refuse_names(names: Sequence[object]) -> None:
             raise InputError(f"'{name}' is the name of two coordinates or actuators; rename one")
 
 
-def _refuse_expressions(owner: object, expressions: Iterable[object]) -> None:
+def refuse_expressions(owner: object, expressions: Iterable[object]) -> None:
     """Refuse an expression that is neither formula, number nor function."""
     for each in expressions:
         if not isinstance(each, str | Real) and not callable(each):

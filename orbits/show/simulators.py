@@ -20,7 +20,8 @@ from ..io import refusing, write_table, writing
 from ..laws.law import from_key
 from ..mechanics.bodies import AXES, Body, Joint, bodies_of
 from ..mechanics.drawing import LANDINGS, REPEATED
-from ..mechanics.elements import Damper, Force, Potential, Spring, value_of
+from ..mechanics.elements import Damper, Force, Mass, Potential, Spring, Weight, value_of
+from ..mechanics.terms import moving_masses
 from ..result import TABLE_ROWS
 from ..running.exclusive import exclusive
 from ..symbolic.calls import MappedFunction
@@ -37,6 +38,8 @@ OF_A_POINT = 1e-14
 GROUND_SIZE, THICKNESS = 50.0, 40.0
 # Weights of joints in an extension are equal, or whole numbers, up to rounding.
 ALIKE_WEIGHTS, ALIKE_SHIFTS = 1e-12, 1e-9
+# The bodies have the inertia and the weight of the machine up to this share.
+ALIKE_MASSES = 1e-9
 UNTOUCHED = {"contype": "0", "conaffinity": "0"}
 
 
@@ -61,7 +64,7 @@ def export_simulation(run: "Simulation", folder: str | Path, t: ArrayLike | None
 
 def check_folder(folder: str | Path) -> Path:
     """The path of a folder to write to; raises `InputError` where there is a file, or no folder to make it in."""
-    if not isinstance(folder, str | Path):
+    if not isinstance(folder, str | Path) or folder == "":
         raise InputError(f"folder = {folder!r}; it is the name of one")
     with refusing("motion", path := Path(folder)):
         if path.exists() and not path.is_dir():
@@ -145,7 +148,9 @@ class _Jointed:
 
     @cached_property
     def _symbols(self) -> dict[str, ca.SX]:
-        return {name: ca.SX.sym(name) for name in (*self.mechanism.coordinates, LANDINGS)}
+        """Of the coordinates and of the landings; the displacements of actuators are 0."""
+        symbols = {name: ca.SX.sym(name) for name in (*self.mechanism.coordinates, LANDINGS)}
+        return symbols | dict.fromkeys(self.mechanism.actuators, ca.SX(0))
 
     @cached_property
     def _coordinates(self) -> ca.SX:
@@ -153,7 +158,17 @@ class _Jointed:
 
     @cached_property
     def _places(self) -> ca.SX:
-        return ca.vertcat(*(ca.SX(value_of(joint.place, self._symbols, self.p)) for joint in self.joints))
+        return ca.vertcat(*(self._symbolic(joint.place) for joint in self.joints))
+
+    def _symbolic(self, expression: Any) -> ca.SX:
+        return ca.SX(value_of(expression, self._symbols, self.p))
+
+    def _seen(self, *results: ca.SX) -> list[list[np.ndarray]]:
+        """The values of expressions at two places of the coordinates, before any landing."""
+        y = self._coordinates
+        function = ca.Function("seen", [y, self._symbols[LANDINGS]], list(map(ca.densify, results)))
+        places = np.random.default_rng(0).uniform(0.3, 1.2, (2, y.numel()))
+        return [[each.full() for each in function(place, 0.0)] for place in places]
 
     @exclusive
     def motion(self, states: np.ndarray, landings: np.ndarray) -> list[np.ndarray]:
@@ -164,15 +179,62 @@ class _Jointed:
         found = function(states[:, :n:2], states[:, 1:n:2], landings.astype(float)[:, None])
         return [np.asarray(each).reshape(len(states), -1) for each in found]
 
+    @property
+    def _tilt(self) -> float:
+        """The angle by which the ground falls, along which the first joints are then."""
+        drawing = drawing_of(self.mechanism)
+        return self.number(drawing.tilt) if drawing else 0.0
+
+    def _moving(self) -> list[tuple[Body, ca.SX, ca.SX]]:
+        """The bodies, with the places (2,), across and up, of their centres of mass, and the angles of their turns."""
+        frames: dict[str | None, tuple[ca.SX, ca.SX]] = {None: (ca.SX(2, 1), ca.SX(0))}
+        found = list[tuple[Body, ca.SX, ca.SX]]()
+        for body in self.bodies:
+            place, angle = frames[body.carrier]
+            place = place + _turned_by(angle, *map(self.number, body.place))
+            for joint in body.joints:
+                (across, turns, up), by = AXES[joint.axis], self._symbolic(joint.place)
+                place, angle = place + _turned_by(angle, across * by, up * by), angle + turns * by
+            frames[body.name] = place, angle
+            found.append((body, place + _turned_by(angle, *map(self.number, body.centre)), angle))
+        return found
+
+    @exclusive
+    def weight_beside(self) -> list[str]:
+        """In words, the weight that the machine has beside that of its bodies; raises `InputError` where their inertia
+        is not the machine's."""
+        m, y, bodies = self.mechanism, self._coordinates, self._moving()
+        own = [(self._symbolic(place), self.number(mass)) for place, mass in moving_masses(m.elements)]
+        theirs = [(path, self.number(body.mass)) for body, centre, _ in bodies for path in ca.vertsplit(centre)]
+        theirs += [(angle, self.number(body.inertia)) for body, _, angle in bodies]
+        stated = [ca.horzcat(*map(self._symbolic, row)) for row in m.inertia]
+        down = ca.SX([-np.sin(self._tilt), np.cos(self._tilt)])
+        weighing = [each for each in m.elements if isinstance(each, Mass | Weight)]
+        heights = [sum((self.number(each.mass) * self._symbolic(each.height) for each in weighing), ca.SX(0))]
+        heights += [sum((self.number(body.mass) * ca.dot(down, centre) for body, centre, _ in bodies), ca.SX(0))]
+        inertias = [ca.vertcat(*stated) if stated else ca.SX(y.numel(), y.numel()), ca.SX(y.numel(), y.numel())]
+        for i, paths in enumerate((own, theirs)):
+            for path, mass in paths:
+                inertias[i] += mass * ca.jacobian(path, y).T @ ca.jacobian(path, y)
+        seen = self._seen(*inertias, *(ca.gradient(height, y) for height in heights))
+        for inertia, built, _, _ in seen:
+            scale = np.sqrt(abs(np.outer(np.diag(inertia), np.diag(inertia))))
+            if (odd := np.argwhere(~(abs(inertia - built) <= ALIKE_MASSES * scale))).size:
+                i, j = odd[0]
+                moved = " and ".join(dict.fromkeys((m.coordinates[i], m.coordinates[j])))
+                raise InputError(
+                    f"the bodies of the {m.name} have the inertia {built[i, j]:.6g} where it has {inertia[i, j]:.6g}, "
+                    f"of {moved}: state the masses, inertias and joints of bodies= so that both are the same"
+                )
+        alike = all(np.allclose(a, b, rtol=0, atol=ALIKE_MASSES * abs(np.append(a, b)).max()) for *_, a, b in seen)
+        return [] if alike else ["the weight that differs from that of the bodies"]
+
     @exclusive
     def weights(self, extension: Any) -> tuple[np.ndarray, float] | None:
         """The weights (m,) of the joints in an extension, and the rest of it; None where it is no such sum."""
-        y, seen = self._coordinates, list[tuple[np.ndarray, float]]()
-        whole = ca.SX(value_of(extension, self._symbols, self.p))
-        results = [whole, self._places, ca.jacobian(whole, y), ca.jacobian(self._places, y)]
-        function = ca.Function("extension", [y, self._symbols[LANDINGS]], list(map(ca.densify, results)))
-        for place in np.random.default_rng(0).uniform(0.3, 1.2, (2, y.numel())):
-            value, places, slopes, frame = (each.full() for each in function(place, 0.0))
+        y, seen, whole = self._coordinates, list[tuple[np.ndarray, float]](), self._symbolic(extension)
+        results = self._seen(whole, self._places, ca.jacobian(whole, y), ca.jacobian(self._places, y))
+        for value, places, slopes, frame in results:
             weights = np.linalg.lstsq(frame.T, slopes.ravel(), rcond=None)[0]
             whole_numbers = np.round(weights)
             weights = np.where(abs(weights - whole_numbers) < ALIKE_WEIGHTS, whole_numbers, weights)
@@ -199,7 +261,9 @@ class _Jointed:
                 law = f" with the force {each.force.text}" if isinstance(each, Spring) else ""
                 left.append(f"{words} along {each.extension}{law}")
         key = self.mechanism.gravity
-        return found, [*left, *([f"the change of gravity {key.text} with height"] if key.degree() else [])]
+        left += [f"the displacement of the actuator '{name}'" for name in self.mechanism.actuators]
+        left += [f"the change of gravity {key.text} with height"] if key.degree() else []
+        return found, [*left, *self.weight_beside()]
 
     def model(self, places: np.ndarray) -> str:
         """The model as MJCF; `places` (k, m) of the joints say how large it is where nothing is shown of its bodies."""
@@ -215,17 +279,21 @@ class _Jointed:
         root.append(ElementTree.Comment(f" {' '.join(notes)} ".replace("--", "- -")))
         _node(root, "compiler", angle="radian", inertiafromgeom="false")
         gravity = self.number(self.mechanism.surface_gravity) * float(from_key(self.mechanism.gravity, self.p)(0.0))
-        drawing = drawing_of(self.mechanism)
-        tilt = self.number(drawing.tilt) if drawing else 0.0
-        down = _in_text(gravity * np.sin(tilt), 0.0, -gravity * np.cos(tilt))
+        down = _in_text(gravity * np.sin(self._tilt), 0.0, -gravity * np.cos(self._tilt))
         _node(root, "option", gravity=down, integrator="RK4", timestep="0.001")
         world, size = _node(root, "worldbody"), self._size(places)
         ground = _in_text(GROUND_SIZE * size, GROUND_SIZE * size, size)
         _node(world, "geom", name="ground", type="plane", size=ground, rgba="0.8 0.8 0.8 1", **UNTOUCHED)
         nodes: dict[str | None, ElementTree.Element] = {None: world}
+        alone, tendons = dict[tuple, Pull](), list[Pull]()
+        for pull in pulls:  # a joint has one spring and one damper
+            where = (*np.flatnonzero(pull.weights), *pull.options)
+            if _is_alone(pull) and where not in alone:
+                alone[where] = pull
+            else:
+                tendons.append(pull)
         for body in self.bodies:
-            nodes[body.name] = self._body(nodes[body.carrier], body, [each for each in pulls if _is_alone(each)], size)
-        tendons = [each for each in pulls if not _is_alone(each)]
+            nodes[body.name] = self._body(nodes[body.carrier], body, [*alone.values()], size)
         parent = _node(root, "tendon") if tendons else root
         for pull in tendons:
             self._tendon(parent, pull)
@@ -286,6 +354,11 @@ class _Jointed:
         """A length of the machine: that of the longest line that is shown, or how far the joints move."""
         lengths = [float(np.hypot(*np.subtract(*pair))) for body in self.bodies for pair in self._lines(body)]
         return max(lengths, default=float(np.ptp(places))) or 1.0
+
+
+def _turned_by(angle: ca.SX, across: Any, up: Any) -> ca.SX:
+    """A vector (2,), across and up, turned clockwise."""
+    return ca.vertcat(ca.cos(angle) * across + ca.sin(angle) * up, ca.cos(angle) * up - ca.sin(angle) * across)
 
 
 def _is_alone(pull: Pull) -> bool:

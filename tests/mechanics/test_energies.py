@@ -1,13 +1,14 @@
 """Machines from their energies in SymPy's expressions, against the same machines stated by their elements."""
 
+from dataclasses import replace
 from math import pi
 
 import numpy
 import pytest
 
-from orbits import InputError, Mechanism, find, find_all, prove, starts
+from orbits import InputError, Mechanism, find, find_all, prove, simulate, starts
 from orbits.check_proof import check
-from orbits.mechanics import Damper, Potential, Spring
+from orbits.mechanics import Body, Damper, Ground, Joint, Mass, Potential, Spring
 from problems import Chain, Hopper, hopper_in_si, knee_hopper, plate_hopper, rimless_wheel
 
 sympy = pytest.importorskip("sympy")
@@ -132,6 +133,60 @@ def test_a_constant_force_is_a_weight():
     assert [each.energy for each in in_si.elements if isinstance(each, Potential)] == ["m1*y1 + pull*y1 + m2*y2"]
 
 
+def test_a_sum_with_an_irrational_number_is_a_spring():
+    machine = Mechanism.from_lagrangian(TWO, (sympy.sqrt(2) * y1 - y2) ** 2 / 2 + LINEAR, (y1, y2), y2, MASSES)
+    springs = [(each.extension, each.force.text) for each in machine.elements if isinstance(each, Spring)]
+    assert springs == [("y1 - y2", "r"), ("y1 - sqrt(2)*y2/2", "2*r")]
+    bent = replace(machine, elements=[machine.elements[0], Potential("(sqrt(2)*y1 - y2)**2/2"), *machine.elements[2:]])
+    times = [[event.time for event in simulate(each, 2.0, hops=1).events] for each in (machine, bent)]
+    assert times[0] == pytest.approx(times[1], rel=1e-11)
+
+
+def test_a_force_with_signs():
+    """Parameters are real, and forces have no cases."""
+    V = c * abs(y1 - y2 - length) ** 3 + m1 * y1 + m2 * y2
+    machine = Mechanism.from_lagrangian(TWO, V, (y1, y2), y2, MASSES | {c: 0.5, length: 2.0}, rest={y1: length})
+    spring = machine.elements[0]
+    assert spring.extension == "y1 - y2 - length"
+    assert "abs" in spring.force.text
+    two = [Mass("y1", 1.0), Mass("y2", 1.0), Spring("y1 - y2 - 2", "1.5*r*abs(r)")]
+    by_elements = Mechanism(("y1", "y2"), two, "y2", rest={"y1": 2.0})
+    runs = [[event.time for event in simulate(each, 3.0, hops=1).events] for each in (machine, by_elements)]
+    assert runs[0] == pytest.approx(runs[1], rel=1e-12)
+
+
+def test_energies_of_matrices():
+    speeds, masses = sympy.Matrix([v1, v2]), sympy.diag(m1, m2)
+    for T, V in ((speeds.T * masses * speeds / 2, sympy.Matrix([LINEAR])), (TWO, sympy.ImmutableMatrix([[LINEAR]]))):
+        machine = Mechanism.from_lagrangian(T, V, (y1, y2), y2, MASSES)
+        assert machine.inertia == (("m1", 0.0), (0.0, "m2"))
+    with pytest.raises(InputError, match=r"T = Matrix.* is no scalar expression"):
+        Mechanism.from_lagrangian(masses, LINEAR, (y1, y2), y2, MASSES)
+
+
+def test_expressions_stand_in_elements_and_bodies():
+    r = sympy.Symbol("r")
+    own = [Damper(y1 - y2, 2 * c), Spring(y1, k * r**3)]
+    bodies = [Body("top", [Joint("up", "up", y1 + k)], m1), Body("toe", [Joint("toe_up", "up", y2)], m2)]
+    numbers = MASSES | {c: 0.1, k: 1.0}
+    machine = Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, numbers, elements=own, bodies=bodies)
+    assert machine.elements[-2] == Damper("y1 - y2", "2*c")
+    assert machine.elements[-1].force.text == "k*r**3"
+    assert machine.bodies[0] == Body("top", [Joint("up", "up", "y1 + k")], "m1")
+
+
+def test_ground_that_yields():
+    """A stated inertia has none of the ground's."""
+    ground = Ground(mass=50.0, spring=k * sympy.Symbol("r"))
+    machine = Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, MASSES | {k: 1e4}, ground=ground)
+    two = [Mass("y1", "m1"), Mass("y2", "m2"), Spring("y1 - y2")]
+    by_elements = Mechanism(("y1", "y2"), two, "y2", {"m1": 1.0, "m2": 1.0, "k": 1e4}, ground=Ground(50.0, "k*r"))
+    state = [2.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+    runs = [[each.time for each in simulate(m, state=state, time=3.0).events] for m in (machine, by_elements)]
+    assert runs[0]
+    assert runs[0] == pytest.approx(runs[1], rel=1e-12)
+
+
 def test_what_is_no_spring_is_a_potential():
     bent = sympy.sin(y1 * y2) / 10
     machine = Mechanism.from_lagrangian(TWO, LINEAR + bent, (y1, y2), y2, MASSES, elements=[Damper("y1", 0.1)])
@@ -139,6 +194,15 @@ def test_what_is_no_spring_is_a_potential():
     assert [each.extension for each in machine.elements if isinstance(each, Damper | Spring)] == ["y1 - y2", "y1"]
     with pytest.raises(InputError, match=r"sticks = .* does not say; state the machine by its elements"):
         Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, MASSES, sticks=[y1])
+
+
+@pytest.mark.parametrize("gravity", [9.81, None, "1/(1 + z)**2", g**2, y1])
+def test_gravity_is_a_name(gravity):
+    with pytest.raises(InputError, match=r"gravity = .*; it is the symbol of the acceleration in V, or its name"):
+        Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, MASSES, gravity=gravity)
+    for name in ("G", sympy.Symbol("y1"), m3):
+        with pytest.raises(InputError, match=f"V has no gravity '{name}'"):
+            Mechanism.from_lagrangian(TWO, CUBIC, (y1, y2), y2, MASSES | {k: 1, c: 1, g: 1, length: 1}, gravity=name)
 
 
 v1, v2, t = y1.diff(), y2.diff(), dynamicsymbols._t
@@ -169,6 +233,7 @@ OTHER = dynamicsymbols("other")
         (TWO, LINEAR + sympy.Symbol("m1", positive=True) * y1, y2, MASSES, "two symbols 'm1' with different assump"),
         (TWO, LINEAR + sympy.Symbol("r") * y1**2, y2, MASSES | {"r": 1.0}, "'r' is the extension in a spring's law"),
         (TWO, LINEAR, y2, {m1: 1.0, m2: k}, "m2 = 'k' is not a number"),
+        (TWO, LINEAR, y2, MASSES | {"m1": 2.0}, "parameters have 'm1' twice"),
         (TWO, LINEAR, y2, [1.0, 1.0], "parameters = .* it is a mapping"),
         (TWO, LINEAR, y2, numpy.zeros(0), "parameters = .* it is a mapping"),
         ("__import__('os')", LINEAR, y2, MASSES, "is no expression of SymPy"),
@@ -188,6 +253,21 @@ def test_a_place_of_rest_without_a_value_is_refused():
 def test_other_statements_are_refused(stated):
     with pytest.raises(InputError, match=f"^{next(iter(stated))} = "):
         Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, MASSES, **stated)
+
+
+@pytest.mark.parametrize(
+    ("place", "message"),
+    [
+        ("m3", "rest: 'm3' has no value; known: m1, m2"),
+        (length, "'length' has no value"),
+        (None, "None is neither a formula nor a number"),
+        ([1.0], "is neither"),
+        ("y2", "rest: 'y2' has no value"),
+    ],
+)
+def test_places_of_rest_have_values(place, message):
+    with pytest.raises(InputError, match=message):
+        Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, MASSES, rest={"y1": place})
 
 
 @pytest.mark.parametrize("coordinates", [[y1, m1], [y1, v2], y1, [y1, sympy.Function("y2")(m1)]])

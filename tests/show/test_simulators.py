@@ -1,12 +1,14 @@
 """Motions exported for simulators: the files, and what MuJoCo and Drake make of them."""
 
 import csv
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
-from orbits import InputError, Orbit, find, simulate
+from orbits import InputError, Mechanism, Orbit, find, simulate
+from orbits.mechanics import Body, Inerter, Joint, Mass, Spring, Weight
 from orbits.mechanics.bodies import bodies_of
 from orbits.show.plane import labelled
 from problems import Chain, Hopper, Juggler, hopper_in_si, knee_hopper, rimless_wheel, rocking_block, runner
@@ -29,7 +31,15 @@ def a_run():
     return find(runner(foot_mass=0.1, rest_length=3.7), tune=("inertia", "hip_stiffness"), at={"speed": 0.4})
 
 
+def hopping(*elements, **stated):
+    """A short flight of two masses of 1 and what else is stated."""
+    own = [Mass("body", 1.0), Mass("foot", 1.0), Spring("body - foot"), *elements]
+    machine = Mechanism(("body", "foot"), own, gap="foot", **stated)
+    return simulate(machine, state=[2.0, 0.0, 1.0, 0.0, *(0.0 for _ in machine.actuators)], time=0.5)
+
+
 MOTIONS = {
+    "hung": lambda: hopping(Spring("body", "0.2*r"), Spring("-body", "0.1*r + 0.1")),
     "hopper": lambda: find(Hopper(rest_length=10)),
     "leg": lambda: find(hopper_in_si(60.0, 3.0, stiffness=8000.0, rest_length=0.8)),
     "chain": lambda: simulate(Chain((1, 2, 3)).mechanism, state=[2.0, 0, 1.0, 0, 0.5, 0], time=1.0),
@@ -67,6 +77,33 @@ def test_what_the_model_does_not_have_is_said(tmp_path):
     assert 'fixed damping="0.1' in text
 
 
+UPRIGHT = [Body("top", [Joint("up", "up", "body")], 1.0), Body("toe", [Joint("toe_up", "up", "foot")], 1.0)]
+BLOCK = rocking_block(inertia_ratio=1.0, gravity_ratio=0.5, angle=0.3, share=0.5)
+
+
+def test_bodies_have_the_weight_of_the_machine(tmp_path):
+    said = "Not in this model: the weight that differs from that of the bodies."
+    for extra, expected in (([], False), ([Weight("body", "0.5")], True)):
+        folder = hopping(*extra).export(tmp_path / "hop")
+        assert (said in (folder / "model.xml").read_text(encoding="utf-8")) == expected
+    folder = hopping(Spring("body - 0.1*a", 0.2), actuators={"a": "speed"}).export(tmp_path / "hop")
+    assert "the displacement of the actuator 'a'." in (folder / "model.xml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("run", "message"),
+    [
+        (lambda: hopping(Inerter("body - foot", 0.2), bodies=UPRIGHT), "inertia 1 where it has 1.2, of body: state"),
+        (lambda: hopping(bodies=[replace(UPRIGHT[0], mass=7.0), UPRIGHT[1]]), "inertia 7 where it has 1, of body"),
+        (lambda: hopping(bodies=UPRIGHT[:1]), "inertia 0 where it has 1, of foot"),
+        (lambda: find(replace(BLOCK, bodies=[replace(BLOCK.bodies[0], inertia=0.0), *BLOCK.bodies[1:]])), "of theta"),
+    ],
+)
+def test_bodies_have_the_inertia_of_the_machine(tmp_path, run, message):
+    with pytest.raises(InputError, match=message):
+        run().export(tmp_path / "hop")
+
+
 @pytest.mark.parametrize(
     ("folder", "message"), [("none/hop", "there is no folder"), ("file", "it is a file, and not a folder")]
 )
@@ -85,13 +122,13 @@ def test_times_are_those_of_the_motion(t, tmp_path):
     run = simulate(Hopper(), 4.6, hops=1)
     with pytest.raises(InputError, match="times"):
         run.export(tmp_path / "hop", t=t)
-    for folder in (None, tmp_path / ("x" * 300), "a\0b"):
+    for folder in (None, "", tmp_path / ("x" * 300), "a\0b"):
         with pytest.raises(InputError, match=r"folder =|cannot be written"):
             run.export(folder)
 
 
 def test_machines_without_bodies(tmp_path):
-    with pytest.raises(InputError, match=r"the knee hopper is no column .* give Mechanism.bodies="):
+    with pytest.raises(InputError, match=r"the knee hopper is no column .* give bodies="):
         bodies_of(knee_hopper(), knee_hopper().values)
     saved = find(Hopper()).save(tmp_path / "hop.json")
     with pytest.raises(InputError, match="needs the orbit's machine"):
@@ -107,7 +144,6 @@ def test_the_command(tmp_path, orbits):
 
 def places_of_masses(result, t):
     """The places (k, m, 2), across and up, of the elements with mass, moved on by the steps of the drawing."""
-    from orbits.mechanics import Mass
     from orbits.mechanics.elements import value_of
     from orbits.show.plane import _led_on
 
