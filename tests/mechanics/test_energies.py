@@ -258,7 +258,7 @@ def test_other_statements_are_refused(stated):
 @pytest.mark.parametrize(
     ("place", "message"),
     [
-        ("m3", "rest: 'm3' has no value; known: m1, m2"),
+        ("m3", "rest: 'm3' has no value: give it one in parameters="),
         (length, "'length' has no value"),
         (None, "None is neither a formula nor a number"),
         ([1.0], "is neither"),
