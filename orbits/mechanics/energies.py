@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, true_or_false
 from ..laws.law import number
 from ..symbolic.sympy_formulas import abridged, formula_of, name_of_parameter, sympy_package
 from .elements import Element, Potential, Spring, Weight, value_of
@@ -45,7 +45,8 @@ def stated_by_energies(
     energies = _Energies.of(coordinates)
     own = {name: energies.plain(value, name) for name, value in stated.items()}
     inertia = energies.inertia(energies.checked(T, "T", speeds=True))
-    elements, pulled = energies.elements(energies.checked(V, "V"), str(gravity), own.get("in_si", False))
+    in_si = true_or_false("in_si", own.get("in_si", False))
+    elements, pulled = energies.elements(energies.checked(V, "V"), str(gravity), in_si)
     own |= {"surface_gravity": str(gravity)} if pulled else {}
     own["inertia"] = [[energies.formula(entry, "T") if entry != 0 else 0.0 for entry in row] for row in inertia]
     own["gaps" if isinstance(gap, Mapping) else "gap"] = energies.plain(gap, "gap")
