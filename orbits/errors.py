@@ -98,6 +98,13 @@ def whole_number(name: str, value: object, what: str = "", least: int = 1, most:
     return number
 
 
+def true_or_false(name: str, value: object) -> bool:
+    """`value` as a truth value; raises `InputError` for anything else, as a number, text or an array."""
+    if not isinstance(value, bool | np.bool_):
+        raise InputError(f"{name} = {value!r}; it is True or False")
+    return bool(value)
+
+
 def one_of(name: str, value: object, known: Sequence[str]) -> str:
     """`value` as one of the known words; raises `InputError` with them."""
     if not isinstance(value, str) or value not in known:

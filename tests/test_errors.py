@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from orbits import InputError
-from orbits.errors import LONGEST_MESSAGE, list_of_names, one_of, shortened, whole_number
+from orbits.errors import LONGEST_MESSAGE, list_of_names, one_of, shortened, true_or_false, whole_number
+from problems import runner
 
 
 @pytest.mark.parametrize("value", [2, 5, np.int64(3)])
@@ -25,6 +26,15 @@ def test_a_word_that_is_none_of_the_known_is_refused(value):
     assert one_of("sampling", "grid", ("grid", "sobol")) == "grid"
     with pytest.raises(InputError, match=r"sampling = .*; it is one of grid, sobol"):
         one_of("sampling", value, ("grid", "sobol"))
+
+
+@pytest.mark.parametrize("value", [None, 1, "True", np.zeros(0)])
+def test_what_is_neither_true_nor_false_is_refused(value):
+    assert true_or_false("in_si", np.bool_(True)) is True
+    with pytest.raises(InputError, match=r"in_si = .*; it is True or False"):
+        true_or_false("in_si", value)
+    with pytest.raises(InputError, match=r"in_si = .*; it is True or False"):
+        runner(in_si=value)
 
 
 @pytest.mark.parametrize("names", [None, 3, np.array(np.nan), [1], {1: 2}])

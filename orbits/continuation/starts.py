@@ -22,7 +22,7 @@ from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.heartbeat import LOGGER
 from ..running.time_limit import TimeOver, time_left, time_limit
-from ..shooting.formulations import equations_of, method_of
+from ..shooting.formulations import equations_of
 from .curve import Curve
 from .together import WayTogether, follow_together
 
@@ -190,11 +190,8 @@ def _report(progress: Progress, share: float) -> None:
 
 def _followed(mixed: Mechanism, found: Sequence[Mapping[str, float]]) -> Iterator[WayTogether]:
     """The hops of straight springs on their way to the springs' own laws."""
-    names = mixed.model.half_unknowns
-    curve, us = (
-        Curve(mixed, LAW_SHARE, method_of(mixed.model), 1.0),
-        [[start[name] for name in names] for start in found],
-    )
+    curve = Curve(mixed, LAW_SHARE, "half orbit", 1.0)
+    us = [[start[name] for name in mixed.model.half_unknowns] for start in found]
     # The shortest hops come first, in case that there is no time for all.
     lengths = [start["duration"] + start["contact_duration"] for start in found]
     curve.equations.expect(STEPS_OF_HOP * len(us), (LAW_SHARE,))
@@ -221,7 +218,7 @@ def _own_hops(
 def _outside(machine: Machine, us: np.ndarray) -> dict[int, str]:
     """The reasons, by index, of those solutions (m, n) whose motions leave the range of a law."""
     names, failures = tuple(machine.values), dict[int, str]()
-    equations = equations_of(machine.model, method_of(machine.model), names)
+    equations = equations_of(machine.model, "half orbit", names)
     ps = np.tile([*machine.values.values()], (len(us), 1))
     for i in np.setdiff1d(np.arange(len(us)), equations.evaluate_lanes(us, ps)[0]).tolist():
         try:

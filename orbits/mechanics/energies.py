@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, true_or_false
 from ..laws.law import number
 from ..symbolic.formula import suggest
 from ..symbolic.sympy_formulas import abridged, formula_of, name_of_parameter, sympy_package
@@ -62,7 +62,8 @@ def stated_by_energies(
         )
     if str(gravity) not in {"g", *map(str, energy.free_symbols - {*energies.places})}:
         raise InputError(f"V has no gravity '{gravity}'")
-    elements, pulled = energies.elements(energy, str(gravity), own.get("in_si", False))
+    in_si = true_or_false("in_si", own.get("in_si", False))
+    elements, pulled = energies.elements(energy, str(gravity), in_si)
     own |= {"surface_gravity": str(gravity)} if pulled else {}
     own["inertia"] = [[energies.formula(entry, "T") if entry != 0 else 0.0 for entry in row] for row in inertia]
     own["gaps" if isinstance(gap, Mapping) else "gap"] = energies.plain(gap, "gap")

@@ -22,7 +22,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, true_or_false
 from ..io import one_line
 from ..laws.features import with_reach
 from ..laws.law import Key, Law, coefficient_of_restitution, number
@@ -153,7 +153,7 @@ class Mechanism(Stated):
             coordinates=listed("coordinates", self.coordinates), elements=listed("elements", self.elements),
             knees=tuple(listed("knees", knee) for knee in listed("knees", self.knees)),
             angles=listed("angles", self.angles), sticks=listed("sticks", self.sticks),
-            bodies=listed("bodies", self.bodies),
+            bodies=listed("bodies", self.bodies), in_si=true_or_false("in_si", self.in_si),
         )  # fmt: skip
         first = next(iter(self.gaps.values()), "") if isinstance(self.gaps, Mapping) else ""
         if (first != self.gap and "" not in (first, self.gap)) or first == self.gap == "":

@@ -14,7 +14,7 @@ from ..io import fields_in_line
 from ..model.model import CONTACT_FORCE, LANDED_FORCE, Model
 from ..model.phase import Affine, Phase, weighted_sum
 from ..model.state_formula import StateFormula
-from ..numerics.polynomial_roots import PiecewisePolynomials, derivative, evaluate
+from ..numerics.polynomial_roots import PiecewisePolynomials, evaluate, powers
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..records import NONE, Records
 from ..shooting.error_bound import DOUBTFUL_RATIO, EPS, NARROW
@@ -297,11 +297,10 @@ class _Curve(NamedTuple):
 
     def at_ends(self, order: int) -> np.ndarray:
         """The derivative (m,) of this order at the ends of the motions."""
-        last = self.motions.last
-        c = self.series[last]
-        for _ in range(order):
-            c = derivative(c)
-        return evaluate(c, self.motions.steps[last])
+        last, size = self.motions.last, self.series.shape[1]
+        # The powers of a short step come first: the coefficients of the derivative may be beyond all numbers.
+        terms = self.series[last, order:] * powers(self.motions.steps[last], size - order)
+        return terms @ np.prod([np.arange(order - i, size - i) for i in range(order)], axis=0)
 
 
 def turns_and_zeros(sought: Mapping[Any, tuple[Trajectories, np.ndarray, bool, int]]) -> dict[Any, _Curve]:

@@ -188,10 +188,11 @@ def _distance(found: HopsDerivative) -> float:
 
 def listed_starts(starts: Any) -> list[Any]:
     """Starts in a list; a single one may be an orbit, its file, a periodic hop or a mapping. Raises `InputError` for an
-    empty list."""
-    found = [starts] if isinstance(starts, Result | Mapping | str | Path) else list(starts)
+    empty list, and for what is no list."""
+    single = isinstance(starts, Result | Mapping | str | Path)
+    found = [starts] if single else list(starts) if np.iterable(starts) else []
     if not found:
-        raise InputError("starts = []; give launches, lossless orbits or periodic hops that hops are searched near")
+        raise InputError(f"starts = {starts!r}; give launches, lossless orbits or periodic hops in a list")
     return found
 
 

@@ -412,6 +412,9 @@ def _checked_grid(low: float, high: float, samples: int) -> tuple[float, float, 
     if not 0 < low < high:
         speeds = {name: Quantity(speed, LIFTOFF_SPEED) for name, speed in (("low", low), ("high", high))}
         raise InputError(Message("low = {low:g}, high = {high:g}: 0 < low < high is needed", **speeds))
+    if high > FASTEST_LAUNCH:
+        speeds = {name: Quantity(speed, LIFTOFF_SPEED) for name, speed in (("high", high), ("most", FASTEST_LAUNCH))}
+        raise InputError(Message("high = {high:g}; a launch speed is at most {most:g}", **speeds))
     return low, high, whole_number("samples", samples, "launches", 2)
 
 

@@ -110,6 +110,9 @@ def hop_derivative(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> HopDe
     Raises `NoOrbit` where the machine does not lift off again.
     """
     launch_speed = float(np.abs(x[[name.endswith("'") for name in impacts.flight.phase.states]]).max())
+    if launch_speed < SLOWEST_LAUNCH_VARIED:
+        text = "the launch has no speed above {low:g}: a slower one cannot be varied"
+        raise NoOrbit(Message(text, low=Quantity(SLOWEST_LAUNCH_VARIED, SPEED)))
     order, opens, feet = LIFTOFF_ORDER, 0, impacts.feet
     first: tuple[np.ndarray, float, np.ndarray, Foot] | None = None
     for _ in range(CAP):
@@ -183,6 +186,8 @@ def tangential_landing(
         raise NoOrbit("the gap closes without a jerk: the landing is tangential to a higher order")
     # The landing that rounding lets happen early or late is led to where the acceleration of the gap vanishes.
     late = float(foot.speed @ impacts.flight.rates(landing, data)) / jerk
+    if not abs(late) < lasted:
+        raise NoOrbit("the flight is so short that rounding decides when it lands: launch faster")
     exact = lasted - late - 0.5 * snap / jerk * late**2
     path, variations = impacts.flight.run(start[0], impacts.p, exact, seeds=start[1])
     x = path.end[: impacts.flight.size]

@@ -21,7 +21,7 @@ from collections.abc import Mapping
 from math import inf
 
 from orbits import Mechanism
-from orbits.errors import InputError
+from orbits.errors import InputError, true_or_false
 from orbits.laws.law import number
 from orbits.laws.law_statement import LawLike
 from orbits.mechanics import Body, Drawing, Joint, Mass, Outline, Spring
@@ -70,6 +70,7 @@ def runner(
     >>> machine.model.sticks
     ('x',)
     """
+    in_si = true_or_false("in_si", in_si)
     gravity = surface_gravity if surface_gravity is not None else GRAVITY_OF_EARTH if in_si else 1.0
     own = {
         "body_mass": body_mass, "foot_mass": foot_mass, "inertia": inertia, "stiffness": stiffness,

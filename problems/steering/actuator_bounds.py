@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 
@@ -83,7 +84,7 @@ def actuator_limits(driven: Actuated, **bounds: float) -> Limits:
     """The limits of a machine with these bounds; raises `InputError` for bounds that are not above 0."""
     dimensions = dimensions_of_limits(driven)
     for name, bound in bounds.items():
-        if not (bound == np.inf or finite_number(name, bound) > 0):
+        if not (isinstance(bound, Real) and bound == np.inf) and not finite_number(name, bound) > 0:
             quantity = Quantity(bound, dimensions[name])
             raise InputError(Message("{name} = {bound:g}: the actuator's bound is above 0", name=name, bound=quantity))
     separated = driven.model.separation(driven.values) is not None

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 import orbits.continuation.starts as room
 from orbits import InputError, Mechanism, find, starts
 from orbits.mechanics import Damper, Force, Mass, Spring
-from problems import plate_hopper
+from problems import Hopper, plate_hopper
 from problems.laws import springs
 
 MASSES = [Mass("body", 2.0), Mass("foot", 0.5), Mass("plate", 3.0)]
@@ -90,6 +90,16 @@ def test_hops_of_own_laws_come_to_rest_in_mid_flight_by_dop853(case, leg):
 
 def test_a_table_of_a_formula_has_its_hops():
     same(starts(plate(Spring("body - foot", CUBIC)), 2.0, 2.0), of_a_table()[1])
+
+
+@pytest.mark.parametrize("law", ["cubic", "tanh"])
+def test_two_masses_have_the_hop_that_find_has(law):
+    """Which solves for a launch speed with the equations of their distance alone."""
+    machine = Hopper(law, parameters={"beta": 0.3} if law == "cubic" else {"b": 0.2})
+    (start,), orbit = starts(machine), find(machine)
+    assert [start["liftoff"], start["alpha"], 2 * start["duration"]] == pytest.approx(
+        [orbit.liftoff_extension, orbit.alpha, orbit.flight_time], rel=1e-9
+    )
 
 
 def test_steeper_lines_lead_to_the_same_hops_and_to_more():

@@ -39,8 +39,9 @@ def test_one_orbit_alone_or_its_file_is_a_start_and_none_is_not(tmp_path):
     file = orbit.save(tmp_path / "hop.json")
     assert [hop.launches.tolist() for hop in step.fixed_points(starts=file)] == [hop.launches.tolist() for hop in alone]
     assert multipliers(machine, str(file)).values.tolist() == multipliers(machine, orbit).values.tolist()
-    with pytest.raises(InputError, match=r"starts = \[\]; give launches"):
-        step.fixed_points(starts=[])
+    for none in ([], np.float64(np.nan), 4.6):
+        with pytest.raises(InputError, match=r"starts = .*; give launches, .* in a list"):
+            step.fixed_points(starts=none)
 
 
 @pytest.mark.slow

@@ -122,6 +122,7 @@ def test_the_map_is_broken_only_where_it_jumps():
         (lambda step: step.fixed_points(3, 2), "0 < low < high"),
         (lambda step: ReturnMap(Hopper(), inject=0.1).fixed_points(2, 3, samples=0), "samples = 0; it is a"),
         (lambda step: step.preimages([(4.0, 4.1)], 12, 3), "0 < low < high"),
+        (lambda step: step.preimages([(4.0, 4.1)], 3, 1e308), "a launch speed is at most 1e\\+15"),
         (lambda step: step.preimages([(4.1, 4.0)], 3, 12), "the launch speeds of an interval"),
         (lambda step: ReturnMap(Hopper(), inject=0.1).basin(3, 5), "no hop is lossless"),
         (lambda step: ReturnMap(Hopper(damping=0.1)).basin(3, 5), "no hop is lossless"),

@@ -7,7 +7,7 @@ from scipy.linalg import expm
 
 from orbits import HopMultipliers, InputError, NoOrbit, ReturnMap, find, find_all, multiplier, multipliers, starts
 from orbits.mechanics import Ground
-from problems import Hopper, chain_hand, hopper_in_si, plate_hopper, springs
+from problems import Hopper, chain_hand, hopper_in_si, inerter_hopper, plate_hopper, springs
 
 STENCIL = np.array([-2.0, -1.0, 1.0, 2.0])
 
@@ -177,6 +177,12 @@ def test_a_launch_in_si_beyond_all_numbers_is_refused(launch):
 def test_a_machine_that_rests_has_no_multipliers():
     with pytest.raises(NoOrbit, match=r"rests|has not ended"):
         multipliers(column("r", 0.5), (3.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("launch", [1e-320, 1e-200, 1e-100, 1e-10])
+def test_a_launch_that_rounding_lands_has_no_multipliers(launch):
+    with pytest.raises(NoOrbit, match=r"a slower one cannot be varied|so short that rounding decides"):
+        multipliers(inerter_hopper(), launch)
 
 
 def test_one_multiplier_is_refused_where_there_are_several():

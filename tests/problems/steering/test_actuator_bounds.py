@@ -46,6 +46,8 @@ def test_the_stroke_of_a_force_is_that_of_its_way():
 def test_a_bound_is_above_zero(bound):
     with pytest.raises(InputError, match=f"{bound} = -1: the actuator's bound is above 0"):
         steering.keep_hopping(MACHINE, **{bound: -1.0})
+    with pytest.raises(InputError, match=f"{bound} = .* is not a finite number"):
+        steering.keep_hopping(MACHINE, **{bound: np.zeros(0)})
 
 
 def test_a_bound_that_no_motion_meets_is_named():
