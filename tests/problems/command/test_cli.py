@@ -363,7 +363,7 @@ FILES = [
     ("find --spring table:folder.csv", 2, "folder.csv"),
     ("find --spring table:", 2, "table:"),
     ("find --spring table:short.csv --set b=1", 2, "'b'"),
-    ("find --spring table:short.csv?branch=up", 2, "'loading', 'unloading' or 'mean'"),
+    ("find --spring table:short.csv?branch=up", 2, "one of loading, unloading, mean"),
     ("find --spring table:loop.csv", 2, "table:FILE?branch=loading"),
     ("find --spring table:units.csv", 2, "hopper_in_si"),
     ("find --spring 'r + c*v' --set c=1", 2, "damping"),

@@ -93,7 +93,7 @@ class TestLoop:
     @pytest.mark.parametrize(
         ("query", "message"),
         [
-            ("branch=up", "'loading', 'unloading' or 'mean'"),
+            ("branch=up", "one of loading, unloading, mean"),
             ("brnch=loading", "did you mean 'branch'"),
             ("noise=much", "'much' is not a number"),
             ("noise=-1", "below 0"),
