@@ -56,7 +56,8 @@ def _form_checks(model: Model, p: Mapping[str, float]) -> Iterator[tuple[str, Ca
     yield from _form_checks_of_maps(model, p)
     yield "embed", lambda: _array_of(model.embed, (n, m))
     yield "extension", lambda: _affine(model.extension, n)
-    yield "extension_offset", lambda: _affine(model.extension_of(p), n)
+    if model.extension_offset is not None:
+        yield "extension_offset", lambda: _affine(model.extension_of(p), n)
     yield "gap", lambda: _affine(model.gap(p), n)
     yield "separation", lambda: "" if (apart := model.separation(p)) is None else _height_function(apart, model.flight)
     yield "heights", lambda: _heights(model.heights(p), model.flight)

@@ -39,7 +39,7 @@ from .turns import turns_of_leg, turns_of_orbit
 ROUNDINGS = (1.0, 0.3, 0.1)
 # Tolerance of least work: quadrature is slow near corners of the power, while the motion itself stays smooth.
 WORK_TOLERANCE = 1e-7
-MOST_INTERVALS = 10_000  # of a motion, far more than one needs
+MOST_INTERVALS, MOST_PUMPS = 10_000, 200  # of a motion, far more than one needs
 # Multiples of a rate at which least work is sought where it is not found at that rate, each from the result before.
 WIDER_RATES = (4.0, 2.0, 1.4, 1.0)
 
@@ -213,7 +213,7 @@ def start_up(
     'optimal'
     """
     pumps, intervals = (
-        whole_number("pumps", pumps, "pumps"),
+        whole_number("pumps", pumps, "pumps", most=MOST_PUMPS),
         whole_number("intervals", intervals, "intervals", most=MOST_INTERVALS),
     )
     driven = _actuated(machine, actuator)

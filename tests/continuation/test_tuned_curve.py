@@ -131,5 +131,5 @@ def test_points_of_a_family_of_runs_are_orbits_again():
     assert run.source.values["inertia"] == pytest.approx(family[-1].also["inertia"], rel=1e-12)
     assert {*run.tuned} == {"step", "inertia", "hip_stiffness"}
     assert run.prescribed == {"speed": 0.41}
-    with pytest.raises(InputError, match="located, and not followed"):
+    with pytest.raises(NoOrbit, match="this point is no fold"):
         follow_fold(machine, family[-1], "speed", "rest_length", 3.8)

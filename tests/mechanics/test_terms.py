@@ -66,7 +66,7 @@ class TestAnotherMachine:
             return [x[1], up, x[3], turn]
 
         orbit = find(machine)
-        start = [0.0, 0.0, orbit.liftoff_extension, orbit.alpha]
+        start = [0.0, 0.0, rest + orbit.liftoff_extension, orbit.alpha]
         assert rates(0, start)[1] == pytest.approx(0.0, abs=1e-9)  # the foot is about to leave
         run = solve_ivp(rates, (0, orbit.flight_time), start, "DOP853", rtol=1e-13, atol=1e-13)
         assert run.y[:, -1] == pytest.approx([0.0, 0.0, start[2], -orbit.alpha], abs=1e-9)
