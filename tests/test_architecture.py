@@ -332,6 +332,14 @@ def test_every_module_has_a_test_of_its_name():
     assert set(TESTED_WITH.values()) <= tests, sorted(set(TESTED_WITH.values()) - tests)
 
 
+def test_the_top_level_is_the_agreed_one():
+    """Beside these stand only files whose names begin with a dot, and folders that are not kept."""
+    agreed = {"CITATION.cff", "LICENSE", "README.md", "pyproject.toml", "orbits", "problems", "studies", "tests"}
+    passing = {"PKG-INFO", "build", "dist", "figures", "site"}  # of distributions, and those that .gitignore names
+    names = {path.name for path in ROOT.iterdir() if path.name[0] != "." and path.suffix != ".egg-info"}
+    assert agreed <= names <= agreed | passing, sorted(names - agreed)
+
+
 def test_no_trace_of_the_workshop():
     for path in ROOT.rglob("*"):
         if path.suffix in (".py", ".md", ".toml", ".cff") and ".git" not in path.parts and ".venv" not in path.parts:
