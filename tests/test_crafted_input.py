@@ -8,7 +8,6 @@ import time
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
-from resource import RUSAGE_SELF, getrusage
 
 import pytest
 from documents import saved
@@ -18,6 +17,8 @@ from orbits.errors import LONGEST_MESSAGE
 from problems.command.cli import main
 from problems.laws import springs
 from studies import crafted_calls
+
+resource = pytest.importorskip("resource", reason="needs signals and limits of POSIX systems")
 
 pytestmark = pytest.mark.usefixtures("any_digest")
 
@@ -212,12 +213,12 @@ def crafted_run(documents: dict[str, str], folder: Path, rng: random.Random):
 def campaign(count: int, seed: int, folder: Path) -> list[str]:
     """What is wrong with how each of so many crafted inputs ends, and with the memory that they take together."""
     documents, rng, wrong = saved(folder), random.Random(seed), list[str]()
-    before = getrusage(RUSAGE_SELF).ru_maxrss
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     for number in range(count):
         run, name = crafted_run(documents, folder, rng)
         if complaint := complaint_of(run):
             wrong.append(f"{number}: {complaint} | {ascii(name)[:300]}")
-    if (memory := getrusage(RUSAGE_SELF).ru_maxrss - before) > LARGEST:
+    if (memory := resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) > LARGEST:
         wrong.append(f"they take {memory / 1e6:.2f} GB of memory")
     return wrong
 

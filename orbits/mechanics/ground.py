@@ -1,4 +1,4 @@
-"""Ground that yields: what a machine lands on is a mass on a spring.
+"""Compliant ground: what a machine lands on is a mass on a spring.
 
 The foot lands on it plastically, and both move as one until the ground falls as fast as the foot: what was the gap to
 rigid ground is the gap to the ground's own coordinate. Its weight presses its spring as the machine's does.

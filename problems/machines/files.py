@@ -8,7 +8,7 @@ gravity = "constant"            foot_mass = 3.0
 [parameters]                    rest_length = 0.8
 beta = 0.3                      surface_gravity = 9.81
 
-on ground that yields, by its mass (over the foot's, or in kg) and its stiffness or the spring of a formula,
+on compliant ground, by its mass (over the foot's, or in kg) and its stiffness or the spring of a formula,
 
 [ground]
 mass = 2.0
@@ -75,7 +75,7 @@ SI_KEYS_OF_STEPS = {
 OWN_KEYS = ("spring", "mass_ratio", "rest_length")
 COMMON_KEYS = ("gravity", "restitution", "damping", "drag", "parameters", "ground")
 GROUND_KEYS = ("mass", "stiffness", "spring")
-# The parameters of ground that yields, by the keys of [ground] that state them.
+# The parameters of compliant ground, by the keys of [ground] that state them.
 GROUND_PARAMETERS = {GROUND_MASS: "mass", "ground_stiffness": "stiffness"}
 KEYS = ("machine", *OWN_KEYS, *COMMON_KEYS, "si", "design")
 KEYS_OF_STEPS = ("machine", "spring", "parameters", "si", "design")

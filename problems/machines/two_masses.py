@@ -151,7 +151,7 @@ class TwoMassMachine(TwoMasses):
 
     @property
     def ground_keys(self) -> tuple[Any, ...]:
-        """The further arguments of `mechanism` on ground that yields."""
+        """The further arguments of `mechanism` on compliant ground."""
         if self.ground is None:
             return ()
         key = self.ground.spring.key
@@ -180,7 +180,7 @@ class TwoMassMachine(TwoMasses):
         spring: Key, gravity: Key | None, has_length: bool, damped: bool, ground: Key | None = None
     ) -> Mechanism:
         """The mechanism from the keys of the laws (None: constant gravity), and whether there is a rest length and a
-        damping; and from the key of the law of ground that yields. Its parameters have no values yet."""
+        damping; and from the key of the law of compliant ground. Its parameters have no values yet."""
         raise NotImplementedError
 
     def stated(self) -> Mechanism:
