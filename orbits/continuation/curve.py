@@ -24,7 +24,7 @@ from ..periodic.orbit import Orbit
 from ..periodic.quantities import motion_numbers
 from ..periodic.tuned import METHOD, counts, is_quantity
 from ..records import NONE, Records
-from ..shooting.division import Division, division_at, growths_of_arcs
+from ..shooting.division import Division, are_divided, division_at, growths_of_arcs
 from ..shooting.formulations import Cycles, equations_of, iterative, method_of
 from ..shooting.newton_kernel import NewtonKernel, newton_kernel
 from ..shooting.single_shooting import Evaluation, joined
@@ -250,6 +250,12 @@ class Curve:
 
     def _growths_of_arcs(self, evaluation: Evaluation) -> np.ndarray:
         return self.division.growths(evaluation) if self.division else growths_of_arcs(evaluation)
+
+    def asks_for_nodes(self, points: Sequence[CurvePoint]) -> np.ndarray:
+        """Whether the motions at certified points (m,) are divided at nodes, or divided anew, from there on."""
+        points = CurvePoints.of(points)
+        growths = points.evaluation.amplification[points.places]
+        return are_divided(growths, points.orbits.column("error"), points.orbits.column("alpha"))
 
     def divided(
         self, x: np.ndarray, tangent: np.ndarray, evaluation: Evaluation
