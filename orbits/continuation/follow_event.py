@@ -26,6 +26,7 @@ from ..model.machine import Machine
 from ..model.phase import Statement
 from ..periodic.certificate import Certificate
 from ..periodic.certified import orbit_from
+from ..periodic.find import another_family
 from ..periodic.orbit import Orbit
 from ..running import interrupts
 from ..running.exclusive import exclusive
@@ -65,13 +66,14 @@ SAME_VALUE = 1e-7
 
 class EventStart(NamedTuple):
     """Where a curve of events begins: the machine there, its condition, the statement, a guess of the unknowns (n,),
-    and the sizes (t,) of the tuned parameters there, or of their changes along the family."""
+    the sizes (t,) of the tuned parameters there, or of their changes along the family, and the number of the family."""
 
     machine: Machine
     condition: EventCondition
     stated: EventStatement
     x: np.ndarray
     tuned_sizes: np.ndarray
+    family: int
 
 
 @exclusive
@@ -156,16 +158,15 @@ def collect_event(
     """The curve of an event of a family along a parameter, from its start on."""
     machine, start = begun.machine, begun.machine.values[second]
     behind, stop = bounds_of(second, start, stop, options.at)
-    if begun.condition.stationary:  # second derivatives, and their differences, grow as powers of first ones
-        control = options.step_control
-        growth = max(control.largest_amplification ** (1 / 3), 10.0)
-        options = replace(options, step_control=replace(control, largest_amplification=growth))
     of_family = tuned, begun.tuned_sizes, float(begun.x[-1])
     curve = EventCurve(
         machine, along, second, method, abs(stop - behind), begun.stated, begun.condition, *of_family, within, locate
     )
     try:
-        tracer = start_tracer(curve, np.append(begun.x, start), start, behind, stop, options, EventTracer)
+        curve, x = curve.begun_near(np.append(begun.x, start))
+        tracer = start_tracer(curve, x, start, behind, stop, options, EventTracer)
+        if curve.division and tracer.first.point.family != begun.family:
+            raise NoOrbit(another_family(begun.family, tracer.first.point.family))
     except (NoOrbit, FlowError) as error:
         name = begun.condition.name
         raise NoOrbit(f"the curve of '{name}' does not begin at {along} = {begun.x[-1]:.10g}: {error}") from None
@@ -191,7 +192,7 @@ def _start(
     """The start of a curve at a point of a family of orbits with a statement, from known unknowns by name."""
     own = slice(len(base.unknowns) - len(base.tuned), len(base.unknowns))
     sizes = np.maximum(np.abs(point.u), np.abs(point.tangent[:-1]))[own]
-    return EventStart(machine, condition, stated, _completed(machine, stated, known, point.value), sizes)
+    return EventStart(machine, condition, stated, _completed(machine, stated, known, point.value), sizes, point.family)
 
 
 def bounds_within(name: str, within: tuple[float, float]) -> tuple[float, float]:

@@ -84,7 +84,11 @@ class Division:
 
     def bare(self, xs: Array) -> Array:
         """Unknowns (..., N), with any further columns, without the states at nodes."""
-        return np.delete(xs, np.arange(self.nodes.start, self.nodes.stop), axis=-1)
+        return np.concatenate([xs[..., : self.nodes.start], xs[..., self.nodes.stop :]], axis=-1)
+
+    def inserted(self, us: Array, states: Array) -> Array:
+        """Unknowns (..., n), with any further columns, with states at nodes (..., N - n)."""
+        return np.concatenate([us[..., : self.nodes.start], states, us[..., self.nodes.start :]], axis=-1)
 
     def lifted(self, u: Array, paths: Sequence[Trajectory]) -> Array:
         """Unknowns (n,) with the states that their motions, one for each arc, have at the nodes (N,)."""
