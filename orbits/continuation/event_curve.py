@@ -27,7 +27,7 @@ from ..numerics.roots import solve
 from ..periodic.certificate import Certificate
 from ..periodic.certified import Solved
 from ..records import NONE, Records
-from ..shooting.division import Division, division_of
+from ..shooting.division import SENSITIVE, Division, division_of
 from ..shooting.formulations import Cycles
 from ..shooting.single_shooting import Evaluation, shooting_equations
 from ..simulation.lossless_hops import CROSSINGS, angles_left
@@ -41,9 +41,6 @@ from .tuned_curve import equations_of_family, values_of
 
 # The step of central differences, in units of a point's size.
 TANGENT_STEP = 1e-5
-# Motions are divided where small changes grow more than this and a curve begins, since Newton's method goes a longer way
-# there, or the event is that something is stationary.
-SENSITIVE = 4e4
 # A number of the certificate is the prescribed one where it differs by less, in units without dimensions.
 AT_LIMIT = 1e-8
 # The quantities that have to be positive on a motion, or negative, with the words of the violations, which are those of

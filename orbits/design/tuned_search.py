@@ -21,8 +21,8 @@ from ..periodic.continued import continued_tuned
 from ..periodic.find import Progress, StartLike, find, first_tuned
 from ..periodic.orbit import Orbit
 from ..periodic.tuned import Tuning, solved_near
-from ..shooting.division import NodedSolution
 from ..running import interrupts
+from ..shooting.division import NodedSolution
 from .active_set import ACTIVE
 from .designs_at_once import Designs, fill_in_tuned, no_designs, start_of_tuned
 from .optimality import Active, Design, Start
@@ -141,8 +141,8 @@ class _TunedSearch:
             jacobian = equations.evaluate(x, known.ps[0], varied).jacobian
             moved = [(p - known.ps[0])[equations.parameters.index(name)] for name in varied]
             guess = x - solve(jacobian[:, : len(x)], jacobian[:, len(x) :] @ np.array(moved))
-            found = solved_near(machine, NodedSolution(equations, None, x, known.ps[0], known.evaluation), guess, p)
-            solved = Solved.of(known.model, known.method, found)
+            near = solved_near(machine, NodedSolution(equations, None, x, known.ps[0], known.evaluation), guess, p)
+            solved = Solved.of(known.model, known.method, near)
             return replace(solved, ps=equations.with_tuned(solved.us, p[None]))
         found, _ = continued_tuned(known, p[None], varied)
         if 0 in found.stopped:

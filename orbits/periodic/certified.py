@@ -47,8 +47,9 @@ class Solved:
     @classmethod
     def of(cls, model: Model, method: str, found: NodedSolution) -> "Solved":
         """One solution that has nodes where it asks for them."""
-        ps = found.p[None]
-        by_nodes = found.division and cls(model, method, found.equations, found.x[None], ps, found.evaluation)
+        ps, by_nodes = found.p[None], None
+        if found.division:
+            by_nodes = cls(model, method, found.equations, found.x[None], ps, found.evaluation)
         return cls(model, method, found.undivided, found.u[None], ps, found.whole, by_nodes=by_nodes)
 
     def only(self, which: ndarray) -> "Solved":
@@ -67,7 +68,8 @@ class Solved:
 def solve_from(machine: Machine, method: str, u: ndarray) -> Solved:
     """The solution to which a method's corrector converges from unknowns (n,); raises `NoOrbit` without convergence."""
     equations, p = equations_of(machine.model, method, tuple(machine.values)), vector(machine.values)
-    return Solved.of(machine.model, method, solved_with_nodes(equations, corrector(method, equations), u, p))
+    solve = equations.multiple_shooting if method == "shooting" else None
+    return Solved.of(machine.model, method, solved_with_nodes(equations, u, p, solve))
 
 
 def corrector(method: str, equations: Shooting) -> Callable:

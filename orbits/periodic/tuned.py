@@ -245,7 +245,7 @@ def _along_way(
 
     reached, step = 0.0 if names else 1.0, 1.0
     try:
-        found = solved_with_nodes(equations, equations.newton, x, p_at(0.0))
+        found = solved_with_nodes(equations, x, p_at(0.0))
     except NoOrbit as error:
         unused, all_of = ", ".join(_unused(equations, x, p_at(0.0))), ", ".join(names)
         tuned = unused or ", ".join(_without_step(equations.statement.tuned))

@@ -6,12 +6,13 @@ determine the motion, and all derivatives, to rounding.
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from ..errors import NoOrbit
+from ..errors import FlowError, NoOrbit
 from ..flow.trajectory import Trajectories, Trajectory
 from ..model.phase import Arc, Statement
 from ..numerics.roots import Array
@@ -25,8 +26,10 @@ LARGEST_ARC_GROWTH = 3e7
 # It is divided before where the launch speed, or 1 if it is less, may be off by more than the first share and a small
 # change grows more than the second number: with less growth the error has other reasons.
 DIVIDED_ERROR, DIVIDED_GROWTH = 3e-12, 3e3
+# Where small changes grow more than this on the motions from which Newton's method begins, it begins with nodes.
+SENSITIVE = 4e4
 # With more growth the launch does not determine the motion any more in 16 digits.
-LARGEST_GROWTH = 1e14
+MOST_GROWTH = 1e14
 # The growth between two nodes that is aimed at, and the largest where a motion is divided: it is not the same
 # everywhere, and increases along a curve. And the largest number of parts.
 PART_GROWTH, LARGEST_PART_GROWTH, MOST_DIVISIONS = 1e2, 1e3, 100
@@ -228,18 +231,24 @@ class NodedSolution:
 
     def divided(self) -> "NodedSolution":
         """The same with the nodes that its motions ask for; raises `NoOrbit` where its launch does not determine it."""
-        growths = self.division.growths(self.evaluation) if self.division else growths_of_arcs(self.evaluation)
-        if growths.max() > LARGEST_GROWTH and self.division:
+        if self.division and (most := self.growths.max()) > MOST_GROWTH:
             raise NoOrbit(
-                f"it stays so long near an unstable equilibrium that small changes grow {growths.max():.0e}-fold: its "
-                "launch does not determine it any more in 16 digits"
+                f"it stays so long near an unstable equilibrium that small changes grow {most:.0e}-fold: its launch "
+                "does not determine it any more in 16 digits"
             )
-        if not self._is_divided:
-            return self
-        whole = self.whole
+        return self.with_nodes() if self._is_divided else self
+
+    def with_nodes(self) -> "NodedSolution":
+        """The same with as many nodes as its motions ask for, from unknowns that need not solve the equations yet."""
+        whole, growths = self.whole, self.growths[0]
         paths = [each[0] for each in whole.trajectories]
-        division, x = division_at(self.undivided, growths[0], self.u, self.p, paths)
+        division, x = division_at(self.undivided, growths, self.u, self.p, paths)
         return NodedSolution(self.undivided, division, x, self.p, whole).near(x, self.p)
+
+    @property
+    def growths(self) -> Array:
+        """The growths (1, arcs) of a small change over the arcs."""
+        return self.division.growths(self.evaluation) if self.division else growths_of_arcs(self.evaluation)
 
     @property
     def _is_divided(self) -> bool:
@@ -251,20 +260,22 @@ class NodedSolution:
         return bool(are_divided(growths, errors, xs[:, self.equations.statement.unknowns.index("alpha")])[0])
 
 
-def solved_with_nodes(undivided: Shooting, solve: Callable, u: Array, p: Array) -> NodedSolution:
-    """The solution near unknowns (n,), with nodes where its motions ask for them.
+def solved_with_nodes(undivided: Shooting, u: Array, p: Array, solve: Callable | None = None) -> NodedSolution:
+    """The solution near unknowns (n,), with nodes where its motions ask for them; where those of the unknowns amplify
+    small changes, nodes are placed on these, since Newton's method without nodes would lead elsewhere.
 
-    solve : (u, p) -> solution near u and the equations there, without nodes; where it does not converge since motions
-        amplify small changes too much, the nodes are placed on the motions of the unknowns themselves
+    solve : (u, p) -> solution near u and the equations there, without nodes; None for Newton's method
 
     Raises `NoOrbit` without convergence.
     """
-    try:
-        u, evaluation = solve(u, p)
-    except NoOrbit as error:
-        evaluation = undivided.evaluate_all(u[None], p[None])
-        if evaluation.amplification[0] <= LARGEST_ARC_GROWTH:
-            raise error
+    evaluation = undivided.evaluate_all(u[None], p[None])
+    if evaluation.amplification[0] > SENSITIVE:
+        with suppress(NoOrbit, FlowError):
+            found = NodedSolution(undivided, None, u, p, evaluation).with_nodes()
+            if found.growths.max() > DIVIDED_GROWTH:
+                return found
+            u, evaluation = found.u, found.whole
+    u, evaluation = solve(u, p) if solve else undivided.newton(u, p, evaluation=evaluation)
     return NodedSolution(undivided, None, u, p, evaluation).divided()
 
 
