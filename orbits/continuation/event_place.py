@@ -82,23 +82,24 @@ def turn_of(machine: Machine, family: Family, formula: Formula, number: int) -> 
 
 def values_along(machine: Machine, family: Family, formula: Formula) -> np.ndarray:
     """The values (m,) of a formula at the points of a family."""
-    here = [machine.with_values(**family._varied(point)) for point in family.points]
+    varied = [family._varied(point) for point in family.points]
+    own = {name: np.array([each.get(name, value) for each in varied]) for name, value in machine.values.items()}
     known, used = {*family._numbers_of(family.points), *names_of_motions(machine)}, quantities_used(machine, formula)
     values = {name: family.column(name) for name in used if name in known}
     if FRICTION_LEFT in used and machine.model.planar and machine.model.planar.friction:
-        stated = np.array([machine.model.planar.friction(own.values) for own in here])
+        stated = machine.model.planar.friction(own)
         values[FRICTION_LEFT], known = stated - family.column("friction_needed"), known | {FRICTION_LEFT}
     if missing := [name for name in used if name not in known]:
         method, each = family.settings["method"], list[list[float]]()
-        for own, point in zip(here, family.points, strict=True):
-            bare = bare_point(machine, family, point)
+        for each_varied, point in zip(varied, family.points, strict=True):
+            here, bare = machine.with_values(**each_varied), bare_point(machine, family, point)
             try:
-                found = quantities(own, orbit_from(own, method, point.u, bare.error), missing)
+                found = quantities(here, orbit_from(here, method, point.u, bare.error), missing)
                 each.append([found[name] for name in missing])
             except NoOrbit:
                 each.append([np.nan] * len(missing))
         values |= dict(zip(missing, np.transpose(each), strict=True))
-    values |= {name: np.array([own.values[name] for own in here]) for name in formula.names if name not in values}
+    values |= {name: own[name] for name in formula.names if name not in values}
     return formula(**{name: values[name] for name in formula.names})
 
 

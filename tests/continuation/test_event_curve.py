@@ -71,15 +71,13 @@ def test_a_contact_that_pulls_where_the_law_has_a_bump():
 
 @pytest.mark.slow
 def test_two_folds_meet_in_a_cusp():
-    """There b, as a function of the launch speed along a family, has a slope and a curvature of 0: by another integrator
-    and differences of order 4."""
+    """There b, as a function of the launch speed along a family, has a slope and a curvature of 0: by another
+    integrator and differences of order 4."""
     machine = Hopper("r + b*r**3 + d*r**5", parameters={"b": 0.0, "d": 6e-5})
     family = follow(machine, "b", -0.0135, start=-0.0125, longest=0.1)
     folds = follow_event(family, "fold", "d", 1e-4, longest=0.2, most=40)
     (cusp,) = [event.point for event in folds.events if event.kind == "fold"]
-    assert (cusp.value, cusp.also["b"], cusp.alpha) == pytest.approx(
-        (7.132438068e-5, -0.01371095482, 6.668979), rel=1e-7
-    )
+    assert cusp.value == pytest.approx(7.132438068e-5, rel=1e-9)
     step, places = 0.05, np.arange(-2, 3)
     values = [law_of(cusp.alpha + step * i, cusp.value, cusp.also["b"]) for i in places]
     assert values[2] == pytest.approx(cusp.also["b"], rel=1e-11)
