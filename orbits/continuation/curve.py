@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple, TypeAlias, overload
+from typing import Any, NamedTuple, Self, TypeAlias, overload
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from ..periodic.orbit import Orbit
 from ..periodic.quantities import motion_numbers
 from ..periodic.tuned import METHOD, counts, is_quantity
 from ..records import NONE, Records
-from ..shooting.division import Division, division_at, growths_of_arcs
+from ..shooting.division import LARGEST_ARC_GROWTH, Division, are_divided, division_at, growths_of_arcs
 from ..shooting.formulations import Cycles, equations_of, iterative, method_of
 from ..shooting.newton_kernel import NewtonKernel, newton_kernel
 from ..shooting.single_shooting import Evaluation, joined
@@ -225,21 +225,27 @@ class Curve:
         self.place = self.names.index(along)
 
     def size(self, x: np.ndarray) -> np.ndarray:
-        """The unit of each component at points (..., n + 1)."""
+        """The unit of each component at points (..., N + 1)."""
+        if self.division is None:
+            return self.bare_size(x)
+        states = np.abs(x[..., self.division.nodes])
+        own = np.maximum(states, 0.1 * states.max(-1, keepdims=True)) * (NODE_UNIT * np.sqrt(states.shape[-1]))
+        return self.division.inserted(self.bare_size(self.division.bare(x)), own)
+
+    def bare_size(self, x: np.ndarray) -> np.ndarray:
+        """The unit of each component at points (..., n + 1) without the states at nodes."""
         size = np.abs(x)
-        if self.division:
-            states = size[..., self.division.nodes]
-            own = np.maximum(states, 0.1 * states.max(-1, keepdims=True)) * (NODE_UNIT * np.sqrt(states.shape[-1]))
-            size[..., self.division.nodes] = 0.0
         size[..., :-1] = np.maximum(size[..., :-1], 0.1 * size[..., :-1].max(-1, keepdims=True))
         size[..., -1] = self.span
-        if self.division:
-            size[..., self.division.nodes] = own
         return size
 
     def bare(self, xs: np.ndarray) -> np.ndarray:
-        """Points or tangents (..., n + 1) without the states at nodes."""
+        """Points or tangents (..., N + 1) without the states at nodes."""
         return self.division.bare(xs) if self.division else xs
+
+    def whole(self, evaluation: Evaluation) -> Evaluation:
+        """The equations at points without nodes, from those with nodes."""
+        return self.division.whole(evaluation) if self.division else evaluation
 
     def growths(self, points: Sequence[CurvePoint]) -> np.ndarray:
         """The largest growths (m,) of a small change over an arc of the motions at points."""
@@ -251,17 +257,24 @@ class Curve:
     def _growths_of_arcs(self, evaluation: Evaluation) -> np.ndarray:
         return self.division.growths(evaluation) if self.division else growths_of_arcs(evaluation)
 
+    def asks_for_nodes(self, points: Sequence[CurvePoint]) -> np.ndarray:
+        """Whether the motions at certified points (m,) are divided at nodes, or divided anew, from there on."""
+        points = CurvePoints.of(points)
+        growths = points.evaluation.amplification[points.places]
+        if not self.takes_nodes:
+            return growths > LARGEST_ARC_GROWTH
+        return are_divided(growths, points.orbits.column("error"), points.orbits.column("alpha"))
+
     def divided(
         self, x: np.ndarray, tangent: np.ndarray, evaluation: Evaluation
-    ) -> tuple["Curve", np.ndarray, np.ndarray]:
+    ) -> tuple[Self, np.ndarray, np.ndarray]:
         """The same curve whose motions are divided at nodes, as many as they ask for at a point (n + 1,) with a
         tangent, where the equations are the evaluation (1); and there both (N + 1,), the tangent with no share of the
         nodes. Raises `NoOrbit`."""
         if not self.takes_nodes:
             raise NoOrbit("small changes grow too much for motions without nodes, which those of this curve are")
         curve, growths, p = copy(self), self._growths_of_arcs(evaluation)[0], self.parameters_at(x[None])[0]
-        if self.division:
-            evaluation, x, tangent = self.division.whole(evaluation), self.bare(x), self.bare(tangent)
+        evaluation, x, tangent = self.whole(evaluation), self.bare(x), self.bare(tangent)
         undivided = self.division.undivided if self.division else self.equations
         paths = [each[0] for each in evaluation.trajectories]
         curve.division, u = division_at(undivided, growths, x[:-1], p, paths)
@@ -315,10 +328,10 @@ class Curve:
 
     def others(self, points: CurvePoints) -> np.ndarray:
         """Matrices (m, d - 1, d - 1) whose eigenvalues are the multipliers besides that of the energy, at points."""
-        return self._others(points.xs, points.own_evaluation)
+        return self._others(points.xs, self.whole(points.own_evaluation))
 
-    def _others(self, xs: np.ndarray, evaluation: Evaluation) -> np.ndarray:
-        own, whole = self.equations_of_orbits.own, self.division.whole(evaluation) if self.division else evaluation
+    def _others(self, xs: np.ndarray, whole: Evaluation) -> np.ndarray:
+        own = self.equations_of_orbits.own
         names = self.equations_of_orbits.statement.unknowns[:own]
         return self.hops.others(names, xs[:, :own], self.parameters_at(xs), whole)
 
@@ -366,15 +379,15 @@ class Curve:
         across, ps = points.tangents / self.size(xs) ** 2, self.parameters_at(xs)
         folds = np.abs(across[:, -1]) * self.span < AT_A_FOLD
         closing = np.where(folds[:, None], across, np.eye(xs.shape[1])[-1])
-        return self._solved(xs[:, :-1], ps, points.own_evaluation), closing
+        return self._solved(self.division, xs[:, :-1], ps, points.own_evaluation), closing
 
-    def _solved(self, us: np.ndarray, ps: np.ndarray, evaluation: Evaluation) -> Solved:
-        model, method = self.machine.model, self.method
-        if self.division is None:
-            return Solved(model, method, self.equations_of_orbits, us, ps, evaluation)
-        by_nodes = Solved(model, method, self.equations, us, ps, evaluation)
-        whole = self.division.bare(us), ps, self.division.whole(evaluation)
-        return Solved(model, method, self.equations_of_orbits, *whole, by_nodes=by_nodes)
+    def _solved(self, division: Division | None, us: np.ndarray, ps: np.ndarray, evaluation: Evaluation) -> Solved:
+        """The solutions (m, N) of the machine's own equations, with nodes where there is a division of them."""
+        model, method, equations = self.machine.model, self.method, self.equations_of_orbits
+        if division is None:
+            return Solved(model, method, equations, us, ps, evaluation)
+        by_nodes = Solved(model, method, division.equations, us, ps, evaluation)
+        return Solved(model, method, equations, division.bare(us), ps, division.whole(evaluation), by_nodes=by_nodes)
 
     def _points(self, points: CurvePoints, cycles: Cycles, certificates: Records[Certificate]) -> Records[Point]:
         """The certified orbits of points, which are the first of some."""

@@ -27,6 +27,7 @@ from ..numerics.roots import solve
 from ..periodic.certificate import Certificate
 from ..periodic.certified import Solved
 from ..records import NONE, Records
+from ..shooting.division import SENSITIVE, Division, division_of
 from ..shooting.formulations import Cycles
 from ..shooting.single_shooting import Evaluation, shooting_equations
 from ..simulation.lossless_hops import CROSSINGS, angles_left
@@ -129,8 +130,6 @@ class EventCurve(Curve):
     locates : whether the events of orbits are located along it
     """
 
-    takes_nodes = False
-
     def __init__(
         self, machine: Machine, along: str, second: str, method: str, span: float, stated: EventStatement,
         condition: EventCondition, tuned: tuple[str, ...], tuned_sizes: np.ndarray, first: float,
@@ -141,10 +140,8 @@ class EventCurve(Curve):
         self.equations_of_orbits = equations_of_family(machine, method, along, tuned)
         self.names = self.equations_of_orbits.parameters
         self.parameters, self.place = values_of(machine, self.names), self.names.index(second)
-        self.equations = shooting_equations(stated.statement, self.names)
-        # The places of the tuned parameters, and the unit of one that passes zero.
-        self.places = slice(self.equations.own, self.equations.size - 1)
-        self.least_tuned = 0.1 * tuned_sizes
+        self.equations = self.undivided = shooting_equations(stated.statement, self.names)
+        self.least_tuned = 0.1 * tuned_sizes  # the units of tuned parameters that pass zero
         # The unit of the first parameter is the distance of its bounds, or its value; of one that passes zero its first
         # value, or 1 when the first value is zero.
         self.least = within[1] - within[0] if within else 0.1 * abs(first) or 1.0
@@ -153,18 +150,51 @@ class EventCurve(Curve):
     def parameters_at(self, xs: np.ndarray) -> np.ndarray:
         return self.equations.with_tuned(xs, super().parameters_at(xs))
 
-    def of_orbits(self, xs: np.ndarray) -> np.ndarray:
-        """The unknowns (..., n) of the orbits, or their units, at points (..., N + 1), or from units."""
-        own = self.equations_of_orbits.own
-        return np.concatenate([xs[..., :own], xs[..., self.places]], axis=-1)
+    def asks_for_nodes(self, points: Sequence[CurvePoint]) -> np.ndarray:
+        found = super().asks_for_nodes(points)
+        if self.condition.stationary:  # second derivatives, and their differences, grow as powers of first ones
+            found |= CurvePoints.of(points).evaluation.amplification[CurvePoints.of(points).places] > SENSITIVE
+        return found
 
-    def size(self, x: np.ndarray) -> np.ndarray:
+    def begun_near(self, x: np.ndarray) -> tuple["EventCurve", np.ndarray]:
+        """The curve and a place (n + 1,) near its first point, with nodes (N + 1,) where small changes grow much."""
+        evaluation = super().evaluate(x[None])
+        if evaluation.amplification[0] <= SENSITIVE:
+            return self, x
+        curve, x, _ = self.divided(x, x, evaluation)
+        return curve, x
+
+    @property
+    def division_of_orbits(self) -> Division | None:
+        """That of the equations of the orbits, whose arcs are the first ones; None where those are not divided."""
+        if self.division is None:
+            return None
+        parts = self.division.parts[: len(self.equations_of_orbits.flows)]
+        return division_of(self.equations_of_orbits, parts) if max(parts) > 1 else None
+
+    def of_orbits(self, xs: np.ndarray) -> np.ndarray:
+        """The unknowns (..., n) of the orbits with the states at their nodes, or their units, at points (..., N + 1),
+        or from units."""
+        own, division = self.equations_of_orbits.own, self.division_of_orbits
+        parts = [xs[..., :own], xs[..., self.equations.own : self.equations.size - 1]]
+        if division:
+            begin = self.undivided.own
+            parts.insert(1, xs[..., begin : begin + division.nodes.stop - division.nodes.start])
+        return np.concatenate(parts, axis=-1)
+
+    def at_orbits(self, xs: np.ndarray, vary: tuple[str, ...] = ()) -> Evaluation:
+        """The equations of the orbits, with their nodes, at points (m, N + 1)."""
+        division = self.division_of_orbits
+        equations = division.equations if division else self.equations_of_orbits
+        return equations.evaluate_all(self.of_orbits(xs), self.parameters_at(xs), vary)
+
+    def bare_size(self, x: np.ndarray) -> np.ndarray:
         """The unknowns of the orbit as on any curve, the others as if they belonged to them, the tuned parameters, and
         the two parameters."""
-        own, rest = self.equations_of_orbits.own, self.places.start
-        size = super().size(np.concatenate([x[..., :own], x[..., -1:]], axis=-1))
+        own, rest = self.equations_of_orbits.own, self.undivided.own
+        size = super().bare_size(np.concatenate([x[..., :own], x[..., -1:]], axis=-1))
         others = np.maximum(np.abs(x[..., own:rest]), 0.1 * size[..., :own].max(-1, keepdims=True))
-        tuned = np.maximum(np.abs(x[..., self.places]), self.least_tuned)
+        tuned = np.maximum(np.abs(x[..., rest:-2]), self.least_tuned)
         first = np.maximum(np.abs(x[..., -2:-1]) * (self.within is None), self.least)
         return np.concatenate([size[..., :own], others, tuned, first, size[..., -1:]], axis=-1)
 
@@ -189,7 +219,7 @@ class EventCurve(Curve):
         residual = found.residual.copy()
         if self.condition.crossing:
             jacobian = found.jacobian.copy()
-            residual[:, -1] = self._crossing(xs, found)
+            residual[:, -1] = self._crossing(xs, self.whole(found))
             jacobian[:, -1] = self._slopes_of_crossing(xs, residual[:, :-1], jacobian[:, :-1])
             return replace(found, residual=residual, jacobian=jacobian)
         if not self.condition.stationary:
@@ -209,9 +239,9 @@ class EventCurve(Curve):
         jacobian[:, -1] = change[:, -1] - np.einsum("mi,mij->mj", adjoint, change[:, :-1])
         return replace(found, residual=residual, jacobian=jacobian)
 
-    def _crossing(self, xs: np.ndarray, evaluation: Evaluation) -> np.ndarray:
-        """The test function (m,) of the multipliers at points (m, n + 1), where the equations are the evaluation."""
-        return CROSSINGS[self.condition.crossing](self._others(xs, evaluation))
+    def _crossing(self, xs: np.ndarray, whole: Evaluation) -> np.ndarray:
+        """The test function (m,) of the multipliers at points (m, N + 1), from the equations there without nodes."""
+        return CROSSINGS[self.condition.crossing](self._others(xs, whole))
 
     def _slopes_of_crossing(self, xs: np.ndarray, residual: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
         """Its derivatives (m, n + 1) in the directions of all that Newton's method may do, by central differences: the
@@ -224,8 +254,9 @@ class EventCurve(Curve):
         ways = np.concatenate([steps / np.where(lengths > 0, lengths, 1.0), v[:, -2:]], axis=1)
         moves = TANGENT_STEP * ways * size
         beside = np.stack([xs[:, None] + moves, xs[:, None] - moves]).reshape(-1, xs.shape[1])
-        found = self.equations_of_orbits.evaluate_all(self.of_orbits(beside), self.parameters_at(beside))
-        ahead, behind = self._crossing(beside, found).reshape(2, *ways.shape[:2])
+        found, division = self.at_orbits(beside), self.division_of_orbits
+        whole = division.whole(found) if division else found
+        ahead, behind = self._crossing(beside, whole).reshape(2, *ways.shape[:2])
         return np.einsum("mc,mcn->mn", (ahead - behind) / (2 * TANGENT_STEP), ways / size)
 
     @staticmethod
@@ -238,15 +269,14 @@ class EventCurve(Curve):
     def solutions(self, points: CurvePoints) -> tuple[Solved, np.ndarray]:
         """The solutions of the machine's own equations, with the errors measured along the first parameter, or across
         the family where that does not determine the orbit."""
-        n, sizes = self.equations_of_orbits.size, self.size(points.xs)
-        us, ps = self.of_orbits(points.xs), self.parameters_at(points.xs)
+        us, sizes = self.of_orbits(points.xs), self.size(points.xs)
         sizes = np.concatenate([self.of_orbits(sizes), sizes[:, -2:-1]], axis=1)
-        evaluation = self.equations_of_orbits.evaluate_all(us, ps, (self.first,))
-        closing = np.tile(np.eye(n + 1)[-1], (len(us), 1))
+        evaluation = self.at_orbits(points.xs, (self.first,))
+        closing = np.tile(np.eye(us.shape[1] + 1)[-1], (len(us), 1))
         tangents = self._tangents(evaluation.jacobian * sizes[:, None])
         folds = np.abs(tangents[:, -1]) < AT_A_FOLD
         closing[folds] = (tangents / sizes)[folds]
-        return self._solved(us, ps, evaluation), closing
+        return self._solved(self.division_of_orbits, us, self.parameters_at(points.xs), evaluation), closing
 
     def _points(self, points: CurvePoints, cycles: Cycles, certificates: Records[Certificate]) -> Records[Point]:
         return self.condition.without_own(self.machine.model, super()._points(points, cycles, certificates))
@@ -270,7 +300,7 @@ class EventEndings(Endings):
     def far(self, last: CurvePoint, history: History, way: Passed = ()) -> End | None:
         if end := super().far(last, history, way):
             return end
-        own, names = self.curve.equations_of_orbits.own, self.curve.equations.statement.unknowns
+        own, names = self.curve.equations_of_orbits.own, self.curve.undivided.statement.unknowns
         for i in self._grown(last.x[None])[0].nonzero()[0].tolist():
             return End(
                 "escaped", f"the {names[own + i]} grows without bound near {self.curve.along} = {last.value:.6g}"
@@ -280,7 +310,7 @@ class EventEndings(Endings):
     def _grown(self, xs: np.ndarray) -> np.ndarray:
         """Whether the unknowns besides those of the orbit have grown beyond the ratio that counts as an escape."""
         own, ratio = self.curve.equations_of_orbits.own, self.control.escape_ratio
-        return np.abs(xs[:, own:-2]) > ratio * np.maximum(np.abs(self.origin.u[own:-1]), 1.0)
+        return np.abs(self.curve.bare(xs)[:, own:-2]) > ratio * np.maximum(np.abs(self.origin.u[own:-1]), 1.0)
 
     def cut(self, segment: Segment) -> tuple[Segment, End | None]:
         segment, end = super().cut(segment)

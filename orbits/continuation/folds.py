@@ -9,9 +9,10 @@ from ..errors import InputError, NoOrbit
 from ..model.machine import Machine
 from ..running.exclusive import exclusive
 from .curve import check_followed, machine_at, tuned_at
+from .event_start import start_of_fold
 from .family import Family
 from .follow import bounds_of
-from .follow_event import collect_event, start_of_fold
+from .follow_event import collect_event
 from .point import Point
 from .step_control import Options, StepControl, checked_options
 from .tuned_curve import equations_of_family

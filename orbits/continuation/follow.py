@@ -231,14 +231,13 @@ def orbit_at(machine: Machine, point: Point, along: str, method: str | None = No
     curve = curve_at(machine, along, method, 1.0, tuned_at(machine, point, along), point)
     x, row = np.array([*point.u, point.value]), np.array(point.tangent)
     with interrupts.deferred(), without_units(curve.units_at(point.value)):
-        curve, known = _known_point(curve, x, row, np.ones(len(x)))
+        curve, known = _known_point(curve, x, row, row)
         return curve.orbit(curve.certify_at(known, point.value))
 
 
-def _known_point(curve: Curve, x: np.ndarray, tangent: np.ndarray, size: np.ndarray) -> tuple[Curve, CurvePoint]:
-    """The point at a known place (n + 1,) of a curve with a tangent, in units (n + 1,), and that curve, divided
-    at nodes where the motion amplifies small changes."""
-    row = tangent / size**2
+def _known_point(curve: Any, x: np.ndarray, row: np.ndarray, tangent: np.ndarray) -> tuple[Any, CurvePoint]:
+    """The point near a place (n + 1,) of a curve, at its level of a row (n + 1,), with a tangent onward from the one
+    stated; and that curve, divided at nodes where the motion amplifies small changes."""
     try:
         found = correct(curve, x, row, row @ x, tangent)
         if found.amplification <= LARGEST_ARC_GROWTH:
@@ -344,7 +343,7 @@ def start_tracer(
     """A run of some kind from near `x` (n + 1,), where the parameter has the value `start`, towards `stop`."""
     with interrupts.deferred(), without_units(curve.units_at(start)):
         along_parameter = np.eye(len(x))[-1]
-        first = correct(curve, x, along_parameter, start, along_parameter * np.sign(stop - start))
+        curve, first = _known_point(curve, x, along_parameter, along_parameter * np.sign(stop - start))
         if options.stop_inadmissible or options.watch:  # otherwise it is certified together with the next points
             first = curve.certify(first)
         for name, function in options.watch.items():
@@ -360,7 +359,7 @@ def _resumed(machine, along: str, behind: float, stop: float, resume: Family, op
     _check_unknowns(last, curve)
     x, tangent = np.array([*last.u, last.value]), np.array(last.tangent)
     with interrupts.deferred(), without_units(curve.units_at(last.value)):
-        curve, first = _known_point(curve, x, tangent, curve.size(x))
+        curve, first = _known_point(curve, x, tangent / curve.size(x) ** 2, tangent)
         first = curve.certify_at(first, last.value)
     return Tracer(curve, first, behind, stop, options, [curve.dimensionless(point) for point in resume.points[:-1]])
 

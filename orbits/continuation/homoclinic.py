@@ -107,8 +107,7 @@ def _decay(t: Array, rates: Array, relative: Array) -> float | None:
 
 def _nearest_rest(curve: Curve, last: CurvePoint) -> Rest | None:
     """The equilibrium that the motions at a point come nearest to, None where they come near none that is unstable."""
-    evaluation, p = CurvePoints.of([last]).own_evaluation, curve.parameters_at(last.x[None])
-    evaluation = curve.division.whole(evaluation) if curve.division else evaluation
+    evaluation, p = curve.whole(CurvePoints.of([last]).own_evaluation), curve.parameters_at(last.x[None])
     best, found = np.inf, None
     for flow, motions in zip(curve.equations_of_orbits.flows, evaluation.trajectories, strict=True):
         states, rates = motions.coefficients[:, : flow.size, 0], motions.coefficients[:, : flow.size, 1]

@@ -92,8 +92,9 @@ class Endings:
         ends |= (speed > ratio) | (time > ratio * first.flight_time) | (speed < 1 / ratio)
         if isinstance(self.curve, TunedCurve):
             ends |= (self.curve.growth(points.xs) > ratio).any(1)
-        ends |= points.evaluation.amplification[points.places] > LARGEST_ARC_GROWTH
-        ends |= self.curve.growths(points) > self.control.largest_amplification
+        growths = np.append(self.curve.growths([before]), self.curve.growths(points))
+        ends |= (growths[:-1] <= LARGEST_ARC_GROWTH) & (growths[1:] > LARGEST_ARC_GROWTH)
+        ends |= self.curve.asks_for_nodes(points) | (growths[1:] > self.control.largest_amplification)
         return ends | (self.stop_inadmissible & np.array([*map(bool, orbits.column("violations"))], bool))
 
     def cut(self, segment: Segment) -> tuple[Segment, End | None]:
@@ -150,7 +151,7 @@ class Endings:
                 return self._homoclinic(orbit_at_rest, last)
             growth = f"{most:.0e}-fold"
             return self.lost(f"small changes grow {growth} over the flight, and rounding decides", last, history)
-        if last.amplification > LARGEST_ARC_GROWTH and (end := self._hanging(last, history, way)):
+        if most > LARGEST_ARC_GROWTH and (end := self._hanging(last, history, way)):
             return end
         if isinstance(self.curve, TunedCurve) and (away := self._tuned_away(self.curve, last)):
             return away

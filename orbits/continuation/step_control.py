@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
 from ..numerics.hermite import around
-from ..shooting.division import LARGEST_ARC_GROWTH
+from ..shooting.division import LARGEST_ARC_GROWTH, MOST_GROWTH
 from ..simulation.lossless_hops import CROSSINGS
 from .corrector import MEMORY, correct, correct_all, predict_and_correct
 from .curve import TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints, StepEnd, Watch, interpolated
@@ -86,7 +86,7 @@ class StepControl:
     separation: float = _between(0.0, 0.5, 0.1)
     most_rejections: int = _between(0, 100_000, 16)
     recovery: int = _between(1, 100_000, 20)
-    largest_amplification: float = _between(10.0, 1e15, 1e14)
+    largest_amplification: float = _between(10.0, 1e15, MOST_GROWTH)
     escape_ratio: float = _between(1.5, 1e12, 1e2)
     running_ratio: float = _between(1.01, 1e12, 2.0)
     least_progress: float = _between(0.0, 0.5, 1e-3)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import NoOrbit, OrbitsError
 from ..running.time_limit import TimeOver, time_to_finish
-from ..shooting.division import LARGEST_ARC_GROWTH
+from ..shooting.division import DIVIDED_GROWTH
 from ..units import Message
 from .corrector import MEMORY, correct
 from .curve import Curve, CurvePoint, CurvePoints, StepEnd
@@ -131,7 +131,7 @@ class Tracer:
                     if end := end or self.endings.far(last, history, way):
                         yield end
                         return
-                    if last.amplification > LARGEST_ARC_GROWTH:
+                    if last.amplification > DIVIDED_GROWTH and self.curve.asks_for_nodes([last])[0]:
                         try:
                             last = self._divided(last)
                         except OrbitsError as error:

@@ -44,9 +44,9 @@ class TunedCurve(Curve):
         # The unit of a parameter that passes zero.
         self.least = 0.1 * np.maximum(np.abs(x[own:-1]), np.nan_to_num(np.abs(changes)))
 
-    def size(self, x: np.ndarray) -> np.ndarray:
-        own = self.equations.own
-        size = super().size(np.concatenate([x[..., :own], x[..., -1:]], axis=-1))
+    def bare_size(self, x: np.ndarray) -> np.ndarray:
+        own = self.equations_of_orbits.own
+        size = super().bare_size(np.concatenate([x[..., :own], x[..., -1:]], axis=-1))
         tuned = np.maximum(np.abs(x[..., own:-1]), self.least)
         return np.concatenate([size[..., :-1], tuned, size[..., -1:]], axis=-1)
 

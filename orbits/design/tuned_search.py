@@ -22,6 +22,7 @@ from ..periodic.find import Progress, StartLike, find, first_tuned
 from ..periodic.orbit import Orbit
 from ..periodic.tuned import Tuning, solved_near
 from ..running import interrupts
+from ..shooting.division import NodedSolution
 from .active_set import ACTIVE
 from .designs_at_once import Designs, fill_in_tuned, no_designs, start_of_tuned
 from .optimality import Active, Design, Start
@@ -140,8 +141,9 @@ class _TunedSearch:
             jacobian = equations.evaluate(x, known.ps[0], varied).jacobian
             moved = [(p - known.ps[0])[equations.parameters.index(name)] for name in varied]
             guess = x - solve(jacobian[:, : len(x)], jacobian[:, len(x) :] @ np.array(moved))
-            x, evaluation = solved_near(machine, equations, guess, p)
-            return replace(known, us=x[None], ps=equations.with_tuned(x[None], p[None]), evaluation=evaluation)
+            near = solved_near(machine, NodedSolution(equations, None, x, known.ps[0], known.evaluation), guess, p)
+            solved = Solved.of(known.model, known.method, near)
+            return replace(solved, ps=equations.with_tuned(solved.us, p[None]))
         found, _ = continued_tuned(known, p[None], varied)
         if 0 in found.stopped:
             raise NoOrbit(found.stopped[0][1])

@@ -14,7 +14,7 @@ from ..model.machine import Machine
 from ..model.model import Model
 from ..records import NONE, Records
 from ..running.exclusive import exclusive
-from ..shooting.division import with_nodes
+from ..shooting.division import NodedSolution, solved_with_nodes, with_nodes
 from ..shooting.error_bound import by_pieces, error_bounds
 from ..shooting.formulations import Cycles, equations_of, interpret, refused_by_unfolding, vector
 from ..shooting.single_shooting import Evaluation, Shooting
@@ -44,6 +44,14 @@ class Solved:
     errors: ndarray | None = None
     by_nodes: "Solved | None" = None
 
+    @classmethod
+    def of(cls, model: Model, method: str, found: NodedSolution) -> "Solved":
+        """One solution that has nodes where it asks for them."""
+        ps, by_nodes = found.p[None], None
+        if found.division:
+            by_nodes = cls(model, method, found.equations, found.x[None], ps, found.evaluation)
+        return cls(model, method, found.undivided, found.u[None], ps, found.whole, by_nodes=by_nodes)
+
     def only(self, which: ndarray) -> "Solved":
         """Some of the solutions, in an order (k,)."""
         errors = None if self.errors is None else self.errors[which]
@@ -60,8 +68,8 @@ class Solved:
 def solve_from(machine: Machine, method: str, u: ndarray) -> Solved:
     """The solution to which a method's corrector converges from unknowns (n,); raises `NoOrbit` without convergence."""
     equations, p = equations_of(machine.model, method, tuple(machine.values)), vector(machine.values)
-    u, evaluation = corrector(method, equations)(u, p)
-    return Solved(machine.model, method, equations, u[None], p[None], evaluation)
+    solve = equations.multiple_shooting if method == "shooting" else None
+    return Solved.of(machine.model, method, solved_with_nodes(equations, u, p, solve))
 
 
 def corrector(method: str, equations: Shooting) -> Callable:

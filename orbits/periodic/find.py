@@ -15,6 +15,7 @@ from ..model.model import STEP_LENGTH, Model, refuse_hysteresis, refuse_one_way
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.time_limit import time_limit
+from ..shooting.division import NodedSolution
 from ..shooting.formulations import equations_of, iterative, method_of, vector
 from ..units import LIFTOFF_SPEED, TIME, Message, Quantity, in_own_units, in_units, without_units
 from .certified import Solved, certified_orbit, corrector, known_solutions, solve_from
@@ -145,9 +146,9 @@ def _tuned_near(machine: Machine, known: Any, tuning: Tuning, method: str) -> tu
         errors, u = errors_of_tuned(solved), solved.us[0].tolist()
         tuned = machine.with_values(**tuned_values(solved.equations, solved.us[0]))
         if sticks:
-            tuned = tuned.with_values(
-                **{STEP_LENGTH: float(solved.ps[0, solved.equations.parameters.index(STEP_LENGTH)])}
-            )
+            step = float(solved.ps[0, solved.equations.parameters.index(STEP_LENGTH)])
+            tuned = tuned.with_values(**{STEP_LENGTH: step})
+        if sticks or solved.by_nodes:  # the tuned numbers in 16 digits do not determine a motion with nodes
             bare = dimensionless(tuned)
             orbit = certified_orbit(bare, replace(solved, model=bare.model), began=began)
             return orbit_of(tuned, orbit), errors
@@ -370,7 +371,7 @@ def solve_family(machine: Machine, family: int, method: str, progress: Progress 
         return known_solutions(model, method, tuple(p), vector(unknowns)[None], vector(p)[None], np.array([error]))
     equations = equations_of(model, method, tuple(p))
     u, evaluation = solve_by_homotopy(model, equations, corrector(method, equations), family, p, progress)
-    return Solved(model, method, equations, u[None], vector(p)[None], evaluation)
+    return Solved.of(model, method, NodedSolution(equations, None, u, vector(p), evaluation).divided())
 
 
 def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str) -> Solved:

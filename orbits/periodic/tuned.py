@@ -18,10 +18,11 @@ from ..model.model import STEP_LENGTH, Model
 from ..model.phase import Arc, Statement
 from ..numerics.roots import solve
 from ..running.time_limit import TimeOver
+from ..shooting.division import NodedSolution, solved_with_nodes
 from ..shooting.error_bound import error_bounds
 from ..shooting.formulations import half_orbit
 from ..shooting.multiple_shooting import boundary_functions
-from ..shooting.single_shooting import Evaluation, Shooting, shooting_equations
+from ..shooting.single_shooting import Shooting, shooting_equations
 from ..symbolic.formula import suggest
 from ..units import DIMENSIONS, FREQUENCY, LENGTH, SPEED, Dimension
 from .certified import Solved
@@ -225,15 +226,13 @@ def solve_tuned(machine: Machine, tuning: Tuning, u: Mapping[str, float]) -> Sol
         [own if value is None else value for own, value in zip(here, tuning.values.values(), strict=True)]
     )
     x = np.array([start[name] for name in equations.statement.unknowns])
-    x, evaluation, p = _along_way(machine, equations, x, names, here, targets)
-    return Solved(machine.model, METHOD, equations, x[None], p[None], evaluation)
+    return Solved.of(machine.model, METHOD, _along_way(machine, equations, x, names, here, targets))
 
 
 def _along_way(
     machine: Machine, equations: Shooting, x: np.ndarray, prescribed: Sequence[str], here: np.ndarray, there: np.ndarray
-) -> tuple[np.ndarray, Evaluation, np.ndarray]:
-    """The solution (n,), the equations there and the parameters (np,), as prescribed quantities go from their values
-    `here` (k,) to those `there`."""
+) -> NodedSolution:
+    """The solution as prescribed quantities go from their values `here` (k,) to those `there`."""
     names, own, places = [*prescribed], machine.values, list(map(equations.parameters.index, prescribed))
 
     def p_at(share: float) -> np.ndarray:
@@ -246,7 +245,7 @@ def _along_way(
 
     reached, step = 0.0 if names else 1.0, 1.0
     try:
-        x, evaluation = equations.newton(x, p_at(0.0))
+        found = solved_with_nodes(equations, x, p_at(0.0))
     except NoOrbit as error:
         unused, all_of = ", ".join(_unused(equations, x, p_at(0.0))), ", ".join(names)
         tuned = unused or ", ".join(_without_step(equations.statement.tuned))
@@ -254,24 +253,23 @@ def _along_way(
         reason = f"no equation of half an orbit has {unused}" if unused else error
         raise NoOrbit(f"{all_of or 'the orbit'} may not depend on {tuned}: {remedy} ({reason})") from None
     while reached < 1:
-        jacobian = equations.evaluate(x, p_at(reached), tuple(names)).jacobian
+        x, jacobian = found.x, found.equations.evaluate(found.x, p_at(reached), tuple(names)).jacobian
         tangent = -solve(jacobian[:, : len(x)], jacobian[:, len(x) :] @ (there - here))
         while True:
             share = 1.0 if step >= 1 - reached else reached + step
             try:
-                guess = x + (share - reached) * tangent
-                x, evaluation = solved_near(machine, equations, guess, p_at(share))
+                found = solved_near(machine, found, x + (share - reached) * tangent, p_at(share))
                 break
             except TimeOver as over:
-                tuned = ", ".join(f"{name} = {value:.6g}" for name, value in tuned_values(equations, x).items())
+                tuned = ", ".join(f"{name} = {value:.6g}" for name, value in tuned_values(equations, found.u).items())
                 raise over.reached(f"on the way to {text(1.0)} it has come to {text(reached)}, with {tuned}") from None
             except (NoOrbit, FlowError, InputError) as error:
                 step = min(step, 1 - reached) / 2
                 if step < SHORTEST_WAY:
                     at, wanted = (dict(zip(names, p[places].tolist(), strict=True)) for p in (p_at(reached), p_at(1.0)))
-                    raise _no_way(equations, x, at, wanted, tangent, error) from None
+                    raise _no_way(equations, found.u, at, wanted, tangent[len(x) - len(found.u) :], error) from None
         reached, step = share, 2 * step
-    return x, evaluation, equations.with_tuned(x[None], p_at(1.0)[None])[0]
+    return replace(found, p=equations.with_tuned(found.u[None], p_at(1.0)[None])[0])
 
 
 def _unused(equations: Shooting, x: np.ndarray, p: np.ndarray) -> list[str]:
@@ -284,11 +282,10 @@ def _unused(equations: Shooting, x: np.ndarray, p: np.ndarray) -> list[str]:
     return [name for name, column in zip(equations.statement.tuned, columns.T, strict=True) if not column.any()]
 
 
-def solved_near(
-    machine: Machine, equations: Shooting, guess: np.ndarray, p: np.ndarray
-) -> tuple[np.ndarray, Evaluation]:
-    """The solution near a predicted one; raises `NoOrbit` where it is far from that, and `InputError` where the machine
-    cannot have the tuned values."""
+def solved_near(machine: Machine, known: NodedSolution, guess: np.ndarray, p: np.ndarray) -> NodedSolution:
+    """The solution near one that is predicted from a known one, with its nodes; raises `NoOrbit` where it is far from
+    that, and `InputError` where the machine cannot have the tuned values."""
+    equations = known.equations
     own = equations.own
     if not (np.isfinite(guess).all() and (guess[equations.durations] > 0).all()):
         raise NoOrbit("the step leads to a negative time or speed")
@@ -298,7 +295,7 @@ def solved_near(
     if np.max(np.abs(found - guess)[:own] / sizes) > FARTHEST_CORRECTED:
         raise NoOrbit("the corrector ends far from the predicted orbit")
     machine.with_values(**tuned_values(equations, found))
-    return found, evaluation
+    return replace(known, x=found, p=p, evaluation=evaluation).divided()
 
 
 def tuned_values(equations: Shooting, x: np.ndarray) -> dict[str, float]:

@@ -5,25 +5,34 @@ determined by its start in floating-point numbers. Between two nodes it grows li
 determine the motion, and all derivatives, to rounding.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from ..errors import NoOrbit
+from ..errors import FlowError, NoOrbit
 from ..flow.trajectory import Trajectories, Trajectory
 from ..model.phase import Arc, Statement
 from ..numerics.roots import Array
 from ..symbolic.caches import cached
+from .error_bound import error_bounds
 from .single_shooting import Evaluation, Shooting, joined, settles, shooting_equations
 
 # A motion is divided where a small change grows more than this over an arc: with larger growth its derivatives lose
 # their rank to rounding.
 LARGEST_ARC_GROWTH = 3e7
+# It is divided before where the launch speed, or 1 if it is less, may be off by more than the first share and a small
+# change grows more than the second number: with less growth the error has other reasons.
+DIVIDED_ERROR, DIVIDED_GROWTH = 3e-12, 3e3
+# Where small changes grow more than this on the motions from which Newton's method begins, it begins with nodes.
+SENSITIVE = 4e4
+# With more growth the launch does not determine the motion any more in 16 digits.
+MOST_GROWTH = 1e14
 # The growth between two nodes that is aimed at, and the largest where a motion is divided: it is not the same
 # everywhere, and increases along a curve. And the largest number of parts.
-PART_GROWTH, LARGEST_PART_GROWTH, MOST_DIVISIONS = 1e3, 1e5, 100
+PART_GROWTH, LARGEST_PART_GROWTH, MOST_DIVISIONS = 1e2, 1e3, 100
 # Unknowns are not determined, and stay as they are, in directions in which the equations change by less than this.
 UNDETERMINED = 1e-8
 MOST_STEPS_TO_NEAREST = 30
@@ -78,7 +87,11 @@ class Division:
 
     def bare(self, xs: Array) -> Array:
         """Unknowns (..., N), with any further columns, without the states at nodes."""
-        return np.delete(xs, np.arange(self.nodes.start, self.nodes.stop), axis=-1)
+        return np.concatenate([xs[..., : self.nodes.start], xs[..., self.nodes.stop :]], axis=-1)
+
+    def inserted(self, us: Array, states: Array) -> Array:
+        """Unknowns (..., n), with any further columns, with states at nodes (..., N - n)."""
+        return np.concatenate([us[..., : self.nodes.start], states, us[..., self.nodes.start :]], axis=-1)
 
     def lifted(self, u: Array, paths: Sequence[Trajectory]) -> Array:
         """Unknowns (n,) with the states that their motions, one for each arc, have at the nodes (N,)."""
@@ -171,6 +184,99 @@ def division_at(
             return division, x
         counts *= 2
     raise NoOrbit(f"small changes grow {growths.max():.0e}-fold, most of it within a short time")
+
+
+def are_divided(growths: Array, errors: Array, alphas: Array) -> Array:
+    """Whether motions with these growths (m,) over an arc, or between their nodes, and launch speeds (m,) with bounds
+    on their errors are divided, or divided anew."""
+    off = errors > DIVIDED_ERROR * np.maximum(np.abs(alphas), 1.0)
+    return (growths > LARGEST_ARC_GROWTH) | (off & (growths > DIVIDED_GROWTH))
+
+
+@dataclass(frozen=True, eq=False)
+class NodedSolution:
+    """A solution of equations, with nodes where its motions amplify small changes.
+
+    undivided : the equations without nodes
+    division : None where no nodes are needed
+    x, p : the unknowns (N,), the states at nodes among them, and the parameters (np,)
+    evaluation : the equations (1) with their nodes
+    """
+
+    undivided: Shooting
+    division: Division | None
+    x: Array
+    p: Array
+    evaluation: Evaluation
+
+    @property
+    def equations(self) -> Shooting:
+        """The equations with their nodes."""
+        return self.division.equations if self.division else self.undivided
+
+    @property
+    def u(self) -> Array:
+        """The unknowns (n,) without the states at nodes."""
+        return self.division.bare(self.x) if self.division else self.x
+
+    @property
+    def whole(self) -> Evaluation:
+        """The equations (1) without nodes."""
+        return self.division.whole(self.evaluation) if self.division else self.evaluation
+
+    def near(self, x: Array, p: Array) -> "NodedSolution":
+        """The solution with parameters (np,) near unknowns (N,) with the same nodes; raises `NoOrbit`."""
+        x, evaluation = self.equations.newton(x, p)
+        return replace(self, x=x, p=p, evaluation=evaluation).divided()
+
+    def divided(self) -> "NodedSolution":
+        """The same with the nodes that its motions ask for; raises `NoOrbit` where its launch does not determine it."""
+        if self.division and (most := self.growths.max()) > MOST_GROWTH:
+            raise NoOrbit(
+                f"it stays so long near an unstable equilibrium that small changes grow {most:.0e}-fold: its launch "
+                "does not determine it any more in 16 digits"
+            )
+        return self.with_nodes() if self._is_divided else self
+
+    def with_nodes(self) -> "NodedSolution":
+        """The same with as many nodes as its motions ask for, from unknowns that need not solve the equations yet."""
+        whole, growths = self.whole, self.growths[0]
+        paths = [each[0] for each in whole.trajectories]
+        division, x = division_at(self.undivided, growths, self.u, self.p, paths)
+        return NodedSolution(self.undivided, division, x, self.p, whole).near(x, self.p)
+
+    @property
+    def growths(self) -> Array:
+        """The growths (1, arcs) of a small change over the arcs."""
+        return self.division.growths(self.evaluation) if self.division else growths_of_arcs(self.evaluation)
+
+    @property
+    def _is_divided(self) -> bool:
+        """Whether its motions are divided, or divided anew."""
+        growths, xs, ps = self.evaluation.amplification, self.x[None], self.p[None]
+        if not DIVIDED_GROWTH < growths[0] <= LARGEST_ARC_GROWTH:
+            return bool(growths[0] > LARGEST_ARC_GROWTH)
+        errors, _ = error_bounds(self.equations, xs, ps, self.evaluation, None, True, by_nodes=bool(self.division))
+        return bool(are_divided(growths, errors, xs[:, self.equations.statement.unknowns.index("alpha")])[0])
+
+
+def solved_with_nodes(undivided: Shooting, u: Array, p: Array, solve: Callable | None = None) -> NodedSolution:
+    """The solution near unknowns (n,), with nodes where its motions ask for them; where those of the unknowns amplify
+    small changes, nodes are placed on these, since Newton's method without nodes would lead elsewhere.
+
+    solve : (u, p) -> solution near u and the equations there, without nodes; None for Newton's method
+
+    Raises `NoOrbit` without convergence.
+    """
+    evaluation = undivided.evaluate_all(u[None], p[None])
+    if evaluation.amplification[0] > SENSITIVE:
+        with suppress(NoOrbit, FlowError):
+            found = NodedSolution(undivided, None, u, p, evaluation).with_nodes()
+            if found.growths.max() > DIVIDED_GROWTH:
+                return found
+            u, evaluation = found.u, found.whole
+    u, evaluation = solve(u, p) if solve else undivided.newton(u, p, evaluation=evaluation)
+    return NodedSolution(undivided, None, u, p, evaluation).divided()
 
 
 def growths_of_arcs(evaluation: Evaluation) -> Array:

@@ -261,11 +261,14 @@ class Shooting:
             residuals.append(arrival(u, start, before, p, q)[0].ravel())
         return np.concatenate(residuals)
 
-    def newton(self, u: ArrayLike, p: np.ndarray, attempts: int = 30) -> tuple[np.ndarray, Evaluation]:
-        """The solution (n,) by Newton's method from `u`, to rounding, and the equations at this one point; raises
-        `NoOrbit` without convergence. A step that leaves the flow's domain or collapses a duration is halved."""
+    def newton(
+        self, u: ArrayLike, p: np.ndarray, attempts: int = 30, evaluation: Evaluation | None = None
+    ) -> tuple[np.ndarray, Evaluation]:
+        """The solution (n,) by Newton's method from `u`, where the equations are the evaluation (1) if it is known, to
+        rounding, and the equations at this one point; raises `NoOrbit` without convergence. A step that leaves the
+        flow's domain or collapses a duration is halved."""
         us, ps, size = np.array(u, dtype=float)[None], np.reshape(p, (1, -1)), np.inf
-        evaluation = self.evaluate_all(us, ps)
+        evaluation = evaluation or self.evaluate_all(us, ps)
         for _ in range(attempts):
             step = solve(evaluation.jacobian[0], -evaluation.residual[0])
             last, size = size, np.max(np.abs(step) / np.maximum(np.abs(us), SMALLEST_UNIT))

@@ -30,6 +30,7 @@ MOST_ON_WAY, MOST_ON_CURVE, LONGEST_ON_WAY, LONGEST_ON_CURVE = 60, 400, 0.5, 0.0
 # Few points are solved at a time, since most curves end soon, and long steps are taken, since the rows are hit exactly.
 # Curves are not followed far to where rounding decides, which takes many steps: what is left there is bisected.
 ON_CURVE = StepControl(largest_batch=32, target_correction=1e-4, largest_amplification=1e6, escape_ratio=20.0)
+ALONG_FOLDS = replace(ON_CURVE, largest_amplification=100.0)  # second derivatives grow as powers of first ones
 # A curve of an event's kind that passes a row within this share of the range of the event is its curve.
 SAME_CURVE = 1e-7
 
@@ -167,7 +168,7 @@ def _both_ways(box: Box, family: Family, event: Event) -> list[Family]:
                 most=MOST_ON_CURVE,
                 stop_inadmissible=event.kind != "fold",
                 locate=False,
-                step_control=ON_CURVE,
+                step_control=ALONG_FOLDS if event.kind == "fold" else ON_CURVE,
             )
         )
     return curves

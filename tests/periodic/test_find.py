@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from conftest import PROVED, REFERENCES, machine_of, middle, slow_after
+from hanging import quadratic_lateness
 
-from orbits import InputError, NoOrbit, find
+from orbits import InputError, NoOrbit, find, find_all
 from orbits.shooting.formulations import METHODS
 from problems import Hopper
 from problems.laws import springs
@@ -232,3 +233,17 @@ def test_an_orbit_that_all_but_escapes():
     assert abs(orbit.alpha - parabola(1e-7)) < orbit.error
     with pytest.raises(NoOrbit, match="no step reduces the residual"):
         find(spring.with_values(delta=1e-10))
+
+
+def test_a_flight_that_hangs():
+    """Small changes grow 6e9-fold on the way to its middle; the launch speed is known to its last digits, by elliptic
+    integrals, whose derivative by the launch speed is 1.7e8."""
+    machine = Hopper("r + c*r**2", parameters={"c": -0.022})
+    slow, hanging = find_all(machine, family=1)
+    assert slow.alpha == pytest.approx(4.583807109887378, rel=1e-14)
+    lateness = quadratic_lateness(-0.022, hanging.alpha)
+    assert abs(lateness) < 1.7e8 * hanging.error
+    assert hanging.error < 1e-12
+    again = find(machine, start=hanging)
+    assert (again.family, again.alpha) == (1, pytest.approx(hanging.alpha, rel=1e-15))
+    assert again.flight_time == pytest.approx(2 * hanging.alpha, rel=1e-15)

@@ -5,6 +5,7 @@ from math import atan, pi, sqrt
 
 import numpy as np
 import pytest
+from hanging import excess_over_barrier
 
 from orbits import InputError, NoOrbit, Orbit, find, follow, quantities, starts
 from orbits.periodic import tuned, tuned_extremes
@@ -236,3 +237,20 @@ def test_where_no_run_is_found_the_reason_is_said(family, speed, text):
     machine = runner(foot_mass=0.1, rest_length=3.7, inertia=5.7, hip_stiffness=5.4)
     with pytest.raises(NoOrbit, match=text):
         find(machine, family, tune=RUN, at={"speed": speed})
+
+
+def test_a_contact_that_hangs():
+    """Its launch is that of the collapse, where the body comes to rest at the barrier, but for 1e-24 of its energy."""
+    machine = Hopper("cubic", rest_length=30.0, parameters={"beta": -0.005})
+    orbit = find(machine, tune="beta", at={"contact_time": 60.0})
+    beta = orbit.source.values["beta"]
+    assert excess_over_barrier(orbit.alpha, orbit.liftoff_extension, beta) == pytest.approx(0.0, abs=1e-11)
+    assert orbit.contact_time == pytest.approx(60.0, rel=1e-15)
+    assert orbit.certificate.energy_drift < 1e-13
+    assert max(orbit.error, orbit.tuned["beta"]) < 1e-13
+
+
+@pytest.mark.slow
+def test_a_contact_that_no_launch_determines():
+    with pytest.raises(NoOrbit, match="its launch does not determine it any more in 16 digits"):
+        find(Hopper("cubic", parameters={"beta": -0.005}), tune="beta", at={"contact_time": 100.0})

@@ -1,0 +1,134 @@
+"""Where an event lies on a family: among those that are located, where a formula has a value, or is stationary."""
+
+from collections import Counter
+
+import numpy as np
+
+from ..design.design_quantities import FRICTION_LEFT
+from ..design.problem import Outputs, known_formula, names_along
+from ..design.sensitivities import quantities
+from ..errors import InputError, NoOrbit
+from ..model.machine import Machine
+from ..model.phase import Statement
+from ..periodic.certified import orbit_from
+from ..simulation.lossless_hops import CROSSINGS
+from ..symbolic.formula import Formula, suggest
+from .curve import TEST_FUNCTIONS
+from .family import Family
+from .point import Event, Point, point_in_units
+from .step_control import OTHER_EVENTS
+from .table import names_of_motions
+from .tuned_curve import equations_of_family
+
+# How the name of an event begins along which a quantity is stationary.
+EXTREMUM = "extremum of "
+
+
+def located_event(family: Family, event: Event | str, number: int) -> Event:
+    """An event of a family."""
+    if isinstance(event, Event):
+        place = event.kind, event.point.value, event.point.u
+        if all((each.kind, each.point.value, each.point.u) != place for each in family.events):
+            where = f"{family.name} = {event.point.value:.10g}"
+            raise InputError(f"the event '{event.kind}' at {where} is none of this family: take one of family.events")
+        return event
+    found = [each for each in family.events if each.kind == event]
+    if number < len(found):
+        return found[number]
+    counts = Counter(each.kind for each in family.events)
+    here = ", ".join(f"{count} '{kind}'" for kind, count in counts.items()) or "none"
+    if found:
+        raise NoOrbit(f"number = {number}: the family has {here}, and the first is number 0")
+    machine, known = family.source, [*TEST_FUNCTIONS, *OTHER_EVENTS, *counts]
+    if event in CROSSINGS and "multipliers" not in family.settings:
+        here += f"; a '{event}' is located by follow(..., multipliers=True)"
+    elif event not in known:
+        if machine and event in names_along(machine):
+            text = f"'{event}' is no event: a quantity is followed at a value, as {{'{event}': 0.1}}, or where it is"
+            raise InputError(f"{text} stationary along the family, as '{EXTREMUM}{event}'")
+        near = suggest(event, known)
+        raise InputError(f"there is no event '{event}'{near}{'' if near.endswith('?') else '.'} The family has {here}")
+    raise NoOrbit(f"the family has no event '{event}'; it has {here}")
+
+
+def crossing_of(machine: Machine, family: Family, formula: Formula, level: float, number: int) -> Point:
+    """A dimensionless point of a family next to where a formula passes a value."""
+    values = values_along(machine, family, formula) - level
+    if (values == values[0]).all():
+        raise InputError(f"'{formula.text}' is the same all along the family, {values[0] + level:.10g}")
+    with np.errstate(invalid="ignore"):
+        found = np.flatnonzero(values[:-1] * values[1:] <= 0)
+    if not 0 <= number < len(found):
+        if not np.isfinite(values).any():
+            raise NoOrbit(f"'{formula.text}' has no value at any orbit of the family")
+        low, high = (float(each(values)) + level for each in (np.nanmin, np.nanmax))
+        raise NoOrbit(
+            f"'{formula.text}' passes {level:g} along the family {len(found)} times: it lies between {low:.6g} and "
+            f"{high:.6g}"
+        )
+    i = int(found[number])
+    return bare_point(machine, family, family[i if abs(values[i]) <= abs(values[i + 1]) else i + 1])
+
+
+def turn_of(machine: Machine, family: Family, formula: Formula, number: int) -> Point:
+    """A dimensionless point of a family next to where a formula is stationary."""
+    values = values_along(machine, family, formula)
+    rises = np.diff(values)
+    found = np.flatnonzero(rises[:-1] * rises[1:] < 0) + 1
+    if not 0 <= number < len(found):
+        raise NoOrbit(f"'{formula.text}' has {len(found)} extrema inside the family, and none of number {number}")
+    return bare_point(machine, family, family[int(found[number])])
+
+
+def values_along(machine: Machine, family: Family, formula: Formula) -> np.ndarray:
+    """The values (m,) of a formula at the points of a family."""
+    varied = [family._varied(point) for point in family.points]
+    own = {name: np.array([each.get(name, value) for each in varied]) for name, value in machine.values.items()}
+    known, used = {*family._numbers_of(family.points), *names_of_motions(machine)}, quantities_used(machine, formula)
+    values = {name: family.column(name) for name in used if name in known}
+    if FRICTION_LEFT in used and machine.model.planar and machine.model.planar.friction:
+        stated = machine.model.planar.friction(own)
+        values[FRICTION_LEFT], known = stated - family.column("friction_needed"), known | {FRICTION_LEFT}
+    if missing := [name for name in used if name not in known]:
+        method, each = family.settings["method"], list[list[float]]()
+        for each_varied, point in zip(varied, family.points, strict=True):
+            here, bare = machine.with_values(**each_varied), bare_point(machine, family, point)
+            try:
+                found = quantities(here, orbit_from(here, method, point.u, bare.error), missing)
+                each.append([found[name] for name in missing])
+            except NoOrbit:
+                each.append([np.nan] * len(missing))
+        values |= dict(zip(missing, np.transpose(each), strict=True))
+    values |= {name: own[name] for name in formula.names if name not in values}
+    return formula(**{name: values[name] for name in formula.names})
+
+
+def known_event(machine: Machine, text: object) -> Formula:
+    """A formula of the quantities and parameters of a machine."""
+    if not isinstance(text, str):
+        raise InputError(f"event = {text!r}; it is a kind of event, or a formula of quantities with its value")
+    formula = known_formula(text, names_along(machine), "the event")
+    if not formula.names:
+        raise InputError(f"the event '{text}' says nothing of the orbit or the machine")
+    return formula
+
+
+def quantities_used(machine: Machine, formula: Formula) -> list[str]:
+    """The quantities that a formula uses."""
+    return Outputs((formula,), ()).quantities(machine.model, machine.values)
+
+
+def bare_point(machine: Machine, family: Family, point: Point) -> Point:
+    """A point of a family without dimensions."""
+    units = machine.with_values(**family._varied(point)).units
+    return point_in_units(point, units and units.inverse())
+
+
+def statement_of_family(machine: Machine, family: Family) -> Statement:
+    """The statement of the family's orbits."""
+    return equations_of_family(machine, family.settings["method"], family.name, tuned_of_family(family)).statement
+
+
+def tuned_of_family(family: Family) -> tuple[str, ...]:
+    """The names of the tuned parameters of a family."""
+    return tuple(family.settings.get("tune", ()))

@@ -1,0 +1,57 @@
+"""Shared by the tests of motions near an unstable equilibrium: closed forms of a quadratic spring, and of a barrier."""
+
+import mpmath
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+DIGITS = 40
+
+
+def quadratic_lateness(c: float, alpha: float) -> mpmath.mpf:
+    """How much later than half the flight the extension of r + c r**2 turns for the second time, by elliptic integrals;
+    1 where it escapes over the barrier at -1/c."""
+    with mpmath.workdps(DIGITS):
+        c, alpha = mpmath.mpf(c), mpmath.mpf(alpha)
+        liftoff = (mpmath.sqrt(1 + 4 * c) - 1) / (2 * c)
+        energy = alpha**2 / 2 + liftoff**2 / 2 + c * liftoff**3 / 3
+        roots = mpmath.polyroots([2 * c / 3, 1, 0, -2 * energy], maxsteps=1000, extraprec=400)
+        if max(abs(mpmath.im(root)) for root in roots) > mpmath.mpf(10) ** (10 - DIGITS):
+            return mpmath.mpf(1)
+        low, high, beyond = sorted(map(mpmath.re, roots))
+        m = (high - low) / (beyond - low)
+        angle = mpmath.asin(mpmath.sqrt((high - liftoff) / (m * (beyond - liftoff))))
+        pace = 2 / mpmath.sqrt(-2 * c / 3 * (beyond - low))
+        return pace * (mpmath.ellipf(angle, m) + mpmath.ellipk(m)) - alpha
+
+
+def quadratic_c(alpha: float, about: float) -> mpmath.mpf:
+    """The law r + c r**2 of the orbit of family 1 that nearly escapes with a launch speed, near a known one."""
+    with mpmath.workdps(DIGITS):
+        low, high = (mpmath.mpf(about) + side * mpmath.mpf(10) ** -12 for side in (-1, 1))
+        signs = [mpmath.sign(quadratic_lateness(c, alpha)) for c in (low, high)]
+        assert signs[0] != signs[1]
+        for _ in range(70):
+            middle = (low + high) / 2
+            if mpmath.sign(quadratic_lateness(middle, alpha)) == signs[1]:
+                high = middle
+            else:
+                low = middle
+        return low
+
+
+def excess_over_barrier(alpha: float, liftoff: float, beta: float, delta: float = 0.0) -> float:
+    """The energy in contact, of a spring r + beta r**3 + delta r**5 and equal masses, above that of rest where the
+    spring can just carry the body."""
+    force = np.polynomial.Polynomial([1.0, 1.0, 0.0, beta, 0.0, delta])
+    slope, energy = force.deriv(), force.integ()
+    turns = [x.real for x in slope.roots() if abs(x.imag) < 1e-12 and x.real < 0]
+    top = max(turns)
+    rest = brentq(force, 3 * top, top, xtol=1e-15, rtol=1e-15)
+    return alpha**2 + energy(liftoff) - energy(rest)
+
+
+def mid_flight_rate(alpha: float, liftoff: float, beta: float, delta: float = 0.0) -> float:
+    """The rate of the extension half way through the flight, by another integrator; it vanishes on an orbit."""
+    rates = lambda t, x: [x[1], -x[0] - beta * x[0] ** 3 - delta * x[0] ** 5]  # noqa: E731
+    return solve_ivp(rates, (0, alpha), [liftoff, alpha], method="DOP853", rtol=1e-13, atol=1e-13).y[1, -1]
