@@ -64,6 +64,9 @@ STEP_ACROSS, JUMP_OF_SLOPES = 1e-9, 1e5
 # The slope along the parameter, which needs other machines, is not computed anew within this share of the ranges: it
 # decides how fast Newton's method converges, not to which point.
 SAME_RATE, INEXACT = 1e-4, 100.0
+# Hops with larger errors do not end Newton's method across the curve. Where those without errors do not come back up to
+# the last number, they are others.
+LARGEST_ERROR_OF_HOPS, UNSETTLED, OTHER_HOPS = 1e-7, 1e300, 1e-6
 GROWTH_OF_HOPS = 1e6  # of a small change over many hops, up to which they are followed
 HALVINGS = 12  # of a step in which the number of impacts changes and the map may jump
 # The radius of the circle round a corner, its angles, and the angle at which both sides of the curve are checked.
@@ -115,7 +118,8 @@ class FoundEvent:
 
 class MapEquations(NamedTuple):
     """The equation at points of the curve: residual (m, 1), Jacobian (m, 1, 2), the hops' launch speeds and numbers of
-    impacts (m, period), and their multipliers (m,) where these are known together with the slopes."""
+    impacts (m, period), and their multipliers (m,) where these are known together with the slopes, with their errors
+    (m,)."""
 
     residual: np.ndarray
     jacobian: np.ndarray
@@ -123,12 +127,16 @@ class MapEquations(NamedTuple):
     impacts: np.ndarray
     multipliers: np.ndarray | None = None
     changes: np.ndarray | None = None
+    errors: np.ndarray | None = None
     trajectories: tuple[()] = ()
 
     @property
     def amplification(self) -> np.ndarray:
-        """The factors (m,) by which the last Newton step is to be smaller, where the slopes are not exact."""
-        return np.full(len(self.residual), INEXACT if self.multipliers is None else 1.0)
+        """The factors (m,) by which the last Newton step is to be smaller, where the slopes are not exact; no step is
+        small enough for the last one where the hops are not known well enough."""
+        if self.errors is None:
+            return np.full(len(self.residual), INEXACT)
+        return np.where(self.errors > LARGEST_ERROR_OF_HOPS, UNSETTLED, 1.0)
 
 
 class LaunchCurve:
@@ -158,13 +166,13 @@ class LaunchCurve:
         """Values of the parameter inside of its range, beyond which there may be no machine; any injection is one."""
         return values if self.along == INJECT else np.clip(values, self.maps.low, self.maps.high)
 
-    def evaluate(self, xs: np.ndarray) -> MapEquations:
-        """The equation at points (m, 2)."""
+    def evaluate(self, xs: np.ndarray, exact: bool = False) -> MapEquations:
+        """The equation at points (m, 2); unless it is to be `exact`, the hops may have errors."""
         alpha, values, (before, along) = xs[:, 0], self.possible(xs[:, 1]), self._rates
-        if smooth := self.maps.smooth_cycles(alpha, values, self.period):
+        if smooth := self.maps.smooth_cycles(alpha, values, self.period, exact):
             excess, slopes = smooth.excess
             numbers = smooth.launches[:, :-1], smooth.impacts, smooth.slopes.prod(axis=1), smooth.changes[:, :-1]
-            return MapEquations(excess[:, None], slopes[:, None], *numbers)
+            return MapEquations(excess[:, None], slopes[:, None], *numbers, smooth.errors)
         step, m = STEP_ACROSS * np.abs(alpha), len(alpha)
         alphas = np.concatenate([alpha, alpha - step, alpha + step])
         launches, impacts = self.maps.cycles(alphas, np.tile(values, 3), self.period)
@@ -183,7 +191,7 @@ class LaunchCurve:
 
     def at(self, x: np.ndarray, before: np.ndarray) -> CurvePoint:
         """The certified point at a position (2,) on the curve, with the tangent pointing onward from `before` (2,)."""
-        evaluation = self.evaluate(x[None])
+        evaluation = self.evaluate(x[None], exact=True)
         across, along = evaluation.jacobian[0, 0]
         tangent = np.array([-along, across])
         size = float(np.linalg.norm(tangent / self.scale))
@@ -192,10 +200,15 @@ class LaunchCurve:
         return self.certify(CurvePoint(x, tangent, 0.0, cast(Any, evaluation), 0))
 
     def certify(self, point: CurvePoint) -> CurvePoint:
-        """The point with its `PeriodicLaunch`."""
+        """The point with its `PeriodicLaunch`, from hops without errors; raises `NoOrbit` where these are others."""
         if point.certified is not None:
             return point
         found: Any = point.evaluation
+        if found.errors is not None and found.errors[point.place]:
+            found = self.evaluate(point.x[None], exact=True)
+            if not abs(found.residual[0, 0]) <= OTHER_HOPS:
+                raise NoOrbit("the hops have other impacts there")
+            point = point._replace(evaluation=found, place=0)
         launches, impacts = (tuple(each[point.place].tolist()) for each in (found.launches, found.impacts))
         if found.multipliers is None:
             slope = self.maps.multiplier(launches, float(self.possible(point.value)))
@@ -379,11 +392,15 @@ class LaunchTracer(Tracer):
         self, state: TracerState, points: Sequence[CurvePoint]
     ) -> tuple[Sequence[CurvePoint], NoOrbit | None]:
         interrupts.heed()
-        certified = self.curve.certify_all(points)[0]
+        certified, error = list[CurvePoint](), None
+        try:
+            certified.extend(map(self.curve.certify, points))
+        except NoOrbit as failure:
+            error = failure
         for i, (before, behind) in enumerate(pairwise([state.last, *certified])):
             if before.certified and self._changes_sheet(before, behind):
                 return certified[:i], NoOrbit("the launches of the hops change their places: another sheet")
-        return certified, None
+        return certified, error
 
     def _changes_sheet(self, before: CurvePoint, behind: CurvePoint) -> bool:
         """Whether launches change otherwise between two points than their rates say, as on another sheet of the curve,
