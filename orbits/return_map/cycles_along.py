@@ -231,10 +231,10 @@ class CyclesAlong:
         own = self._by_first(m, period, groups, steps, launches, changes, units, growing)
         launches *= units[:, None]
         launches[:, 0] = alphas
-        solved = [
-            SolvedHops(alpha, value, guess.impacts, *cast(Any, zip(*each, strict=True)), bool(settled.all()))
-            for alpha, value, guess, each in zip(alphas.tolist(), values.tolist(), begun, own, strict=True)
-        ]
+        solved = list[SolvedHops]()
+        for alpha, value, guess, each in zip(alphas.tolist(), values.tolist(), begun, own, strict=True):
+            unknowns, slopes_of = zip(*each, strict=True)
+            solved.append(SolvedHops(alpha, value, guess.impacts, unknowns, slopes_of, bool(settled.all())))
         if settled.all():
             self._solved[period].extend(each for each, new in zip(solved, tested, strict=True) if new)
         else:

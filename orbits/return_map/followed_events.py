@@ -107,8 +107,10 @@ class EventEquations(Curve):
         return values
 
     def size(self, x: np.ndarray) -> np.ndarray:
-        size = super().size(np.delete(x, -2, axis=-1))
-        return np.insert(size, -1, np.maximum(np.abs(x[..., -2]), self.least), axis=-1)
+        size = np.abs(x)
+        size[..., :-2] = np.maximum(size[..., :-2], 0.1 * size[..., :-2].max(-1, keepdims=True))
+        size[..., -2], size[..., -1] = np.maximum(size[..., -2], self.least), self.span
+        return size
 
     def varied(self, p: np.ndarray) -> dict[str, float]:
         places = {self.names[i]: float(p[i]) for i in (self.first, self.place)}
