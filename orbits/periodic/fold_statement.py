@@ -22,9 +22,8 @@ def fold_statement(statement: Statement, along: str) -> Statement:
     along : name of the parameter
 
     The unknowns are u, the parameter, and the null vector v of dF/du without its entry for "alpha", which is never zero
-    at a fold and is scaled to 1. The equations are F = 0 and dF/du v = 0 (Moore and Spence 1980). Where a law has pieces,
-    the variation has other rates on each of them, and what changes the time at which a motion comes to a breakpoint
-    changes the variation behind it. Raises `InputError` where the breakpoints move with the parameter.
+    at a fold and is scaled to 1. The equations are F = 0 and dF/du v = 0 (Moore and Spence 1980). Where a law has
+    pieces, the rates of the variation jump at breakpoints. Raises `InputError` where these move with the parameter.
     """
     for pieces in (arc.phase.pieces for arc in statement.arcs if arc.phase.pieces):
         if along in _names_read(pieces):
