@@ -6,8 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 
 from orbits import bifurcations
+from orbits.return_map.border_events import FoundEvent
+from orbits.return_map.branches import BranchTracer
 from orbits.return_map.cycles import MapsAlong
 from orbits.return_map.hops import Hops
+from orbits.return_map.launch_curve import PeriodicLaunch
 from orbits.return_map.map_pieces import map_pieces
 from problems import Hopper
 
@@ -41,6 +44,18 @@ class KnownMaps(MapsAlong):
 
     def status(self, alpha, value):
         return "lifts_off" if np.isfinite(self.following(np.array([alpha]), value)[0]) else "rests"
+
+
+LOGISTIC = KnownMaps(2.5, 3.6, lambda a, r: r * a * (1 - a), lambda a, r: r * (1 - 2 * a))
+
+
+def traced(maps, between, alpha, value, side=1, period=1):
+    """The points, events and the end of a branch from a periodic launch; the side is that of growing parameters."""
+    tracer = BranchTracer(maps, between, period, (), 0.02)
+    start = tracer.start(alpha, value)
+    items = list(tracer.trace(start, side * (1 if start.tangent[1] > 0 else -1)))
+    points = [item for item in items if isinstance(item, PeriodicLaunch)]
+    return points, [item for item in items if isinstance(item, FoundEvent)], items[-1]
 
 
 @cache

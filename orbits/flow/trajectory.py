@@ -112,11 +112,7 @@ def begins_of_steps(steps: Array, counts: Array) -> Array:
 
 @dataclass(eq=False)
 class Trajectories:
-    """Several motions of one phase, the N steps of all in one array, so that they are evaluated together.
-
-    Beside the fields, `steps` (N,) are the lengths of the steps, `first` and `last` (m,) the first and last step of
-    each motion.
-    """
+    """Several motions of one phase, the N steps of all in one array, so that they are evaluated together."""
 
     starts: Array  # (N,), times at which the steps begin
     ends: Array  # (m,), times at which the motions end
@@ -125,13 +121,24 @@ class Trajectories:
     names: tuple[str, ...]
     variations: Array | None = None  # (N, n, columns), as in `Trajectory`
 
-    def __post_init__(self) -> None:
-        self.last = self.counts.cumsum() - 1
-        self.first = self.last - self.counts + 1
-        self.steps = np.empty_like(self.starts)
-        self.steps[:-1] = self.starts[1:]
-        self.steps[self.last] = self.ends
-        self.steps -= self.starts
+    @cached_property
+    def last(self) -> Array:
+        """The last steps (m,) of each motion."""
+        return self.counts.cumsum() - 1
+
+    @cached_property
+    def first(self) -> Array:
+        """The first steps (m,) of each motion."""
+        return self.last - self.counts + 1
+
+    @cached_property
+    def steps(self) -> Array:
+        """The lengths (N,) of the steps."""
+        steps = np.empty_like(self.starts)
+        steps[:-1] = self.starts[1:]
+        steps[self.last] = self.ends
+        steps -= self.starts
+        return steps
 
     @cached_property
     def owner(self) -> Array:
@@ -184,14 +191,13 @@ class Trajectories:
         """The motions in `count` parts of as many each, in order."""
         if count == 1:
             return [self]
-        m, moving = len(self) // count, self.variations
-        parts = []
-        for i in range(0, len(self), m):
-            own, steps = slice(i, i + m), slice(self.first[i], self.last[i + m - 1] + 1)
+        m, moving, parts = len(self) // count, self.variations, []
+        firsts, lasts = self.first[::m].tolist(), self.last[m - 1 :: m].tolist()
+        for i, first, last in zip(range(0, len(self), m), firsts, lasts, strict=True):
+            own, steps = slice(i, i + m), slice(first, last + 1)
             variations = None if moving is None else moving[steps]
             arrays = self.starts[steps], self.ends[own], self.coefficients[steps], self.counts[own]
             parts.append(Trajectories(*arrays, self.names, variations))
-            parts[-1].of_lasts, parts[-1].finals = self.of_lasts[own], self.finals[own]
         return parts
 
     def with_rows(self, coefficients: Array, names: tuple[str, ...]) -> "Trajectories":

@@ -99,10 +99,12 @@ class Pieces:
 
 
 def data_at(place: Algebraic, breaks: Any, rows: Any) -> list[Algebraic]:
-    """The data of the piece at a place between breakpoints as expressions; outside their range those of the nearest."""
+    """The data of the piece at a place between breakpoints as expressions, or at places (m,) as arrays; outside their
+    range those of the nearest."""
+    choose = np.where if isinstance(place, np.ndarray) else ca.if_else
     q = list(rows[-1])
     for level, row in reversed(list(zip(breaks[1:-1], rows, strict=False))):
-        q = [ca.if_else(place < level, below, above) for below, above in zip(row, q, strict=True)]
+        q = [choose(place < level, below, above) for below, above in zip(row, q, strict=True)]
     return q
 
 

@@ -5,12 +5,13 @@ motion and its first variation. Shooting differentiates it as any other: the sec
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 import casadi as ca
 
 from ..errors import InputError
-from ..model.phase import Arc, Phase, Statement
+from ..model.phase import Arc, Phase, Pieces, Statement
 
 
 @lru_cache(maxsize=64)
@@ -21,11 +22,12 @@ def fold_statement(statement: Statement, along: str) -> Statement:
     along : name of the parameter
 
     The unknowns are u, the parameter, and the null vector v of dF/du without its entry for "alpha", which is never zero
-    at a fold and is scaled to 1. The equations are F = 0 and dF/du v = 0 (Moore and Spence 1980). Raises `InputError`
-    for a piecewise law, which has no second derivatives at its breakpoints.
+    at a fold and is scaled to 1. The equations are F = 0 and dF/du v = 0 (Moore and Spence 1980). Where a law has
+    pieces, the rates of the variation jump at breakpoints. Raises `InputError` where these move with the parameter.
     """
-    if any(arc.phase.pieces for arc in statement.arcs):
-        raise InputError("a fold of a piecewise law cannot be followed: it has no second derivatives everywhere")
+    for pieces in (arc.phase.pieces for arc in statement.arcs if arc.phase.pieces):
+        if along in _names_read(pieces):
+            raise InputError(f"the pieces of a law move with {along}: folds and flips in it cannot be followed")
     pairs = zip(statement.arcs, (None, *statement.arcs), strict=False)
     arcs = tuple(_doubled(arc, statement.unknowns, along, before) for arc, before in pairs)
     unknowns = (*statement.unknowns, *(f"d{name}" for name in statement.unknowns if name != "alpha"), along)
@@ -41,8 +43,10 @@ def _doubled_phase(phase: Phase, along: str) -> Phase:
         rates = phase.field(x[:n], {**p, along: x[-1]}, q)
         return [*_with_variation(rates, x[:n], x[n : 2 * n]), 0 * x[-1]]
 
-    states = (*phase.states, *(f"d{name}" for name in phase.states), along)
-    return Phase(phase.name, states, field, reaches=phase.reaches)
+    states, pieces = (*phase.states, *(f"d{name}" for name in phase.states), along), phase.pieces
+    if pieces:
+        pieces = replace(pieces, coordinate=(*pieces.coordinate, *[0.0] * (n + 1)))
+    return Phase(phase.name, states, field, pieces=pieces, reaches=phase.reaches)
 
 
 def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: Arc | None) -> Arc:
@@ -58,7 +62,8 @@ def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: Arc | None
     def ended(of: Arc, x, named, own, direction, p):
         """The motion at the end of an arc and its variation, as the duration varies too."""
         count, (*_, longer) = len(of.phase.states), _with_variation([of.duration(named, p)], own, direction)
-        changes = zip(x[count : 2 * count], of.phase.field(x[:count], p, []), strict=True)
+        rates = of.phase.field(x[:count], p, of.phase.data(x[:count], p))
+        changes = zip(x[count : 2 * count], rates, strict=True)
         return x[:count], [change + rate * longer for change, rate in changes]
 
     def start(u, last, p):
@@ -77,6 +82,20 @@ def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: Arc | None
 
     doubled = _doubled_phase(arc.phase, along)
     return Arc(doubled, start, lambda u, p: arc.duration(u, {**p, along: u[along]}), conditions, guard)
+
+
+def _names_read(pieces: Pieces) -> set[str]:
+    """The names of the parameters that the places of pieces depend on."""
+
+    class Symbols(dict):
+        def __missing__(self, name: str) -> ca.SX:
+            self[name] = ca.SX.sym(name)
+            return self[name]
+
+    read = Symbols()
+    for function in (pieces.table, pieces.unit, pieces.origin):
+        function(read)
+    return {*read}
 
 
 def _with_variation(expressions: Sequence, symbols: Sequence, direction: Sequence) -> list:

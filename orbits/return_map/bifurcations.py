@@ -18,10 +18,12 @@ from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..simulation.impacts import CAP
 from .bifurcation import Bifurcation, name_of_hops
-from .branches import BESIDE_LOSSLESS, SAME_PLACE, BranchTracer, FoundEvent, PeriodicLaunch
+from .border_events import FoundEvent
+from .branches import BESIDE_LOSSLESS, SAME_PLACE, BranchTracer
 from .cycles import INJECT, MapsAlong, range_of
 from .diagram import RESERVED_IN_DIAGRAMS, BifurcationDiagram, Branch
 from .launch_branches import launch_diagram
+from .launch_curve import PeriodicLaunch
 from .resolved_map import ROUNDED
 
 SECTIONS, SECTIONS_OF_STARTS, ATTRACTOR = 9, 3, 400

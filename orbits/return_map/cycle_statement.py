@@ -169,7 +169,7 @@ def _without_closed_form(phase: Phase) -> Phase:
 @lru_cache(maxsize=64)
 def bifurcation_statement(model: Model, impacts: tuple[int, ...], event: str | Border, along: str) -> Statement:
     """The statement of the bifurcations of cycles in a parameter, which is their last unknown: "fold", "flip" or a
-    `Border`. Raises `InputError` for a piecewise law."""
+    `Border`. Raises `InputError` where the pieces of a law move with the parameter, but at a `Border`."""
     if isinstance(event, Border):
         base = cycle_statement(model, impacts, event)
         return replace(base, name="border of the cycle of hops", unknowns=(*base.unknowns, along), tuned=(along,))

@@ -215,13 +215,15 @@ class MapsAlong:
                 return float("nan")
         return product
 
-    def smooth_cycles(self, alpha: np.ndarray, value: np.ndarray, period: int) -> "SmoothCycles | None":
+    def smooth_cycles(
+        self, alpha: np.ndarray, value: np.ndarray, period: int, exact: bool = True
+    ) -> "SmoothCycles | None":
         """The `cycles` with their derivatives where the `pieces` of the map have all of their launches, or else where
-        no hop is near a border of the map; else None."""
+        no hop is near a border of the map; else None. They may have errors unless they are to be `exact`."""
         known = self._cycles_on_pieces(alpha, value, period) if self.pieces is not None or not period else None
         if known or not period:
             return known
-        found = self.along and self.along(alpha, np.broadcast_to(value, alpha.shape), period)
+        found = self.along and self.along(alpha, np.broadcast_to(value, alpha.shape), period, exact)
         return SmoothCycles(*found) if found else None
 
     def _cycles_on_pieces(self, alpha: np.ndarray, value: np.ndarray, period: int) -> "SmoothCycles | None":
@@ -234,7 +236,8 @@ class MapsAlong:
             following, slopes[:, hop], impacts[:, hop] = self.pieces.hops(launches[:, hop])
             launches[:, hop + 1] = following + value
             changes[:, hop + 1] = slopes[:, hop, None] * changes[:, hop] + [0.0, 1.0]
-        return SmoothCycles(launches, impacts, slopes, changes) if np.isfinite(launches).all() else None
+        known = np.isfinite(launches).all()
+        return SmoothCycles(launches, impacts, slopes, changes, np.zeros(len(alpha))) if known else None
 
     def excess(self, alpha: np.ndarray, value: float | np.ndarray, period: int) -> np.ndarray:
         """The `excess_of` the cycles from launches (m,) at values (m,) of the parameter."""
@@ -270,12 +273,14 @@ class SmoothCycles(NamedTuple):
     launches, impacts : as of `MapsAlong.cycles`
     slopes : (m, period), of the map at the launches
     changes : (m, period + 1, 2), the derivatives of the launch speeds by the first one and by the parameter
+    errors : (m,), of all these numbers, relative, those of the launches about their squares; 0 where it is rounding
     """
 
     launches: np.ndarray
     impacts: np.ndarray
     slopes: np.ndarray
     changes: np.ndarray
+    errors: np.ndarray
 
     @property
     def excess(self) -> tuple[np.ndarray, np.ndarray]:

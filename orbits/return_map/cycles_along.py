@@ -23,8 +23,8 @@ from .flown_hops import flown_hops
 
 # A step of Newton's method below the first number, relative to the unknowns, is the last one: it leaves its square of
 # these, but the derivatives are those before it; one below the second that no longer shrinks is rounding; and a hop
-# near enough takes at most so many.
-LAST_STEP_OF_HOPS, ROUNDING_OF_HOPS, MOST_STEPS_OF_HOPS = 1e-10, 1e-9, 8
+# near enough takes at most so many. Where another Newton's method goes on, a step below the last number is enough.
+LAST_STEP_OF_HOPS, ROUNDING_OF_HOPS, MOST_STEPS_OF_HOPS, STEP_OF_ROUGH_HOPS = 1e-10, 1e-9, 8, 1e-5
 # The speeds of landings and the forces after them are not 0, as a share of the launch speed and of the weight, where
 # they are larger than the first number. The least gap and force between are larger than the second, as a share of the
 # greatest: so far from touching, the samples decide.
@@ -40,7 +40,8 @@ STEP_OF_UNITS = 1e-5  # of a parameter, relative, for the derivative of the unit
 
 class SolvedHops(NamedTuple):
     """Hops from one launch at a value of the parameter: their numbers of impacts, the unknowns of each, and the
-    derivatives (n, 2) of these by the first launch and the parameter; and whether they are `tested` to be smooth."""
+    derivatives (n, 2) of these by the first launch and the parameter; and whether they are exact and `tested` to be
+    smooth."""
 
     alpha: float
     value: float
@@ -74,17 +75,26 @@ class CyclesAlong:
         self.machine, self.model, self.name, self.inject, self.span = machine, machine.model, name, inject, span
         self.names, self.impacts_at = (*machine.values, INJECT), impacts_at
         self._solved = dict[int, deque[SolvedHops]]()
+        self._rough = dict[int, list[SolvedHops]]()  # the latest ones that are not exact
 
-    def __call__(self, alphas: np.ndarray, values: np.ndarray, period: int) -> tuple[np.ndarray, ...] | None:
-        """The launches (m, period + 1), impacts (m, period), slopes (m, period) and changes (m, period + 1, 2) of hops
-        from launch speeds (m,) at values (m,), as of `SmoothCycles`; None where they are near a border of the map."""
-        known = self._solved.setdefault(period, deque(maxlen=SOLVED_BEFORE))
-        places = list(zip(alphas.tolist(), values.tolist(), strict=True))
-        others = [self._guesses(known, *place, period) for place in places]
+    def __call__(
+        self, alphas: np.ndarray, values: np.ndarray, period: int, exact: bool = True
+    ) -> tuple[np.ndarray, ...] | None:
+        """The launches (m, period + 1), impacts (m, period), slopes (m, period), changes (m, period + 1, 2) and errors
+        (m,) of hops from launch speeds (m,) at values (m,), as of `SmoothCycles`; None where they are near a border of
+        the map. Unless they are to be `exact`, few steps of Newton's method are taken, which those of the next call
+        near them continue."""
+        known = [*self._solved.setdefault(period, deque(maxlen=SOLVED_BEFORE)), *self._rough.pop(period, ())]
+        others = [
+            self._guesses(order, alpha, value, period)
+            for order, alpha, value in zip(
+                self._nearest_first(known, alphas, values), alphas.tolist(), values.tolist(), strict=True
+            )
+        ]
         guesses = [next(each) for each in others]
         try:
             while None not in guesses:
-                found, failed = self._solve(alphas, values, cast(list[SolvedHops], guesses), known)
+                found, failed = self._solve(alphas, values, cast(list[SolvedHops], guesses), known, exact)
                 if found or not failed.any():
                     return found
                 for i in np.flatnonzero(failed):
@@ -93,24 +103,31 @@ class CyclesAlong:
             pass
         return None
 
+    def _nearest_first(
+        self, known: Sequence[SolvedHops], alphas: np.ndarray, values: np.ndarray
+    ) -> list[list[SolvedHops]]:
+        """For each of some launches (m,) the known hops, those from the nearest launch first."""
+        places = np.array([(k.alpha, k.value) for k in known]).reshape(-1, 2)
+        apart = np.abs(places[:, 0] / alphas[:, None] - 1) + np.abs(places[:, 1] - values[:, None]) / self.span
+        return [[known[i] for i in row] for row in np.argsort(apart, axis=1, kind="stable").tolist()]
+
     def _guesses(
         self, known: Sequence[SolvedHops], alpha: float, value: float, period: int
     ) -> Iterator[SolvedHops | None]:
-        """Hops near those from a launch: of each sequence of impacts the nearest known ones, then those of a
-        simulation, and None."""
-        apart = lambda k: abs(k.alpha / alpha - 1) + abs(k.value - value) / self.span  # noqa: E731
-        nearest = dict[tuple[int, ...], SolvedHops]()
-        for each in sorted(known, key=apart):
-            nearest.setdefault(each.impacts, each)
-        yield from nearest.values()
+        """Hops near those from a launch: of each sequence of impacts the first known ones, then those of a simulation,
+        and None."""
+        first = dict[tuple[int, ...], SolvedHops]()
+        for each in known:
+            first.setdefault(each.impacts, each)
+        yield from first.values()
         yield self._flown(alpha, value, period)
         yield None
 
     def nearest(self, point: Any) -> SolvedHops | None:
         """The solved hops that are nearest to those of a `PeriodicLaunch`, with the same impacts; None without any."""
-        same = (k for k in self._solved.get(len(point.impacts), ()) if k.impacts == point.impacts)
-        apart = lambda k: abs(k.alpha / point.alpha - 1) + abs(k.value - point.value) / self.span  # noqa: E731
-        return min(same, key=apart, default=None)
+        same = [k for k in self._solved.get(len(point.impacts), ()) if k.impacts == point.impacts]
+        (nearest,) = self._nearest_first(same, np.array([point.alpha]), np.array([point.value]))
+        return nearest[0] if nearest else None
 
     def _flown(self, alpha: float, value: float, period: int) -> SolvedHops | None:
         """The hops as a simulation has them, None where one has no next launch."""
@@ -150,8 +167,9 @@ class CyclesAlong:
         return here, (high - low) / (2 * step)
 
     def _solve(
-        self, alphas: np.ndarray, values: np.ndarray, begun: Sequence[SolvedHops], known: deque[SolvedHops]
-    ) -> tuple[tuple[np.ndarray, ...] | None, np.ndarray]:
+        self, alphas: np.ndarray, values: np.ndarray, begun: Sequence[SolvedHops], known: Sequence[SolvedHops],
+        exact: bool,
+    ) -> tuple[tuple[np.ndarray, ...] | None, np.ndarray]:  # fmt: skip
         """The hops from guesses (m,), or None, and then those (m,) that are not found from their guess."""
         m, period = len(alphas), len(begun[0].impacts)
         impacts = np.array([each.impacts for each in begun])
@@ -190,15 +208,16 @@ class CyclesAlong:
             if failed.any():
                 return None, failed
             settled = (size <= LAST_STEP_OF_HOPS) | ((size <= ROUNDING_OF_HOPS) & (size > STALLED_RATIO * last))
-            if settled.all():
+            if (settled if exact else size <= STEP_OF_ROUGH_HOPS).all():
                 break
             last = size
         else:
             return None, ~settled
         tested = np.abs(away / np.column_stack([alphas, np.full(m, self.span)])).max(1) > SAME_HOPS
         tested |= [not guess.tested for guess in begun]
+        between = bool(tested.any()) and bool(settled.all())
         for (count, which, _, us), step in zip(groups, steps, strict=True):
-            failed[which[~self._are_smooth(count, us, ps[which], step.evaluation, bool(tested.any()))]] = True
+            failed[which[~self._are_smooth(count, us, ps[which], step.evaluation, between)]] = True
         failed |= ~(launches > 0).all(1)
         if failed.any():
             return None, failed
@@ -212,14 +231,16 @@ class CyclesAlong:
         own = self._by_first(m, period, groups, steps, launches, changes, units, growing)
         launches *= units[:, None]
         launches[:, 0] = alphas
-        for i, each in enumerate(own):
-            if tested[i]:
-                known.append(
-                    SolvedHops(
-                        float(alphas[i]), float(values[i]), begun[i].impacts, *cast(Any, zip(*each, strict=True))
-                    )
-                )
-        return (launches, impacts, slopes, changes), failed
+        solved = list[SolvedHops]()
+        for alpha, value, guess, each in zip(alphas.tolist(), values.tolist(), begun, own, strict=True):
+            unknowns, slopes_of = zip(*each, strict=True)
+            solved.append(SolvedHops(alpha, value, guess.impacts, unknowns, slopes_of, bool(settled.all())))
+        if settled.all():
+            self._solved[period].extend(each for each, new in zip(solved, tested, strict=True) if new)
+        else:
+            self._rough[period] = solved
+        errors = np.zeros(m) if settled.all() else np.maximum(size, LAST_STEP_OF_HOPS)
+        return (launches, impacts, slopes, changes, errors), failed
 
     def _groups(
         self, impacts: np.ndarray, begun: Sequence[SolvedHops], away: np.ndarray, known: Sequence[SolvedHops],
@@ -227,7 +248,7 @@ class CyclesAlong:
     ) -> list[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:  # fmt: skip
         """For each number among the impacts (m, period) the points and hops with it, and guesses of their unknowns from
         hops this far `away` (m, 2), with first launches (m,) without units."""
-        bends = [self._bend(known, guess, step) for guess, step in zip(begun, away, strict=True)]
+        bends = self._bends(known, begun, away)
         groups = []
         for count in np.unique(impacts).tolist():
             which, hops = np.nonzero(impacts == count)
@@ -237,22 +258,28 @@ class CyclesAlong:
             groups.append((count, which, hops, us))
         return groups
 
-    def _bend(self, known: Sequence[SolvedHops], guess: SolvedHops, away: np.ndarray) -> list[Any]:
-        """What the second derivatives change in the unknowns of hops this far away from a guess, in the direction of
-        other known hops that are not much nearer to it: those nearest to the hops."""
-        scale = np.array([guess.alpha, self.span])
-        target, best = away / scale, (np.inf, 0.0, guess)
-        for k in known:
-            apart = np.array([k.alpha - guess.alpha, k.value - guess.value]) / scale
-            length = float(apart @ apart)
-            share = float(apart @ target) / length if length else np.inf
-            if abs(share) <= FARTHEST_BEND and k.impacts == guess.impacts and k.tested and guess.tested:
-                left = target - apart
-                best = min(best, (float(left @ left), share, k), key=lambda each: each[0])
-        _, share, other = best
-        pairs = zip(other.changes, guess.changes, strict=True)
-        ahead = np.array([other.alpha - guess.alpha, other.value - guess.value])
-        return [0.5 * share**2 * ((there - here) @ ahead) for there, here in pairs]
+    def _bends(self, known: Sequence[SolvedHops], begun: Sequence[SolvedHops], away: np.ndarray) -> list[list[Any]]:
+        """What the second derivatives change in the unknowns of hops this far away (m, 2) from guesses, in the
+        direction of other known hops that are not much nearer to these: those nearest to the hops."""
+        scales = np.array([[guess.alpha, self.span] for guess in begun])
+        at = np.array([[guess.alpha, guess.value] for guess in begun])
+        apart = (np.array([[k.alpha, k.value] for k in known]).reshape(-1, 2) - at[:, None]) / scales[:, None]
+        target, squares = away / scales, (apart**2).sum(2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shares = (apart * target[:, None]).sum(2) / squares
+        left = ((target[:, None] - apart) ** 2).sum(2)
+        left[~(np.abs(shares) <= FARTHEST_BEND)] = np.inf
+        bends = list[list[Any]]()
+        for i, guess in enumerate(begun):
+            able = (k for k in np.argsort(left[i]).tolist() if np.isfinite(left[i, k]))
+            others = (k for k in able if known[k].impacts == guess.impacts and known[k].tested)
+            if not guess.tested or (best := next(others, None)) is None:
+                bends.append([0.0] * len(guess.impacts))
+                continue
+            pairs, factor = zip(known[best].changes, guess.changes, strict=True), 0.5 * shares[i, best] ** 2
+            ahead = apart[i, best] * scales[i]
+            bends.append([factor * ((there - here) @ ahead) for there, here in pairs])
+        return bends
 
     @staticmethod
     def _by_first(
@@ -307,7 +334,7 @@ class CyclesAlong:
             size = len((model.flight if flies else model.contact).states)
             end = [*motions.finals[:, :size].T]
             if between:
-                rows = [*rows_within(motions, SAMPLES_OF_ARC)[:, :size].T]
+                rows = [*rows_within(motions, SAMPLES_OF_ARC, size).T]
                 values = model.gap(many).at(rows) if flies else force_in_contact(model, rows, many)
                 sure &= _stay_above(np.broadcast_to(values, rows[0].shape).reshape(m, -1))
             if flies:
@@ -327,9 +354,9 @@ def _stay_above(values: np.ndarray) -> np.ndarray:
     return np.asarray((values > 0).all(1) & (sure | (rises < 0).any(0)).all(1))
 
 
-def rows_within(motions: Trajectories, shares: np.ndarray) -> np.ndarray:
-    """The rows (m k, rows) of motions (m,) at k shares of the time of each."""
+def rows_within(motions: Trajectories, shares: np.ndarray, count: int) -> np.ndarray:
+    """The first rows (m k, count) of motions (m,) at k shares of the time of each."""
     places, apart = shares * motions.ends[:, None], 2.0 * float(motions.ends.max())
     each = apart * np.arange(len(motions))
     step = np.searchsorted(motions.starts + apart * motions.owner, places + each[:, None], side="right") - 1
-    return evaluate(motions.coefficients[step.ravel()], (places - motions.starts[step]).ravel()[:, None])
+    return evaluate(motions.coefficients[step.ravel(), :count], (places - motions.starts[step]).ravel()[:, None])

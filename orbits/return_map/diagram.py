@@ -185,7 +185,7 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
 
         The equations of the hops are solved with those of the bifurcation, with exact derivatives. The curve ends where
         the hops have other numbers of impacts from there on. Raises `InputError` for an event that is none of these,
-        for a piecewise law, and where the machine has a restitution.
+        where the pieces of a law move with the first parameter, and where the machine has a restitution.
 
         >>> from orbits import bifurcations
         >>> from problems import Hopper

@@ -107,8 +107,10 @@ class EventEquations(Curve):
         return values
 
     def size(self, x: np.ndarray) -> np.ndarray:
-        size = super().size(np.delete(x, -2, axis=-1))
-        return np.insert(size, -1, np.maximum(np.abs(x[..., -2]), self.least), axis=-1)
+        size = np.abs(x)
+        size[..., :-2] = np.maximum(size[..., :-2], 0.1 * size[..., :-2].max(-1, keepdims=True))
+        size[..., -2], size[..., -1] = np.maximum(size[..., -2], self.least), self.span
+        return size
 
     def varied(self, p: np.ndarray) -> dict[str, float]:
         places = {self.names[i]: float(p[i]) for i in (self.first, self.place)}
@@ -126,9 +128,10 @@ class EventEquations(Curve):
         refused = self._refused(ps)
         end = min(refused, default=len(points))
         found = [*points[:end]]
-        new = [i for i, point in enumerate(found) if point.certified is None]
-        if new:
-            for i, made in zip(new, self._event_points(CurvePoints.of([found[i] for i in new]), ps[new]), strict=True):
+        if new := [i for i, point in enumerate(found) if point.certified is None]:
+            whole = isinstance(points, CurvePoints) and len(new) == end
+            uncertified = cast(CurvePoints, points)[:end] if whole else CurvePoints.of([found[i] for i in new])
+            for i, made in zip(new, self._event_points(uncertified, ps[new]), strict=True):
                 found[i] = found[i]._replace(certified=[cast(Any, made)])
         return found, refused.get(end)
 
@@ -154,7 +157,7 @@ class EventEquations(Curve):
         hop, impact = 0, 0
         for arc, motions in zip(self.cycle.arcs, arcs, strict=True):
             size = len(arc.phase.states)
-            rows, end = [*rows_within(motions, SHARES_OF_ARC)[:, :size].T], [*motions.finals[:, :size].T]
+            rows, end = [*rows_within(motions, SHARES_OF_ARC, size).T], [*motions.finals[:, :size].T]
             least = lambda values: np.reshape(values, (-1, len(SHARES_OF_ARC))).min(1)  # noqa: E731
             if arc.phase.name == model.contact.name:
                 force = np.broadcast_to(force_in_contact(model, rows, many), rows[0].shape)

@@ -45,6 +45,7 @@ SAME_EDGE = 1e-15  # the edge of a cell and a border that differ by a smaller sh
 BORDERS_IN_A_ROW = 12  # between two neighbouring launches, before their cell is fitted and halved
 SAME_EXTREMUM = 1e-9  # roots of a polynomial are real, and inside of its cell, up to this
 AT_BORDER = 1e-3  # roots closer to a lossless launch belong to the variable, whose power 3 has a slope of 0 there
+ROUNDED_LOSS = 1e-11  # what the loss beside a lossless launch makes of its speed may be rounding up to this share
 ROUNDED_NEXT = 1e-14  # a smaller change of the next launch speed shows no power
 PROBED = 1e-3  # the power at a border is seen within this share of the piece beside it
 ROOT_LIKE = 0.35  # the ratio of changes over lengths 1:4 is 1/4 for a smooth function, and 1/2 for a square root
@@ -244,11 +245,13 @@ class _Resolving:
         a, left = x[inside], labels[inside]
         b, right = x[1:][inside[:-1]], labels[1:][inside[:-1]]
         known = np.array(sorted(self.lossless) or [np.inf])
-        beside = np.abs(known[np.clip(np.searchsorted(known, a), 0, len(known) - 1)] - 0.5 * (a + b)) <= 0.5 * (b - a)
+        # Beside lossless launches rounding decides on the number of impacts.
+        least = np.abs(known[:, None] - 0.5 * (a + b)).min(0)
+        which = np.flatnonzero(least > np.maximum(0.5 * (b - a), self.shortest))
+        a, b, left, right = (each[which] for each in (a, b, left, right))
         for _ in range(BORDERS_IN_A_ROW):
-            which = np.flatnonzero((left != right) & ((left > 0) | (right > 0)) & ~beside & (b > a))
+            which = np.flatnonzero((left != right) & ((left > 0) | (right > 0)) & (b > a))
             a, b, left, right = (each[which] for each in (a, b, left, right))
-            beside = np.zeros(len(a), bool)
             if not len(a):
                 return
             same = lambda at, i, left=left: np.where(self.labels(at) == left[i], 1.0, -1.0)  # noqa: E731
@@ -334,6 +337,8 @@ class _Resolving:
             following, loss, impacts = (each.reshape(x.shape) for each in (hops.next, hops.loss, hops.impacts))
             values = np.where(beside, loss / (x + following), following)  # the loss is of the speed's square
             waiting = list[_Cell]()
+            rounded = beside & (np.abs(x - [[cell.origin] for cell in cells]) <= self.shortest)
+            impacts = np.where(rounded, impacts[:, :1], impacts)
             for cell, at, row, counts in zip(cells, x, values, impacts, strict=True):
                 known = np.isfinite(row)
                 if not known.any():
@@ -342,7 +347,8 @@ class _Resolving:
                 coefficients, scale = table @ np.where(known, row, 0.0), np.abs(row[known]).max()
                 error = float(np.abs(coefficients[-LAST_OF_CELL:]).max())
                 short = abs(cell.reach) <= self.shortest
-                if known.all() and error <= (NEARLY_FITTED if short and same else fitted) * scale:
+                rounding = ROUNDED_LOSS * cell.origin if short and cell.power == OF_LOSSLESS else 0.0
+                if known.all() and error <= max((NEARLY_FITTED if short and same else fitted) * scale, rounding):
                     full = np.zeros(DEGREES_OF_CELLS[-1] + 1)
                     full[: degree + 1] = coefficients
                     done.append(_FittedCell(cell, full, error, int(np.median(counts))))

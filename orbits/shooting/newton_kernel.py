@@ -10,7 +10,7 @@ from ..flow.trajectory import Trajectories, begins_of_steps
 from ..flow.vector_field import rows_used
 from ..numerics.roots import Array
 from ..symbolic.caches import cached
-from .single_shooting import STALLED_RATIO, Evaluation, Shooting, settles
+from .single_shooting import STALLED_RATIO, Evaluation, Shooting, arrival, settles
 
 # Newton steps of a corrector that converges, with some to spare.
 MOST_NEWTON_STEPS = 8
@@ -103,7 +103,8 @@ class NewtonKernel:
         motions = Trajectories(begins, z[:, at.duration], c, counts, self.flow.names, variations)
         transitions = z[:, motion.sensitivities].reshape(-1, columns, states).swapaxes(1, 2)
         ps = self.equations.with_tuned(xs, np.hstack([ps[:, : self.place], xs[:, -1:], ps[:, self.place + 1 :]]))
-        evaluation = self.equations.closed(xs[:, :-1], ps, (self.along,), [(motions, ends, transitions)])
+        arcs = [(motions, *arrival(self.flow, motions, ends, transitions, ps))]
+        evaluation = self.equations.closed(xs[:, :-1], ps, (self.along,), arcs)
         return Solutions(which, xs, directions, growths, evaluation)
 
     def _function(self, stepper: TaylorStepper, parameter_seeds: Array) -> ca.Function:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import FlowError, NoOrbit
-from ..flow.flow import flow_of
+from ..flow.flow import Flow, flow_of
 from ..flow.trajectory import Trajectories, Trajectory
 from ..model.phase import Statement
 from ..numerics.polynomial_roots import derivative
@@ -177,12 +177,13 @@ class Shooting:
         for group in self.together:
             flow, seeds, count = self.flows[group[0]], self.seeds(vary)[3][group[0]], len(group)
             ends = (arcs[i - 1][1] if i - 1 in arcs else np.zeros((m, self.flows[i - 1].size * (i > 0))) for i in group)
-            starts = [self.beginnings[i](us, end, ps)[0][:, :, 0] for i, end in zip(group, ends, strict=True)]
-            start = np.concatenate(starts) if count > 1 else starts[0]
+            (starts,) = self.departures(tuple(group))(us, ps, *ends)
+            start = starts.transpose(2, 0, 1).reshape(count * m, -1)
             own = np.tile(ps, (count, 1)) if count > 1 else ps
             found = flow.run_all(start[:, :-1], own, start[:, -1], *seeds)
-            for i, motions, transitions in zip(group, found[0].parted(count), np.split(found[1], count), strict=True):
-                arcs[i] = motions, motions.finals[:, : flow.size], transitions
+            known = arrival(flow, found[0], found[0].finals[:, : flow.size], found[1], own)
+            for i, motions, place in zip(group, found[0].parted(count), range(0, count * m, m), strict=True):
+                arcs[i] = motions, *(each[place : place + m] for each in known)
         return self.closed(us, ps, vary, [arcs[i] for i in range(len(arcs))])
 
     def evaluate_lanes(
@@ -200,20 +201,24 @@ class Shooting:
             if len(able := able[done]) < len(which):
                 which, arcs = which[able], [tuple(each[able] for each in arc) for arc in arcs]
             before = motions.finals[:, : flow.size]
-            arcs.append((motions, before, transitions))
+            arcs.append((motions, *arrival(flow, motions, before, transitions, ps[which])))
         return which, self.closed(us[which], ps[which], vary, arcs)
 
     def closed(self, us: np.ndarray, ps: np.ndarray, vary: tuple[str, ...], arcs: Sequence[tuple]) -> Evaluation:
-        """The equations from the motions of each arc, their ends (m, states) and their transitions."""
-        known = list[np.ndarray]()
-        for flow, (motions, ends, transitions) in zip(self.flows, arcs, strict=True):
-            c, last = motions.coefficients[:, : flow.size], motions.last
-            speeds = np.einsum("mrk,mk->mr", derivative(c[last]), motions.of_lasts[:, :-1])
-            data, slopes = flow.piece_data(c[motions.first, :, 0], ps)
-            known += [ends, transitions.swapaxes(1, 2), speeds, data, slopes.swapaxes(1, 2)]
-        residual, jacobian, *rest = self.closing(vary)(us, ps, *(array.reshape(len(us), -1) for array in known))
-        trajectories, _, transitions = zip(*arcs, strict=True)
+        """The equations from the motions of each arc and the arrays of their `arrival`."""
+        known = (each for _, *arrays in arcs for each in arrays)
+        columns = ((each.swapaxes(1, 2) if each.ndim > 2 else each).reshape(len(us), -1) for each in known)
+        residual, jacobian, *rest = self.closing(vary)(us, ps, *columns)
+        trajectories, _, transitions, *_ = zip(*arcs, strict=True)
         return Evaluation(residual[:, :, 0], jacobian, trajectories, transitions, tuple(rest[::2]), tuple(rest[1::2]))
+
+    @cached
+    def departures(self, group: tuple[int, ...]) -> MappedFunction:
+        """The starts and the durations of arcs with one flow, one column each, (u, p, the ends of the arcs before)."""
+        u, p = arguments = [ca.SX.sym("u", self.size), ca.SX.sym("p", len(self.parameters))]
+        ends = [ca.SX.sym("a", self.flows[i - 1].size * (i > 0)) for i in group]
+        starts = [self.ends[i][0].function(u, end, p)[0] for i, end in zip(group, ends, strict=True)]
+        return MappedFunction(dense("departures", [*arguments, *ends], [ca.horzcat(*starts)]))
 
     @cached_property
     def beginnings(self) -> list[MappedFunction]:
@@ -312,6 +317,16 @@ class Shooting:
 
 # The equations of a statement, cached for the next call with the same statement.
 shooting_equations = cached(Shooting)
+
+
+def arrival(
+    flow: Flow, motions: Trajectories, ends: np.ndarray, transitions: np.ndarray, ps: np.ndarray
+) -> tuple[np.ndarray, ...]:
+    """Of motions (m,) with parameters (m, np): their ends (m, states), the derivatives of these, `transitions`, and
+    their speeds; and the data of the pieces where they start, with derivatives by the parameters."""
+    c, last = motions.coefficients[:, : flow.size], motions.last
+    speeds = np.einsum("mrk,mk->mr", derivative(c[last]), motions.of_lasts[:, :-1])
+    return ends, transitions, speeds, *flow.piece_data(c[motions.first, :, 0], ps)
 
 
 def _with_derivatives(function: ca.Function) -> BufferedFunction:

@@ -62,5 +62,5 @@ def test_bad_questions_are_refused():
         follow_fold(machine, fold, "beta", "delta", 0.0)
     with pytest.raises(InputError, match="another method"):
         follow_fold(machine, fold, "beta", "delta", 1.0, method="half orbit")
-    with pytest.raises(InputError, match="piecewise"):
+    with pytest.raises(InputError, match="move with ratio"):
         fold_statement(Hopper("bilinear").model.reduction.statement, "ratio")

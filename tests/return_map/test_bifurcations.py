@@ -10,8 +10,9 @@ from orbits import InputError, ReturnMap, bifurcations, find, multiplier, simula
 from orbits.continuation.point import End
 from orbits.numerics.roots import bracketed_root
 from orbits.return_map.bifurcations import _Search, _with_events_at_points
-from orbits.return_map.branches import FoundEvent, PeriodicLaunch
+from orbits.return_map.border_events import FoundEvent
 from orbits.return_map.cycles import MapsAlong
+from orbits.return_map.launch_curve import PeriodicLaunch
 from problems import Chain, HeavyHand, Hopper, hopper_in_si
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha

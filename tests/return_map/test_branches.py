@@ -2,21 +2,11 @@
 
 import numpy as np
 import pytest
-from return_maps import KnownMaps
+from return_maps import LOGISTIC, KnownMaps, traced
 
-from orbits.return_map.branches import BranchTracer, FoundEvent, PeriodicLaunch
-
-
-def traced(maps, between, alpha, value, side=1, period=1):
-    """The points, events and the end of a branch from a periodic launch; the side is that of growing parameters."""
-    tracer = BranchTracer(maps, between, period, (), 0.02)
-    start = tracer.start(alpha, value)
-    items = list(tracer.trace(start, side * (1 if start.tangent[1] > 0 else -1)))
-    points = [item for item in items if isinstance(item, PeriodicLaunch)]
-    return points, [item for item in items if isinstance(item, FoundEvent)], items[-1]
-
-
-LOGISTIC = KnownMaps(2.5, 3.6, lambda a, r: r * a * (1 - a), lambda a, r: r * (1 - 2 * a))
+from orbits.return_map.border_events import FoundEvent
+from orbits.return_map.branches import BranchTracer
+from orbits.return_map.launch_curve import PeriodicLaunch
 
 
 def test_the_logistic_map_doubles_its_period():
@@ -61,52 +51,6 @@ def test_a_closed_curve_of_fixed_points_ends_where_it_began(side):
     assert max(abs((point.alpha - 1) ** 2 + point.value**2 - 0.04) for point in points) < 1e-14
 
 
-def test_a_branch_ends_where_the_map_jumps():
-    """The fixed points of the logistic map come to a = 0.7 at r = 1/0.3; those behind belong to another curve."""
-    for size in (0.05, 1e-3):
-        maps = KnownMaps(
-            2.6, 3.6,
-            lambda a, r, size=size: r * a * (1 - a) + np.where(a > 0.7, size, 0.0), LOGISTIC.slope,
-            lambda a: np.where(a > 0.7, 2, 1), 0.7,
-        )  # fmt: skip
-        points, _, end = traced(maps, (0.1, 0.99), 1 - 1 / 3.1, 3.1)
-        assert end.kind == "jump"
-        assert "the map jumps" in end.reason
-        assert points[-1].alphas[0] <= 0.7
-        assert points[-1].value <= 1 / 0.3 + 1e-9
-
-
-def test_a_number_of_impacts_that_changes_without_a_jump_is_no_end():
-    maps = KnownMaps(2.6, 3.6, LOGISTIC.following, LOGISTIC.slope, lambda a: np.where(a > 0.7, 2, 1), 0.7)
-    _, events, end = traced(maps, (0.1, 0.99), 1 - 1 / 3.1, 3.1)
-    assert end.kind == "reached"
-    (event,) = events
-    assert (event.kind, event.border) == ("border collision", "bounce")
-    assert event.point.value == pytest.approx(1 / 0.3, abs=1e-12)
-    assert event.sides == pytest.approx((2 - 1 / 0.3, 2 - 1 / 0.3), abs=1e-9)
-
-
-@pytest.mark.parametrize(("slope", "kind"), [(0.5, "border collision"), (2.0, "non-smooth fold")])
-def test_a_graze_is_located_and_named_by_the_slopes_on_both_sides(slope, kind):
-    """1 + v + s (a - 1) with - sqrt(a - 1) above a = 1: the fixed point comes to the graze at v = 0, and either goes on
-    or meets another one, as the slope beyond is minus infinity. See A. B. Nordmark, J. Sound Vib. 145 (1991)."""
-
-    def following(a, v):
-        return 1 + v + slope * (a - 1) - np.sqrt(np.maximum(a - 1, 0))
-
-    def derivative(a, v):
-        return slope - (0.5 / np.sqrt(a - 1) if a > 1 else 0.0)
-
-    maps = KnownMaps(-0.3, 0.3, following, derivative, lambda a: np.where(a > 1, 2, 1))
-    value = 0.2 if slope > 1 else -0.2
-    points, events, _ = traced(maps, (0.1, 3.0), 1 + value / (1 - slope), value, side=-np.sign(value))
-    (event,) = (each for each in events if each.border)
-    assert (event.kind, event.border) == (kind, "graze")
-    assert (event.point.value, event.point.alpha) == pytest.approx((0.0, 1.0), abs=1e-12)
-    assert event.sides == (pytest.approx(slope, abs=1e-6), -np.inf)
-    assert points[-1].alpha > 1
-
-
 def test_period_three_of_the_logistic_map_begins_at_a_fold():
     """At r = 1 + sqrt(8), with launches of the stable and the unstable hops on one curve."""
     maps, r = KnownMaps(3.7, 3.9, LOGISTIC.following, LOGISTIC.slope), 3.84
@@ -114,23 +58,6 @@ def test_period_three_of_the_logistic_map_begins_at_a_fold():
     assert end.kind == "reached"
     folds = [event.point.value for event in events if event.kind == "fold"]
     assert folds == pytest.approx([1 + np.sqrt(8)], abs=1e-10)
-
-
-@pytest.mark.parametrize(("below", "behind"), [(0.5, -1.5), (2.0, 0.5), (0.5, 3.0)])
-def test_corners_of_the_map(below, behind):
-    """Slopes that jump at a = 1, where the fixed point is at v = 0: one that goes on, and two that meet there."""
-
-    def slope(a, v):
-        return below if a < 1 else behind
-
-    maps = KnownMaps(-0.5, 0.5, lambda a, v: 1 + v + np.where(a < 1, below, behind) * (a - 1), slope)
-    value = 0.2 if below > 1 else -0.2
-    points, events, _ = traced(maps, (0.1, 3.0), 1 + value / (1 - below), value, side=-np.sign(value))
-    turns = (below - 1) * (behind - 1) < 0
-    assert {event.kind for event in events} == {"non-smooth fold" if turns else "border collision"}
-    assert events[0].point.value == pytest.approx(0.0, abs=1e-9)
-    assert points[-1].alphas[0] > 1
-    assert points[-1].alphas[0] - 1 == pytest.approx(points[-1].value / (1 - behind), abs=1e-9)
 
 
 def test_a_branch_ends_where_hops_have_no_next():

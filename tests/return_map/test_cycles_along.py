@@ -47,9 +47,10 @@ def test_derivatives_do_not_depend_on_the_hops_before():
 def test_guesses_are_the_nearest_hops_first():
     along = CyclesAlong(Hopper(), "damping", 0.1, 1.0, lambda _: pytest.fail("no simulation is needed"))
     known = [SolvedHops(alpha, 0.0, impacts, (), ()) for alpha, impacts in ((4.5, (1,)), (4.7, (1,)), (4.8, (2,)))]
-    guesses = along._guesses(known, 4.51, 0.0, 1)
+    near, far = along._nearest_first(known, np.array([4.51, 4.79]), np.zeros(2))
+    guesses = along._guesses(near, 4.51, 0.0, 1)
     assert [next(guesses).alpha for _ in range(2)] == [4.5, 4.8]
-    guesses = along._guesses(known, 4.79, 0.0, 1)
+    guesses = along._guesses(far, 4.79, 0.0, 1)
     assert [next(guesses).alpha for _ in range(2)] == [4.8, 4.7]
 
 

@@ -60,6 +60,35 @@ def test_with_a_damper():
         assert multiplier(last, alpha) == pytest.approx(slope, abs=1e-10)
 
 
+@pytest.mark.parametrize(("second", "stop"), [("mass_ratio", 1.1), ("gap", 0.55)])
+def test_flips_of_a_law_in_pieces(second, stop):
+    """Motions pass the corner of a bilinear spring, which moves with the gap."""
+    flip = Bifurcation("flip", 0.117402577457623, (3.462843548966,))
+    curve = follow_bifurcation(Hopper("bilinear"), "inject", flip, second, stop, longest=0.5)
+    assert curve.values[0, 0] == pytest.approx(flip.value, abs=1e-11)
+    machine, value, alpha = Hopper("bilinear", parameters={second: stop}) if second == "gap" else Hopper(
+        "bilinear", mass_ratio=stop), *curve.values[-1, :1], curve.alphas[-1, 0]  # fmt: skip
+    excess = lambda eps: multiplier(machine, fixed_point(machine, eps, alpha - 1e-3, alpha + 1e-3)) + 1  # noqa: E731
+    assert by_bisection(excess, value - 1e-5, value + 1e-5) == pytest.approx(value, abs=1e-10)
+
+
+@pytest.mark.slow
+def test_folds_and_bounces_of_a_law_in_pieces():
+    machine = Hopper("bilinear", damping=0.002)
+    for kind, value, alpha in (
+        ("fold", 0.023713428588694782, 3.38421974243761), ("border collision", 0.02371342967511344, 3.3842185141936425),
+    ):  # fmt: skip
+        curve = follow_bifurcation(machine, "inject", Bifurcation(kind, value, (alpha,)), "gap", 0.55, longest=0.5)
+        (eps, gap), alpha = curve.values[-1], float(curve.alphas[-1, 0])
+        last = machine.with_values(gap=gap)
+        assert float(ReturnMap(last, inject=eps)(alpha).next) == pytest.approx(alpha, abs=1e-12)
+        if kind == "fold":
+            assert multiplier(last, alpha) == pytest.approx(1.0, abs=1e-10)
+        else:
+            numbers = ReturnMap(last)(alpha + 1e-8 * np.array([-1.0, 1.0])).impacts
+            assert numbers[0] != numbers[1]
+
+
 def graze(mass_ratio: float, low: float, high: float) -> float:
     """The launch speed between two at which the number of impacts changes, by bisection."""
     step = ReturnMap(Hopper(mass_ratio=mass_ratio))
@@ -179,8 +208,8 @@ def test_what_is_refused():
         follow(Hopper(), "inject", 0.07, "mass_ratio", 2.0)
     springy = Hopper("bilinear")
     alpha = 1.02 * find(springy).alpha
-    with pytest.raises(InputError, match="no second derivatives"):
-        follow(springy, "inject", Bifurcation("flip", 0.1, (alpha,)), "mass_ratio", 2.0)
+    with pytest.raises(InputError, match="pieces of a law move with ratio"):
+        follow(springy, "ratio", Bifurcation("flip", 3.0, (alpha,)), "mass_ratio", 2.0)
     with pytest.raises(NoOrbit, match="no impact is about to vanish"):
         follow(Hopper(), "inject", Bifurcation("border collision", FLIP.value, FLIP.alphas), "mass_ratio", 2.0)
     with pytest.raises(NoOrbit, match="not found again"):

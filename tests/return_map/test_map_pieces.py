@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orbits import ReturnMap, multiplier
+from orbits import ReturnMap, find, multiplier
 from orbits.return_map.hops import Hops
 from orbits.return_map.map_pieces import map_pieces, polynomials
 from problems import Hopper
@@ -94,3 +94,17 @@ def test_the_law_of_the_power_four_thirds_is_exact_beside_the_lossless_launch(of
 def test_slopes_are_those_of_saltation(of_hopper):
     x = np.array([4.35, 4.49, 4.5, 4.7, 5.2])
     assert of_hopper.slope(x, at(of_hopper, x)) == pytest.approx([multiplier(Hopper(), each) for each in x], abs=1e-10)
+
+
+def test_a_law_in_pieces_is_resolved_beside_the_lossless_launch():
+    """Rounding of its flights decides on the number of impacts there; the map has the slope 1 from both sides."""
+    machine = Hopper("bilinear")
+    star = find(machine).alpha
+    pieces = ReturnMap(machine)._pieces(star - 0.02, star + 0.02, 40)
+    (border,) = pieces.borders
+    assert (border.kind, border.alpha, pieces.unresolved) == ("lossless", star, ())
+    assert pieces.slopes_at(border) == pytest.approx((1.0, 1.0), abs=1e-12)
+    x = star + np.array([-1e-2, -1e-4, 1e-4, 1e-2])
+    following, slopes, _ = pieces.hops(x)
+    assert following == pytest.approx(ReturnMap(machine)(x).next, abs=1e-12)
+    assert slopes == pytest.approx([multiplier(machine, each) for each in x], abs=1e-7)

@@ -1,0 +1,294 @@
+"""What happens to a branch of periodic launches at borders of the map.
+
+The map is smooth only in pieces. Where the number of impacts changes, the map may jump, which ends a branch. Where its
+slope alone jumps, the curve has a corner, behind which it is found again: where a small circle round its last point
+cuts it, or beyond the border. Where the slope is the same on both sides, the tracer goes on and a border is an event.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+
+from ..continuation.corrector import correct
+from ..continuation.curve import CurvePoint
+from ..errors import NoOrbit, OrbitsError
+from ..numerics.roots import bracketed_root, solve
+from .cycle_statement import MULTIPLIER_AT, Border
+from .cycles import INJECT
+from .followed_events import located_border
+from .launch_curve import LaunchCurve, PeriodicLaunch, place_in_words
+from .map_pieces import CONTINUOUS, MapBorder
+
+HALVINGS = 12  # of a step in which the number of impacts changes and the map may jump
+HALVINGS_TO_BOUNCE = 5  # of a step until Newton's method finds the border in it
+# The radius of the circle round a corner, its angles, and the angle at which both sides of the curve are checked.
+AROUND, ANGLES, BESIDE = 1e-6, np.radians(np.linspace(-150, 150, 21)), 1e-5
+COLLISION, NON_SMOOTH_FOLD = COLLISIONS = "border collision", "non-smooth fold"
+# Where a launch passes a border: the steps of the secant method, which ends at this share of the range of the parameter
+# and is trusted up to this many times the distance of the points; and multipliers that agree up to this share.
+SECANTS, BORDER_FOUND, BORDER_BEYOND, SAME_SIDES = 30, 1e-14, 2.0, 1e-6
+SMALLEST_SHARE = 1e-6  # of a range, for a step between two values of the parameter that are the same
+
+
+@dataclass(frozen=True, eq=False)
+class FoundEvent:
+    """An event on a branch, with its kind; where a launch passes a border of the map, the kind of the border, and the
+    multipliers on both sides of it, that before it first."""
+
+    kind: str
+    point: PeriodicLaunch
+    border: str = ""
+    sides: tuple[float, ...] = ()
+
+
+class BordersOfCurve:
+    """The borders of the map along a curve of periodic launches; `PeriodicLaunch`es are points of it."""
+
+    def __init__(self, curve: LaunchCurve):
+        self.curve, self.maps, self.scale = curve, curve.maps, curve.scale
+        self._bounces = dict[tuple[PeriodicLaunch, PeriodicLaunch, int], FoundEvent | None]()
+
+    def distance(self, a: CurvePoint, b: CurvePoint) -> float:
+        """The distance of two points in shares of the ranges."""
+        return float(np.linalg.norm((a.x - b.x) / self.scale))
+
+    def in_order(self, before: PeriodicLaunch, behind: PeriodicLaunch, found: list[FoundEvent]) -> Iterator[FoundEvent]:
+        """The events between two neighbouring points in order: those that are found, and those at which a launch passes
+        a border, in place of the same found less exactly."""
+        borders = [] if before.impacts == behind.impacts else self._passed(before, behind)
+        if borders:
+            found = [*(event for event in found if event.kind not in COLLISIONS), *borders]
+        chord = behind.place - before.place
+        yield from sorted(found, key=lambda event: float((event.point.place - before.place) @ chord))
+
+    def _passed(self, before: PeriodicLaunch, behind: PeriodicLaunch) -> list[FoundEvent]:
+        """The events between two neighbouring points at which one of their launches is at a border of the map."""
+        found = list[FoundEvent]()
+        for hop, counts in enumerate(zip(before.impacts, behind.impacts, strict=True)):
+            if counts[0] != counts[1] and (event := self._at_border(before, behind, hop)):
+                found.append(event)
+        return found
+
+    def _at_border(self, before: PeriodicLaunch, behind: PeriodicLaunch, hop: int) -> FoundEvent | None:
+        """The event at which a launch is at a border: the parameter for which the border's own launch comes back, by
+        the secant method. None where it is not found between the points."""
+        if found := self.bounce(before, behind, hop):
+            return found
+        ends, values = (before.alphas[hop], behind.alphas[hop]), [before.value, behind.value]
+        if values[0] == values[1]:
+            values[1] += SMALLEST_SHARE * self.curve.span
+        try:
+            excesses = [self._of_border(ends, value)[0] for value in values]
+            for _ in range(SECANTS):
+                if excesses[1] == excesses[0] or abs(values[1] - values[0]) <= BORDER_FOUND * self.curve.span:
+                    break
+                step = excesses[1] * (values[1] - values[0]) / (excesses[1] - excesses[0])
+                values = [values[1], float(self.curve.possible(values[1] - step))]
+                excesses = [excesses[1], self._of_border(ends, values[1])[0]]
+            _, border, launches, impacts, sides = self._of_border(ends, values[1])
+        except NoOrbit:
+            return None
+        reach = BORDER_BEYOND * max(abs(before.value - behind.value), AROUND * self.curve.span)
+        if min(abs(values[1] - before.value), abs(values[1] - behind.value)) > reach:
+            return None
+        alphas = (*launches[-hop:], *launches[:-hop]) if hop else launches
+        counts = (*impacts[-hop:], *impacts[:-hop]) if hop else impacts
+        place = np.array([alphas[0], values[1]]) / self.scale
+        multiplier = sides[0] if abs(sides[1] - sides[0]) <= SAME_SIDES * (1 + abs(sides[0])) else float("nan")
+        point = PeriodicLaunch(values[1], alphas, multiplier, counts, place, behind.tangent)
+        return FoundEvent(kind_of_border(sides), point, border.kind, sides)
+
+    def _of_border(
+        self, ends: tuple[float, float], value: float
+    ) -> tuple[float, MapBorder, tuple[float, ...], tuple[int, ...], tuple[float, float]]:
+        """The hops at a value of the parameter from the border between two launch speeds: by how much the last launch
+        exceeds the first, the border, the launches, the impacts and the multipliers on both sides of the border."""
+        pieces = self.maps.pieces_at(value, *sorted(ends))
+        middle = 0.5 * (ends[0] + ends[1])
+        near = [each for each in pieces.borders if each.kind in CONTINUOUS]
+        if not near:
+            raise NoOrbit("no border at which the map is continuous lies between these launches")
+        border = min(near, key=lambda each: abs(each.alpha - middle))
+        sides = pieces.slopes_at(border)
+        sides = sides if ends[0] <= ends[1] else sides[::-1]
+        following = border.next[0 if ends[0] <= ends[1] else 1] + self.maps.added(value)
+        launches, impacts, others = self._hops_from(following, value)
+        excess = float(launches[0, -1]) - border.alpha
+        alphas = border.alpha, *launches[0, :-1].tolist()
+        own = pieces.impacts_at(border)
+        return excess, border, alphas, (own, *impacts[0].tolist()), (others * sides[0], others * sides[1])
+
+    def _hops_from(self, alpha: float, value: float) -> tuple[np.ndarray, np.ndarray, float]:
+        """The launches (1, period) and impacts (1, period - 1) of all hops but one from a launch, and their
+        multiplier."""
+        at, count = np.array([alpha]), self.curve.period - 1
+        if smooth := self.maps.smooth_cycles(at, np.array([value]), count):
+            return smooth.launches, smooth.impacts, float(smooth.slopes.prod())
+        launches, impacts = self.maps.cycles(at, value, count)
+        if not np.isfinite(launches).all():
+            raise NoOrbit("a hop from the border has no next launch")
+        return launches, impacts, self.maps.multiplier(tuple(launches[0, :-1].tolist()), value)
+
+    def bounce(self, before: PeriodicLaunch, behind: PeriodicLaunch, hop: int) -> FoundEvent | None:
+        """The event between two points at which the contact force vanishes after a landing of a hop and then grows, so
+        that the map and its slope are continuous; None where it is not found there."""
+        if self.maps.pieces is not None or self.maps.along is None:
+            return None
+        ends = before, behind, hop
+        if ends not in self._bounces:
+            self._bounces[ends] = self._bounce(*ends)
+        return self._bounces[ends]
+
+    def _bounce(self, before: PeriodicLaunch, behind: PeriodicLaunch, hop: int) -> FoundEvent | None:
+        """The event of `bounce` by Newton's method on its equations, from points nearer and nearer to it."""
+        for _ in range(HALVINGS_TO_BOUNCE):
+            if abs(before.impacts[hop] - behind.impacts[hop]) != 1:
+                return None
+            try:
+                return self._bounce_near(before, behind, hop)
+            except (OrbitsError, np.linalg.LinAlgError):
+                pass
+            try:
+                middle = self._middle(before, behind)
+            except NoOrbit:
+                return None
+            before, behind = (middle, behind) if middle.impacts == before.impacts else (before, middle)
+        return None
+
+    def _bounce_near(self, before: PeriodicLaunch, behind: PeriodicLaunch, hop: int) -> FoundEvent:
+        """The event of `bounce` by Newton's method on its equations; raises `NoOrbit`."""
+        maps, fewer = self.maps, min(before, behind, key=lambda each: each.impacts[hop])
+        assert maps.along is not None
+        if (hops := maps.along.nearest(fewer)) is None:
+            raise NoOrbit("no hops are known near the border")
+        value = float(self.curve.possible(0.5 * (before.value + behind.value)))
+        inject, border = value if maps.name == INJECT else maps.inject, Border(hop, fewer.impacts[hop] - 1)
+        found, slope = located_border(maps.machine_at(value), maps.name, value, inject, border, hops.unknowns)
+        place = np.array([found.alpha, found.first]) / self.scale
+        apart = np.linalg.norm(0.5 * (before.place + behind.place) - place)
+        if apart > BORDER_BEYOND * max(float(np.linalg.norm(behind.place - before.place)), AROUND):
+            raise NoOrbit("the border is elsewhere")
+        point = PeriodicLaunch(found.first, found.alphas, slope, fewer.impacts, place, behind.tangent)
+        return FoundEvent(kind_of_border((slope, slope)), point, "bounce", (slope, slope))
+
+    def _middle(self, before: PeriodicLaunch, behind: PeriodicLaunch) -> PeriodicLaunch:
+        """The point of the curve half-way between two; raises `NoOrbit`."""
+        chord, middle = behind.place - before.place, 0.5 * (before.place + behind.place)
+        row = chord / self.scale
+        guess = middle * self.scale
+        point = self.curve.certify(correct(cast(Any, self.curve), guess, row, float(row @ guess), chord * self.scale))
+        found = cast(PeriodicLaunch, cast(Any, point.point))
+        if np.linalg.norm(found.place - middle) > np.linalg.norm(chord):
+            raise NoOrbit("the curve is elsewhere")
+        return found
+
+    def jump(
+        self, before: CurvePoint, behind: CurvePoint, between: Callable[[float], CurvePoint]
+    ) -> tuple[CurvePoint, str] | None:
+        """The last point of a branch before a jump of the map, and that end in words, from two points on different
+        curves and those at a share `between` them; None without one."""
+        first, second = cast(Any, before.point), cast(Any, behind.point)
+        size, impacts = self.distance(before, behind), first.impacts
+        if impacts == second.impacts or (self.maps.pieces is not None and not self._jumps(first, second)):
+            return None
+        differ = [i for i, count in enumerate(impacts) if count != second.impacts[i]]
+        if all(self.bounce(first, second, hop) for hop in differ):
+            return None
+        pairs, reach = zip(first.alphas, second.alphas, strict=True), size * float(self.scale[0])
+        spans = [(min(pair) - reach, max(pair) + reach) for pair in pairs]
+        spans = [(max(low, 1e-3 * high), high) for low, high in spans]
+        values = [float(self.curve.possible(point.value)) for point in (before, behind)]
+        if not any(self.maps.jumps_between(span, value) for span in spans for value in values):
+            return None
+        low, high = 0.0, 1.0
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            try:
+                point = self.curve.certify(between(middle))
+            except NoOrbit:
+                break
+            if cast(Any, point.point).impacts == impacts:
+                low, before = middle, point
+            else:
+                high, behind = middle, point
+        else:
+            if self.distance(before, behind) <= 4 * (high - low) * size:
+                return None
+        counts = (" and ".join(map(str, cast(Any, each.point).impacts)) for each in (before, behind))
+        place = place_in_words(self.maps, cast(Any, before.point))
+        return before, f"the map jumps near {place}: {next(counts)} impacts in a hop, {next(counts)} behind"
+
+    def _jumps(self, before: PeriodicLaunch, behind: PeriodicLaunch) -> bool:
+        """Whether a border where the map is not continuous lies between the launches of two points."""
+        assert self.maps.pieces is not None
+        spans = [sorted(pair) for pair in zip(before.alphas, behind.alphas, strict=True)]
+        jumps = [border.alpha for border in self.maps.pieces.borders if border.kind not in CONTINUOUS]
+        return any(low <= alpha <= high for low, high in spans for alpha in jumps)
+
+    def corner(self, last: CurvePoint, behind: CurvePoint) -> list[FoundEvent]:
+        """The event at a corner of the curve between two points, where its tangents meet, if its multiplier passes 1 or
+        -1 there."""
+        sides = last.point.multiplier, behind.point.multiplier
+        if not any((sides[0] - level) * (sides[1] - level) < 0 for level in MULTIPLIER_AT.values()):
+            return []
+        a, b = cast(Any, last.point), cast(Any, behind.point)
+        share, _ = solve(np.column_stack([a.tangent, -b.tangent]), b.place - a.place)
+        if abs(share) <= 2.0 * AROUND:  # else the tangents turn beside the corner
+            place = a.place + share * a.tangent
+            alpha, value = (place * self.scale).tolist()
+            a = replace(a, value=value, alphas=(alpha, *a.alphas[1:]), place=place)
+        return [FoundEvent(kind_of_border(sides), replace(a, multiplier=float("nan")), "", sides)]
+
+    def beyond(self, before: CurvePoint, last: CurvePoint) -> CurvePoint | None:
+        """The curve behind a border near the first launch, at a launch on the other side than `before`; None where
+        there is none, or the map jumps there. Behind a graze the curve bends away at once, so that no circle cuts it as
+        it should."""
+        alpha, reach = last.point.alpha, 10.0 * AROUND * float(self.scale[0])
+        borders = self.maps.pieces_at(float(self.curve.possible(last.value)), alpha - reach, alpha + reach).borders
+        near = [each.alpha for each in borders if each.kind in CONTINUOUS and abs(each.alpha - alpha) <= reach]
+        if not near:
+            return None
+        border = min(near, key=lambda each: abs(each - alpha))
+        ahead = np.array([np.sign(border - before.point.alpha) * reach, 0.0])
+        try:
+            at = np.array([border + ahead[0], last.value])
+            return self.curve.certify(correct(cast(Any, self.curve), at, np.array([1.0, 0.0]), float(at[0]), ahead))
+        except NoOrbit:
+            return None
+
+    def round_corner(self, before: CurvePoint, last: CurvePoint) -> CurvePoint | None:
+        """The curve behind a corner of the map, where a small circle round the last point cuts it; None where it does
+        not, or where the map jumps there. The direction at the last point is that from an earlier one, since
+        differences reach round the corner."""
+        distance = self.distance(before, last)
+        ahead = ((last.x - before.x) / distance if distance >= AROUND else last.tangent) / self.scale
+        sideways = np.array([-ahead[1], ahead[0]])
+
+        def away(angle: float) -> np.ndarray:
+            return AROUND * (np.cos(angle) * ahead + np.sin(angle) * sideways) * self.scale
+
+        def excess(angle: float) -> float:
+            alpha, value = last.x + away(angle)
+            return float(self.maps.excess(np.array([alpha]), self.curve.possible(value), self.curve.period)[0])
+
+        reach = AROUND * self.curve.span
+        if self.curve.along != INJECT and not self.maps.low < last.value - reach < last.value < self.maps.high:
+            return None
+        values = np.array([excess(angle) for angle in ANGLES])
+        for i in np.flatnonzero((values[1:] >= 0) != (values[:-1] >= 0)):
+            fa, fb = float(values[i]), float(values[i + 1])
+            if not np.isfinite(fa + fb):
+                continue
+            angle = bracketed_root(excess, ANGLES[i], ANGLES[i + 1], fa, fb)
+            # At a jump the excess is small on one side only.
+            if max(abs(excess(angle + side * BESIDE)) for side in (-1, 1)) <= 1e-2 * (abs(fa) + abs(fb)):
+                return self.curve.at(last.x + away(angle), away(angle))
+        return None
+
+
+def kind_of_border(sides: tuple[float, float]) -> str:
+    """The kind of a collision with a border by the multipliers on both sides: the launches go on in the parameter, or
+    turn round where one multiplier is above 1 and one below."""
+    return COLLISION if (sides[0] - 1) * (sides[1] - 1) > 0 else NON_SMOOTH_FOLD
