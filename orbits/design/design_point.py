@@ -22,10 +22,11 @@ from ..periodic.quantities import dimension_of
 from ..shooting.formulations import vector
 from ..symbolic.quadratic_models import QuadraticModels
 from ..units import Message, Units, in_units
-from .design_quantities import ABSENT, base_statement, extremes_of
-from .evaluator import DesignPoints, Evaluator, Varied, evaluator
+from .design_quantities import ABSENT, extremes_of
+from .evaluator import DesignPoints, Evaluator, Varied, by_logarithm, evaluator
 from .extremes import Kind, Place, place_near, places_of
 from .problem import DesignProblem, Outputs
+from .tuned_machine import TunedMachine, statement_of, unknowns_of
 
 # Neighbours differ by this share of a unit, or by less where a time or an unknown would change by more than the second
 # share of itself: second derivatives are then exact to about the first share.
@@ -78,7 +79,7 @@ class DesignPoint:
 
     def moved(self, change: Array) -> Array:
         """The n unknowns of the orbit after a change of each: of its logarithm, or a difference, see `by_logarithm`."""
-        u, logarithmic = unknowns_of(self.machine, self.orbit), by_logarithm(self.machine.model)
+        u, logarithmic = unknowns_of(self.machine, self.orbit), by_logarithm(statement_of(self.machine))
         return np.where(logarithmic, u * np.exp(np.minimum(change, 700.0)), u + change)
 
     @cached_property
@@ -107,23 +108,6 @@ class DesignPoint:
 def no_motion(machine: Machine, orbit: Orbit) -> NoOrbit:
     """The error of a machine's dimensionless orbit that is no motion."""
     return NoOrbit(in_units(Message.joined("; ", orbit.violations), machine.units))
-
-
-def unknowns_of(machine: Machine, orbit: Orbit) -> Array:
-    """The unknowns (n,) of the simplest statement at a dimensionless orbit."""
-    known = machine.model.launch_at(orbit.flight.coefficients[0, :, 0].tolist())
-    known |= {"alpha": orbit.alpha, "duration": orbit.flight_time / 2}
-    if not machine.model.one_speed and orbit.contact_time is not None:
-        known["contact_duration"] = orbit.contact_time / 2
-    return np.array([known[name] for name in base_statement(machine.model).unknowns])
-
-
-def by_logarithm(model: Model) -> Array:
-    """Whether each of the unknowns (n,) of the simplest statement is positive, so that its changes are measured by its
-    logarithm: the times, and the speed of a launch that has no other; the others may have either sign."""
-    statement = base_statement(model)
-    positive = statement.unknowns[1:] if model.one_speed else statement.durations
-    return np.isin(statement.unknowns, positive)
 
 
 def has_loss(model: Model, orbit: Orbit) -> bool:
@@ -157,7 +141,9 @@ def design_points(
             except NoOrbit as error:
                 found[i] = error
     for (model, outputs, kinds), group in groups.items():
-        evaluate = evaluator(model, tuple(next(iter(group.values()))[0].machine.values), outputs, kinds)
+        machine = next(iter(group.values()))[0].machine
+        tuned = (statement_of(machine),) if isinstance(machine, TunedMachine) else ()
+        evaluate = evaluator(model, tuple(machine.values), outputs, kinds, *tuned)
         for i, point in zip(group, _together(evaluate, [*group.values()], problem, closely), strict=True):
             found[i] = point
     return found
@@ -207,7 +193,7 @@ def _models(
 
     moves : the derivatives (m, ..., k) of the points by the parameters
     """
-    over, (m, n, k), logarithmic = evaluate.over, moves.us.shape, by_logarithm(evaluate.model)
+    over, (m, n, k), logarithmic = evaluate.over, moves.us.shape, evaluate.logarithmic
     theta = points.ps[:, over]
     units = problem.units(theta)
     # The time of a place that is not inside half a phase may be zero.

@@ -22,6 +22,7 @@ from ..symbolic.formula import Formula, parse
 from ..units import Units, in_units
 from .problem import formula_names
 from .sensitivities import quantities
+from .tuned_machine import start_of_tuned
 
 # The statuses of a design.
 DESIGN_STATUSES = ("certified", "inadmissible", "no orbit", "failed")
@@ -164,16 +165,6 @@ def tuned_orbit(
         raise NoOrbit(found.stopped[0][1])
     own, near = start_of_tuned(other, tuning, known.equations, found.unknowns[0])
     return find(own, start=near, tune=tune, at=at)
-
-
-def start_of_tuned(
-    machine: Machine, tuning: Tuning, equations: Shooting, us: np.ndarray
-) -> tuple[Machine, dict[str, float]]:
-    """The machine with the tuned values of a solution (n,), and the start from which `find` finds that solution."""
-    u = dict(zip(equations.statement.unknowns, us.tolist(), strict=True))
-    own = machine.with_values(**{name: u[name] for name in tuning.names})
-    stated = {name: x for name, x in u.items() if name in (*own.model.half_unknowns, "contact_duration")}
-    return own, in_units_of(own, stated) | ({STEP_LENGTH: u[STEP_LENGTH]} if STEP_LENGTH in u else {})
 
 
 def _tune_alone(

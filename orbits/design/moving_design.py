@@ -19,12 +19,12 @@ from ..numerics.kkt_curve import CurveEnd
 from ..numerics.kkt_limits import CriticalPoint
 from ..numerics.roots import Array
 from ..periodic.orbit import Orbit
-from ..periodic.orbits_at_once import orbits_near
 from ..symbolic.formula import suggest
 from .active_set import ACTIVE, ActiveRow, multipliers_of
-from .design_point import DEMAND_MARGIN, Case, DesignPoint, design_points, unknowns_of
+from .design_point import DEMAND_MARGIN, Case, DesignPoint, design_points
 from .design_quantities import extremes_of
 from .problem import Constraint, DesignProblem, Outputs
+from .tuned_machine import motions_near, tuned_numbers, unknowns_of
 
 # The ends of curves in words.
 ENDS_OF_DESIGNS = {
@@ -123,6 +123,8 @@ def moving_number(problem: DesignProblem, machine: Machine, what: str, end: floa
         if what == name:
             both = f"'{name} >= {low:g}' or '{name} <= {high:g}'"
             raise InputError(f"'{name}' is designed itself: follow one of its bounds, {both}, or another parameter")
+    if what in tuned_numbers(machine):
+        raise InputError(f"'{what}' is tuned: follow a prescribed quantity, or another parameter")
     if what in (names := free_parameters(machine)):
         machine.with_values(**{what: end})  # raises the machine's own error
         return Moving(what, machine.values[what], end)
@@ -325,7 +327,7 @@ class MovingDesign:
 
     def _known(self, z: Array, design: DesignPoint) -> list[ProgramPoint]:
         """The program at a design that is known."""
-        (found,) = self._points([z], [design.machine], [design.orbit])
+        (found,) = self._points([z], [(design.machine, design.orbit)])
         if isinstance(found, OrbitsError):
             raise found
         return [found]
@@ -360,18 +362,18 @@ class MovingDesign:
         for z in zs:
             machine, near = self.machine_at(z[:-1], z[-1]), self.nearest(z[:-1], z[-1]).design
             machines, us = [*machines, machine], [*us, self.predicted(machine, near)]
-        orbits = orbits_near(machines, us, [self.family] * len(zs))
-        these = {i: orbit for i, orbit in enumerate(orbits) if orbit}
-        points = self._points([zs[i] for i in these], [machines[i] for i in these], [*these.values()])
+        motions = motions_near(machines, us, [self.family] * len(zs))
+        these = {i: motion for i, motion in enumerate(motions) if motion}
+        points = self._points([zs[i] for i in these], [*these.values()])
         found |= zip(these, points, strict=True)
         lost = NoOrbit("no orbit of the family is found near that of the design before")
         return [found.get(i, lost) for i in range(len(zs))]
 
     def _points(
-        self, zs: Sequence[Array], machines: Sequence[Machine], orbits: Sequence[Orbit]
+        self, zs: Sequence[Array], motions: Sequence[tuple[Machine, Orbit]]
     ) -> list[ProgramPoint | OrbitsError]:
-        """The program at orbits of machines."""
-        cases = [Case(machine, orbit, self.outputs, {}) for machine, orbit in zip(machines, orbits, strict=True)]
+        """The program at machines with their orbits."""
+        cases = [Case(*motion, self.outputs, {}) for motion in motions]
         found = list[ProgramPoint | OrbitsError]()
         for z, point in zip(zs, design_points(cases, self.frame, closely=True), strict=True):
             if isinstance(point, OrbitsError):

@@ -25,7 +25,6 @@ from ..numerics.kkt_curve import (
 from ..numerics.kkt_limits import CriticalPoint
 from ..periodic.find import find
 from ..periodic.orbit import Orbit, orbit_of
-from ..periodic.orbits_at_once import orbits_near
 from ..result import Axes, Report, Result, Row, is_of, shown
 from ..running import interrupts
 from ..running.exclusive import exclusive
@@ -34,6 +33,7 @@ from .active_set import ActiveRow, active_bounds, active_constraints, constraint
 from .design_point import Case, DesignPoint, design_points, no_motion
 from .moving_design import Moving, MovingDesign, moving_number
 from .problem import DesignProblem, Outputs, design_problem
+from .tuned_machine import TunedMachine, motions_near, names_of_designs, tuned_at, tuned_numbers, untuned
 
 AT_TWO_PLACES = "an extreme at two places"
 # Steps of a curve are long, since each evaluation of a design is costly and its predictions are good.
@@ -48,7 +48,7 @@ class Active:
 
     text : the constraint, bound or condition
     multiplier : improvement of the objective per unit by which the constraint is relaxed, to first order; for an
-        equality constraint, per unit by which its value is raised; None after a search without derivatives
+        equality constraint, per unit by which its value is raised; None in files of searches without derivatives
     """
 
     text: str
@@ -78,14 +78,15 @@ class Design(Result, what="design"):
     active : active constraints, bounds and conditions of a motion
     idle : parameters on which neither objective nor constraints depend; they have the values of the start
     kkt : largest violation of the optimality conditions: the gradient of the Lagrangian as a share of the objective
-        over each parameter's range, by the implicit function theorem, and the constraints' violations; None after a
-        search without derivatives, as that for orbits with tuned parameters
+        over each parameter's range, by the implicit function theorem, and the constraints' violations; None in files
+        of searches without derivatives
     starts : all that were tried
     seconds : wall time
     pair : both objectives, for a design on a Pareto front; None otherwise
     share : of the designs of a global search that led to this optimum; None for any other search
-    over, subject_to : the bounds of the parameters by name, and the constraints; none after a search without
-        derivatives
+    over, subject_to : the bounds of the parameters by name, and the constraints
+    tune, at : the names of the parameters that are tuned for each design, and the values of the quantities that are
+        prescribed; empty where none are
 
     The objective, the quantities and the optimality conditions are those at the end of the search. The orbit is found
     once more from there and differs by rounding.
@@ -107,6 +108,8 @@ class Design(Result, what="design"):
     share: float | None = None
     over: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     subject_to: tuple[str, ...] = ()
+    tune: tuple[str, ...] = ()
+    at: Mapping[str, float] = field(default_factory=dict)
 
     machine = property(lambda self: self.orbit.machine)
 
@@ -166,6 +169,7 @@ class Design(Result, what="design"):
     def saved(self) -> Document:
         """The content of a file of the design, with the whole orbit, from which `of_saved` restores it."""
         problem = {"over": {name: list(bounds) for name, bounds in self.over.items()}, "subject_to": [*self.subject_to]}
+        problem |= {"tune": [*self.tune], "at": dict(self.at)} if self.tune else {}
         return {**self.document(), "pair": self.pair, "share": self.share, **problem, "orbit": self.orbit.saved()}
 
     @exclusive
@@ -173,7 +177,7 @@ class Design(Result, what="design"):
         """The best designs as one number of the problem moves, from its value here to another one.
 
         what : a constraint, as stated in `subject_to`; a bound of a designed parameter, as "k <= 5000"; or the name of
-            another parameter of the machine
+            another parameter of the machine, or of a prescribed quantity
         to : the last value of the number
         points : number of designs, at values that are evenly spaced, or by their logarithm for a parameter over
             decades; at the events between them there are further ones
@@ -198,13 +202,30 @@ class Design(Result, what="design"):
             raise InputError(f"the design is from {found}: its optimality conditions cannot be followed")
         with interrupts.deferred():
             least, most = (self.text, None) if self.verb == "minimise" else (None, self.text)
-            problem = design_problem(self.source, least, most, self.over, self.subject_to)
-            moving = moving_number(problem, self.source, what, finite_number("to", to))
+            machine = tuned_at(self.source, self.tune, self.at, self.orbit) if self.tuned else self.source
+            problem = design_problem(
+                machine, least, most, self.over, self.subject_to, names_of_designs(machine)
+            )
+            moving = moving_number(problem, machine, what, finite_number("to", to))
             if moving.begin == moving.end:
                 raise InputError(f"to = {moving.end:g}: '{what}' has this value already")
-            program = moving_design(self, problem, moving)
+            program = moving_design(self, machine, problem, moving)
             curve = designs_along(program, np.linspace(0.0, 1.0, points).tolist(), progress)
         return replace(curve, seconds=time.perf_counter() - began)
+
+    @property
+    def tuned(self) -> bool:
+        """Whether numbers of its machine are tuned."""
+        return bool(self.tune or self.at)
+
+    def certified(self) -> "Design":
+        """The design with its orbit found again and certified, in place of the dimensionless orbit of a search."""
+        if not self.tuned:
+            return replace(self, orbit=find(self.source, start=self.orbit))
+        orbit = tuned_at(self.source, self.tune, self.at, self.orbit).certified(self.orbit)
+        source = orbit.source or self.source
+        tuned = {name: source.values[name] for name in self.tune}
+        return replace(self, orbit=orbit, source=source, parameters={**self.parameters, **tuned})
 
     @classmethod
     def of_saved(cls, document: Any, machine: Machine | None = None) -> "Design":
@@ -237,13 +258,15 @@ def optimum_at(problem: DesignProblem, point: DesignPoint, scales: np.ndarray, f
     rows = [*active_bounds(problem, point.theta), *rows, *ties]
     multipliers, rest = multipliers_of(problem.sign * point.slopes[0] * units / size, rows)
     parameters = dict(zip(problem.names, point.theta.tolist(), strict=True))
+    parameters |= {name: point.machine.values[name] for name in tuned_numbers(point.machine)}
     active = tuple(Active(r.text, float(x * size / r.unit)) for r, x in zip(rows, multipliers, strict=True) if x)
     idle = _idle(problem, flat & ~point.slopes[point.scaled].any(0))
     found, kkt = (float(point.values[0]), point.quantities), max(float(np.abs(rest).max()), violation)
-    stated = point.machine, point.orbit, parameters, problem.verb, problem.text
+    stated = untuned(point.machine), point.orbit, parameters, problem.verb, problem.text
     bounds = dict(zip(problem.names, zip(problem.low, problem.high, strict=True), strict=True))
     texts = tuple(constraint.text for constraint in problem.constraints)
-    return Design(*stated, *found, active, idle, kkt, over=bounds, subject_to=texts)
+    tuned = {"tune": point.machine.tuned, "at": point.machine.at} if isinstance(point.machine, TunedMachine) else {}
+    return Design(*stated, *found, active, idle, kkt, over=bounds, subject_to=texts, **tuned)
 
 
 def _idle(problem: DesignProblem, flat: np.ndarray) -> tuple[str, ...]:
@@ -369,15 +392,15 @@ class DesignCurve(Result, what="curve of designs", dimension="design"):
         return cls(designs=tuple(map(Design.of_saved, rows, machines)), values=values, slopes=slopes, **own)
 
 
-def moving_design(design: Design, problem: DesignProblem, moving: Moving) -> MovingDesign:
-    """The program of a problem, a number of which moves, about its optimum."""
+def moving_design(design: Design, machine: Machine, problem: DesignProblem, moving: Moving) -> MovingDesign:
+    """The program of a problem, a number of which moves, about its optimum, of this machine."""
     orbit = design.orbit.dimensionless()
     formulas = problem.formula, *(constraint.formula for constraint in problem.constraints)
     known = [text.removesuffix(" > 0") for text in (each.text for each in design.active) if text.endswith(" > 0")]
     if any(each.text == AT_TWO_PLACES for each in design.active):
         raise NoOrbit(f"the design has {AT_TWO_PLACES}, where its derivatives jump: it cannot be followed")
-    demands = demands_of(design.source, orbit, [name for name in known if name != "-landing_jerk"])
-    (point,) = design_points([Case(design.source, orbit, Outputs(formulas, problem.names, demands), {})])
+    demands = demands_of(machine, orbit, [name for name in known if name != "-landing_jerk"])
+    (point,) = design_points([Case(machine, orbit, Outputs(formulas, problem.names, demands), {})])
     if isinstance(point, OrbitsError):
         raise point
     stated = 1 + len(problem.constraints)
@@ -512,15 +535,19 @@ def _certified_at(points: Sequence[tuple[MovingDesign, CriticalPoint]]) -> list[
         outputs = replace(program.outputs, over=program.problem.names)
         cases.append(Case(machine, near.orbit, outputs, {}))
         us.append(program.predicted(machine, near))
-    found = orbits_near([case.machine for case in cases], us, [program.family for program, _ in points])
-    orbits = [
-        orbit or find(case.machine, start=case.orbit).dimensionless() for case, orbit in zip(cases, found, strict=True)
+    found = motions_near([case.machine for case in cases], us, [program.family for program, _ in points])
+    motions = [
+        motion or (case.machine, find(case.machine, start=case.orbit).dimensionless())
+        for case, motion in zip(cases, found, strict=True)
     ]
-    evaluated = design_points([case._replace(orbit=orbit) for case, orbit in zip(cases, orbits, strict=True)])
+    evaluated = design_points(
+        [case._replace(machine=own, orbit=orbit) for case, (own, orbit) in zip(cases, motions, strict=True)]
+    )
     designs = list[Design]()
     for (program, point), each in zip(points, evaluated, strict=True):
         if isinstance(each, OrbitsError):
             raise each
         best = optimum_at(program.problem_at(point.value), each, program.scales(each), program.flat)
-        designs.append(replace(best, orbit=orbit_of(best.source, best.orbit)))
+        tuned = isinstance(each.machine, TunedMachine)
+        designs.append(best.certified() if tuned else replace(best, orbit=orbit_of(best.source, best.orbit)))
     return designs
