@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError, shortened
 from ..model.machine import Machine
-from ..model.model import STEP_LENGTH, Model
+from ..model.model import Model
 from ..periodic.certified import Certified, certified
 from ..periodic.continued import AT_FOLD, NOT_REACHED, continued, continued_tuned, orbit_from_unknowns
 from ..periodic.find import StartLike, find, first_tuned, in_units_of
@@ -17,7 +17,6 @@ from ..periodic.orbits_at_once import lowest_orbits, motions_together
 from ..periodic.quantities import OF_RUNS, names_of_many, numbers_of
 from ..periodic.tuned import Tuning, errors_of_tuned, prescribable, tuning_of
 from ..running import interrupts
-from ..shooting.single_shooting import Shooting
 from ..symbolic.formula import Formula, parse
 from ..units import Units, in_units
 from .problem import formula_names

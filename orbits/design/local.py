@@ -24,7 +24,7 @@ from .design_point import DEMAND_MARGIN, Case, DesignPoint, Ties, design_points,
 from .evaluator import by_logarithm
 from .optimality import Design, optimum_at
 from .problem import DesignProblem, Outputs
-from .tuned_machine import motions_near, statement_of, unknowns_of
+from .tuned_machine import motions_near, statement_of_orbits, unknowns_of
 
 # The constraints are met, or nearly, if the sum of their violations, as shares of their sizes, is no larger.
 MET, NEARLY_MET = 1e-8, 1e-3
@@ -149,7 +149,7 @@ class LocalSearch:
         bounds = np.clip([problem.change(theta, end) for end in (low, high)], -radius, radius) * ~self.flat
         ones = np.ones(len(models.values) - len(scales))
         # Unknowns that may change their sign may change by any amount.
-        logarithmic = by_logarithm(statement_of(self.point.machine))
+        logarithmic = by_logarithm(statement_of_orbits(self.point.machine))
         within = np.where(logarithmic, largest * ones, np.inf)
         limits = np.hstack([self.limits(), [-within, within]])
         minimum = models.over(np.append(scales, ones)).minimum(len(self.sizes), bounds, limits, weights)
@@ -228,7 +228,7 @@ def _ends(steps: Sequence[tuple[LocalSearch, DesignStep]], problem: DesignProble
     found: list[Any] = motions_near(machines, us, families)
     cases = dict[int, Case]()
     for i, ((search, step), near) in enumerate(zip(steps, found, strict=True)):
-        own = len(step.u) - len(statement_of(step.machine).tuned)
+        own = len(step.u) - len(statement_of_orbits(step.machine).tuned)
         u, expected = (step.u if near is None else unknowns_of(*near))[:own], step.u[:own]
         least = SMALLEST_UNIT if step.machine.model.one_speed else 0.1 * np.abs(u).max()
         if near is None or np.max(np.abs(u - expected) / np.maximum(np.abs(u), least)) > LARGEST_CORRECTION:

@@ -1,7 +1,7 @@
 """Machines with tuned numbers, as designs vary them, and the orbits of any machines near known unknowns.
 
-The tuned numbers are unknowns of half an orbit beside those of the motion. So they are functions of all that is designed,
-by the same equations, and their derivatives follow as those of the launch do.
+The tuned numbers are unknowns of half an orbit beside those of the motion. So they are functions of all that is
+designed, by the same equations, and their derivatives follow as those of the launch do.
 """
 
 import time
@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit
-from ..model.machine import Machine, free_parameters
+from ..model.machine import Machine
 from ..model.model import STEP_LENGTH
 from ..model.phase import Statement
 from ..numerics.roots import Array
@@ -26,8 +26,8 @@ from ..periodic.quantities import OF_RUNS
 from ..periodic.tuned import METHOD, Tuning, solved_near, tuned_equations, tuned_statement, tuned_values
 from ..shooting.formulations import vector
 from ..shooting.single_shooting import Shooting
-from .design_quantities import base_statement, quantity_names
-from .problem import formula_names
+from .design_quantities import base_statement
+from .problem import formula_names, names_along
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +72,8 @@ class TunedMachine:
         return tuned_equations(self.machine, self.tuned, tuple(self.at))
 
     def near(self, u: Array, family: int | None) -> "tuple[TunedMachine, Orbit]":
-        """The machine with tuned values, and its orbit of a family (None: of any) without dimensions, near unknowns (n,)
-        of its equations; raises `NoOrbit`, `FlowError` or `InputError` where there is none."""
+        """The machine with tuned values, and its orbit of a family (None: of any) without dimensions, near unknowns
+        (n,) of its equations; raises `NoOrbit`, `FlowError` or `InputError` where there is none."""
         equations, p, began = self.equations, vector(self.values), time.perf_counter()
         x, evaluation = solved_near(self.machine, equations, u, p)
         ps = equations.with_tuned(x[None], p[None])
@@ -110,7 +110,7 @@ def tuned_numbers(machine: Any) -> tuple[str, ...]:
     return machine.tuned if isinstance(machine, TunedMachine) else ()
 
 
-def statement_of(machine: Any) -> Statement:
+def statement_of_orbits(machine: Any) -> Statement:
     """The statement whose unknowns are varied with a machine's parameters: the simplest one, or that which is tuned."""
     if isinstance(machine, TunedMachine):
         return tuned_statement(machine.model, machine.tuned, tuple(machine.at))
@@ -123,19 +123,15 @@ def unknowns_of(machine: Any, orbit: Orbit) -> Array:
     known |= {"alpha": orbit.alpha, "duration": orbit.flight_time / 2}
     if orbit.contact_time is not None:
         known["contact_duration"] = orbit.contact_time / 2
-    known |= {name: machine.values[name] for name in statement_of(machine).tuned}
-    return np.array([known[name] for name in statement_of(machine).unknowns])
+    known |= {name: machine.values[name] for name in statement_of_orbits(machine).tuned}
+    return np.array([known[name] for name in statement_of_orbits(machine).unknowns])
 
 
 def names_of_designs(machine: Any) -> list[str]:
     """The names that formulas of a machine's designs may use."""
     if not isinstance(machine, TunedMachine):
         return formula_names(machine)
-    quantities = [*quantity_names(machine.model, machine.values), *(OF_RUNS if machine.model.sticks else ())]
-    parameters = [name for name in free_parameters(machine.machine)]
-    if ambiguous := [name for name in parameters if name in quantities]:
-        raise InputError(f"'{ambiguous[0]}' is a quantity of the orbit: call the formula's parameter something else")
-    return quantities + parameters
+    return [*names_along(machine.machine), *(OF_RUNS if machine.model.sticks else ())]
 
 
 def motions_near(
@@ -174,7 +170,7 @@ def continued_from(
     return other.near(found.unknowns[0], family)
 
 
-def tuned_at(machine: Machine, tuned: Sequence[str], at: Mapping[str, float], orbit: Orbit) -> TunedMachine:
+def tuned_machine_of(machine: Machine, tuned: Sequence[str], at: Mapping[str, float], orbit: Orbit) -> TunedMachine:
     """A machine with the tuned values that it has, which is that of an orbit."""
     if machine.model.sticks:
         machine = machine.with_values(**{STEP_LENGTH: stated_unknowns(machine.model, orbit)[STEP_LENGTH]})
