@@ -177,7 +177,7 @@ def local_optima(
     """
     found: list[Any] = list(motions)
     began = [i for i, motion in enumerate(motions) if isinstance(motion, tuple)]
-    cases = [_case(*found[i], problem) for i in began]
+    cases = [_case(found[i], problem) for i in began]
     for i, point in zip(began, _of_each(design_points, cases, problem), strict=True):
         found[i] = attempt(_initial_search, point, problem)
     for left in reversed(range(MOST_ROUNDS)):
@@ -213,9 +213,10 @@ def _of_each(function: Callable[..., list], items: Sequence, problem: DesignProb
 
 
 def _case(
-    machine: Machine, orbit: Orbit, problem: DesignProblem, known: Sequence[str] = (), ties: Ties | None = None
+    motion: tuple[Machine, Orbit], problem: DesignProblem, known: Sequence[str] = (), ties: Ties | None = None
 ) -> Case:
     """The objective, the constraints and the demands at an orbit: those known, and those that it adds."""
+    machine, orbit = motion
     formulas = problem.formula, *(constraint.formula for constraint in problem.constraints)
     return Case(machine, orbit, Outputs(formulas, problem.names, demands_of(machine, orbit, known)), ties or {})
 
@@ -234,7 +235,7 @@ def _ends(steps: Sequence[tuple[LocalSearch, DesignStep]], problem: DesignProble
         if near is None or np.max(np.abs(u - expected) / np.maximum(np.abs(u), least)) > LARGEST_CORRECTION:
             found[i] = NoOrbit("no orbit of the family is found near that of the models")
         else:
-            cases[i] = _case(*near, problem, search.point.demands, search.ties)
+            cases[i] = _case(near, problem, search.point.demands, search.ties)
     for i, point in zip(cases, design_points(list(cases.values()), problem), strict=True):
         found[i] = point
     return found
@@ -317,7 +318,7 @@ def _with_ties(search: LocalSearch, end: DesignPoint, step: DesignStep) -> Local
 
 def _again(search: LocalSearch, demands: tuple[str, ...], ties: Ties) -> LocalSearch:
     """The search with other demands and ties at the same orbit."""
-    case = _case(search.point.machine, search.point.orbit, search.problem, demands, ties)
+    case = _case((search.point.machine, search.point.orbit), search.problem, demands, ties)
     (point,) = design_points([case], search.problem)
     return search if isinstance(point, NoOrbit) else replace(search, point=point, ties=ties)
 

@@ -330,7 +330,7 @@ class MovingDesign:
             return None
         _, corner = min(found, key=lambda each: each[0])
         known = [place for place in (before or at).design.places if place.kind.extreme == corner.extreme][:1]
-        far = [[(p.kind != c.kind, abs(p.time - c.time)) for p in known] for c in corner[1:3]]
+        far = [[(p.kind != c.kind, abs(p.time - c.time)) for p in known] for c in (corner.first, corner.second)]
         return corner.swapped() if far[1] < far[0] else corner
 
     def corner_between(self, before: ProgramPoint, after: ProgramPoint, point: CriticalPoint) -> Corner | None:
@@ -384,8 +384,8 @@ class MovingDesign:
         design = near.design
         for corner in self.corners_at(design):
             found = peaks_of(design.machine, design.orbit, corner.extreme)
-            own = [value for value, place in found for known in corner[1:3]
-                   if place.kind == known.kind and abs(place.time - known.time) <= SAME_TIME * (1 + place.time)]  # fmt: skip
+            both = corner.first, corner.second
+            own = [value for value, place in found if any(_same_place(place, known) for known in both)]
             if not own or found[0][0] > max(own) + SAME_EXTREME * corner.size:
                 return self._quantity(corner.extreme)
         return ""
@@ -410,7 +410,7 @@ class MovingDesign:
 
     def case(self, motion: tuple[Machine, Orbit], corners: Sequence[Corner]) -> Case:
         """The outputs at a machine with its orbit, where extremes have corners."""
-        ties, firsts = ({each.extreme: each[place] for each in corners} for place in (2, 1))
+        ties, firsts = {each.extreme: each.second for each in corners}, {each.extreme: each.first for each in corners}
         return Case(*motion, self.outputs, ties, firsts)
 
     def first(self, x: Array, p: float, y: Array) -> FirstDerivatives:
@@ -565,6 +565,11 @@ class MovingDesign:
             slopes[-1, :n], slopes[-1, n] = self.free == moving.parameter, -rate
             bends[-1, n, n] = rate**2 * problem.wide[moving.parameter]
         return values, slopes, bends
+
+
+def _same_place(one: Place, other: Place) -> bool:
+    """Whether two places of one motion are the same."""
+    return one.kind == other.kind and abs(one.time - other.time) <= SAME_TIME * (1 + one.time)
 
 
 def _first_of(found: ProgramPoint, y: Array) -> FirstDerivatives:

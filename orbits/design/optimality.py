@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, NamedTuple, TypeAlias, TypedDict
 
 import numpy as np
@@ -262,8 +263,8 @@ def optimum_at(problem: DesignProblem, point: DesignPoint, scales: np.ndarray, f
     stated = untuned(point.machine), point.orbit, parameters, problem.verb, problem.text
     bounds = dict(zip(problem.names, zip(problem.low, problem.high, strict=True), strict=True))
     texts = tuple(constraint.text for constraint in problem.constraints)
-    tuned = {"tune": point.machine.tuned, "at": point.machine.at} if isinstance(point.machine, TunedMachine) else {}
-    return Design(*stated, *found, active, idle, kkt, over=bounds, subject_to=texts, **tuned)
+    design, own = Design(*stated, *found, active, idle, kkt, over=bounds, subject_to=texts), point.machine
+    return replace(design, tune=own.tuned, at=own.at) if isinstance(own, TunedMachine) else design
 
 
 def _idle(problem: DesignProblem, flat: np.ndarray) -> tuple[str, ...]:
@@ -511,8 +512,10 @@ class _RunAlongDesigns:
             passed = self.pieces[-1].points
             if isinstance(each, CurveEnd):
                 self.end = "" if each.kind == "reached" else program.in_words(each, passed[-1])
+                if not self.end:
+                    return None
                 last = program.nearest(passed[-1].x, passed[-1].value)
-                return self._at_corner(program, lambda before: program.corner_beside(last, before)) if self.end else None
+                return self._at_corner(program, partial(program.corner_beside, last))
             if isinstance(each, CurveEvent):
                 self._happens(curve, each)
                 continue

@@ -6,7 +6,7 @@ Objectives and constraints are formulas of the quantities in an orbit's JSON doc
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,12 +18,11 @@ from ..periodic.find import Progress, StartLike, check_start, find
 from ..periodic.orbit import Orbit
 from ..running import interrupts
 from ..running.exclusive import exclusive
-from .designs_at_once import tuning_of_designs
 from .local import Infeasible, Unbounded, attempt, local_optima
 from .optimality import Design, Start
 from .problem import DesignProblem, design_problem
 from .seeds import seeds_of
-from .tuned_machine import TunedMachine, continued_from, first_of_tuned, names_of_designs
+from .tuned_machine import TunedMachine, continued_from, first_of_tuned, names_of_designs, tuning_of_designs
 
 # Parameters of the same optimum, found from different starts, agree to this share of their units.
 SAME_DESIGN = 1e-3
@@ -185,7 +184,9 @@ def best_design(
     began, report = time.perf_counter(), progress or (lambda share: None)
     values = [{name: point[name] for name in problem.names} for point in points]
     machines = [machine.with_values(**each) for each in values]
-    known = {i: (machines[i], each["orbit"].dimensionless()) for i, each in enumerate(points) if "orbit" in each}
+    known: dict[int, Any] = {
+        i: (machines[i], each["orbit"].dimensionless()) for i, each in enumerate(points) if "orbit" in each
+    }
     unknown = [i for i in range(len(points)) if i not in known]
     known |= dict(zip(unknown, origin.motions([machines[i] for i in unknown]) if unknown else (), strict=True))
     ends = local_optima([known[i] for i in range(len(points))], problem, report)

@@ -5,7 +5,7 @@ designed, by the same equations, and their derivatives follow as those of the la
 """
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -23,7 +23,16 @@ from ..periodic.find import StartLike, find, first_tuned, in_units_of, stated_un
 from ..periodic.orbit import Orbit
 from ..periodic.orbits_at_once import orbits_near
 from ..periodic.quantities import OF_RUNS
-from ..periodic.tuned import METHOD, Tuning, solved_near, tuned_equations, tuned_statement, tuned_values
+from ..periodic.tuned import (
+    METHOD,
+    Tuning,
+    prescribable,
+    solved_near,
+    tuned_equations,
+    tuned_statement,
+    tuned_values,
+    tuning_of,
+)
 from ..shooting.formulations import vector
 from ..shooting.single_shooting import Shooting
 from .design_quantities import base_statement
@@ -79,7 +88,7 @@ class TunedMachine:
         ps = equations.with_tuned(x[None], p[None])
         tuned = self.with_values(**tuned_values(equations, x))
         solved = Solved(self.model, METHOD, equations, x[None], ps, evaluation)
-        orbit = certified_orbit(tuned, solved, began=began)  # type: ignore[arg-type]
+        orbit = certified_orbit(tuned, solved, began=began)
         if family not in (None, orbit.family):
             raise NoOrbit(f"it is of family {orbit.family}")
         return tuned, orbit
@@ -88,6 +97,21 @@ class TunedMachine:
         """Its orbit, found once more from the dimensionless one and certified as by `find`."""
         own, start = start_of_tuned(self.machine, self.tuning, self.equations, unknowns_of(self, orbit))
         return find(own, start=start, tune=self.tuned, at=self.at)
+
+
+def tuning_of_designs(machine: Machine, tune: Any, at: Any, varied: Iterable[str]) -> Tuning:
+    """The tuned parameters and prescribed quantities of designs over `varied` parameters; raises `InputError` where
+    they cannot be those."""
+    tuning = tuning_of(machine, tune, at)
+    if twice := [name for name in varied if name in (*tuning.names, *tuning.values)]:
+        raise InputError(f"'{twice[0]}' is varied, so that it is neither tuned nor prescribed: leave it out of one")
+    if tuning.extremes:
+        known = ", ".join(prescribable(machine.model))
+        raise InputError(
+            f"at '{next(iter(tuning.extremes))}': it is found from the whole motion and no equation of half an orbit; "
+            f"designs are tuned to {known}, and find(machine, tune=..., at=...) finds one orbit"
+        )
+    return tuning
 
 
 def start_of_tuned(
@@ -140,7 +164,7 @@ def motions_near(
     """Machines with their dimensionless orbits, as `orbits_near` finds these; tuned numbers have their values there."""
     if not any(isinstance(machine, TunedMachine) for machine in machines):
         found = orbits_near(machines, us, families)
-        return [orbit and (machine, orbit) for machine, orbit in zip(machines, found, strict=True)]
+        return [(machine, orbit) if orbit else None for machine, orbit in zip(machines, found, strict=True)]
     tuned = list[Any]()
     for machine, u, family in zip(machines, us, families, strict=True):
         tuned.append(None)

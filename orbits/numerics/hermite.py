@@ -72,8 +72,8 @@ def around(
 
 
 def at_level(xs: Sequence[np.ndarray], tangents: Sequence[np.ndarray], column: int, level: float) -> np.ndarray:
-    """The point at a level of one coordinate on the interpolant of a few points (n,) of a curve, in order, with tangents
-    along which the coordinate goes the same way."""
+    """The point at a level of one coordinate on the interpolant of a few points (n,) of a curve, in order, with
+    tangents along which the coordinate goes the same way."""
     places, rates = (np.array([each[column] for each in part]) for part in (xs, tangents))
     of_points, of_tangents, _ = _weights_of_chain(len(xs))(places, np.sign(rates), np.ones(len(xs)), level)
     moved = sum((weight * (x - xs[0]) for x, weight in zip(xs, of_points.flat, strict=True)), 0.0 * xs[0])

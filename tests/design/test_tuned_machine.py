@@ -77,6 +77,16 @@ def test_the_best_of_several_starts_and_a_saved_design(tmp_path):
     assert (again.parameters, again.tune, again.at) == (best.parameters, best.tune, best.at)
 
 
+def test_sensitivities_of_tuned_orbits():
+    """The stiffness is the square of the frequency times that of the period of stiffness 1."""
+    slopes = sensitivities(LINEAR.with_values(mass_ratio=2.0), 1, quantities=["k", "alpha"], **WITH_FREQUENCY)
+    assert set(slopes["k"]) == {"mass_ratio", "frequency"}
+    assert slopes["k"]["frequency"] == pytest.approx(2 * stiffness(2.0) / 0.1, rel=1e-11)
+    by_ratio = sensitivities(LINEAR.with_values(mass_ratio=2.0), 1, ["mass_ratio"], ["period"])["period"]["mass_ratio"]
+    period = find(LINEAR.with_values(mass_ratio=2.0)).period
+    assert slopes["k"]["mass_ratio"] == pytest.approx(2 * 0.1**2 * period * by_ratio, rel=1e-9)
+
+
 @pytest.mark.parametrize(("what", "to"), [("frequency", 0.12), ("mass_ratio <= 0.6", 0.5)])
 def test_designs_are_followed(what, to, tmp_path):
     """Along a prescribed quantity and along a bound, against searches; the slope is that of differences."""
@@ -124,6 +134,8 @@ def test_bad_arguments_are_named():
     for change, words in wrong:
         with pytest.raises(InputError, match=words):
             optimize(LINEAR, **{"minimise": "k", "over": RANGE, **WITH_FREQUENCY, **change})
+    with pytest.raises(InputError, match="'k' is tuned and follows from the others"):
+        sensitivities(LINEAR, 1, ["k"], **WITH_FREQUENCY)
     for function in (sensitivities, lambda machine: pareto(machine, minimise=("alpha", "stroke"), over=RANGE)):
         with pytest.raises(InputError, match="a runner has no orbits beside this one unless a number of it is tuned"):
             function(RUNNER)
