@@ -47,8 +47,8 @@ BESIDE_AN_END = 1e-2
 AT_TWO_PLACES = "an extreme at two places"
 # Places of the motion whose values differ by no more than the first share of these may be the same beside a point, and
 # are the same at it by the second. Where the derivatives of both agree to the third, they are images of each other.
-BESIDE_ANOTHER, SAME_EXTREME, SAME_PLACE = 1e-2, 1e-7, 1e-7
-SAME_TIME = 1e-6  # times of one place of a motion differ by no more, where they are found in two ways
+BESIDE_ANOTHER, SAME_EXTREME, IMAGE_OF_PLACE = 1e-2, 1e-7, 1e-7
+SAME_TIME_OF_PLACE = 1e-6  # times of one place of a motion differ by no more, where they are found in two ways
 ON_BOUND_OF_CURVE = 1e-11  # a parameter nearer to its bound than this share of its unit is put on it, as it is active
 
 
@@ -359,7 +359,7 @@ class MovingDesign:
         if isinstance(point, OrbitsError):
             return False
         slopes = point.slopes[point.tied] * self.frame.units(point.theta)
-        return bool((np.abs(slopes) > SAME_PLACE * corner.size).any())
+        return bool((np.abs(slopes) > IMAGE_OF_PLACE * corner.size).any())
 
     def active_corners(self, point: CriticalPoint) -> list[int]:
         """The numbers of the corners at which a point lies."""
@@ -569,7 +569,7 @@ class MovingDesign:
 
 def _same_place(one: Place, other: Place) -> bool:
     """Whether two places of one motion are the same."""
-    return one.kind == other.kind and abs(one.time - other.time) <= SAME_TIME * (1 + one.time)
+    return one.kind == other.kind and abs(one.time - other.time) <= SAME_TIME_OF_PLACE * (1 + one.time)
 
 
 def _first_of(found: ProgramPoint, y: Array) -> FirstDerivatives:
