@@ -451,7 +451,8 @@ def interval_check(stage: Stage, names: tuple[str, ...], substeps: int) -> Buffe
     step, finer = advance(stage, names, substeps), advance(stage, names, 2 * substeps)
     change = finer(x, 1.0, data)[0] - step(x, 1.0, data)[0]
     paths = ca.vertcat(*[step(x, share, data)[2] for share in WATCHED_SHARES])
-    function = ca.Function("check", symbols, [ca.densify(change), ca.densify(paths)])
+    # The series is the same at all shares.
+    function = ca.Function("check", symbols, [ca.densify(change), ca.densify(paths)], {"cse": substeps == 1})
     return BufferedFunction(function.map("checks", "serial", stage.intervals, [1, 3, 4], []))
 
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
+from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -22,10 +23,11 @@ from ..periodic.quantities import dimension_of
 from ..shooting.formulations import vector
 from ..symbolic.quadratic_models import QuadraticModels
 from ..units import Message, Units, in_units
-from .design_quantities import ABSENT, base_statement, extremes_of
-from .evaluator import DesignPoints, Evaluator, Varied, evaluator
-from .extremes import Kind, Place, place_near, places_of
+from .design_quantities import ABSENT, extremes_of
+from .evaluator import DesignPoints, Evaluator, Varied, by_logarithm, evaluator
+from .extremes import Place, place_near, places_of
 from .problem import DesignProblem, Outputs
+from .tuned_machine import TunedMachine, statement_of_orbits, unknowns_of
 
 # Neighbours differ by this share of a unit, or by less where a time or an unknown would change by more than the second
 # share of itself: second derivatives are then exact to about the first share.
@@ -37,12 +39,17 @@ Ties: TypeAlias = Mapping[str, Place]
 
 
 class Case(NamedTuple):
-    """Outputs that are evaluated at a machine's dimensionless orbit."""
+    """Outputs that are evaluated at a machine's dimensionless orbit.
+
+    ties : further places of extremes
+    firsts : places of these extremes that stand for the largest one, whether they are or not
+    """
 
     machine: Machine
     orbit: Orbit
     outputs: Outputs
     ties: Ties
+    firsts: Ties = MappingProxyType({})
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +85,7 @@ class DesignPoint:
 
     def moved(self, change: Array) -> Array:
         """The n unknowns of the orbit after a change of each: of its logarithm, or a difference, see `by_logarithm`."""
-        u, logarithmic = unknowns_of(self.machine, self.orbit), by_logarithm(self.machine.model)
+        u, logarithmic = unknowns_of(self.machine, self.orbit), by_logarithm(statement_of_orbits(self.machine))
         return np.where(logarithmic, u * np.exp(np.minimum(change, 700.0)), u + change)
 
     @cached_property
@@ -109,23 +116,6 @@ def no_motion(machine: Machine, orbit: Orbit) -> NoOrbit:
     return NoOrbit(in_units(Message.joined("; ", orbit.violations), machine.units))
 
 
-def unknowns_of(machine: Machine, orbit: Orbit) -> Array:
-    """The unknowns (n,) of the simplest statement at a dimensionless orbit."""
-    known = machine.model.launch_at(orbit.flight.coefficients[0, :, 0].tolist())
-    known |= {"alpha": orbit.alpha, "duration": orbit.flight_time / 2}
-    if not machine.model.one_speed and orbit.contact_time is not None:
-        known["contact_duration"] = orbit.contact_time / 2
-    return np.array([known[name] for name in base_statement(machine.model).unknowns])
-
-
-def by_logarithm(model: Model) -> Array:
-    """Whether each of the unknowns (n,) of the simplest statement is positive, so that its changes are measured by its
-    logarithm: the times, and the speed of a launch that has no other; the others may have either sign."""
-    statement = base_statement(model)
-    positive = statement.unknowns[1:] if model.one_speed else statement.durations
-    return np.isin(statement.unknowns, positive)
-
-
 def has_loss(model: Model, orbit: Orbit) -> bool:
     """Whether there is a loss coefficient: where another point takes over at a landing, only if that loses enough."""
     return not model.changes_contact or orbit.certificate.loss_coefficient is not None
@@ -153,31 +143,34 @@ def design_points(
         for i, own in zip(these, places, strict=True):
             try:
                 case, held = _placed(cases[i], own)
-                groups[model, case.outputs, tuple(held)][i] = case, tuple(held.values())
+                groups[model, case.outputs, tuple(place.kind for place in held)][i] = case, held
             except NoOrbit as error:
                 found[i] = error
     for (model, outputs, kinds), group in groups.items():
-        evaluate = evaluator(model, tuple(next(iter(group.values()))[0].machine.values), outputs, kinds)
+        machine = next(iter(group.values()))[0].machine
+        tuned = (statement_of_orbits(machine),) if isinstance(machine, TunedMachine) else ()
+        evaluate = evaluator(model, tuple(machine.values), outputs, kinds, *tuned)
         for i, point in zip(group, _together(evaluate, [*group.values()], problem, closely), strict=True):
             found[i] = point
     return found
 
 
-def _placed(case: Case, own: Mapping[str, Place | None]) -> tuple[Case, dict[Kind, Place]]:
-    """The case with the demands that its orbit has, and the places that it needs by their kinds, of the extremes before
-    those that are tied to them; raises `NoOrbit` where one is missing."""
+def _placed(case: Case, own: Mapping[str, Place | None]) -> tuple[Case, tuple[Place, ...]]:
+    """The case with the demands that its orbit has, and the places that it needs, of the extremes before those that are
+    tied to them; raises `NoOrbit` where one is missing."""
     demands = tuple(name for name in case.outputs.demands if own[extremes_of(name)[0]])
     case = case._replace(outputs=replace(case.outputs, demands=demands))
-    model, p, held = case.machine.model, case.machine.values, dict[Kind, Place]()
+    model, p, held = case.machine.model, case.machine.values, list[Place]()
     if "loss_coefficient" in case.outputs.quantities(model, p) and not has_loss(model, case.orbit):
         raise NoOrbit(f"the orbit has no {ABSENT['loss']}")
     for extreme in case.outputs.extremes(model, p):
         if not (place := own[extreme]):
             raise NoOrbit(f"the orbit has no {ABSENT[extreme]}")
-        held[place.kind] = place
+        held.append(place_near(case.machine, case.orbit, case.firsts.get(extreme, place)) if case.firsts else place)
     for tie in (place_near(case.machine, case.orbit, tie) for name, tie in case.ties.items() if own.get(name)):
-        held.setdefault(tie.kind, tie)
-    return case, held
+        if tie.kind.extreme in case.firsts or tie.kind not in [place.kind for place in held]:
+            held.append(tie)
+    return case, tuple(held)
 
 
 def _together(
@@ -207,7 +200,7 @@ def _models(
 
     moves : the derivatives (m, ..., k) of the points by the parameters
     """
-    over, (m, n, k), logarithmic = evaluate.over, moves.us.shape, by_logarithm(evaluate.model)
+    over, (m, n, k), logarithmic = evaluate.over, moves.us.shape, evaluate.logarithmic
     theta = points.ps[:, over]
     units = problem.units(theta)
     # The time of a place that is not inside half a phase may be zero.

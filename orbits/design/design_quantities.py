@@ -12,11 +12,11 @@ from typing import Any
 import casadi as ca
 
 from ..errors import InputError
-from ..model.model import CONTACT_FORCE, LANDED_FORCE, Model, refuse_forward
+from ..model.model import CONTACT_FORCE, LANDED_FORCE, STEP_LENGTH, Model, refuse_forward
 from ..model.phase import Arc, Phase, Statement
 from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
 from ..periodic.loss_coefficient import by_launch_speed, launch_power, loss_coefficient
-from ..periodic.quantities import DESIGNED, PLANAR
+from ..periodic.quantities import DESIGNED, PLANAR, speed_in_flight
 from ..shooting.formulations import half_orbit
 
 VARIATIONAL = ("landing_sensitivity", "loss_coefficient")  # these need the variation of the flight with alpha
@@ -123,10 +123,11 @@ def _simplest(model: Model) -> Statement:
 
 
 @lru_cache(maxsize=64)
-def variational_arc(model: Model) -> Arc:
-    """Half the flight, whose states are those of the simplest statement, their derivatives by alpha, and the adjoint of
-    the gap at landing, which takes these back over the mirrored half."""
-    arc, *_ = base_statement(model).arcs
+def variational_arc(model: Model, tuned: Statement | None = None) -> Arc:
+    """Half the flight, whose states are those of the simplest statement, or of one with tuned parameters, their
+    derivatives by alpha, and the adjoint of the gap at landing, which takes these back over the mirrored half."""
+    arc, *_ = (tuned or base_statement(model)).arcs
+    reduction = None if tuned else model.reduction
     phase, n = arc.phase, len(arc.phase.states)
 
     def field(x, p, q):
@@ -138,7 +139,8 @@ def variational_arc(model: Model) -> Arc:
     def start(u, before, p):
         slope = model.liftoff_slope(u, p) if model.liftoff_slope else None
         variation = by_launch_speed(lambda u: arc.start(u, before, p), u, slope)
-        adjoint = [sign * w for sign, w in zip(_reversor(model), _gap_weights(model, n, p), strict=True)]
+        weights = _gap_weights(model, reduction, n, p)
+        adjoint = [sign * w for sign, w in zip(_reversor(model, reduction), weights, strict=True)]
         return [*arc.start(u, before, p), *variation, *adjoint]
 
     states = (*phase.states, *(f"d{name}" for name in phase.states), *(f"gap by {name}" for name in phase.states))
@@ -147,16 +149,16 @@ def variational_arc(model: Model) -> Arc:
     return Arc(longer, start, arc.duration, lambda u, x, p: [])
 
 
-def _reversor(model):
-    """The sign of each state of the simplest statement under time reversal."""
-    return model.reduction.reversor if model.reduction else model.reversor or ()
+def _reversor(model, reduction):
+    """The sign of each state of a statement, in a reduction's coordinates if there is one, under time reversal."""
+    return reduction.reversor if reduction else model.reversor or ()
 
 
-def _gap_weights(model, n, p):
-    """Derivatives of the gap at landing by the state of the simplest statement there."""
-    if not model.reduction:
+def _gap_weights(model, reduction, n, p):
+    """Derivatives of the gap at landing by the state of a statement there."""
+    if not reduction:
         return list((model.landing_gap or model.gap)(p).weights)
-    slope, zero = model.reduction.gap_slope, [0.0] * n
+    slope, zero = reduction.gap_slope, [0.0] * n
     return [slope(0.0, [float(i == j) for j in range(n)], p) - slope(0.0, zero, p) for i in range(n)]
 
 
@@ -170,13 +172,13 @@ def _landing_jerk(model, u, p, q):
     return -ca.substitute(value, x, ca.vertcat(*model.launch(u, p)))
 
 
-def landing_sensitivity(model: Model, half: Any, end: Sequence, p: Mapping) -> Any:
+def landing_sensitivity(model: Model, half: Any, end: Sequence, p: Mapping, tuned: Statement | None = None) -> Any:
     """Derivative of the gap at the time of landing by alpha, from half the flight time and the end of `variational_arc`
     there."""
-    n = len(end) // 3
+    n, reduction = len(end) // 3, None if tuned else model.reduction
     variation, adjoint = end[n : 2 * n], end[2 * n :]
-    carried = sum(a * sign * d for a, sign, d in zip(adjoint, _reversor(model), variation, strict=True))
-    return carried + (model.reduction.gap_slope(2 * half, [0.0] * n, p) if model.reduction else 0.0)
+    carried = sum(a * sign * d for a, sign, d in zip(adjoint, _reversor(model, reduction), variation, strict=True))
+    return carried + (reduction.gap_slope(2 * half, [0.0] * n, p) if reduction else 0.0)
 
 
 def left_at_landing(model: Model, u: Mapping, p: Mapping) -> Any:
@@ -208,6 +210,9 @@ def expressions(
     half, contact, jerk = _simplest(model).arcs[0].duration(u, p), u["contact"], _landing_jerk(model, u, p, q)
     values = {"alpha": u["alpha"], "liftoff_extension": model.liftoff_extension(u, p), "landing_jerk": jerk}
     values |= {"flight_time": 2 * half, "contact_time": 2 * contact, "period": 2 * (half + contact)}
+    if model.sticks:
+        step = p[STEP_LENGTH]
+        values |= {"step": step, "speed": speed_in_flight(model, u, p), "mean_speed": step / values["period"]}
     if any(name in VARIATIONAL for name in names):
         values |= {"landing_sensitivity": slope, "loss_coefficient": late * _loss(model, jerk, slope, u, p, q)}
     for name in names:

@@ -1,6 +1,6 @@
 """Many designs of a machine together: the orbit of each, its quantities, and the reasons why some have none."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -8,20 +8,20 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError, shortened
 from ..model.machine import Machine
-from ..model.model import STEP_LENGTH, Model
+from ..model.model import Model
 from ..periodic.certified import Certified, certified
 from ..periodic.continued import AT_FOLD, NOT_REACHED, continued, continued_tuned, orbit_from_unknowns
 from ..periodic.find import StartLike, find, first_tuned, in_units_of
 from ..periodic.orbit import Orbit, orbit_of
 from ..periodic.orbits_at_once import lowest_orbits, motions_together
 from ..periodic.quantities import OF_RUNS, names_of_many, numbers_of
-from ..periodic.tuned import Tuning, errors_of_tuned, prescribable, tuning_of
+from ..periodic.tuned import Tuning, errors_of_tuned, tuning_of
 from ..running import interrupts
-from ..shooting.single_shooting import Shooting
 from ..symbolic.formula import Formula, parse
 from ..units import Units, in_units
 from .problem import formula_names
 from .sensitivities import quantities
+from .tuned_machine import start_of_tuned
 
 # The statuses of a design.
 DESIGN_STATUSES = ("certified", "inadmissible", "no orbit", "failed")
@@ -80,21 +80,6 @@ def columns_of_tuned(model: Model, names: Sequence[str]) -> tuple[str, ...]:
     bounds on their errors, what machines that go forward have, and whether an orbit is admissible, as 1 or 0."""
     runs = (*OF_RUNS, "friction_needed") if model.sticks else ()
     return (*names, *(f"{name}_error" for name in names), *runs, "admissible")
-
-
-def tuning_of_designs(machine: Machine, tune: Any, at: Any, varied: Iterable[str]) -> Tuning:
-    """The tuned parameters and prescribed quantities of designs over `varied` parameters; raises `InputError` where
-    they cannot be those."""
-    tuning = tuning_of(machine, tune, at)
-    if twice := [name for name in varied if name in (*tuning.names, *tuning.values)]:
-        raise InputError(f"'{twice[0]}' is varied, so that it is neither tuned nor prescribed: leave it out of one")
-    if tuning.extremes:
-        known = ", ".join(prescribable(machine.model))
-        raise InputError(
-            f"at '{next(iter(tuning.extremes))}': it is found from the whole motion and no equation of half an orbit; "
-            f"designs are tuned to {known}, and find(machine, tune=..., at=...) finds one orbit"
-        )
-    return tuning
 
 
 def names_of_tuned(machine: Machine) -> list[str]:
@@ -164,16 +149,6 @@ def tuned_orbit(
         raise NoOrbit(found.stopped[0][1])
     own, near = start_of_tuned(other, tuning, known.equations, found.unknowns[0])
     return find(own, start=near, tune=tune, at=at)
-
-
-def start_of_tuned(
-    machine: Machine, tuning: Tuning, equations: Shooting, us: np.ndarray
-) -> tuple[Machine, dict[str, float]]:
-    """The machine with the tuned values of a solution (n,), and the start from which `find` finds that solution."""
-    u = dict(zip(equations.statement.unknowns, us.tolist(), strict=True))
-    own = machine.with_values(**{name: u[name] for name in tuning.names})
-    stated = {name: x for name, x in u.items() if name in (*own.model.half_unknowns, "contact_duration")}
-    return own, in_units_of(own, stated) | ({STEP_LENGTH: u[STEP_LENGTH]} if STEP_LENGTH in u else {})
 
 
 def _tune_alone(

@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import InputError
 from ..flow.flow import flow_of
 from ..model.model import Model
-from ..model.phase import Phase
+from ..model.phase import Phase, Statement
 from ..numerics.roots import Array, solve
 from ..periodic.loss_coefficient import late_factor
 from ..periodic.quantities import dimension_of
@@ -30,7 +30,7 @@ from .design_quantities import (
     left_at_landing,
     variational_arc,
 )
-from .extremes import Kind, extreme_function
+from .extremes import Kind, extreme_function, start_function
 from .problem import Outputs
 
 
@@ -80,15 +80,22 @@ class Evaluator:
     """The outputs of a design by its parameters theta (k,); without any no derivatives are taken.
 
     kinds : the places of the extremes; an extreme that occurs again is tied to its first place
+    tuned : the statement of orbits with tuned parameters; None for the simplest one
     """
 
-    def __init__(self, model: Model, names: tuple[str, ...], outputs: Outputs, kinds: tuple[Kind, ...]):
-        statement, k = base_statement(model), len(outputs.over)
+    def __init__(
+        self, model: Model, names: tuple[str, ...], outputs: Outputs, kinds: tuple[Kind, ...],
+        tuned: Statement | None = None,
+    ):  # fmt: skip
+        statement, k = tuned or base_statement(model), len(outputs.over)
         self.model, self.names, self.outputs, self.kinds = model, names, outputs, kinds
         self.over, n = [names.index(name) for name in outputs.over], len(statement.unknowns)
         columns = k + n if k else 0
         self.du, self.dp = np.eye(n, columns, k), np.zeros((len(names), columns))
         self.dp[self.over, range(k)] = 1.0
+        for j, name in enumerate(reversed(statement.tuned if k else ()), start=1):
+            self.dp[names.index(name), -j] = 1.0
+        self.logarithmic = by_logarithm(statement)
         extremes = [kind.extreme for kind in kinds]
         first = [extremes.index(extreme) for extreme in extremes]
         u, p = ca.SX.sym("u", n), ca.SX.sym("p", len(names))
@@ -96,7 +103,7 @@ class Evaluator:
         values = dict(zip(names, ca.vertsplit(p), strict=True))
         used, arcs = outputs.quantities(model, values), statement.arcs
         self.variational = any(name in VARIATIONAL for name in used)
-        longer = variational_arc(model) if self.variational else arcs[0]
+        longer = variational_arc(model, tuned) if self.variational else arcs[0]
         phases = {"flight": model.flight, "contact": model.contact, "half": longer.phase}
         # The phases of the arcs: half the flight and, where the launch has several unknowns, half the contact.
         self.halves = ("half", "contact")[: len(arcs)]
@@ -108,7 +115,7 @@ class Evaluator:
         self.durations = of_varied([u, p], [arc.duration(unknowns, values) for arc in arcs])
         half, contact, slope, late = (ca.SX.sym(name) for name in ("half", "contact", "slope", "late"))
         largest, states, before = ca.SX.sym("extremes", len(kinds)), ca.vertsplit(ends[0]), list[ca.SX]()
-        equations = [landing_sensitivity(model, half, states, values) if self.variational else 0.0]
+        equations = [landing_sensitivity(model, half, states, values, tuned) if self.variational else 0.0]
         for arc, end, data in zip(arcs, ends, begun, strict=True):
             start = arc.start(unknowns, before, values)
             before = ca.vertsplit(end)[: len(start)]
@@ -150,7 +157,8 @@ class Evaluator:
             phase, _ = extreme_of(self.model, extreme)[index]
             at = {"middle": half if phase == "flight" else contact, "inside": times.only([j])}.get(where)
             x = self.after(phase, begins[phase], at, p) if at else begins[phase]
-            found = _of_extreme(self.model, self.names, extreme, index)(x, p, self._data(phase, x, p))
+            of_extreme = _of_extreme(self.model, self.names, extreme, index, where == "start")
+            found = of_extreme(x, p, self._data(phase, x, p))
             extremes.values[:, j], extremes.by[:, j] = found.values[:, 0], found.by[:, 0]
             if where == "inside":  # The rate of the function along the motion stays zero.
                 times.by[:, j] = -found.by[:, 1] / found.values[:, 2:]
@@ -226,10 +234,18 @@ class Evaluator:
 evaluator = cached(Evaluator)
 
 
+def by_logarithm(statement: Statement) -> Array:
+    """Whether each of the unknowns (n,) of a statement is positive, so that its changes are measured by its logarithm:
+    the times, and the speed of a launch that has no other; the others may have either sign."""
+    return np.isin(statement.unknowns, statement.durations)
+
+
 @cached
-def _of_extreme(model: Model, names: tuple[str, ...], extreme: str, index: int) -> Callable[..., Varied]:
-    """`extreme_function` of varied arguments."""
-    function = extreme_function(model, names, extreme, index)
+def _of_extreme(
+    model: Model, names: tuple[str, ...], extreme: str, index: int, at_start: bool
+) -> Callable[..., Varied]:
+    """`extreme_function` of varied arguments, or `start_function`."""
+    function = (start_function if at_start else extreme_function)(model, names, extreme, index)
     arguments = function.sx_in()
     return of_varied(arguments, function.call(arguments))
 

@@ -78,6 +78,22 @@ def place_near(machine: Machine, orbit: Orbit, place: Place) -> Place:
     return min(near, key=lambda each: abs(each.time - place.time), default=place)
 
 
+def peaks_of(machine: Machine, orbit: Orbit, extreme: str) -> list[tuple[float, Place]]:
+    """All places of a machine's dimensionless orbit at which one of the functions of an extreme has a local maximum,
+    with the values there, the largest first; a place may occur in several functions."""
+    found = list[tuple[float, Place]]()
+    for index, (phase, _) in enumerate(extreme_of(machine.model, extreme)):
+        sampled = _Sampled(Trajectories.of([getattr(orbit, phase)]), [machine], extreme, index)
+        peaks, ends = sampled.peaks[0].copy(), [0, int(sampled.counts[0])]
+        if extreme not in LOCAL:
+            beside = sampled.values[0, [1, ends[1] - 1]]
+            peaks[ends] |= (sampled.values[0, ends] >= beside) & ~sampled.goes_on[0, ends]
+        samples = np.flatnonzero(peaks & np.isfinite(sampled.values[0]))
+        places, values = sampled.places(0 * samples, samples)
+        found += zip(values.tolist(), places, strict=True)
+    return sorted(found, key=lambda each: -each[0])
+
+
 class _Sampled:
     """A function of an extreme on motions of machines (m,) of one model.
 

@@ -16,14 +16,15 @@ import numpy as np
 from ..errors import InputError, NoOrbit, OrbitsError
 from ..model.machine import Machine
 from ..periodic.orbit import Orbit
-from ..periodic.orbits_at_once import orbits_near
 from ..running import interrupts
 from ..shooting.single_shooting import SMALLEST_UNIT
 from ..symbolic.quadratic_models import Weights
 from .active_set import constraint_sizes, demands_of
-from .design_point import DEMAND_MARGIN, Case, DesignPoint, Ties, by_logarithm, design_points, no_motion, unknowns_of
+from .design_point import DEMAND_MARGIN, Case, DesignPoint, Ties, design_points, no_motion
+from .evaluator import by_logarithm
 from .optimality import Design, optimum_at
 from .problem import DesignProblem, Outputs
+from .tuned_machine import motions_near, statement_of_orbits, unknowns_of
 
 # The constraints are met, or nearly, if the sum of their violations, as shares of their sizes, is no larger.
 MET, NEARLY_MET = 1e-8, 1e-3
@@ -148,7 +149,7 @@ class LocalSearch:
         bounds = np.clip([problem.change(theta, end) for end in (low, high)], -radius, radius) * ~self.flat
         ones = np.ones(len(models.values) - len(scales))
         # Unknowns that may change their sign may change by any amount.
-        logarithmic = by_logarithm(self.point.machine.model)
+        logarithmic = by_logarithm(statement_of_orbits(self.point.machine))
         within = np.where(logarithmic, largest * ones, np.inf)
         limits = np.hstack([self.limits(), [-within, within]])
         minimum = models.over(np.append(scales, ones)).minimum(len(self.sizes), bounds, limits, weights)
@@ -168,18 +169,15 @@ class LocalSearch:
 
 
 def local_optima(
-    machines: Sequence[Machine],
-    orbits: Sequence[Orbit | OrbitsError],
-    problem: DesignProblem,
-    report: Callable[[float], None],
+    motions: Sequence[tuple[Machine, Orbit] | OrbitsError], problem: DesignProblem, report: Callable[[float], None]
 ) -> list[Design | OrbitsError]:
-    """The local optima found from several dimensionless orbits, or the reasons why there are none.
+    """The local optima found from several machines with dimensionless orbits, or the reasons why there are none.
 
     report : called with the share of the searches that have ended
     """
-    found: list[Any] = list(orbits)
-    began = [i for i, orbit in enumerate(orbits) if isinstance(orbit, Orbit)]
-    cases = [_case(machines[i], found[i], problem) for i in began]
+    found: list[Any] = list(motions)
+    began = [i for i, motion in enumerate(motions) if isinstance(motion, tuple)]
+    cases = [_case(found[i], problem) for i in began]
     for i, point in zip(began, _of_each(design_points, cases, problem), strict=True):
         found[i] = attempt(_initial_search, point, problem)
     for left in reversed(range(MOST_ROUNDS)):
@@ -215,9 +213,10 @@ def _of_each(function: Callable[..., list], items: Sequence, problem: DesignProb
 
 
 def _case(
-    machine: Machine, orbit: Orbit, problem: DesignProblem, known: Sequence[str] = (), ties: Ties | None = None
+    motion: tuple[Machine, Orbit], problem: DesignProblem, known: Sequence[str] = (), ties: Ties | None = None
 ) -> Case:
     """The objective, the constraints and the demands at an orbit: those known, and those that it adds."""
+    machine, orbit = motion
     formulas = problem.formula, *(constraint.formula for constraint in problem.constraints)
     return Case(machine, orbit, Outputs(formulas, problem.names, demands_of(machine, orbit, known)), ties or {})
 
@@ -227,15 +226,16 @@ def _ends(steps: Sequence[tuple[LocalSearch, DesignStep]], problem: DesignProble
     machines, us = [step.machine for _, step in steps], [step.u for _, step in steps]
     # The number of a family may change along orbits of a machine whose launch has several unknowns.
     families = [search.first.family if search.point.machine.model.one_speed else None for search, _ in steps]
-    found: list[Any] = orbits_near(machines, us, families)
+    found: list[Any] = motions_near(machines, us, families)
     cases = dict[int, Case]()
-    for i, ((search, step), orbit) in enumerate(zip(steps, found, strict=True)):
-        u = step.u if orbit is None else unknowns_of(step.machine, orbit)
+    for i, ((search, step), near) in enumerate(zip(steps, found, strict=True)):
+        own = len(step.u) - len(statement_of_orbits(step.machine).tuned)
+        u, expected = (step.u if near is None else unknowns_of(*near))[:own], step.u[:own]
         least = SMALLEST_UNIT if step.machine.model.one_speed else 0.1 * np.abs(u).max()
-        if orbit is None or np.max(np.abs(u - step.u) / np.maximum(np.abs(u), least)) > LARGEST_CORRECTION:
+        if near is None or np.max(np.abs(u - expected) / np.maximum(np.abs(u), least)) > LARGEST_CORRECTION:
             found[i] = NoOrbit("no orbit of the family is found near that of the models")
         else:
-            cases[i] = _case(step.machine, orbit, problem, search.point.demands, search.ties)
+            cases[i] = _case(near, problem, search.point.demands, search.ties)
     for i, point in zip(cases, design_points(list(cases.values()), problem), strict=True):
         found[i] = point
     return found
@@ -318,7 +318,7 @@ def _with_ties(search: LocalSearch, end: DesignPoint, step: DesignStep) -> Local
 
 def _again(search: LocalSearch, demands: tuple[str, ...], ties: Ties) -> LocalSearch:
     """The search with other demands and ties at the same orbit."""
-    case = _case(search.point.machine, search.point.orbit, search.problem, demands, ties)
+    case = _case((search.point.machine, search.point.orbit), search.problem, demands, ties)
     (point,) = design_points([case], search.problem)
     return search if isinstance(point, NoOrbit) else replace(search, point=point, ties=ties)
 

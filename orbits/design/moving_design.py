@@ -19,12 +19,13 @@ from ..numerics.kkt_curve import CurveEnd
 from ..numerics.kkt_limits import CriticalPoint
 from ..numerics.roots import Array
 from ..periodic.orbit import Orbit
-from ..periodic.orbits_at_once import orbits_near
 from ..symbolic.formula import suggest
 from .active_set import ACTIVE, ActiveRow, multipliers_of
-from .design_point import DEMAND_MARGIN, Case, DesignPoint, design_points, unknowns_of
+from .design_point import DEMAND_MARGIN, Case, DesignPoint, design_points
 from .design_quantities import extremes_of
+from .extremes import Place, peaks_of
 from .problem import Constraint, DesignProblem, Outputs
+from .tuned_machine import motions_near, tuned_numbers, unknowns_of
 
 # The ends of curves in words.
 ENDS_OF_DESIGNS = {
@@ -43,6 +44,11 @@ LEAST_WAY = 0.1
 NEXT_TO, REMEMBERED = 3e-8, 128
 # Designs that were tried and not reached within this distance of the end of a curve show why it ends.
 BESIDE_AN_END = 1e-2
+AT_TWO_PLACES = "an extreme at two places"
+# Places of the motion whose values differ by no more than the first share of these may be the same beside a point, and
+# are the same at it by the second. Where the derivatives of both agree to the third, they are images of each other.
+BESIDE_ANOTHER, SAME_EXTREME, IMAGE_OF_PLACE = 1e-2, 1e-7, 1e-7
+SAME_TIME_OF_PLACE = 1e-6  # times of one place of a motion differ by no more, where they are found in two ways
 ON_BOUND_OF_CURVE = 1e-11  # a parameter nearer to its bound than this share of its unit is put on it, as it is active
 
 
@@ -123,6 +129,8 @@ def moving_number(problem: DesignProblem, machine: Machine, what: str, end: floa
         if what == name:
             both = f"'{name} >= {low:g}' or '{name} <= {high:g}'"
             raise InputError(f"'{name}' is designed itself: follow one of its bounds, {both}, or another parameter")
+    if what in tuned_numbers(machine):
+        raise InputError(f"'{what}' is tuned: follow a prescribed quantity, or another parameter")
     if what in (names := free_parameters(machine)):
         machine.with_values(**{what: end})  # raises the machine's own error
         return Moving(what, machine.values[what], end)
@@ -130,6 +138,20 @@ def moving_number(problem: DesignProblem, machine: Machine, what: str, end: floa
         machine.with_values(**{what: end})  # raises the machine's own error
     known = suggest(what, [*(each.text for each in problem.constraints), *names])
     raise InputError(f"the design has no constraint, bound or parameter '{what}'{known}")
+
+
+class Corner(NamedTuple):
+    """An extreme that two places of the motion have: the values at the second one are constrained to be no more than
+    those at the first, which stand for the extreme. It has the unit `size`."""
+
+    extreme: str
+    first: Place
+    second: Place
+    size: float
+
+    def swapped(self) -> "Corner":
+        """The same with the second place for the extreme."""
+        return self._replace(first=self.second, second=self.first)
 
 
 class ProgramPoint(NamedTuple):
@@ -152,25 +174,29 @@ class ProgramPoint(NamedTuple):
 class MovingDesign:
     """The program of a design problem with a moving number, about a design at the first value, for `MinimumCurve`.
 
-    Its constraints are those of the problem as shares of their sizes, the demands of a motion, and the bound of a
-    parameter that moves; in each the number is subtracted that moves, so that all limits stay.
+    Its constraints are those of the problem as shares of their sizes, the demands of a motion, the differences between
+    two places of an extreme, and the bound of a parameter that moves; in each the number is subtracted that moves, so
+    that all limits stay. At the corner where an extreme is at two places, the largest of both is least where the
+    multipliers of both, y at the second and the rest of the extreme's own at the first, are not negative.
 
     problem : with the number at its first value
     flat : whether each parameter (k,) has no effect; its value stays
     sizes : of the constraints
     demands : quantities that must be positive on a motion
+    corners : extremes that two places may have
     reason : why the last design that was tried has no derivatives
     missed : where derivatives were needed, for `evaluate`; None where they are evaluated at once
     """
 
     def __init__(
         self, problem: DesignProblem, moving: Moving, first: DesignPoint, flat: Array, sizes: Array,
-        demands: Sequence[str] = (),
+        demands: Sequence[str] = (), corners: Sequence[Corner] = (), near: ProgramPoint | None = None,
     ):  # fmt: skip
         self.problem, self.moving, self.flat, self.sizes = problem, moving, flat, sizes
         self.machine, self.begin, self.size = first.machine, problem.theta(first.machine), abs(first.values[0]) or 1.0
         self.free, self.frame, over, self.reason = np.flatnonzero(~flat), problem, problem.names, ""
         self.missed: list[Array] | None = None
+        self.corners = tuple(corners)
         if moving.of_machine:
             least, most = sorted((moving.begin, moving.end))
             room = max(0.5 * (LEAST_WAY * max(abs(least), abs(most)) - (most - least)), 0.0)
@@ -181,7 +207,7 @@ class MovingDesign:
         self.outputs = Outputs(formulas, over, tuple(demands))
         self.family = first.orbit.family if first.machine.model.one_speed else None
         self.first_design, z = first, np.append(self.unknowns(first.machine), 0.0)
-        self.known = self._known(z, first)
+        self.known = self._known(near.z, near.design) if near else self._known(z, first)
 
     @property
     def limits(self) -> tuple[Array, Array]:
@@ -190,12 +216,13 @@ class MovingDesign:
         bounds = np.array([problem.change(self.begin, np.array(each)) for each in (problem.low, problem.high)])
         limits = np.array([(each.low, each.high) for each in problem.constraints]).reshape(-1, 2).T / self.sizes
         demanded, own = np.tile([[DEMAND_MARGIN], [np.inf]], len(self.outputs.demands)), np.empty((2, 0))
+        tied = np.tile([[-np.inf], [0.0]], len(self.corners))
         if moving.constraint is not None:
             limits[np.array(moving.sides), moving.constraint] = 0.0
         if moving.parameter is not None:
             bounds[np.array(moving.sides), moving.parameter] = np.array([-np.inf, np.inf])[np.array(moving.sides)]
             own = np.where(np.array(moving.sides), 0.0, [-np.inf, np.inf])[:, None]
-        low, high = np.hstack([bounds[:, self.free], limits, demanded, own])
+        low, high = np.hstack([bounds[:, self.free], limits, demanded, tied, own])
         return low, high
 
     def text(self, index: int, point: CriticalPoint) -> str:
@@ -210,18 +237,24 @@ class MovingDesign:
         if index - n == self.moving.constraint:
             return self.moving.label
         names += [f"{name} > 0" for name in self.outputs.demands]
+        names += [AT_TWO_PLACES for _ in self.corners]
         return [*names, self.moving.label][index - n]
 
     def in_words(self, end: CurveEnd, last: CriticalPoint) -> str:
         """The end of a curve whose last point is known."""
         where = f"{self.moving.label} {self.value(last.value):.6g}"
         if jumps := self._jumping(last):
-            return f"beyond {where} the {jumps} is at another place of the motion: the optimum has a corner"
+            return f"beyond {where} the {jumps} is at another place of the motion, and no design near these is best"
         if self.reason and end.kind == "stuck":
             return f"beyond {where}: {self.reason}"
         if end.kind in ("fold", "infeasible") and len(np.flatnonzero(last.sides)) >= len(self.free):
             return self.excluded(last.value)
         return f"at {where}: {ENDS_OF_DESIGNS[end.kind]}"
+
+    def off_corner(self, point: CriticalPoint, number: int) -> str:
+        """In words that the designs at both sides of a corner are better than that at it."""
+        where, name = f"{self.moving.label} {self.value(point.value):.6g}", self._quantity(self.corners[number].extreme)
+        return f"at {where} the {name} is at two places of the motion, and designs at both sides are better: a jump"
 
     def excluded(self, s: float) -> str:
         """In words that the active constraints cannot be met beyond a share of the way."""
@@ -263,12 +296,122 @@ class MovingDesign:
         ones = np.ones(len(point.demands))
         return np.array([self.problem.sign * self.size, *self.sizes, abs(point.values[1 + len(self.sizes)]), *ones])
 
-    def demanding(self, names: Sequence[str], near: ProgramPoint) -> "MovingDesign":
-        """The program with further demands, with a point of this one known."""
+    def with_more(
+        self, near: ProgramPoint, demands: Sequence[str] = (), corners: Sequence[Corner] | None = None
+    ) -> "MovingDesign":
+        """The program with further demands, or with other corners, with a point of this one known."""
+        own = self.corners_at(near.design) if corners is None else corners
+        demands = (*self.outputs.demands, *demands)
         first = self.first_design
-        other = MovingDesign(self.problem, self.moving, first, self.flat, self.sizes, (*self.outputs.demands, *names))
-        other.known = other._known(near.z, near.design)
-        return other
+        return MovingDesign(self.problem, self.moving, first, self.flat, self.sizes, demands, own, near)
+
+    @property
+    def rows_of_corners(self) -> slice:
+        """The places of the differences between two places of an extreme among the constraints."""
+        count = len(self.sizes) + len(self.outputs.demands)
+        return slice(count, count + len(self.corners))
+
+    def corner_beside(
+        self, at: ProgramPoint, before: ProgramPoint | None = None, share: float = BESIDE_ANOTHER
+    ) -> Corner | None:
+        """The extreme whose value at another place is nearest to the largest one, at a point, within a share of it, and
+        that is no corner already; None where there is none. Its first place is that at a point `before`, if stated."""
+        design, found = at.design, list[tuple[float, Corner]]()
+        extremes = design.outputs.extremes(design.machine.model, design.machine.values)
+        for extreme in (name for name in extremes if name not in [corner.extreme for corner in self.corners]):
+            (largest, first), *others = peaks_of(design.machine, design.orbit, extreme)
+            size = abs(largest) or 1.0
+            for value, place in others:
+                corner = Corner(extreme, first, place, size)
+                if largest - value <= share * size and self._is_corner(design, corner):
+                    found.append(((largest - value) / size, corner))
+                    break
+        if not found:
+            return None
+        _, corner = min(found, key=lambda each: each[0])
+        known = [place for place in (before or at).design.places if place.kind.extreme == corner.extreme][:1]
+        far = [[(p.kind != c.kind, abs(p.time - c.time)) for p in known] for c in (corner.first, corner.second)]
+        return corner.swapped() if far[1] < far[0] else corner
+
+    def corner_between(self, before: ProgramPoint, after: ProgramPoint, point: CriticalPoint) -> Corner | None:
+        """An extreme with a weight at a point that is at another place there than at the one before, while both places
+        are on both motions; None where there is none."""
+        old = {place.kind.extreme: place for place in before.design.places}
+        own, known = after.design, {corner.extreme for corner in self.corners}
+        changed = [p for p in own.places if p.kind.extreme not in known and p.kind != old[p.kind.extreme].kind]
+        rows = point.multipliers[len(self.free) :]
+        stated = [each.formula for each, y in zip(self.problem.constraints, rows, strict=False) if y]
+        used = set[str]().union(*(formula.names for formula in [self.problem.formula, *stated]))
+        used |= {name for name, y in zip(self.outputs.demands, rows[len(self.sizes) :], strict=False) if y}
+        weighty = {extreme for name in used for extreme in extremes_of(name)}
+        for second in (place for place in changed if place.kind.extreme in weighty):
+            extreme, first = second.kind.extreme, old[second.kind.extreme]
+            at, now = (peaks_of(each.machine, each.orbit, extreme) for each in (before.design, own))
+            corner = Corner(extreme, first, second, abs(now[0][0]) or 1.0)
+            both = second.kind in [p.kind for _, p in at] and first.kind in [p.kind for _, p in now]
+            if both and self._is_corner(own, corner):
+                return corner
+        return None
+
+    def _is_corner(self, design: DesignPoint, corner: Corner) -> bool:
+        """Whether the derivatives at two places of an extreme differ, so that these are no images of each other."""
+        (point,) = design_points([self.case((design.machine, design.orbit), [corner])])
+        if isinstance(point, OrbitsError):
+            return False
+        slopes = point.slopes[point.tied] * self.frame.units(point.theta)
+        return bool((np.abs(slopes) > IMAGE_OF_PLACE * corner.size).any())
+
+    def active_corners(self, point: CriticalPoint) -> list[int]:
+        """The numbers of the corners at which a point lies."""
+        first = len(self.free) + self.rows_of_corners.start
+        return [i for i in range(len(self.corners)) if point.sides[first + i]]
+
+    def swapped_at(self, at: CriticalPoint, number: int) -> "tuple[MovingDesign, Array]":
+        """The program in which the second place of a corner of this number stands for the extreme, and the multipliers
+        at a point that lies there: that of the corner is now what the extreme has at its first place."""
+        near, row, n = self.nearest(at.x, at.value), self.rows_of_corners.start + number, len(self.free)
+        corners = [c.swapped() if i == number else c for i, c in enumerate(self.corners_at(near.design))]
+        other, multipliers = self.with_more(near, corners=corners), at.multipliers.copy()
+        multipliers[n + row] = 0.0
+        point = other._at(at.x, at.value)
+        slope, gradient = _first_of(point, multipliers[n:]).gradient + multipliers[:n], point.slopes[1 + row, :n]
+        multipliers[n + row] = -float(slope @ gradient) / (float(gradient @ gradient) or 1.0)
+        return other, multipliers
+
+    def place_beyond(self, near: ProgramPoint) -> str:
+        """The quantity whose extreme is neither at the first nor at the second place of a corner, at a point; "" for
+        none."""
+        design = near.design
+        for corner in self.corners_at(design):
+            found = peaks_of(design.machine, design.orbit, corner.extreme)
+            both = corner.first, corner.second
+            own = [value for value, place in found if any(_same_place(place, known) for known in both)]
+            if not own or found[0][0] > max(own) + SAME_EXTREME * corner.size:
+                return self._quantity(corner.extreme)
+        return ""
+
+    def _quantity(self, extreme: str) -> str:
+        """The quantity that is made of an extreme, in words."""
+        names = self.outputs.quantities(self.machine.model, self.machine.values)
+        return next(name.replace("_", " ") for name in names if extreme in extremes_of(name))
+
+    def corners_at(self, design: DesignPoint) -> tuple[Corner, ...]:
+        """The corners with their places at a design of this program."""
+        both = [[place for place in design.places if place.kind.extreme == corner.extreme] for corner in self.corners]
+        pairs = zip(self.corners, both, strict=True)
+        return tuple(corner._replace(first=own[0], second=own[1]) if own[1:] else corner for corner, own in pairs)
+
+    def corners_near(self, point: CriticalPoint) -> list[Corner]:
+        """The corners at which a point lies, or which it has just reached or left; the place that comes first does so
+        whichever stands for the extreme, so that the multipliers along a curve are of one difference."""
+        near = self.nearest(point.x, point.value)
+        held = zip(self.corners_at(near.design), near.values[1:][self.rows_of_corners], strict=True)
+        return [min(each, each.swapped()) for each, difference in held if difference >= -ACTIVE]
+
+    def case(self, motion: tuple[Machine, Orbit], corners: Sequence[Corner]) -> Case:
+        """The outputs at a machine with its orbit, where extremes have corners."""
+        ties, firsts = {each.extreme: each.second for each in corners}, {each.extreme: each.first for each in corners}
+        return Case(*motion, self.outputs, ties, firsts)
 
     def first(self, x: Array, p: float, y: Array) -> FirstDerivatives:
         """The first derivatives; raises `NoOrbit` where there is no design."""
@@ -325,7 +468,7 @@ class MovingDesign:
 
     def _known(self, z: Array, design: DesignPoint) -> list[ProgramPoint]:
         """The program at a design that is known."""
-        (found,) = self._points([z], [design.machine], [design.orbit])
+        (found,) = self._points([z], [(design.machine, design.orbit)], [None])
         if isinstance(found, OrbitsError):
             raise found
         return [found]
@@ -356,22 +499,27 @@ class MovingDesign:
 
     def _evaluated(self, zs: Sequence[Array]) -> list[ProgramPoint | OrbitsError]:
         """The program at points, with the orbits that the models of the designs nearest to them lead to."""
-        machines, us, found = list[Machine](), list[Array](), dict[int, ProgramPoint | OrbitsError]()
-        for z in zs:
-            machine, near = self.machine_at(z[:-1], z[-1]), self.nearest(z[:-1], z[-1]).design
-            machines, us = [*machines, machine], [*us, self.predicted(machine, near)]
-        orbits = orbits_near(machines, us, [self.family] * len(zs))
-        these = {i: orbit for i, orbit in enumerate(orbits) if orbit}
-        points = self._points([zs[i] for i in these], [machines[i] for i in these], [*these.values()])
+        machines, us, found = dict[int, Machine](), list[Array](), dict[int, ProgramPoint | OrbitsError]()
+        nearest = [self.nearest(z[:-1], z[-1]).design for z in zs]
+        for i, (z, near) in enumerate(zip(zs, nearest, strict=True)):
+            try:
+                machines[i] = self.machine_at(z[:-1], z[-1])
+                us.append(self.predicted(machines[i], near))
+            except InputError as error:  # a step led to numbers that the machine cannot have
+                found[i] = NoOrbit(str(error))
+        motions = motions_near([*machines.values()], us, [self.family] * len(us))
+        these = {i: motion for i, motion in zip(machines, motions, strict=True) if motion}
+        points = self._points([zs[i] for i in these], [*these.values()], [nearest[i] for i in these])
         found |= zip(these, points, strict=True)
         lost = NoOrbit("no orbit of the family is found near that of the design before")
         return [found.get(i, lost) for i in range(len(zs))]
 
     def _points(
-        self, zs: Sequence[Array], machines: Sequence[Machine], orbits: Sequence[Orbit]
+        self, zs: Sequence[Array], motions: Sequence[tuple[Machine, Orbit]], nearest: Sequence[DesignPoint | None]
     ) -> list[ProgramPoint | OrbitsError]:
-        """The program at orbits of machines."""
-        cases = [Case(machine, orbit, self.outputs, {}) for machine, orbit in zip(machines, orbits, strict=True)]
+        """The program at machines with their orbits, and the designs nearest to them where corners are known."""
+        corners = [self.corners_at(near) if near else self.corners for near in nearest]
+        cases = [self.case(motion, own) for motion, own in zip(motions, corners, strict=True)]
         found = list[ProgramPoint | OrbitsError]()
         for z, point in zip(zs, design_points(cases, self.frame, closely=True), strict=True):
             if isinstance(point, OrbitsError):
@@ -389,11 +537,14 @@ class MovingDesign:
         # A demand that the orbit does not have is met.
         known = [*range(len(sizes)), *(1 + len(sizes) + point.demands.index(name) for name in point.demands)]
         rows = [*range(len(sizes)), *(len(sizes) + self.outputs.demands.index(name) for name in point.demands)]
-        count = len(sizes) + len(self.outputs.demands) + (moving.parameter is not None)
+        tied, first = [*range(len(point.values))][point.tied], 1 + self.rows_of_corners.start
+        known, rows = [*known, *tied], [*rows, *range(first, first + len(tied))]
+        count = first + len(self.corners) + (moving.parameter is not None)
         values, slopes, bends = np.ones(count), np.zeros((count, n + 1)), np.zeros((count, n + 1, n + 1))
         columns = [*self.free, len(self.flat)] if moving.of_machine else [*self.free]
         places, way = range(len(columns)), np.append(np.ones(n), self._way[-1:] if moving.of_machine else [])
-        scales = np.append(sizes, np.ones(len(known) - len(sizes)))
+        scales = np.append(sizes, np.ones(len(known) - len(sizes) - len(tied)))
+        scales = np.append(scales, [-corner.size for corner in self.corners])  # the first one less the second
         models, here = point.models, np.ix_(rows, places)
         assert models is not None
         values[rows] = point.values[known] / scales
@@ -414,6 +565,11 @@ class MovingDesign:
             slopes[-1, :n], slopes[-1, n] = self.free == moving.parameter, -rate
             bends[-1, n, n] = rate**2 * problem.wide[moving.parameter]
         return values, slopes, bends
+
+
+def _same_place(one: Place, other: Place) -> bool:
+    """Whether two places of one motion are the same."""
+    return one.kind == other.kind and abs(one.time - other.time) <= SAME_TIME_OF_PLACE * (1 + one.time)
 
 
 def _first_of(found: ProgramPoint, y: Array) -> FirstDerivatives:

@@ -5,10 +5,11 @@ implicit function theorem.
 """
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, TypedDict
+from functools import partial
+from typing import Any, NamedTuple, TypeAlias, TypedDict
 
 import numpy as np
 
@@ -25,17 +26,16 @@ from ..numerics.kkt_curve import (
 from ..numerics.kkt_limits import CriticalPoint
 from ..periodic.find import find
 from ..periodic.orbit import Orbit, orbit_of
-from ..periodic.orbits_at_once import orbits_near
 from ..result import Axes, Report, Result, Row, is_of, shown
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..symbolic.formula import suggest
 from .active_set import ActiveRow, active_bounds, active_constraints, constraint_sizes, demands_of, multipliers_of
 from .design_point import Case, DesignPoint, design_points, no_motion
-from .moving_design import Moving, MovingDesign, moving_number
+from .moving_design import AT_TWO_PLACES, SAME_EXTREME, Moving, MovingDesign, moving_number
 from .problem import DesignProblem, Outputs, design_problem
+from .tuned_machine import TunedMachine, motions_near, names_of_designs, tuned_machine_of, tuned_numbers, untuned
 
-AT_TWO_PLACES = "an extreme at two places"
 # Steps of a curve are long, since each evaluation of a design is costly and its predictions are good.
 # A curve ends where its multipliers have grown by this factor, and become infinite within this share of the way.
 GROWN, NEAR_POLE = 10.0, 1e-3
@@ -48,7 +48,7 @@ class Active:
 
     text : the constraint, bound or condition
     multiplier : improvement of the objective per unit by which the constraint is relaxed, to first order; for an
-        equality constraint, per unit by which its value is raised; None after a search without derivatives
+        equality constraint, per unit by which its value is raised; None in files of searches without derivatives
     """
 
     text: str
@@ -78,14 +78,15 @@ class Design(Result, what="design"):
     active : active constraints, bounds and conditions of a motion
     idle : parameters on which neither objective nor constraints depend; they have the values of the start
     kkt : largest violation of the optimality conditions: the gradient of the Lagrangian as a share of the objective
-        over each parameter's range, by the implicit function theorem, and the constraints' violations; None after a
-        search without derivatives, as that for orbits with tuned parameters
+        over each parameter's range, by the implicit function theorem, and the constraints' violations; None in files
+        of searches without derivatives
     starts : all that were tried
     seconds : wall time
     pair : both objectives, for a design on a Pareto front; None otherwise
     share : of the designs of a global search that led to this optimum; None for any other search
-    over, subject_to : the bounds of the parameters by name, and the constraints; none after a search without
-        derivatives
+    over, subject_to : the bounds of the parameters by name, and the constraints
+    tune, at : the names of the parameters that are tuned for each design, and the values of the quantities that are
+        prescribed; empty where none are
 
     The objective, the quantities and the optimality conditions are those at the end of the search. The orbit is found
     once more from there and differs by rounding.
@@ -107,6 +108,8 @@ class Design(Result, what="design"):
     share: float | None = None
     over: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     subject_to: tuple[str, ...] = ()
+    tune: tuple[str, ...] = ()
+    at: Mapping[str, float] = field(default_factory=dict)
 
     machine = property(lambda self: self.orbit.machine)
 
@@ -166,6 +169,7 @@ class Design(Result, what="design"):
     def saved(self) -> Document:
         """The content of a file of the design, with the whole orbit, from which `of_saved` restores it."""
         problem = {"over": {name: list(bounds) for name, bounds in self.over.items()}, "subject_to": [*self.subject_to]}
+        problem |= {"tune": [*self.tune], "at": dict(self.at)} if self.tune else {}
         return {**self.document(), "pair": self.pair, "share": self.share, **problem, "orbit": self.orbit.saved()}
 
     @exclusive
@@ -173,7 +177,7 @@ class Design(Result, what="design"):
         """The best designs as one number of the problem moves, from its value here to another one.
 
         what : a constraint, as stated in `subject_to`; a bound of a designed parameter, as "k <= 5000"; or the name of
-            another parameter of the machine
+            another parameter of the machine, or of a prescribed quantity
         to : the last value of the number
         points : number of designs, at values that are evenly spaced, or by their logarithm for a parameter over
             decades; at the events between them there are further ones
@@ -198,13 +202,28 @@ class Design(Result, what="design"):
             raise InputError(f"the design is from {found}: its optimality conditions cannot be followed")
         with interrupts.deferred():
             least, most = (self.text, None) if self.verb == "minimise" else (None, self.text)
-            problem = design_problem(self.source, least, most, self.over, self.subject_to)
-            moving = moving_number(problem, self.source, what, finite_number("to", to))
+            machine = tuned_machine_of(self.source, self.tune, self.at, self.orbit) if self.tuned else self.source
+            problem = design_problem(machine, least, most, self.over, self.subject_to, names_of_designs(machine))
+            moving = moving_number(problem, machine, what, finite_number("to", to))
             if moving.begin == moving.end:
                 raise InputError(f"to = {moving.end:g}: '{what}' has this value already")
-            program = moving_design(self, problem, moving)
+            program = moving_design(self, machine, problem, moving)
             curve = designs_along(program, np.linspace(0.0, 1.0, points).tolist(), progress)
         return replace(curve, seconds=time.perf_counter() - began)
+
+    @property
+    def tuned(self) -> bool:
+        """Whether numbers of its machine are tuned."""
+        return bool(self.tune or self.at)
+
+    def certified(self) -> "Design":
+        """The design with its orbit found again and certified, in place of the dimensionless orbit of a search."""
+        if not self.tuned:
+            return replace(self, orbit=find(self.source, start=self.orbit))
+        orbit = tuned_machine_of(self.source, self.tune, self.at, self.orbit).certified(self.orbit)
+        source = orbit.source or self.source
+        tuned = {name: source.values[name] for name in self.tune}
+        return replace(self, orbit=orbit, source=source, parameters={**self.parameters, **tuned})
 
     @classmethod
     def of_saved(cls, document: Any, machine: Machine | None = None) -> "Design":
@@ -237,13 +256,15 @@ def optimum_at(problem: DesignProblem, point: DesignPoint, scales: np.ndarray, f
     rows = [*active_bounds(problem, point.theta), *rows, *ties]
     multipliers, rest = multipliers_of(problem.sign * point.slopes[0] * units / size, rows)
     parameters = dict(zip(problem.names, point.theta.tolist(), strict=True))
+    parameters |= {name: point.machine.values[name] for name in tuned_numbers(point.machine)}
     active = tuple(Active(r.text, float(x * size / r.unit)) for r, x in zip(rows, multipliers, strict=True) if x)
     idle = _idle(problem, flat & ~point.slopes[point.scaled].any(0))
     found, kkt = (float(point.values[0]), point.quantities), max(float(np.abs(rest).max()), violation)
-    stated = point.machine, point.orbit, parameters, problem.verb, problem.text
+    stated = untuned(point.machine), point.orbit, parameters, problem.verb, problem.text
     bounds = dict(zip(problem.names, zip(problem.low, problem.high, strict=True), strict=True))
     texts = tuple(constraint.text for constraint in problem.constraints)
-    return Design(*stated, *found, active, idle, kkt, over=bounds, subject_to=texts)
+    design, own = Design(*stated, *found, active, idle, kkt, over=bounds, subject_to=texts), point.machine
+    return replace(design, tune=own.tuned, at=own.at) if isinstance(own, TunedMachine) else design
 
 
 def _idle(problem: DesignProblem, flat: np.ndarray) -> tuple[str, ...]:
@@ -369,24 +390,29 @@ class DesignCurve(Result, what="curve of designs", dimension="design"):
         return cls(designs=tuple(map(Design.of_saved, rows, machines)), values=values, slopes=slopes, **own)
 
 
-def moving_design(design: Design, problem: DesignProblem, moving: Moving) -> MovingDesign:
-    """The program of a problem, a number of which moves, about its optimum."""
+def moving_design(design: Design, machine: Machine, problem: DesignProblem, moving: Moving) -> MovingDesign:
+    """The program of a problem, a number of which moves, about its optimum, of this machine."""
     orbit = design.orbit.dimensionless()
     formulas = problem.formula, *(constraint.formula for constraint in problem.constraints)
     known = [text.removesuffix(" > 0") for text in (each.text for each in design.active) if text.endswith(" > 0")]
-    if any(each.text == AT_TWO_PLACES for each in design.active):
-        raise NoOrbit(f"the design has {AT_TWO_PLACES}, where its derivatives jump: it cannot be followed")
-    demands = demands_of(design.source, orbit, [name for name in known if name != "-landing_jerk"])
-    (point,) = design_points([Case(design.source, orbit, Outputs(formulas, problem.names, demands), {})])
+    demands = demands_of(machine, orbit, [name for name in known if name != "-landing_jerk"])
+    (point,) = design_points([Case(machine, orbit, Outputs(formulas, problem.names, demands), {})])
     if isinstance(point, OrbitsError):
         raise point
-    stated = 1 + len(problem.constraints)
-    flat = np.logical_not(point.slopes[:stated].any(axis=0))
-    return MovingDesign(problem, moving, point, flat, constraint_sizes(problem, point), demands)
+    flat = np.isin(problem.names, design.idle)
+    program = MovingDesign(problem, moving, point, flat, constraint_sizes(problem, point), demands)
+    for _ in range([each.text for each in design.active].count(AT_TWO_PLACES)):
+        (near,) = program.known
+        if corner := program.corner_beside(near, share=SAME_EXTREME):
+            program = program.with_more(near, corners=(*program.corners, corner))
+    return program
 
 
 ONE_POINT = 1e-12  # points whose shares of the way differ by no more are one
 ROUNDS_TOGETHER = 4  # rounds in which designs are evaluated together
+# Programs that one curve may lead through, with other demands and corners. A corner is left where the values at its two
+# places differ by this share, and may become active from where they differ by the next one.
+MOST_PROGRAMS, LEFT_CORNER, BESIDE_CORNER = 50, 1e-3, 1e-5
 
 
 class _Piece(NamedTuple):
@@ -447,50 +473,136 @@ def _traced(
 ) -> tuple[list[_Piece], list[DesignEvent], list[tuple[MovingDesign, CriticalPoint]], str]:
     """The smooth pieces of the curve of a program; its events; their points, and the last one where the curve ends
     early; and why it does, "" where it does not."""
-    pieces, events, ends = list[_Piece](), list[DesignEvent](), list[tuple[MovingDesign, CriticalPoint]]()
-    x, multipliers, start, end = np.zeros(len(program.free)), program.start(), 0.0, ""
-    while True:
-        curve, further, end = MinimumCurve(program, x, multipliers, start, 1.0, OF_DESIGNS), tuple[str, ...](), ""
-        pieces.append(_Piece(program, curve, []))
+    run, x, multipliers, start = _RunAlongDesigns(progress), np.zeros(len(program.free)), program.start(), 0.0
+    for _ in range(MOST_PROGRAMS):
+        onward = run.along(program, x, multipliers, start)
+        if onward is None:
+            break
+        program, point, multipliers = onward
+        x, start = point.x, point.value
+    last = next(((piece.program, piece.points[-1]) for piece in reversed(run.pieces) if piece.points), None)
+    ends = [*run.ends, last] if run.end and last else run.ends
+    return [piece for piece in run.pieces if piece.points], run.events, ends, run.end
+
+
+# A program from a point on, with the multipliers there.
+_Onward: TypeAlias = tuple[MovingDesign, CriticalPoint, np.ndarray]
+
+
+class _RunAlongDesigns:
+    """A run along a curve of designs: its pieces, its events with their points, and why it ends early."""
+
+    def __init__(self, progress: Report):
+        self.progress, self.end, self._good = progress, "", (0, 0, 0, 0)
+        self.pieces, self.events = list[_Piece](), list[DesignEvent]()
+        self.ends = list[tuple[MovingDesign, CriticalPoint]]()
+
+    def along(self, program: MovingDesign, x: np.ndarray, multipliers: np.ndarray, start: float) -> _Onward | None:
+        """Follow a program from a point; None at the end, or the program that is to be followed from there."""
+        try:
+            curve = MinimumCurve(program, x, multipliers, start, 1.0, OF_DESIGNS)
+        except NoOrbit:
+            if not self.pieces:
+                raise
+            return None  # for the reason for which the program before this one was left
+        self.end, touched = "", False
+        self.pieces.append(_Piece(program, curve, []))
         for each in curve.run():
             interrupts.heed()
-            passed = pieces[-1].points
+            passed = self.pieces[-1].points
             if isinstance(each, CurveEnd):
-                end = "" if each.kind == "reached" else program.in_words(each, passed[-1])
-                break
+                self.end = "" if each.kind == "reached" else program.in_words(each, passed[-1])
+                if not self.end:
+                    return None
+                last = program.nearest(passed[-1].x, passed[-1].value)
+                return self._at_corner(program, partial(program.corner_beside, last))
             if isinstance(each, CurveEvent):
-                text = " and ".join(program.text(i, each.point) for i in each.limits)
-                events.append(DesignEvent(program.value(each.point.value), each.kind, text))
-                passed.pop()
-                if each.kind not in ENDS_OF_MINIMA:
-                    if passed:  # the same point, with the direction of the curve before the event
-                        value, x, multipliers = each.point.value, each.point.x, each.point.multipliers
-                        passed.append(curve.at(value, replace(passed[-1], value=value, x=x, multipliers=multipliers)))
-                    ends.append((program, each.point))
-                    pieces.append(_Piece(program, curve, [each.point]))
+                self._happens(curve, each)
                 continue
-            near = program.nearest(each.x, each.value)
-            if not near.design.orbit.admissible:
-                demands = program.outputs.demands
-                further = demands_of(near.design.machine, near.design.orbit, demands)[len(demands) :]
-                if further or not demands:  # at an active demand rounding decides, which the certified design shows
-                    end = str(no_motion(near.design.machine, near.design.orbit))
-                    break
+            onward = self._left(program, each)
+            if onward or self.end:
+                return onward
             passed.append(each)
+            self._good = len(self.pieces), len(passed), len(self.events), len(self.ends)
             if (left := _left_to_pole(passed)) < NEAR_POLE:
-                end = program.excluded(each.value + left)
+                self.end = program.excluded(each.value + left)
+                return None
+            if self.progress:
+                self.progress(each.value)
+            touched |= bool(program.active_corners(each))
+            rows, near = program.rows_of_corners, program.nearest(each.x, each.value)
+            if touched and (near.values[1:][rows] < -LEFT_CORNER).all():
+                own = len(x) + np.arange(rows.start, rows.stop)
+                return program.with_more(near, corners=()), each, np.delete(each.multipliers, own)
+        return None
+
+    def _happens(self, curve: MinimumCurve, event: CurveEvent) -> None:
+        """Add an event, in place of the last point, which is that of the event."""
+        program, passed, point = self.pieces[-1].program, self.pieces[-1].points, event.point
+        text = " and ".join(program.text(i, point) for i in event.limits)
+        self.events.append(DesignEvent(program.value(point.value), event.kind, text))
+        passed.pop()
+        if event.kind in ENDS_OF_MINIMA:
+            return
+        if passed:  # the same point, with the direction of the curve before the event
+            value, x, multipliers = point.value, point.x, point.multipliers
+            passed.append(curve.at(value, replace(passed[-1], value=value, x=x, multipliers=multipliers)))
+        self.ends.append((program, point))
+        self.pieces.append(_Piece(program, curve, [point]))
+
+    def _left(self, program: MovingDesign, point: CriticalPoint) -> _Onward | None:
+        """The program that is to be followed from the last point, where this one is of another; the `end` is why."""
+        near, passed = program.nearest(point.x, point.value), self.pieces[-1].points
+        if not near.design.orbit.admissible:
+            demands = program.outputs.demands
+            further = demands_of(near.design.machine, near.design.orbit, demands)[len(demands) :]
+            if further or not demands:  # at an active demand rounding decides, which the certified design shows
+                self.end = str(no_motion(near.design.machine, near.design.orbit))
+                last = next((piece.points[-1] for piece in reversed(self.pieces) if piece.points), None)
+                if not further or last is None:
+                    return None
+                place = len(program.free) + program.rows_of_corners.start
+                multipliers = np.insert(last.multipliers, place, np.zeros(len(further)))
+                return program.with_more(program.nearest(last.x, last.value), further), last, multipliers
+        onward = self._at_corner(program, lambda before: program.corner_between(before, near, point))
+        if onward:
+            return onward
+        if beyond := program.place_beyond(near):
+            where = f"{program.moving.label} {program.value(point.value):.6g}"
+            self.end = f"near {where} the {beyond} comes to a third place of the motion, or leaves one of two"
+            return None
+        for number in program.active_corners(point):
+            row = len(program.free) + program.rows_of_corners.start + number
+            if program.swapped_at(point, number)[1][row] < 0:
+                self.end = program.off_corner(point, number)
+                if passed and passed[-1].sides[row]:
+                    other, multipliers = program.swapped_at(passed[-1], number)
+                    return other, passed[-1], multipliers
+                passed.append(point)
+                return None
+        return None
+
+    def _at_corner(self, program: MovingDesign, corner_after: Callable) -> _Onward | None:
+        """The program with a further corner, from the last point before it, where there is one right after that."""
+        pieces, points, events, ends = self._good
+        if not pieces:
+            return None
+        own, row = self.pieces[pieces - 1], program.rows_of_corners.stop
+        before = program.nearest(own.points[points - 1].x, own.points[points - 1].value)
+        corner = corner_after(before)
+        if corner is None:
+            return None
+        self.pieces[pieces - 1 :] = [own._replace(points=own.points[:points])]
+        del self.events[events:], self.ends[ends:]
+        for point in reversed(own.points[:points]):  # not so near to the corner that rounding decides where it enters
+            near = program.nearest(point.x, point.value)
+            other = program.with_more(near, corners=(*program.corners_at(near.design), corner))
+            if other.known[0].values[1 + row] < -BESIDE_CORNER:
                 break
-            if progress:
-                progress(each.value)
-        last = next((piece.points[-1] for piece in reversed(pieces) if piece.points), None)
-        if not further or last is None:
-            break
-        x, start, own = last.x, last.value, program.moving.parameter is not None
-        program = program.demanding(further, program.nearest(last.x, last.value))
-        multipliers = np.insert(last.multipliers, len(last.multipliers) - own, np.zeros(len(further)))
-    if end and last:
-        ends.append((program, last))
-    return [piece for piece in pieces if piece.points], events, ends, end
+            if len(self.pieces[-1].points) > 1:
+                self.pieces[-1].points.pop()
+        self._good = pieces, len(self.pieces[-1].points), events, ends
+        return other, point, np.insert(point.multipliers, len(program.free) + row, 0.0)
 
 
 def _left_to_pole(passed: list[CriticalPoint]) -> float:
@@ -510,17 +622,22 @@ def _certified_at(points: Sequence[tuple[MovingDesign, CriticalPoint]]) -> list[
         near = program.nearest(point.x, point.value).design
         machine = program.machine_at(point.x, point.value)
         outputs = replace(program.outputs, over=program.problem.names)
-        cases.append(Case(machine, near.orbit, outputs, {}))
+        case = program.case((machine, near.orbit), program.corners_near(point))
+        cases.append(case._replace(outputs=outputs))
         us.append(program.predicted(machine, near))
-    found = orbits_near([case.machine for case in cases], us, [program.family for program, _ in points])
-    orbits = [
-        orbit or find(case.machine, start=case.orbit).dimensionless() for case, orbit in zip(cases, found, strict=True)
+    found = motions_near([case.machine for case in cases], us, [program.family for program, _ in points])
+    motions = [
+        motion or (case.machine, find(case.machine, start=case.orbit).dimensionless())
+        for case, motion in zip(cases, found, strict=True)
     ]
-    evaluated = design_points([case._replace(orbit=orbit) for case, orbit in zip(cases, orbits, strict=True)])
+    evaluated = design_points(
+        [case._replace(machine=own, orbit=orbit) for case, (own, orbit) in zip(cases, motions, strict=True)]
+    )
     designs = list[Design]()
     for (program, point), each in zip(points, evaluated, strict=True):
         if isinstance(each, OrbitsError):
             raise each
         best = optimum_at(program.problem_at(point.value), each, program.scales(each), program.flat)
-        designs.append(replace(best, orbit=orbit_of(best.source, best.orbit)))
+        tuned = isinstance(each.machine, TunedMachine)
+        designs.append(best.certified() if tuned else replace(best, orbit=orbit_of(best.source, best.orbit)))
     return designs

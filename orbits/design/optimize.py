@@ -6,7 +6,7 @@ Objectives and constraints are formulas of the quantities in an orbit's JSON doc
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,15 +16,13 @@ from ..model.machine import Machine
 from ..periodic.continued import continued_orbits
 from ..periodic.find import Progress, StartLike, check_start, find
 from ..periodic.orbit import Orbit
-from ..periodic.tuned import Tuning
 from ..running import interrupts
 from ..running.exclusive import exclusive
-from .designs_at_once import names_of_tuned, tuning_of_designs
 from .local import Infeasible, Unbounded, attempt, local_optima
 from .optimality import Design, Start
 from .problem import DesignProblem, design_problem
 from .seeds import seeds_of
-from .tuned_search import best_tuned
+from .tuned_machine import TunedMachine, continued_from, first_of_tuned, names_of_designs, tuning_of_designs
 
 # Parameters of the same optimum, found from different starts, agree to this share of their units.
 SAME_DESIGN = 1e-3
@@ -60,8 +58,8 @@ def optimize(
     family : number of the family, from 1
     start : as in `find`, of the machine's own orbit, from which those of all other designs are continued, in place of
         the number of a family; machines whose launch has several unknowns need it
-    tune, at : as in `find`, for quantities other than extremes of the motion: every design is tuned. The search then
-        compares values alone (Nelder and Mead), and takes inequalities; the result's `parameters` has the tuned values
+    tune, at : as in `find`, for quantities other than extremes of the motion: every design is tuned, and the result's
+        `parameters` has the tuned values
     starts, seed : number of starts, those after the first from Sobol's sequence; None for one, with further ones only
         where that leads to no optimum; "global" for the local minima of the objective among 256 designs of that
         sequence; the result's `share` is then the share of these designs that leads to its optimum
@@ -83,33 +81,21 @@ def optimize(
     """
     check_parameters(machine)
     with interrupts.deferred():
-        if tune is not None or at is not None or machine.model.sticks:
-            tuning = tuning_of_designs(machine, tune, at, over)
-            problem = design_problem(machine, minimise, maximise, over, subject_to, names_of_tuned(machine))
-            return _best_tuned(machine, problem, tuning, family, start, starts, seed, progress)
-        problem = design_problem(machine, minimise, maximise, over, subject_to)
-        return multistart(machine, problem, Origin.of(machine, family, start), starts, seed, progress)
-
-
-def _best_tuned(
-    machine: Machine, problem: DesignProblem, tuning: Tuning, family: int, start: StartLike | None,
-    starts: int | str | None, seed: int, progress: Progress,
-) -> Design:  # fmt: skip
-    """The best design with tuned parameters; raises `InputError` for what the search without derivatives does not
-    take."""
-    if isinstance(starts, str):
-        raise InputError(f"starts = {starts!r}: designs with tuned parameters have a number of starts")
-    if equations := [each.text for each in problem.constraints if each.low == each.high]:
-        raise InputError(
-            f"subject_to '{equations[0]}': designs with tuned parameters are searched without derivatives, which takes "
-            "inequalities; prescribe the quantity by at= and tune one number more"
-        )
-    points = starting_points(machine, problem, 1 if starts is None else starts, seed)
-    return best_tuned(machine, problem, tuning, family, start, points, progress)
+        if tune is None and at is None and not machine.model.sticks:
+            problem = design_problem(machine, minimise, maximise, over, subject_to)
+            return multistart(machine, problem, Origin.of(machine, family, start), starts, seed, progress)
+        tuning = tuning_of_designs(machine, tune, at, over)
+        if isinstance(starts, str):
+            raise InputError(f"starts = {starts!r}: designs with tuned parameters have a number of starts")
+        tuned = TunedMachine(machine, tuning.names, tuning.at)
+        problem = design_problem(machine, minimise, maximise, over, subject_to, names_of_designs(tuned))
+        origin = Origin(family, *first_of_tuned(tuned, start, family))
+        return multistart(origin.machine, problem, origin, starts, seed, progress)
 
 
 class Origin(NamedTuple):
-    """Where the orbits of designs come from: a family or, where there is one, the orbit of a machine."""
+    """Where the orbits of designs come from: a family or, where there is one, the orbit of a machine, from which those
+    with tuned parameters are always continued."""
 
     family: int
     machine: Machine
@@ -121,11 +107,17 @@ class Origin(NamedTuple):
         check_start(machine, start)
         return cls(family, machine, None if start is None else find(machine, start=start))
 
-    def orbits(self, machines: Sequence[Machine]) -> list[Orbit | OrbitsError]:
-        """The dimensionless orbits of machines, or the reasons why there are none."""
+    def motions(self, machines: Sequence[Machine]) -> list[tuple[Machine, Orbit] | OrbitsError]:
+        """Machines, with tuned values if any, with their dimensionless orbits, or the reasons why there are none."""
+        if isinstance(self.machine, TunedMachine):
+            family = self.family if self.machine.model.one_speed else None
+            return [attempt(continued_from, self.machine, self.orbit, machine, family) for machine in machines]
         if self.orbit is None:
-            return [attempt(self._of_family, machine) for machine in machines]
-        return [*continued_orbits(self.machine, self.orbit, machines)]
+            orbits = [attempt(self._of_family, machine) for machine in machines]
+        else:
+            orbits = [*continued_orbits(self.machine, self.orbit, machines)]
+        pairs = zip(machines, orbits, strict=True)
+        return [orbit if isinstance(orbit, OrbitsError) else (machine, orbit) for machine, orbit in pairs]
 
     def _of_family(self, machine: Machine) -> Orbit:
         interrupts.heed()
@@ -192,14 +184,15 @@ def best_design(
     began, report = time.perf_counter(), progress or (lambda share: None)
     values = [{name: point[name] for name in problem.names} for point in points]
     machines = [machine.with_values(**each) for each in values]
-    known = {i: point["orbit"].dimensionless() for i, point in enumerate(points) if "orbit" in point}
+    known: dict[int, Any] = {
+        i: (machines[i], each["orbit"].dimensionless()) for i, each in enumerate(points) if "orbit" in each
+    }
     unknown = [i for i in range(len(points)) if i not in known]
-    known |= dict(zip(unknown, origin.orbits([machines[i] for i in unknown]) if unknown else (), strict=True))
-    orbits = [known[i] for i in range(len(points))]
-    ends = local_optima(machines, orbits, problem, report)
+    known |= dict(zip(unknown, origin.motions([machines[i] for i in unknown]) if unknown else (), strict=True))
+    ends = local_optima([known[i] for i in range(len(points))], problem, report)
     optima = {i: end.objective * problem.sign for i, end in enumerate(ends) if isinstance(end, Design)}
     for i in sorted(optima, key=optima.__getitem__):
-        ends[i] = best = attempt(_certified_design, ends[i])
+        ends[i] = best = attempt(Design.certified, ends[i])
         if isinstance(best, Design):
             break
     else:
@@ -209,11 +202,6 @@ def best_design(
         for each, end in zip(values, ends, strict=True)
     )
     return replace(best, starts=tried, seconds=time.perf_counter() - began)
-
-
-def _certified_design(design: Design) -> Design:
-    """A design with its orbit found again and certified, in place of the dimensionless orbit of the search."""
-    return replace(design, orbit=find(design.source, start=design.orbit))
 
 
 def starting_points(machine: Machine, problem: DesignProblem, count: int, seed: int) -> list[dict[str, float]]:

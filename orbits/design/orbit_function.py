@@ -23,10 +23,10 @@ from ..running.exclusive import exclusive
 from ..shooting.formulations import vector
 from ..symbolic.caches import cached
 from ..units import TIME, Units
-from .design_point import unknowns_of
 from .evaluator import DesignPoints, Evaluator, Varied, VariedOrbit, evaluator, of_varied
 from .problem import Outputs
 from .sensitivities import known_orbit, sensitivities
+from .tuned_machine import unknowns_of
 
 # The number of times that the way from the known orbit to another one is halved before the other counts as lost.
 MOST_BRANCH_HALVINGS = 6

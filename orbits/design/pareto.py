@@ -246,7 +246,7 @@ class _Levels:
         moving = Moving(problem.constraints[limit].text, begin, end, constraint=limit, sides=(False, True))
         shares = [(level - begin) / (end - begin) for level in levels]
         try:
-            curve = designs_along(moving_design(design, problem, moving), shares)
+            curve = designs_along(moving_design(design, design.source, problem, moving), shares)
         except OrbitsError:
             return {}, []
         at = {moving.value(share): level for share, level in zip(shares, levels, strict=True)}

@@ -11,6 +11,7 @@ from ..errors import InputError, finite_number
 from ..model.machine import Machine, free_parameters
 from ..model.model import Model, refuse_forward
 from ..numerics.sobol import sobol_points
+from ..periodic.quantities import OF_RUNS
 from ..symbolic.formula import Formula, parse, suggest
 from .design_quantities import VARIATIONAL, extremes_of, quantity_names
 
@@ -116,8 +117,9 @@ class Outputs:
 
     def quantities(self, model: Model, p: Mapping) -> list[str]:
         """The quantities in use."""
-        used = set(self.demands).union(*(formula.names for formula in self.formulas)) - p.keys()
-        return [name for name in quantity_names(model, p) if name in used]
+        used = set(self.demands).union(*(formula.names for formula in self.formulas))
+        runs = [name for name in (OF_RUNS if model.sticks else ()) if name in used]
+        return [*(name for name in quantity_names(model, p) if name in used and name not in p), *runs]
 
     def extremes(self, model: Model, p: Mapping) -> list[str]:
         """The extremes that the quantities in use are made of."""

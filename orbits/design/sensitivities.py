@@ -1,6 +1,6 @@
 """Quantities of an orbit, and their exact derivatives by the parameters of its machine."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TypeAlias
 
 from ..consistency.accepted import check_parameters
@@ -8,13 +8,22 @@ from ..errors import InputError, OrbitsError, list_of_names
 from ..model.machine import Machine, free_parameters, machine_in_words
 from ..periodic.find import StartLike, check_start, find
 from ..periodic.orbit import Orbit
+from ..periodic.quantities import OF_RUNS
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from .design_point import Case, DesignPoint, design_points, has_loss, no_motion
 from .design_quantities import extremes_of, quantity_names
 from .extremes import places_of
-from .problem import Outputs, formula_names, known_formula
+from .problem import Outputs, known_formula
 from .slopes import Sensitivities
+from .tuned_machine import (
+    TunedMachine,
+    first_of_tuned,
+    names_of_designs,
+    tuned_numbers,
+    tuning_of_designs,
+    untuned,
+)
 
 # Requested names, one or a list; None for all.
 Names: TypeAlias = str | Sequence[str] | None
@@ -49,6 +58,8 @@ def sensitivities(
     quantities: Names = None,
     *,
     start: StartLike | None = None,
+    tune: str | Iterable[str] | None = None,
+    at: Mapping[str, float] | None = None,
 ) -> Sensitivities:
     """Exact derivatives d(quantity)/d(parameter) for an orbit that stays lossless as the parameter changes.
 
@@ -57,6 +68,8 @@ def sensitivities(
     names : of the parameters, as in `optimize`, one or a list; None for all
     quantities : of the orbit, or formulas of these, one or a list; None for all that it has
     start : as in `find`, of the orbit, in place of the number of its family
+    tune, at : as in `optimize`; then the parameters are those that are not tuned, with the prescribed quantities, and
+        the tuned ones are among the quantities
 
     Returns the derivatives as a mapping by quantity and parameter, in the machine's units. They follow from the
     implicit function theorem for the equations of the orbit, by automatic differentiation. At a fold of the family in a
@@ -68,12 +81,19 @@ def sensitivities(
     -1.425744
     """
     check_parameters(machine)
-    formula_names(machine)  # raises for a machine that cannot be designed, before an orbit is searched for
-    orbit = known_orbit(machine, orbit, start)
-    names = free_parameters(machine) if names is None else list_of_names("names", names)
+    if tune is not None or at is not None:
+        tuning = tuning_of_designs(machine, tune, at, ())
+        known, family = (orbit, 1) if isinstance(orbit, Orbit) else (start, orbit)
+        machine, orbit = first_of_tuned(TunedMachine(machine, tuning.names, tuning.at), known, family)
+    names_of_designs(machine)  # raises for a machine that cannot be designed, before an orbit is searched for
+    orbit, tuned = known_orbit(machine, orbit, start), tuned_numbers(machine)
+    varied = [name for name in free_parameters(machine) if name not in tuned]
+    names = varied if names is None else list_of_names("names", names)
+    if held := [name for name in names if name in tuned]:
+        raise InputError(f"'{held[0]}' is tuned and follows from the others: it is one of the quantities")
     # The machine itself determines which of its parameters follow from others.
     machine.with_values(**{name: machine.values[name] for name in names if name in machine.values})
-    check_parameters(machine, *names)
+    check_parameters(untuned(machine), *(name for name in names if name in untuned(machine).values))
     quantities = _requested(machine, orbit, quantities)
     words, parameters = machine_in_words(machine), {name: machine.values[name] for name in names}
     if not quantities:
@@ -98,7 +118,7 @@ def known_orbit(machine: Machine, orbit: Orbit | int, start: StartLike | None) -
 
 def _formulas_at(machine: Machine, orbit: Orbit, texts: Sequence[str], over: Sequence[str]) -> DesignPoint:
     """Formulas at an orbit, over some of the machine's parameters."""
-    known = formula_names(machine)
+    known = names_of_designs(machine)
     formulas = tuple(known_formula(text, known, "the quantity") for text in texts)
     (point,) = design_points([Case(machine, orbit.dimensionless(), Outputs(formulas, tuple(over)), {})])
     if isinstance(point, OrbitsError):
@@ -119,4 +139,6 @@ def _requested(machine: Machine, orbit: Orbit, names: Names) -> Sequence[str]:
         raise no_motion(machine, bare)
     (places,) = places_of([machine], [bare], {extreme for name in known for extreme in extremes_of(name)})
     known = [name for name in known if name != "loss_coefficient" or has_loss(machine.model, bare)]
-    return [name for name in known if all(places[extreme] for extreme in extremes_of(name))]
+    known = [name for name in known if all(places[extreme] for extreme in extremes_of(name))]
+    runs = OF_RUNS if isinstance(machine, TunedMachine) and machine.model.sticks else ()
+    return [*known, *runs, *tuned_numbers(machine)]

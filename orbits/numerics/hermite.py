@@ -3,12 +3,13 @@
 A point X of a curve lies at the level s = row . X, for a row that measures the length along the curve.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 
-from ..symbolic.calls import MappedFunction
+from ..symbolic.calls import BufferedFunction, MappedFunction
 
 # A point lies beyond a bend, and is not used, where the component of its tangent along the row is less than this share
 # of the component of the nearest point's tangent.
@@ -68,3 +69,19 @@ def around(
     neighbours = (part[within].reshape(len(i), -1) for part in (xs, tangents))
     points, rests = hermite(xs.shape[1], behind, ahead)(*neighbours, inside, rows, levels[:, None])
     return points[:, :, 0], rests[:, 0, 0]
+
+
+def at_level(xs: Sequence[np.ndarray], tangents: Sequence[np.ndarray], column: int, level: float) -> np.ndarray:
+    """The point at a level of one coordinate on the interpolant of a few points (n,) of a curve, in order, with
+    tangents along which the coordinate goes the same way."""
+    places, rates = (np.array([each[column] for each in part]) for part in (xs, tangents))
+    of_points, of_tangents, _ = _weights_of_chain(len(xs))(places, np.sign(rates), np.ones(len(xs)), level)
+    moved = sum((weight * (x - xs[0]) for x, weight in zip(xs, of_points.flat, strict=True)), 0.0 * xs[0])
+    chain = zip(tangents, abs(rates), of_tangents.flat, strict=True)
+    return xs[0] + moved + sum((weight * (tangent / rate) for tangent, rate, weight in chain), 0.0 * xs[0])
+
+
+@lru_cache(maxsize=16)
+def _weights_of_chain(count: int) -> BufferedFunction:
+    """`_weights` of points before a place."""
+    return BufferedFunction(_weights(count, 0))

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import NoOrbit
-from .hermite import around
+from .hermite import at_level
 from .kkt_conditions import ParametricProgram
 from .kkt_limits import DEPENDENT, NEARLY_DEPENDENT, CriticalPoint, ExclusiveLimits, limits_changed, rooms_at
 from .kkt_points import LostCurve, PointsOfCurve
@@ -281,7 +281,4 @@ def _predicted(points: Sequence[CriticalPoint], held: int, level: float) -> Arra
     """x, multipliers and parameter at a level of the coordinate that is held, by Hermite interpolation of points, or
     extrapolation from those among which the coordinate goes the same way as at the last."""
     usable = [each for each in points if each.tangent[held] * points[-1].tangent[held] > 0]
-    tangents = np.array([each.tangent / abs(each.tangent[held]) for each in usable])
-    zs, end = np.array([each.z for each in usable]), np.array([len(usable)])
-    row = np.eye(1, zs.shape[1], held)
-    return around(zs, tangents, end, POINTS_OF_PREDICTOR + 1, 0, row, np.array([level]))[0][0]
+    return at_level([each.z for each in usable], [each.tangent for each in usable], held, level)

@@ -1,6 +1,7 @@
 """The active limits of a program at its critical points: how far they are from changing, and what changes with them."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -40,7 +41,7 @@ class CriticalPoint:
     negative: int
     tangent: Array
 
-    @property
+    @cached_property
     def z(self) -> Array:
         """x, the multipliers and the parameter."""
         return np.concatenate([self.x, self.multipliers, [self.value]])

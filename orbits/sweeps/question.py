@@ -8,8 +8,9 @@ from typing import Any, NamedTuple, TypedDict
 import numpy as np
 
 from ..continuation.checkpoint import versions
-from ..design.designs_at_once import columns_of_tuned, names_of_tuned, tuning_of_designs
+from ..design.designs_at_once import columns_of_tuned, names_of_tuned
 from ..design.problem import formula_names, known_formula
+from ..design.tuned_machine import tuning_of_designs
 from ..errors import InputError, finite_number, list_of_names, one_of
 from ..io import Document
 from ..model.machine import Machine, machine_in_words

@@ -46,7 +46,11 @@ def prescribed_launch(driven: Actuated, orbit: Orbit, **stated: float | None) ->
     """What is prescribed, by name, of checked arguments; raises `InputError` for invalid ones."""
     wanted = {name: finite_number(name, value) for name, value in stated.items() if value is not None}
     if len(wanted) > 1:
-        raise InputError("speed and height both prescribe the launch: give one of them")
+        raise InputError(
+            "speed and height both prescribe the launch, which has one free number: give one of them; to follow one "
+            "after the other, begin keep_hopping(machine, height=..., guess=family.at(...)) where the family along the "
+            "speed ends"
+        )
     refuse_taken(wanted, driven.still, "what is prescribed of a hop")
     for name, value in wanted.items():
         if not value > 0:

@@ -98,18 +98,18 @@ def searched(starts, families):
     """The ends of searches for the least sum of loss coefficient and launch speed, from values of b."""
     problem = design_problem(CUBIC, "loss_coefficient + alpha", None, {"b": RANGE}, ())
     machines = [CUBIC.with_values(b=b) for b in starts]
-    orbits = [find(machine, family) for machine, family in zip(machines, families, strict=True)]
-    return local.local_optima(machines, orbits, problem, lambda share: None)
+    motions = [(machine, find(machine, family)) for machine, family in zip(machines, families, strict=True)]
+    return local.local_optima(motions, problem, lambda share: None)
 
 
-@pytest.mark.parametrize("name", ["design_points", "orbits_near"])
+@pytest.mark.parametrize("name", ["design_points", "motions_near"])
 def test_an_error_at_one_start_is_no_error_of_the_others(monkeypatch, name):
     """Where orbits of the second family are refused, a search in the first is as it is alone."""
     (alone,) = searched([0.3], [1])
     function = getattr(local, name)
 
     def refusing(items, *others):
-        families = others[1] if name == "orbits_near" else [case.orbit.family for case in items]
+        families = others[1] if name == "motions_near" else [case.orbit.family for case in items]
         if 2 in families:
             raise NoOrbit("the family is refused")
         return function(items, *others)

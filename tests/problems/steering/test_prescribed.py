@@ -87,6 +87,16 @@ def test_the_height_is_the_rise_of_the_centre_of_mass():
     assert family.costs[-1] == pytest.approx(steering.keep_hopping(Hopper(), speed=launch, intervals=20).cost, rel=1e-8)
 
 
+def test_a_speed_and_then_a_height_are_followed():
+    """The height is v^2/(2 g), with the speed alpha/2 and gravity 1/2."""
+    machine = Hopper(damping=0.02)
+    along = steering.keep_hopping(machine, speed=4.5, intervals=12).follow("speed", 4.8)
+    on = steering.keep_hopping(machine, height=4.8**2 / 4, intervals=12, guess=along.at(4.8))
+    assert on.cost == pytest.approx(along.costs[-1], rel=1e-9)
+    solved = steering.keep_hopping(machine, speed=5.0, intervals=12)
+    assert on.follow("height", 5.0**2 / 4).costs[-1] == pytest.approx(solved.cost, rel=1e-8)
+
+
 @pytest.mark.slow
 def test_the_height_of_a_leg_in_si(tmp_path):
     height = 1.1 * find(DAMPED_LEG.with_values(damping=0.0)).rises["centre of mass"]
@@ -105,7 +115,10 @@ def test_the_height_of_a_leg_in_si(tmp_path):
 @pytest.mark.parametrize(
     ("wanted", "words"),
     [
-        (lambda: steering.keep_hopping(Hopper(), speed=4.6, height=5.0), "give one of them"),
+        (
+            lambda: steering.keep_hopping(Hopper(), speed=4.6, height=5.0),
+            "give one of them; to follow one after",
+        ),
         (lambda: steering.keep_hopping(Hopper(), speed=-4.6), "speed = -4.6: a hop has a speed above 0"),
         (lambda: steering.keep_hopping(DAMPED_LEG, height=-0.1), "height = -0.1 m: a hop has a height above 0"),
         (lambda: steering.keep_hopping(Juggler(), height=5.0), "no height 'centre of mass'"),

@@ -1,0 +1,159 @@
+"""Designs with tuned parameters, against closed forms of linear hoppers, differences and `find` on grids."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq, minimize_scalar
+
+from orbits import Design, DesignCurve, InputError, NoOrbit, find, optimize, pareto, sensitivities
+from orbits.design.design_point import Case, design_points
+from orbits.design.problem import Outputs
+from orbits.design.tuned_machine import TunedMachine, first_of_tuned, names_of_designs, unknowns_of
+from orbits.symbolic.formula import parse
+from problems import Hopper, hopper_in_si, runner
+
+LINEAR = Hopper("k*r", parameters={"k": 1.0})
+WITH_FREQUENCY = {"tune": "k", "at": {"frequency": 0.1}}
+RUNNER = runner(foot_mass=0.1, rest_length=3.7, inertia=5.7, hip_stiffness=5.4)
+AT_SPEED = {"tune": ("inertia", "hip_stiffness"), "at": {"speed": 0.4}}
+RANGE = {"mass_ratio": (0.5, 3.0)}
+COST = "(k - 2)**2 + mass_ratio"
+
+
+def stiffness(mass_ratio: float, frequency: float = 0.1) -> float:
+    """That with a frequency; the period is that of stiffness 1 over the root of the stiffness."""
+    return (frequency * find(LINEAR.with_values(mass_ratio=mass_ratio)).period) ** 2
+
+
+def test_the_best_design_is_that_of_the_closed_form():
+    best = optimize(LINEAR, minimise="(k - 2)**2 + 1", over=RANGE, **WITH_FREQUENCY)
+    assert best.parameters["mass_ratio"] == pytest.approx(brentq(lambda m: stiffness(m) - 2, 1.0, 1.2), rel=1e-7)
+    assert best.parameters["k"] == pytest.approx(stiffness(best.parameters["mass_ratio"]), rel=1e-11)
+    assert 1 / best.orbit.period == pytest.approx(0.1, rel=1e-12)
+    assert best.orbit.prescribed == {"frequency": 0.1}
+    assert (best.tune, best.at) == (("k",), {"frequency": 0.1})
+    assert best.kkt < 1e-6
+    assert not best.active
+
+
+def test_bounds_and_constraints_hold_with_their_multipliers():
+    bound = optimize(LINEAR, minimise="k", over=RANGE, **WITH_FREQUENCY)
+    assert [each.text for each in bound.active] == ["mass_ratio <= 3"]
+    slope = (stiffness(3.0 + 1e-5) - stiffness(3.0 - 1e-5)) / 2e-5
+    assert bound.active[0].multiplier == pytest.approx(-slope, rel=1e-8)
+    held = optimize(LINEAR, minimise="k", over=RANGE, subject_to=["alpha == 3.2"], **WITH_FREQUENCY)
+    assert [each.text for each in held.active] == ["alpha == 3.2"]
+    assert held.orbit.alpha == pytest.approx(3.2, rel=1e-12)
+    with pytest.raises(NoOrbit, match="'alpha <= 1' is missed by"):
+        optimize(LINEAR, minimise="k", over=RANGE, subject_to=["alpha <= 1"], starts=1, **WITH_FREQUENCY)
+
+
+@pytest.mark.slow
+def test_derivatives_go_through_the_tuned_numbers():
+    """Of all quantities of a run by two parameters and the prescribed speed, against differences."""
+    machine, orbit = first_of_tuned(TunedMachine(RUNNER, AT_SPEED["tune"], AT_SPEED["at"]), None, 1)
+    absent = ("clearance", "smallest_contact_force")  # the middle has no lowest point
+    names = [name for name in names_of_designs(machine) if name not in (*absent, "body_mass")]
+    outputs = Outputs(tuple(map(parse, names)), ("rest_length", "foot_mass", "speed"))
+    (point,) = design_points([Case(machine, orbit, outputs, {})])
+    assert point.quantities["friction_needed"] == pytest.approx(find(RUNNER, **AT_SPEED).certificate.friction_needed)
+    for j, name in enumerate(outputs.over):
+        steps = []
+        for step in (1e-4, 5e-5):
+            near = [machine.with_values(**{name: machine.values[name] + way * step}) for way in (1, -1)]
+            cases = [Case(*each.near(unknowns_of(machine, orbit), None), outputs, {}) for each in near]
+            above, below = (each.values[: len(names)] for each in design_points(cases))
+            steps.append((above - below) / (2 * step))
+        expected = (4 * steps[1] - steps[0]) / 3
+        assert point.slopes[: len(names), j] == pytest.approx(expected, rel=2e-8, abs=2e-8)
+
+
+def test_the_best_of_several_starts_and_a_saved_design(tmp_path):
+    best = optimize(LINEAR, maximise="k", over={"mass_ratio": (0.01, 10.0)}, starts=2, **WITH_FREQUENCY)
+    assert len(best.starts) == 2
+    assert best.objective == max(start.objective for start in best.starts if start.objective)
+    assert best.objective == pytest.approx(stiffness(best.parameters["mass_ratio"]), rel=1e-11)
+    best.save(tmp_path / "best.json")
+    again = Design.load(tmp_path / "best.json", machine=LINEAR)
+    assert (again.parameters, again.tune, again.at) == (best.parameters, best.tune, best.at)
+
+
+def test_sensitivities_of_tuned_orbits():
+    """The stiffness is the square of the frequency times that of the period of stiffness 1."""
+    slopes = sensitivities(LINEAR.with_values(mass_ratio=2.0), 1, quantities=["k", "alpha"], **WITH_FREQUENCY)
+    assert set(slopes["k"]) == {"mass_ratio", "frequency"}
+    assert slopes["k"]["frequency"] == pytest.approx(2 * stiffness(2.0) / 0.1, rel=1e-11)
+    by_ratio = sensitivities(LINEAR.with_values(mass_ratio=2.0), 1, ["mass_ratio"], ["period"])["period"]["mass_ratio"]
+    period = find(LINEAR.with_values(mass_ratio=2.0)).period
+    assert slopes["k"]["mass_ratio"] == pytest.approx(2 * 0.1**2 * period * by_ratio, rel=1e-9)
+
+
+@pytest.mark.parametrize(("what", "to"), [("frequency", 0.12), ("mass_ratio <= 0.6", 0.5)])
+def test_designs_are_followed(what, to, tmp_path):
+    """Along a prescribed quantity and along a bound, against searches; the slope is that of differences."""
+    over = {"mass_ratio": (0.4, 3.0 if what == "frequency" else 0.6)}
+    best = optimize(LINEAR, minimise=COST, over=over, **WITH_FREQUENCY)
+    curve = best.follow(what, to, points=4)
+    assert not curve.end
+    for value, design in zip(curve.values, curve.designs, strict=True):
+        if any(value == event.value for event in curve.events):  # the bound is active there, with a multiplier 0
+            continue
+        moved = {"over": {"mass_ratio": (0.4, value)}} if what != "frequency" else {"over": over}
+        at = {"frequency": value} if what == "frequency" else WITH_FREQUENCY["at"]
+        alone = optimize(LINEAR, minimise=COST, tune="k", at=at, **moved)
+        assert design.parameters == pytest.approx(alone.parameters, rel=1e-9)
+        assert design.objective == pytest.approx(alone.objective, rel=1e-11)
+        assert design.orbit.prescribed == at
+    again = DesignCurve.load(curve.save(tmp_path / "curve.json"), LINEAR)
+    assert str(again) == str(curve)
+    if what == "frequency":
+        last = again.designs[1].follow(what, to, points=2).objectives[-1]
+        assert last == pytest.approx(curve.objectives[-1], rel=1e-12)
+    with pytest.raises(InputError, match="'k' is tuned: follow a prescribed quantity"):
+        best.follow("k", 1.0)
+
+
+@pytest.mark.slow
+def test_a_machine_in_si_is_followed():
+    """A leg whose stiffness is tuned to its period, against searches."""
+    leg = hopper_in_si(60.0, 3.0, force="k*r + 1e5*r**3", parameters={"k": 8000.0}, rest_length=0.8)
+    problem = {"minimise": "stroke + 0.002*body_mass", "over": {"body_mass": (20.0, 100.0)}, "tune": "k"}
+    best = optimize(leg, at={"period": 0.4}, subject_to=["k <= 9000"], **problem)
+    curve = best.follow("period", 0.42, points=3)
+    for value, design in zip(curve.values, curve.designs, strict=True):
+        alone = optimize(leg, at={"period": value}, subject_to=["k <= 9000"], **problem)
+        assert design.parameters == pytest.approx(alone.parameters, rel=1e-8)
+        assert design.orbit.period == pytest.approx(value, rel=1e-11)
+
+
+def test_bad_arguments_are_named():
+    wrong = [
+        ({"starts": "global"}, "starts = 'global'"),
+        ({"over": {"k": (1.0, 2.0)}}, "'k' is varied"),
+        ({"at": {"clearance": 1.0}}, "at 'clearance': it is found from the whole motion"),
+    ]
+    for change, words in wrong:
+        with pytest.raises(InputError, match=words):
+            optimize(LINEAR, **{"minimise": "k", "over": RANGE, **WITH_FREQUENCY, **change})
+    with pytest.raises(InputError, match="'k' is tuned and follows from the others"):
+        sensitivities(LINEAR, 1, ["k"], **WITH_FREQUENCY)
+    for function in (sensitivities, lambda machine: pareto(machine, minimise=("alpha", "stroke"), over=RANGE)):
+        with pytest.raises(InputError, match="a runner has no orbits beside this one unless a number of it is tuned"):
+            function(RUNNER)
+    with pytest.raises(InputError, match="half an orbit of a runner has 10 equations for 9 unknowns"):
+        optimize(RUNNER, minimise="friction_needed", over={"rest_length": (3.6, 3.9)})
+
+
+@pytest.mark.slow
+def test_the_runner_of_least_friction_lies_at_an_edge():
+    """Where friction at landing and inside the contact are the same: a bounded search by SciPy over single orbits."""
+    best = optimize(RUNNER, minimise="friction_needed", over={"rest_length": (3.6, 3.9)}, **AT_SPEED)
+    assert [each.text for each in best.active] == ["an extreme at two places"]
+
+    def friction(rest_length: float) -> float:
+        return find(RUNNER.with_values(rest_length=rest_length), **AT_SPEED).certificate.friction_needed
+
+    least = minimize_scalar(friction, bounds=(3.7, 3.75), method="bounded", options={"xatol": 1e-4})
+    assert best.objective <= least.fun
+    assert best.parameters["rest_length"] == pytest.approx(least.x, abs=3e-4)
+    assert best.objective < min(map(friction, np.linspace(3.6, 3.9, 5)))
+    assert best.orbit.certificate.friction_needed == pytest.approx(best.objective, rel=1e-10)
