@@ -4,6 +4,9 @@ A plastic landing only loses, so that the next launch speed is never above the l
 and repels from below. Which side has the bounce depends on the sign of the gap's derivative by alpha at landing: where
 it is positive a launch with more speed still flies at the nominal time and lands once; with less it strikes earlier,
 and bounces. Past a fold of a family it is negative, and the bounce is above.
+
+All of this needs a jerk of the gap that is continuous at the landing. Where a law has a corner at lift-off it is not,
+and there is no loss coefficient.
 """
 
 import cmath
@@ -15,13 +18,20 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ..flow.flow import Flow, flow_of
 from ..laws.law import Algebraic
+from ..model.phase import Phase
+from ..symbolic.caches import cached
+from ..symbolic.kernels import ElementwiseFunction
 
 # The sum of the losses of bounces ends where the square of their speed is below this.
 LEAST_LOSS = 1e-20
 # With a larger share of the speed left by a hand-over, bounces are too many to be counted: what they
 # lose grows without bounds as the share tends to 1.
 MOST_LEFT = 0.999
+# The jerk of the gap jumps at a landing where it differs by more than this share on both sides: some 1e-4 of a natural
+# time from it, in which a smooth jerk changes far less. So far away, in multiples of what rounding moves it.
+JUMP, SIDES = 2e-3, 4.0
 # The imaginary part of a complex step: so small that its square vanishes relative to any number.
 COMPLEX_STEP = 1e-30
 
@@ -34,6 +44,36 @@ def loss_coefficient(impact_mass: Algebraic, jerk: Algebraic, gap_slope: Algebra
     and `power` is the derivative of the launch energy by alpha.
     """
     return impact_mass * jerk**2 / 8 * (6 * gap_slope / jerk) ** (4 / 3) / power
+
+
+def jerk_jumps(flow: Flow, gap: Sequence, x: np.ndarray, p: np.ndarray, jerk: np.ndarray, off: Any) -> np.ndarray:
+    """Whether the jerk (m,) of the gap with these weights jumps (m,) at lossless landings or lift-offs in the flight
+    states x (m, n) with the parameters p (m, np), as it does where a law has a corner there.
+
+    The sides are looked at some times as far from the landing as it moves where rounding changes the gap by `off` (m,):
+    hardly a launch that differs from alpha in 16 digits lands between them.
+    """
+    jumps = np.zeros(len(x), dtype=bool)
+    if flow.phase.pieces is None:
+        return jumps
+    late = SIDES * np.cbrt(6 * np.abs(off / jerk))
+    away = late[:, None] * flow.field(x, p)[0]
+    near = (flow.pieces_of(x - away, p) != flow.pieces_of(x + away, p)).nonzero()[0]
+    if len(near):
+        x, away, p = x[near], away[near], p[near]
+        acceleration = _accelerations(flow.phase, tuple(gap), flow.parameters)
+        before, here, after = (acceleration(at, flow.data(at, p))[0].ravel() for at in (x - away, x, x + away))
+        jumps[near] = np.abs(before - 2 * here + after) > JUMP * np.abs(jerk[near]) * late[near]
+    return jumps
+
+
+@cached
+def _accelerations(phase: Phase, gap: tuple[float, ...], parameters: tuple[str, ...]) -> ElementwiseFunction:
+    """The acceleration of a gap at several points, (x, parameters with the data of a piece)."""
+    graph = flow_of(phase, parameters).vector_field
+    field = graph.field(graph.x, graph.p)[0]
+    speed = ca.DM(gap).T @ field
+    return ElementwiseFunction(ca.Function("acceleration", [graph.x, graph.p], [ca.jtimes(speed, graph.x, field)]))
 
 
 @cache
