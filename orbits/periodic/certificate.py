@@ -64,11 +64,11 @@ class Certificate:
         force is 0, and normally it has one maximum in between)
     largest_contact_force : its maximum, None where the contact does not end
     landing_jerk : third derivative of the contact point's height at landing; negative on a motion
-    loss_coefficient : C of the one-step map alpha + d -> alpha + d - C |d|**(4/3) on the side of alpha where hops land
-        once; on the other, where they bounce once, it is 10 C. Where a launch is more than a speed, a hop loses the
+    loss_coefficient : C of the one-step map alpha + d -> alpha + d - C |d|**(4/3) of plastic landings on the side of
+        alpha where hops land once; on the other, where they bounce once, it is 10 C. Where a launch is more than a speed, a hop loses the
         energy C dE/dalpha |d|**(4/3) if alpha alone is changed, and C has the sign of alpha. None where a law has a
         corner at lift-off, so that the landing jerk jumps
-    stable_side : "above", the side from which it attracts; None for an orbit that is not a motion, where the loss is not
+    stable_side : "above", the side from which it attracts; None for an orbit that is no motion, where the loss is not
         known to differ from 0, and where a launch is more than a speed: `multipliers` says there what attracts
     violations : the conditions of a motion that it violates, in words; empty for an admissible orbit
     loss_error : estimate of the error of `loss_coefficient`, None where there is none
@@ -199,7 +199,7 @@ def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -
 
 
 def _jerk_jumps(model: Model, cycles: Cycles, jerk: np.ndarray, which: np.ndarray) -> np.ndarray:
-    """Whether the jerk of the gap jumps at the lift-offs, as at the landings that mirror them, of some of the orbits."""
+    """Whether the jerk of the gap jumps at the lift-offs of some orbits, as at the landings that mirror them."""
     launches = cycles.halves.coefficients[cycles.halves.first[:: cycles.halves_per_flight], :, 0]
     p = {name: np.broadcast_to(values, len(cycles))[which] for name, values in cycles.p.items()}
     off = EPS * (cycles.gap_slope * cycles.u["alpha"])[which]

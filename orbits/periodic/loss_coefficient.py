@@ -26,7 +26,7 @@ from ..symbolic.kernels import ElementwiseFunction
 
 # The sum of the losses of bounces ends where the square of their speed is below this.
 LEAST_LOSS = 1e-20
-# With a larger share of the speed left by a hand-over, bounces are too many to be counted: what they
+# With a larger share of the speed left by a hand-over, or the root of a larger restitution, bounces are too many to be counted: what they
 # lose grows without bounds as the share tends to 1.
 MOST_LEFT = 0.999
 # The jerk of the gap jumps at a landing where it differs by more than this share on both sides: some 1e-4 of a natural
@@ -77,16 +77,21 @@ def _accelerations(phase: Phase, gap: tuple[float, ...], parameters: tuple[str, 
 
 
 @cache
-def hand_over_factors(rho: float) -> tuple[float, float]:
-    """What a landing without and with a bounce loses, as multiples of C, where a hand-over leaves the share rho of the
-    gap's speed, below 1; 1 and 10 where none is left.
+def bounce_factors(e: float) -> tuple[float, float]:
+    """What a hop with all its bounces loses where it lands late and early, as multiples of C, with the restitution e,
+    at most `MOST_LEFT`**2; 1 and 10 of a plastic landing.
 
-    The point that was left comes down again at once, since it is pressed down, in another hand-over: to the point that
-    landed this is a bounce with the restitution rho^2. Its height has the acceleration -tau in a scaled time, from
-    impacts at tau = 1 or -1 on, where a landing that is held loses 1/4.
+    The height has the acceleration -tau in a scaled time, from impacts at tau = 1 or -1 on, where a landing that is held
+    loses 1/4.
     """
-    e = rho * rho
     return _lost_in_bounces(1.0, e), _lost_in_bounces(-1.0, e)
+
+
+def hand_over_factors(rho: float) -> tuple[float, float]:
+    """The same where a hand-over leaves the share rho of the gap's speed, at most `MOST_LEFT`: the point that was left
+    comes down again at once, since it is pressed down, in another hand-over. To the point that landed this is a bounce
+    with the restitution rho^2."""
+    return bounce_factors(rho * rho)
 
 
 def late_factor(share: float) -> tuple[float, float]:

@@ -15,7 +15,7 @@ from ..flow.flow import Flow
 from ..flow.zero_crossing import first_zero
 from ..model.machine import Machine
 from ..periodic.certificate import mass_of_landing
-from ..periodic.loss_coefficient import hand_over_factors, jerk_jumps, loss_coefficient
+from ..periodic.loss_coefficient import MOST_LEFT, bounce_factors, hand_over_factors, jerk_jumps, loss_coefficient
 from ..running.exclusive import exclusive
 from ..units import DIMENSIONS, LIFTOFF_SPEED, SPEED, Message, Quantity, in_own_units
 from .feet import LIFTS_OFF, STEPS_BACK, Foot
@@ -222,7 +222,10 @@ def losses_beside(impacts: Impacts, hop: HopDerivative, slope: float, power: flo
     mass = mass_of_landing(impacts.model, x, impacts.values, thirds)
     c = loss_coefficient(mass, jerk, abs(slope), power)
     if not impacts.model.changes_contact:
-        return float(c), float(10 * c)
+        if impacts.restitution > MOST_LEFT**2:
+            return None
+        late, early = bounce_factors(impacts.restitution)
+        return float(c * late), float(c * early)
     z, _ = standing(impacts, x[None], np.array([impacts.feet.index(hop.foot)]))
     rho = float(share_left(impacts, z)[0])
     # Without a loss, and where it is not known, there is no such law.

@@ -14,6 +14,7 @@ from orbits import (
     find,
     find_all,
     follow,
+    multiplier,
     multipliers,
     orbit_at,
     sensitivities,
@@ -22,7 +23,13 @@ from orbits import (
 )
 from orbits.flow.flow import flow_of
 from orbits.mechanics import Mass, Spring
-from orbits.periodic.loss_coefficient import by_launch_speed, hand_over_factors, late_factor, launch_power
+from orbits.periodic.loss_coefficient import (
+    bounce_factors,
+    by_launch_speed,
+    hand_over_factors,
+    late_factor,
+    launch_power,
+)
 from orbits.shooting.formulations import landing_gap_slope
 from problems import Hopper, Juggler, springs
 
@@ -67,7 +74,21 @@ class TestLossCoefficient:
     def test_no_attraction_without_a_motion(self):
         """The contact of this hop never ends, so that no launch beside it returns."""
         orbit = find(Hopper("cubic", parameters={"beta": -0.009}))
-        assert not orbit.admissible and orbit.certificate.loss_coefficient and "attracts" not in str(orbit)
+        assert not orbit.admissible
+        assert orbit.certificate.loss_coefficient
+        assert "attracts" not in str(orbit)
+
+    def test_impacts_that_rebound(self):
+        """With a restitution all bounces count: what hops of the map lose beside the orbit, late and early."""
+        machine = Hopper(restitution=0.5)
+        orbit = find(machine)
+        lost = ReturnMap(machine)([orbit.alpha + 1e-8, orbit.alpha - 1e-8]).loss / (2 * orbit.alpha * 1e-8 ** (4 / 3))
+        late, early = np.array(bounce_factors(0.5)) * orbit.certificate.loss_coefficient
+        assert lost == pytest.approx([late, early], rel=2e-3)
+        assert "with the restitution 0.5 it is 1.075 C above, 21.6 C below" in str(orbit)
+        assert "attracts" not in str(find(Hopper(restitution=1.0)))
+        with pytest.raises(NoOrbit, match=f"loses {late:.4g} .* {early:.4g} "):
+            multiplier(machine, orbit.alpha)
 
     @pytest.mark.parametrize(
         "machine",
