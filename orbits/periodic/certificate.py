@@ -65,9 +65,9 @@ class Certificate:
     largest_contact_force : its maximum, None where the contact does not end
     landing_jerk : third derivative of the contact point's height at landing; negative on a motion
     loss_coefficient : C of the one-step map alpha + d -> alpha + d - C |d|**(4/3) of plastic landings on the side of
-        alpha where hops land once; on the other, where they bounce once, it is 10 C. Where a launch is more than a speed, a hop loses the
-        energy C dE/dalpha |d|**(4/3) if alpha alone is changed, and C has the sign of alpha. None where a law has a
-        corner at lift-off, so that the landing jerk jumps
+        alpha where hops land once; on the other, where they bounce once, it is 10 C. Where a launch is more than a
+        speed, a hop loses the energy C dE/dalpha |d|**(4/3) if alpha alone is changed, and C has the sign of alpha.
+        None where a law has a corner at lift-off, so that the landing jerk jumps
     stable_side : "above", the side from which it attracts; None for an orbit that is no motion, where the loss is not
         known to differ from 0, and where a launch is more than a speed: `multipliers` says there what attracts
     violations : the conditions of a motion that it violates, in words; empty for an admissible orbit

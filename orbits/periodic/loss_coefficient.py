@@ -26,8 +26,8 @@ from ..symbolic.kernels import ElementwiseFunction
 
 # The sum of the losses of bounces ends where the square of their speed is below this.
 LEAST_LOSS = 1e-20
-# With a larger share of the speed left by a hand-over, or the root of a larger restitution, bounces are too many to be counted: what they
-# lose grows without bounds as the share tends to 1.
+# With a larger share of the speed left by a hand-over, or the root of a larger restitution, bounces are too many to be
+# counted: what they lose grows without bounds as the share tends to 1.
 MOST_LEFT = 0.999
 # The jerk of the gap jumps at a landing where it differs by more than this share on both sides: some 1e-4 of a natural
 # time from it, in which a smooth jerk changes far less. So far away, in multiples of what rounding moves it.
@@ -81,8 +81,8 @@ def bounce_factors(e: float) -> tuple[float, float]:
     """What a hop with all its bounces loses where it lands late and early, as multiples of C, with the restitution e,
     at most `MOST_LEFT`**2; 1 and 10 of a plastic landing.
 
-    The height has the acceleration -tau in a scaled time, from impacts at tau = 1 or -1 on, where a landing that is held
-    loses 1/4.
+    The height has the acceleration -tau in a scaled time, from impacts at tau = 1 or -1 on, where a landing that is
+    held loses 1/4.
     """
     return _lost_in_bounces(1.0, e), _lost_in_bounces(-1.0, e)
 
