@@ -177,11 +177,11 @@ def certify(model: Model, cycles: Cycles) -> tuple[Records[Certificate], dict[in
 
 
 def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Loss coefficients (m,), `NONE` where the gap opens the wrong way, with a jerk that jumps, or does not change with
-    the launch speed; and the `bounce_factor` (m,) of each."""
+    """Loss coefficients (m,), `NONE` where the gap opens the wrong way or does not change with the launch speed, and
+    where its jerk jumps; and the `bounce_factor` (m,) of each."""
     found, factors = np.full((2, len(cycles)), NONE)
     defined, shares = (jerk > 0) & (cycles.gap_slope != 0), np.zeros(len(cycles))
-    defined[defined] = ~_jerk_jumps(model, cycles, jerk, defined)
+    defined &= ~_jerk_jumps(model, cycles, jerk)
     states = _landing_states(model, cycles)
     if model.changes_contact:
         # Where the share that is left is not known, or is nearly all, no such law holds.
@@ -198,13 +198,12 @@ def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -
     return found, factors
 
 
-def _jerk_jumps(model: Model, cycles: Cycles, jerk: np.ndarray, which: np.ndarray) -> np.ndarray:
-    """Whether the jerk of the gap jumps at the lift-offs of some orbits, as at the landings that mirror them."""
+def _jerk_jumps(model: Model, cycles: Cycles, jerk: np.ndarray) -> np.ndarray:
+    """`jerk_jumps` (m,) at the lift-offs, which the landings mirror."""
     launches = cycles.halves.coefficients[cycles.halves.first[:: cycles.halves_per_flight], :, 0]
-    p = {name: np.broadcast_to(values, len(cycles))[which] for name, values in cycles.p.items()}
-    off = EPS * (cycles.gap_slope * cycles.u["alpha"])[which]
-    flow, x = flow_of(model.flight, tuple(p)), launches[which, : len(model.flight.states)]
-    return jerk_jumps(flow, model.gap(p).weights, x, vectors(p, len(x)), jerk[which], off)
+    flow, x, count = flow_of(model.flight, tuple(cycles.p)), launches[:, : len(model.flight.states)], len(cycles)
+    p = vectors({name: np.broadcast_to(values, count) for name, values in cycles.p.items()}, count)
+    return jerk_jumps(flow, model.gap(cycles.p).weights, x, p, jerk, EPS * cycles.gap_slope * cycles.u["alpha"])
 
 
 def _thirds(model: Model, cycles: Cycles, jerk: np.ndarray) -> np.ndarray:

@@ -53,17 +53,18 @@ def jerk_jumps(flow: Flow, gap: Sequence, x: np.ndarray, p: np.ndarray, jerk: np
     The sides are looked at some times as far from the landing as it moves where rounding changes the gap by `off` (m,):
     hardly a launch that differs from alpha in 16 digits lands between them.
     """
-    jumps = np.zeros(len(x), dtype=bool)
-    if flow.phase.pieces is None:
+    jumps, which = np.zeros(len(x), dtype=bool), np.arange(len(x))
+    if flow.vector_field.has_series and flow.phase.pieces is None:
         return jumps
-    late = SIDES * np.cbrt(6 * np.abs(off / jerk))
-    away = late[:, None] * flow.field(x, p)[0]
-    near = (flow.pieces_of(x - away, p) != flow.pieces_of(x + away, p)).nonzero()[0]
-    if len(near):
-        x, away, p = x[near], away[near], p[near]
+    away = SIDES * np.cbrt(6 * np.abs(off / jerk))[:, None] * flow.field(x, p)[0]
+    if flow.phase.pieces is not None:
+        which = (flow.pieces_of(x - away, p) != flow.pieces_of(x + away, p)).nonzero()[0]
+    if len(which):
+        x, away, p = x[which], away[which], p[which]
         acceleration = _accelerations(flow.phase, tuple(gap), flow.parameters)
         before, here, after = (acceleration(at, flow.data(at, p))[0].ravel() for at in (x - away, x, x + away))
-        jumps[near] = np.abs(before - 2 * here + after) > JUMP * np.abs(jerk[near]) * late[near]
+        largest = np.maximum(np.abs(here - before), np.abs(after - here))
+        jumps[which] = np.abs(before - 2 * here + after) > JUMP * largest
     return jumps
 
 
