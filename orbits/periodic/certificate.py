@@ -200,8 +200,10 @@ def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -
 
 def _jerk_jumps(model: Model, cycles: Cycles, jerk: np.ndarray) -> np.ndarray:
     """`jerk_jumps` (m,) at the lift-offs, which the landings mirror."""
-    launches = cycles.halves.coefficients[cycles.halves.first[:: cycles.halves_per_flight], :, 0]
-    flow, x, count = flow_of(model.flight, tuple(cycles.p)), launches[:, : len(model.flight.states)], len(cycles)
+    flow, count = flow_of(model.flight, tuple(cycles.p)), len(cycles)
+    if flow.is_smooth:
+        return np.zeros(count, dtype=bool)
+    x = cycles.halves.coefficients[cycles.halves.first[:: cycles.halves_per_flight], : flow.size, 0]
     p = vectors({name: np.broadcast_to(values, count) for name, values in cycles.p.items()}, count)
     return jerk_jumps(flow, model.gap(cycles.p).weights, x, p, jerk, EPS * cycles.gap_slope * cycles.u["alpha"])
 

@@ -54,7 +54,7 @@ def jerk_jumps(flow: Flow, gap: Sequence, x: np.ndarray, p: np.ndarray, jerk: np
     hardly a launch that differs from alpha in 16 digits lands between them.
     """
     jumps, which = np.zeros(len(x), dtype=bool), np.arange(len(x))
-    if flow.vector_field.has_series and flow.phase.pieces is None:
+    if flow.is_smooth:
         return jumps
     away = SIDES * np.cbrt(6 * np.abs(off / jerk))[:, None] * flow.field(x, p)[0]
     if flow.phase.pieces is not None:
