@@ -120,7 +120,7 @@ def hold(orbit: Orbit, along: str, *, effort: float = 0.05, landing: float = 20.
         raise InputError(
             f"effort = {effort:g}, landing = {landing:g}; weights lie above 0, that of the landing may be 0"
         )
-    orbit = _of_mechanism(orbit)
+    orbit = _stated_orbit(orbit)
     machine = _driven(orbit, along)
     impacts = Impacts(machine)
     units = _own_units(orbit, machine)
@@ -153,7 +153,7 @@ def hold(orbit: Orbit, along: str, *, effort: float = 0.05, landing: float = 20.
     return Hold(machine, along, section.names, times, states, rows, _by_modulus(free), _by_modulus(held))
 
 
-def _of_mechanism(orbit: Orbit) -> Orbit:
+def _stated_orbit(orbit: Orbit) -> Orbit:
     """The orbit as that of a mechanism, where its machine is stated as one."""
     if not isinstance(orbit, Orbit):
         raise InputError(f"orbit = {orbit!r}; hold takes a lossless orbit, as find(machine) returns")

@@ -31,7 +31,7 @@ LEAST_LOSS = 1e-20
 MOST_LEFT = 0.999
 # The jerk of the gap jumps at a landing where it differs by more than this share on both sides: some 1e-4 of a natural
 # time from it, in which a smooth jerk changes far less. So far away, in multiples of what rounding moves it.
-JUMP, SIDES = 2e-3, 4.0
+JERK_JUMP, SIDES_OF_LANDING = 2e-3, 4.0
 # The imaginary part of a complex step: so small that its square vanishes relative to any number.
 COMPLEX_STEP = 1e-30
 
@@ -56,7 +56,7 @@ def jerk_jumps(flow: Flow, gap: Sequence, x: np.ndarray, p: np.ndarray, jerk: np
     jumps, which = np.zeros(len(x), dtype=bool), np.arange(len(x))
     if flow.is_smooth:
         return jumps
-    away = SIDES * np.cbrt(6 * np.abs(off / jerk))[:, None] * flow.field(x, p)[0]
+    away = SIDES_OF_LANDING * np.cbrt(6 * np.abs(off / jerk))[:, None] * flow.field(x, p)[0]
     if flow.phase.pieces is not None:
         which = (flow.pieces_of(x - away, p) != flow.pieces_of(x + away, p)).nonzero()[0]
     if len(which):
@@ -64,7 +64,7 @@ def jerk_jumps(flow: Flow, gap: Sequence, x: np.ndarray, p: np.ndarray, jerk: np
         acceleration = _accelerations(flow.phase, tuple(gap), flow.parameters)
         before, here, after = (acceleration(at, flow.data(at, p))[0].ravel() for at in (x - away, x, x + away))
         largest = np.maximum(np.abs(here - before), np.abs(after - here))
-        jumps[which] = np.abs(before - 2 * here + after) > JUMP * largest
+        jumps[which] = np.abs(before - 2 * here + after) > JERK_JUMP * largest
     return jumps
 
 
