@@ -137,12 +137,12 @@ existence --along mass_ratio=1:2 --across rest_length=2:9 --samples 3,4 --colour
 uncertainty --spring cubic --over beta=norm(0.3,0.02) --samples 16
 uncertainty --over mass_ratio=1:2 --samples 8 --indices
 uncertainty --machine leg.toml --over body_mass=norm(60,1) --samples 8 --quantities period
-control hold --damping 0.01 --intervals 8
+control keep-hopping --damping 0.01 --intervals 8
 control recover --short 0.1 --intervals 8
 control start-up --pumps 2 --stroke 2 --intervals 8
-control hold --damping 0.01 --intervals 6 --follow damping:0.02
-control hold --damping 0.01 --actuator force:y1-y2 --force 0.5 --intervals 8
-control hold --machine leg.toml --damping 1 --intervals 6
+control keep-hopping --damping 0.01 --intervals 6 --follow damping:0.02
+control keep-hopping --damping 0.01 --actuator force:y1-y2 --force 0.5 --intervals 8
+control keep-hopping --machine leg.toml --damping 1 --intervals 6
 explore --no-browser --port 0
 explore --spring cubic --set beta=0.3 --rest-length 8
 explore --machine leg.toml

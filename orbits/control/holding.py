@@ -98,7 +98,7 @@ class Hold:
 def hold(orbit: Orbit, along: str, *, effort: float = 0.05, landing: float = 20.0, parts: int = 3) -> Hold:
     """A feedback that holds a lossless orbit by a force along an extension.
 
-    orbit : of a `Mechanism` whose launch is more than a speed, such as a runner
+    orbit : of a machine whose launch is more than a speed, such as a runner or a `Chain`
     along : a formula of the coordinates, as "phi - theta" of a hip, whose rate times the force is its power
     effort : the weight r of the force's square against that of the launch's change, both in units of the orbit: its
         highest gap, its period over 2 pi and its mean contact force
@@ -120,6 +120,7 @@ def hold(orbit: Orbit, along: str, *, effort: float = 0.05, landing: float = 20.
         raise InputError(
             f"effort = {effort:g}, landing = {landing:g}; weights lie above 0, that of the landing may be 0"
         )
+    orbit = _stated_orbit(orbit)
     machine = _driven(orbit, along)
     impacts = Impacts(machine)
     units = _own_units(orbit, machine)
@@ -152,14 +153,21 @@ def hold(orbit: Orbit, along: str, *, effort: float = 0.05, landing: float = 20.
     return Hold(machine, along, section.names, times, states, rows, _by_modulus(free), _by_modulus(held))
 
 
-def _driven(orbit: Orbit, along: str) -> Mechanism:
-    """The machine of an orbit with the force along an extension; raises `InputError` for those that are not held."""
+def _stated_orbit(orbit: Orbit) -> Orbit:
+    """The orbit as that of a mechanism, where its machine is stated as one."""
     if not isinstance(orbit, Orbit):
         raise InputError(f"orbit = {orbit!r}; hold takes a lossless orbit, as find(machine) returns")
+    machine: Any = orbit.source
+    several = machine is not None and not machine.model.one_speed
+    return replace(orbit, source=machine.stated()) if several and hasattr(machine, "stated") else orbit
+
+
+def _driven(orbit: Orbit, along: str) -> Mechanism:
+    """The machine of an orbit with the force along an extension; raises `InputError` for those that are not held."""
     machine = orbit.source
     if not isinstance(machine, Mechanism) or machine.model.one_speed or machine.model.changes_contact:
         stated = "stands on one foot, and whose launch is more than a speed"
-        raise InputError(f"hold takes a mechanism that {stated}, not a {orbit.machine['machine']}")
+        raise InputError(f"hold takes a machine that {stated}, not a {orbit.machine['machine']}")
     if not isinstance(along, str):
         raise InputError(f"along = {along!r}; it is a formula of the coordinates, as 'phi - theta'")
     if INPUT in machine.names:

@@ -117,8 +117,10 @@ def no_motion(machine: Machine, orbit: Orbit) -> NoOrbit:
 
 
 def has_loss(model: Model, orbit: Orbit) -> bool:
-    """Whether there is a loss coefficient: where another point takes over at a landing, only if that loses enough."""
-    return not model.changes_contact or orbit.certificate.loss_coefficient is not None
+    """Whether there is a loss coefficient: where another point takes over at a landing, only if that loses enough; and
+    not where a law has a corner at lift-off."""
+    unsure = model.changes_contact or model.flight.pieces is not None
+    return not unsure or orbit.certificate.loss_coefficient is not None
 
 
 def design_points(

@@ -359,6 +359,11 @@ class Flow:
             return "closed form"
         return "Taylor" if self.vector_field.has_series else "Runge-Kutta"
 
+    @cached_property
+    def is_smooth(self) -> bool:
+        """Whether the field has all derivatives everywhere."""
+        return self.vector_field.has_series and self.phase.pieces is None
+
     @property
     def in_lanes(self) -> bool:
         """Whether many motions are integrated together, as Taylor series."""

@@ -22,7 +22,14 @@ from ..shooting.formulations import Cycles, vectors
 from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction
 from ..units import LENGTH, TIME, Message, Quantity
-from .loss_coefficient import MOST_LEFT, by_launch_speed, hand_over_factors, launch_power, loss_coefficient
+from .loss_coefficient import (
+    MOST_LEFT,
+    by_launch_speed,
+    hand_over_factors,
+    jerk_jumps,
+    launch_power,
+    loss_coefficient,
+)
 
 # An energy drift beyond this share, and far beyond what rounding explains, shows that the steps have leapt over a
 # feature of a law.
@@ -57,11 +64,12 @@ class Certificate:
         force is 0, and normally it has one maximum in between)
     largest_contact_force : its maximum, None where the contact does not end
     landing_jerk : third derivative of the contact point's height at landing; negative on a motion
-    loss_coefficient : C of the one-step map alpha + d -> alpha + d - C |d|**(4/3) on the side of alpha where hops land
-        once; on the other, where they bounce once, it is 10 C. Where a launch is more than a speed, a hop loses the
-        energy C dE/dalpha |d|**(4/3) if alpha alone is changed, and C has the sign of alpha
-    stable_side : "above", the side from which it attracts; None where the loss is not known to differ from 0, and
-        where a launch is more than a speed: `multipliers` says there what attracts
+    loss_coefficient : C of the one-step map alpha + d -> alpha + d - C |d|**(4/3) of plastic landings on the side of
+        alpha where hops land once; on the other, where they bounce once, it is 10 C. Where a launch is more than a
+        speed, a hop loses the energy C dE/dalpha |d|**(4/3) if alpha alone is changed, and C has the sign of alpha.
+        None where a law has a corner at lift-off, so that the landing jerk jumps
+    stable_side : "above", the side from which it attracts; None for an orbit that is no motion, where the loss is not
+        known to differ from 0, and where a launch is more than a speed: `multipliers` says there what attracts
     violations : the conditions of a motion that it violates, in words; empty for an admissible orbit
     loss_error : estimate of the error of `loss_coefficient`, None where there is none
     unfolding : multiple of the energy gradient added to the equations of motion; None where this is not an unknown
@@ -146,6 +154,7 @@ def certify(model: Model, cycles: Cycles) -> tuple[Records[Certificate], dict[in
         losses_off = np.where((loss == NONE) | ~np.isfinite(share), NONE, np.abs(loss) * share)
     # The sides of a loss that may be 0 are not known.
     known = (loss != NONE) & (losses_off != NONE) & (losses_off < np.abs(loss))
+    motion = np.array([not each for each in violations], dtype=bool)
     columns: dict[str, Any] = {
         "family": families,
         "residual": cycles.residual,
@@ -157,7 +166,7 @@ def certify(model: Model, cycles: Cycles) -> tuple[Records[Certificate], dict[in
         "largest_contact_force": largest_force,
         "landing_jerk": -jerk,
         "loss_coefficient": loss,
-        "stable_side": _SIDES[np.where(known & model.one_speed, 1, 0)],
+        "stable_side": _SIDES[np.where(known & motion & model.one_speed, 1, 0)],
         "violations": violations,
         "unfolding": cycles.u.get("unfolding", np.full(len(cycles), NONE)),
         "loss_error": losses_off,
@@ -168,10 +177,11 @@ def certify(model: Model, cycles: Cycles) -> tuple[Records[Certificate], dict[in
 
 
 def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Loss coefficients (m,), `NONE` where the gap opens the wrong way or does not change with the launch speed; and
-    the `bounce_factor` (m,) of each."""
+    """Loss coefficients (m,), `NONE` where the gap opens the wrong way or does not change with the launch speed, and
+    where its jerk jumps; and the `bounce_factor` (m,) of each."""
     found, factors = np.full((2, len(cycles)), NONE)
     defined, shares = (jerk > 0) & (cycles.gap_slope != 0), np.zeros(len(cycles))
+    defined &= ~_jerk_jumps(model, cycles, jerk)
     states = _landing_states(model, cycles)
     if model.changes_contact:
         # Where the share that is left is not known, or is nearly all, no such law holds.
@@ -186,6 +196,16 @@ def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -
             loss, factors[defined] = loss * late, early / late
         found[defined] = np.where(loss == np.inf, np.nan, loss)  # a number too large is not `NONE`
     return found, factors
+
+
+def _jerk_jumps(model: Model, cycles: Cycles, jerk: np.ndarray) -> np.ndarray:
+    """`jerk_jumps` (m,) at the lift-offs, which the landings mirror."""
+    flow, count = flow_of(model.flight, tuple(cycles.p)), len(cycles)
+    if flow.is_smooth:
+        return np.zeros(count, dtype=bool)
+    x = cycles.halves.coefficients[cycles.halves.first[:: cycles.halves_per_flight], : flow.size, 0]
+    p = vectors({name: np.broadcast_to(values, count) for name, values in cycles.p.items()}, count)
+    return jerk_jumps(flow, model.gap(cycles.p).weights, x, p, jerk, EPS * cycles.gap_slope * cycles.u["alpha"])
 
 
 def _thirds(model: Model, cycles: Cycles, jerk: np.ndarray) -> np.ndarray:

@@ -112,7 +112,9 @@ def with_friction(model: Model, cycles: Cycles, certificates: Records[Certificat
     found = {"friction_needed": needed, "friction_error": error, "friction_time": when}
     found = {name: np.where(known, values, NONE) for name, values in found.items()}
     found |= {"smallest_stance_force": stance, "stance_judged": judged}
-    return certificates.replaced(**found, violations=violations)
+    motion = np.array([not each for each in violations], dtype=bool)
+    sides = np.where(motion, certificates.column("stable_side"), None)
+    return certificates.replaced(**found, violations=violations, stable_side=sides)
 
 
 def _forces_of_ground(phase: Phase, motions: Trajectories, which: np.ndarray, vanishing: bool = False) -> _OfGround:

@@ -4,6 +4,9 @@ A plastic landing only loses, so that the next launch speed is never above the l
 and repels from below. Which side has the bounce depends on the sign of the gap's derivative by alpha at landing: where
 it is positive a launch with more speed still flies at the nominal time and lands once; with less it strikes earlier,
 and bounces. Past a fold of a family it is negative, and the bounce is above.
+
+All of this needs a jerk of the gap that is continuous at the landing. Where a law has a corner at lift-off it is not,
+and there is no loss coefficient.
 """
 
 import cmath
@@ -15,13 +18,20 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ..flow.flow import Flow, flow_of
 from ..laws.law import Algebraic
+from ..model.phase import Phase
+from ..symbolic.caches import cached
+from ..symbolic.kernels import ElementwiseFunction
 
 # The sum of the losses of bounces ends where the square of their speed is below this.
 LEAST_LOSS = 1e-20
-# With a larger share of the speed left by a hand-over, bounces are too many to be counted: what they
-# lose grows without bounds as the share tends to 1.
+# With a larger share of the speed left by a hand-over, or the root of a larger restitution, bounces are too many to be
+# counted: what they lose grows without bounds as the share tends to 1.
 MOST_LEFT = 0.999
+# The jerk of the gap jumps at a landing where it differs by more than this share on both sides: some 1e-4 of a natural
+# time from it, in which a smooth jerk changes far less. So far away, in multiples of what rounding moves it.
+JERK_JUMP, SIDES_OF_LANDING = 2e-3, 4.0
 # The imaginary part of a complex step: so small that its square vanishes relative to any number.
 COMPLEX_STEP = 1e-30
 
@@ -36,17 +46,53 @@ def loss_coefficient(impact_mass: Algebraic, jerk: Algebraic, gap_slope: Algebra
     return impact_mass * jerk**2 / 8 * (6 * gap_slope / jerk) ** (4 / 3) / power
 
 
-@cache
-def hand_over_factors(rho: float) -> tuple[float, float]:
-    """What a landing without and with a bounce loses, as multiples of C, where a hand-over leaves the share rho of the
-    gap's speed, below 1; 1 and 10 where none is left.
+def jerk_jumps(flow: Flow, gap: Sequence, x: np.ndarray, p: np.ndarray, jerk: np.ndarray, off: Any) -> np.ndarray:
+    """Whether the jerk (m,) of the gap with these weights jumps (m,) at lossless landings or lift-offs in the flight
+    states x (m, n) with the parameters p (m, np), as it does where a law has a corner there.
 
-    The point that was left comes down again at once, since it is pressed down, in another hand-over: to the point that
-    landed this is a bounce with the restitution rho^2. Its height has the acceleration -tau in a scaled time, from
-    impacts at tau = 1 or -1 on, where a landing that is held loses 1/4.
+    The sides are looked at some times as far from the landing as it moves where rounding changes the gap by `off` (m,):
+    hardly a launch that differs from alpha in 16 digits lands between them.
     """
-    e = rho * rho
+    jumps, which = np.zeros(len(x), dtype=bool), np.arange(len(x))
+    if flow.is_smooth:
+        return jumps
+    away = SIDES_OF_LANDING * np.cbrt(6 * np.abs(off / jerk))[:, None] * flow.field(x, p)[0]
+    if flow.phase.pieces is not None:
+        which = (flow.pieces_of(x - away, p) != flow.pieces_of(x + away, p)).nonzero()[0]
+    if len(which):
+        x, away, p = x[which], away[which], p[which]
+        acceleration = _accelerations(flow.phase, tuple(gap), flow.parameters)
+        before, here, after = (acceleration(at, flow.data(at, p))[0].ravel() for at in (x - away, x, x + away))
+        largest = np.maximum(np.abs(here - before), np.abs(after - here))
+        jumps[which] = np.abs(before - 2 * here + after) > JERK_JUMP * largest
+    return jumps
+
+
+@cached
+def _accelerations(phase: Phase, gap: tuple[float, ...], parameters: tuple[str, ...]) -> ElementwiseFunction:
+    """The acceleration of a gap at several points, (x, parameters with the data of a piece)."""
+    graph = flow_of(phase, parameters).vector_field
+    field = graph.field(graph.x, graph.p)[0]
+    speed = ca.DM(gap).T @ field
+    return ElementwiseFunction(ca.Function("acceleration", [graph.x, graph.p], [ca.jtimes(speed, graph.x, field)]))
+
+
+@cache
+def bounce_factors(e: float) -> tuple[float, float]:
+    """What a hop with all its bounces loses where it lands late and early, as multiples of C, with the restitution e,
+    at most `MOST_LEFT`**2; 1 and 10 of a plastic landing.
+
+    The height has the acceleration -tau in a scaled time, from impacts at tau = 1 or -1 on, where a landing that is
+    held loses 1/4.
+    """
     return _lost_in_bounces(1.0, e), _lost_in_bounces(-1.0, e)
+
+
+def hand_over_factors(rho: float) -> tuple[float, float]:
+    """The same where a hand-over leaves the share rho of the gap's speed, at most `MOST_LEFT`: the point that was left
+    comes down again at once, since it is pressed down, in another hand-over. To the point that landed this is a bounce
+    with the restitution rho^2."""
+    return bounce_factors(rho * rho)
 
 
 def late_factor(share: float) -> tuple[float, float]:

@@ -22,6 +22,7 @@ from ..tables import VIOLATED, machine_numbers
 from ..units import Units, in_units, saved_units
 from .certificate import Certificate
 from .cycle_shape import Shape, mirrored
+from .loss_coefficient import MOST_LEFT, bounce_factors
 from .quantities import OF_RUNS, QUANTITIES, dimension_of
 from .saved_orbit import (
     DOCUMENT_FIELDS,
@@ -37,6 +38,16 @@ from .saved_orbit import (
 # The notes of a table on the side of a bounce.
 ATTRACTS = {"below": "   (attracts from above; {} C below)", "above": "   (attracts from above, with {} C; C below)"}
 BOUNCES = {"below": "   ({} C below)", "above": "   ({} C above)"}  # where it is not known what attracts
+
+
+def _with_rebound(certificate: Certificate, e: float) -> str:
+    """What a hop loses beside an orbit, in words, where impacts have the restitution e, above 0."""
+    if certificate.bounce_side is None or e > MOST_LEFT**2:
+        return "   (of plastic landings)"
+    late, early = (f"{factor:.4g} C" for factor in bounce_factors(e))
+    above, below = (early, late) if certificate.bounce_side == "above" else (late, early)
+    attracts = "attracts from above; " if certificate.stable_side else ""
+    return f"   ({attracts}of plastic landings; with the restitution {e:g} it is {above} above, {below} below)"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -360,6 +371,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
         within = f"   +- {c.loss_error:.1e} (error of the numerics)" if c.loss_error else ""
         sides = ATTRACTS if c.stable_side else BOUNCES
         beside = sides.get(c.bounce_side or "", "").format(f"{c.bounce_factor or 10:.4g}")
+        if e := self.machine.get("restitution"):
+            beside = _with_rebound(c, float(e))
         after, figures = {"loss_coefficient": within + beside}, vars(c) | vars(self)
         for name, quantity in QUANTITIES.items():
             if name == "rises":

@@ -15,7 +15,7 @@ from ..flow.flow import Flow
 from ..flow.zero_crossing import first_zero
 from ..model.machine import Machine
 from ..periodic.certificate import mass_of_landing
-from ..periodic.loss_coefficient import hand_over_factors, loss_coefficient
+from ..periodic.loss_coefficient import MOST_LEFT, bounce_factors, hand_over_factors, jerk_jumps, loss_coefficient
 from ..running.exclusive import exclusive
 from ..units import DIMENSIONS, LIFTOFF_SPEED, SPEED, Message, Quantity, in_own_units
 from .feet import LIFTS_OFF, STEPS_BACK, Foot
@@ -184,6 +184,10 @@ def tangential_landing(
     data = impacts.flight.data(landing[None], impacts.p)[0]
     if not jerk < 0:
         raise NoOrbit("the gap closes without a jerk: the landing is tangential to a higher order")
+    off = np.finfo(float).eps * lasted * np.abs(landing).max()
+    ps, weights = np.atleast_2d(impacts.p), foot.gap.weights
+    if jerk_jumps(impacts.flight, weights, landing[None], ps, np.array([jerk]), off).any():
+        raise NoOrbit("a law has a corner at lift-off: beside this hop there are neither multipliers nor a power law")
     # The landing that rounding lets happen early or late is led to where the acceleration of the gap vanishes.
     late = float(foot.speed @ impacts.flight.rates(landing, data)) / jerk
     if not abs(late) < lasted:
@@ -218,7 +222,10 @@ def losses_beside(impacts: Impacts, hop: HopDerivative, slope: float, power: flo
     mass = mass_of_landing(impacts.model, x, impacts.values, thirds)
     c = loss_coefficient(mass, jerk, abs(slope), power)
     if not impacts.model.changes_contact:
-        return float(c), float(10 * c)
+        if impacts.restitution > MOST_LEFT**2:
+            return None
+        late, early = bounce_factors(impacts.restitution)
+        return float(c * late), float(c * early)
     z, _ = standing(impacts, x[None], np.array([impacts.feet.index(hop.foot)]))
     rho = float(share_left(impacts, z)[0])
     # Without a loss, and where it is not known, there is no such law.

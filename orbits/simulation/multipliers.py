@@ -196,7 +196,7 @@ class HopsDerivative:
     def energy_loss(self) -> "EnergyLoss | None":
         """What a lossless hop, the only one here, loses beside its launch; None where that is not known."""
         impacts, hop, y = self.section.impacts, self.hops[0], self.launches[0]
-        if impacts.restitution or not impacts.model.conservative or len(self.hops) > 1 or not hop.tangential:
+        if not impacts.model.conservative or len(self.hops) > 1 or not hop.tangential:
             return None
         values, vectors = np.linalg.eig(self.matrix)
         on = np.abs(values - 1) <= ON_CIRCLE
@@ -208,7 +208,7 @@ class HopsDerivative:
         slope = float(hop.gap_slopes @ direction) / power if power else 0.0
         if (losses := losses_beside(impacts, hop, slope, 1.0)) is None:
             return None
-        # A landing that is early leads to a bounce, which loses nine times as much again.
+        # A landing that is early leads to a bounce, which loses more.
         return EnergyLoss(direction / power, powers, losses if slope > 0 else losses[::-1])
 
 

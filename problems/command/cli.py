@@ -46,11 +46,11 @@ Examples:
   orbits existence --spring cubic --along beta=-0.02:0.1 --across rest_length=6:20 --colour alpha --plot where.png
   orbits find --masses 60,3 --rest-length 0.8 --spring "8000*r + 2e6*r**3"   a leg in SI: kg, N of m, m
   orbits uncertainty --spring cubic --over "beta=norm(0.3,0.02)" --indices --plot spread.png
-  orbits control hold --damping 0.01 --plot drive.png  the least effort that keeps a damped machine hopping
+  orbits control keep-hopping --damping 0.01           the least effort that keeps a damped machine hopping
   orbits control recover --short 0.1                   back to the lossless launch speed in one hop
-  orbits control hold --damping 0.01 --actuator "force:y1 - y2" --force 0.5
+  orbits control keep-hopping --damping 0.01 --actuator "force:y1 - y2" --force 0.5
   orbits sweep --machine soft.toml --start hop.json --over ground_stiffness=40:60 --samples 100
-  orbits control hold --follow damping:0.2             all such motions, from the lossless hop on
+  orbits control keep-hopping --follow damping:0.2     all such motions, from the lossless hop on
   orbits control start-up --pumps 2 --stroke 2         from rest in contact onto the lossless hop
 
 \b
@@ -595,7 +595,7 @@ def uncertainty_command(
 
 
 @orbits.command("control", epilog="\b\nExit code: 0 found, 1 no such motion (with the reason), 2 bad input.")
-@click.argument("goal", type=click.Choice(["hold", "recover", "start-up"]))
+@click.argument("goal", type=click.Choice([options.KEEP, "recover", "start-up"]))
 @options.machine_options
 @options.damper_options
 @options.family_option("As in find.")
@@ -616,18 +616,25 @@ def uncertainty_command(
     metavar="N",
     help="On which the rate is constant; default 40, start-up 20 a half swing.",
 )
-@click.option("--cost", metavar="effort|work|peak", help="hold: what is least; default effort. Work needs --rate.")
-@click.option("--speed", type=options.POSITIVE, metavar="V", help=f"hold: the launch speed{options.IN_UNITS}")
 @click.option(
-    "--height", type=options.POSITIVE, metavar="H", help=f"hold: the centre of mass's rise in flight{options.IN_UNITS}"
+    "--cost", metavar="effort|work|peak", help=f"{options.KEEP}: what is least; default effort. Work needs --rate."
 )
-@click.option("--plastic", is_flag=True, help="hold, recover: the foot may land with a speed, which is lost.")
+@click.option("--speed", type=options.POSITIVE, metavar="V", help=f"{options.KEEP}: the launch speed{options.IN_UNITS}")
+@click.option(
+    "--height",
+    type=options.POSITIVE,
+    metavar="H",
+    help=f"{options.KEEP}: the centre of mass's rise in flight{options.IN_UNITS}",
+)
+@click.option(
+    "--plastic", is_flag=True, help=f"{options.KEEP}, recover: the foot may land with a speed, which is lost."
+)
 @click.option("--short", type=float, metavar="V", help="recover: how much slower than lossless the launch is.")
 @click.option("--pumps", type=click.IntRange(1), metavar="N", help="start-up: swings before lift-off.")
 @click.option(
     "--follow",
     metavar="NAME:TO",
-    help="hold: the family of motions to that value of a number, as damping:0.2 or, with --speed, speed:5.",
+    help=f"{options.KEEP}: the family of motions to that value of a number, as damping:0.2 or, with --speed, speed:5.",
 )
 @options.free_limit_option
 @options.json_option
@@ -640,13 +647,13 @@ def control_command(
 ) -> None:  # fmt: skip
     """Find a motion of locally least effort of a machine with an actuator: a spring's end that moves, or a force.
 
-    hold keeps a damped machine hopping, recover brings one whose launch is too slow back to its lossless hop in one
-    hop, and start-up lifts one off from rest in contact.
+    keep-hopping keeps a damped machine hopping, recover brings one whose launch is too slow back to its lossless hop in
+    one hop, and start-up lifts one off from rest in contact.
     """
     from .. import steering
 
     wanted, along = options.steering_arguments(goal, stated), options.followed_number(goal, follow, animate)
-    functions = {"hold": steering.keep_hopping, "recover": steering.recover, "start-up": steering.start_up}
+    functions = {options.KEEP: steering.keep_hopping, "recover": steering.recover, "start-up": steering.start_up}
     machine = options.machine_of(**stated)
     with options.progress() as report:
         first = options.started(machine, hop)

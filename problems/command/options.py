@@ -328,12 +328,13 @@ def write_launches(step: Any, launches: Any, as_json: bool, plot: str | None, al
         click.echo("\n".join(map(str, filter(None, (hops, found)))))
 
 
+KEEP = "keep-hopping"
 # The options of `orbits control` that belong to some goals, with the argument that each of them is there.
 OF_GOALS = {
-    "cost": {"hold": "cost"},
-    "speed": {"hold": "speed"},
-    "height": {"hold": "height"},
-    "plastic": {"hold": "lossless", "recover": "lossless"},
+    "cost": {KEEP: "cost"},
+    "speed": {KEEP: "speed"},
+    "height": {KEEP: "height"},
+    "plastic": {KEEP: "lossless", "recover": "lossless"},
     "short": {"recover": "short"},
     "pumps": {"start-up": "pumps"},
 }
@@ -370,8 +371,8 @@ def followed_number(goal: str, text: str | None, animate: str | None) -> tuple[s
 
     if text is None:
         return None
-    if goal != "hold":
-        raise InputError(f"--follow belongs to hold, not to {goal}: leave it out")
+    if goal != KEEP:
+        raise InputError(f"--follow belongs to {KEEP}, not to {goal}: leave it out")
     if animate is not None:
         raise InputError("--animate draws one motion, not a family: leave out --follow, or --animate")
     name, colon, to = text.partition(":")

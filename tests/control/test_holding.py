@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from orbits import find, multipliers, simulate
+from orbits import find, find_all, multipliers, simulate
 from orbits.control import hold
 from orbits.control.holding import _regulator, _Stage
 from orbits.errors import InputError, NoOrbit
-from problems import Hopper, runner
+from problems import Chain, Hopper, runner
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +101,15 @@ def test_a_run_that_is_held_goes_on(run, held):
     assert np.ptp(energies) < 1e-8
 
 
+def test_a_chain_is_held():
+    """Its own multipliers are those of `multipliers`."""
+    chain = Chain((1, 1, 1))
+    hop = find_all(chain, chain.starts(3.2, 4.6))[0]
+    held = hold(hop, "y1 - y3")
+    assert np.abs(held.multipliers) == pytest.approx(np.abs(multipliers(chain, hop).values), rel=1e-8)
+    assert np.abs(held.held_multipliers).max() < 0.3
+
+
 def test_words(held):
     assert "feedback along phi - theta that holds an orbit of a runner" in str(held)
     assert f"modulus {abs(held.multipliers[0]):.6g}, with the feedback" in str(held)
@@ -111,7 +120,7 @@ def test_words(held):
 def test_what_is_not_held(run, held):
     with pytest.raises(
         InputError,
-        match="hold takes a mechanism that stands on one foot, and whose launch is more than a speed, not a hopper",
+        match="hold takes a machine that stands on one foot, and whose launch is more than a speed, not a hopper",
     ):
         hold(find(Hopper()), "body - foot")
     with pytest.raises(InputError, match="effort = 0, landing = 20; weights lie above 0"):

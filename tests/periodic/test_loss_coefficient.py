@@ -7,12 +7,30 @@ import pytest
 from plane import linear, rocker, wheel
 from thirty_digits import exact_alpha, series
 
-from orbits import Mechanism, find, find_all, follow, multipliers, orbit_at, simulate, starts
+from orbits import (
+    Mechanism,
+    NoOrbit,
+    ReturnMap,
+    find,
+    find_all,
+    follow,
+    multiplier,
+    multipliers,
+    orbit_at,
+    simulate,
+    starts,
+)
 from orbits.flow.flow import flow_of
 from orbits.mechanics import Mass, Spring
-from orbits.periodic.loss_coefficient import by_launch_speed, hand_over_factors, late_factor, launch_power
+from orbits.periodic.loss_coefficient import (
+    bounce_factors,
+    by_launch_speed,
+    hand_over_factors,
+    late_factor,
+    launch_power,
+)
 from orbits.shooting.formulations import landing_gap_slope
-from problems import Hopper, Juggler
+from problems import Hopper, Juggler, springs
 
 mpmath.mp.dps = 30
 
@@ -33,6 +51,46 @@ class TestLossCoefficient:
         expected = M * a**2 * (6 * 2 * a**2 / (1 + a**2)) ** (4 / 3) / (8 * a * (1 + M) ** 2)
         assert orbit.certificate.loss_coefficient == pytest.approx(expected, rel=1e-11)
         assert (orbit.certificate.stable_side, orbit.certificate.bounce_side) == ("above", "below")
+
+    def test_none_at_a_corner_of_the_law(self):
+        """A spring k times as stiff from the lift-off extension on: with the jerk J beyond it and k J on this side, the
+        second landing below alpha is at the root x of x**3 = 3 k x + 2 k, and not at 2, so that 10 C is wrong."""
+        k = 3.0
+        machine = Hopper(springs.bilinear(ratio=k, gap=1.0))
+        orbit = find(machine)
+        assert (orbit.certificate.loss_coefficient, orbit.certificate.stable_side) == (None, None)
+        above, below = ReturnMap(machine)([orbit.alpha + 1e-9, orbit.alpha - 1e-9]).loss
+        x = max(np.roots([1.0, 0.0, -3 * k, -2 * k]).real)
+        assert below / above == pytest.approx((k**2 + (x**2 - k) ** 2) * k ** (-4 / 3), rel=1e-2)
+        with pytest.raises(NoOrbit, match="a corner at lift-off"):
+            multiplier(machine, orbit.alpha)
+
+    @pytest.mark.slow  # two kernels
+    def test_corners_of_formulas_and_beside_lift_off(self):
+        assert find(Hopper("2*r - 1 + abs(r - 1)")).certificate.loss_coefficient is None
+        machine = Hopper(springs.bilinear(ratio=3.0, gap=1.01))
+        orbit = find(machine)
+        lost = ReturnMap(machine)([orbit.alpha + 1e-10]).loss[0] / (2 * orbit.alpha)
+        assert orbit.certificate.loss_coefficient * 1e-10 ** (4 / 3) == pytest.approx(lost, rel=2e-3)
+
+    def test_no_attraction_without_a_motion(self):
+        """The contact of this hop never ends, so that no launch beside it returns."""
+        orbit = find(Hopper("cubic", parameters={"beta": -0.009}))
+        assert not orbit.admissible
+        assert orbit.certificate.loss_coefficient
+        assert "attracts" not in str(orbit)
+
+    def test_impacts_that_rebound(self):
+        """With a restitution all bounces count: what hops of the map lose beside the orbit, late and early."""
+        machine = Hopper(restitution=0.5)
+        orbit = find(machine)
+        lost = ReturnMap(machine)([orbit.alpha + 1e-8, orbit.alpha - 1e-8]).loss / (2 * orbit.alpha * 1e-8 ** (4 / 3))
+        late, early = np.array(bounce_factors(0.5)) * orbit.certificate.loss_coefficient
+        assert lost == pytest.approx([late, early], rel=2e-3)
+        assert "with the restitution 0.5 it is 1.075 C above, 21.6 C below" in str(orbit)
+        assert "attracts" not in str(find(Hopper(restitution=1.0)))
+        with pytest.raises(NoOrbit, match=f"loses {late:.4g} .* {early:.4g} "):
+            multiplier(machine, orbit.alpha)
 
     @pytest.mark.parametrize(
         "machine",

@@ -12,7 +12,7 @@ LEG = "--masses 60,3 --set stiffness=8000 --rest-length 0.8"
 
 
 def test_hold_costs_what_the_function_says(orbits):
-    done = orbits("control hold --damping 0.01 --intervals 20 --json")
+    done = orbits("control keep-hopping --damping 0.01 --intervals 20 --json")
     assert (done.code, done.err) == (0, "")
     expected = steering.keep_hopping(Hopper(damping=0.01), intervals=20)
     assert done.document["cost"] == pytest.approx(expected.cost, rel=1e-9)
@@ -20,7 +20,7 @@ def test_hold_costs_what_the_function_says(orbits):
 
 
 def test_hold_at_a_speed(orbits):
-    done = orbits("control hold --speed 4.6 --intervals 16 --follow speed:4.7 --json")
+    done = orbits("control keep-hopping --speed 4.6 --intervals 16 --follow speed:4.7 --json")
     assert (done.code, done.err) == (0, "")
     expected = steering.keep_hopping(Hopper(), speed=4.7, intervals=16).cost
     assert done.document["costs"][-1] == pytest.approx(expected, rel=1e-8)
@@ -47,7 +47,7 @@ def test_recover_in_si(orbits, tmp_path):
 @pytest.mark.slow
 def test_an_actuator_is_named(orbits):
     """A force between the masses, as in Python; the default is the end of the only spring, as there."""
-    line = "control hold --damping 0.01 --intervals 16 --json"
+    line = "control keep-hopping --damping 0.01 --intervals 16 --json"
     done = orbits(f"{line} --actuator 'force:y1 - y2' --force 0.5")
     pushed = steering.keep_hopping(Hopper(damping=0.01), actuator=Actuator("y1 - y2", "force"), intervals=16, force=0.5)
     assert done.document["cost"] == pytest.approx(pushed.cost, rel=1e-9)
@@ -56,7 +56,7 @@ def test_an_actuator_is_named(orbits):
 
 def test_a_family_from_the_lossless_hop(orbits, tmp_path):
     table = tmp_path / "family.csv"
-    done = orbits(f"control hold --intervals 16 --follow damping:0.05 --json --save {table}")
+    done = orbits(f"control keep-hopping --intervals 16 --follow damping:0.05 --json --save {table}")
     assert (done.code, done.err) == (0, "")
     assert done.document["end"]["kind"] == "reached"
     expected = steering.keep_hopping(Hopper(damping=0.05), intervals=16).cost
@@ -81,23 +81,23 @@ def test_start_up(orbits):
         ("fly", 2, "'fly'"),
         ("recover", 2, "recover needs --short"),
         ("start-up", 2, "start-up needs --pumps"),
-        ("hold --short 0.1", 2, "--short belongs to recover, not to hold"),
-        ("start-up --pumps 2 --plastic", 2, "--plastic belongs to hold and recover"),
-        ("recover --short 0.1 --speed 4.6", 2, "--speed belongs to hold, not to recover"),
-        ("hold --speed 4.6 --height 5", 2, "give one of them"),
-        ("hold --cost joy", 2, "it is 'effort', 'work' or 'peak'"),
-        ("hold --cost work --damping 0.01", 2, "give the largest rate"),
+        ("keep-hopping --short 0.1", 2, "--short belongs to recover, not to keep-hopping"),
+        ("start-up --pumps 2 --plastic", 2, "--plastic belongs to keep-hopping and recover"),
+        ("recover --short 0.1 --speed 4.6", 2, "--speed belongs to keep-hopping, not to recover"),
+        ("keep-hopping --speed 4.6 --height 5", 2, "give one of them"),
+        ("keep-hopping --cost joy", 2, "it is 'effort', 'work' or 'peak'"),
+        ("keep-hopping --cost work --damping 0.01", 2, "give the largest rate"),
         ("recover --short 9", 2, "lossless launch speed is 4.49341"),
-        ("hold --actuator 'force:y1 - y3'", 2, "there is no coordinate 'y3'"),
-        ("hold --actuator 'torque:y1 - y2'", 2, "a 'displacement' or a 'force'"),
-        ("hold --save hold.txt", 2, "needs an ending"),
-        ("hold --follow damping", 2, "as damping:0.2"),
-        ("hold --follow damping:much", 2, "--follow 'much' is not a number"),
-        ("hold --follow damping:0.1,0.2", 2, "--follow '0.1,0.2' is not a number"),
-        ("hold --follow zeta:1", 2, "'zeta' is no number of the motion; there are: mass_ratio, damping, drag"),
-        ("hold --follow damping:0.1 --animate hop.gif", 2, "draws one motion"),
-        ("recover --short 0.1 --follow damping:0.1", 2, "--follow belongs to hold"),
-        ("hold --damping 0.01 --rate 1e-6", 1, ""),
+        ("keep-hopping --actuator 'force:y1 - y3'", 2, "there is no coordinate 'y3'"),
+        ("keep-hopping --actuator 'torque:y1 - y2'", 2, "a 'displacement' or a 'force'"),
+        ("keep-hopping --save hold.txt", 2, "needs an ending"),
+        ("keep-hopping --follow damping", 2, "as damping:0.2"),
+        ("keep-hopping --follow damping:much", 2, "--follow 'much' is not a number"),
+        ("keep-hopping --follow damping:0.1,0.2", 2, "--follow '0.1,0.2' is not a number"),
+        ("keep-hopping --follow zeta:1", 2, "'zeta' is no number of the motion; there are: mass_ratio, damping, drag"),
+        ("keep-hopping --follow damping:0.1 --animate hop.gif", 2, "draws one motion"),
+        ("recover --short 0.1 --follow damping:0.1", 2, "--follow belongs to keep-hopping"),
+        ("keep-hopping --damping 0.01 --rate 1e-6", 1, ""),
     ],
 )
 def test_refusals(options, code, words, orbits):

@@ -193,7 +193,7 @@ OF_SEVERAL = {
     "follow": "--along ground_stiffness --to 50.1",
     "map": "",
     "simulate": "--hops 1",
-    "control hold": "--actuator 'y1 - y2' --intervals 6",
+    "control keep-hopping": "--actuator 'y1 - y2' --intervals 6",
     "prove": "",
 }
 
@@ -242,7 +242,10 @@ class TestStartOfSeveralNumbers:
     @pytest.mark.slow
     def test_steering(self, soft, orbits):
         machine, orbit, file, hop = soft
-        done = orbits(f"control hold --damping 0.01 --machine {file} --start {hop} {OF_SEVERAL['control hold']} --json")
+        done = orbits(
+            f"control keep-hopping --damping 0.01 --machine {file} --start {hop}"
+            f" {OF_SEVERAL['control keep-hopping']} --json"
+        )
         damped = replace(machine, damping=0.01)
         held = steering.keep_hopping(damped, actuator=Actuator("y1 - y2"), start=orbit, intervals=6)
         assert done.document["cost"] == pytest.approx(held.cost, rel=1e-6)
