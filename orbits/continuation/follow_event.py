@@ -214,6 +214,8 @@ def _begun(machine: Machine, family: Family, event: Event | str | Mapping[str, f
         level = finite_number(f"event '{text}'", value)
         condition = EventCondition(f"{text} = {level:.10g}", text, level, place=_side_of(machine, text, level))
         return _of_formula(machine, family, _crossing(machine, family, formula, level, number), formula, condition)
+    if not isinstance(event, str | Event):
+        raise InputError(f"event = {event!r}; it is an event of the family, its kind, or a formula with its value")
     if isinstance(event, str) and event.startswith(EXTREMUM):
         formula = _known(machine, event.removeprefix(EXTREMUM))
         condition = EventCondition(event, formula.text, None)

@@ -96,7 +96,7 @@ def claim_of(
     of another kind of machine."""
     if not isinstance(orbit, Orbit):
         raise InputError(f"a {type(orbit).__name__} is no orbit to prove: give prove(find(machine))")
-    machine = machine or orbit.source
+    machine = orbit.source if machine is None else machine
     if machine is None:
         raise InputError("this orbit does not know its machine: give prove(orbit, machine=...)")
     states = machine.model.flight.states
