@@ -104,7 +104,7 @@ def _refuse_names(names: Sequence[object]) -> None:
 def refuse_expressions(owner: object, expressions: Iterable[object]) -> None:
     """Refuse an expression that is neither formula, number nor function."""
     for each in expressions:
-        if not isinstance(each, str | Real) and not takes(each, 2):
+        if not (isinstance(each, str | Real) or takes(each, 2) or takes(each, 3)):
             raise InputError(f"{each!r} in {owner} is neither a formula, nor a number or a function (y, p)")
         if isinstance(each, Real):
             finite_number(f"a number in {owner}", each)
