@@ -401,14 +401,16 @@ def requested(scene: str, **message: Any) -> str:
 
     from problems.explorer.page import Explorer
     from problems.explorer.scene import beginning
-    from problems.explorer.worker import _results_of
+    from problems.explorer.worker import COMPUTATIONS, Done, Failure
 
     def asked(page: Explorer, receive: Callable[[Any, object], None], calm: bool = False) -> Any:
         def ask(task: Any) -> None:
-            for each in _results_of(task, None):
-                if "internal error" in (reason := getattr(each, "reason", "")):
-                    raise RuntimeError(reason)
-                receive(task, each)
+            try:
+                for each in COMPUTATIONS[task.name](None, *task.arguments):
+                    receive(task, each)
+                receive(task, Done())
+            except orbits.OrbitsError as error:
+                receive(task, Failure(str(error)))
 
         return SimpleNamespace(ask=ask, stop=lambda: None)
 

@@ -44,6 +44,7 @@ CALLS = {
     "a report": lambda: sweep(CUBIC, {"beta": [0.1]}, progress=lambda: 0),
     "values": lambda: follow(CUBIC, "beta", 0.4, at=NUMBER),
     "prescribed values": lambda: orbits.find(CUBIC, tune="beta", at=EMPTY),
+    "a branch point": lambda: orbits.follow_branch_points(EMPTY, "rest_length", [3.75]),
     "periods": lambda: orbits.bifurcations(Hopper(), "inject", (0.02, 0.03), (4.3, 5.0), periods=NUMBER),
     "a list of values": lambda: orbits.existence(CUBIC, "beta", (0.1, 0.2), "rest_length", NUMBER),
     "numbers of values": lambda: orbits.existence(CUBIC, "beta", (0.1, 0.2), "rest_length", [6.0], samples=EMPTY),
