@@ -418,4 +418,7 @@ def requested(scene: str, **message: Any) -> str:
         page = Explorer(Document(), beginning(scene))
         page._receive(json.dumps({"n": 1, **message}, default=str))
         page._compute_surroundings()
+    state = json.loads(page._bridge.page_state)
+    if state["problems"]:
+        raise orbits.InputError(str(state["problems"]))
     return page._bridge.page_state

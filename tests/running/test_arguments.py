@@ -44,6 +44,8 @@ CALLS = {
     "a report": lambda: sweep(CUBIC, {"beta": [0.1]}, progress=lambda: 0),
     "values": lambda: follow(CUBIC, "beta", 0.4, at=NUMBER),
     "prescribed values": lambda: orbits.find(CUBIC, tune="beta", at=EMPTY),
+    "stages": lambda: orbits.steer(["r"], guess=[]),
+    "parameters of stages": lambda: orbits.steer([], 3, guess=[]),
     "a branch point": lambda: orbits.follow_branch_points(EMPTY, "rest_length", [3.75]),
     "periods": lambda: orbits.bifurcations(Hopper(), "inject", (0.02, 0.03), (4.3, 5.0), periods=NUMBER),
     "a list of values": lambda: orbits.existence(CUBIC, "beta", (0.1, 0.2), "rest_length", NUMBER),
