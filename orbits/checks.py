@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from .consistency.accepted import refuse, wrong_parts
+from .consistency.accepted import wrong_parts
 from .consistency.draws import Graphs
 from .consistency.relations import Relation, share
 from .consistency.verdict import algebraic_relations, inconsistent
-from .errors import InconsistentModel, InputError, NoOrbit
+from .errors import InconsistentModel, InputError, NoOrbit, refuse_machine
 from .model.machine import MACHINE_FIELDS, Machine, dimensionless, machine_in_words
 from .model.phase import Phase
 from .model.relative import Search
@@ -88,7 +88,7 @@ def check(machine: Machine, *, start: Orbit | Mapping[str, float] | None = None)
     >>> check(Hopper()).largest < 1
     True
     """
-    refuse(machine, wrong_parts(machine, *PARTS) or _wrong_results(machine))
+    refuse_machine(machine, wrong_parts(machine, *PARTS) or _wrong_results(machine))
     relations = algebraic_relations(machine.model, machine.values)
     left_out: list[str] = []
     if not relations:

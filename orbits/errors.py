@@ -1,7 +1,9 @@
 """The toolkit's exceptions, all derived from `OrbitsError`, and the checks of numbers and names that a user gives."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from inspect import signature
 from numbers import Real
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -71,6 +73,13 @@ class BreaksDown(FlowError):
     """A trajectory comes to a singularity: its step size goes to zero or is not a number."""
 
 
+def refuse_machine(machine: object, wrong: Mapping[str, str]) -> None:
+    """Raise `InputError` where parts of a machine are wrong, in words by name; no words say that a part is missing."""
+    if wrong:
+        parts = "; ".join(f"{name}: {text}" if text else f"it has no '{name}'" for name, text in wrong.items())
+        raise InputError(f"'{type(machine).__name__}' is no machine such as problems.Hopper(): {parts}")
+
+
 def finite_number(name: str, value: object) -> float:
     """`value` as a finite float; raises `InputError` that names it."""
     if isinstance(value, np.ndarray) and value.ndim == 0:
@@ -112,10 +121,28 @@ def one_of(name: str, value: object, known: Sequence[str]) -> str:
     return value
 
 
+def is_list(value: object) -> TypeGuard[Iterable[Any]]:
+    """Whether a value has entries: no text, and no array of one number without an axis."""
+    return isinstance(value, Iterable) and not isinstance(value, str | bytes) and getattr(value, "ndim", 1) > 0
+
+
+def takes(function: object, count: int) -> bool:
+    """Whether something can be called with a number of arguments, as far as its signature says."""
+    if not callable(function):
+        return False
+    try:
+        signature(function).bind(*[None] * count)
+    except TypeError:
+        return False
+    except ValueError:  # a builtin function without a signature
+        return True
+    return True
+
+
 def list_of_names(what: str, names: object) -> list[str]:
     """`names` in a list, where a single one may be text; raises `InputError` that says `what` they are."""
     names = names.tolist() if isinstance(names, np.ndarray) else names
-    found = [names] if isinstance(names, str) else list(names) if isinstance(names, Iterable) else [None]
+    found = [names] if isinstance(names, str) else list(names) if is_list(names) else [None]
     if not all(isinstance(name, str) for name in found):
         raise InputError(f"{what} = {names!r}; it is a name, or a list of names")
     return [str(name) for name in found]

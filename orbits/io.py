@@ -222,12 +222,17 @@ def _is_open_already(path: Path) -> bool:
     return False
 
 
+def named_file(path: str | Path) -> Path:
+    """The path of a file; raises `InputError` for what is no name."""
+    try:
+        return Path(path)
+    except TypeError:
+        raise InputError(f"{path!r} is no name of a file") from None
+
+
 def check_ending(path: str | Path, endings: tuple[str, ...]) -> Path:
     """The path of a file to write; raises `InputError` when it is no path, or its ending is none of these."""
-    try:
-        path = Path(path)
-    except TypeError:
-        raise InputError(f"{path!r} cannot be written: it is no name of a file") from None
+    path = named_file(path)
     if endings and path.suffix.lower() not in endings:
         raise InputError(f"'{path}' cannot be written: its name needs an ending, {' or '.join(endings)}")
     return path

@@ -21,24 +21,23 @@ import tempfile
 import time
 import warnings
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from contextlib import closing, redirect_stderr, redirect_stdout, suppress
 from decimal import Decimal
-from functools import cache
 from inspect import Parameter, signature
 from pathlib import Path
 from typing import Any, NamedTuple
 from unittest import mock
 
-import casadi
 import click
 import numpy as np
 
 import orbits
 import problems
-from orbits import Family, InputError, Mechanism, NoOrbit, Orbit, OrbitsError, ReturnMap, Sweep, follow
-from problems import Hopper, springs, steering
+from orbits import Family, InputError, NoOrbit, Orbit, OrbitsError, Sweep, follow
+from problems import Hopper
 from problems.command.cli import main as command, orbits as commands
+from studies.valid_calls import BUILDERS, MACHINES, calls
 
 # Seconds of processor time: without a word, of a call before it is interrupted, until it has heeded that, and until it
 # is interrupted again, as Python may lose an interrupt while it collects garbage.
@@ -288,190 +287,6 @@ def crafted_line(verb: str, folder: Path, rng: random.Random) -> list[str]:
 # ---- from Python
 
 
-def _machines() -> dict[str, Callable[[], Any]]:
-    """Machines of every kind, by name."""
-    r, b = casadi.SX.sym("r"), casadi.SX.sym("b")
-    table = [(0.25 * i, 0.25 * i + 0.02 * (0.25 * i) ** 3) for i in range(-60, 61)]
-    return {
-        "hopper": Hopper,
-        "cubic": lambda: Hopper("cubic", rest_length=20, parameters={"beta": 0.3}),
-        "damped": lambda: Hopper("cubic", damping=0.01, parameters={"beta": 0.3}),
-        "juggler": lambda: problems.Juggler("r + beta*r**3", parameters={"beta": 0.3}),
-        "in_si": lambda: problems.hopper_in_si(60.0, 3.0, stiffness=8000.0, rest_length=0.8),
-        "function": lambda: Hopper(
-            casadi.Function("f", [r, b], [r + b * r**3], ["r", "b"], ["f"]), parameters={"b": 0.3}
-        ),
-        "table": lambda: Hopper(springs.table(tuple(np.transpose(table)))),
-        "asteroid": lambda: Hopper(gravity="1/(1 + z/R)**2", rest_length=20, parameters={"R": 150}),
-        "hand": lambda: problems.HeavyHand("r + beta*r**3", parameters={"beta": 0.3}),
-        "chain": lambda: problems.Chain(),
-        "chain_hand": lambda: problems.chain_hand(),
-        "knee": lambda: problems.knee_hopper(stiffness=3000.0),
-        "inerter": lambda: problems.inerter_hopper(),
-        "plate": lambda: problems.plate_hopper(parameters={"plate_stiffness": 50.0}),
-        "wheel": lambda: problems.rimless_wheel(inertia_ratio=1.0, gravity_ratio=0.5),
-        "rocker": lambda: problems.rocking_block(inertia_ratio=1.0, gravity_ratio=0.5),
-        "shuttle": lambda: problems.shuttle(inertia_ratio=1.0),
-        "runner": problems.runner,
-    }
-
-
-MACHINES = _machines()
-BUILDERS: dict[str, dict[str, Any]] = {
-    "Hopper": {"spring": "r + beta*r**3", "mass_ratio": 1.0, "rest_length": 20.0, "parameters": {"beta": 0.3}},
-    "Juggler": {"spring": "tanh", "mass_ratio": 1.0, "parameters": {"b": 0.2}},
-    "HeavyHand": {"spring": "r + beta*r**3", "parameters": {"beta": 0.3}},
-    "hopper_in_si": {"body_mass": 60.0, "foot_mass": 3.0, "stiffness": 8000.0, "rest_length": 0.8},
-    "juggler_in_si": {"ball_mass": 0.1, "hand_mass": 1.0, "stiffness": 50.0},
-    "Chain": {"masses": (1.0, 1.0, 1.0)},
-    "chain_hand": {"masses": (1.0, 1.0, 1.0)},
-    "plate_hopper": {"masses": (1.0, 1.0, 1.0), "parameters": {"plate_stiffness": 50.0}},
-    "knee_hopper": {"stiffness": 3000.0},
-    "inerter_hopper": {"inertance": 0.2},
-    "rimless_wheel": {"inertia_ratio": 1.0, "gravity_ratio": 0.5, "angle": 0.3},
-    "rocking_block": {"inertia_ratio": 1.0, "gravity_ratio": 0.5},
-    "shuttle": {"inertia_ratio": 1.0},
-    "runner": {"foot_mass": 0.1, "rest_length": 3.7},
-}  # fmt: skip
-
-
-@cache
-def machine(name: str) -> Any:
-    return MACHINES[name]()
-
-
-@cache
-def orbit(name: str = "cubic") -> Orbit:
-    tuned: Any = {"tune": ("inertia", "hip_stiffness"), "at": {"speed": 0.4}} if name == "runner" else {}
-    return orbits.find(machine(name), **tuned)
-
-
-@cache
-def family() -> Family:
-    return follow(Hopper("cubic"), "beta", stop=-0.02, start=0.0)
-
-
-def fold() -> Any:
-    return next(event.point for event in family().events if event.kind == "fold")
-
-
-@cache
-def best() -> Any:
-    over = {"beta": (0.1, 0.5), "mass_ratio": (0.5, 2.0)}
-    return orbits.optimize(machine("cubic"), minimise="alpha + period", over=over)
-
-
-@cache
-def held() -> Any:
-    return steering.keep_hopping(Hopper(damping=0.01), intervals=8)
-
-
-def exported(t: Any = None) -> Path:
-    """The folder of an orbit for simulators, which is gone after the call."""
-    with tempfile.TemporaryDirectory() as name:
-        return orbit().export(name, t)
-
-
-@cache
-def energies() -> dict[str, Any]:
-    """The arguments of a machine stated by its energies in SymPy, whose spring has a length."""
-    from sympy import symbols
-    from sympy.physics.mechanics import dynamicsymbols
-
-    (y, z), (k, length) = dynamicsymbols("y z"), symbols("k length")
-    T = sum(each.diff(dynamicsymbols._t) ** 2 for each in (y, z)) / 2
-    V = k * (y - z - length) ** 2 / 2 + y + z
-    stated = {"coordinates": (y, z), "gap": z, "parameters": {"k": 1.0, "length": 10.0}, "rest": {"y": length}}
-    return {"T": T, "V": V, **stated}
-
-
-def _calls(name: str) -> dict[str, Callable[[], tuple[Callable, dict[str, Any]]]]:
-    """Valid calls of every verb with a machine of this name: functions that return the function and its arguments."""
-    own, cubic, linear = machine(name), machine("cubic"), machine("hopper")
-    p = next(iter(own.values), "mass_ratio")
-    value = own.values.get(p, 1.0)
-    over = {p: (value, 1.1 * value)}
-    tuned = {"tune": ("inertia", "hip_stiffness"), "at": {"speed": 0.4}} if name == "runner" else {}
-    return {
-        "find": lambda: (orbits.find, {"machine": own, **tuned}),
-        "find_all": lambda: (orbits.find_all, {"machine": own, "fastest": 9.0, "limit": 5.0}),
-        "follow": lambda: (follow, {"machine": own, "along": p, "stop": 1.05 * value, "longest": 0.5}),
-        "trace": lambda: (lambda **a: [*heard(orbits.trace(**a))], {"machine": own, "along": p, "stop": 1.05 * value}),
-        "follow_event": lambda: (
-            orbits.follow_event,
-            {"family": family(), "event": "fold", "second": "mass_ratio", "stop": 1.2, "longest": 0.5},
-        ),
-        "follow_fold": lambda: (
-            orbits.follow_fold,
-            {"machine": Hopper("cubic"), "fold": fold(), "along": "beta", "across": "mass_ratio", "stop": 1.2},
-        ),
-        "orbit_at": lambda: (
-            orbits.orbit_at, {"machine": Hopper("cubic"), "point": family().points[0], "along": "beta"},
-        ),
-        "sweep": lambda: (orbits.sweep, {"machine": own, "over": over, "samples": 4}),
-        "existence": lambda: (
-            orbits.existence,
-            {"machine": cubic, "along": "beta", "between": (-0.02, 0.1), "across": "rest_length", "values": [6.0, 9.0],
-             "samples": 4},
-        ),
-        "uncertainty": lambda: (orbits.uncertainty, {"machine": own, "over": over, "samples": 8}),
-        "optimize": lambda: (orbits.optimize, {"machine": cubic, "minimise": "alpha", "over": {"beta": (0.1, 0.5)}}),
-        "design.follow": lambda: (best().follow, {"what": "mass_ratio <= 2", "to": 3.0}),
-        "pareto": lambda: (
-            orbits.pareto,
-            {"machine": cubic, "minimise": ("alpha", "mass_ratio*period"), "points": 3,
-             "over": {"beta": (0.1, 0.5), "mass_ratio": (0.5, 2.0)}},
-        ),
-        "quantities": lambda: (orbits.quantities, {"machine": cubic, "orbit": orbit(), "names": "period"}),
-        "sensitivities": lambda: (orbits.sensitivities, {"machine": own}),
-        "orbit_function": lambda: (orbits.orbit_function, {"machine": cubic, "over": "beta"}),
-        "simulate": lambda: (orbits.simulate, {"machine": own, "alpha": 4.0, "hops": 2}),
-        "multiplier": lambda: (orbits.multiplier, {"machine": own, "alpha": 4.6}),
-        "multipliers": lambda: (orbits.multipliers, {"machine": own, "launch": 4.6}),
-        "map": lambda: (ReturnMap, {"machine": own, "inject": 0.01}),
-        "map.call": lambda: (ReturnMap(linear, 0.03).__call__, {"alpha": np.array([4.0, 5.0])}),
-        "map.fixed_points": lambda: (ReturnMap(linear, 0.03).fixed_points, {"low": 4.0, "high": 5.0}),
-        "map.periodic_hops": lambda: (ReturnMap(linear, 0.03).periodic_hops, {"period": 2, "low": 4.3, "high": 5.0}),
-        "map.basins": lambda: (ReturnMap(linear).basins, {"low": 4.0, "high": 5.0}),
-        "map.upkeep": lambda: (ReturnMap(linear).upkeep, {"alpha": 4.6}),
-        "map.preimages": lambda: (ReturnMap(linear).preimages, {"edges": [(4.2, 4.4)], "low": 3.0, "high": 5.0}),
-        "map.plot": lambda: (ReturnMap(linear, 0.03).plot, {"low": 4.0, "high": 5.0, "samples": 50}),
-        "bifurcations": lambda: (
-            orbits.bifurcations,
-            {"machine": linear, "along": "inject", "span": (0.02, 0.03), "between": (4.3, 5.0), "samples": 40},
-        ),
-        "period_diagram": lambda: (
-            orbits.period_diagram,
-            {"machine": linear, "over": {"inject": (0.02, 0.03), "mass_ratio": (1.0, 1.1)}, "between": (4.3, 5.0),
-             "samples": (2, 2), "hops": 64, "grid": 40},
-        ),
-        "hold": lambda: (orbits.hold, {"orbit": orbit("runner"), "along": "x"}),
-        "keep_hopping": lambda: (steering.keep_hopping, {"machine": machine("damped"), "intervals": 6}),
-        "control.follow": lambda: (held().follow, {"name": "damping", "to": 0.02}),
-        "recover": lambda: (steering.recover, {"machine": linear, "short": 0.1, "intervals": 6}),
-        "start_up": lambda: (steering.start_up, {"machine": linear, "pumps": 2, "stroke": 2.0, "intervals": 6}),
-        "prove": lambda: (orbits.prove, {"orbit": orbit(), "digits": 12}),
-        "prove_absence": lambda: (
-            orbits.prove_absence, {"machine": Hopper("tanh", parameters={"b": 0.9}), "family": 1},
-        ),
-        "prove_fixed_point": lambda: (orbits.prove_fixed_point, {"machine": linear, "point": 4.6, "inject": "0.03"}),
-        "check": lambda: (orbits.check, {"machine": own}),
-        "starts": lambda: (orbits.starts, {"machine": own, "limit": 5.0}),
-        "branch_points": lambda: (
-            orbits.find_branch_points, {"machine": own, "over": over, "designs": 4, "limit": 5.0},
-        ),
-        "orbit.call": lambda: (orbit().__call__, {"t": [0.0, 1.0]}),
-        "orbit.plot": lambda: (orbit().plot, {}),
-        "orbit.page": lambda: (orbit().page, {"path": "new.html"}),
-        "family.at": lambda: (family().at, {"value": -0.005}),
-        "table": lambda: (springs.table, {"source": ([-9.0, -4.0, 0.0, 4.0, 9.0], [-9.0, -4.0, 0.0, 4.0, 9.0])}),
-        "fit": lambda: (springs.fit, {"table": (np.arange(-9.0, 10.0), np.arange(-9.0, 10.0)), "formula": "k*r"}),
-        "export": lambda: (exported, {"t": [0.0, 1.0]}),
-        "from_lagrangian": lambda: (lambda **a: orbits.find(Mechanism.from_lagrangian(**a), limit=5.0), energies()),
-        "formula": lambda: (springs.formula, {"text": "r + beta*r**3"}),
-    }  # fmt: skip
-
-
 FILES = {"Orbit": Orbit, "Family": Family, "Sweep": Sweep}
 
 
@@ -502,10 +317,8 @@ def crafted_arguments(function: Callable, known: dict[str, Any], folder: Path, r
     """The arguments of a call with some replaced or added."""
     kinds = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
     stated = {each.name: each.default for each in signature(function).parameters.values() if each.kind in kinds}
-    some, known = (
-        [name for name in {**stated, **known} if name not in ("machine", "limit", "executor", "client", "axes")],
-        {**known},
-    )
+    own, known = ("machine", "scene", "limit", "executor", "client", "axes"), {**known}
+    some = [name for name in {**stated, **known} if name not in own]
     for name in rng.sample(some, min(len(some), rng.choice((1, 1, 1, 2)))):
         known[name] = odd(known.get(name, stated.get(name)), folder, rng, name)
     return known
@@ -525,13 +338,6 @@ class Terminal(io.StringIO):
     def write(self, text: str) -> int:
         Terminal.heard = time.process_time()
         return super().write(text)
-
-
-def heard(items: Iterable[Any]) -> Iterator[Any]:
-    """The items, each of which is a word."""
-    for item in items:
-        Terminal.heard = time.process_time()
-        yield item
 
 
 class Outcome(NamedTuple):
@@ -567,11 +373,17 @@ def has_nan(text: str) -> bool:
     return bool(re.search(r"(?<![\w.])nan(?!\w)", text))
 
 
+def is_table(result: Any) -> bool:
+    """Whether a result is columns of numbers, in which NaN stands for what is missing."""
+    columns = isinstance(result, dict) and any(isinstance(each, np.ndarray | list) for each in result.values())
+    return columns or isinstance(result, np.ndarray) or hasattr(result, "columns")
+
+
 def by_python(function: Callable, arguments: dict[str, Any], folder: Path) -> Outcome:
     """How a call from Python ends; its result is printed and saved."""
     try:
         result = function(**arguments)
-        text = str(result)
+        text = "" if is_table(result) else str(result)
         if hasattr(result, "document") and result.document_is_whole:
             json.dumps(result.save(folder / "saved.json").read_text())
     except InputError as error:
@@ -659,9 +471,9 @@ def crafted(number: int, seed: int, folder: Path, only: str | None = None) -> Cr
         function = FILES[verb].load
     else:
         name = rng.choice([*MACHINES])
-        calls = _calls(name)
-        verb = only or rng.choice([*calls])
-        function, known = calls[verb]()
+        known_calls = calls(name, rng)
+        verb = only or rng.choice([*known_calls])
+        function, known = known_calls[verb]()
         given = crafted_arguments(function, known, folder, rng)
     text = f"{verb}({', '.join(f'{key}={value!r}'[:160] for key, value in given.items())})"
     return Crafted(verb, text, lambda said: by_python(function, given, folder))
@@ -671,7 +483,7 @@ def main(
     calls: int = 3000, first: int = 0, seed: int = 0, only: str | None = None, unnamed: bool = False
 ) -> dict[str, Any]:
     """The number of calls of each verb by how they end, and the faults."""
-    counts, faults = defaultdict[str, Counter](Counter), list[str]()
+    counts, faults, began = defaultdict[str, Counter](Counter), list[str](), time.process_time()
     signal.signal(signal.SIGINT, signal.default_int_handler)  # which shells ignore in the background
     with tempfile.TemporaryDirectory() as name:
         folder, home = Path(name), Path.cwd()
@@ -699,7 +511,8 @@ def main(
             os.chdir(home)
             for verb, count in sorted(counts.items()):
                 print(f"  {verb}: {', '.join(f'{n} {kind}' for kind, n in count.most_common())}")
-            print(f"{sum(each.total() for each in counts.values())} calls, {len(faults)} faults", flush=True)
+            done, seconds = sum(each.total() for each in counts.values()), time.process_time() - began
+            print(f"{done} calls, {len(faults)} faults, {seconds:.0f} s of processor time", flush=True)
     return {"counts": counts, "faults": faults}
 
 

@@ -2,6 +2,7 @@
 
 import json
 import random
+import re
 import signal
 import sys
 import time
@@ -12,11 +13,13 @@ from pathlib import Path
 import pytest
 from documents import saved
 
+import orbits
+import problems
 from orbits import Family, InputError, Orbit
 from orbits.errors import LONGEST_MESSAGE
 from problems.command.cli import main
 from problems.laws import springs
-from studies import crafted_calls
+from studies import crafted_calls, valid_calls
 
 resource = pytest.importorskip("resource", reason="needs signals and limits of POSIX systems")
 
@@ -251,6 +254,18 @@ def test_deep_nesting_and_large_files_are_refused(tmp_path):
     assert (code, "nested too deeply" in message) == (2, True)
     path.write_text("#" * 100_000)
     assert "at most 16384 are read" in by_command(["find", "--machine", str(path)])[1]
+
+
+def test_every_public_name_is_among_the_calls():
+    """Functions by their names, classes by the results and builders that are of them."""
+    text = Path(valid_calls.__file__).read_text(encoding="utf-8")
+    uncalled = {"InputError", "NoOrbit", "OrbitsError", "Machine", "Model", "Units", "__version__"}  # nothing to call
+    results = {"BifurcationCurve", "BifurcationDiagram", "BranchPoint", "Control", "Design", "DesignCurve", "Existence"}
+    results |= {"Front", "HopMultipliers", "OptimalFamily", "PeriodDiagram", "PeriodicHop", "Proof", "Simulation"}
+    results |= {"Sweep", "Uncertainty", "Driven", "DrivenFamily", "Disturbed"}
+    names = {*orbits.__all__, *problems.__all__} - uncalled - results - {"explore"}
+    assert sorted(name for name in names if not re.search(rf"\b{name}\b", text)) == []
+    assert {*crafted_calls.COMMANDS} == {*crafted_calls.commands.commands}
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from math import isfinite
 from numbers import Real
 
-from ..errors import InputError
+from ..errors import InputError, refuse_machine
 from ..model.machine import Machine, free_parameters
 from ..model.model import Model
 from ..symbolic.formula import suggest
@@ -18,15 +18,8 @@ def check_machine(machine: Machine, *also: str) -> None:
     names, model = ("model", "values", "units", "describe", *also), getattr(machine, "model", None)
     if isinstance(model, Model) and model.derived and all(hasattr(machine, name) for name in names):
         return
-    refuse(machine, wrong_parts(machine, *names))
+    refuse_machine(machine, wrong_parts(machine, *names))
     check_consistency(machine.model, machine.values)
-
-
-def refuse(machine: Machine, wrong: Mapping[str, str]) -> None:
-    """Raise `InputError` where parts of a machine are wrong, in words by name."""
-    if wrong:
-        parts = "; ".join(f"{name}: {text}" if text else f"it has no '{name}'" for name, text in wrong.items())
-        raise InputError(f"'{type(machine).__name__}' is no machine such as problems.Hopper(): {parts}")
 
 
 def wrong_parts(machine: Machine, *names: str) -> dict[str, str]:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..consistency.accepted import check_parameters
-from ..errors import FlowError, InputError, NoOrbit, finite_number
+from ..errors import FlowError, InputError, NoOrbit, finite_number, is_list
 from ..numerics.roots import solve
 from ..periodic.branch_points import BranchPoint, Lateral, branch_point
 from ..periodic.find import unknowns_of_hop
@@ -36,6 +36,10 @@ def follow_branch_points(point: BranchPoint, along: str, values: Sequence[float]
     >>> [round(each.values["inertia"], 4) for each in follow_branch_points(point, "rest_length", [3.75, 3.8])]
     [6.5445, 6.1238]
     """
+    if not isinstance(point, BranchPoint):
+        raise InputError(f"point = {point!r}; it is one of find_branch_points")
+    if not is_list(values):
+        raise InputError(f"values = {values!r}; it is a list of values")
     machine, names = point.machine, tuple(point.values)
     check_parameters(machine, along)
     if along in names:

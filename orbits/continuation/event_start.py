@@ -80,6 +80,8 @@ def event_start(machine: Machine, family: Family, event: Event | str | Mapping[s
         level = finite_number(f"event '{text}'", value)
         condition = EventCondition(f"{text} = {level:.10g}", text, level, place=_side_of(machine, text, level))
         return _of_formula(machine, family, crossing_of(machine, family, formula, level, number), formula, condition)
+    if not isinstance(event, str | Event):
+        raise InputError(f"event = {event!r}; it is an event of the family, its kind, or a formula with its value")
     if isinstance(event, str) and event.startswith(EXTREMUM):
         formula = known_event(machine, event.removeprefix(EXTREMUM))
         condition = EventCondition(event, formula.text, None)

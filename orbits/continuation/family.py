@@ -12,7 +12,7 @@ import numpy as np
 from ..consistency.accepted import check_parameters
 from ..errors import InputError, finite_number
 from ..exact.claim import CONTACT_DURATION, Claim
-from ..io import DIGEST, MEGABYTE, Document, conform, has_digest, sealed, to_json, unsealed, writing
+from ..io import DIGEST, MEGABYTE, Document, conform, has_digest, named_file, sealed, to_json, unsealed, writing
 from ..model.machine import Machine, title_of_machine
 from ..periodic.certified import orbit_from
 from ..periodic.orbit import Orbit
@@ -214,7 +214,7 @@ class Family(
     def dataframe(self, machine: Machine | None = None) -> Any:
         """The `table` with its events, and with the quantities of the motions where the machine is known, as a
         `pandas.DataFrame`; otherwise as in `Result.dataframe`."""
-        return super().dataframe(machine or self.source, events=True)
+        return super().dataframe(self.source if machine is None else machine, events=True)
 
     def at(self, value: float) -> list[Point]:
         """The points whose parameter has exactly this value."""
@@ -346,7 +346,7 @@ class Family(
         """
         still = shown("pages.saved_page")
         hops: Iterator[tuple[Point, Orbit]] = iter(())
-        if (whole := machine or self.source) is not None and self.points:
+        if (whole := self.source if machine is None else machine) is not None and self.points:
             check_parameters(whole, *self._along)
             points = shown("plot").spread(self, still.MOST_HOPS)
             hops = ((point, self._orbit(whole, point)) for point in reported(points, progress))
@@ -361,11 +361,11 @@ class Family(
     def save(self, path: str | Path) -> Path:
         """Write the family to .jsonl, a line for each point and event, as a run writes it; other endings as in
         `Result.save`. Both .jsonl and .json can be loaded and resumed."""
-        if Path(path).suffix.lower() != ".jsonl":
+        if (path := named_file(path)).suffix.lower() != ".jsonl":
             return super().save(path)
         with writing(self.what, path) as target:
             target.write_text("".join(map(Sealing().line, self.records())), encoding="utf-8")
-        return Path(path)
+        return path
 
     def saved(self) -> Document:
         head, *lines = map(json.loads, self.records())

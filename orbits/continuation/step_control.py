@@ -5,13 +5,13 @@ relative to s may have led to another curve, so a shorter step is tried. At one 
 method must also converge to the curve from the interpolant through the ends of the steps.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
+from ..errors import InputError, NoOrbit, OrbitsError, finite_number, is_list, true_or_false, whole_number
 from ..numerics.hermite import around
 from ..shooting.division import LARGEST_ARC_GROWTH, MOST_GROWTH
 from ..simulation.lossless_hops import CROSSINGS
@@ -122,7 +122,7 @@ def checked_options(*args: Any, **options: Any) -> Options:
     unchecked = Options(*args, **options)
     at, longest, control = unchecked.at, unchecked.longest, unchecked.step_control
     watch = {} if unchecked.watch is None else unchecked.watch
-    if not isinstance(at, Iterable) or isinstance(at, str):
+    if not is_list(at):
         raise InputError(f"at = {at!r}; it is a list of values")
     if not isinstance(watch, Mapping):
         raise InputError(f"watch = {watch!r}; it is a mapping of names to functions of the orbit")
@@ -135,7 +135,7 @@ def checked_options(*args: Any, **options: Any) -> Options:
     for name, function in watch.items():
         if not callable(function) or name in (*TEST_FUNCTIONS, *OTHER_EVENTS):
             raise InputError(f"watch '{name}' is a function of the orbit, under a name of its own")
-    flags: Any = {name: bool(getattr(unchecked, name)) for name in ("stop_inadmissible", "multipliers")}
+    flags: Any = {name: true_or_false(name, getattr(unchecked, name)) for name in ("stop_inadmissible", "multipliers")}
     return replace(unchecked, at=at, watch=dict(watch), longest=float(longest), most=most, **flags)
 
 

@@ -24,6 +24,7 @@ from ..laws.law import Algebraic, Parameters
 from ..mechanics.elements import Force
 from ..mechanics.mechanism import Mechanism
 from ..periodic.orbit import Orbit
+from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..simulation.impacts import Impacts
 from ..simulation.launch_section import LaunchSection
@@ -217,6 +218,7 @@ def _regulator(stages: list[_Stage], effort: float, landing: float) -> tuple[lis
     size = stages[0].carry.shape[1]
     cost, last = np.eye(size), np.inf
     for _ in range(MOST_SWEEPS):
+        interrupts.heed()
         gains, matrix = list[np.ndarray](), np.eye(size)
         weights = np.eye(size) + cost
         for carry, effect, gap in reversed(stages):

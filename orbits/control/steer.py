@@ -14,7 +14,7 @@ from itertools import count
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import FlowError, InputError, NoOrbit, finite_number, whole_number
+from ..errors import FlowError, InputError, NoOrbit, finite_number, is_list, whole_number
 from ..periodic.find import Progress
 from ..running import interrupts
 from ..running.exclusive import exclusive
@@ -102,6 +102,11 @@ def steer(
     12.0
     """
     began = time.perf_counter()
+    if not is_list(stages) or not all(isinstance(stage, Stage) for stage in stages):
+        raise InputError(f"stages = {stages!r}; they are a list, each a Stage")
+    for name, value in (("parameters", parameters), ("free", free)):
+        if not isinstance(value, Mapping | None):
+            raise InputError(f"{name} = {value!r}; it is a mapping of names")
     stages, parameters, free = tuple(stages), dict(parameters or {}), dict(free or {})
     _check(stages, parameters, free, tolerance)
     if refine is not None and not finite_number("refine", refine) > tolerance:

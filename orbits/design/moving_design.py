@@ -19,6 +19,7 @@ from ..numerics.kkt_curve import CurveEnd
 from ..numerics.kkt_limits import CriticalPoint
 from ..numerics.roots import Array
 from ..periodic.orbit import Orbit
+from ..running import interrupts
 from ..symbolic.formula import suggest
 from .active_set import ACTIVE, ActiveRow, multipliers_of
 from .design_point import DEMAND_MARGIN, Case, DesignPoint, design_points
@@ -278,8 +279,8 @@ class MovingDesign:
 
     def nearest(self, x: Array, s: float) -> ProgramPoint:
         """The point that was evaluated nearest to unknowns and a share."""
-        z = np.append(x, s)
-        return min(self.known, key=lambda each: float(np.abs(each.z - z).max()))
+        apart = np.abs(np.array([each.z for each in self.known]) - np.append(x, s)).max(axis=1)
+        return self.known[int(apart.argmin())]
 
     def predicted(self, machine: Machine, near: DesignPoint) -> Array:
         """The unknowns of a machine's orbit by the models of a design nearby."""
@@ -484,6 +485,7 @@ class MovingDesign:
 
     def _at(self, x: Array, s: float) -> ProgramPoint:
         """The program at a point, evaluated or moved from a point next to it; raises `NoOrbit` for none."""
+        interrupts.heed()
         z, nearest = np.append(x, s), self.nearest(x, s)
         if np.abs(nearest.z - z).max() <= NEXT_TO:
             return nearest.moved(z)

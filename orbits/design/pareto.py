@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, OrbitsError, whole_number
+from ..errors import InputError, OrbitsError, list_of_names, whole_number
 from ..io import Document
 from ..model.machine import Machine
 from ..numerics.kkt_curve import ENDS_OF_MINIMA
@@ -141,7 +141,7 @@ def pareto(
     >>> front.values.shape
     (3, 2)
     """
-    if isinstance(minimise, str) or not isinstance(minimise, Sequence) or len({*minimise}) != 2 or len(minimise) != 2:
+    if len({*list_of_names("minimise", minimise)}) != 2 or len(minimise) != 2:
         raise InputError(f"minimise = {minimise!r}; a front has two objectives, which differ")
     points = whole_number("points", points, "designs", 2)
     report = progress or (lambda share: None)

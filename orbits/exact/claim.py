@@ -96,7 +96,7 @@ def claim_of(
     of another kind of machine."""
     if not isinstance(orbit, Orbit):
         raise InputError(f"a {type(orbit).__name__} is no orbit to prove: give prove(find(machine))")
-    machine = machine or orbit.source
+    machine = orbit.source if machine is None else machine
     if machine is None:
         raise InputError("this orbit does not know its machine: give prove(orbit, machine=...)")
     states = machine.model.flight.states
@@ -127,7 +127,7 @@ def _tuning_of(
     """The names of the parameters that are unknowns, and the exact values of quantities: by default those of the orbit,
     but for quantities that no equation of half an orbit prescribes and as many of its last parameters, which have their
     numbers. The step is always unknown where a coordinate sticks."""
-    if not isinstance(at or {}, Mapping):
+    if not isinstance(at, Mapping | None):
         raise InputError(f"at = {at!r}; it is a mapping of quantities to values, as at={{'speed': '0.4'}}")
     known = {name: value for name, value in orbit.prescribed.items() if name in BY_EQUATIONS}
     own = [name for name in orbit.tuned if name != STEP_LENGTH]

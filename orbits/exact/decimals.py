@@ -22,7 +22,8 @@ def exact_fraction(name: str, value: str | float | Decimal | Fraction) -> Fracti
         decimal = Decimal(value if isinstance(value, str | Decimal | int) else repr(float(value)))
         if not abs(decimal.adjusted()) <= MOST_PLACES or abs(int(decimal.as_tuple().exponent)) > MOST_PLACES:
             raise ValueError
-        return Fraction(decimal)
+        float(exact := Fraction(decimal))  # an OverflowError where no floating-point number is near
+        return exact
     except (ArithmeticError, ValueError, TypeError):
         raise InputError(f"{name} = {str(value)[:40]!r} is no decimal number that can be computed with") from None
 

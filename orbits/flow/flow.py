@@ -322,8 +322,12 @@ class Flow:
 
     def failure(self, what: str, t: float, x: Array) -> Message:
         """The message about what happens to a motion in a state at a time."""
-        text, time = "the {name} {what} at time {time:.6g}, at {place}", Quantity(t, TIME)
-        return Message(text, name=self.phase.name, what=what, time=time, place=described(self.phase.states, x))
+        known = {"name": self.phase.name, "what": what, "time": Quantity(t, TIME)}
+        if not np.isfinite(x).all():
+            text = "the {name} {what} at time {time:.6g}, where a law or the motion is no number"
+            return Message(text, **known)
+        text = "the {name} {what} at time {time:.6g}, at {place}"
+        return Message(text, **known, place=described(self.phase.states, x))
 
     @cached_property
     def vector_field(self) -> VectorField:

@@ -45,6 +45,7 @@ from .refusals import (
     joined_values,
     listed,
     maps_of_sticking,
+    refuse_expressions,
     refuse_misstated,
     refuse_names_of_parameters,
     refuse_values,
@@ -156,6 +157,7 @@ class Mechanism(Stated):
             bodies=listed("bodies", self.bodies), in_si=true_or_false("in_si", self.in_si),
         )  # fmt: skip
         first = next(iter(self.gaps.values()), "") if isinstance(self.gaps, Mapping) else ""
+        refuse_expressions("the mechanism", (first, self.gap))
         if (first != self.gap and "" not in (first, self.gap)) or first == self.gap == "":
             raise InputError(
                 f"gap = {self.gap!r}, gaps = {self.gaps!r}: state gap=, or gaps= with names, the first opening"

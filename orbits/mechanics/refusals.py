@@ -6,7 +6,7 @@ from math import inf
 from numbers import Real
 from typing import Any, get_args
 
-from ..errors import InputError
+from ..errors import InputError, finite_number, is_list, takes
 from ..model.model import STEP_LENGTH
 from ..symbolic.formula import CONSTANTS, FUNCTIONS, suggest
 from .elements import Damper, Element, Force, Inerter, Mass, Scalar, Weight, fields_of, names_in, paths_of, value_of
@@ -85,7 +85,7 @@ def maps_of_sticking(sticks: Sequence[str]) -> tuple[dict[str, str], dict[str, s
 
 def listed(what: str, value: object) -> tuple:
     """Several things as a tuple; raises `InputError` for one alone."""
-    if isinstance(value, str) or not isinstance(value, Iterable):
+    if not is_list(value):
         raise InputError(f"{what} = {value!r}; it is a list, as [{value!r}]")
     return tuple(value)
 
@@ -104,8 +104,10 @@ def _refuse_names(names: Sequence[object]) -> None:
 def refuse_expressions(owner: object, expressions: Iterable[object]) -> None:
     """Refuse an expression that is neither formula, number nor function."""
     for each in expressions:
-        if not isinstance(each, str | Real) and not callable(each):
+        if not (isinstance(each, str | Real) or takes(each, 2) or takes(each, 3)):
             raise InputError(f"{each!r} in {owner} is neither a formula, nor a number or a function (y, p)")
+        if isinstance(each, Real):
+            finite_number(f"a number in {owner}", each)
 
 
 def _refuse_rows(rows: Sequence[Sequence[Scalar]], size: int) -> None:

@@ -104,10 +104,11 @@ def tuning_of(machine: Machine, tune: str | Iterable[str] | None, at: Mapping[st
     """The tuned parameters of a machine and the prescribed quantities; raises `InputError` where the names are unknown,
     or where their numbers do not make the equations square."""
     names = tuned_names(machine, tune)
-    if not isinstance(at or {}, Mapping):
+    at = {} if at is None else at
+    if not isinstance(at, Mapping):
         raise InputError(f"at = {at!r}; it is a mapping of quantities to values, as at={{'period': 9.0}}")
     others, known = quantities_of_motion(machine), prescribable(machine.model)
-    values = {name: finite_number(f"at '{name}'", value) for name, value in (at or {}).items()}
+    values = {name: finite_number(f"at '{name}'", value) for name, value in at.items()}
     for name in values:
         if name in machine.values and name not in known:
             raise InputError(f"at '{name}': that is a number of the machine; state it there, or tune it")

@@ -12,7 +12,7 @@ from multiprocessing import get_context
 from typing import Protocol, TypeAlias
 
 from ..consistency.accepted import check_machine, check_parameters
-from ..errors import InputError
+from ..errors import InputError, whole_number
 from ..exact.claim import Claim, claim_of
 from ..exact.stated import exact_values
 from ..model.machine import Machine
@@ -86,8 +86,7 @@ def prove_claims(
 ) -> tuple[Proof, ...]:
     """The proofs of claims about several orbits, on `workers` processes, in their order; see `prove`."""
     need_flint()
-    if not (isinstance(workers, int) and workers >= 1):
-        raise InputError(f"workers = {workers!r}; it is a whole number from 1")
+    workers = whole_number("workers", workers, most=1000)
     if workers == 1 or len(claims) < 2:
         return tuple(_prove_claim(claim, digits, motion, limit) for claim in claims)
     context = get_context("spawn")  # a fork of a process with threads may hang

@@ -5,13 +5,13 @@ launch speeds, and each is followed to both sides. Where its multiplier passes -
 are followed too.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from ..continuation.point import End
-from ..errors import InputError, NoOrbit, finite_number, whole_number
+from ..errors import InputError, NoOrbit, finite_number, is_list, whole_number
 from ..model.machine import Machine, machine_in_words
 from ..periodic.find import Progress
 from ..running import interrupts
@@ -90,7 +90,7 @@ def bifurcations(
     values = np.linspace(low, high, sections).tolist()
     if along != INJECT and all(maps.lossless(value) for value in values):
         raise InputError("every fixed point is a lossless hop here: follow them with `follow`, or give an injection")
-    if not isinstance(periods, Iterable):
+    if not is_list(periods):
         raise InputError(f"periods = {periods!r}; it is a list of numbers of hops, as ({periods!r},)")
     wanted = sorted({whole_number("periods", period, "hops") for period in periods})
     doublings = whole_number("doublings", doublings, "doublings", 0)

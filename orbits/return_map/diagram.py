@@ -194,7 +194,7 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
         >>> [round(number, 6) for number in (diagram.events[0].value, *flips.at(1.2))]
         [0.071587, 0.073369]
         """
-        if (machine := machine or self.source) is None:
+        if (machine := self.source if machine is None else machine) is None:
             raise InputError("a diagram from a file does not hold its machine: name it, machine=")
         if isinstance(event, str):
             kinds = {each.kind: each for each in reversed(self.events)}

@@ -19,6 +19,7 @@ import casadi as ca
 
 from ..errors import InputError
 from . import interrupts
+from .arguments import checks_of
 from .heartbeat import running
 
 LOCK = threading.RLock()
@@ -43,15 +44,16 @@ def threads() -> int:
 
 
 def exclusive(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """The same function, run by one thread at a time. The settings of the environment and a function that `progress` is
-    reported to are checked first, as an error in them inside would pass for one of the problem."""
+    """The same function, run by one thread at a time, once the settings of the environment and its arguments were
+    checked; see `arguments`."""
+    check = checks_of(function)
 
     @wraps(function)
     def alone(*arguments: _P.args, **options: _P.kwargs) -> _R:
         threads()
-        if not ((report := options.get("progress")) is None or report is False or callable(report)):
-            raise InputError(f"progress = {report!r}; it is a function that is called with the share that is done")
-        with LOCK, running(function.__qualname__):
+        with LOCK, running(function.__qualname__) as outermost:
+            if outermost:
+                check(arguments, options)
             return function(*arguments, **options)
 
     return alone

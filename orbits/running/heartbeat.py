@@ -12,15 +12,16 @@ _running = threading.local()  # the `name` of the outermost function of a thread
 
 
 @contextmanager
-def running(name: str) -> Iterator[None]:
-    """The block is the work of a function of this name; a block within another one is part of that."""
+def running(name: str) -> Iterator[bool]:
+    """The block is the work of a function of this name, or part of that of the block that it is in: whether it is the
+    outermost one."""
     if getattr(_running, "name", None):
-        yield
+        yield False
         return
     _running.name, _running.began = name, time.monotonic()
     _running.spoke = _running.began
     try:
-        yield
+        yield True
     finally:
         _running.name = None
 

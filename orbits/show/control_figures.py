@@ -7,7 +7,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..result import Axes
-from .plot import COLOURS, new_axes, plain
+from .plot import COLOURS, axes_or_new, plain
 
 if TYPE_CHECKING:
     from ..control.control import Control, ControlledLeg
@@ -23,7 +23,7 @@ def plot_control(control: "Control", axes: Axes | None = None) -> Axes:
     Where a stage begins there is a dotted line, and its name above; a curve is interrupted where a stage does not have
     it. Raises `InputError` for axes that stand in no grid.
     """
-    axes = axes or new_axes(5.6, 4.8)
+    axes = axes_or_new(axes, 5.6, 4.8)
     names = tuple(dict.fromkeys(name for leg in control.legs for name in leg.states))
     panels = [axes, *panels_below(axes, 1 if control.inputs else 0)]
     for panel, drawn, of_leg in zip(panels, (names, control.inputs), (_states_of, _inputs_of), strict=False):
@@ -43,7 +43,7 @@ def plot_control(control: "Control", axes: Axes | None = None) -> Axes:
 def plot_optimal_family(family: "OptimalFamily", axes: Axes | None = None) -> Axes:
     """Plot the least cost of a family of optimal motions against its parameter, with a dotted line and the kind at each
     event; return the axes."""
-    axes = axes or new_axes(5.6, 3.8)
+    axes = axes_or_new(axes, 5.6, 3.8)
     axes.plot(family.values, family.costs, "-", marker=".", ms=5, lw=1.8, color=COLOURS[0])
     for event in family.events:
         axes.axvline(event.value, color="0.6", lw=0.8, ls=":", zorder=0.5)

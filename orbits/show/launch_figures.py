@@ -6,7 +6,7 @@ import numpy as np
 
 from ..result import Axes
 from .map_figures import IDENTITY
-from .plot import finished, new_axes
+from .plot import axes_or_new, finished
 
 if TYPE_CHECKING:
     from ..return_map.launch_hops import LaunchHops
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def plot_launch_hops(hops: "LaunchHops", axes: Axes | None = None) -> Axes:
     """Plot each number of the next launches against the same number of the launches; return the axes."""
-    axes, known = axes or new_axes(5.2, 5.0), hops.launches[np.isfinite(hops.launches)]
+    axes, known = axes_or_new(axes, 5.2, 5.0), hops.launches[np.isfinite(hops.launches)]
     ends = [float(known.min()), float(known.max())] if known.size else [0.0, 1.0]
     axes.plot(ends, ends, label="identity", **IDENTITY)
     for i, name in enumerate(hops.names):
@@ -26,7 +26,7 @@ def plot_launch_hops(hops: "LaunchHops", axes: Axes | None = None) -> Axes:
 
 def plot_periodic_hop(hop: "PeriodicHop", axes: Axes | None = None) -> Axes:
     """Plot the numbers of the launches against the hop, up to the first launch again; return the axes."""
-    axes = axes or new_axes(5.2, 3.8)
+    axes = axes_or_new(axes, 5.2, 3.8)
     for i, name in enumerate(hop.names):
         values = hop.launches[:, i]
         axes.plot(np.arange(hop.period + 1), np.append(values, values[0]), "o-", label=hop.heading(name))
@@ -36,7 +36,7 @@ def plot_periodic_hop(hop: "PeriodicHop", axes: Axes | None = None) -> Axes:
 
 def plot_multipliers(found: "HopMultipliers", axes: Axes | None = None) -> Axes:
     """Plot the multipliers in the complex plane, with the unit circle; return the axes."""
-    axes, turn = axes or new_axes(4.6, 4.4), np.linspace(0.0, 2 * np.pi, 200)
+    axes, turn = axes_or_new(axes, 4.6, 4.4), np.linspace(0.0, 2 * np.pi, 200)
     axes.plot(np.cos(turn), np.sin(turn), label="unit circle", **IDENTITY)
     axes.plot(found.values.real, found.values.imag, "o", label="multipliers")
     axes.set_aspect("equal", adjustable="datalim")

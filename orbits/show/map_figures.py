@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import InputError, finite_number
+from ..errors import InputError, finite_number, true_or_false
 from ..model.machine import title_of_machine
 from ..result import Axes
 from ..return_map.bifurcation import WORDS_OF_STABILITY, name_of_hops
 from ..units import LIFTOFF_SPEED
-from .plot import COLOURS, cobweb, finished, new_axes, plain, sampled_map
+from .plot import COLOURS, axes_or_new, cobweb, finished, plain, sampled_map
 
 if TYPE_CHECKING:
     from ..return_map.hops import FixedPoint, Hops
@@ -46,10 +46,10 @@ def plot_map(
     start, hops : launch speed from which a cobweb is drawn, None for no cobweb, and its number of hops
     fixed_points : mark the fixed points of the map too
     """
-    axes = _drawn_map(step, low, high, axes or new_axes(5.2, 5.0), samples)
+    axes = _drawn_map(step, low, high, axes_or_new(axes, 5.2, 5.0), samples)
     if start is not None:
         axes.plot(*cobweb(step, finite_number("start", start), hops), color=COLOURS[1], lw=0.9, label=f"from {start:g}")
-    if fixed_points:
+    if true_or_false("fixed_points", fixed_points):
         _mark(axes, [(point.alpha, _stability(point)) for point in step.fixed_points(low, high)])
     axes.set_title(plain(f"return map of {title_of_machine(step.machine.describe())}"), fontsize="medium", wrap=True)
     return _labelled_map(axes, step, low, high)
@@ -57,7 +57,7 @@ def plot_map(
 
 def plot_hops(hops: "Hops", axes: Axes | None = None) -> Axes:
     """Plot the next launch speeds of `Hops` against their launch speeds, with the identity line; return the axes."""
-    axes = axes or new_axes(5.2, 5.0)
+    axes = axes_or_new(axes, 5.2, 5.0)
     ends = [float(np.nanmin(hops.alpha)), float(np.nanmax(hops.alpha))]
     axes.plot(ends, ends, label="identity", **IDENTITY)
     axes.plot(np.ravel(hops.alpha), np.ravel(hops.next), ".", color=COLOURS[0], label="hops")
@@ -103,7 +103,7 @@ def plot_basin(step: "ReturnMap", low: float, high: float, axes: Axes | None, ho
     """
     basins, width = step.basins(low, high, hops, samples), high - low
     unit = f" {step.machine.units.text(LIFTOFF_SPEED)}" if step.machine.units else ""
-    axes = _drawn_map(step, low, high, axes or new_axes(6.4, 5.2), 4000)
+    axes = _drawn_map(step, low, high, axes_or_new(axes, 6.4, 5.2), 4000)
     inside = axes.get_xaxis_transform()
     total = 0.0
     for (star, intervals), colour in zip(basins.items(), cycle(COLOURS[1:])):
@@ -122,7 +122,7 @@ def plot_basin(step: "ReturnMap", low: float, high: float, axes: Axes | None, ho
 
 def plot_basins(basins: Any, axes: Axes | None = None) -> Axes:
     """Plot `Basins` as bars over the launch speeds, a row for each lossless hop; return the axes."""
-    axes = axes or new_axes(6.4, 1.6 + 0.5 * max(1, len(basins)))
+    axes = axes_or_new(axes, 6.4, 1.6 + 0.5 * max(1, len(basins)))
     unit = f" ({basins.units['alpha']})" if basins.units else ""
     for i, ((star, intervals), colour) in enumerate(zip(basins.items(), cycle(COLOURS[1:]))):
         axes.broken_barh([(a, b - a) for a, b in intervals], (i - 0.35, 0.7), fc=colour, ec=colour, lw=0.4)
@@ -138,7 +138,7 @@ def plot_basins(basins: Any, axes: Axes | None = None) -> Axes:
 def plot_periodic_hops(hops: Any, axes: Axes | None = None) -> Axes:
     """Plot each cycle of `PeriodicHops` as its itinerary, the launch speed against the hop up to the first launch
     again, stable ones as a line and others dashed, with the ends of the map's monotone branches; return the axes."""
-    axes = axes or new_axes(6.4, 4.2)
+    axes = axes_or_new(axes, 6.4, 4.2)
     for branch in hops.branches:
         axes.axhline(branch.low, color="0.85", lw=0.8, zorder=0)
     shown, count = hops.cycles[:SHOWN_CYCLES], np.arange(hops.period + 1)
@@ -153,7 +153,7 @@ def plot_periodic_hops(hops: Any, axes: Axes | None = None) -> Axes:
 def plot_bifurcations(diagram: Any, axes: Axes | None = None) -> Axes:
     """Plot the periodic launches of a `BifurcationDiagram` against its parameter: stable ones as a line, unstable ones
     dashed, over the launches that are visited in the long run, with its events marked; return the axes."""
-    axes = axes or new_axes(6.8, 4.6)
+    axes = axes_or_new(axes, 6.8, 4.6)
     if not (len(diagram.branches) or len(diagram.visits)):
         raise InputError("there is nothing to draw: no launch comes back in this range")
     if len(diagram.visits):

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..result import Axes
 from ..return_map.bifurcation import name_of_hops
-from .plot import COLOURS, finished, legend_below, new_axes, plain
+from .plot import COLOURS, axes_or_new, finished, legend_below, plain
 
 IN_REST, IN_CHAOS, WITHOUT_PERIOD = -2, -1, 0  # places where no launch goes on, and where one does without a period
 # The colours of the periods after those of all figures.
@@ -28,7 +28,7 @@ def plot_periods(diagram: Any, axes: Axes | None = None) -> Axes:
     axes."""
     from matplotlib.colors import ListedColormap
 
-    axes = axes or new_axes(6.8, 5.0)
+    axes = axes_or_new(axes, 6.8, 5.0)
     periods, several = diagram.period(), diagram.several
     status = np.take_along_axis(diagram.status, diagram.first[:, :, None], axis=2)[:, :, 0]
     periods = np.where(periods < 0, IN_REST, np.where(status == "chaotic", IN_CHAOS, periods))
@@ -63,7 +63,7 @@ def plot_periods(diagram: Any, axes: Axes | None = None) -> Axes:
 def plot_bifurcation_curve(curve: Any, axes: Axes | None = None) -> Axes:
     """Plot an `BifurcationCurve` in the plane of its two parameters, with its events; return the axes."""
     own = axes is None
-    axes = axes or new_axes(5.6, 4.4)
+    axes = axes_or_new(axes, 5.6, 4.4)
     count = len(curve.impacts)
     words = f"{curve.kind}, {name_of_hops(count).removeprefix('hops of ')}"
     colour = COLOURS[(count - 1) % len(COLOURS)] if own else "black"

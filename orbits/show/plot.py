@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..errors import InputError
 from ..io import check_path, writing
 from ..model.machine import laws_in_words, title_of_machine
 from ..model.phase import Affine
@@ -65,6 +66,13 @@ def _on_screen() -> bool:
         return True
     shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
     return getattr(shell, "kernel", None) is not None
+
+
+def axes_or_new(axes: object, width: float = 5.6, height: float = 3.8) -> Axes:
+    """The axes that are stated, or else new ones of a size; raises `InputError` for what are none."""
+    if not (axes is None or hasattr(axes, "get_figure")):
+        raise InputError(f"axes = {axes!r}; they are Axes of matplotlib")
+    return new_axes(width, height) if axes is None else axes
 
 
 def new_axes(width: float = 5.6, height: float = 3.8) -> Axes:
@@ -124,7 +132,7 @@ def plot_orbit(orbit: "Orbit", axes: Axes | None = None) -> Axes:
     In metres and seconds for a machine that is stated in SI.
     """
     metres, seconds, _ = unit_labels(orbit.scales)
-    axes, (t, states) = axes or new_axes(), _cycle(orbit, 2001)
+    axes, (t, states) = axes_or_new(axes), _cycle(orbit, 2001)
     for (name, height), colour in zip(orbit.shape.heights.items(), COLOURS, strict=False):
         axes.plot(t, height(states), color=colour, label=plain(name), **_style(name))
     if orbit.contact_time is not None:
@@ -188,7 +196,7 @@ def legend_below(axes: Axes, of: Axes | None = None) -> Axes:
 def plot_phase_portrait(orbit: "Orbit", axes: Axes | None = None) -> Axes:
     """Plot speed against height of every mass over a cycle; return the axes."""
     metres, _, speeds_in = unit_labels(orbit.scales)
-    axes, (_, states) = axes or new_axes(4.5, 4.0), _cycle(orbit, 2001)
+    axes, (_, states) = axes_or_new(axes, 4.5, 4.0), _cycle(orbit, 2001)
     for (name, (height, speed)), colour in zip(masses_at(orbit, states).items(), cycle(COLOURS), strict=False):
         axes.plot(height, speed, color=colour, lw=1.6, label=plain(name))
     axes.set_title(plain(title(orbit)), fontsize="medium", wrap=True)
@@ -214,7 +222,7 @@ def plot_family(family: "Family", axes: Axes | None = None, quantity: str = "alp
 
     Orbits that are no motions are dashed. Further families go into the same axes, each with its `label`.
     """
-    axes = axes or new_axes(5.6, 4.2)
+    axes = axes_or_new(axes, 5.6, 4.2)
     x, y, motions, others = family_curve(family, quantity)
     known = axes.get_legend_handles_labels()[1]
     some, all_are = np.isfinite(motions).any(), not np.isfinite(others).any()
@@ -293,7 +301,7 @@ def thumbnails(axes: Axes, family: "Family", orbits: Iterable[tuple[Any, Any]], 
 
 def plot_front(front: "Front", axes: Axes | None = None) -> Axes:
     """Plot a Pareto front of two objectives; an objective "-alpha" is shown by the value of alpha. Return the axes."""
-    axes = axes or new_axes(5.4, 4.2)
+    axes = axes_or_new(axes, 5.4, 4.2)
     signs = [-1 if text.lstrip().startswith("-") else 1 for text in front.texts]
     axes.plot(*(front.values * signs).T, "o-", color=COLOURS[0], ms=4)
     texts = [text.lstrip().lstrip("-").strip() for text in front.texts]
@@ -305,7 +313,7 @@ def plot_front(front: "Front", axes: Axes | None = None) -> Axes:
 
 def plot_design_curve(curve: "DesignCurve", axes: Axes | None = None) -> Axes:
     """Plot the objective of a curve of designs against the number that moves, with its events; return the axes."""
-    axes = axes or new_axes(5.4, 4.2)
+    axes = axes_or_new(axes, 5.4, 4.2)
     axes.plot(curve.values, curve.objectives, ".-", color=COLOURS[0], ms=5)
     for colour, kind in zip(COLOURS[1:], dict.fromkeys(event.kind for event in curve.events), strict=False):
         places = [event.value for event in curve.events if event.kind == kind]
@@ -343,7 +351,7 @@ def plot_simulation(run: "Simulation", axes: Axes | None = None) -> Axes:
 
     In metres and seconds for a machine that is stated in SI.
     """
-    axes, machine, t = axes or new_axes(), run.source, np.linspace(0, run.end, 4001)
+    axes, machine, t = axes_or_new(axes), run.source, np.linspace(0, run.end, 4001)
     metres, seconds, _ = unit_labels(machine.units)
     heights, states = run.heights, run(t)
     for (name, height), colour in zip(heights.items(), COLOURS, strict=False):
@@ -364,7 +372,7 @@ def plot_simulation(run: "Simulation", axes: Axes | None = None) -> Axes:
 
 def plot_gap(run: "Simulation", axes: Axes | None = None, label: str | None = None) -> Axes:
     """Plot the gap of a simulated machine against time, as the foot path in Fig. 6 of the paper; return the axes."""
-    axes, t = axes or new_axes(), np.linspace(0, run.end, 4001)
+    axes, t = axes_or_new(axes), np.linspace(0, run.end, 4001)
     metres, seconds, _ = unit_labels(run.source.units)
     axes.plot(t, run.gap(run(t)), color=COLOURS[1], lw=2, label=label)
     _shade_contacts(run, axes)

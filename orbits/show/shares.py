@@ -7,7 +7,7 @@ import numpy as np
 from ..errors import InputError
 from ..model.machine import title_of_machine
 from ..result import Axes
-from .plot import COLOURS, finished, label_of, new_axes, plain
+from .plot import COLOURS, axes_or_new, finished, label_of, plain
 
 if TYPE_CHECKING:
     from ..design.slopes import Sensitivities
@@ -23,7 +23,7 @@ def plot_sensitivities(found: "Sensitivities", axes: Axes | None = None) -> Axes
     rows, columns = [*found], [*found.parameters]
     if not (rows and columns):
         raise InputError("there are no derivatives to draw: name quantities and parameters")
-    axes = axes or new_axes(1.9 + 0.9 * len(columns), 1.4 + 0.32 * len(rows))
+    axes = axes_or_new(axes, 1.9 + 0.9 * len(columns), 1.4 + 0.32 * len(rows))
     shares = np.array([[found.relative()[row][column] for column in columns] for row in rows])
     known = np.nan_to_num(shares, posinf=0.0, neginf=0.0)
     largest = float(np.abs(known).max()) or 1.0
@@ -46,7 +46,7 @@ def plot_indices(found: Any, quantity: str | None = None, axes: Axes | None = No
     quantity = next(iter(found)) if quantity is None else quantity
     if quantity not in found:
         raise InputError(f"there are no indices of '{quantity}'; there are those of {', '.join(found)}")
-    axes, each = axes or new_axes(), found[quantity]
+    axes, each = axes_or_new(axes), found[quantity]
     for k, order in enumerate(("first", "total")):
         heights, low, high = (
             np.array([row[f"{order}{end}"] for row in each.values()]) for end in ("", "_low", "_high")
@@ -66,7 +66,7 @@ def plot_uncertainty(found: Any, quantity: str | None = None, axes: Axes | None 
     quantity = next(iter(found.mean)) if quantity is None else quantity
     if quantity not in found.mean:
         raise InputError(f"the uncertainty has no '{quantity}'; it has {', '.join(found.mean)}: name it in quantities")
-    axes, sweep = axes or new_axes(), found.sweep
+    axes, sweep = axes_or_new(axes), found.sweep
     values = sweep[quantity][(sweep["status"] == "certified") & np.isfinite(sweep[quantity])]
     bars = int(np.clip(np.sqrt(len(values)), 5, BARS))
     axes.hist(values, bars, density=True, color=COLOURS[4], ec="white", lw=0.5, label="members")

@@ -9,17 +9,7 @@ from ..model.machine import title_of_machine
 from ..result import Axes
 from .diagram_cells import cells_of_diagram
 from .pages.sweep_view import MOTIONS
-from .plot import (
-    COLOURS,
-    NO_MOTIONS,
-    NO_ORBITS,
-    PALE,
-    label_of,
-    legend_below,
-    new_axes,
-    new_row,
-    plain,
-)
+from .plot import COLOURS, NO_MOTIONS, NO_ORBITS, PALE, axes_or_new, label_of, legend_below, new_row, plain
 
 MAP = "viridis"  # of colours; it is read in print and by colour-blind readers
 LEVELS = 8  # contours of a map
@@ -47,9 +37,9 @@ def plot_sweep(sweep: Any, quantity: str, axes: Axes | None = None) -> Axes:
     if len(sweep.about["families"]) > 1 and len(sweep.parameters) > 1:
         raise InputError("a figure over two parameters or more is of one family: plot sweep.of_family(n)")
     if len(sweep.parameters) == 1:
-        return _over_one(sweep, quantity, axes or new_axes())
+        return _over_one(sweep, quantity, axes_or_new(axes))
     if len(sweep.parameters) == 2:
-        return _surface(sweep, quantity, axes or new_axes(6.4, 4.8))
+        return _surface(sweep, quantity, axes_or_new(axes, 6.4, 4.8))
     return _matrix(sweep, quantity)
 
 
@@ -114,7 +104,7 @@ def plot_existence(diagram: Any, quantity: str | None = None, axes: Axes | None 
     orbits in colours, and the edges of both; return the axes."""
     from matplotlib.collections import LineCollection, PolyCollection
 
-    axes, sweep = axes or new_axes(6.4, 4.8), diagram.grid
+    axes, sweep = axes_or_new(axes, 6.4, 4.8), diagram.grid
     cells = list(cells_of_diagram(diagram))
     styles = (
         STYLES

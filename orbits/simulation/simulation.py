@@ -93,6 +93,7 @@ def simulate(
     hops = None if hops is None else whole_number("hops", hops, "lift-offs")
     if not (isinstance(time, Real) and time > 0):
         raise InputError(f"time = {time!r}; it is a number above 0")
+    time = np.inf if time == np.inf else finite_number("time", time)
     if hops is None and time == np.inf:
         raise InputError("a simulation needs hops or a time at which to end")
     alpha = start_in_file(alpha) if isinstance(alpha, str | Path) else alpha
@@ -105,7 +106,7 @@ def simulate(
         )
         raise InputError(f"feedback: {wrong}")
     state = None if state is None else _checked_state(machine, state)
-    return _simulated(machine, alpha, state, hops, float(time), inject, cap, inputs, feedback)
+    return _simulated(machine, alpha, state, hops, time, inject, cap, inputs, feedback)
 
 
 def _checked_state(machine: Machine, state: ArrayLike) -> np.ndarray:
@@ -113,7 +114,7 @@ def _checked_state(machine: Machine, state: ArrayLike) -> np.ndarray:
     names = machine.model.flight.states
     if isinstance(state, Orbit):
         raise InputError("state is an orbit, and a state is numbers: simulate(machine, orbit) begins with its launch")
-    with suppress(TypeError, ValueError):
+    with suppress(TypeError, ValueError, OverflowError):
         x = np.array(state, dtype=float)
         if x.shape == (len(names),) and np.isfinite(x).all():
             return x
@@ -215,7 +216,7 @@ def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
         if not impacts.model.one_speed and (section := LaunchSection(impacts)).dependent not in launch:
             # The unknown that follows from the others may be left out.
             launch = section.unknowns_of(section.launch(launch))
-        if unknown := sorted(set(names) ^ launch.keys()):
+        if unknown := sorted(set(names) ^ launch.keys(), key=str):
             wrong = f"has no '{unknown[0]}'" if unknown[0] in launch else f"needs '{unknown[0]}'"
             raise InputError(f"alpha: a launch of this machine has the numbers {', '.join(names)}: it {wrong}")
         named = {name: finite_number(name, launch[name]) for name in names}

@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from ..errors import LARGEST_SEED, InputError, finite_number, one_of, whole_number
+from ..errors import LARGEST_SEED, InputError, finite_number, is_list, one_of, whole_number
 from ..io import MEGABYTE, read_file
 from ..numerics.sobol import sobol_points
 
@@ -164,7 +164,7 @@ def axis_of(name: str, stated: object) -> Axis:
         if len(stated) == 3 and not low > 0:
             raise InputError(f"over '{name}' = {stated}: a logarithmic range lies above 0")
         return Axis(low=low, high=high, logarithmic=len(stated) == 3)
-    if isinstance(stated, list | np.ndarray | range):
+    if isinstance(stated, list | np.ndarray | range) and is_list(stated):
         values = tuple(finite_number(f"over '{name}'", value) for value in stated)
         if not values:
             raise InputError(f"over '{name}' = {stated!r} has no values")

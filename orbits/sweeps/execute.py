@@ -54,12 +54,11 @@ def chunks_of(question: Question, done: np.ndarray) -> list[Chunk]:
 
 def check_executor(executor: object, workers: int | None) -> None:
     """Raise `InputError` for an invalid executor, or an invalid number of its workers."""
-    if executor is None and workers not in (None, 1):
+    if workers is not None and whole_number("workers", workers, most=1000) > 1 and executor is None:
         raise InputError(f"workers = {workers}: they are processes, with executor='processes'")
-    if executor not in (None, "processes") and not hasattr(executor, "submit"):
+    known = executor is None or (isinstance(executor, str) and executor == "processes")
+    if not (known or hasattr(executor, "submit")):
         raise InputError(f"executor = {executor!r}; it is None, 'processes' or an executor of concurrent.futures")
-    if workers is not None:
-        whole_number("workers", workers, most=1000)
 
 
 def solved_chunks(

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..continuation.family import Family
 from ..design.designs_at_once import CONTINUED_STATUSES, solved_designs
-from ..errors import InputError, NoOrbit, list_of_names
+from ..errors import InputError, NoOrbit, list_of_names, whole_number
 from ..io import Document
 from ..model.machine import Machine
 from ..periodic.continued import AT_FOLD, NOT_REACHED, continued_orbits
@@ -30,7 +30,7 @@ from ..running import interrupts
 from ..running.time_limit import TimeOver
 from ..symbolic.kernels import compiled_at_once
 from .boundary_curves import Box, Neighbours, boundary_curves, places_on_rows, points_of
-from .designs import Axis, axis_of
+from .designs import MOST_MEMBERS, Axis, axis_of
 from .execute import check_executor
 from .progress import SweepProgress, on_screen
 from .sparse_grid import LARGE_GRID, NOT_SEARCHED, SparseGrid
@@ -275,7 +275,8 @@ def existence(
     if column.values:
         listed = sorted(set(column.values))
         column = replace(column, values=tuple(listed), low=listed[0], high=listed[-1])
-    counts = samples if isinstance(samples, tuple) else (samples, samples)
+    stated = samples if isinstance(samples, tuple) else (samples, samples)
+    counts = tuple(whole_number("samples", each, "values", most=MOST_MEMBERS) for each in stated)
     if len(counts) != 2 or counts[0] == 1 or (counts[1] == 1 and not column.values):
         raise InputError(
             f"samples = {samples!r}: a range has at least two values; for one row give a list of one value"

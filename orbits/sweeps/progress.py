@@ -5,6 +5,8 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
+from ..running.arguments import check_report
+
 # Seconds between two lines.
 PAUSE = 0.2
 
@@ -29,6 +31,7 @@ class SweepProgress(NamedTuple):
 def on_screen(progress: Callable[[Any], None] | bool | None) -> Callable[[Any], None]:
     """The function to call with the progress of a sweep: the user's, one that prints a line, or one without effect."""
     if callable(progress):
+        check_report("progress", progress)
         return progress
     if progress is False or (progress is None and not (sys.stderr.isatty() or "ipykernel" in sys.modules)):
         return lambda state: None

@@ -11,7 +11,7 @@ from ..continuation.checkpoint import versions
 from ..design.designs_at_once import columns_of_tuned, names_of_tuned
 from ..design.problem import formula_names, known_formula
 from ..design.tuned_machine import tuning_of_designs
-from ..errors import InputError, finite_number, list_of_names, one_of
+from ..errors import InputError, finite_number, list_of_names
 from ..io import Document
 from ..model.machine import Machine, machine_in_words
 from ..periodic.find import check_start, family_number, find, unknowns_of_start
@@ -157,9 +157,8 @@ def question_of(
     at: Any = None,
 ) -> Question:
     """The question of `sweep`; raises `InputError` that names the invalid argument."""
-    one_of("outcome", outcome, OUTCOMES)
     families = tuple(family) if isinstance(family, list | tuple | range) else (family,)
-    if not families or len(set(families)) < len(families):
+    if not families or len({*map(str, families)}) < len(families):
         raise InputError(f"family = {family!r}; it is a number, or a list of different ones")
     families = tuple(map(family_number, families))
     quantities = list_of_names("quantities", quantities)

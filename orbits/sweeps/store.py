@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..io import check_path, conform, digest, nested, sealed, to_json, unsealed
+from ..io import check_path, conform, digest, named_file, nested, sealed, to_json, unsealed
 from .question import Question, SavedQuestion, Table, empty_table
 
 STORE_FORMAT = "persistent-orbits sweep 1"
@@ -33,7 +33,7 @@ class Store:
     def __init__(self, path: str | Path, question: Question, resume: bool = True):
         """Open the store of a question; without `resume` an existing file is refused. Raises `InputError` for a file
         that is no store, that is spoilt, or that holds the results of another question."""
-        self.path, self.question = Path(path), question
+        self.path, self.question = named_file(path), question
         known = os.path.exists(path) and not _has_no_table(self.path)
         if known and not resume:
             raise InputError(f"the store {path} exists: go on with it by resuming, or name another file")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..consistency.accepted import check_machine
-from ..errors import InputError, OrbitsError
+from ..errors import InputError, OrbitsError, one_of, true_or_false
 from ..model.machine import Machine, free_parameters
 from ..periodic.find import StartLike
 from ..running import interrupts
@@ -19,7 +19,7 @@ from ..running.time_limit import TimeOver
 from .designs import Members, members_of
 from .execute import check_executor, chunks_of, solved_chunks
 from .progress import SweepProgress, on_screen, pace
-from .question import LAUNCH_SPEED, Question, Table, empty_table, question_of
+from .question import LAUNCH_SPEED, OUTCOMES, Question, Table, empty_table, question_of
 from .sweep_result import Sweep, solves_again
 
 if TYPE_CHECKING:
@@ -98,10 +98,11 @@ def sweep(
         machine, over, samples, sampling, seed, family, quantities, outcome, between, start, tune, at
     )
     if client is not None:
-        if executor is not None:
-            raise InputError("give executor or client, not both")
+        if executor is not None or not hasattr(client, "get_executor"):
+            raise InputError(f"client = {client!r}; it is one of Dask, in place of an executor")
         executor = client.get_executor()
     check_executor(executor, workers)
+    resume = true_or_false("resume", resume)
     show = on_screen(progress)
     opened = None
     if store is not None:
@@ -119,6 +120,7 @@ def checked_question(
     """The question of a sweep with these arguments; raises `InputError`, which names the invalid one."""
     exclusive(check_machine)(machine, "with_values")
     allowed = [*free_parameters(machine), *getattr(machine, "further_parameters", ())]
+    one_of("outcome", outcome, OUTCOMES)
     allowed = list(dict.fromkeys([*allowed, LAUNCH_SPEED] if outcome == "map" else allowed))
     members = members_of(over, samples, sampling, seed, allowed)
     _check_domain(machine, members)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..design.designs_at_once import DESIGN_STATUSES, tuned_orbit
 from ..errors import InputError, NoOrbit, list_of_names
-from ..io import Document, conform, extra_package, to_json
+from ..io import Document, conform, extra_package, named_file, to_json
 from ..model.machine import Machine
 from ..periodic.continued import continued_orbits
 from ..periodic.find import find
@@ -65,7 +65,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
 
         Raises `InputError` when the file is not a store, was changed, or is of another machine.
         """
-        if Path(path).suffix.lower() == ".json":
+        if (path := named_file(path)).suffix.lower() == ".json":
             return super().load(path, machine)
         from .store import question_in, read_store  # imports the database
 

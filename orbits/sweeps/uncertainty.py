@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..consistency.accepted import check_machine
 from ..design.sensitivities import sensitivities
 from ..errors import InputError, list_of_names, whole_number
 from ..model.machine import Machine
@@ -79,6 +80,7 @@ def uncertainty(
     >>> round(spread.deviation["alpha"], 4), round(spread.linear["alpha"], 4)
     (0.0143, 0.0143)
     """
+    check_machine(machine, "with_values")
     whole_number("samples", samples, "members", least=2)
     over = over.distributions() if hasattr(over, "distributions") else over
     uncertain = _uncertain(over, samples, seed, list(machine.values))

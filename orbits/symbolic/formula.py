@@ -159,6 +159,8 @@ def _is_call(text: str, token: _Token, following: _Token) -> bool:
         raise _error(text, position, "a number, a name or '(' is missing here")
     if kind == "number" and not np.isfinite(float(word)):
         raise _error(text, position, f"the number {word} is too large")
+    if kind == "name" and word.lower() in ("nan", "inf", "infinity"):
+        raise _error(text, position, f"'{word}' is no number and no name")
     called = kind == "name" and following.word == "("
     if called and word not in FUNCTIONS:
         raise _error(text, position, f"unknown function '{word}'{suggest(word, FUNCTIONS)}")

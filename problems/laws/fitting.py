@@ -110,7 +110,7 @@ class SpringFit(Result, what="spring fit", in_line=("formula", "parameters", "no
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot the rows and the formula; returns the axes."""
-        axes = shown("plot").new_axes() if axes is None else axes
+        axes = shown("plot").axes_or_new(axes)
         r = np.linspace(self.extensions[0], self.extensions[-1], 400)
         axes.plot(self.extensions, self.forces, ".", label="measured")
         axes.plot(r, self.law(r), label=shown("plot").plain(self.formula))

@@ -12,6 +12,7 @@ from orbits import InputError
 from orbits.control.optimal_family import FixedParameters, OptimalFamily, follow_optimum, known_program
 from orbits.errors import finite_number
 from orbits.model.machine import machine_in_words
+from orbits.running.exclusive import exclusive
 from orbits.units import LIFTOFF_SPEED, Dimension, unit_text
 
 from .actuated import Actuated, Actuator, undamped
@@ -61,6 +62,7 @@ class DrivenFamily(OptimalFamily, what="family of motions of a driven machine"):
         return Driven.of(machine, control, self.actuator)
 
 
+@exclusive
 def follow_driven(driven: Driven, name: str, to: float, **options: Any) -> DrivenFamily:
     """Follow a motion of least cost, a result of `keep_hopping`, `recover` or `start_up`, in a number of its machine or
     of its launch.

@@ -86,6 +86,8 @@ def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., D
     @wraps(function)
     def steered(machine: Any, *arguments: object, **options: Any) -> Driven:
         driven = _actuated(machine, options.pop("actuator", None))
+        if not isinstance(guess := options.get("guess"), Control | None):
+            raise InputError(f"guess = {guess!r}; it is the result for a machine nearby")
 
         def in_si(control: Control, machine: Any) -> Control:
             return motion_in_si(driven, machine, control, options.get("cost", "effort"))
@@ -186,7 +188,7 @@ def recover(
         **driven.still, "launch": launch, "aim": reached["alpha"], "liftoff": first["liftoff"],
         **_named("launch", first), **_named("aim", reached),
     }  # fmt: skip
-    stages, starts = hop.stages("effort", periodic=False), [guess] if guess else hop.starts(first)
+    stages, starts = hop.stages("effort", periodic=False), [guess] if guess is not None else hop.starts(first)
     return _cheapest(hop.steered, stages, values, starts, progress)
 
 
@@ -339,7 +341,7 @@ def _hop(
 
 def _least_effort(hop: _Hop, guess: Control | None, progress: Progress) -> Control:
     """A periodic hop of locally least effort."""
-    starts = [guess] if guess else hop.starts(_aim(hop.driven, hop.orbit, None))
+    starts = [guess] if guess is not None else hop.starts(_aim(hop.driven, hop.orbit, None))
     return _cheapest(hop.steered, hop.stages("effort", periodic=True), hop.values, starts, progress)
 
 

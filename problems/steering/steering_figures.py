@@ -6,7 +6,7 @@ import numpy as np
 
 from orbits.result import Axes
 from orbits.show.control_figures import finished_panels, mark_stages, panels_below
-from orbits.show.plot import COLOURS, legend_below, new_axes, plot_simulation, unit_labels
+from orbits.show.plot import COLOURS, axes_or_new, legend_below, plot_simulation, unit_labels
 from orbits.units import LIFTOFF_SPEED
 
 LONGEST = 1.1  # of a disturbed motion that comes to rest is drawn, as a multiple of the undisturbed one
@@ -15,7 +15,7 @@ LONGEST = 1.1  # of a disturbed motion that comes to rest is drawn, as a multipl
 def plot_driven(driven: Any, axes: Axes | None = None) -> Axes:
     """Plot heights of the masses of a `Driven` against time, contact shaded, and in panels below the displacement of
     the spring's end, or the force, and its rate; return the axes of the heights."""
-    axes = plot_simulation(driven.motion, axes or new_axes(5.6, 5.6))
+    axes = plot_simulation(driven.motion, axes_or_new(axes, 5.6, 5.6))
     axes.get_legend().remove()
     panels, actuator = [axes, *panels_below(axes, 2, 0.4)], driven.actuator
     state, rate = (f" ({unit})" if (unit := driven.unit_of(name)) else "" for name in (actuator.state, actuator.rate))
@@ -34,7 +34,7 @@ def plot_disturbed(disturbed: Any, axes: Axes | None = None) -> Axes:
     """Plot heights of a `Disturbed` machine against time, its contact shaded, dashed without the disturbance; below by
     how much each launch speed is off. Return the axes of the heights."""
     nominal, run = disturbed.nominal, disturbed.run
-    axes = plot_simulation(run, axes or new_axes(5.6, 4.8))
+    axes = plot_simulation(run, axes_or_new(axes, 5.6, 4.8))
     axes.get_legend().remove()
     t = np.linspace(0, nominal.end, 4001)
     masses = [height for name, height in nominal.heights.items() if name != "centre of mass"]

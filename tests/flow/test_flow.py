@@ -79,6 +79,8 @@ def test_first_zero_divides_out_the_start():
 def test_blow_up_and_nan_are_named(force, word):
     with pytest.raises(FlowError, match=word):
         oscillator(force).run(START, [0.0], 100.0)
+    with pytest.raises(FlowError, match="where a law or the motion is no number"):
+        oscillator(lambda r, p, q: ca.sqrt(r)).run(START, [0.0], 100.0)
 
 
 def test_a_step_that_is_no_number_does_not_end_a_motion():
