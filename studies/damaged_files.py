@@ -302,7 +302,7 @@ def told(counts: Counter) -> str:
 
 def main(quick: bool = False, count: int | None = None, seed: int = 0) -> dict[str, Any]:
     """The outcomes of all damages and disk faults, and how many of them are faults."""
-    rng, count = np.random.default_rng(seed), count or (40 if quick else 2600)
+    rng, count = np.random.default_rng(seed), count or (26 if quick else 2600)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         kinds = made(folder)
@@ -324,7 +324,7 @@ def main(quick: bool = False, count: int | None = None, seed: int = 0) -> dict[s
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--quick", action="store_true", help="a twentieth of the damages")
+    parser.add_argument("--quick", action="store_true", help="a hundredth of the damages")
     parser.add_argument("--count", type=int, help="damages of files")
     parser.add_argument("--seed", type=int, default=0, help="of the random damages")
     arguments = parser.parse_args()

@@ -40,7 +40,7 @@ def worst_loss(mass_ratio: float) -> float:
 
 
 def main(folder: Path, quick: bool = False) -> dict[str, float]:
-    panels, samples = new_row(2, 4.8, 4.4, rows=2), 300 if quick else 1200
+    panels, samples = new_row(2, 4.8, 4.4, rows=2), 100 if quick else 1200
     orbit = find(Hopper())
     ReturnMap(Hopper()).plot(1.0, 12.0, panels[0, 0])
     near = 0.02
@@ -61,7 +61,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     numbers = {
         "next at 4": float(ReturnMap(Hopper())(4.0).next),
         "impacts at 3.4": int(heavy(3.4).impacts),
-        **{f"edge {M:g}": right_edge(Hopper(mass_ratio=M)) for M in (1e3, 1e4)},
+        **{f"edge {M:g}": right_edge(Hopper(mass_ratio=M)) for M in ((1e3,) if quick else (1e3, 1e4))},
         "edge inf": right_edge(HeavyHand()),
         "light loss": worst_loss(LIGHT) / LIGHT,
         "lighter loss": worst_loss(1e-4) / 1e-4,
@@ -69,8 +69,9 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     print(
         f"\n  M = 1: 4 goes to {numbers['next at 4']:.12g}; M = {HEAVY:g}: 3.4 has {numbers['impacts at 3.4']} impacts"
     )
-    for M in ("1000", "10000", "inf"):
-        print(f"  M = {M}: bouncing up to {numbers[f'edge {M}']:.8f}; sqrt(pi^2 + 3) = {EDGE:.8f}")
+    for name, edge in numbers.items():
+        if name.startswith("edge"):
+            print(f"  M = {name[5:]}: bouncing up to {edge:.8f}; sqrt(pi^2 + 3) = {EDGE:.8f}")
     print(f"  light feet: a hop loses at most {numbers['lighter loss']:.4f} M of its energy, M = 1e-4")
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(panels.flat[0], folder / 'figure_5.png')}")

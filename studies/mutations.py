@@ -72,6 +72,7 @@ SWAPPED = {
     **{ast.In: ast.NotIn, ast.NotIn: ast.In},
 }
 PYTEST = (sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider")
+ALL = ("-m", "not browser and not docs")  # the quick mode leaves out the slow tests too
 # A run is given so many times the time of the unchanged sources, and a start; and so much memory in bytes.
 SLOWER, START, MEMORY = 4.0, 60.0, 6 * 2**30
 
@@ -167,10 +168,13 @@ class Copy:
     """A copy of the sources in a folder of its own, in which the tests run.
 
     known : the answers of `quickest`, filled as they are needed; copies share them
+    chosen : the options of pytest that choose tests
     """
 
-    def __init__(self, folder: Path, known: dict[tuple[str, ...], tuple[list[str], float]]):
-        self.root, self.known = folder, known
+    def __init__(
+        self, folder: Path, known: dict[tuple[str, ...], tuple[list[str], float]], chosen: tuple[str, ...] = ALL
+    ):
+        self.root, self.known, self.chosen = folder, known, chosen
         for name in COPIED:
             source, target = ROOT / name, folder / name
             if source.is_dir():
@@ -185,7 +189,7 @@ class Copy:
         with tempfile.TemporaryDirectory() as files:
             options = [f"--basetemp={files}/pytest", *([f"--junitxml={report}"] if report else [])]
             run = subprocess.Popen(
-                [*PYTEST, *options, *tests],
+                [*PYTEST, *self.chosen, *options, *tests],
                 cwd=self.root,
                 env={**os.environ, **own},
                 stdout=subprocess.DEVNULL,
@@ -256,7 +260,7 @@ def main(
     survived, known = 0, {}
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(workers) as pool:
         for worker in range(workers):
-            copies.put(Copy(Path(folder) / str(worker), known))
+            copies.put(Copy(Path(folder) / str(worker), known, () if quick else ALL))
         for done in pool.map(outcome, asked):
             m = done.mutation
             survived += done.verdict == "survived"

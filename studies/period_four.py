@@ -115,7 +115,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
             look = {"color": COLOURS[branch.period - 1], "ls": "-" if stable else "--", "lw": 1.4 if stable else 1.0}
             right.plot(branch.values[first : last + 1], branch.alphas[first : last + 1], **look)
     for start, colour in ((4.52, COLOURS[4]), (4.4925, COLOURS[5])):
-        _draw_visits(right, start, colour, zoom, visits)
+        _draw_visits(right, start, colour, zoom, visits, 100 if quick else 400)
     right.set(xlim=zoom, ylim=(4.489, 4.511), xlabel="inject", ylabel="launch speed", title="two periods attract")
     left.set(ylim=(4.44, 4.68), title="injections at M = 1")
     legend_below(left)
@@ -124,18 +124,18 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(left, folder / 'period_four.png')}")
 
-    samples = (40, 7) if quick else (240, 61)
+    samples = (16, 3) if quick else (240, 61)
     over = {"inject": (0.05, 0.24), "mass_ratio": MASS_RATIOS}
     periods = period_diagram(Hopper(), over, (4.2, 5.4), samples=samples, starts=(4.52, 4.4925))
     print(f"\n{periods}")
     axes = periods.plot(new_axes(8.2, 6.2))
     longest = 0.05 if quick else 0.02
-    for event in (*flips, doubled, fold):
+    for event in flips if quick else (*flips, doubled, fold):
         curve = diagram.follow_event(event, "mass_ratio", MASS_RATIOS[1], longest=longest)
         numbers[f"{event.kind} of {len(event.alphas)} at M = 2"] = curve.at(MASS_RATIOS[1])[0]
         curve.plot(axes)
         print(f"\n{curve}")
-    masses = np.linspace(*MASS_RATIOS, 3 if quick else 21)
+    masses = np.linspace(*MASS_RATIOS, 2 if quick else 21)
     line = np.column_stack([[crisis(mass) for mass in masses], masses])
     axes.plot(*line.T, color="black", lw=2.6, alpha=0.55, label="crisis")
     name_curve(axes, line, "crisis")
@@ -145,13 +145,13 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     return numbers
 
 
-def _draw_visits(axes, start: float, colour: str, span: tuple[float, float], count: int) -> None:
-    """Draw the launches that hops from a start come to in the long run, over a range of the injection."""
+def _draw_visits(axes, start: float, colour: str, span: tuple[float, float], count: int, hops: int) -> None:
+    """Draw the launches that follow so many hops from a start, at `count` values of the injection."""
     injections = np.linspace(*span, count)
     step, alpha, found = ReturnMap(Hopper()), np.full(count, start), list[np.ndarray]()
-    for hop in range(440):
+    for hop in range(hops + 40):
         alpha = step(alpha).next + injections
-        found += [alpha] if hop >= 400 else []
+        found += [alpha] if hop >= hops else []
     look = {"marker": ".", "ls": "", "ms": 1.2, "mew": 0, "color": colour, "zorder": 1, "rasterized": True}
     axes.plot(np.tile(injections, len(found)), np.concatenate(found), **look, label=f"in the long run from {start:g}")
 

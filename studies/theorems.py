@@ -78,7 +78,7 @@ def _slope() -> float:
 
 
 def main(folder: Path, quick: bool = False) -> dict[str, object]:
-    count, wrong, repeats = (5, 5, 1) if quick else (1000, 3000, 5)
+    count, wrong, repeats = (5, 3, 1) if quick else (1000, 3000, 5)
     half_widths = HALF_WIDTHS[NARROW : NARROW + 1] if quick else HALF_WIDTHS
     cubic = find(CUBIC)
     numbers: dict[str, object] = {

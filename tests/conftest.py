@@ -1,5 +1,6 @@
 """Shared by the tests: the reference values, and machines as they state them."""
 
+import gc
 import json
 import os
 import shlex
@@ -19,6 +20,7 @@ from documents import saved
 
 from orbits import Control, Family, Orbit, Proof, find, follow, prove, steer
 from orbits.control import Guess, Input, Stage
+from orbits.symbolic import caches
 from problems import Driven, Hopper, hopper_in_si, steering
 from problems.command.cli import main
 
@@ -28,6 +30,8 @@ PROVED = json.loads((DATA / "proved.json").read_text(encoding="utf-8"))
 DAMPED_LEG = hopper_in_si(
     60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 1e5}, rest_length=0.8, damping=5.0
 )
+
+caches.BUDGET *= 4  # tests of many rooms share machines in one process, whose code need not be compiled again
 
 # Shells let what they run in the background ignore keyboard interrupts, and so would all that the tests start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -45,6 +49,12 @@ def pytest_collection_modifyitems(config, items):
     if config.getoption("--few-of-each", default=False):
         keep_few_of_each(config, items)
     items.sort(key=turn)
+
+
+def pytest_collection_finish():
+    """Nothing that is there by now ends before the tests do; looking through it again and again takes long."""
+    gc.collect()
+    gc.freeze()
 
 
 def turn(item) -> int:

@@ -231,8 +231,8 @@ def test_sixty_crafted_inputs(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_thousand_crafted_inputs(tmp_path):
-    assert not campaign(1000, 2026, tmp_path)
+def test_two_hundred_crafted_inputs(tmp_path):
+    assert not campaign(200, 2026, tmp_path)
 
 
 @pytest.mark.parametrize("name", ["a\0", "a\ud800"])
@@ -269,10 +269,5 @@ def test_every_public_name_is_among_the_calls():
 
 
 @pytest.mark.slow
-def test_a_dozen_crafted_calls():
-    assert not crafted_calls.main(calls=12, first=276)["faults"]
-
-
-@pytest.mark.slow
-def test_two_hundred_crafted_calls():
-    assert not crafted_calls.main(calls=200, seed=2026)["faults"]
+def test_forty_crafted_calls():
+    assert not crafted_calls.main(calls=40, seed=2026)["faults"]

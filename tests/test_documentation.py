@@ -20,6 +20,7 @@ from conftest import leave
 
 import orbits
 import problems
+from orbits.show import animation
 from problems.laws import springs
 
 ROOT = Path(__file__).parents[1]
@@ -28,7 +29,7 @@ PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
 BLOCK = re.compile(r"^```(python|toml|text|output|console|\{drawn\}[^\n]*)\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
 # The pages whose code takes more than some seconds.
 LONG = (
-    *("chain.md", "command_line.md", "control.md", "design.md", "families.md", "gallery.md", "machine.md"),
+    *("README.md", "chain.md", "command_line.md", "control.md", "design.md", "families.md", "gallery.md", "machine.md"),
     *("measured_spring.md", "pages.md", "proof.md", "return_map.md", "running.md", "start.md", "steps.md"),
     "thousand_orbits.md",
 )
@@ -110,8 +111,9 @@ def test_shown_output_is_compared():
 @pytest.mark.parametrize("page", [with_marks(page) for page in PAGES if blocks_of(page)])
 def test_page_runs(page, orbits, tmp_path, monkeypatch, capsys, figures_of_site):
     """A page's Python runs from its top to its end and prints what the page shows, its files are machines that hop, and
-    its commands exit with 0."""
+    its commands exit with 0. Animations have few frames."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(animation, "_frames", lambda frames: 4)
     shutil.copy(springs.SAMPLE, tmp_path)
     names: dict = {"__name__": "page"}
     printed = ""
@@ -271,6 +273,7 @@ LONG_EXAMPLES = (
     "orbits.continuation.branch_curve",
     "orbits.continuation.follow",
     "orbits.periodic.branch_points",
+    "orbits.sweeps.existence",
     "problems.machines.knee",
     "problems.machines.plate",
     "orbits.continuation.folds",

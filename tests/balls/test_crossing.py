@@ -46,6 +46,7 @@ def test_a_bilinear_spring(gap, ratio):
         assert mp.sign(lateness(low, gap, ratio)) * mp.sign(lateness(high, gap, ratio)) == -1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "machine",
     [
@@ -63,6 +64,7 @@ def test_other_laws_in_pieces(machine):
     assert orbit.alpha + orbit.error >= float(proof.alpha.low)
 
 
+@pytest.mark.slow
 def test_an_interval_of_gaps():
     """The breakpoint itself is known to an interval only."""
     machine = Hopper(springs.bilinear(gap=0.5, ratio=2.0))
@@ -73,6 +75,7 @@ def test_an_interval_of_gaps():
         assert float(proof.alpha.low) < alpha < float(proof.alpha.high)
 
 
+@pytest.mark.slow
 def test_wrong_claims_of_laws_in_pieces():
     orbit = find(Hopper(springs.bilinear(gap=0.5, ratio=2.0)))
     for gap, ratio in ((0.5001, 2.0), (0.5, 2.001)):
@@ -173,6 +176,7 @@ def test_parameters_of_a_table():
         assert float(proof.alpha.low) < find(machine.with_values(s=s, d=1e-3)).alpha < float(proof.alpha.high)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rows", "reason"),
     [
@@ -206,6 +210,7 @@ def test_a_table_has_no_force_beyond_its_rows(end, proved):
     assert proved or "where the spring's table has no value" in proof.reasons[0]
 
 
+@pytest.mark.slow
 def test_a_false_claim_about_a_table_is_refused():
     """One of those of `studies/theorems.py`; 200 others were tried."""
     rng, claim = np.random.default_rng(1), None
@@ -214,6 +219,7 @@ def test_a_false_claim_about_a_table_is_refused():
     assert claim.verdict() == REFUSED, claim.what
 
 
+@pytest.mark.slow
 def test_an_orbit_that_grazes_a_breakpoint_is_refused():
     """The linear hop turns at -+ sqrt(1 + alpha**2), where the stops are."""
     alpha = 4.493409457909064

@@ -45,6 +45,7 @@ def test_another_machine_cannot_resume(softening_family):
         follow(Hopper("cubic", rest_length=31.0), "beta", -0.02, 0.0, resume=softening_family)
 
 
+@pytest.mark.slow
 def test_a_resumed_family_has_each_event_once(softening_family, tmp_path):
     """Wherever the file was cut."""
     lines = softening_family.save(tmp_path / "whole.jsonl").read_text().splitlines(keepends=True)

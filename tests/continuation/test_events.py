@@ -36,6 +36,7 @@ def test_masses_that_touch_are_located_and_the_curve_goes_on():
     assert [point.admissible for point in short] == [True] * (len(short) - 1) + [False]
 
 
+@pytest.mark.slow
 def test_the_users_own_event():
     family = follow(Hopper("cubic"), "beta", 1.0, 0.0, watch={"three": lambda orbit: orbit.alpha - 3.0})
     (point,) = events(family, "three")
@@ -55,6 +56,7 @@ def test_a_table_that_ends_is_no_collapse():
     assert find(table.with_values(mass_ratio=event.point.value + 1e-9)).admissible
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("before", [1e-6, 1e-12])
 def test_values_beside_a_fold_are_hit_twice(before):
     value = FOLD + before

@@ -29,6 +29,7 @@ class TestOnDisk:
         with pytest.raises(InputError, match=r"persistent-orbits\[data\]"):
             softening_family.save(tmp_path / "family.nc")
 
+    @pytest.mark.slow
     @pytest.mark.extra("xarray")
     def test_netcdf(self, softening_family, tmp_path):
         import xarray

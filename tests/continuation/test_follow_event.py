@@ -56,6 +56,7 @@ def test_masses_touch_at_a_rest_length_that_is_the_smallest_extension():
         assert point.admissible
 
 
+@pytest.mark.slow
 def test_a_curve_of_masses_that_touch_is_that_of_single_families(low):
     curve = follow_event(low, "masses touch", "delta", 1e-5, **LONG)
     other = follow(low.source.with_values(delta=1e-5), "beta", -0.006, longest=0.1)
@@ -65,6 +66,7 @@ def test_a_curve_of_masses_that_touch_is_that_of_single_families(low):
     assert all(point.admissible for point in curve)
 
 
+@pytest.mark.slow
 def test_a_collapse_is_where_the_energy_is_that_of_the_barrier(quintic):
     """For a cubic spring the barrier and the energies are known in closed form."""
     curve = follow_event(quintic, "collapse", "mass_ratio", 2.0, **LONG)
@@ -94,6 +96,7 @@ def test_an_extremum_of_a_formula(low):
     assert curve[-1].also["beta"] == pytest.approx(same[-1].also["beta"], abs=1e-11)
 
 
+@pytest.mark.slow
 def test_an_extremum_is_that_of_single_families():
     """The spring is softest, and the launch fastest, where s - s^2 is largest."""
     machine = Hopper("r - (0.03*s - 0.03*s**2 + c)*r**3", parameters={"s": 0.2, "c": 0.0})

@@ -18,6 +18,7 @@ def contacts() -> Family:
     return follow(CUBIC, "contact_time", 200.0, tune="beta", at=[60.0], longest=0.1)
 
 
+@pytest.mark.slow
 def test_a_contact_that_stays_near_a_barrier(contacts):
     """The body comes to rest where the spring can just carry it, phi(y) = -1/M: by energy and, for the flight, by
     another integrator. A change grows there with the square root of -M phi'(y)/(1 + M)."""

@@ -102,6 +102,7 @@ def test_two_masses_have_the_hop_that_find_has(law):
     )
 
 
+@pytest.mark.slow
 def test_steeper_lines_lead_to_the_same_hops_and_to_more():
     machine = plate(Spring("body - foot", CUBIC))
     known, more = (np.array([[*start.values()] for start in starts(machine, *LONGEST, slope=s)]) for s in (1.0, 2.0))
@@ -112,6 +113,7 @@ def test_steeper_lines_lead_to_the_same_hops_and_to_more():
         starts(machine, slope=0.0)
 
 
+@pytest.mark.slow
 def test_hops_that_end_before_say_how_far_they_came():
     """The launches of a family of hops that returns to straight springs grow as the inverse root of the share of the
     cubic term; those of a law of two stiffnesses grow beyond all bounds at one share, as if it had no gap."""

@@ -49,6 +49,7 @@ def test_bounds_become_active_until_no_motion_is_left():
     assert back.at(2.1).cost == pytest.approx(to(2.1, low=-9.0, high=9.0).cost, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("intervals", "shift"), [(3, 0.0), (4, 0.1)])
 def test_a_path_condition_is_touched_within_an_interval(intervals, shift):
     """The speed d (6 t - 6 t^2) comes to 2 at d = 4/3. On three intervals it is 2 on all of the middle one from d = 3/2

@@ -10,6 +10,7 @@ from orbits.design.problem import design_problem
 from problems import Hopper
 
 
+@pytest.mark.slow
 def test_an_optimum_stays_admissible():
     """With a short leg the higher hop is that at which the masses almost meet."""
     short = Hopper("r + b*r**3", mass_ratio=0.5, rest_length=6.0, parameters={"b": 1.0})
@@ -19,6 +20,7 @@ def test_an_optimum_stays_admissible():
     assert [active.text for active in best.active] == ["smallest_separation > 0"]
 
 
+@pytest.mark.slow
 def test_an_extreme_at_two_places():
     """Where the peak force in contact has come down to that in flight, it cannot fall further: a corner."""
     spring = Hopper("r + a*r**2 + b*r**3", mass_ratio=5.0, rest_length=60.0, parameters={"a": 0.1, "b": 0.1})
@@ -61,6 +63,7 @@ def test_constraints_that_cannot_be_met():
         optimize(CUBIC, minimise="alpha", over={"b": (0.1, 1.0)}, subject_to=constraints, starts=1)
 
 
+@pytest.mark.slow
 def test_objective_without_bound():
     """The saturating spring's first family runs off as b -> 1/3; with a bound on it there is an optimum."""
     spring = Hopper("tanh", parameters={"b": 0.2})

@@ -72,6 +72,7 @@ def test_derivatives_are_those_by_differences(what, to):
         assert of_cost == pytest.approx(here.gradient[i] if i < 2 else here.slope, rel=1e-5, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_bound_is_followed_with_its_price(linear):
     """Along closed forms: the design, the slope of its cost, and where the stiffest spring is reached."""
     curve = linear.follow("centre_of_mass_rise <= 0.04", 0.03, points=6)
@@ -159,6 +160,7 @@ def test_a_curve_comes_back(linear, tmp_path):
         DesignCurve.load(linear.save(tmp_path / "design.json"), LINEAR)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_followed(linear):
     for what, words in {
         "stroke <= 1": "no constraint, bound or parameter 'stroke <= 1'; known: centre_of_mass_rise <= 0.04, body_mass",

@@ -83,6 +83,7 @@ def test_leg_in_si():
     assert again.certificate.loss_coefficient == pytest.approx(best.objective, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_varying_gravity_goes_over_into_constant():
     """As the planet grows the design tends to that under constant gravity, found by another statement."""
     texts = {"minimise": "centre_of_mass_rise", "over": {"b": RANGE}, "subject_to": ["stroke >= 6"]}

@@ -11,6 +11,7 @@ ROWS = np.linspace(-14, 14, 97)
 MEASURED = springs.table((ROWS, ROWS + 0.02 * ROWS**3), noise=0, scale="b", shift="d")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("machine", "family"),
     [
@@ -34,6 +35,7 @@ def test_sensitivities_are_those_of_neighbouring_orbits(machine, family):
             assert exact[quantity][name] == pytest.approx(slope, rel=1e-7, abs=1e-8), quantity
 
 
+@pytest.mark.slow
 def test_breakpoints_that_move():
     """A bilinear spring is a motion in three harmonic arcs; its slopes by gap and ratio are those of neighbours."""
     machine = Hopper("bilinear", mass_ratio=0.5, rest_length=12)
@@ -59,6 +61,7 @@ def test_a_measured_spring_is_the_formula_that_it_was_made_of():
             assert found[quantity][name] == pytest.approx(slope, rel=1e-9, abs=1e-9), (quantity, name)
 
 
+@pytest.mark.slow
 def test_a_measured_spring_on_a_plate_is_the_formula_that_it_was_made_of():
     """The launch has four unknowns, and lies between two rows."""
     start = {"liftoff": 1.1537, "alpha": 5.6216, "plate": -0.011973, "plate'": 0.0030105}
@@ -72,6 +75,7 @@ def test_a_measured_spring_on_a_plate_is_the_formula_that_it_was_made_of():
         assert found[1][quantity] == pytest.approx(slopes, rel=1e-11, abs=1e-11), quantity
 
 
+@pytest.mark.slow
 def test_a_force_that_jumps_has_no_smooth_variation():
     law = springs.function(lambda r, k: r + 0.4 * k * np.where(r > 0.5, 1, 0), breakpoints=(0.5,), k=1.0)
     machine = Hopper(law, mass_ratio=0.5)
@@ -105,6 +109,7 @@ SEVERAL = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("case", "names"), [("chain", ["m1", "b"]), ("hand", ["m2", "m3"])])
 def test_sensitivities_of_launches_of_several_unknowns(case, names):
     """Every quantity, by differences of neighbouring orbits, extrapolated by Richardson."""

@@ -21,6 +21,7 @@ def test_a_narrow_bump_is_crossed_in_steps_that_see_it(width):
     )
 
 
+@pytest.mark.slow
 def test_a_narrow_bump_of_gravity_is_seen():
     machine = Hopper("r", "1 + 0.5*exp(-20*(z - 5)**2)", rest_length=20)
     orbit = find(machine)
@@ -73,6 +74,7 @@ def test_what_is_narrower_than_a_step_is_not_missed_silently(spring, gravity):
         assert "certified" in refusal or "did not converge" in refusal if refusal else drift < 1e-12
 
 
+@pytest.mark.slow
 def test_a_bump_that_the_steps_leap_over_is_noticed():
     """A bump of height 0.5 shifts alpha a little: found right, or refused."""
     law, shift = "r + 0.5*exp(-((r - 1.3)/1e-3)**2)", -2.6e-5

@@ -75,6 +75,7 @@ def test_what_no_model_is_derived_of(change, telling):
         find(machine(**change))
 
 
+@pytest.mark.slow
 def test_springs_in_pieces_along_one_extension_are_one_law():
     """The remedy of the refusal: the sum of two stops, against SciPy's integrator of r'' = -phi(r), where the spring
     turns in mid-flight, at the time alpha."""

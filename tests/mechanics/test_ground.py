@@ -97,6 +97,7 @@ def test_the_knee_hopper_on_heavy_ground():
     assert find(yielding, start=launch | times).alpha == pytest.approx(rigid.alpha, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_the_plate_hopper_is_a_case():
     """It is the mechanism that it was, with the plate among its elements; and the hopper in other units."""
     own = {"m1": 1.0, "m2": 1.0, "m3": 2.0, "plate_stiffness": 5.0}

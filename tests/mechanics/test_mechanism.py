@@ -26,6 +26,7 @@ class TestTheSameMachine:
         assert ours.status.tolist() == theirs.status.tolist()
         assert ours.next == pytest.approx(theirs.next, rel=1e-11, nan_ok=True)
 
+    @pytest.mark.slow
     def test_with_a_law_in_pieces(self):
         law = springs.end_stops(gap=1.5, stop=20.0)
         derived = leg(Spring("body - foot", law), parameters={"m1": 1.0, "m2": 1.0})

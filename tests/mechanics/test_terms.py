@@ -82,6 +82,7 @@ class TestAnotherMachine:
         assert orbit.certificate.loss_coefficient == pytest.approx(limit, rel=3e-3)
 
 
+@pytest.mark.slow
 def test_gravity_that_is_not_1_at_the_ground():
     """A law may have the acceleration at the ground in it, or be a share of one that is stated beside it."""
     elements = [Mass("body + 9", "2"), Mass("foot", "0.5"), Spring("body - foot", "3*r + r**3")]

@@ -63,6 +63,7 @@ def test_a_launch_speed_below_0_is_no_guess():
         find(stepping("wheel", 1.0, 0.5, -0.3))
 
 
+@pytest.mark.slow
 def test_gravity_that_is_no_straight_line_has_the_guess_of_a_launch_without_an_acceleration():
     """Of a light wheel with a heavy inner body."""
     machine = stepping("wheel", 120.0, 0.3924, math.pi / 8)

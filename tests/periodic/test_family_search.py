@@ -81,6 +81,7 @@ def test_a_search_begins_at_different_launch_speeds():
         assert (np.diff(speeds) > 1e-6 * speeds[1:]).all(), family
 
 
+@pytest.mark.slow
 def test_the_fallback_is_a_search():
     """Under constant gravity this spring does not come back, in falling gravity it does."""
     p = {"a": 0.3, "R": 20.0}

@@ -105,6 +105,7 @@ def test_where_the_ground_would_have_to_pull_no_friction_is_enough(monkeypatch):
         assert (certificate.friction_needed is not None) == (certificate.friction_time is not None) == enough
 
 
+@pytest.mark.slow
 def test_along_a_family_each_orbit_has_its_own():
     points = follow(wheel(a=0.2), "a", 0.3, at=[0.25]).points
     for value in (0.2, 0.25, 0.3):

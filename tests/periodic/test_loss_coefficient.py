@@ -186,6 +186,7 @@ def test_the_loss_coefficient_of_the_cubic_spring_has_all_its_digits():
     assert worst < 1e-7
 
 
+@pytest.mark.slow
 def test_where_the_launched_mass_moves_down_at_lift_off():
     """A launch of three numbers, an unstable one: its speed alone is changed, and the energy falls by the local law."""
     masses = [Mass(name, 1.0) for name in ("a", "b", "c")]
@@ -232,6 +233,7 @@ class TestHandOverFactors:
         assert late_factor(rho) == pytest.approx((hand_over_factors(rho)[0], slope), rel=1e-6)
         assert late_factor(-rho) == (1.0, 0.0)
 
+    @pytest.mark.slow
     def test_certificates_have_them(self):
         rho = float(np.cos(0.6))
         late, early = hand_over_factors(rho)

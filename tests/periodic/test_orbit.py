@@ -245,6 +245,7 @@ class TestSteps:
         rates = lambda t, x: [float(each) for each in phase.field(list(x), p, [])]  # noqa: E731
         return solve_ivp(rates, (0.0, time), start, "DOP853", rtol=1e-13, atol=1e-14, dense_output=True).sol
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("kind", ["wheel", "rocker", "shuttle"])
     def test_a_whole_step_is_the_motion_and_its_relabelled_image(self, kind, tmp_path):
         machine = stepping(kind, 1.0, 0.5, 0.3, "r + r**3")

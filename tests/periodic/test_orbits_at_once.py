@@ -25,6 +25,7 @@ def test_the_lowest_is_found_between_two_barriers():
     assert case.scanned(9.0) == pytest.approx([one.alpha for one in orbits[:2]], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_lowest_of_many_is_found_beyond_barriers():
     """Alone and together, of springs that have one orbit or three."""
     rng = np.random.default_rng(12)

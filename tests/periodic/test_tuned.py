@@ -226,6 +226,7 @@ def test_a_runner_needs_one_tuned_number_more(arguments, text):
         find(runner(foot_mass=0.1, rest_length=3.7, inertia=5.7, hip_stiffness=5.4), **arguments)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("family", "speed", "text"),
     [

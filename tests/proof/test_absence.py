@@ -11,7 +11,7 @@ from orbits.proof.absence import trend_of
 from problems import Chain, Hopper, Juggler
 
 
-@pytest.mark.parametrize(("b", "family"), [(0.3333334, 1), (0.5, 1), (5.0, 1), (0.2, 2), (0.2000001, 2), (0.15, 3)])
+@pytest.mark.parametrize(("b", "family"), [(0.3333334, 1), (5.0, 1), (0.2, 2), (0.15, 3)])
 def test_no_orbit_of_a_tanh_spring(b, family):
     machine = Hopper("tanh", parameters={"b": b})
     proof = prove_absence(machine, family)

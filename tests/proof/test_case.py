@@ -7,7 +7,7 @@ from fractions import Fraction
 from functools import cache
 
 import pytest
-from conftest import REFERENCES, machine_of
+from conftest import REFERENCES, machine_of, name_of
 from proofs import CONDITIONS, CUBIC, meets, not_proved
 from steps import SINES, TABLE, closed_form, stepping
 
@@ -30,6 +30,7 @@ def without_violations(orbit):
 
 
 class TestWrongClaims:
+    @pytest.mark.parametrize("reference", REFERENCES[::3], ids=name_of)
     def test_another_alpha(self, reference):
         orbit = find(machine_of(reference), reference["family"])
         proof = prove(dataclasses.replace(orbit, alpha=orbit.alpha + 1e-9), motion=False)
@@ -189,6 +190,7 @@ class TestSteps:
         assert not proof.proved
         assert "has no value" in proof.reasons[0]
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(("kind", "law", "start"), PULLING)
     def test_a_foot_that_would_have_to_pull(self, kind, law, start):
         """By integration with SciPy the least force on the landed foot is -0.010 and -0.024 of that at lift-off."""

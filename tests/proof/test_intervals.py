@@ -44,7 +44,8 @@ def test_an_orbit_of_another_machine_is_not_proved_by_a_part():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("bounds", [("-0.02", "0.3"), ("0.1", "5")])
-def test_too_wide_an_interval_stays_undecided(bounds):
+def test_too_wide_an_interval_stays_undecided(bounds, monkeypatch):
+    monkeypatch.setattr(intervals, "HALVINGS_OF_INTERVALS", 1)
     proof = prove(find(MACHINE), parameters={"beta": bounds}, motion=False)
     assert not proof.proved
     assert proof.reasons
@@ -92,7 +93,8 @@ class TestIntervalParameters:
             assert meets(proof.alpha, find(machine).alpha, "1e-13")
 
     @SLOW
-    def test_an_interval_that_holds_a_pole_of_a_law_is_undecided(self):
+    def test_an_interval_that_holds_a_pole_of_a_law_is_undecided(self, monkeypatch):
+        monkeypatch.setattr(intervals, "HALVINGS_OF_INTERVALS", 1)
         proof = prove(find(machine_of(REFERENCES[4])), parameters={"R": ("-60", "160")})
         assert not proof.proved
         assert set(proof.conditions.values()) == {"undecided"}

@@ -106,6 +106,7 @@ class TestTunedHop:
 
 
 class TestSecondProgram:
+    @pytest.mark.slow
     def test_it_verifies_a_tuned_hop(self, document):
         assert check(document) == []
 

@@ -22,7 +22,7 @@ def digits(proof) -> dict[str, float]:
     return {"parts": len(proof.parts)} | {name: round(-100 * log10(size)) for name, size in sizes.items() if size}
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def interval_proof(cubic_hop):
     """A hop for all parameters between two decimals."""
     return prove(cubic_hop, parameters={"beta": ("0.3", "0.301")})
@@ -31,6 +31,7 @@ def interval_proof(cubic_hop):
 CURVE = pytest.param("folded_curve", marks=pytest.mark.slow)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cubic_proof", CURVE, "interval_proof"])
 def test_enclosures_are_as_narrow_as_before(name, request):
     proof = request.getfixturevalue(name)

@@ -35,6 +35,7 @@ def hops():
     return ReturnMap(Hopper(), inject=0.12).periodic_hops(2, 4.48, 4.63)
 
 
+@pytest.mark.slow
 def test_the_hops_of_period_two_are_all(hops):
     proof = prove_all_hops(Hopper(), hops, "0.12")
     assert proof.proved

@@ -94,6 +94,7 @@ def test_a_multiplier_that_touches_a_level_is_no_bifurcation():
     assert kinds([0, 1, 2], [1.1, 1.0, 0.9]) == ["branch point"]
 
 
+@pytest.mark.slow
 def test_a_heavy_foot_bounces_from_throws_of_pi_on():
     """Section 9 of the paper: with a heavy foot the map falls off at pi, where bouncing begins; a branch ends there."""
     asked = {"sections": 2, "attractor": 0, "samples": 60, "cap": 2000}
@@ -236,6 +237,7 @@ def test_nothing_comes_back_with_damping_alone():
         diagram.plot()
 
 
+@pytest.mark.slow
 def test_along_the_mass_ratio_with_an_injection():
     """A branch through all of a short range, whose ends are fixed points; along other parameters than the injection
     no attractor is computed where none is asked for."""
@@ -305,6 +307,7 @@ def of_period_three():
     return bifurcations(Hopper(), "inject", (0.1332, 0.1402), (4.4, 4.75), periods=(3,), sections=3, attractor=0)
 
 
+@pytest.mark.slow
 def test_flips_folds_and_borders_equal_those_of_bisection_on_the_map(of_period_three):
     fold, flip, *_ = [event for event in of_period_three.events if len(event.alphas) == 3]
     (border,) = (event for event in of_period_three.events if len(event.alphas) == 3 and event.border)

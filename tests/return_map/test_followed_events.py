@@ -48,6 +48,7 @@ def test_flips_of_period_two():
     assert np.prod([multiplier(machine, alpha) for alpha in curve.alphas[-1]]) == pytest.approx(-1, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_with_a_damper():
     """Landings then change all rates: a flip and a fold, in the damping and the injection."""
     machine = Hopper(damping=0.001)
@@ -147,6 +148,7 @@ def test_a_diagram_follows_its_events(tmp_path):
     assert np.array_equal(other.values, curve.values)
 
 
+@pytest.mark.slow
 def test_in_si():
     """The curve of a machine in SI is that of the dimensionless one, in its units."""
     leg = hopper_in_si(2.0, 2.0, stiffness=100.0, rest_length=2.0)

@@ -62,6 +62,7 @@ def test_the_hops_come_back_and_have_exact_multipliers():
         assert newton.launches[:, 0] == pytest.approx(launches, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_period_two_is_stable_between_its_flips():
     step = ReturnMap(Hopper(), inject=0.09)
     (pair,) = step.periodic_hops(2, LOW, HIGH)
@@ -80,6 +81,7 @@ def test_without_injection_hops_are_lossless():
     assert len(ReturnMap(Hopper()).periodic_hops(2, LOW, HIGH)) == 0
 
 
+@pytest.mark.slow
 def test_a_damped_machine_in_si():
     star = find(LEG).alpha
     step, ends = ReturnMap(replace(LEG, damping=0.5), inject=0.02 * star), (0.95 * star, 1.1 * star)

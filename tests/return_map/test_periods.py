@@ -49,6 +49,7 @@ def test_a_slow_hop_is_outside_of_the_range():
     assert found.period()[0, 0] == -1
 
 
+@pytest.mark.slow
 def test_launches_that_leave():
     """From a heavy hand every launch is faster than the one before, until one bounces for ever."""
     over = {"inject": (8.0, 9.0), "beta": (0.3, 0.31)}

@@ -30,6 +30,7 @@ def swing():
     return Shooting(Statement("swing", ("speed",), (arc,)), ("t",))
 
 
+@pytest.mark.slow
 def test_a_pendulum_near_the_separatrix():
     """A quarter of its period is K(m), with 1 - m = sin(x/2)**2 at the angle x from the top where it turns. After 60
     units of time a change has grown 3e25-fold."""

@@ -10,6 +10,7 @@ from orbits import InputError
 from orbits.show.plot import new_axes, new_row
 
 
+@pytest.mark.slow
 def test_the_figure(steered_relay):
     axes = steered_relay.plot()
     states, inputs = axes.figure.axes

@@ -98,6 +98,7 @@ def test_legends_name_only_what_is_there():
     assert plot.plot_gap(flight).get_legend() is None
 
 
+@pytest.mark.slow
 def test_texts_with_dollars_are_no_mathematics(tmp_path):
     """What does not close would raise; units have their powers raised all the same."""
     orbit, family = find(Hopper()), follow(Hopper("cubic"), "beta", 0.01, 0.0)

@@ -156,6 +156,7 @@ class TestLaunches:
 
 
 class TestTime:
+    @pytest.mark.slow
     def test_it_ends_exactly_then(self):
         rng = np.random.default_rng(1)
         for _ in range(60):
@@ -208,6 +209,7 @@ class TestStatuses:
         assert "lifts_off" in found
         assert "cap" in found
 
+    @pytest.mark.slow
     def test_neighbours_in_an_array_change_nothing(self):
         machine = Hopper("r", "1/(1 + z/R)**2", rest_length=5.0, parameters={"R": 20.0})
         alpha = np.array([3.0, 6.0, 5.9, 9.0])

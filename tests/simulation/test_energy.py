@@ -16,7 +16,7 @@ from problems import (
     plate_hopper,
 )
 
-HOPS, MANY, MOST_DRIFT = 150, 400, 1e-10
+HOPS, MANY, MOST_DRIFT = 80, 200, 1e-10
 LONG = ("hopper in varying gravity", "knee hopper")
 
 

@@ -11,10 +11,12 @@ MU, KAPPA, A = 1.0, 0.5, 0.3
 KINDS = ("wheel", "rocker", "shuttle")
 
 
-@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(
-    ("statement", "steps"),
-    [("by hand", 8), ("nearly straight", 8), ("sine", 8), pytest.param("sine", 1000, marks=pytest.mark.slow)],
+    ("kind", "statement", "steps"),
+    [
+        *((kind, statement, 8) for kind in KINDS for statement in ("by hand", "nearly straight", "sine")),
+        pytest.param("wheel", "sine", 300, marks=pytest.mark.slow),
+    ],
 )
 def test_energy_and_steps_last(kind, statement, steps):
     angle = A if statement == "sine" else None
@@ -39,6 +41,7 @@ def test_states_are_those_of_the_orbit(kind):
     assert jumps < 0.01
 
 
+@pytest.mark.slow
 def test_events_name_their_feet():
     machine = wheel(MU, KAPPA, A, friction=0.3)
     run = simulate(machine, find(machine).alpha, hops=1)
@@ -53,6 +56,7 @@ def test_events_name_their_feet():
     assert run.legs[0].path(lifts.time)[4] == pytest.approx(0.0, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_motions_start_on_either_foot():
     machine = wheel(MU, KAPPA, A)
     lifted = find(machine)(0.0)

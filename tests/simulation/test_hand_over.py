@@ -141,6 +141,7 @@ def test_the_sum_of_hand_overs_is_their_limit(monkeypatch):
     assert (summed.impacts < longer.impacts).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("machine", [wheel(MU, KAPPA, A), rocker(MU, KAPPA, A)], ids=["wheel", "rocker"])
 def test_the_map_is_what_simulations_have(machine):
     alpha = find(machine).alpha

@@ -161,6 +161,7 @@ def test_a_file_of_a_simulation_has_the_forces_of_the_branches(tmp_path):
             np.testing.assert_array_equal(again.forces(t)[name], force)
 
 
+@pytest.mark.slow
 def test_the_loss_tends_to_that_of_the_mean_laws_hop_with_the_loop():
     """From the lossless launch speed the next one is lower by B eta + O(eta^(4/3)), B by the mean law's motion."""
     orbit = find(Hopper("r + beta*r**3", mass_ratio=0.5, parameters=CUBIC))

@@ -43,6 +43,7 @@ def test_the_law_beside_a_tangential_landing_is_told(machine):
     assert f"{10 * c:.4g} d**(4/3)" in str(error.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("machine", "beside"), [(wheel(), 1e-5), (wheel(), -1e-5), (rocker(), 1e-5)])
 def test_hand_overs_have_their_share_of_the_multiplier(machine, beside):
     alpha, h = find(machine).alpha + beside, 1e-9

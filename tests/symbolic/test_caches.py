@@ -10,7 +10,7 @@ from problems import Hopper
 
 @pytest.mark.slow
 def test_many_laws_take_little_memory():
-    run("symbolic/many_laws.py", 12, 400)
+    run("symbolic/many_laws.py", 6, 370)
 
 
 @pytest.mark.slow

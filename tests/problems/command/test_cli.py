@@ -37,6 +37,7 @@ def test_process_finds_an_orbit():
     assert done.document["alpha"] == pytest.approx(ALPHA, rel=1e-15, abs=0)
 
 
+@pytest.mark.slow
 def test_process_refuses_an_inadmissible_orbit():
     done = in_a_process(*shlex.split(INADMISSIBLE))
     assert (done.code, done.err) == (1, "")

@@ -50,6 +50,7 @@ def test_command_line(orbits, tmp_path):
     assert orbits("find --family 2 --machine", path).code == 0
 
 
+@pytest.mark.slow
 def test_a_machine_that_steps(orbits, tmp_path):
     """The fastest steps of the least friction that a file may ask for."""
     path = tmp_path / "wheel.toml"

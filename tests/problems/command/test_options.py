@@ -212,6 +212,7 @@ def soft(tmp_path_factory):
 class TestStartOfSeveralNumbers:
     """What the commands compute from `--start` is what the functions do, and without it they name it."""
 
+    @pytest.mark.slow
     def test_it_is_the_start_of_functions(self, soft, orbits):
         machine, orbit, file, hop = soft
 

@@ -52,6 +52,7 @@ def test_attraction(orbits):
     assert float(document["attraction_loss"]["low"]) < 3.61695 < float(document["attraction_loss"]["high"])
 
 
+@pytest.mark.slow
 def test_an_interval(orbits):
     done = orbits("prove --spring cubic --between beta=0.2999:0.3001 --between mass_ratio=0.999:1.001 --json")
     assert done.code == 0

@@ -17,6 +17,7 @@ pytestmark = pytest.mark.extra("bokeh")
 CUBIC = beginning("hopper")
 
 
+@pytest.mark.slow
 def test_a_family_comes_in_pieces_and_is_that_of_follow():
     scene = replace(CUBIC, along="beta")
     pieces = list(family_results(None, scene, -0.5, 2.0))

@@ -203,6 +203,7 @@ def test_without_bokeh_the_extra_is_named(monkeypatch):
         explore(Hopper())
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_the_page_of_a_machine():
     page = explore(Hopper("tanh", rest_length=20.0, parameters={"b": 0.1}), height=700)
     try:

@@ -147,6 +147,7 @@ class TestFit:
         with pytest.raises(InputError, match="named twice among b, k, k"):
             uncertainty(Hopper(self.FOUND.law), {**self.FOUND.distributions(), "k": norm(1.0, 0.1)})
 
+    @pytest.mark.slow
     def test_a_leg_in_si_from_a_file(self):
         """The sample was made from 8000 r + 2e6 r**3, in mm and N."""
         found = springs.fit(springs.SAMPLE, "k*r + b*r**3 + c", in_si=True)

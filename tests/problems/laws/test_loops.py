@@ -29,6 +29,7 @@ def test_a_loop_has_the_area_that_is_stated(mean):
     assert area(springs.lossy(mean, loop_area=0.2, between=(-0.5, 2.0)), -0.5, 2.0) == pytest.approx(0.2, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_measured_loop_is_its_two_branches():
     force = MEASURED + 0.01 * MEASURED**3 + WIDTH
     law = springs.loop((MEASURED, force), noise=0)

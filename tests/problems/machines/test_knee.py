@@ -378,6 +378,7 @@ def hopper_with_the_same_leg(machine):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("machine", "family"), [(MACHINE, 1), (MACHINE, 2), (OTHER, 1)])
 def test_it_is_a_hopper_with_a_nonlinear_spring(machine, family):
     knee, plain = find(machine, family), find(hopper_with_the_same_leg(machine), family)
@@ -550,6 +551,7 @@ def test_sensitivities_of_heights_that_are_no_straight_lines(orbit):
         assert slopes_found[name]["link"] == pytest.approx((values[1] - values[0]) / (2 * step), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_sweep_finds_what_find_finds():
     links = np.linspace(0.2, 0.3, 12)
     found = sweep(MACHINE, over={"link": links.tolist()}, quantities=["body_rise", "stroke", "smallest_separation"])

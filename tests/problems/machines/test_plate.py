@@ -48,6 +48,7 @@ class TestLimits:
             assert abs(orbit.alpha / ALPHA - 1) < 0.06 / frequency
         assert np.divide(errors[1:], errors[:-1]) == pytest.approx(0.5, abs=0.03)
 
+    @pytest.mark.slow
     def test_where_the_plate_is_at_rest_at_liftoff_the_limit_is_of_second_order(self):
         """The plate lifts off at the height of its rest, with the speed at which the leg's pull changed its place."""
         turns = np.pi * (96 + 0.5)
@@ -188,6 +189,7 @@ class TestEndsOfFamilies:
         assert abs(family[-1].alpha) > 100
         assert np.sign(family[-1].alpha) == np.sign(4 - stiffness)  # its sign changes on the way from above
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("n", "which", "stiffness", "half_flight", "half_contact"),
         slow_after(1, [(2, 0, 3.0, 2.5430, 2.1551), (3, 1, 8.0, 2.4787, 2.3733)]),

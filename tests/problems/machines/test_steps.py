@@ -89,12 +89,14 @@ class TestSI:
         kappa = self.MASS * self.GRAVITY * height / self.STIFFNESS
         return {"inertia_ratio": self.BODY / self.INERTIA, "gravity_ratio": kappa, "angle": angle}
 
+    @pytest.mark.slow
     def test_a_wheel(self):
         wheel = rimless_wheel(self.MASS, self.LENGTH, 8, **self.numbers)
         orbit = self.same(wheel, rimless_wheel(**self.ratios(self.LENGTH, math.pi / 8)))
         assert orbit.rises["hub"] == pytest.approx(self.LENGTH * (1 - math.cos(math.pi / 8)), rel=1e-9)
         assert "stiffness = 20 N m/rad" in str(orbit)
 
+    @pytest.mark.slow
     def test_a_block(self):
         block = rocking_block(self.MASS, 0.1, 0.3, **self.numbers)
         self.same(block, rocking_block(**self.ratios(0.3, math.atan(1 / 3))))

@@ -42,6 +42,7 @@ def restated(spring="r", c=0.01, **others):
     return Mechanism(("body", "foot"), elements, parameters={"c": c}, **TWO, **others)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["displacement", "force"])
 def test_a_mechanism_is_driven_as_the_hopper_that_it_is(kind):
     one, other = (

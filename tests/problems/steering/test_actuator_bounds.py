@@ -9,6 +9,7 @@ from problems import Actuator, Hopper, steering
 MACHINE = Hopper(damping=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "bound", "share"),
     [("force", "force", 0.9), ("force", "rate", 0.9), ("force", "power", 0.8), ("displacement", "power", 0.9)],
@@ -30,6 +31,7 @@ def test_a_bound_holds_and_costs(kind, bound, share):
     assert steering.missed(MACHINE, found) <= 1e-8
 
 
+@pytest.mark.slow
 def test_the_stroke_of_a_force_is_that_of_its_way():
     free = steering.keep_hopping(MACHINE, actuator=Actuator(kind="force"), intervals=20)
     t = np.linspace(0, free.end, 20001)

@@ -37,6 +37,7 @@ def test_a_driven_motion_is_a_control_with_its_machine(driven_hopper, started_ho
         driven_hopper(driven_hopper.end + 1)
 
 
+@pytest.mark.slow
 def test_the_table_tells_the_work(driven_hopper, started_hopper):
     """The integral of the power is the actuator's work, and the running cost of the effort ends at it."""
     for one in (driven_hopper, started_hopper):

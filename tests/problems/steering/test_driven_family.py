@@ -14,6 +14,7 @@ def from_lossless():
     return steering.keep_hopping(Hopper()).follow("damping", 0.2, at=[1e-5, 1e-3, *np.linspace(0.004, 0.2, 50)])
 
 
+@pytest.mark.slow
 def test_the_law_of_small_damping_is_the_limit_of_the_family(from_lossless):
     """125.81085 c^2, from the lossless orbit with no control and no multipliers."""
     assert from_lossless.end.kind == "reached"
@@ -135,6 +136,7 @@ def test_a_leg_in_si(tmp_path):
     assert str(same) == str(family)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("follow", "words"),
     [

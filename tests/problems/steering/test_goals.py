@@ -219,6 +219,7 @@ def test_what_an_actuator_cannot_do(question, words):
         question()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("short", slow_after(2, [-0.3, 0.01, 0.3]))
 def test_landing_as_it_likes_costs_no_more(short):
     """A lossless landing is one of those; and from the answer for another launch nothing cheaper is found."""
@@ -334,6 +335,7 @@ def test_a_start_onto_the_hop_at_which_a_damped_hopper_is_kept(driven_hopper):
         started.followed_by(other)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", ["hand - y3", "y3"])
 def test_a_hand_of_two_masses_keeps_throwing(end):
     """The work is what the damper takes away, whichever spring is driven."""

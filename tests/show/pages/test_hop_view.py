@@ -71,6 +71,7 @@ def test_over_a_cycle_the_contact_carries_the_weight(machine, weight):
     assert orbit.contact_force(t + 3 * orbit.period) == pytest.approx(orbit.contact_force(t), rel=1e-6, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_machine_that_turns_is_shown_by_its_angles():
     orbit = find(rimless_wheel(2.0, 0.4, 8, 0.5, 0.5, 20.0))
     data = hop_data(orbit)
@@ -161,6 +162,7 @@ def test_another_hop_is_shown_by_few_changes_and_in_the_same_axes(cubic_hop):
     assert document.callbacks.hold_value is None
 
 
+@pytest.mark.slow
 def test_figures_take_a_machine_of_other_masses(cubic_hop):
     figures = HopFigures()
     figures.show(hop_data(cubic_hop))

@@ -32,6 +32,7 @@ def checked(path) -> str:
     return text
 
 
+@pytest.mark.slow
 def test_the_page_of_an_orbit(tmp_path):
     orbit = find(hopper_in_si(70, 5, stiffness=20_000, rest_length=1.0))
     path = orbit.page(tmp_path / "hop.html")
@@ -53,6 +54,7 @@ def test_what_a_page_says_of_an_orbit_is_escaped(tmp_path):
     assert "<img" not in re.sub(r"<script[^>]*>.*?</script>", "", text, flags=re.S)
 
 
+@pytest.mark.slow
 def test_an_inadmissible_orbit_says_why(tmp_path):
     orbit = find(Hopper("r - 0.008*r**3", rest_length=30))
     text = checked(orbit.page(tmp_path / "hop.html"))

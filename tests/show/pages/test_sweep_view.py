@@ -15,6 +15,7 @@ from orbits.show.pages.sweep_view import MOST_SHOWN, sweep_figures
 pytestmark = pytest.mark.extra("bokeh")
 
 
+@pytest.mark.slow
 def test_members_of_a_sweep_are_shown():
     swept = sweep(Hopper("cubic", rest_length=30), {"beta": [-0.05, -0.008, 0.0, 0.1]}, family=[1, 2])
     (figure,), told = sweep_figures(swept)
