@@ -1,4 +1,4 @@
-"""A function that computes for long says so through the logger "orbits": soon, and then up to once a minute."""
+"""A function that computes for long says so through the logger "orbits", so that it is never silent for ten seconds."""
 
 import logging
 import threading
@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-SOON, SILENCE = 8.0, 60.0  # seconds until the first message, and at most between two
+SILENCE = 8.0  # seconds until the first message and between two, less than ten by what is computed between two calls
 LOGGER = logging.getLogger("orbits")
 _running = threading.local()  # the `name` of the outermost function of a thread, when it `began` and when it `spoke`
 
@@ -28,16 +28,13 @@ def running(name: str) -> Iterator[bool]:
 
 def beat() -> None:
     """Say that the function still computes, where it has been silent for long."""
-    if not getattr(_running, "name", None):
-        return
-    now, before = time.monotonic(), _running.spoke - _running.began
-    if now - _running.spoke > min(max(SOON, before), SILENCE):
+    if getattr(_running, "name", None) and (now := time.monotonic()) - _running.spoke > SILENCE:
         _running.spoke = now
         LOGGER.warning("%s has been computing for %.0f s", _running.name, now - _running.began)
 
 
 def remark(how_far: str) -> None:
     """Say how far the function is, where it has been silent for some seconds."""
-    if getattr(_running, "name", None) and (now := time.monotonic()) - _running.spoke > SOON:
+    if getattr(_running, "name", None) and (now := time.monotonic()) - _running.spoke > SILENCE:
         _running.spoke = now
         LOGGER.warning("%s: %s", _running.name, how_far)

@@ -595,7 +595,7 @@ def uncertainty_command(
 
 
 @orbits.command("control", epilog="\b\nExit code: 0 found, 1 no such motion (with the reason), 2 bad input.")
-@click.argument("goal", type=click.Choice([options.KEEP, "recover", "start-up"]))
+@click.argument("goal", metavar=f"[{'|'.join(options.GOALS)}]", callback=options.goal)
 @options.machine_options
 @options.damper_options
 @options.family_option("As in find.")

@@ -329,6 +329,7 @@ def write_launches(step: Any, launches: Any, as_json: bool, plot: str | None, al
 
 
 KEEP = "keep-hopping"
+GOALS = (KEEP, "recover", "start-up")
 # The options of `orbits control` that belong to some goals, with the argument that each of them is there.
 OF_GOALS = {
     "cost": {KEEP: "cost"},
@@ -363,6 +364,14 @@ def steering_arguments(goal: str, stated: dict[str, Any]) -> dict[str, Any]:
     if goal in NEEDED and own[NEEDED[goal][0]] is None:
         raise InputError(f"{goal} needs --{NEEDED[goal][0]}: {NEEDED[goal][1]}")
     return found
+
+
+def goal(context: click.Context, parameter: click.Parameter, text: str) -> str:
+    """What `orbits control` finds: one of `GOALS`, or the earlier name of the first."""
+    if text == "hold":
+        click.echo(f"'hold' is now called '{KEEP}'", err=True)
+        text = KEEP
+    return click.Choice(GOALS).convert(text, parameter, context)
 
 
 def followed_number(goal: str, text: str | None, animate: str | None) -> tuple[str, float] | None:

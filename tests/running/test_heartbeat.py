@@ -19,14 +19,14 @@ def clock(monkeypatch):
     return now
 
 
-def test_a_function_says_soon_and_then_once_a_minute_that_it_still_computes(clock, caplog):
+def test_a_function_says_every_few_seconds_that_it_still_computes(clock, caplog):
     @exclusive
     def inner():
         interrupts.heed()
 
     @exclusive
     def outer():
-        for clock[0] in (0.0, 7.0, 9.0, 16.0, 19.0, 37.0, 39.0, 80.0, 138.0, 141.0, 202.0):
+        for clock[0] in (0.0, 7.0, 9.0, 16.0, 19.0, 26.0, 28.0, 202.0):
             inner()
 
     with caplog.at_level(logging.WARNING, logger="orbits"):
@@ -35,7 +35,7 @@ def test_a_function_says_soon_and_then_once_a_minute_that_it_still_computes(cloc
         inner()  # another call, which has only begun
         interrupts.heed()  # outside of any
     name = outer.__qualname__
-    assert caplog.messages == [f"{name} has been computing for {after} s" for after in (9, 19, 39, 80, 141, 202)]
+    assert caplog.messages == [f"{name} has been computing for {after} s" for after in (9, 19, 28, 202)]
 
 
 def test_a_function_that_fails_is_no_longer_running(clock, caplog):

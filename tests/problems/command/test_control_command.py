@@ -11,15 +11,17 @@ from problems.steering.driven import Driven
 LEG = "--masses 60,3 --set stiffness=8000 --rest-length 0.8"
 
 
-def test_hold_costs_what_the_function_says(orbits):
+def test_keep_hopping_costs_what_the_function_says(orbits):
     done = orbits("control keep-hopping --damping 0.01 --intervals 20 --json")
     assert (done.code, done.err) == (0, "")
     expected = steering.keep_hopping(Hopper(damping=0.01), intervals=20)
     assert done.document["cost"] == pytest.approx(expected.cost, rel=1e-9)
     assert done.document["status"] == "optimal"
+    earlier = orbits("control hold --damping 0.01 --intervals 20 --json")
+    assert (earlier.document["cost"], earlier.err) == (done.document["cost"], "'hold' is now called 'keep-hopping'\n")
 
 
-def test_hold_at_a_speed(orbits):
+def test_keep_hopping_at_a_speed(orbits):
     done = orbits("control keep-hopping --speed 4.6 --intervals 16 --follow speed:4.7 --json")
     assert (done.code, done.err) == (0, "")
     expected = steering.keep_hopping(Hopper(), speed=4.7, intervals=16).cost
