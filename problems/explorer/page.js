@@ -142,7 +142,7 @@ window.startExplorer = (bridge, figures) => {
     for (const id of ["certificate-title", "family-text", "map-text", "link-text", "python", "file"]) write(id, state[id]);
     for (const caption of document.querySelectorAll("[data-caption]")) {
       const name = caption.dataset.caption, text = state.captions[name] || "";
-      caption.hidden = !figures[name].visible;
+      caption.hidden = figures[name]?.visible === false;
       if (caption.textContent !== text) caption.textContent = text;
     }
     $("launch-line").hidden = !figures.map.visible;

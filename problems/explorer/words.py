@@ -8,14 +8,16 @@ from .scene import Scene
 # What a machine does for ever without losing energy, by its kind, and why nothing is lost; those that were made in
 # Python are known by what moves: others that turn step, and the rest hop.
 DOES = {
-    "juggler": ("the ball is thrown and caught", "the hand meets it with neither a speed nor an acceleration"),
-    "wheel": ("it walks over level ground", "no foot lands with a speed"),
-    "rocker": ("it rocks from edge to edge", "no edge lands with a speed"),
-    "shuttle": ("it goes from wall to wall", "it touches each without a speed"),
-    "runner": ("it runs over level ground", "its foot lands at rest and sticks"),
+    "juggler": ("the ball is thrown and caught", "ball and hand meet at the same speed, without a blow"),
+    "wheel": ("it walks over level ground", "each foot is at rest as it touches the ground"),
+    "rocker": ("it rocks from edge to edge", "each edge is at rest as it touches the ground"),
+    "shuttle": ("it goes from wall to wall", "it is at rest as it touches each"),
+    "runner": ("it runs over level ground", "its foot is at rest as it touches the ground, and sticks"),
 }
-IT_STEPS = ("it steps on", "what lands has no speed")
-IT_HOPS = ("it hops", "its foot lands with neither a speed nor an acceleration")
+IT_STEPS = ("it steps on", "what lands is at rest as it touches")
+IT_HOPS = ("it hops", "its foot is at rest as it touches the ground")
+# The two words in the title of the figures that need one.
+ON_TITLE = "alpha is the launch speed, {}. In family {} the spring turns back {} on the way to the middle of the {}."
 NONE_YET, NOT_FOUND = "The first motion is being found.", "No motion is found for these numbers."
 NO_MOTION = "The figures show a solution of the equations that no machine can follow."
 DIMMED = "The figures, which are dimmed, still show the motion before."
@@ -26,10 +28,10 @@ SMALL_ANGLES = (
 )
 # Of figures that show the same of every machine.
 ON_LAW = "{} over extension; the shaded range is what this motion uses."
-ON_MAP = "The launch speed after a landing{}: where the curve meets the dashes, the motion repeats. Click to launch."
+ON_MAP = "The launch speed after a landing{}: where the curve meets the dashes, the motion repeats. Click to launch there and see what follows."
 ON_FAMILY = (
-    "Each point is the motion of a machine with another {}, the ring the one shown; dashed parts are no motions. "
-    "Click on the curve to go there, or move the slider."
+    "Each point is the motion of a machine with another {}, by its launch speed alpha, the ring the one shown; dashed "
+    "parts are no motions. Click on the curve to go there, or move the slider."
 )
 CHOOSE_PARAMETER = "Choose a parameter to see the machines beside this one."
 ON_FORCE = "It may never fall below 0: nothing pulls what touches. Where nothing is lost, it begins and ends at 0."
@@ -51,7 +53,7 @@ def verdict(scene: Scene, hop: HopResult | None, failed: Mapping[str, str]) -> t
     does, why = DOES.get(kind, IT_STEPS if hop.data.turns else IT_HOPS)
     tuned = " and ".join(f"{name.replace('_', ' ')} = {scene.numbers[name]:.6g}" for name in scene.tuned)
     needs = f" It needs {tuned}, which are tuned." if tuned else ""
-    return "yes", f"A motion: {does} for ever, and no energy is lost: {why}.{needs}"
+    return "yes", f"A motion without loss: {does} for ever, since {why}.{needs}"
 
 
 def captions(scene: Scene, hop: HopResult | None) -> dict[str, str]:
@@ -67,11 +69,14 @@ def captions(scene: Scene, hop: HopResult | None) -> dict[str, str]:
         machine = BESIDE_IT
         portrait = "with each step it begins again, turned on by an angle" if data.turns else portrait
     what, rate, cycle, launch = "Height of each part", "Speed over height", "cycle", ""
+    middle, turned = "step" if data.turns else "flight", "once" if scene.family == 1 else f"{scene.family} times"
+    speed = "at which the ball leaves the hand" if "ball" in data.names else "of the body as its foot lifts off"
     if data.turns:
         what, rate, cycle, stands = "Angle of each body", "Rate over angle", "step", "both points touch"
         launch = ", less that of the lossless step, as is the one before it"
     force = hop.law.labels[1].partition(" ")[0].capitalize() if hop.law else "Force"
     return {
+        "title": ON_TITLE.format("at which its bodies turn" if data.turns else speed, scene.family, turned, middle),
         "machine": machine,
         "heights": f"{what} over one {cycle}; shaded while {stands}.",
         "portrait": f"{rate}: {portrait}.",

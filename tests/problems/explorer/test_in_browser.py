@@ -133,7 +133,7 @@ def test_the_first_picture_is_the_hop_of_find(page):
 
 def test_every_figure_is_drawn_at_both_widths(page):
     page.wait("return explorer.state['map-text'].includes('%')", seconds=120)
-    page.wait("return /reached|escaped/.test(explorer.state['family-text'])", seconds=120)
+    page.wait("return /Upward|Downward/.test(explorer.state['family-text'])", seconds=120)
     for width in (1200, 400):
         page.resize(width)
         for name in ("machine", "heights", "portrait", "force", "law", "family", "map"):
@@ -315,7 +315,7 @@ def test_a_click_in_the_map_launches_there(page):
 
 
 def test_a_click_on_the_family_goes_there(page):
-    page.wait("return explorer.state['family-text'].includes('up: reached')", seconds=120)
+    page.wait("return explorer.state['family-text'].includes('Upward: to the end')", seconds=120)
     value, alpha = page.run("""
         const all = explorer.figures.family.renderers.map(r => r.data_source.data);
         const {value, quantity} = all.find(d => d.quantity?.length > 30);
@@ -333,7 +333,7 @@ def test_a_click_on_the_family_goes_there(page):
 def test_the_hops_beyond_a_fold_are_come_to_by_keyboard(page, address):
     page.open(address + "?spring=r%2Bbeta*r**3&p.beta=-0.008&p.rest_length=30&along=beta")
     lowest = shown(page)
-    page.wait("return explorer.state['family-text'].includes('down: ')", seconds=120)
+    page.wait("return explorer.state['family-text'].includes('Downward: ')", seconds=120)
     slider = element(page, "place")
     assert f"alpha = {lowest:.6g}" in slider.get_attribute("aria-valuetext")
     slider.send_keys("\ue011")  # Home, which is beyond the fold

@@ -24,7 +24,7 @@ def test_the_verdict_says_whether_there_is_a_motion_and_why_not():
     scene = beginning("hopper")
     assert verdict(scene, None, {}) == ("", "The first motion is being found.")
     assert verdict(scene, hop(), {})[0] == "yes"
-    assert verdict(scene, hop(), {})[1].startswith("A motion: it hops for ever")
+    assert verdict(scene, hop(), {})[1].startswith("A motion without loss: it hops for ever")
     kind, text = verdict(scene, hop("foot below ground at t = 1", "the ground would have to pull"), {})
     assert (kind, text.startswith("No motion: foot below ground at t = 1; the ground")) == ("no", True)
     assert verdict(scene, None, {"page": "no"}) == ("no", "No motion is found for these numbers.")
@@ -40,7 +40,8 @@ def test_the_verdict_says_whether_there_is_a_motion_and_why_not():
     ("scene", "found", "words"),
     [
         (beginning("hopper"), hop(), {"heights": "the foot stands", "machine": "nothing drives it", "family": "beta"}),
-        (beginning("juggler"), hop(names=("ball", "hand")), {"heights": "ball lies on the hand"}),
+        (beginning("juggler"), hop(names=("ball", "hand")), {"heights": "ball lies on the hand", "title": "the ball"}),
+        (replace(beginning("hopper"), family=3), hop(), {"title": "the spring turns back 3 times"}),
         (beginning("hopper"), hop(), {"law": "Force over", "map": "after a landing:", "family": "the one shown;"}),
         (Scene(), hop(), {"family": "Choose a parameter"}),
         (beginning("wheel"), hop(turns=True, marks=[0.0]), {"portrait": "turned on", "heights": "both points touch"}),
@@ -56,7 +57,7 @@ def test_the_verdict_says_whether_there_is_a_motion_and_why_not():
 )
 def test_each_figure_has_its_line(scene, found, words):
     lines = captions(scene, found)
-    assert {*lines} == {"machine", "heights", "portrait", "force", "law", "family", "map"}
+    assert {*lines} == {"title", "machine", "heights", "portrait", "force", "law", "family", "map"}
     for name, text in words.items():
         assert text in lines[name]
     assert captions(scene, None) == {}
