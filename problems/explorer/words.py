@@ -21,19 +21,27 @@ ON_TITLE = "alpha is the launch speed, {}. In family {} the spring turns back {}
 NONE_YET, NOT_FOUND = "The first motion is being found.", "No motion is found for these numbers."
 NO_MOTION = "The figures show a solution of the equations that no machine can follow."
 DIMMED = "The figures, which are dimmed, still show the motion before."
+TURNS = {"wheel": "wheel", "rocker": "block", "shuttle": "pendulum"}  # the outer of two bodies, by the kind of machine
 BESIDE_IT = "Seen by one who goes on beside it: dots on the ground are where feet stand, the line is the path so far."
 SMALL_ANGLES = (
     "For small angles there is no picture in the plane. Angles are in units of half that between two spokes or walls, "
     "and of a block in units of its width over its height."
 )
 # Of figures that show the same of every machine.
-ON_LAW = "{} over extension; the shaded range is what this motion uses."
-ON_MAP = "The launch speed after a landing{}: where the curve meets the dashes, the motion repeats. Click to launch there and see what follows."
+ON_LAW = "{} over {}; the shaded range is what this motion uses."
+ON_MAP = (
+    "The launch speed after a landing{}: where the curve meets the dashes, the motion repeats. Click to launch there, "
+    "and see what follows."
+)
 ON_FAMILY = (
     "Each point is the motion of a machine with another {}, by its launch speed alpha, the ring the one shown; dashed "
     "parts are no motions. Click on the curve to go there, or move the slider."
 )
 CHOOSE_PARAMETER = "Choose a parameter to see the machines beside this one."
+ON_FORCES = (
+    "While both points touch: on the one that landed it begins at 0, as nothing is lost, and on the other it falls to "
+    "0, and that opens. It may never fall below: nothing pulls what touches."
+)
 ON_FORCE = "It may never fall below 0: nothing pulls what touches. Where nothing is lost, it begins and ends at 0."
 
 
@@ -72,7 +80,9 @@ def captions(scene: Scene, hop: HopResult | None) -> dict[str, str]:
     middle, turned = "step" if data.turns else "flight", "once" if scene.family == 1 else f"{scene.family} times"
     speed = "at which the ball leaves the hand" if "ball" in data.names else "of the body as its foot lifts off"
     if data.turns:
-        what, rate, cycle, stands = "Angle of each body", "Rate over angle", "step", "both points touch"
+        outer = TURNS.get(scene.machine)
+        what = f"theta, the angle of the {outer}, and phi, that of the body within," if outer else "Angle of each body"
+        rate, cycle, stands = "Rate over angle", "step", "both points touch"
         launch = ", less that of the lossless step, as is the one before it"
     force = hop.law.labels[1].partition(" ")[0].capitalize() if hop.law else "Force"
     return {
@@ -80,8 +90,8 @@ def captions(scene: Scene, hop: HopResult | None) -> dict[str, str]:
         "machine": machine,
         "heights": f"{what} over one {cycle}; shaded while {stands}.",
         "portrait": f"{rate}: {portrait}.",
-        "force": f"There is no contact force: {data.why}." if data.why else ON_FORCE,
-        "law": ON_LAW.format(force),
+        "force": f"There is no contact force: {data.why}." if data.why else ON_FORCES if data.turns else ON_FORCE,
+        "law": ON_LAW.format(force, "the angle between the bodies" if data.turns else "extension"),
         "family": ON_FAMILY.format(along) if along else CHOOSE_PARAMETER,
         "map": ON_MAP.format(launch),
     }

@@ -184,7 +184,11 @@ def _event_labels(data: FamilyData) -> dict[str, list]:
     columns: dict[str, list] = {"label": [], "aside": [], "below": [], "align": []}
     for i, place in enumerate(shares.T):
         near = (np.abs(shares - place[:, None]) < np.array(NEAR_EACH_OTHER)[:, None]).all(0)
-        kinds = [LABELS.get(kind := data.events["kind"][k], kind) for k in np.flatnonzero(near)] if near.argmax() == i else []
+        kinds = (
+            [LABELS.get(kind := data.events["kind"][k], kind) for k in np.flatnonzero(near)]
+            if near.argmax() == i
+            else []
+        )
         side = 1 if place[0] < 0.5 else -1
         beside = along[1, np.abs(along[0] - place[0] - side * NEAR_EACH_OTHER[0] / 2) < NEAR_EACH_OTHER[0] / 2]
         columns["label"].append(", ".join(dict.fromkeys(kinds)))

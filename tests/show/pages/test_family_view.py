@@ -40,7 +40,8 @@ def test_events_are_named_where_they_are(softening_family):
     figure.show(family_data(softening_family))
     events = next(r.data_source.data for r in figure.figure.renderers if "label" in r.data_source.data)
     named = dict(zip(events["kind"], events["label"], strict=True))
-    assert sorted(", ".join(filter(None, named.values())).split(", ")) == sorted(LABELS.get(kind, kind) for kind in events["kind"])
+    words = [LABELS.get(kind, kind) for kind in events["kind"]]
+    assert sorted(", ".join(filter(None, named.values())).split(", ")) == sorted(words)
     assert named["end: escaped"] == "goes on without bound"
     data = family_data(softening_family)
     close = {"value": [data.value[0]] * 2, "quantity": [data.points["quantity"][0]] * 2, "kind": ["fold", "collapse"]}
