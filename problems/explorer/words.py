@@ -21,7 +21,9 @@ ON_TITLE = "alpha is the launch speed, {}. In family {} the spring turns back {}
 NONE_YET, NOT_FOUND = "The first motion is being found.", "No motion is found for these numbers."
 NO_MOTION = "The figures show a solution of the equations that no machine can follow."
 DIMMED = "The figures, which are dimmed, still show the motion before."
-TURNS = {"wheel": "wheel", "rocker": "block", "shuttle": "pendulum"}  # the outer of two bodies, by the kind of machine
+# The outer of two bodies that turn, and what becomes of the motion with each step, by the kind of machine.
+TURNS = {"wheel": ("wheel", ", turned on by an angle"), "rocker": ("block", ", mirrored")}
+TURNS |= {"shuttle": ("pendulum", ", mirrored")}
 BESIDE_IT = "Seen by one who goes on beside it: dots on the ground are where feet stand, the line is the path so far."
 SMALL_ANGLES = (
     "For small angles there is no picture in the plane. Angles are in units of half that between two spokes or walls, "
@@ -75,18 +77,18 @@ def captions(scene: Scene, hop: HopResult | None) -> dict[str, str]:
         machine = SMALL_ANGLES
     elif data.plane is not None and data.plane.marks:
         machine = BESIDE_IT
-        portrait = "with each step it begins again, turned on by an angle" if data.turns else portrait
     what, rate, cycle, launch = "Height of each part", "Speed over height", "cycle", ""
     middle, turned = "step" if data.turns else "flight", "once" if scene.family == 1 else f"{scene.family} times"
     speed = "at which the ball leaves the hand" if "ball" in data.names else "of the body as its foot lifts off"
     if data.turns:
-        outer = TURNS.get(scene.machine)
+        outer, onward = TURNS.get(scene.machine, ("", ""))
+        speed, portrait = "at which the body within turns as a step begins", f"with each step it begins again{onward}"
         what = f"theta, the angle of the {outer}, and phi, that of the body within," if outer else "Angle of each body"
         rate, cycle, stands = "Rate over angle", "step", "both points touch"
         launch = ", less that of the lossless step, as is the one before it"
     force = hop.law.labels[1].partition(" ")[0].capitalize() if hop.law else "Force"
     return {
-        "title": ON_TITLE.format("at which its bodies turn" if data.turns else speed, scene.family, turned, middle),
+        "title": ON_TITLE.format(speed, scene.family, turned, middle),
         "machine": machine,
         "heights": f"{what} over one {cycle}; shaded while {stands}.",
         "portrait": f"{rate}: {portrait}.",

@@ -370,7 +370,7 @@ def test_a_link_shows_the_same_in_another_tab(page):
     type_in(page, "spring", "r + beta*r**3 + c*r**5")
     alpha, link = shown(page), element(page, "link").get_attribute("value")
     table = page.run("return document.getElementById('certificate').textContent")
-    assert page.run("return location.href") == link
+    page.wait("return location.href == arguments[0]", link)
     scene = scene_of_link(arguments(urlsplit(link).query))
     assert find(scene.build()).alpha == pytest.approx(alpha, rel=1e-6)
     first = page.driver.current_window_handle

@@ -45,7 +45,11 @@ def test_the_verdict_says_whether_there_is_a_motion_and_why_not():
         (beginning("hopper"), hop(), {"law": "Force over", "map": "after a landing:", "family": "the one shown;"}),
         (Scene(), hop(), {"family": "Choose a parameter"}),
         (beginning("wheel"), hop(turns=True, marks=[0.0]), {"portrait": "turned on", "heights": "both points touch"}),
-        (beginning("rocker"), hop(turns=True), {"force": "the one that landed", "heights": "angle of the block"}),
+        (
+            beginning("rocker"),
+            hop(turns=True, marks=[]),
+            {"portrait": "mirrored", "force": "that landed", "heights": "angle of the block"},
+        ),
         (
             beginning("wheel"),
             hop(turns=True, force="torque"),
