@@ -84,7 +84,7 @@ def captions(scene: Scene, hop: HopResult | None) -> dict[str, str]:
         outer, onward = TURNS.get(scene.machine, ("", ""))
         speed, portrait = "at which the body within turns as a step begins", f"with each step it begins again{onward}"
         what = f"theta, the angle of the {outer}, and phi, that of the body within," if outer else "Angle of each body"
-        rate, cycle, stands = "Rate over angle", "step", "both points touch"
+        rate, cycle, stands = "Rate over angle", "step", "it touches" if data.landed is None else "both points touch"
         launch = ", less that of the lossless step, as is the one before it"
     force = hop.law.labels[1].partition(" ")[0].capitalize() if hop.law else "Force"
     return {
@@ -92,7 +92,11 @@ def captions(scene: Scene, hop: HopResult | None) -> dict[str, str]:
         "machine": machine,
         "heights": f"{what} over one {cycle}; shaded while {stands}.",
         "portrait": f"{rate}: {portrait}.",
-        "force": f"There is no contact force: {data.why}." if data.why else ON_FORCES if data.turns else ON_FORCE,
+        "force": f"There is no contact force: {data.why}."
+        if data.why
+        else ON_FORCE
+        if data.landed is None
+        else ON_FORCES,
         "law": ON_LAW.format(force, "the angle between the bodies" if data.turns else "extension"),
         "family": ON_FAMILY.format(along) if along else CHOOSE_PARAMETER,
         "map": ON_MAP.format(launch),
