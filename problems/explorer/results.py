@@ -236,6 +236,8 @@ def _family_result(machine: Machine, scene: Scene, parts: dict[str, Family], way
 
 def map_results(python_machine: object, scene: Scene) -> Iterator[MapData]:
     """The return map around a scene's hop with its cobweb, then the same with the basin of lossless hops."""
+    if scene.tuned:
+        raise InputError("a launch of a runner has several numbers, and a map is of one")
     plain = replace(scene, launch=None, along="")
     machine = scene.build(python_machine)
     orbit = _orbit_of_scene(machine, plain)

@@ -62,7 +62,7 @@ def verdict(scene: Scene, hop: HopResult | None, failed: Mapping[str, str]) -> t
     kind = "juggler" if "ball" in hop.data.names else scene.machine
     does, why = DOES.get(kind, IT_STEPS if hop.data.turns else IT_HOPS)
     tuned = " and ".join(f"{name.replace('_', ' ')} = {scene.numbers[name]:.6g}" for name in scene.tuned)
-    needs = f" It needs {tuned}, which are tuned." if tuned else ""
+    needs = f" It needs {tuned}, which are tuned to its speed." if tuned else ""
     return "yes", f"A motion without loss: {does} for ever, since {why}.{needs}"
 
 
@@ -87,16 +87,13 @@ def captions(scene: Scene, hop: HopResult | None) -> dict[str, str]:
         rate, cycle, stands = "Rate over angle", "step", "it touches" if data.landed is None else "both points touch"
         launch = ", less that of the lossless step, as is the one before it"
     force = hop.law.labels[1].partition(" ")[0].capitalize() if hop.law else "Force"
+    on_force = ON_FORCE if data.landed is None else ON_FORCES
     return {
         "title": ON_TITLE.format(speed, scene.family, turned, middle),
         "machine": machine,
         "heights": f"{what} over one {cycle}; shaded while {stands}.",
         "portrait": f"{rate}: {portrait}.",
-        "force": f"There is no contact force: {data.why}."
-        if data.why
-        else ON_FORCE
-        if data.landed is None
-        else ON_FORCES,
+        "force": f"There is no contact force: {data.why}." if data.why else on_force,
         "law": ON_LAW.format(force, "the angle between the bodies" if data.turns else "extension"),
         "family": ON_FAMILY.format(along) if along else CHOOSE_PARAMETER,
         "map": ON_MAP.format(launch),

@@ -13,10 +13,13 @@ from problems.explorer.words import captions, verdict
 pytestmark = pytest.mark.extra("bokeh")
 
 
-def hop(*violations: str, names=("body", "foot"), turns=False, marks=None, why="", force="force (N)"):
+def hop(*violations: str, names=("body", "foot"), turns=False, marks=None, why="", force="force (N)", landed=None):
     """A hop with what its words depend on."""
     plane = None if marks is None else SimpleNamespace(marks=marks)
-    data, law = SimpleNamespace(names=names, turns=turns, plane=plane, why=why), SimpleNamespace(labels=("", force))
+    data, law = (
+        SimpleNamespace(names=names, turns=turns, plane=plane, why=why, landed=landed),
+        SimpleNamespace(labels=("", force)),
+    )
     return SimpleNamespace(violations=violations, data=data, law=law)
 
 
@@ -44,16 +47,16 @@ def test_the_verdict_says_whether_there_is_a_motion_and_why_not():
         (replace(beginning("hopper"), family=3), hop(), {"title": "the spring turns back 3 times"}),
         (beginning("hopper"), hop(), {"law": "Force over", "map": "after a landing:", "family": "the one shown;"}),
         (Scene(), hop(), {"family": "Choose a parameter"}),
-        (beginning("wheel"), hop(turns=True, marks=[0.0]), {"portrait": "turned on", "heights": "both points touch"}),
+        (beginning("wheel"), hop(turns=True, marks=[0.0]), {"portrait": "turned on", "heights": "while it touches"}),
         (
             beginning("rocker"),
-            hop(turns=True, marks=[]),
-            {"portrait": "mirrored", "force": "that landed", "heights": "angle of the block"},
+            hop(turns=True, landed=[0.0]),
+            {"portrait": "mirrored", "force": "that landed", "heights": "of the block, and phi"},
         ),
         (
             beginning("wheel"),
             hop(turns=True, force="torque"),
-            {"law": "Torque over the angle", "map": "less that of the lossless step"},
+            {"law": "Torque over the angle", "force": "begins and ends at 0", "map": "less that of the lossless step"},
         ),
         (beginning("runner"), hop(marks=[0.0]), {"portrait": "closed curve", "machine": "where feet stand"}),
         (replace(beginning("wheel"), numbers={}), hop(turns=True), {"machine": "For small angles there is no picture"}),
