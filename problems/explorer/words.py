@@ -16,7 +16,9 @@ DOES = {
 }
 IT_STEPS = ("it steps on", "what lands is at rest as it touches")
 IT_HOPS = ("it hops", "its foot is at rest as it touches the ground")
-# The two words in the title of the figures that need one.
+# The two words in the title of the figures that need one, and what the launch speed is, by the kind of machine.
+SPEEDS = dict.fromkeys(("hopper", "inerter_hopper", "runner"), "of the body as its foot lifts off")
+SPEEDS |= {"juggler": "at which the ball leaves the hand", "knee_hopper": "of its knee as its foot lifts off"}
 ON_TITLE = "alpha is the launch speed, {}. In family {} the spring turns back {} on the way to the middle of the {}."
 NONE_YET, NOT_FOUND = "The first motion is being found.", "No motion is found for these numbers."
 NO_MOTION = "The figures show a solution of the equations that no machine can follow."
@@ -79,7 +81,7 @@ def captions(scene: Scene, hop: HopResult | None) -> dict[str, str]:
         machine = BESIDE_IT
     what, rate, cycle, launch = "Height of each part", "Speed over height", "cycle", ""
     middle, turned = "step" if data.turns else "flight", "once" if scene.family == 1 else f"{scene.family} times"
-    speed = "at which the ball leaves the hand" if "ball" in data.names else "of the body as its foot lifts off"
+    speed = SPEEDS.get("juggler" if "ball" in data.names else scene.machine, "at lift-off")
     if data.turns:
         outer, onward = TURNS.get(scene.machine, ("", ""))
         speed, portrait = "at which the body within turns as a step begins", f"with each step it begins again{onward}"
