@@ -2,6 +2,9 @@
 
 from collections.abc import Mapping
 
+from orbits.tables import number_text
+
+from .dials import UNITS_OF_RUNNERS
 from .results import HopResult
 from .scene import Scene
 
@@ -63,7 +66,9 @@ def verdict(scene: Scene, hop: HopResult | None, failed: Mapping[str, str]) -> t
         return "no", f"No motion: {'; '.join(hop.violations)}. {NO_MOTION}"
     kind = "juggler" if "ball" in hop.data.names else scene.machine
     does, why = DOES.get(kind, IT_STEPS if hop.data.turns else IT_HOPS)
-    tuned = " and ".join(f"{name.replace('_', ' ')} = {scene.numbers[name]:.6g}" for name in scene.tuned)
+    units = UNITS_OF_RUNNERS if scene.si else {}
+    values = {name: number_text(scene.numbers[name], units.get(name, "")) for name in scene.tuned}
+    tuned = " and ".join(f"{name.replace('_', ' ')} = {value}" for name, value in values.items())
     needs = f" It needs {tuned}, which are tuned to its speed." if tuned else ""
     return "yes", f"A motion without loss: {does} for ever, since {why}.{needs}"
 

@@ -36,6 +36,7 @@ def test_the_verdict_says_whether_there_is_a_motion_and_why_not():
     juggled = hop(names=("ball", "hand"))
     for found, does in ((juggled, "thrown and caught"), (hop(turns=True), "steps on"), (hop(), "it hops")):
         assert does in verdict(given, found, {})[1]
+    assert "inertia = 24 kg m^2 and hip stiffness = 900 N m/rad" in verdict(beginning("runner", True), hop(), {})[1]
     assert "inertia = 5.7 and hip stiffness = 5.4, which are tuned" in verdict(beginning("runner"), hop(), {})[1]
 
 
