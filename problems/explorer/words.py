@@ -20,15 +20,15 @@ DOES = {
 IT_STEPS = ("it steps on", "what lands is at rest as it touches")
 IT_HOPS = ("it hops", "its foot is at rest as it touches the ground")
 # The two words in the title of the figures that need one, and what the launch speed is, by the kind of machine.
-SPEEDS = dict.fromkeys(("hopper", "inerter_hopper", "runner"), "of the body as its foot lifts off")
-SPEEDS |= {"juggler": "at which the ball leaves the hand", "knee_hopper": "of its knee as its foot lifts off"}
+LAUNCH_SPEEDS = dict.fromkeys(("hopper", "inerter_hopper", "runner"), "of the body as its foot lifts off")
+LAUNCH_SPEEDS |= {"juggler": "at which the ball leaves the hand", "knee_hopper": "of its knee as its foot lifts off"}
 ON_TITLE = "alpha is the launch speed, {}. In family {} the spring turns back {} on the way to the middle of the {}."
 NONE_YET, NOT_FOUND = "The first motion is being found.", "No motion is found for these numbers."
 NO_MOTION = "The figures show a solution of the equations that no machine can follow."
 DIMMED = "The figures, which are dimmed, still show the motion before."
 # The outer of two bodies that turn, and what becomes of the motion with each step, by the kind of machine.
-TURNS = {"wheel": ("wheel", ", turned on by an angle"), "rocker": ("block", ", mirrored")}
-TURNS |= {"shuttle": ("pendulum", ", mirrored")}
+TWO_BODIES = {"wheel": ("wheel", ", turned on by an angle"), "rocker": ("block", ", mirrored")}
+TWO_BODIES |= {"shuttle": ("pendulum", ", mirrored")}
 BESIDE_IT = "Seen by one who goes on beside it: dots on the ground are where feet stand, the line is the path so far."
 SMALL_ANGLES = (
     "For small angles there is no picture in the plane. Angles are in units of half that between two spokes or walls, "
@@ -86,9 +86,9 @@ def captions(scene: Scene, hop: HopResult | None) -> dict[str, str]:
         machine = BESIDE_IT
     what, rate, cycle, launch = "Height of each part", "Speed over height", "cycle", ""
     middle, turned = "step" if data.turns else "flight", "once" if scene.family == 1 else f"{scene.family} times"
-    speed = SPEEDS.get("juggler" if "ball" in data.names else scene.machine, "at lift-off")
+    speed = LAUNCH_SPEEDS.get("juggler" if "ball" in data.names else scene.machine, "at lift-off")
     if data.turns:
-        outer, onward = TURNS.get(scene.machine, ("", ""))
+        outer, onward = TWO_BODIES.get(scene.machine, ("", ""))
         speed, portrait = "at which the body within turns as a step begins", f"with each step it begins again{onward}"
         what = f"theta, the angle of the {outer}, and phi, that of the body within," if outer else "Angle of each body"
         rate, cycle, stands = "Rate over angle", "step", "it touches" if data.landed is None else "both points touch"
