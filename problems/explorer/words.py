@@ -67,7 +67,7 @@ def verdict(scene: Scene, hop: HopResult | None, failed: Mapping[str, str]) -> t
     kind = "juggler" if "ball" in hop.data.names else scene.machine
     does, why = DOES.get(kind, IT_STEPS if hop.data.turns else IT_HOPS)
     units = UNITS_OF_RUNNERS if scene.si else {}
-    values = {name: number_text(scene.numbers[name], units.get(name, "")) for name in scene.tuned}
+    values = {name: number_text(scene.numbers[name], units.get(name, ""), 6) for name in scene.tuned}
     tuned = " and ".join(f"{name.replace('_', ' ')} = {value}" for name, value in values.items())
     needs = f" It needs {tuned}, which are tuned to its speed." if tuned else ""
     return "yes", f"A motion without loss: {does} for ever, since {why}.{needs}"
