@@ -77,7 +77,7 @@ def _free_number(scene: Scene) -> str | None:
 def dial_label(name: str) -> str:
     """A parameter's name as a label."""
     words = name.replace("_", " ") if len(name) > 3 else name
-    return "restitution (of the map)" if name == "restitution" else words
+    return "restitution of landings (map alone)" if name == "restitution" else words
 
 
 def _with_value(dial: Dial, value: float) -> Dial:

@@ -4,8 +4,8 @@
 // HTML; the server has escaped its texts.
 window.startExplorer = (bridge, figures) => {
   const $ = (id) => document.getElementById(id);
-  const STEPS = 400, LARGEST_ROWS = 1 << 20, PATIENCE = 700;
-  let n = 0, timer = null, began = 0, state = null;
+  const STEPS = 400, LARGEST_ROWS = 1 << 20, PATIENCE = 700, CALM = 300;
+  let n = 0, timer = null, addressed = null, began = 0, state = null;
 
   // A long computation is shown with its seconds and can be stopped, whether a field, a click on a figure or the page
   // itself has requested it.
@@ -142,7 +142,7 @@ window.startExplorer = (bridge, figures) => {
     for (const id of ["certificate-title", "family-text", "map-text", "link-text", "python", "file"]) write(id, state[id]);
     for (const caption of document.querySelectorAll("[data-caption]")) {
       const name = caption.dataset.caption, text = state.captions[name] || "";
-      caption.hidden = !figures[name].visible;
+      caption.hidden = figures[name]?.visible === false;
       if (caption.textContent !== text) caption.textContent = text;
     }
     $("launch-line").hidden = !figures.map.visible;
@@ -156,7 +156,8 @@ window.startExplorer = (bridge, figures) => {
     if ($("link").dataset.query !== state.link) {
       $("link").dataset.query = state.link;
       $("link").value = `${location.origin}/?${state.link}`;
-      history.replaceState(null, "", `?${state.link}`);
+      clearTimeout(addressed);  // browsers refuse to change the address as often as a slider moves
+      addressed = setTimeout(() => history.replaceState(null, "", `?${$("link").dataset.query}`), CALM);
     }
     if (settled()) {
       clearInterval(timer);

@@ -113,6 +113,8 @@ class Explorer:
         for event in (Tap, Press):
             self._figures.family.figure.on_event(event, self._family_clicked)
             self._figures.map.figure.on_event(event, self._map_clicked)
+        for figure in (self._figures.family.figure, self._figures.map.figure, self._figures.law.figure):
+            figure.visible = False  # until there is something to show
         with self._document.models.freeze():  # otherwise all models are counted again for each figure
             for name, figure in figures.items():
                 figure.name = name

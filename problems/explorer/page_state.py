@@ -133,7 +133,7 @@ def tab_state(requested: Requested, computed: Computed, idle: bool, has_python_m
         "problems": {**computed.failed, **requested.refused},
         "captions": captions(scene, hop),
         "stale": _stale(requested.scene, computed),
-        "certificate-title": f"Certificate: {len(rows)} rows, with error bounds" if rows else "",
+        "certificate-title": f"Certificate: all {len(rows)} numbers of this motion, with error bounds" if rows else "",
         "table": html_table(rows, "Certificate"),
         "undo": requested.can_undo(scene),
         "lowest": scene.start is not None and not scene.tuned,

@@ -31,6 +31,7 @@ MOST_TRIALS = 16  # of runs on the way from one to another whose numbers are far
 # whether landings bounce above it, not below; at a few launches and then at more, each of which takes some 10 ms, and
 # 500 ms where feet take over from each other often.
 RANGE_BESIDE, SAMPLES_BESIDE = {True: (-1.0, 1.5), False: (-0.1, 1.5)}, (13, 61)
+WORDS_OF_ENDS = {"reached": "to the end of the slider, "}  # what is said before the reasons of ends, by their kinds
 HIDDEN = 1e-12  # a range that is a smaller share of the launch speed is lost in rounding
 WITH_BOUNCE = 10.0  # the factor of a loss with one bounce
 
@@ -146,7 +147,7 @@ def family_results(python_machine: object, scene: Scene, low: float, high: float
     if here is None:
         raise InputError(f"this machine has no parameter '{along}' to follow")
     hop, bounds = _orbit_of_scene(machine, scene), (min(low, here), max(high, here))
-    ways = [(word, stop) for word, stop in (("up", bounds), ("down", bounds[::-1])) if stop[1] != here]
+    ways = [(word, stop) for word, stop in (("Upward", bounds), ("Downward", bounds[::-1])) if stop[1] != here]
     parts: dict[str, Family] = {}
     tune: dict[str, Any] = {"tune": scene.tuned} if scene.tuned else {}
     for word, stop in ways:
@@ -219,8 +220,10 @@ def joined_ways(parts: list[Family]) -> Family:
 def _family_result(machine: Machine, scene: Scene, parts: dict[str, Family], ways: int) -> FamilyResult:
     family = joined_ways(list(parts.values()))
     ended = {word: part for word, part in parts.items() if not _is_growing(part)}
-    endings = ". ".join(f"{word}: {part.end.kind}, {part.end.reason}" for word, part in ended.items())
-    text = f"{len(family)} orbits" + (f". {endings}." if len(ended) == ways else ", still growing")
+    endings = " ".join(
+        f"{word}: {WORDS_OF_ENDS.get(part.end.kind, '')}{part.end.reason}." for word, part in ended.items()
+    )
+    text = f"{len(family)} solutions" + (f". {endings}" if len(ended) == ways else ", still growing.")
     values, starts = tuple(p.value for p in family.points), tuple(start_of(machine, p) for p in family.points)
     tuned = tuple({name: point.also[name] for name in scene.tuned} for point in family.points)
     data = family_data(family)
@@ -235,6 +238,8 @@ def _family_result(machine: Machine, scene: Scene, parts: dict[str, Family], way
 
 def map_results(python_machine: object, scene: Scene) -> Iterator[MapData]:
     """The return map around a scene's hop with its cobweb, then the same with the basin of lossless hops."""
+    if scene.tuned:
+        raise InputError("a launch of a runner has several numbers, and a map is of one")
     plain = replace(scene, launch=None, along="")
     machine = scene.build(python_machine)
     orbit = _orbit_of_scene(machine, plain)

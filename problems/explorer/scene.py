@@ -326,7 +326,7 @@ def _with_its_own_laws(name: str) -> Any:
 def beginning(machine: str, si: bool = False) -> Scene:
     """The scene that the page begins with for a kind of machine."""
     if machine in WITH_FIXED_LAWS:
-        return scene_with_fixed_laws(_with_its_own_laws(machine), machine)
+        return with_surroundings(scene_with_fixed_laws(_with_its_own_laws(machine), machine))
     if (machine, si) not in BEGINNINGS:
         known = (*KINDS, *STEPPING, *WITH_FIXED_LAWS)
         raise InputError(f"unknown machine {machine[:40]!r}{suggest(machine[:40], known)}")

@@ -24,6 +24,7 @@ LOOPBACK = "127.0.0.1"
 HOSTS = (LOOPBACK, "localhost")  # the names under which a browser requests the page
 # Bytes of one message from a page: measured rows as JSON, in which a letter may take six characters.
 LARGEST_MESSAGE = 8 << 20
+SHOWN_ELSEWHERE = ("document", "iframe")  # what a page of another site may make of this one: it reads neither
 MOST_TABS = 40  # each has a process of its own
 
 
@@ -78,13 +79,15 @@ def serve(scene: "Scene", port: int = 0, python_machine: object = None) -> "tupl
 
 
 def _of_other_sites(hosts: list[str]) -> "Matcher":
-    """The requests that a page of another site makes, by the origin that the browser states."""
+    """The requests that a page of another site makes, by the origin that the browser states or, as for `<script src>`
+    it states none, by the site and by what the reply would become there; a link and a notebook's frame lead here."""
     from tornado.routing import Matcher
 
     class OtherOrigins(Matcher):
         def match(self, request: Any) -> dict[str, Any] | None:
-            origin = request.headers.get("Origin", None)
-            return None if origin is None or origin.removeprefix("http://") in hosts else {}
+            origin, *fetched = map(request.headers.get, ("Origin", "Sec-Fetch-Site", "Sec-Fetch-Dest"))
+            foreign = fetched[0] in ("cross-site", "same-site") and fetched[1] not in SHOWN_ELSEWHERE
+            return {} if foreign or (origin is not None and origin.removeprefix("http://") not in hosts) else None
 
     return OtherOrigins()
 

@@ -2,36 +2,53 @@
 
 from collections.abc import Mapping
 
+from orbits.tables import number_text
+
+from .dials import UNITS_OF_RUNNERS
 from .results import HopResult
 from .scene import Scene
 
 # What a machine does for ever without losing energy, by its kind, and why nothing is lost; those that were made in
 # Python are known by what moves: others that turn step, and the rest hop.
 DOES = {
-    "juggler": ("the ball is thrown and caught", "the hand meets it with neither a speed nor an acceleration"),
-    "wheel": ("it walks over level ground", "no foot lands with a speed"),
-    "rocker": ("it rocks from edge to edge", "no edge lands with a speed"),
-    "shuttle": ("it goes from wall to wall", "it touches each without a speed"),
-    "runner": ("it runs over level ground", "its foot lands at rest and sticks"),
+    "juggler": ("the ball is thrown and caught", "ball and hand meet at the same speed, without a blow"),
+    "wheel": ("it walks over level ground", "each foot is at rest as it touches the ground"),
+    "rocker": ("it rocks from edge to edge", "each edge is at rest as it touches the ground"),
+    "shuttle": ("it goes from wall to wall", "it is at rest as it touches each"),
+    "runner": ("it runs over level ground", "its foot is at rest as it touches the ground, and sticks"),
 }
-IT_STEPS = ("it steps on", "what lands has no speed")
-IT_HOPS = ("it hops", "its foot lands with neither a speed nor an acceleration")
+IT_STEPS = ("it steps on", "what lands is at rest as it touches")
+IT_HOPS = ("it hops", "its foot is at rest as it touches the ground")
+# The two words in the title of the figures that need one, and what the launch speed is, by the kind of machine.
+LAUNCH_SPEEDS = dict.fromkeys(("hopper", "inerter_hopper", "runner"), "of the body as its foot lifts off")
+LAUNCH_SPEEDS |= {"juggler": "at which the ball leaves the hand", "knee_hopper": "of its knee as its foot lifts off"}
+ON_TITLE = "alpha is the launch speed, {}. In family {} the spring turns back {} on the way to the middle of the {}."
 NONE_YET, NOT_FOUND = "The first motion is being found.", "No motion is found for these numbers."
 NO_MOTION = "The figures show a solution of the equations that no machine can follow."
 DIMMED = "The figures, which are dimmed, still show the motion before."
+# The outer of two bodies that turn, and what becomes of the motion with each step, by the kind of machine.
+TWO_BODIES = {"wheel": ("wheel", ", turned on by an angle"), "rocker": ("block", ", mirrored")}
+TWO_BODIES |= {"shuttle": ("pendulum", ", mirrored")}
 BESIDE_IT = "Seen by one who goes on beside it: dots on the ground are where feet stand, the line is the path so far."
 SMALL_ANGLES = (
     "For small angles there is no picture in the plane. Angles are in units of half that between two spokes or walls, "
     "and of a block in units of its width over its height."
 )
 # Of figures that show the same of every machine.
-ON_LAW = "{} over extension; the shaded range is what this motion uses."
-ON_MAP = "The launch speed after a landing{}: where the curve meets the dashes, the motion repeats. Click to launch."
+ON_LAW = "{} over {}; the shaded range is what this motion uses."
+ON_MAP = (
+    "The launch speed after a landing{}: where the curve meets the dashes, the motion repeats. Click to launch there, "
+    "and see what follows."
+)
 ON_FAMILY = (
-    "Each point is the motion of a machine with another {}, the ring the one shown; dashed parts are no motions. "
-    "Click on the curve to go there, or move the slider."
+    "Each point is the motion of a machine with another {}, by its launch speed alpha, the ring the one shown; dashed "
+    "parts are no motions. Click on the curve to go there, or move the slider."
 )
 CHOOSE_PARAMETER = "Choose a parameter to see the machines beside this one."
+ON_FORCES = (
+    "While both points touch: on the one that landed it begins at 0, as nothing is lost, and on the other it falls to "
+    "0, and that opens. It may never fall below: nothing pulls what touches."
+)
 ON_FORCE = "It may never fall below 0: nothing pulls what touches. Where nothing is lost, it begins and ends at 0."
 
 
@@ -49,9 +66,11 @@ def verdict(scene: Scene, hop: HopResult | None, failed: Mapping[str, str]) -> t
         return "no", f"No motion: {'; '.join(hop.violations)}. {NO_MOTION}"
     kind = "juggler" if "ball" in hop.data.names else scene.machine
     does, why = DOES.get(kind, IT_STEPS if hop.data.turns else IT_HOPS)
-    tuned = " and ".join(f"{name.replace('_', ' ')} = {scene.numbers[name]:.6g}" for name in scene.tuned)
-    needs = f" It needs {tuned}, which are tuned." if tuned else ""
-    return "yes", f"A motion: {does} for ever, and no energy is lost: {why}.{needs}"
+    units = UNITS_OF_RUNNERS if scene.si else {}
+    values = {name: number_text(scene.numbers[name], units.get(name, ""), 6) for name in scene.tuned}
+    tuned = " and ".join(f"{name.replace('_', ' ')} = {value}" for name, value in values.items())
+    needs = f" It needs {tuned}, which are tuned to its speed." if tuned else ""
+    return "yes", f"A motion without loss: {does} for ever, since {why}.{needs}"
 
 
 def captions(scene: Scene, hop: HopResult | None) -> dict[str, str]:
@@ -65,18 +84,24 @@ def captions(scene: Scene, hop: HopResult | None) -> dict[str, str]:
         machine = SMALL_ANGLES
     elif data.plane is not None and data.plane.marks:
         machine = BESIDE_IT
-        portrait = "with each step it begins again, turned on by an angle" if data.turns else portrait
     what, rate, cycle, launch = "Height of each part", "Speed over height", "cycle", ""
+    middle, turned = "step" if data.turns else "flight", "once" if scene.family == 1 else f"{scene.family} times"
+    speed = LAUNCH_SPEEDS.get("juggler" if "ball" in data.names else scene.machine, "at lift-off")
     if data.turns:
-        what, rate, cycle, stands = "Angle of each body", "Rate over angle", "step", "both points touch"
+        outer, onward = TWO_BODIES.get(scene.machine, ("", ""))
+        speed, portrait = "at which the body within turns as a step begins", f"with each step it begins again{onward}"
+        what = f"theta, the angle of the {outer}, and phi, that of the body within," if outer else "Angle of each body"
+        rate, cycle, stands = "Rate over angle", "step", "it touches" if data.landed is None else "both points touch"
         launch = ", less that of the lossless step, as is the one before it"
     force = hop.law.labels[1].partition(" ")[0].capitalize() if hop.law else "Force"
+    on_force = ON_FORCE if data.landed is None else ON_FORCES
     return {
+        "title": ON_TITLE.format(speed, scene.family, turned, middle),
         "machine": machine,
         "heights": f"{what} over one {cycle}; shaded while {stands}.",
         "portrait": f"{rate}: {portrait}.",
-        "force": f"There is no contact force: {data.why}." if data.why else ON_FORCE,
-        "law": ON_LAW.format(force),
+        "force": f"There is no contact force: {data.why}." if data.why else on_force,
+        "law": ON_LAW.format(force, "the angle between the bodies" if data.turns else "extension"),
         "family": ON_FAMILY.format(along) if along else CHOOSE_PARAMETER,
         "map": ON_MAP.format(launch),
     }

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import TYPE_CHECKING, Any
 
+from orbits import time_limit
 from orbits.errors import OrbitsError
 
 from .processes import process_context
@@ -30,6 +31,8 @@ LOST = (
 )
 # A computation that has taken this long (s) is ended when a newer task is requested.
 IMPATIENT = 3.0
+# Nothing takes longer (s): a visitor can stop what he waits for, and a slow computer draws its map in the end.
+LONGEST_TASK = 300.0
 
 
 @dataclass(frozen=True)
@@ -185,7 +188,8 @@ def compute_tasks(pipe: "Connection", python_machine: object, calm: bool) -> Non
 def _results_of(task: Task, python_machine: object) -> Iterator[object]:
     """The results of a task; an error is a `Failure` with its message."""
     try:
-        yield from COMPUTATIONS[task.name](python_machine, *task.arguments)
+        with time_limit(LONGEST_TASK):
+            yield from COMPUTATIONS[task.name](python_machine, *task.arguments)
     except OrbitsError as error:
         yield Failure(str(error))
     except MemoryError:

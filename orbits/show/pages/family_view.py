@@ -9,6 +9,7 @@ from ...tables import number_text
 from ..plot import COLOURS, family_curve
 from .bokeh_figures import (
     INK,
+    MARGIN,
     MOVING,
     Change,
     apply,
@@ -29,7 +30,10 @@ SHAPES = {"fold": "circle", "branch point": "square", "grazing": "inverted_trian
 SHAPES |= {"contact pulls": "triangle", "landing jerk": "square_x", "collapse": "diamond", "family": "star"}
 SHAPES |= {"law ends": "diamond_cross"}
 OTHER_SHAPE, SHAPE_OF_END = "plus", "square_pin"
+# Of ends, whose kinds name what became of the parameter.
+LABELS = {"end: reached": "end of the range", "end: escaped": "goes on without bound"}
 NEAR_EACH_OTHER = (0.2, 0.07)  # events nearer than these shares of the figure's width and height have one label
+MARGIN_OF_LABELS = 0.1  # above and below the curve, for labels at its ends
 PIXELS_ASIDE, RISES = 11, 0.02  # pixels from an event to its label, which a curve that rises more would run into
 
 
@@ -149,10 +153,11 @@ class FamilyFigure:
             (self._hover, "formatters", {"@value": "printf", "@quantity": "printf"}),
             *self.marks(),
         ]
-        for shown, values in ((self.figure.x_range, data.value), (self.figure.y_range, data.points["quantity"])):
-            known = values[np.isfinite(values)]
+        ranges = {"value": (self.figure.x_range, MARGIN), "quantity": (self.figure.y_range, MARGIN_OF_LABELS)}
+        for name, (shown, margin) in ranges.items():
+            known = data.points[name][np.isfinite(data.points[name])]
             if len(known):
-                changes += range_changes(shown, float(known.min()), float(known.max()), steady)
+                changes += range_changes(shown, float(known.min()), float(known.max()), steady, margin)
         return changes
 
     def mark(self, value: float | None = None, quantity: float | None = None) -> None:
@@ -179,7 +184,11 @@ def _event_labels(data: FamilyData) -> dict[str, list]:
     columns: dict[str, list] = {"label": [], "aside": [], "below": [], "align": []}
     for i, place in enumerate(shares.T):
         near = (np.abs(shares - place[:, None]) < np.array(NEAR_EACH_OTHER)[:, None]).all(0)
-        kinds = [data.events["kind"][k] for k in np.flatnonzero(near)] if near.argmax() == i else []
+        kinds = (
+            [LABELS.get(kind := data.events["kind"][k], kind) for k in np.flatnonzero(near)]
+            if near.argmax() == i
+            else []
+        )
         side = 1 if place[0] < 0.5 else -1
         beside = along[1, np.abs(along[0] - place[0] - side * NEAR_EACH_OTHER[0] / 2) < NEAR_EACH_OTHER[0] / 2]
         columns["label"].append(", ".join(dict.fromkeys(kinds)))

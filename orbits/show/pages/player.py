@@ -2,7 +2,6 @@
 
 from typing import Any
 
-from ..plane import BEHIND
 from .bokeh_figures import GREY, bokeh
 
 CYCLES_PER_SECOND = 0.4  # at first
@@ -14,7 +13,7 @@ LARGE_HANDLES = (
 # source of the motion. Glyphs that are redrawn in each frame are changed in place and not reported
 # to a server (`change.emit` and `sync: false`), or there would be a message for each frame.
 PLAY = (
-    f"const BEHIND = {BEHIND}, GREY = '{GREY}';"
+    f"const GREY = '{GREY}';"
     + """
 const player = motion.player ??= {share: 0, lap: 0, last: null, drawn: 0, reported: 0, looping: false, place: 0};
 const ZIGZAG = [0, 0, ...Array(7).fill([9, -9]).flat(), 0, 0];
@@ -67,22 +66,21 @@ function drawInPlane(up, pixel) {
   const low = Math.min(Math.floor(place), times - 2), weight = place - low;
   let begin = 0, trail = 0;
   const across = x => (x - middle) / up * pixel, moved = player.lap % cycles + player.share;
+  const between = (row, now, size) => row[now] + weight * (row[now + size] - row[now]);
   const [trails] = plane.data.trails, [advance] = plane.data.advance, [marks] = plane.data.marks;
   const length = trails.length / sizes.filter(size => !size).length;
   const paths = sizes.map((size, i) => {
-    if (!size) {  // the path so far, as one who goes on sees it
-      const own = trails.slice(length * trail, length * ++trail), count = length / 2;
-      const last = Math.round((count - 1) * (BEHIND + moved) / (BEHIND + cycles));
-      const known = Array.from({length: last + 1}, (_, k) => [across(own[2 * k] - advance * moved), own[2 * k + 1]]);
+    if (!size) {  // the path until now, as one who goes on sees it
+      const own = trails.slice(length * trail, length * ++trail), last = length / 2 - times + low;
+      const known = Array.from({length: last + 1}, (_, k) => [own[2 * k], own[2 * k + 1]]);
+      known.push([0, 1].map(j => between(own, 2 * last + j, 2)));
+      for (const point of known) point[0] = across(point[0] - advance * moved);
       const seen = known.filter(([x]) => Math.abs(x) < 1);
       return [seen.map(([x]) => x), seen.map(([, y]) => y)];
     }
     const from = begin + 2 * size * low, xs = [], ys = [];
     for (let k = 0; k < size; k++) {
-      const [x, y] = [0, 1].map(j => {
-        const now = from + 2 * k + j;
-        return points[now] + weight * (points[now + 2 * size] - points[now]);
-      });
+      const [x, y] = [0, 1].map(j => between(points, from + 2 * k + j, 2 * size));
       xs.push(across(x));
       ys.push(y);
     }

@@ -133,7 +133,7 @@ def test_the_first_picture_is_the_hop_of_find(page):
 
 def test_every_figure_is_drawn_at_both_widths(page):
     page.wait("return explorer.state['map-text'].includes('%')", seconds=120)
-    page.wait("return /reached|escaped/.test(explorer.state['family-text'])", seconds=120)
+    page.wait("return /Upward|Downward/.test(explorer.state['family-text'])", seconds=120)
     for width in (1200, 400):
         page.resize(width)
         for name in ("machine", "heights", "portrait", "force", "law", "family", "map"):
@@ -223,6 +223,25 @@ def click(page: Page, name: str, x: float, y: float) -> None:
     ActionChains(page.driver).move_to_element_with_offset(el, round(dx), round(dy)).click().perform()
 
 
+def paths_in_plane(page: Page, place: float) -> list[np.ndarray]:
+    """The outlines (2, m) that the animation shows at a place in the cycle, and the path behind it, at one instant."""
+    return [
+        np.array(path)
+        for path in page.run(
+            """
+            Bokeh.documents.map(d => d.get_model_by_name("place")).find(s => s).value = arguments[0];
+            const lines = explorer.figures.machine.renderers.map(r => r.data_source.data);
+            const {xs, ys} = lines.find(data => data.size && data.closed);
+            return xs.map((_, i) => [xs[i], ys[i]]);
+            """,
+            place,
+        )
+    ]
+
+
+PLACES = (0.0, 0.003, 0.2581, 0.5, 0.7777, 0.999)  # in a cycle; most of them between two samples
+
+
 def test_a_wheel_walks_in_the_plane(page, address):
     """Its hub keeps the length of a spoke from the foot on which it stands, and a friction that it lacks is told."""
     page.open(address + "?machine=wheel&si=1&spring=stiffness*r&p.friction=0.3")
@@ -232,17 +251,13 @@ def test_a_wheel_walks_in_the_plane(page, address):
     assert not element(page, "drop").is_displayed()
     page.resize(400)
     assert is_not_blank(page, "machine")
-    paths = page.run("""
-        const figure = explorer.figures.machine, lines = figure.renderers.map(r => r.data_source.data);
-        const {xs, ys, size} = lines.find(data => data.size && data.closed);
-        return xs.map((_, i) => [size[i], xs[i], ys[i]]);
-    """)
-    *spokes, body, path = ([np.array(row) for row in (x, y)] for _, x, y in paths)
-    assert len(spokes) == 8
-    assert min(y[1] for _, y in spokes) == pytest.approx(0, abs=1e-6)
-    assert path[0][-1] == pytest.approx(spokes[0][0][0], abs=2e-2)  # the path ends at the hub
-    assert path[1].max() == pytest.approx(0.4, rel=1e-3)
-    assert body[1].mean() == pytest.approx(spokes[0][1][0], rel=1e-6)
+    for place in PLACES:
+        *spokes, body, path = paths_in_plane(page, place)
+        assert len(spokes) == 8
+        assert min(y[1] for _, y in spokes) == pytest.approx(0, abs=1e-6)
+        assert path[:, -1] == pytest.approx(spokes[0][:, 0], abs=1e-5)  # the path ends at the hub
+        assert path[1].max() == pytest.approx(0.4, rel=1e-3)
+        assert body[1].mean() == pytest.approx(spokes[0][1][0], rel=1e-6)
     page.run("const s = document.getElementById('machine'); s.value = 'rocker'; s.dispatchEvent(new Event('change'))")
     assert shown(page) == pytest.approx(find(rocking_block(angle=0.3)).alpha, rel=1e-6)
 
@@ -253,12 +268,9 @@ def test_a_runner_runs_at_the_speed_of_its_slider(page, address):
     run = find(runner(), tune=("inertia", "hip_stiffness"), at={"speed": 0.4})
     assert shown(page) == pytest.approx(run.alpha, rel=1e-6)
     assert f"inertia = {run.source.values['inertia']:.6g}" in element(page, "status").text
-    leg, path = page.run("""
-        const lines = explorer.figures.machine.renderers.map(r => r.data_source.data);
-        const {xs, ys} = lines.find(data => data.size && data.closed);
-        return [0, -1].map(i => [xs.at(i), ys.at(i)]);
-    """)
-    assert [path[0][-1], path[1][-1]] == pytest.approx([leg[0][1], leg[1][1]], abs=0.1)
+    for place in PLACES:
+        leg, *_, path = paths_in_plane(page, place)
+        assert path[:, -1] == pytest.approx(leg[:, 1], abs=1e-5)
     _, _, z, _, leg_length, _, theta, *_ = run(np.linspace(0, run.period, 400)).T
     assert max(path[1]) == pytest.approx((z + leg_length * np.cos(theta)).max(), rel=1e-3)
     type_in(page, "number-speed", "0.5")
@@ -303,7 +315,7 @@ def test_a_click_in_the_map_launches_there(page):
 
 
 def test_a_click_on_the_family_goes_there(page):
-    page.wait("return explorer.state['family-text'].includes('up: reached')", seconds=120)
+    page.wait("return explorer.state['family-text'].includes('Upward: to the end')", seconds=120)
     value, alpha = page.run("""
         const all = explorer.figures.family.renderers.map(r => r.data_source.data);
         const {value, quantity} = all.find(d => d.quantity?.length > 30);
@@ -321,7 +333,7 @@ def test_a_click_on_the_family_goes_there(page):
 def test_the_hops_beyond_a_fold_are_come_to_by_keyboard(page, address):
     page.open(address + "?spring=r%2Bbeta*r**3&p.beta=-0.008&p.rest_length=30&along=beta")
     lowest = shown(page)
-    page.wait("return explorer.state['family-text'].includes('down: ')", seconds=120)
+    page.wait("return explorer.state['family-text'].includes('Downward: ')", seconds=120)
     slider = element(page, "place")
     assert f"alpha = {lowest:.6g}" in slider.get_attribute("aria-valuetext")
     slider.send_keys("\ue011")  # Home, which is beyond the fold
@@ -358,7 +370,7 @@ def test_a_link_shows_the_same_in_another_tab(page):
     type_in(page, "spring", "r + beta*r**3 + c*r**5")
     alpha, link = shown(page), element(page, "link").get_attribute("value")
     table = page.run("return document.getElementById('certificate').textContent")
-    assert page.run("return location.href") == link
+    page.wait("return location.href == arguments[0]", link)
     scene = scene_of_link(arguments(urlsplit(link).query))
     assert find(scene.build()).alpha == pytest.approx(alpha, rel=1e-6)
     first = page.driver.current_window_handle

@@ -96,7 +96,7 @@ def test_a_picture_of_other_numbers_is_dimmed_beside_the_verdict(tab):
     assert "r +" in told["problems"]["spring"]
     told = page.ask("number", name="mass_ratio", value=2.0)
     assert (told["verdict"], told["stale"], told["problems"]) == ("yes", [], {})
-    assert told["status"].startswith("A motion: the ball is thrown")
+    assert told["status"].startswith("A motion without loss: the ball is thrown")
 
 
 @pytest.mark.slow

@@ -24,8 +24,8 @@ def test_a_family_comes_in_pieces_and_is_that_of_follow():
     assert len(pieces) > 3
     assert "still growing" in pieces[0].text
     assert list(pieces[0].data.events["kind"]) == []
-    assert "up: reached" in pieces[-1].text
-    assert "down: escaped" in pieces[-1].text
+    assert "Upward: to the end of the slider, beta = 2." in pieces[-1].text
+    assert "Downward: the launch speed grows without bound" in pieces[-1].text
     assert list(pieces[-1].data.events["kind"])[-2:] == ["end: reached", "end: escaped"]
     assert list(pieces[-1].data.events["value"])[-2:] == [2.0, pieces[-1].values[0]]
     assert sum(kind.startswith("end: ") for kind in pieces[-1].data.events["kind"]) == 2
@@ -41,8 +41,8 @@ def test_a_family_comes_in_pieces_and_is_that_of_follow():
 
 def test_a_family_from_the_upper_end_of_its_slider_goes_down():
     *_, family = family_results(None, replace(CUBIC, along="beta"), 0.1, CUBIC.numbers["beta"])
-    assert "down: reached" in family.text
-    assert "up" not in family.text
+    assert "Downward: to the end of the slider" in family.text
+    assert "Upward" not in family.text
 
 
 @pytest.mark.slow

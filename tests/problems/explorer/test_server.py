@@ -70,6 +70,15 @@ def test_only_its_own_page_may_talk_to_it(port, origin, status):
             assert answer(port, path, {"Origin": headers["Origin"]})[0] == 403
 
 
+@pytest.mark.parametrize("site", ["cross-site", "same-site", "same-origin", "none"])
+@pytest.mark.parametrize("use", ["document", "iframe", "script", "image", "empty"])
+def test_other_sites_lead_to_the_page_and_load_nothing_of_it(port, site, use):
+    """A browser states no origin for `<script src>` and for `<img>`, but what it fetches them for."""
+    status = 200 if site in ("same-origin", "none") or use in ("document", "iframe") else 403
+    for path in ("/metadata", "/static/js/bokeh.min.js", *(["/"] if status == 403 else [])):
+        assert answer(port, path, {"Sec-Fetch-Site": site, "Sec-Fetch-Dest": use})[0] == status
+
+
 def test_no_other_site_may_read_what_it_serves(port):
     assert answer(port, "/static/js/bokeh.min.js", {"Origin": f"http://localhost:{port}"})[0] == 200
     for path in ("/autoload.js", "/autoload.js?bokeh-autoload-element=1"):

@@ -13,10 +13,13 @@ from problems.explorer.words import captions, verdict
 pytestmark = pytest.mark.extra("bokeh")
 
 
-def hop(*violations: str, names=("body", "foot"), turns=False, marks=None, why="", force="force (N)"):
+def hop(*violations: str, names=("body", "foot"), turns=False, marks=None, why="", force="force (N)", landed=None):
     """A hop with what its words depend on."""
     plane = None if marks is None else SimpleNamespace(marks=marks)
-    data, law = SimpleNamespace(names=names, turns=turns, plane=plane, why=why), SimpleNamespace(labels=("", force))
+    data, law = (
+        SimpleNamespace(names=names, turns=turns, plane=plane, why=why, landed=landed),
+        SimpleNamespace(labels=("", force)),
+    )
     return SimpleNamespace(violations=violations, data=data, law=law)
 
 
@@ -24,7 +27,7 @@ def test_the_verdict_says_whether_there_is_a_motion_and_why_not():
     scene = beginning("hopper")
     assert verdict(scene, None, {}) == ("", "The first motion is being found.")
     assert verdict(scene, hop(), {})[0] == "yes"
-    assert verdict(scene, hop(), {})[1].startswith("A motion: it hops for ever")
+    assert verdict(scene, hop(), {})[1].startswith("A motion without loss: it hops for ever")
     kind, text = verdict(scene, hop("foot below ground at t = 1", "the ground would have to pull"), {})
     assert (kind, text.startswith("No motion: foot below ground at t = 1; the ground")) == ("no", True)
     assert verdict(scene, None, {"page": "no"}) == ("no", "No motion is found for these numbers.")
@@ -33,6 +36,7 @@ def test_the_verdict_says_whether_there_is_a_motion_and_why_not():
     juggled = hop(names=("ball", "hand"))
     for found, does in ((juggled, "thrown and caught"), (hop(turns=True), "steps on"), (hop(), "it hops")):
         assert does in verdict(given, found, {})[1]
+    assert "inertia = 24 kg m^2 and hip stiffness = 900 N m/rad" in verdict(beginning("runner", True), hop(), {})[1]
     assert "inertia = 5.7 and hip stiffness = 5.4, which are tuned" in verdict(beginning("runner"), hop(), {})[1]
 
 
@@ -40,14 +44,20 @@ def test_the_verdict_says_whether_there_is_a_motion_and_why_not():
     ("scene", "found", "words"),
     [
         (beginning("hopper"), hop(), {"heights": "the foot stands", "machine": "nothing drives it", "family": "beta"}),
-        (beginning("juggler"), hop(names=("ball", "hand")), {"heights": "ball lies on the hand"}),
+        (beginning("juggler"), hop(names=("ball", "hand")), {"heights": "ball lies on the hand", "title": "the ball"}),
+        (replace(beginning("hopper"), family=3), hop(), {"title": "the spring turns back 3 times"}),
         (beginning("hopper"), hop(), {"law": "Force over", "map": "after a landing:", "family": "the one shown;"}),
         (Scene(), hop(), {"family": "Choose a parameter"}),
-        (beginning("wheel"), hop(turns=True, marks=[0.0]), {"portrait": "turned on", "heights": "both points touch"}),
+        (beginning("wheel"), hop(turns=True, marks=[0.0]), {"portrait": "turned on", "heights": "while it touches"}),
+        (
+            beginning("rocker"),
+            hop(turns=True, landed=[0.0]),
+            {"portrait": "mirrored", "force": "that landed", "heights": "of the block, and phi"},
+        ),
         (
             beginning("wheel"),
             hop(turns=True, force="torque"),
-            {"law": "Torque over", "map": "less that of the lossless step"},
+            {"law": "Torque over the angle", "force": "begins and ends at 0", "map": "less that of the lossless step"},
         ),
         (beginning("runner"), hop(marks=[0.0]), {"portrait": "closed curve", "machine": "where feet stand"}),
         (replace(beginning("wheel"), numbers={}), hop(turns=True), {"machine": "For small angles there is no picture"}),
@@ -56,7 +66,7 @@ def test_the_verdict_says_whether_there_is_a_motion_and_why_not():
 )
 def test_each_figure_has_its_line(scene, found, words):
     lines = captions(scene, found)
-    assert {*lines} == {"machine", "heights", "portrait", "force", "law", "family", "map"}
+    assert {*lines} == {"title", "machine", "heights", "portrait", "force", "law", "family", "map"}
     for name, text in words.items():
         assert text in lines[name]
     assert captions(scene, None) == {}

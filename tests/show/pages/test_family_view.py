@@ -10,7 +10,7 @@ from orbits import InputError
 
 pytest.importorskip("bokeh")
 
-from orbits.show.pages.family_view import FamilyFigure, family_data
+from orbits.show.pages.family_view import LABELS, FamilyFigure, family_data
 
 pytestmark = pytest.mark.extra("bokeh")
 
@@ -40,8 +40,9 @@ def test_events_are_named_where_they_are(softening_family):
     figure.show(family_data(softening_family))
     events = next(r.data_source.data for r in figure.figure.renderers if "label" in r.data_source.data)
     named = dict(zip(events["kind"], events["label"], strict=True))
-    assert sorted(", ".join(filter(None, named.values())).split(", ")) == sorted(events["kind"])
-    assert named["end: escaped"] == "end: escaped"
+    words = [LABELS.get(kind, kind) for kind in events["kind"]]
+    assert sorted(", ".join(filter(None, named.values())).split(", ")) == sorted(words)
+    assert named["end: escaped"] == "goes on without bound"
     data = family_data(softening_family)
     close = {"value": [data.value[0]] * 2, "quantity": [data.points["quantity"][0]] * 2, "kind": ["fold", "collapse"]}
     figure.show(replace(data, events=close))
