@@ -125,6 +125,15 @@ def follow_event(
         if number or within is not None or stop_inadmissible or not locate:
             raise InputError("number, within, stop_inadmissible and locate belong to families: leave them out")
         return own(event, second, stop, at=at, longest=longest, most=most, step_control=step_control, output=output)
+    options = checked_options(at, None, longest, most, stop_inadmissible, step_control)
+    return collected(run_along_event(family, event, second, stop, number, within, locate, options), output)
+
+
+def run_along_event(
+    family: Family, event: Event | str | Mapping[str, float], second: str, stop: float | tuple[float, float],
+    number: int, within: tuple[float, float] | None, locate: bool, options: Options,
+) -> EventTracer:  # fmt: skip
+    """A run along the curve of an event of a family, with arguments as in `follow_event`."""
     machine = family.source
     if machine is None:
         raise InputError("this family does not know its machine: load it by Family.load(path, machine)")
@@ -134,7 +143,6 @@ def follow_event(
     if second in (family.name, *_statement(machine, family).tuned):
         what = "lies at a value of" if second == family.name else "is on a family that tunes"
         raise InputError(f"the event {what} {second}: it is followed along another parameter")
-    options = checked_options(at, None, longest, most, stop_inadmissible, step_control)
     if within is not None:
         within = bounds_within(family.name, within)
     for bound in bounds_of(second, machine.values[second], stop, options.at):
@@ -144,16 +152,23 @@ def follow_event(
     first = float(begun.x[-1])
     if within is not None and not within[0] <= first <= within[1]:
         raise InputError(f"within = ({within[0]:g}, {within[1]:g}): the curve begins at {family.name} = {first:.10g}")
-    names, tuned = (family.settings["method"], family.name, second), _tuned(family)
-    return collect_event(*names, stop, begun, options, within, locate, tuned, output)
+    names = family.settings["method"], family.name, second
+    return _tracer(*names, stop, begun, options, within, locate, _tuned(family))
 
 
 def collect_event(
     method: str, along: str, second: str, stop: Any, begun: EventStart, options: Options,
-    within: tuple[float, float] | None = None, locate: bool = True, tuned: tuple[str, ...] = (),
-    output: str | Path | None = None,
+    tuned: tuple[str, ...] = (), output: str | Path | None = None,
 ) -> Family:  # fmt: skip
     """The curve of an event of a family along a parameter, from its start on."""
+    return collected(_tracer(method, along, second, stop, begun, options, None, True, tuned), output)
+
+
+def _tracer(
+    method: str, along: str, second: str, stop: Any, begun: EventStart, options: Options,
+    within: tuple[float, float] | None, locate: bool, tuned: tuple[str, ...],
+) -> EventTracer:  # fmt: skip
+    """A run along the curve of an event from its start on."""
     machine, start = begun.machine, begun.machine.values[second]
     behind, stop = bounds_of(second, start, stop, options.at)
     if begun.condition.stationary:  # second derivatives, and their differences, grow as powers of first ones
@@ -165,11 +180,15 @@ def collect_event(
         machine, along, second, method, abs(stop - behind), begun.stated, begun.condition, *of_family, within, locate
     )
     try:
-        tracer = start_tracer(curve, np.append(begun.x, start), start, behind, stop, options, EventTracer)
+        return start_tracer(curve, np.append(begun.x, start), start, behind, stop, options, EventTracer)
     except (NoOrbit, FlowError) as error:
         name = begun.condition.name
         raise NoOrbit(f"the curve of '{name}' does not begin at {along} = {begun.x[-1]:.10g}: {error}") from None
-    return _at_its_place(collect_family(tracer, output=output), begun.condition)
+
+
+def collected(tracer: EventTracer, output: str | Path | None = None) -> Family:
+    """The curve that a run finds."""
+    return _at_its_place(collect_family(tracer, output=output), tracer.curve.condition)
 
 
 def start_of_fold(machine: Machine, base: Statement, point: Point, along: str) -> EventStart:
