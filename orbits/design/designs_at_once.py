@@ -79,17 +79,21 @@ def solved_designs(
 
 def settled_designs(
     machine: Machine, names: Sequence[str], values: np.ndarray, family: int, near: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """The statuses (m,) of those designs (m, k) that are settled together, "" for the others, and the unknowns (m, n)
-    of their orbits by the simplest method, NaN for none: the orbits of least launch speed, or those to which Newton's
-    method converges from unknowns `near` (m, n), which need not be the lowest of the family."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The statuses (m,) of those designs (m, k) that are settled together, "" for the others; the unknowns (m, n) of
+    their orbits by the simplest method, and the errors (m,) of the launch speeds as shares of these, NaN for none.
+
+    These are the orbits of least launch speed, or those to which Newton's method converges from unknowns `near`
+    (m, n), which need not be the lowest of the family.
+    """
     designs = Designs(tuple(names), values, {}, *np.full((2, len(values)), "", dtype=object))
     base = designs.machine(machine, 0)
     own, method = tuple(base.values), iterative(method_of(base.model))
     equations = equations_of(base.model, method, own)
-    us, size = np.full((len(values), equations.size), np.nan), motions_together(family)
+    us, errors = np.full((len(values), equations.size), np.nan), np.full(len(values), np.nan)
+    size = motions_together(family)
     if not equations.in_lanes or not {*names} <= {*own}:
-        return designs.statuses, us
+        return designs.statuses, us, errors
     for first in range(0, len(values), size):
         interrupts.heed()
         some = np.arange(first, min(first + size, len(values)))
@@ -102,10 +106,11 @@ def settled_designs(
         for orbits in parts:
             which, places = some[orbits.which], orbits.places
             us[which] = np.column_stack([orbits.cycles.u[name][places] for name in equations.statement.unknowns])
+            errors[which] = orbits.certificates.column("error")[places] / orbits.alphas
             violations = orbits.certificates.column("violations")
             designs.statuses[which] = [STATUSES_OF_ORBITS[bool(violations[place])] for place in places.tolist()]
         designs.statuses[some[[*absent]]] = "no orbit"
-    return designs.statuses, us
+    return designs.statuses, us, errors
 
 
 def columns_of_tuned(model: Model, names: Sequence[str]) -> tuple[str, ...]:

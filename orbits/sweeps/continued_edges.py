@@ -12,9 +12,11 @@ import numpy as np
 from ..running import interrupts
 
 # Points (m, 2), and unknowns (m, n) nearby or None for the lowest orbits -> statuses (m,), "" where they are not
-# settled, and unknowns (m, n).
-Settled: TypeAlias = Callable[[np.ndarray, np.ndarray | None], tuple[np.ndarray, np.ndarray]]
+# settled, unknowns (m, n), and errors (m,) as shares of the launch speeds.
+Settled: TypeAlias = Callable[[np.ndarray, np.ndarray | None], tuple[np.ndarray, np.ndarray, np.ndarray]]
 NO_ORBIT = "no orbit"
+# Where the errors of orbits have grown to this share, rounding decides where they are lost: they grow without bound.
+LOST_BY_ROUNDING = 1e-8
 
 
 def continued_edges(
@@ -24,12 +26,12 @@ def continued_edges(
     statuses are `statuses` (k, 2); to a `width`, NaN where this cannot be confirmed.
 
     Where no orbit is found beyond, neither by Newton's method from the last orbit nor in a search of all members
-    together, orbits end there.
+    together, orbits end there; and so they do where rounding decides what is found.
     """
-    found, (own, us) = np.full(starts.shape, np.nan), settled(starts, None)
+    found, (own, us, errors) = np.full(starts.shape, np.nan), settled(starts, None)
     if not len(which := np.flatnonzero(own == statuses[:, 0])):
         return found
-    way, us = (ends - starts)[which], us[which]
+    way, us, errors = (ends - starts)[which], us[which], errors[which]
     near, far = np.zeros(len(which)), np.ones(len(which))
     before, us_before = np.full(len(which), np.nan), np.full(us.shape, np.nan)
     while len(wide := np.flatnonzero((far - near) * np.abs(way).max(1) > width)):
@@ -37,18 +39,18 @@ def continued_edges(
         middle = 0.5 * (near + far)[wide]
         points = starts[which[wide]] + middle[:, None] * way[wide]
         guesses = _predicted(us[wide], us_before[wide], near[wide], before[wide], middle, far[wide])
-        new, unknowns = settled(points, guesses)
+        new, unknowns, shares = settled(points, guesses)
         if len(again := np.flatnonzero((new == "") & (guesses != us[wide]).any(1))):
-            new[again], unknowns[again] = settled(points[again], us[wide[again]])
+            new[again], unknowns[again], shares[again] = settled(points[again], us[wide[again]])
         same = new == statuses[which[wide], 0]
         on, off = wide[same], wide[~same]
         us_before[on], before[on] = us[on], near[on]
-        us[on], near[on], far[off] = unknowns[same], middle[same], middle[~same]
+        us[on], near[on], errors[on], far[off] = unknowns[same], middle[same], shares[same], middle[~same]
     edges, both = starts[which] + 0.5 * (near + far)[:, None] * way, np.concatenate([near, far])
-    sides, _ = settled(np.tile(starts[which], (2, 1)) + both[:, None] * np.tile(way, (2, 1)), None)
-    inner, outer = sides[: len(which)], sides[len(which) :]
-    last = statuses[which, 1]
-    good = (inner == statuses[which, 0]) & ((outer == last) | ((outer == "") & (last == NO_ORBIT)))
+    sides, *_ = settled(np.tile(starts[which], (2, 1)) + both[:, None] * np.tile(way, (2, 1)), None)
+    (inner, outer), (first, last) = np.split(sides, 2), statuses[which].T
+    good = (inner == first) & ((outer == last) | ((outer == "") & (last == NO_ORBIT)))
+    good |= (errors > LOST_BY_ROUNDING) & ((inner == first) | (inner == "")) & (last == NO_ORBIT)
     found[which[good]] = edges[good]
     return found
 

@@ -274,7 +274,7 @@ def existence(
         points = np.column_stack([axis.at(share) for axis, share in zip(scales, shares.T, strict=True)])
         return solved_designs(machine, (along, across), points, family, {}, first).statuses
 
-    def settled_at(shares: np.ndarray, near: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    def settled_at(shares: np.ndarray, near: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         points = np.column_stack([axis.at(share) for axis, share in zip(scales, shares.T, strict=True)])
         return settled_designs(machine, (along, across), points, family, near)
 
