@@ -52,7 +52,7 @@ class Passing(NamedTuple):
     exact: bool
 
 
-class _Sides(NamedTuple):
+class _SidesLeft(NamedTuple):
     """Sides of cells whose ends have different statuses: the nodes before (k, 2), whether they lie in rows (k,), the
     points at both ends (k, 2), in shares, and the statuses there (k, 2)."""
 
@@ -63,7 +63,7 @@ class _Sides(NamedTuple):
     statuses: np.ndarray
 
 
-def _sides_between(statuses: np.ndarray, shares: Shares, known: Mapping[Side, Any]) -> _Sides:
+def _sides_between(statuses: np.ndarray, shares: Shares, known: Mapping[Side, Any]) -> _SidesLeft:
     """The sides between nodes of different statuses (m, n) whose boundaries are not known."""
     nodes = np.concatenate(differing := [np.argwhere(np.diff(codes_of(statuses), axis=axis)) for axis in (0, 1)])
     in_row = np.repeat([True, False], list(map(len, differing)))
@@ -73,7 +73,9 @@ def _sides_between(statuses: np.ndarray, shares: Shares, known: Mapping[Side, An
     steps = np.where(in_row[:, None], [1, 0], [0, 1])
     low, high = (np.column_stack([share[k] for share, k in zip(shares, at.T, strict=True)])
                  for at in (nodes, nodes + steps))  # fmt: skip
-    return _Sides(nodes, in_row, low, high, np.column_stack([statuses[tuple(at.T)] for at in (nodes, nodes + steps)]))
+    return _SidesLeft(
+        nodes, in_row, low, high, np.column_stack([statuses[tuple(at.T)] for at in (nodes, nodes + steps)])
+    )
 
 
 def passed_sides(
@@ -142,7 +144,7 @@ def by_continuation(
     return found
 
 
-def located(
+def bisected(
     statuses: np.ndarray, shares: Shares, both_ways: bool, statuses_at: Callable[[np.ndarray], np.ndarray],
     show: Callable[[SweepProgress], None], known: Mapping[Side, Sequence[Passing]],
 ) -> tuple[Boundaries, str]:  # fmt: skip

@@ -10,11 +10,12 @@ from typing import TypeAlias
 import numpy as np
 
 from ..running import interrupts
+from .sparse_grid import NO_ORBIT
 
 # Points (m, 2), and unknowns (m, n) nearby or None for the lowest orbits -> statuses (m,), "" where they are not
 # settled, unknowns (m, n), and errors (m,) as shares of the launch speeds.
 Settled: TypeAlias = Callable[[np.ndarray, np.ndarray | None], tuple[np.ndarray, np.ndarray, np.ndarray]]
-NO_ORBIT = "no orbit"
+
 # Where the errors of orbits have grown to this share, rounding decides where they are lost: they grow without bound.
 LOST_BY_ROUNDING = 1e-8
 
@@ -38,7 +39,7 @@ def continued_edges(
         interrupts.heed()
         middle = 0.5 * (near + far)[wide]
         points = starts[which[wide]] + middle[:, None] * way[wide]
-        guesses = _predicted(us[wide], us_before[wide], near[wide], before[wide], middle, far[wide])
+        guesses = _unknowns_ahead(us[wide], us_before[wide], near[wide], before[wide], middle, far[wide])
         new, unknowns, shares = settled(points, guesses)
         if len(again := np.flatnonzero((new == "") & (guesses != us[wide]).any(1))):
             new[again], unknowns[again], shares[again] = settled(points[again], us[wide[again]])
@@ -55,7 +56,7 @@ def continued_edges(
     return found
 
 
-def _predicted(
+def _unknowns_ahead(
     us: np.ndarray, us_before: np.ndarray, near: np.ndarray, before: np.ndarray, new: np.ndarray, far: np.ndarray
 ) -> np.ndarray:
     """Unknowns (k, n) at shares `new` (k,) of ways, from those at `near` and `before`: on powers of the distance from

@@ -2,8 +2,9 @@
 
 The orbits of a grid of machines give a first approximation. Wherever two neighbours in a row of the grid differ in
 status, the family between them is followed, and the event at which the status changes is followed as a curve in both
-parameters, which passes all rows exactly. Where no such curve is found, the boundary is located by bisection, for all
-pairs of neighbours together; if requested, also between the rows.
+parameters, which passes all rows exactly, and if requested all columns. Where no such curve is found, the orbits at the
+neighbours are continued to where they end or change, and what is left is located by bisection, for all pairs of
+neighbours together.
 """
 
 from collections import Counter
@@ -25,6 +26,7 @@ from ..periodic.continued import AT_FOLD, NOT_REACHED, continued_orbits
 from ..periodic.find import StartLike, family_number, find
 from ..periodic.orbit import Orbit, orbit_of
 from ..result import Axes, Result, Row, shown
+from ..running.heartbeat import running
 from ..running.time_limit import TimeOver
 from ..symbolic.kernels import compiled_at_once
 from .boundaries import (
@@ -33,8 +35,8 @@ from .boundaries import (
     Boundaries,
     Passing,
     Side,
+    bisected,
     by_continuation,
-    located,
     on_curves,
     passed_sides,
 )
@@ -198,6 +200,7 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
         return self.grid.dataset.assign({name: ("boundary", values) for name, values in columns.items()})
 
 
+@running("existence")
 def existence(
     machine: Machine,
     along: str,
@@ -231,10 +234,10 @@ def existence(
 
     The orbit of a machine is the one of least launch speed, or the one that is continued from the start. The boundaries
     are located to 1e-6 of a parameter's range wherever neighbours on the grid have different statuses; what lies
-    between two neighbours of the same status is not detected. Where the motions become too sensitive for an orbit to be
-    certified, the boundary is that of the orbits that `find` finds. Where a `time_limit` is reached once the grid is
-    searched, boundaries that are not located yet are midpoints between members, as `rests_on` states; before, `NoOrbit`
-    is raised. Raises `InputError` for invalid arguments.
+    between two neighbours of the same status is not detected. Where orbits become too sensitive to be computed before
+    they end, the boundary lies where they are lost, which rounding decides. Where a `time_limit` is reached once the
+    grid is searched, boundaries that are not located yet are midpoints between members, as `rests_on` states; before,
+    `NoOrbit` is raised. Raises `InputError` for invalid arguments.
 
     >>> from orbits import existence
     >>> from problems import Hopper
@@ -306,7 +309,7 @@ def existence(
             known |= by_continuation(statuses, shares, both_ways, settled_at, known)
     except TimeOver as over:
         stopped = str(over)
-    boundaries, later = located(statuses, shares, both_ways, statuses_at, show, known)
+    boundaries, later = bisected(statuses, shares, both_ways, statuses_at, show, known)
     points = np.column_stack([axis.at(share) for axis, share in zip(scales, boundaries.points.T, strict=True)])
     points[boundaries.in_row, 1] = box.rows[boundaries.nodes[boundaries.in_row, 1]]
     columns = boundaries.exact.astype(bool) & ~boundaries.in_row.astype(bool)
