@@ -180,10 +180,12 @@ def _tracer(
         machine, along, second, method, abs(stop - behind), begun.stated, begun.condition, *of_family, within, locate
     )
     try:
-        return start_tracer(curve, np.append(begun.x, start), start, behind, stop, options, EventTracer)
+        tracer = start_tracer(curve, np.append(begun.x, start), start, behind, stop, options, EventTracer)
     except (NoOrbit, FlowError) as error:
         name = begun.condition.name
         raise NoOrbit(f"the curve of '{name}' does not begin at {along} = {begun.x[-1]:.10g}: {error}") from None
+    assert isinstance(tracer, EventTracer)
+    return tracer
 
 
 def collected(tracer: EventTracer, output: str | Path | None = None) -> Family:

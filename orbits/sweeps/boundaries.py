@@ -113,7 +113,9 @@ def on_curves(
     pairs = iter(statuses_at(np.array(beside)).reshape(-1, 2).tolist() if beside else [])
     for (i, j, in_row), places in passed.items():
         changes = [
-            Passing(share, *pair, True) for share, pair in zip(places, pairs, strict=False) if pair[0] != pair[1]
+            Passing(share, pair[0], pair[1], True)
+            for share, pair in zip(places, pairs, strict=False)
+            if pair[0] != pair[1]
         ]
         chain = [statuses[i, j], *(status for each in changes for status in each[1:3])]
         chain.append(statuses[i + in_row, j + (not in_row)])
