@@ -341,6 +341,7 @@ class EventTracer(Tracer):
     """A run along a curve of events."""
 
     tests_for_the_end = EventEndings
+    curve: EventCurve
 
     def __init__(self, curve: EventCurve, *args: Any):
         self.segments = type("EventSegment", (Segment,), {"tests": curve.condition.tests() if curve.locates else {}})

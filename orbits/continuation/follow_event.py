@@ -80,6 +80,15 @@ def follow_event(
         if number or within is not None or stop_inadmissible or not locate:
             raise InputError("number, within, stop_inadmissible and locate belong to families: leave them out")
         return own(event, second, stop, at=at, longest=longest, most=most, step_control=step_control, output=output)
+    options = checked_options(at, None, longest, most, stop_inadmissible, step_control)
+    return collected(run_along_event(family, event, second, stop, number, within, locate, options), output)
+
+
+def run_along_event(
+    family: Family, event: Event | str | Mapping[str, float], second: str, stop: float | tuple[float, float],
+    number: int, within: tuple[float, float] | None, locate: bool, options: Options,
+) -> EventTracer:  # fmt: skip
+    """A run along the curve of an event of a family, with arguments as in `follow_event`."""
     machine = family.source
     if machine is None:
         raise InputError("this family does not know its machine: load it by Family.load(path, machine)")
@@ -89,7 +98,6 @@ def follow_event(
     if second in (family.name, *statement_of_family(machine, family).tuned):
         what = "lies at a value of" if second == family.name else "is on a family that tunes"
         raise InputError(f"the event {what} {second}: it is followed along another parameter")
-    options = checked_options(at, None, longest, most, stop_inadmissible, step_control)
     if within is not None:
         within = bounds_within(family.name, within)
     for bound in bounds_of(second, machine.values[second], stop, options.at):
@@ -99,16 +107,23 @@ def follow_event(
     first = float(begun.x[-1])
     if within is not None and not within[0] <= first <= within[1]:
         raise InputError(f"within = ({within[0]:g}, {within[1]:g}): the curve begins at {family.name} = {first:.10g}")
-    names, tuned = (family.settings["method"], family.name, second), tuned_of_family(family)
-    return collect_event(*names, stop, begun, options, within, locate, tuned, output)
+    names = family.settings["method"], family.name, second
+    return _tracer(*names, stop, begun, options, within, locate, tuned_of_family(family))
 
 
 def collect_event(
     method: str, along: str, second: str, stop: Any, begun: EventStart, options: Options,
-    within: tuple[float, float] | None = None, locate: bool = True, tuned: tuple[str, ...] = (),
-    output: str | Path | None = None,
+    tuned: tuple[str, ...] = (), output: str | Path | None = None,
 ) -> Family:  # fmt: skip
     """The curve of an event of a family along a parameter, from its start on."""
+    return collected(_tracer(method, along, second, stop, begun, options, None, True, tuned), output)
+
+
+def _tracer(
+    method: str, along: str, second: str, stop: Any, begun: EventStart, options: Options,
+    within: tuple[float, float] | None, locate: bool, tuned: tuple[str, ...],
+) -> EventTracer:  # fmt: skip
+    """A run along the curve of an event from its start on."""
     machine, start = begun.machine, begun.machine.values[second]
     behind, stop = bounds_of(second, start, stop, options.at)
     of_family = tuned, begun.tuned_sizes, float(begun.x[-1])
@@ -123,7 +138,13 @@ def collect_event(
     except (NoOrbit, FlowError) as error:
         name = begun.condition.name
         raise NoOrbit(f"the curve of '{name}' does not begin at {along} = {begun.x[-1]:.10g}: {error}") from None
-    return _at_its_place(collect_family(tracer, output=output), begun.condition)
+    assert isinstance(tracer, EventTracer)
+    return tracer
+
+
+def collected(tracer: EventTracer, output: str | Path | None = None) -> Family:
+    """The curve that a run finds."""
+    return _at_its_place(collect_family(tracer, output=output), tracer.curve.condition)
 
 
 def bounds_within(name: str, within: tuple[float, float]) -> tuple[float, float]:

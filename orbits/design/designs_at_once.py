@@ -13,10 +13,11 @@ from ..periodic.certified import Certified, certified
 from ..periodic.continued import AT_FOLD, NOT_REACHED, continued, continued_tuned, orbit_from_unknowns
 from ..periodic.find import StartLike, find, first_tuned, in_units_of
 from ..periodic.orbit import Orbit, orbit_of
-from ..periodic.orbits_at_once import lowest_orbits, motions_together
+from ..periodic.orbits_at_once import certified_near, lowest_orbits, motions_together
 from ..periodic.quantities import OF_RUNS, names_of_many, numbers_of
 from ..periodic.tuned import Tuning, errors_of_tuned, tuning_of
 from ..running import interrupts
+from ..shooting.formulations import equations_of, iterative, method_of
 from ..symbolic.formula import Formula, parse
 from ..units import Units, in_units
 from .problem import formula_names
@@ -25,6 +26,7 @@ from .tuned_machine import start_of_tuned
 
 # The statuses of a design.
 DESIGN_STATUSES = ("certified", "inadmissible", "no orbit", "failed")
+STATUSES_OF_ORBITS = DESIGN_STATUSES[:2]  # of motions, and of those with violations
 # Those of designs whose orbits are continued from a start.
 CONTINUED_STATUSES = (*DESIGN_STATUSES, AT_FOLD, NOT_REACHED)
 
@@ -73,6 +75,42 @@ def solved_designs(
         report(done)
         _solve_alone(machine, designs, i, family, formulas)
     return designs
+
+
+def settled_designs(
+    machine: Machine, names: Sequence[str], values: np.ndarray, family: int, near: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The statuses (m,) of those designs (m, k) that are settled together, "" for the others; the unknowns (m, n) of
+    their orbits by the simplest method, and the errors (m,) of the launch speeds as shares of these, NaN for none.
+
+    These are the orbits of least launch speed, or those to which Newton's method converges from unknowns `near`
+    (m, n), which need not be the lowest of the family.
+    """
+    designs = Designs(tuple(names), values, {}, *np.full((2, len(values)), "", dtype=object))
+    base = designs.machine(machine, 0)
+    own, method = tuple(base.values), iterative(method_of(base.model))
+    equations = equations_of(base.model, method, own)
+    us, errors = np.full((len(values), equations.size), np.nan), np.full(len(values), np.nan)
+    size = motions_together(family)
+    if not equations.in_lanes or not {*names} <= {*own}:
+        return designs.statuses, us, errors
+    for first in range(0, len(values), size):
+        interrupts.heed()
+        some = np.arange(first, min(first + size, len(values)))
+        ps, absent = _parameters_of(base, designs, some), dict[int, NoOrbit]()
+        if near is None:
+            parts, absent = lowest_orbits(base.model, own, ps, family)
+        else:
+            found = certified_near(base.model, own, ps, near[some], family)
+            parts = [found] if found else []
+        for orbits in parts:
+            which, places = some[orbits.which], orbits.places
+            us[which] = np.column_stack([orbits.cycles.u[name][places] for name in equations.statement.unknowns])
+            errors[which] = orbits.certificates.column("error")[places] / orbits.alphas
+            violations = orbits.certificates.column("violations")
+            designs.statuses[which] = [STATUSES_OF_ORBITS[bool(violations[place])] for place in places.tolist()]
+        designs.statuses[some[[*absent]]] = "no orbit"
+    return designs.statuses, us, errors
 
 
 def columns_of_tuned(model: Model, names: Sequence[str]) -> tuple[str, ...]:
@@ -343,7 +381,7 @@ def _fill_in_formulas(designs: Designs, i: int, varied: Machine, orbit: Orbit, f
 
 def _judge(designs: Designs, i: int, violations: Sequence[str]) -> None:
     """Write whether an orbit is a motion, and why not."""
-    designs.statuses[i] = "inadmissible" if violations else "certified"
+    designs.statuses[i] = STATUSES_OF_ORBITS[bool(violations)]
     designs.reasons[i] = "; ".join(violations)
 
 

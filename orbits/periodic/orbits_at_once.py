@@ -97,11 +97,10 @@ def orbits_near(
         part, guess = [machines[i] for i in these], np.array([us[i] for i in these])
         names, ps = tuple(part[0].values), np.array([list(machine.values.values()) for machine in part])
         method = iterative(method_of(model))
-        sought = _Family(model, names, ps, family or 0, method, equations_of(model, method, names))
-        if sought.equations.in_lanes and family:
-            solved = _at_value(_kernel_of(model, sought.equations), guess, ps, sought.most)
-            if found := _certified(sought, solved.which, solved.xs[:, :-1], solved.evaluation):
-                each = orbits_of(part, method, sought.equations, found, began)
+        equations = equations_of(model, method, names)
+        if equations.in_lanes and family:
+            if found := certified_near(model, names, ps, guess, family):
+                each = orbits_of(part, method, equations, found, began)
                 orbits |= {these[k]: orbit for k, orbit in each.items()}
             continue
         for i, machine, u in zip(these, part, guess, strict=True):
@@ -109,6 +108,17 @@ def orbits_near(
                 orbit = certified_orbit(machine, solve_from(machine, method, u), began=began)
                 orbits |= {i: orbit} if family in (None, orbit.family) else {}
     return [orbits.get(i) for i in range(len(machines))]
+
+
+def certified_near(
+    model: Model, names: tuple[str, ...], ps: np.ndarray, us: np.ndarray, family: int
+) -> Certified | None:
+    """The orbits of a family for machines with parameters (m, np) to which Newton's method converges from unknowns
+    (m, n) of the simplest statement, whose motions can be integrated together."""
+    method = iterative(method_of(model))
+    sought = _Family(model, names, ps, family, method, equations_of(model, method, names))
+    solved = _at_value(_kernel_of(model, sought.equations), us, ps, sought.most)
+    return _certified(sought, solved.which, solved.xs[:, :-1], solved.evaluation)
 
 
 def _own_guesses(model: Model, names: tuple[str, ...], ps: np.ndarray, family: int) -> Guesses:

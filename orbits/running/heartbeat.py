@@ -8,7 +8,8 @@ from contextlib import contextmanager
 
 SILENCE = 8.0  # seconds until the first message and between two, less than ten by what is computed between two calls
 LOGGER = logging.getLogger("orbits")
-_running = threading.local()  # the `name` of the outermost function of a thread, when it `began` and when it `spoke`
+# The `name` of the outermost function of a thread, when it `began` and when it `spoke`, and how `far` it is.
+_running = threading.local()
 
 
 @contextmanager
@@ -19,7 +20,7 @@ def running(name: str) -> Iterator[bool]:
         yield False
         return
     _running.name, _running.began = name, time.monotonic()
-    _running.spoke = _running.began
+    _running.spoke, _running.far = _running.began, ""
     try:
         yield True
     finally:
@@ -30,7 +31,13 @@ def beat() -> None:
     """Say that the function still computes, where it has been silent for long."""
     if getattr(_running, "name", None) and (now := time.monotonic()) - _running.spoke > SILENCE:
         _running.spoke = now
-        LOGGER.warning("%s has been computing for %.0f s", _running.name, now - _running.began)
+        LOGGER.warning("%s has been computing for %.0f s%s", _running.name, now - _running.began, _running.far)
+
+
+def now_at(how_far: str) -> None:
+    """State how far the function is, for its next message."""
+    if getattr(_running, "name", None):
+        _running.far = f": {how_far}"
 
 
 def remark(how_far: str) -> None:

@@ -1,19 +1,20 @@
 """The boundaries of a diagram as curves of events, each followed from where it passes between two neighbours."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..continuation.checkpoint import begun
 from ..continuation.curve import TEST_FUNCTIONS
-from ..continuation.event_curve import COLLAPSE, LIMITS
+from ..continuation.event_curve import COLLAPSE, LIMITS, EventCurve
 from ..continuation.events import Segment
 from ..continuation.family import Family
 from ..continuation.follow import begin_run
-from ..continuation.follow_event import follow_event
+from ..continuation.follow_event import collected, run_along_event
+from ..continuation.passings import passings
 from ..continuation.point import End, Event, Point
 from ..continuation.step_control import StepControl, checked_options
 from ..errors import OrbitsError
@@ -27,10 +28,11 @@ FOLLOWED = ("fold", COLLAPSE, *(kind for kind, _ in LIMITS.values() if kind))
 MOST_PAIRS, MOST_WITHOUT = 24, 6
 # Points of a family between two neighbours, and of a curve; and the longest steps of both, as shares of the range.
 MOST_ON_WAY, MOST_ON_CURVE, LONGEST_ON_WAY, LONGEST_ON_CURVE = 60, 400, 0.5, 0.05
-# Few points are solved at a time, since most curves end soon, and long steps are taken, since the rows are hit exactly.
-# Curves are not followed far to where rounding decides, which takes many steps: what is left there is bisected.
-ON_CURVE = StepControl(largest_batch=32, target_correction=1e-4, largest_amplification=1e6, escape_ratio=20.0)
-ALONG_FOLDS = replace(ON_CURVE, largest_amplification=100.0)  # second derivatives grow as powers of first ones
+# Few points are solved at a time, since most curves end soon, and long steps are taken, since rows and columns are hit
+# exactly afterwards. Curves are not followed far to where rounding decides, which takes many steps.
+CONTROL = StepControl(largest_batch=32, target_correction=1e-4, largest_amplification=1e6, escape_ratio=20.0)
+ALONG_FOLDS = replace(CONTROL, largest_amplification=100.0)  # second derivatives grow as powers of first ones
+ON_CURVE = checked_options(longest=LONGEST_ON_CURVE, most=MOST_ON_CURVE, step_control=CONTROL)
 # A curve of an event's kind that passes a row within this share of the range of the event is its curve.
 SAME_CURVE = 1e-7
 
@@ -70,23 +72,50 @@ class Neighbours(NamedTuple):
     ends: bool
 
 
+@dataclass(frozen=True)
+class BoundaryCurve:
+    """A curve of an event that was followed: the event, the values of the two parameters at its points, which are exact
+    wherever it passes rows or columns of the grid, its end, and the curve's directions at the points, which are changes
+    (along, across) of any length."""
+
+    event: str
+    along: tuple[float, ...]
+    across: tuple[float, ...]
+    end: str
+    directions: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def is_fold(self) -> bool:
+        """Whether orbits end on it."""
+        return self.event.startswith("fold")
+
+    def passings(self, axis: int, lines: np.ndarray) -> list[list[float]]:
+        """The places, ascending, at which it passes each column of the grid (axis 0), or each row (axis 1)."""
+        found, index = [set[float]() for _ in lines], {float(value): k for k, value in enumerate(lines)}
+        ways = (self.along, self.across) if axis == 0 else (self.across, self.along)
+        for value, place in zip(*ways, strict=True):
+            if value in index:
+                found[index[value]].add(place)
+        return [sorted(each) for each in found]
+
+
 def boundary_curves(
     box: Box, pairs: Sequence[Neighbours], orbit_at: Callable[[Machine], Orbit], machine: Machine
-) -> list[Family]:
+) -> list[BoundaryCurve]:
     """The curves of events that pass between pairs of neighbours, until each pair is passed or no more are found.
 
     orbit_at : machine -> its orbit, from which the family between two neighbours is followed
     """
-    curves, crossings, without = list[Family](), [list[tuple[float, bool]]() for _ in box.rows], 0
+    curves, passed, without = list[BoundaryCurve](), [list[tuple[float, bool]]() for _ in box.rows], 0
     tried = 0
     for pair in pairs:
         low, high = box.places[pair.i], box.places[pair.i + 1]
-        if any(low <= place <= high and fold == pair.ends for place, fold in crossings[pair.j]):
+        if any(low <= place <= high and fold == pair.ends for place, fold in passed[pair.j]):
             continue
         if tried == MOST_PAIRS or without == MOST_WITHOUT:
             break
         interrupts.heed()
-        found = _curves_between(box, pair, orbit_at, machine, crossings)
+        found = _curves_between(box, pair, orbit_at, machine, passed)
         tried, without = tried + 1, 0 if found else without + 1
         curves += found
     return curves
@@ -97,16 +126,16 @@ def _curves_between(
     pair: Neighbours,
     orbit_at: Callable[[Machine], Orbit],
     machine: Machine,
-    crossings: list[list[tuple[float, bool]]],
-) -> list[Family]:
-    """The curves of events between a pair of neighbours, whose places on the rows are added to `crossings`."""
-    ends, curves = (pair.i, pair.i + 1), list[Family]()
+    passed: list[list[tuple[float, bool]]],
+) -> list[BoundaryCurve]:
+    """The curves of events between a pair of neighbours, whose places on the rows are added to `passed`."""
+    ends, curves = (pair.i, pair.i + 1), list[BoundaryCurve]()
     begin, end = (float(box.places[ends[k]]) for k in (pair.side, 1 - pair.side))
     here = machine.with_values(**{box.along: begin, box.across: float(box.rows[pair.j])})
     with suppress(OrbitsError):
         family = _up_to_fold(here, box.along, end, orbit_at(here))
         for event in family.events:
-            known = np.array([place for place, fold in crossings[pair.j] if fold == (event.kind == "fold")])
+            known = np.array([place for place, fold in passed[pair.j] if fold == (event.kind == "fold")])
             if (np.abs(known - event.point.value) < SAME_CURVE * box.width).any() or not _is_boundary(
                 family, event, pair.ends
             ):
@@ -114,8 +143,8 @@ def _curves_between(
             with suppress(OrbitsError):
                 for curve in _both_ways(box, family, event):
                     curves.append(curve)
-                    for j, places in enumerate(places_on_rows(box, curve)):
-                        crossings[j] += [(place, event.kind == "fold") for place in places]
+                    for j, places in enumerate(curve.passings(1, box.rows)):
+                        passed[j] += [(place, curve.is_fold) for place in places]
     return curves
 
 
@@ -147,43 +176,28 @@ def _is_boundary(family: Family, event: Event, ends: bool) -> bool:
     return len(sides) < 2 or sides[0] != sides[1]
 
 
-def _both_ways(box: Box, family: Family, event: Event) -> list[Family]:
+def _both_ways(box: Box, family: Family, event: Event) -> Iterator[BoundaryCurve]:
     """The curve of an event in both directions, up to the sides of the box."""
     low, high = float(box.rows[0]), float(box.rows[-1])
     bounds = float(box.places[0]), float(box.places[-1])
     assert family.source is not None
-    start, curves = family.source.values[box.across], list[Family]()
-    for behind, stop in ((high, low), (low, high)):
-        if start == stop:
-            continue
-        curves.append(
-            follow_event(
-                family,
-                event,
-                box.across,
-                (behind, stop),
-                within=bounds,
-                at=box.rows.tolist(),
-                longest=LONGEST_ON_CURVE,
-                most=MOST_ON_CURVE,
-                stop_inadmissible=event.kind != "fold",
-                locate=False,
-                step_control=ALONG_FOLDS if event.kind == "fold" else ON_CURVE,
-            )
-        )
-    return curves
+    start, is_fold = family.source.values[box.across], event.kind == "fold"
+    control = ALONG_FOLDS if is_fold else CONTROL
+    options = replace(ON_CURVE, stop_inadmissible=not is_fold, step_control=control)
+    for ends in ((high, low), (low, high)):
+        if start != ends[1]:
+            run = run_along_event(family, event, box.across, ends, 0, bounds, False, options)
+            yield _with_passings(box, run.curve, collected(run))
 
 
-def points_of(box: Box, curve: Family) -> np.ndarray:
-    """The values (2, k) of the two parameters at the points of a curve."""
-    return np.array([curve.column(box.along), curve.column("value")])
-
-
-def places_on_rows(box: Box, curve: Family) -> list[list[float]]:
-    """The values along each row at which a curve passes it, exactly."""
-    found, index = [list[float]() for _ in box.rows], {float(value): j for j, value in enumerate(box.rows)}
-    places, values = points_of(box, curve)
-    for value, place in zip(values.tolist(), places.tolist(), strict=True):
-        if value in index and place not in found[index[value]]:
-            found[index[value]].append(place)
-    return found
+def _with_passings(box: Box, curve: EventCurve, found: Family) -> BoundaryCurve:
+    """A curve that was followed with its points on rows and columns of the grid."""
+    xs = np.array([[*point.u, point.value] for point in found.points])
+    tangents = np.array([point.tangent for point in found.points])
+    parts = [(np.arange(len(xs)), xs, tangents)]
+    parts += [passings(curve, xs, tangents, *line) for line in ((-1, box.rows), (-2, box.places))]
+    where, xs, tangents = map(np.concatenate, zip(*parts, strict=True))
+    order = np.argsort(where, kind="stable")
+    order = order[np.append(True, (np.diff(xs[order][:, -2:], axis=0) != 0).any(1))]
+    (x, y), directions = xs[order, -2:].T.tolist(), tuple(map(tuple, tangents[order, -2:].tolist()))
+    return BoundaryCurve(curve.condition.name, tuple(x), tuple(y), found.end.reason, directions)

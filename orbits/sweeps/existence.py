@@ -2,13 +2,14 @@
 
 The orbits of a grid of machines give a first approximation. Wherever two neighbours in a row of the grid differ in
 status, the family between them is followed, and the event at which the status changes is followed as a curve in both
-parameters, which passes all rows exactly. Where no such curve is found, the boundary is located by bisection, for all
-pairs of neighbours together; if requested, also between the rows.
+parameters, which passes all rows exactly, and if requested all columns. Where no such curve is found, the orbits at the
+neighbours are continued to where they end or change, and what is left is located by bisection, for all pairs of
+neighbours together.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -17,8 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..continuation.family import Family
-from ..design.designs_at_once import CONTINUED_STATUSES, solved_designs
+from ..design.designs_at_once import settled_designs, solved_designs
 from ..errors import InputError, NoOrbit, list_of_names, whole_number
 from ..io import Document
 from ..model.machine import Machine
@@ -26,48 +26,27 @@ from ..periodic.continued import AT_FOLD, NOT_REACHED, continued_orbits
 from ..periodic.find import StartLike, family_number, find
 from ..periodic.orbit import Orbit, orbit_of
 from ..result import Axes, Result, Row, shown
-from ..running import interrupts
+from ..running.heartbeat import running
 from ..running.time_limit import TimeOver
 from ..symbolic.kernels import compiled_at_once
-from .boundary_curves import Box, Neighbours, boundary_curves, places_on_rows, points_of
+from .boundaries import (
+    LOCATED_TO,
+    WITH_ORBIT,
+    Boundaries,
+    Passing,
+    Side,
+    bisected,
+    by_continuation,
+    on_curves,
+    passed_sides,
+)
+from .boundary_curves import BoundaryCurve, Box, Neighbours, boundary_curves
 from .designs import MOST_MEMBERS, Axis, axis_of
 from .execute import check_executor
 from .progress import SweepProgress, on_screen
 from .sparse_grid import LARGE_GRID, NOT_SEARCHED, SparseGrid
 from .sweep import checked_question, sweep
 from .sweep_result import Sweep
-
-# Boundaries are located to this share of the range of a parameter.
-LOCATED_TO = 1e-6
-# Statuses of members that have an orbit, the first of them a motion.
-WITH_ORBIT = ("certified", "inadmissible")
-
-
-@dataclass(frozen=True, eq=False)
-class Boundaries:
-    """The boundaries between neighbours on the grid: the nodes (k, 2) before each boundary by their indices along and
-    across, whether it lies in a row (k,), else between two, the points (k, 2), the statuses (k, 2) before and behind,
-    whether the point is located (k,), else it is the midpoint of the neighbours, and whether it lies on a curve of
-    events (k,), so that it is exact."""
-
-    in_row: np.ndarray
-    located: np.ndarray
-    exact: np.ndarray
-    nodes: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), int))
-    points: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
-    statuses: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), str))
-
-
-@dataclass(frozen=True)
-class BoundaryCurve:
-    """A curve of an event that was followed: the event, the values of the two parameters at its points, its end, and
-    the curve's directions at the points, which are changes (along, across) of any length."""
-
-    event: str
-    along: tuple[float, ...]
-    across: tuple[float, ...]
-    end: str
-    directions: tuple[tuple[float, float], ...] = ()
 
 
 class Stretch(NamedTuple):
@@ -221,6 +200,7 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
         return self.grid.dataset.assign({name: ("boundary", values) for name, values in columns.items()})
 
 
+@running("existence")
 def existence(
     machine: Machine,
     along: str,
@@ -254,10 +234,10 @@ def existence(
 
     The orbit of a machine is the one of least launch speed, or the one that is continued from the start. The boundaries
     are located to 1e-6 of a parameter's range wherever neighbours on the grid have different statuses; what lies
-    between two neighbours of the same status is not detected. Where the motions become too sensitive for an orbit to be
-    certified, the boundary is that of the orbits that `find` finds. Where a `time_limit` is reached once the grid is
-    searched, boundaries that are not located yet are midpoints between members, as `rests_on` states; before, `NoOrbit`
-    is raised. Raises `InputError` for invalid arguments.
+    between two neighbours of the same status is not detected. Where orbits become too sensitive to be computed before
+    they end, the boundary lies where they are lost, which rounding decides. Where a `time_limit` is reached once the
+    grid is searched, boundaries that are not located yet are midpoints between members, as `rests_on` states; before,
+    `NoOrbit` is raised. Raises `InputError` for invalid arguments.
 
     >>> from orbits import existence
     >>> from problems import Hopper
@@ -298,6 +278,10 @@ def existence(
         points = np.column_stack([axis.at(share) for axis, share in zip(scales, shares.T, strict=True)])
         return solved_designs(machine, (along, across), points, family, {}, first).statuses
 
+    def settled_at(shares: np.ndarray, near: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        points = np.column_stack([axis.at(share) for axis, share in zip(scales, shares.T, strict=True)])
+        return settled_designs(machine, (along, across), points, family, near)
+
     def orbit_at(here: Machine) -> Orbit:
         if first is None:
             return find(here, family)
@@ -308,7 +292,7 @@ def existence(
 
     rows = tuple(grid[across].reshape(grid.about["shape"])[0].tolist())
     box = Box(along, across, grid[along].reshape(grid.about["shape"])[:, 0], np.array(rows))
-    curves, by_curves, stopped = list[Family](), dict[tuple[int, int], list[tuple[float, str, str]]](), ""
+    curves, known, stopped = list[BoundaryCurve](), dict[Side, list[Passing]](), ""
     shares = np.linspace(0, 1, grid.about["shape"][0]), _shares_at(column, rows)
     statuses = grid["status"].reshape(grid.about["shape"])
     try:
@@ -318,23 +302,21 @@ def existence(
             sparse.search_around(_nodes_of(box, curves))
             grid = sparse.sweep()
             statuses = grid["status"].reshape(grid.about["shape"])
-        places = [[row.share(place) for place in each] for each in _places_in_rows(box, curves)]
-        by_curves = _on_curves(statuses, shares, places, statuses_at)
-        done = len(grid) + 2 * sum(map(len, places))
+        passed = passed_sides(box, curves, shares, scales, both_ways)
+        known = on_curves(statuses, shares, passed, statuses_at)
+        done = len(grid) + 2 * sum(map(len, passed.values()))
         show(SweepProgress(done, done, dict(Counter(statuses.ravel().tolist())), perf_counter() - began, 0.0))
+        if first is None:
+            known |= by_continuation(statuses, shares, both_ways, settled_at, known)
     except TimeOver as over:
         stopped = str(over)
-    boundaries, later = _located(statuses, shares, both_ways, statuses_at, show, by_curves)
+    boundaries, later = bisected(statuses, shares, both_ways, statuses_at, show, known)
     points = np.column_stack([axis.at(share) for axis, share in zip(scales, boundaries.points.T, strict=True)])
     points[boundaries.in_row, 1] = box.rows[boundaries.nodes[boundaries.in_row, 1]]
-    followed = list[BoundaryCurve]()
-    for curve in curves:
-        x, y = points_of(box, curve).tolist()
-        directions = tuple((point.tangent[-2], point.tangent[-1]) for point in curve.points)
-        event = str(curve.settings["event"])
-        followed.append(BoundaryCurve(event, tuple(x), tuple(y), curve.end.reason, directions))
+    columns = boundaries.exact.astype(bool) & ~boundaries.in_row.astype(bool)
+    points[columns, 0] = box.places[boundaries.nodes[columns, 0]]
     boundaries = replace(boundaries, points=points)
-    return Existence(along, across, rows, grid, boundaries, tuple(followed), stopped or later)
+    return Existence(along, across, rows, grid, boundaries, tuple(curves), stopped or later)
 
 
 def _pairs_to_follow(statuses: np.ndarray) -> list[Neighbours]:
@@ -347,54 +329,12 @@ def _pairs_to_follow(statuses: np.ndarray) -> list[Neighbours]:
     return [Neighbours(i, j, 0 if orbits[i, j] else 1, not (orbits[i, j] and orbits[i + 1, j])) for i, j in pairs]
 
 
-def _places_in_rows(box: Box, curves: Sequence[Family]) -> list[list[float]]:
-    """The places at which curves pass each row, ascending."""
-    each = [places_on_rows(box, curve) for curve in curves]
-    return [sorted({place for places in each for place in places[j]}) for j in range(len(box.rows))]
-
-
-def _nodes_of(box: Box, curves: Sequence[Family]) -> np.ndarray:
+def _nodes_of(box: Box, curves: Sequence[BoundaryCurve]) -> np.ndarray:
     """The nodes (k, 2) of the grid before the points of curves, by their indices."""
-    x, y = np.concatenate([np.zeros((2, 0)), *(points_of(box, curve) for curve in curves)], axis=1)
+    x, y = (np.concatenate([[], *(getattr(curve, way) for curve in curves)]) for way in ("along", "across"))
     return np.column_stack(
         [np.searchsorted(each, value, side="right") - 1 for each, value in ((box.places, x), (box.rows, y))]
     )
-
-
-def _on_curves(
-    statuses: np.ndarray,
-    shares: tuple[np.ndarray, np.ndarray],
-    places: Sequence[Sequence[float]],
-    statuses_at: Callable[[np.ndarray], np.ndarray],
-) -> dict[tuple[int, int], list[tuple[float, str, str]]]:
-    """The boundaries in rows that lie on curves, by the node before them: share, status before and status behind.
-
-    places : the shares at which curves pass each row, ascending
-
-    The statuses on both sides of each are those of orbits that are found there. Where they do not lead from the status
-    of one node to that of the next, there is another boundary between, and nothing is returned for this node.
-    """
-    along, across = shares
-    nodes = [(int(np.searchsorted(along, x, side="right")) - 1, j, x) for j, each in enumerate(places) for x in each]
-    inside = [(i, j, x) for i, j, x in nodes if 0 <= i < len(along) - 1]
-    if not inside:
-        return {}
-    sides = list[tuple[float, float]]()
-    for k, (i, j, x) in enumerate(inside):
-        low = inside[k - 1][2] if k and inside[k - 1][:2] == (i, j) else along[i]
-        high = inside[k + 1][2] if k + 1 < len(inside) and inside[k + 1][:2] == (i, j) else along[i + 1]
-        sides.append((max(x - LOCATED_TO, 0.5 * (low + x)), min(x + LOCATED_TO, 0.5 * (high + x))))
-    beside = np.array([(x, across[j]) for pair, (_, j, _) in zip(sides, inside, strict=True) for x in pair])
-    found: dict[tuple[int, int], list[tuple[float, str, str]]] = {(i, j): [] for i, j, _ in inside}
-    for (i, j, x), (before, behind) in zip(inside, statuses_at(beside).reshape(-1, 2).tolist(), strict=True):
-        if before != behind:
-            found[i, j].append((x, before, behind))
-    chains = {node: [statuses[node], *(s for _, *pair in each for s in pair)] for node, each in found.items()}
-    return {
-        (i, j): found[i, j]
-        for (i, j), chain in chains.items()
-        if all(a == b for a, b in zip(chain[::2], [*chain[1::2], statuses[i + 1, j]], strict=True))
-    }
 
 
 def _shares_at(axis: Axis, values: Sequence[float]) -> np.ndarray:
@@ -402,64 +342,3 @@ def _shares_at(axis: Axis, values: Sequence[float]) -> np.ndarray:
     if not axis.values:
         return np.linspace(0, 1, len(values))
     return (np.array(values) - axis.low) / ((axis.high - axis.low) or 1.0)
-
-
-def _located(
-    statuses: np.ndarray,
-    shares: tuple[np.ndarray, np.ndarray],
-    both_ways: bool,
-    statuses_at: Callable[[np.ndarray], np.ndarray],
-    show: Callable[[SweepProgress], None],
-    on_curves: Mapping[tuple[int, int], list[tuple[float, str, str]]],
-) -> tuple[Boundaries, str]:
-    """The boundaries of a grid with statuses (m, n) at shares of the ranges along (m,) and across (n,), their points in
-    shares too: those on curves, and others by bisection; and why that was stopped before its end, or "". Where a third
-    status is met between two neighbours, there are two boundaries."""
-    nodes = np.concatenate(differing := [np.argwhere(np.diff(codes_of(statuses), axis=axis)) for axis in (0, 1)])
-    in_row = np.repeat([True, False], list(map(len, differing)))
-    known = np.array([pair in on_curves for pair in map(tuple, nodes.tolist())], bool) & in_row
-    nodes, in_row = nodes[~known], in_row[~known]
-    steps = np.where(in_row[:, None], [1, 0], [0, 1])
-    low, high = (np.column_stack([share[k] for share, k in zip(shares, at.T, strict=True)])
-                 for at in (nodes, nodes + steps))  # fmt: skip
-    parts = np.column_stack([statuses[tuple(at.T)] for at in (nodes, nodes + steps)])
-    began, done, counts, stopped = perf_counter(), 0, Counter[str](), ""
-    while len(wide := np.flatnonzero(((high - low).max(axis=1, initial=0) > LOCATED_TO) & (in_row | both_ways))):
-        middle = 0.5 * (low[wide] + high[wide])
-        try:
-            interrupts.heed()
-            found = statuses_at(middle)
-        except TimeOver as over:
-            stopped = str(over)
-            break
-        before, behind = (found == parts[wide, side] for side in (0, 1))
-        other = ~(before | behind)
-        # A third status divides the pair into two; the second one, which begins with that status, is appended.
-        nodes, in_row = (np.concatenate([each, each[wide[other]]]) for each in (nodes, in_row))
-        added = np.column_stack([found[other], parts[wide[other], 1]])
-        tops = high[wide[other]]
-        low[wide[before]], high[wide[~before]] = middle[before], middle[~before]
-        parts[wide[other], 1] = found[other]
-        low, high = np.concatenate([low, middle[other]]), np.concatenate([high, tops])
-        parts = np.concatenate([parts, added])
-        done, counts = done + len(wide), counts + Counter(found.tolist())
-        rounds = np.log2(np.maximum((high - low)[in_row | both_ways].max(axis=1) / LOCATED_TO, 1.0))
-        left, seconds = int(np.ceil(rounds).sum()), perf_counter() - began
-        show(SweepProgress(done, done + left, dict(counts), seconds, left * seconds / done))
-    exact = [(node, x, pair) for node, each in on_curves.items() for x, *pair in each]
-    count, located = len(exact), (high - low).max(axis=1, initial=0) <= LOCATED_TO
-    points = [(x, shares[1][j]) for (_, j), x, _ in exact]
-    boundaries = Boundaries(
-        np.concatenate([in_row, np.ones(count, bool)]),
-        np.concatenate([(in_row | both_ways) & located, np.ones(count, bool)]),
-        np.concatenate([np.zeros(len(nodes), bool), np.ones(count, bool)]),
-        np.concatenate([nodes, np.reshape([node for node, _, _ in exact], (-1, 2)).astype(int)]),
-        np.concatenate([0.5 * (low + high), np.reshape(points, (-1, 2))]),
-        np.concatenate([parts, np.reshape([pair for _, _, pair in exact], (-1, 2)).astype(object)]),
-    )
-    return boundaries, stopped
-
-
-def codes_of(statuses: np.ndarray) -> np.ndarray:
-    """Statuses as whole numbers of the same shape."""
-    return np.searchsorted(np.sort(CONTINUED_STATUSES), statuses.astype(str))

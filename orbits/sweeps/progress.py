@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
+from ..running import heartbeat
 from ..running.arguments import check_report
 
 # Seconds between two lines.
@@ -29,12 +30,15 @@ class SweepProgress(NamedTuple):
 
 
 def on_screen(progress: Callable[[Any], None] | bool | None) -> Callable[[Any], None]:
-    """The function to call with the progress of a sweep: the user's, one that prints a line, or one without effect."""
+    """The function to call with the progress of a sweep: the user's, one that prints a line, one that states how far
+    the sweep is for the messages of the logger "orbits", or one without effect."""
     if callable(progress):
         check_report("progress", progress)
         return progress
-    if progress is False or (progress is None and not (sys.stderr.isatty() or "ipykernel" in sys.modules)):
+    if progress is False:
         return lambda state: None
+    if progress is None and not (sys.stderr.isatty() or "ipykernel" in sys.modules):
+        return lambda state: heartbeat.now_at(_in_words(state))
     last, width = 0.0, 0
 
     def show(state: Any) -> None:
@@ -42,15 +46,20 @@ def on_screen(progress: Callable[[Any], None] | bool | None) -> Callable[[Any], 
         now, ended = time.monotonic(), state.done == state.whole
         if now - last < PAUSE and not ended:
             return
-        rate = (state.done - state.before) / state.seconds if state.seconds else 0.0
-        said = ", ".join(f"{number} {status}" for status, number in sorted(state.statuses.items()))
-        left = "" if ended else f", {_duration(state.left)} left"
-        line = f"{state.done} of {state.whole} members in {_duration(state.seconds)} ({rate:.0f}/s){left}: {said}"
+        line = _in_words(state)
         sys.stderr.write("\r" + line.ljust(width) + ("\n" if ended else ""))
         sys.stderr.flush()
         last, width = now, len(line)
 
     return show
+
+
+def _in_words(state: Any) -> str:
+    """A progress in one line."""
+    rate = (state.done - state.before) / state.seconds if state.seconds else 0.0
+    said = ", ".join(f"{number} {status}" for status, number in sorted(state.statuses.items()))
+    left = "" if state.done == state.whole else f", {_duration(state.left)} left"
+    return f"{state.done} of {state.whole} members in {_duration(state.seconds)} ({rate:.0f}/s){left}: {said}"
 
 
 def pace(done: int, whole: int, seconds: float) -> str:

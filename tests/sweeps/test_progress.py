@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from orbits.running import heartbeat
 from orbits.sweeps.progress import on_screen
 
 
@@ -44,6 +45,17 @@ def test_without_a_terminal_there_is_no_line(capsys, monkeypatch):
         on_screen(progress)(state(60, 8.0, 16.0))
     assert capsys.readouterr().err == ""
     assert on_screen(print) is print
+
+
+def test_without_a_terminal_the_messages_say_how_far_it_is(monkeypatch, caplog):
+    monkeypatch.delitem(sys.modules, "ipykernel", raising=False)
+    monkeypatch.setattr(heartbeat, "SOON", -1.0)
+    with heartbeat.running("sweep"):
+        on_screen(None)(state(60, 8.0, 16.0, certified=60))
+        heartbeat.beat()
+    assert caplog.messages == [
+        "sweep has been computing for 0 s: 60 of 100 members in 8 s (5/s), 16 s left: 60 certified"
+    ]
 
 
 @pytest.mark.parametrize(
