@@ -341,13 +341,14 @@ def law_of(rng: random.Random) -> tuple[Callable, dict[str, Any]]:
     """A hopper with a law, whose arguments are those of the law."""
     law = rng.choice(LAWS)
     parameters, stated = signature(law).parameters, {"extending": "r", "shortening": "0.9*r", "mean": "r"}
+    named = {name for name, each in parameters.items() if each.kind is each.KEYWORD_ONLY}
     stated |= {"text": "r**2/2"} if law is springs.potential else {"text": "1"}
     stated |= {"force": lambda r: r, "ratio": lambda z: 1.0}
-    known = {name: stated[name] for name in parameters if name in stated}
+    known = {name: stated[name] for name in parameters if name in stated and name not in named}
     known |= {name: each.default for name, each in parameters.items() if isinstance(each.default, float)}
 
     def built(**arguments: Any) -> Orbit:
-        first = [arguments.pop(name) for name in parameters if name in stated and name in arguments]
+        first = [arguments.pop(name) for name in parameters if name in arguments and name not in named]
         made = law(*first, **arguments)
         pulls = law.__module__ == gravity.__name__
         return orbits.find(Hopper(gravity=made, rest_length=20) if pulls else Hopper(made), limit=5.0)

@@ -93,7 +93,8 @@ def sensitivities(
         raise InputError(f"'{held[0]}' is tuned and follows from the others: it is one of the quantities")
     # The machine itself determines which of its parameters follow from others.
     machine.with_values(**{name: machine.values[name] for name in names if name in machine.values})
-    check_parameters(untuned(machine), *(name for name in names if name in untuned(machine).values))
+    own = untuned(machine)
+    check_parameters(own, *(name for name in names if name in own.values or name not in machine.values))
     quantities = _requested(machine, orbit, quantities)
     words, parameters = machine_in_words(machine), {name: machine.values[name] for name in names}
     if not quantities:

@@ -9,6 +9,8 @@ from ..errors import InputError, NoOrbit
 
 # Seconds that a search or a proof may take unless more are allowed.
 LIMIT = 30.0
+# More seconds than any computation takes: no limit.
+FOREVER = 1e15
 
 
 class TimeOver(Exception):
@@ -50,7 +52,7 @@ def time_limit(seconds: float | None) -> Iterator[None]:
         seconds = LIMIT if before[0] == float("inf") else float("inf")
     if isinstance(seconds, bool) or not isinstance(seconds, int | float) or not seconds > 0:
         raise InputError(f"limit = {seconds!r}; it is a number of seconds above 0")
-    until = time.monotonic() + seconds
+    until = time.monotonic() + (seconds if seconds < FOREVER else float("inf"))
     if until < before[0]:
         _limit.until, _limit.seconds = until, seconds
     try:

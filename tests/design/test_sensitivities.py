@@ -138,3 +138,8 @@ def test_what_a_launch_of_several_unknowns_does_not_have():
         sensitivities(machine, hop, "b", "loss_coefficient")
     with pytest.raises(InputError, match="leave one of the two out"):
         sensitivities(machine, hop, "b", start=hop)
+
+
+def test_a_name_that_no_machine_has():
+    with pytest.raises(InputError, match="no parameter '2\\*r' to follow; it has mass_ratio"):
+        sensitivities(Hopper(), names="2*r")

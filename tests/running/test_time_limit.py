@@ -47,6 +47,8 @@ class TestTimeLimit:
         assert whole.end.kind == "reached"
         with pytest.raises(InputError, match="limit = -1"), time_limit(-1):
             pass
+    with time_limit(10**400):  # longer than any computation takes
+        pass
 
     def test_a_family_has_its_first_orbit_at_least(self, monkeypatch, tmp_path):
         """Where the time is over while the points after it are solved; a run goes on from there."""
