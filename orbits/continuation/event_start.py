@@ -156,7 +156,7 @@ def _side_of(machine: Machine, text: str, level: float) -> int:
 
 def _check_variational(machine: Machine) -> None:
     """Raise `InputError` where a derivative by the launch speed has no equation."""
-    if machine.model.changes_contact or machine.model.flight.pieces:
+    if machine.model.changes_contact or not flow_of(machine.model.flight, tuple(machine.values)).is_smooth:
         raise InputError(
             f"{' and '.join(VARIATIONAL)} are followed for smooth laws and for machines that land on one point alone"
         )

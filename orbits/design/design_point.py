@@ -14,8 +14,8 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from ..errors import FlowError, NoOrbit
+from ..flow.flow import flow_of
 from ..model.machine import Machine
-from ..model.model import Model
 from ..numerics.polynomial_roots import TINY
 from ..numerics.roots import Array
 from ..periodic.orbit import Orbit
@@ -86,7 +86,7 @@ class DesignPoint:
     def moved(self, change: Array) -> Array:
         """The n unknowns of the orbit after a change of each: of its logarithm, or a difference, see `by_logarithm`."""
         u, logarithmic = unknowns_of(self.machine, self.orbit), by_logarithm(statement_of_orbits(self.machine))
-        return np.where(logarithmic, u * np.exp(np.minimum(change, 700.0)), u + change)
+        return np.where(logarithmic, u * np.exp(np.minimum(change, 600.0)), u + change)
 
     @cached_property
     def scaled(self) -> slice:
@@ -116,10 +116,11 @@ def no_motion(machine: Machine, orbit: Orbit) -> NoOrbit:
     return NoOrbit(in_units(Message.joined("; ", orbit.violations), machine.units))
 
 
-def has_loss(model: Model, orbit: Orbit) -> bool:
+def has_loss(machine: Machine, orbit: Orbit) -> bool:
     """Whether there is a loss coefficient: where another point takes over at a landing, only if that loses enough; and
     not where a law has a corner at lift-off."""
-    unsure = model.changes_contact or model.flight.pieces is not None
+    model = machine.model
+    unsure = model.changes_contact or not flow_of(model.flight, tuple(machine.values)).is_smooth
     return not unsure or orbit.certificate.loss_coefficient is not None
 
 
@@ -163,7 +164,7 @@ def _placed(case: Case, own: Mapping[str, Place | None]) -> tuple[Case, tuple[Pl
     demands = tuple(name for name in case.outputs.demands if own[extremes_of(name)[0]])
     case = case._replace(outputs=replace(case.outputs, demands=demands))
     model, p, held = case.machine.model, case.machine.values, list[Place]()
-    if "loss_coefficient" in case.outputs.quantities(model, p) and not has_loss(model, case.orbit):
+    if "loss_coefficient" in case.outputs.quantities(model, p) and not has_loss(case.machine, case.orbit):
         raise NoOrbit(f"the orbit has no {ABSENT['loss']}")
     for extreme in case.outputs.extremes(model, p):
         if not (place := own[extreme]):

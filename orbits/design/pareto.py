@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, OrbitsError, list_of_names, whole_number
+from ..errors import InputError, OrbitsError, is_list, list_of_names, whole_number
 from ..io import Document
 from ..model.machine import Machine
 from ..numerics.kkt_curve import ENDS_OF_MINIMA
@@ -141,12 +141,13 @@ def pareto(
     >>> front.values.shape
     (3, 2)
     """
-    if len({*list_of_names("minimise", minimise)}) != 2 or len(minimise) != 2:
+    named = list_of_names("minimise", minimise) if is_list(minimise) else []
+    if len({*named}) != 2 or len(named) != 2:
         raise InputError(f"minimise = {minimise!r}; a front has two objectives, which differ")
     points = whole_number("points", points, "designs", 2)
     report = progress or (lambda share: None)
     with interrupts.deferred():
-        began, texts = time.perf_counter(), (minimise[0], minimise[1])
+        began, texts = time.perf_counter(), (named[0], named[1])
         problems = [design_problem(machine, text, None, over, subject_to) for text in texts]
         ends, origin = [], Origin.of(machine, family, start)
         for i, problem in enumerate(problems):

@@ -139,7 +139,7 @@ def _requested(machine: Machine, orbit: Orbit, names: Names) -> Sequence[str]:
     if bare.contact is None:
         raise no_motion(machine, bare)
     (places,) = places_of([machine], [bare], {extreme for name in known for extreme in extremes_of(name)})
-    known = [name for name in known if name != "loss_coefficient" or has_loss(machine.model, bare)]
+    known = [name for name in known if name != "loss_coefficient" or has_loss(machine, bare)]
     known = [name for name in known if all(places[extreme] for extreme in extremes_of(name))]
     runs = OF_RUNS if isinstance(machine, TunedMachine) and machine.model.sticks else ()
     return [*known, *runs, *tuned_numbers(machine)]

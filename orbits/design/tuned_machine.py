@@ -19,7 +19,7 @@ from ..model.phase import Statement
 from ..numerics.roots import Array
 from ..periodic.certified import Solved, certified_orbit
 from ..periodic.continued import continued_tuned
-from ..periodic.find import StartLike, find, first_tuned, in_units_of, stated_unknowns
+from ..periodic.find import LONGEST_START, StartLike, find, first_tuned, in_units_of, stated_unknowns
 from ..periodic.orbit import Orbit
 from ..periodic.orbits_at_once import orbits_near
 from ..periodic.quantities import OF_RUNS
@@ -87,6 +87,8 @@ class TunedMachine:
         equations, p, began = self.equations, vector(self.values), time.perf_counter()
         guess = NodedSolution(equations, None, u, p, equations.evaluate_all(u[None], p[None]))
         found = solved_near(self.machine, guess, u, p)
+        if (longest := found.u[equations.durations].max()) >= LONGEST_START:
+            raise NoOrbit(f"it lasts {longest:.3g} of its own units of time, and is not found again")
         found = replace(found, p=equations.with_tuned(found.u[None], p[None])[0])
         tuned = self.with_values(**tuned_values(equations, found.u))
         solved = Solved.of(self.model, METHOD, found)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from designs import CUBIC, VARYING
 
-from orbits import InputError, find, find_all, quantities, sensitivities, starts
+from orbits import InputError, NoOrbit, find, find_all, quantities, sensitivities, starts
 from problems import Chain, Hopper, Juggler, chain_hand, hopper_in_si, plate_hopper, springs
 
 ROWS = np.linspace(-14, 14, 97)
@@ -143,3 +143,9 @@ def test_what_a_launch_of_several_unknowns_does_not_have():
 def test_a_name_that_no_machine_has():
     with pytest.raises(InputError, match="no parameter '2\\*r' to follow; it has mass_ratio"):
         sensitivities(Hopper(), names="2*r")
+
+
+def test_no_loss_at_a_corner_of_a_formula():
+    """The jerk of the gap jumps at lift-off, as in the certificate of the orbit."""
+    with pytest.raises(NoOrbit, match="a law has a corner at lift-off"):
+        sensitivities(Hopper("r + 0.5*abs(r - 1)"), 1, ["mass_ratio"], ["loss_coefficient"])

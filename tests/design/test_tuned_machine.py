@@ -113,6 +113,15 @@ def test_designs_are_followed(what, to, tmp_path):
 
 
 @pytest.mark.slow
+def test_a_curve_ends_where_motions_last_too_long():
+    """The way to the frequency 0 is without end."""
+    best = optimize(LINEAR, minimise=COST, over={"mass_ratio": (0.4, 3.0)}, **WITH_FREQUENCY)
+    curve = best.follow("frequency", 0.0, points=3)
+    assert curve.end.startswith("beyond frequency")
+    assert 0 < curve.values[-1] < 1e-4
+
+
+@pytest.mark.slow
 def test_a_machine_in_si_is_followed():
     """A leg whose stiffness is tuned to its period, against searches."""
     leg = hopper_in_si(60.0, 3.0, force="k*r + 1e5*r**3", parameters={"k": 8000.0}, rest_length=0.8)

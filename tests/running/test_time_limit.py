@@ -47,6 +47,7 @@ class TestTimeLimit:
         assert whole.end.kind == "reached"
         with pytest.raises(InputError, match="limit = -1"), time_limit(-1):
             pass
+
     with time_limit(10**400):  # longer than any computation takes
         pass
 
