@@ -93,6 +93,17 @@ def finite_number(name: str, value: object) -> float:
     return number
 
 
+def finite_times(t: object) -> np.ndarray:
+    """Times (...) as an array; raises `InputError` for anything but finite numbers."""
+    try:
+        times = np.asarray(t, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        times = np.array(np.nan)
+    if not np.isfinite(times).all():
+        raise InputError("times must be finite numbers")
+    return times
+
+
 def whole_number(name: str, value: object, what: str = "", least: int = 1, most: int | None = None) -> int:
     """`value` as a whole number (of `what`) from `least` to `most`, by default to a `LARGEST_NUMBER`, which no memory
     holds; raises `InputError` with the bounds."""

@@ -299,7 +299,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
 }  # fmt: skip
 # The methods of these that are called, and arguments, by their names, of those that need some.
 METHODS = """
-__call__ __getitem__ animate at basins column contact_force dataframe disturbed export follow follow_event followed_by
+__call__ animate at basins column contact_force dataframe disturbed export follow follow_event followed_by
 force forces in_contact in_order inputs_at load members motions multipliers of_family orbit page periodic plot
 plot_phase_portrait power prove quantiles quantity row save schedule sensitivity spring_forces statuses stretches
 summary table unknown unrolled values_at verify with_values

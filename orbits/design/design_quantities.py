@@ -41,8 +41,8 @@ ABSENT = {
     "gap": "clearance: the gap has no lowest point inside the flight",
     "force": "smallest_contact_force: the force has no lowest value inside the contact",
     "slip": "friction_needed: the standing foot lifts, or the ground would have to pull",
-    "loss": "loss_coefficient: a law has a corner at lift-off, or what a landing leaves of the speed is not stated"
-    " or nearly all",
+    "loss": "loss_coefficient: a law has a corner at lift-off, or a landing with a speed leaves nearly all of it, or"
+    " what is not stated",
 }
 
 

@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError
+from ..errors import InputError, finite_times
 from ..flow.forces import spring_forces, units_of_springs
 from ..flow.trajectory import Trajectory
 from ..io import DIGEST, Changed, Document, has_digest, read_file, to_json, unsealed
@@ -209,13 +209,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         Of a machine that steps they are in the labels of the present stance. Raises `InputError` for other times, and
         for anything but numbers.
         """
-        try:
-            times = np.asarray(t, dtype=float)
-        except (TypeError, ValueError, OverflowError):
-            times = np.array(np.nan)
-        if not np.isfinite(times).all():
-            raise InputError("times must be finite numbers")
-        shape = self.shape
+        times, shape = finite_times(t), self.shape
         back, there = (shape.steps.reversor_shift, shape.steps.contact_shift) if shape.steps else (None, None)
         if self.contact is None or self.contact_time is None:
             # The end of the flight may be requested by a rounded time.
@@ -325,7 +319,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         """Columns (k,) by name at times (k,), evenly spaced over a cycle by default: "time", "phase", the flight
         states, the `spring_forces` where the orbit has its machine, and the "contact force" where the motion has it."""
         end = self.flight_time if self.contact_time is None else self.period
-        t = np.linspace(0.0, end, TABLE_ROWS) if t is None else np.ravel(np.asarray(t, dtype=float))
+        t = np.linspace(0.0, end, TABLE_ROWS) if t is None else np.ravel(finite_times(t))
         flying = t <= self.flight_time if self.contact_time is None else np.mod(t, self.period) <= self.flight_time
         columns = {"time": t, "phase": np.where(flying, "flight", "contact")}
         columns |= dict(zip(self._states, self(t).T, strict=True))

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Self
 
+from ..errors import InputError
 from ..result import Axes, Result, Row, shown
 from .resolved_map import Intervals
 
@@ -46,7 +47,9 @@ class Basins(Result, Mapping[float, Intervals], what="basins", dimension="stretc
         return dict.fromkeys(("alpha", "from", "to", "length"), known["alpha"]) if known else {}
 
     def share_of(self, alpha: float) -> float:
-        """The share of the range that comes to a lossless hop."""
+        """The share of the range that comes to a lossless hop; raises `InputError` for a speed of none."""
+        if alpha not in self:
+            raise InputError(f"alpha = {alpha!r} is none of the lossless launch speeds, which are {[*self]}")
         return sum(b - a for a, b in self[alpha]) / (self.high - self.low)
 
     @property

@@ -177,7 +177,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
         """Columns (k,) by name at times (k,), evenly spaced by default: "time", "phase", the flight states, the
         `spring_forces` and the "contact force"."""
-        t = np.ravel(np.linspace(0.0, self.end, TABLE_ROWS) if t is None else np.asarray(t, dtype=float))
+        t = self._times(np.linspace(0.0, self.end, TABLE_ROWS) if t is None else t).ravel()
         columns = {"time": t, "phase": np.where(self.in_contact(t), "contact", "flight")}
         return columns | dict(zip(self._states, self(t).T, strict=True)) | self.forces(t)
 
@@ -242,16 +242,20 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         path. See `Orbit.export`."""
         return shown("simulators").export_simulation(self, folder, t)
 
+    def _times(self, t: ArrayLike) -> np.ndarray:
+        """Times (...) that lie in the motion; raises `InputError` for any others."""
+        return times_within(t, self.end, self._second)
+
     def in_contact(self, t: ArrayLike) -> np.ndarray:
         """Whether the machine is in contact at times (...)."""
-        index = index_of_legs(self.legs, np.asarray(t, dtype=float))
+        index = index_of_legs(self.legs, self._times(t))
         return np.array([leg.phase == "contact" for leg in self.legs])[index]
 
     def spring_forces(self, t: ArrayLike) -> dict[str, np.ndarray]:
         """The force (...) of each spring at times (...), tension positive, by name, as in `Orbit.spring_forces`."""
         if self.source.model.hysteretic:
             return self._forces_on_branches(t)
-        return spring_forces(self.source, self(t), self._changes(np.asarray(t, dtype=float)))
+        return spring_forces(self.source, self(t), self._changes(self._times(t)))
 
     def _forces_on_branches(self, t: ArrayLike) -> dict[str, np.ndarray]:
         """The `spring_forces` where a spring has hysteresis: those of the branch of each leg."""
@@ -310,7 +314,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         """Flight states (..., n) at times (...) in the labels of the first flight: of a machine that steps, places go
         on from step to step, while those of a call jump at a landing."""
         states, units, label = self(t), self.source.units, self.source.model.relabelling
-        stances = np.array([leg.stance for leg in self.legs])[index_of_legs(self.legs, np.asarray(t, dtype=float))]
+        stances = np.array([leg.stance for leg in self.legs])[index_of_legs(self.legs, self._times(t))]
         shifts = np.array(label.shifts(self.source.values)) * (units.of_states(self._states) if units else 1.0)
         own = [self._states.index(name) for name in self.source.model.sticks]
         shifts[own] = 0.0  # its steps are those of the motion
@@ -320,7 +324,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
 
     def _footholds_of_legs(self, t: ArrayLike) -> np.ndarray:
         """The places (...) from which those of what sticks are counted at times (...)."""
-        return np.array([leg.foothold for leg in self.legs])[index_of_legs(self.legs, np.asarray(t, dtype=float))]
+        return np.array([leg.foothold for leg in self.legs])[index_of_legs(self.legs, self._times(t))]
 
     @property
     def footholds(self) -> np.ndarray:

@@ -34,6 +34,13 @@ def test_time_runs_backwards_too(orbit):
     assert orbit(-0.3) == pytest.approx(orbit(orbit.period - 0.3), abs=1e-12)
 
 
+@pytest.mark.parametrize("of", ["__call__", "table", "contact_force", "unrolled"])
+def test_times_are_finite_numbers(orbit, of):
+    for t in ("log(r)", [0.0, np.nan], 10**400):
+        with pytest.raises(InputError, match="times must be finite numbers"):
+            getattr(orbit, of)(t)
+
+
 def test_is_frozen(orbit):
     with pytest.raises(dataclasses.FrozenInstanceError):
         orbit.alpha = 1.0
