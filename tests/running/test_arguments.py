@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import orbits
 from orbits import InputError, Mechanism, ReturnMap, Sweep, follow, follow_event, prove, simulate, sweep
@@ -11,11 +12,6 @@ from problems import Hopper, springs, steering
 
 CUBIC = Hopper("cubic", parameters={"beta": 0.3})
 EMPTY, NUMBER, HUGE = np.zeros(0), np.array(np.nan), 10**400
-
-
-@pytest.fixture(scope="module")
-def family():
-    return follow(Hopper("cubic"), "beta", stop=-0.02, start=0.0)
 
 
 def test_only_the_outermost_call_is_checked():
@@ -62,9 +58,9 @@ CALLS = {
     "a state": lambda: simulate(CUBIC, state=HUGE, hops=1),
     "a time": lambda: simulate(CUBIC, 4.0, time=HUGE),
     "axes": lambda: ReturnMap(Hopper(), 0.03).plot(4.0, 5.0, axes=EMPTY),
+    "a figure": lambda: ReturnMap(Hopper(), 0.03).plot(4.0, 5.0, axes=Figure()),
     "marks": lambda: ReturnMap(Hopper(), 0.03).plot(4.0, 5.0, fixed_points=EMPTY, samples=10),
     "a guess": lambda: steering.keep_hopping(Hopper(damping=0.01), guess=EMPTY),
-    "a number to follow": lambda: steering.keep_hopping(Hopper(damping=0.01), intervals=6).follow(EMPTY, 0.02),
     "an exact number": lambda: orbits.prove_fixed_point(Hopper(), 4.6, HUGE),
     "units": lambda: springs.fit(([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]), "k*r", in_si=EMPTY),
     "a name that is no name": lambda: springs.fit(([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]), "nan*r"),
@@ -79,13 +75,15 @@ def test_a_value_of_another_kind_is_refused(call):
         call()
 
 
-def test_events_and_proofs_refuse_arrays(family, tmp_path):
+def test_results_refuse_arrays(softening_family, driven_hopper, tmp_path):
+    family, machine = softening_family, Hopper("cubic", rest_length=30.0)
     for call in (
+        lambda: driven_hopper.follow(EMPTY, 0.02),
         lambda: follow_event(family, EMPTY, "mass_ratio", 1.2),
         lambda: follow_event(family, "fold", EMPTY, 1.2),
         lambda: family.save(NUMBER),
         lambda: family.page(tmp_path / "x.html", machine=EMPTY),
-        lambda: prove(orbits.orbit_at(Hopper("cubic"), family.points[0], "beta"), machine=EMPTY),
+        lambda: prove(orbits.orbit_at(machine, family.points[0], "beta"), machine=EMPTY),
     ):
         with pytest.raises(InputError):
             call()
