@@ -24,8 +24,7 @@ def test_only_the_outermost_call_is_checked():
     for arguments, options, message in (
         ((3, "x"), {}, "'int' is no machine such as"),
         ((CUBIC, EMPTY), {}, "name = array.* it is a text"),
-        ((CUBIC,), {"name": None}, "name = None; it is a text"),
-        ((CUBIC, "x", []), {}, "other = .*; it is a text"),
+        ((CUBIC, "x", np.array("x")), {}, "other = .*; it is a text"),
         ((CUBIC, "x"), {"flag": EMPTY}, "flag = array.* it is True or False"),
         ((CUBIC, "x"), {"progress": lambda: 0}, "it is a function that is called with the share that is done"),
     ):
@@ -67,6 +66,20 @@ CALLS = {
     "a gap": lambda: Mechanism(("a", "b"), [Spring("a - b", "r"), Mass("a", 1.0), Mass("b", 1.0)], gap=-np.inf),
     "no gap": lambda: Mechanism(("a", "b"), [Spring("a - b", "r"), Mass("a", 1.0), Mass("b", 1.0)], gap=EMPTY),
 }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: follow(CUBIC, 3, 0.4), "along = 3; it is the name of a parameter"),
+        (lambda: orbits.find(CUBIC, method=3), "method = 3; it is one of closed form"),
+        (lambda: orbits.optimize(CUBIC, minimise=[], over={"beta": (0.1, 0.2)}), "an objective is a formula"),
+        (lambda: orbits.orbit_at(CUBIC, None, "beta"), "where to begin is the `point`"),
+    ],
+)
+def test_what_is_no_array_is_refused_in_the_words_of_the_function(call, words):
+    with pytest.raises(InputError, match=words):
+        call()
 
 
 @pytest.mark.parametrize("call", CALLS.values(), ids=CALLS)
