@@ -8,7 +8,7 @@ import orbits
 from orbits import InputError, Mechanism, ReturnMap, Sweep, follow, follow_event, prove, simulate, sweep
 from orbits.mechanics import Mass, Spring
 from orbits.running.arguments import checks_of
-from problems import Hopper, springs, steering
+from problems import Hopper, inerter_hopper, springs, steering
 
 CUBIC = Hopper("cubic", parameters={"beta": 0.3})
 EMPTY, NUMBER, HUGE = np.zeros(0), np.array(np.nan), 10**400
@@ -60,6 +60,7 @@ CALLS = {
     "a figure": lambda: ReturnMap(Hopper(), 0.03).plot(4.0, 5.0, axes=Figure()),
     "marks": lambda: ReturnMap(Hopper(), 0.03).plot(4.0, 5.0, fixed_points=EMPTY, samples=10),
     "a guess": lambda: steering.keep_hopping(Hopper(damping=0.01), guess=EMPTY),
+    "positions": lambda: orbits.start_from_rest(inerter_hopper(), [HUGE], 1.0, 4.0),
     "an exact number": lambda: orbits.prove_fixed_point(Hopper(), 4.6, HUGE),
     "units": lambda: springs.fit(([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]), "k*r", in_si=EMPTY),
     "a name that is no name": lambda: springs.fit(([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]), "nan*r"),
