@@ -2,12 +2,12 @@
 end, and by the paper's injection at lift-off (sections 9 and 10).
 
 Whatever keeps it going does the work of the dissipation, in proportion to c. The least effort, the integral of the
-squared rate of the spring's end, goes with c^2: at M = 1 and with a rate held 40 times a hop (124.65 in place of 125.81
-if it is never held) 125.81 c^2 for a lossless landing, and 111.9 c^2 where the foot may land as it likes, which it does
-at a speed of 3.06 c. Energy alone asks for less: Schwarz's inequality for the
-work, the integral of M phi w, gives the bound in the figure; the rest of the effort brings the foot down. The injection
-that just lets it hop on does the same work to leading order, all of it at once, at the edge of losing its hop. On the
-left of the figure is the answer for c = 0.01.
+squared rate of the spring's end, goes with c^2. At M = 1, with a rate that is constant on 40 intervals of a hop, it is
+125.81 c^2 for a lossless landing (124.65 c^2 in the limit of many intervals), and 111.9 c^2 where the foot may land
+with a speed, which is 3.06 c. Energy alone needs less: Schwarz's inequality for the work, the integral of M phi w,
+gives the bound in the figure; the rest of the effort brings the foot down. The injection that just lets it hop on does
+the same work to leading order, all of it at once, at the edge of losing its hop. On the left of the figure is the
+motion for c = 0.01.
 Run: python studies/damped_hopper.py [--output FOLDER] [--quick]
 """
 

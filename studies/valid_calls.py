@@ -404,7 +404,7 @@ def requested(scene: str, **message: Any) -> str:
     from problems.explorer.scene import beginning
     from problems.explorer.worker import COMPUTATIONS, Done, Failure
 
-    def asked(page: Explorer, receive: Callable[[Any, object], None], calm: bool = False) -> Any:
+    def in_this_process(page: Explorer, receive: Callable[[Any, object], None], calm: bool = False) -> Any:
         def ask(task: Any) -> None:
             try:
                 for each in COMPUTATIONS[task.name](None, *task.arguments):
@@ -415,7 +415,7 @@ def requested(scene: str, **message: Any) -> str:
 
         return SimpleNamespace(ask=ask, stop=lambda: None)
 
-    with mock.patch.object(Explorer, "_worker", asked):
+    with mock.patch.object(Explorer, "_worker", in_this_process):
         page = Explorer(Document(), beginning(scene))
         page._receive(json.dumps({"n": 1, **message}, default=str))
         page._compute_surroundings()

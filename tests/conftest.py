@@ -20,7 +20,6 @@ from documents import saved
 
 from orbits import Control, Family, Orbit, Proof, find, follow, prove, steer
 from orbits.control import Guess, Input, Stage
-from orbits.symbolic import caches
 from problems import Driven, Hopper, hopper_in_si, steering
 from problems.command.cli import main
 
@@ -30,8 +29,6 @@ PROVED = json.loads((DATA / "proved.json").read_text(encoding="utf-8"))
 DAMPED_LEG = hopper_in_si(
     60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 1e5}, rest_length=0.8, damping=5.0
 )
-
-caches.BUDGET *= 4  # tests of many rooms share machines in one process, whose code need not be compiled again
 
 # Shells let what they run in the background ignore keyboard interrupts, and so would all that the tests start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

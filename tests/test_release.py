@@ -34,6 +34,12 @@ def test_the_conda_recipe_needs_what_the_wheel_needs():
     assert "\n      - orbits = " + PROJECT["scripts"]["orbits"] in recipe
 
 
+def test_the_extras_are_listed():
+    """Each with what it is for, where the installation is described."""
+    rows = re.findall(r"^\| `(\w+)` \|", text_of("studies", "docs", "start.md").partition("### Run")[0], re.M)
+    assert sorted(rows) == sorted(PROJECT["optional-dependencies"])
+
+
 def test_hosted_machines_run_the_commands_that_are_documented():
     tests, site = (text_of(".github", "workflows", f"{name}.yml") for name in ("tests", "documentation"))
     second = re.search(r"^```sh\n.*\n(.*)\n```$", text_of("README.md"), re.M)[1]

@@ -77,7 +77,8 @@ def _led(equations: Shooting, u: np.ndarray, p: np.ndarray, place: int, value: f
             left = value - here[place]
             step = share * (value - p[place])
             ahead[place] = value if abs(step) >= abs(left) else here[place] + step
-            guess = u + (ahead[place] - here[place]) * tangent
+            with np.errstate(over="ignore"):  # a far value is gone to in smaller steps, or not at all
+                guess = u + (ahead[place] - here[place]) * tangent
             try:
                 found, _ = equations.newton(guess, ahead, MOST_NEWTON_STEPS)
                 if np.abs(found - guess).max() > MOST_CORRECTED * np.abs(found).max():

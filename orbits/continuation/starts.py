@@ -285,7 +285,7 @@ def start_from_rest(
         if not finite_number(name, time) > 0:
             raise InputError(f"{name} = {time:g} is out of bounds; it lies above 0")
     rest = np.zeros(2 * count)
-    rest[::2] = positions
+    rest[::2] = [finite_number("positions", each) for each in positions]
     try:
         path, _ = flow_of(contact, tuple(values)).run(rest, list(values.values()), half_contact)
     except FlowError as error:

@@ -13,13 +13,14 @@ MACHINE_HAS = ("model", "values", "units", "describe")
 
 def check_machine_parts(name: str, value: object) -> None:
     """Raise `InputError` where something has nothing of a machine."""
-    if not (hasattr(value, "model") or hasattr(value, "describe")):
+    if not hasattr(value, "model"):
         refuse_machine(value, {part: "" for part in MACHINE_HAS if not hasattr(value, part)})
 
 
 def check_text(name: str, value: object) -> None:
-    """Raise `InputError` where something is no text."""
-    if not isinstance(value, str):
+    """Raise `InputError` where an array stands for a text. A function names what it knows where something else does,
+    but an array cannot be compared with that."""
+    if hasattr(value, "__array__") and not isinstance(value, str):
         raise InputError(f"{name} = {value!r}; it is a text")
 
 
@@ -30,7 +31,7 @@ def check_report(name: str, value: object) -> None:
 
 
 BY_NAME = {"machine": check_machine_parts, "progress": check_report}
-BY_KIND = ((bool, true_or_false), (str, check_text), (str | None, check_text))
+BY_KIND: Mapping[Any, Callable] = {bool: true_or_false, str: check_text, str | None: check_text}
 
 
 def checks_of(function: Callable) -> Callable[[tuple, Mapping[str, Any]], None]:
@@ -38,7 +39,7 @@ def checks_of(function: Callable) -> Callable[[tuple, Mapping[str, Any]], None]:
     code, kinds = getattr(unwrap(function), "__code__", None), getattr(function, "__annotations__", {})
     names = code.co_varnames[: code.co_argcount] if code else ()
     optional = {name for name, kind in kinds.items() if type(None) in get_args(kind)}
-    checks = {name: check for name, kind in kinds.items() for known, check in BY_KIND if kind == known}
+    checks = {name: BY_KIND[kind] for name, kind in kinds.items() if kind in BY_KIND}
     checks |= {name: check for name, check in BY_NAME.items() if name in kinds}
 
     def check(arguments: tuple, options: Mapping[str, Any]) -> None:

@@ -70,8 +70,10 @@ def _on_screen() -> bool:
 
 def axes_or_new(axes: object, width: float = 5.6, height: float = 3.8) -> Axes:
     """The axes that are stated, or else new ones of a size; raises `InputError` for what are none."""
-    if not (axes is None or hasattr(axes, "get_figure")):
-        raise InputError(f"axes = {axes!r}; they are Axes of matplotlib")
+    from matplotlib.axes import Axes as Known
+
+    if not (axes is None or isinstance(axes, Known)):
+        raise InputError(f"axes = {axes!r}; they are Axes of matplotlib, as figure.add_subplot() has them")
     return new_axes(width, height) if axes is None else axes
 
 

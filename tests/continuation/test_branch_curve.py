@@ -30,6 +30,7 @@ def test_it_ends(point):
     lengths = [3.6, 3.0]
     curve = follow_branch_points(point, "rest_length", lengths)
     assert len(curve) == 1
+    assert follow_branch_points(point, "rest_length", [1e308]) == ()
 
 
 def test_names_are_refused(point):

@@ -2,20 +2,16 @@
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import orbits
 from orbits import InputError, Mechanism, ReturnMap, Sweep, follow, follow_event, prove, simulate, sweep
 from orbits.mechanics import Mass, Spring
 from orbits.running.arguments import checks_of
-from problems import Hopper, springs, steering
+from problems import Hopper, inerter_hopper, springs, steering
 
 CUBIC = Hopper("cubic", parameters={"beta": 0.3})
 EMPTY, NUMBER, HUGE = np.zeros(0), np.array(np.nan), 10**400
-
-
-@pytest.fixture(scope="module")
-def family():
-    return follow(Hopper("cubic"), "beta", stop=-0.02, start=0.0)
 
 
 def test_only_the_outermost_call_is_checked():
@@ -28,8 +24,7 @@ def test_only_the_outermost_call_is_checked():
     for arguments, options, message in (
         ((3, "x"), {}, "'int' is no machine such as"),
         ((CUBIC, EMPTY), {}, "name = array.* it is a text"),
-        ((CUBIC,), {"name": None}, "name = None; it is a text"),
-        ((CUBIC, "x", []), {}, "other = .*; it is a text"),
+        ((CUBIC, "x", np.array("x")), {}, "other = .*; it is a text"),
         ((CUBIC, "x"), {"flag": EMPTY}, "flag = array.* it is True or False"),
         ((CUBIC, "x"), {"progress": lambda: 0}, "it is a function that is called with the share that is done"),
     ):
@@ -62,9 +57,10 @@ CALLS = {
     "a state": lambda: simulate(CUBIC, state=HUGE, hops=1),
     "a time": lambda: simulate(CUBIC, 4.0, time=HUGE),
     "axes": lambda: ReturnMap(Hopper(), 0.03).plot(4.0, 5.0, axes=EMPTY),
+    "a figure": lambda: ReturnMap(Hopper(), 0.03).plot(4.0, 5.0, axes=Figure()),
     "marks": lambda: ReturnMap(Hopper(), 0.03).plot(4.0, 5.0, fixed_points=EMPTY, samples=10),
     "a guess": lambda: steering.keep_hopping(Hopper(damping=0.01), guess=EMPTY),
-    "a number to follow": lambda: steering.keep_hopping(Hopper(damping=0.01), intervals=6).follow(EMPTY, 0.02),
+    "positions": lambda: orbits.start_from_rest(inerter_hopper(), [HUGE], 1.0, 4.0),
     "an exact number": lambda: orbits.prove_fixed_point(Hopper(), 4.6, HUGE),
     "units": lambda: springs.fit(([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]), "k*r", in_si=EMPTY),
     "a name that is no name": lambda: springs.fit(([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]), "nan*r"),
@@ -73,19 +69,35 @@ CALLS = {
 }  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: follow(CUBIC, 3, 0.4), "along = 3; it is the name of a parameter"),
+        (lambda: orbits.find(CUBIC, method=3), "method = 3; it is one of closed form"),
+        (lambda: orbits.optimize(CUBIC, minimise=[], over={"beta": (0.1, 0.2)}), "an objective is a formula"),
+        (lambda: orbits.orbit_at(CUBIC, None, "beta"), "where to begin is the `point`"),
+    ],
+)
+def test_what_is_no_array_is_refused_in_the_words_of_the_function(call, words):
+    with pytest.raises(InputError, match=words):
+        call()
+
+
 @pytest.mark.parametrize("call", CALLS.values(), ids=CALLS)
 def test_a_value_of_another_kind_is_refused(call):
     with pytest.raises(InputError):
         call()
 
 
-def test_events_and_proofs_refuse_arrays(family, tmp_path):
+def test_results_refuse_arrays(softening_family, driven_hopper, tmp_path):
+    family, machine = softening_family, Hopper("cubic", rest_length=30.0)
     for call in (
+        lambda: driven_hopper.follow(EMPTY, 0.02),
         lambda: follow_event(family, EMPTY, "mass_ratio", 1.2),
         lambda: follow_event(family, "fold", EMPTY, 1.2),
         lambda: family.save(NUMBER),
         lambda: family.page(tmp_path / "x.html", machine=EMPTY),
-        lambda: prove(orbits.orbit_at(Hopper("cubic"), family.points[0], "beta"), machine=EMPTY),
+        lambda: prove(orbits.orbit_at(machine, family.points[0], "beta"), machine=EMPTY),
     ):
         with pytest.raises(InputError):
             call()
