@@ -109,7 +109,9 @@ class TestSteps:
         wheel = rimless_wheel()
         orbit = find(wheel)
         assert "loss_coefficient" not in quantities(wheel, orbit)
-        with pytest.raises(NoOrbit, match="no loss_coefficient: .*, or a landing with a speed leaves nearly all of it"):
+        with pytest.raises(
+            NoOrbit, match=r"no loss_coefficient: .*, or a landing with a speed leaves nearly all of it"
+        ):
             quantities(wheel, orbit, "loss_coefficient")
         with pytest.raises(InputError, match="unknown quantity 'friction_left'"):
             quantities(wheel, orbit, "friction_left")
