@@ -37,6 +37,7 @@ from .io import (
     writing,
 )
 from .model.machine import Machine, machine_in_words
+from .running.arguments import check_report
 from .tables import DIGITS, html_table, number_text, text_table
 from .units import UNIT_TEXTS
 
@@ -64,7 +65,9 @@ def shown(module: str) -> Any:
 
 
 def reported(items: Sequence[Item], progress: Report) -> Iterator[Item]:
-    """The items, one after the other, with a report of the share that is done after each."""
+    """The items, one after the other, with a report of the share that is done after each; raises `InputError` for what
+    takes no such report."""
+    check_report("progress", progress)
     for i, item in enumerate(items, 1):
         yield item
         if progress:

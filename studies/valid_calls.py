@@ -284,7 +284,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "uncertainty": lambda: orbits.uncertainty(machine("cubic"), {"beta": (0.1, 0.2)}, samples=8, progress=False),
     "simulation": lambda: orbits.simulate(machine("damped"), 4.0, hops=2),
     "multipliers": lambda: orbits.multipliers(Hopper(), 4.6, inject=0.03),
-    "periodic hop": lambda: ReturnMap(machine("chain")).periodic_hop(orbit("chain")),
+    "periodic hop": lambda: ReturnMap(Hopper(), 0.03).periodic_hop(4.5),
     "hops": lambda: ReturnMap(Hopper(), inject=0.12).periodic_hops(2, 4.48, 4.63),
     "many hops": lambda: ReturnMap(Hopper(), inject=0.03)(np.linspace(4.4, 5.0, 20)),
     "diagram": lambda: orbits.bifurcations(Hopper(), "inject", (0.0, 0.1), (4.4, 4.7), sections=2, attractor=0),

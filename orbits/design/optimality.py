@@ -286,6 +286,14 @@ class DesignEvent:
     text: str = ""
 
 
+def column_of(designs: Sequence[Design], name: str) -> np.ndarray:
+    """The values (m,) of a designed parameter, or a quantity of the problem; raises `InputError` for another name."""
+    own = "parameters" if name in designs[0].parameters else "quantities"
+    if name not in (known := getattr(designs[0], own)):
+        raise InputError(f"the designs have no '{name}'{suggest(name, [*designs[0].parameters, *known])}")
+    return np.array([getattr(design, own)[name] for design in designs])
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class DesignCurve(Result, what="curve of designs", dimension="design"):
     """The best designs as one number of their problem moves, as `Design.follow` returns it.
@@ -317,10 +325,7 @@ class DesignCurve(Result, what="curve of designs", dimension="design"):
 
     def column(self, name: str) -> np.ndarray:
         """The values (m,) of a designed parameter, or of a quantity of the problem."""
-        own = "parameters" if name in self.designs[0].parameters else "quantities"
-        if name not in (known := getattr(self.designs[0], own)):
-            raise InputError(f"the designs have no '{name}'{suggest(name, [*self.designs[0].parameters, *known])}")
-        return np.array([getattr(design, own)[name] for design in self.designs])
+        return column_of(self.designs, name)
 
     def multipliers(self) -> dict[str, np.ndarray]:
         """The multipliers (m,) of all constraints, bounds and conditions that are active somewhere, 0 where they are

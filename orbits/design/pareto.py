@@ -16,7 +16,7 @@ from ..result import Axes, Result, shown
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from .moving_design import Moving
-from .optimality import Design, DesignEvent, designs_along, moving_design
+from .optimality import Design, DesignEvent, column_of, designs_along, moving_design
 from .optimize import Origin, best_design, multistart, starting_points
 from .problem import Constraint, DesignProblem, design_problem, formula_names, known_formula
 from .sensitivities import quantities, sensitivities
@@ -54,8 +54,8 @@ class Front(Result, what="front"):
         return np.array([_objectives(design) for design in self.designs])
 
     def column(self, name: str) -> np.ndarray:
-        """The values (m,) of a parameter of the designs."""
-        return np.array([design.parameters[name] for design in self.designs])
+        """The values (m,) of a parameter of the designs, or of a quantity of the problem."""
+        return column_of(self.designs, name)
 
     def document(self) -> Document:
         return {

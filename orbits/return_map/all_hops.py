@@ -53,6 +53,7 @@ from ..exact.refusal import Unproved, check_proof_time
 from ..exact.stated import StatedMachine, stated_machine
 from ..model.machine import Machine, machine_in_words
 from ..proof.theorem import Proof
+from ..running import interrupts
 from .fixed_point_statement import landed_in_contact
 from .periodic_hops import PeriodicHops
 from .proved_map import FOUND_TO, MAP_IN_WORDS
@@ -212,6 +213,7 @@ class LinearHopper:
         waiting, found = [*pairwise(edges)], list[tuple[arb, tuple[float, float]]]()
         undecided, shortest_of_known = list[tuple[float, float]](), min(shortest, SHORTEST_OF_KNOWN)
         while waiting:
+            interrupts.heed()
             a, b = waiting.pop()
             try:
                 if (narrower := self._narrowed(a, b, count)) is None:

@@ -124,7 +124,9 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
         return float(places.min()), float(places.max())
 
     def row(self, row: int) -> list[Stretch]:
-        """A row as intervals of one status each, ascending; neighbours on the grid with the same status are joined."""
+        """A row, counted from 0, as intervals of one status each, ascending; neighbours on the grid that have the same
+        status are joined."""
+        row = whole_number("row", row, "rows", least=0, most=len(self.statuses) - 1)
         found, (low, high) = self.boundaries, self.between
         these = np.flatnonzero(found.in_row.astype(bool) & (found.nodes[:, 1] == row))
         these = these[np.argsort(found.points[these, 0], kind="stable")]

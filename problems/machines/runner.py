@@ -27,7 +27,7 @@ from orbits.laws.law_statement import LawLike
 from orbits.mechanics import Body, Drawing, Joint, Mass, Outline, Spring
 
 from ..laws.springs import as_spring
-from .parameters import refuse_taken, stated_numbers, with_parameters
+from .parameters import gravity_in_si, refuse_taken, stated_numbers, with_parameters
 
 HIP = ("x + l*sin(theta)", "z + l*cos(theta)")
 WORDS_OF_RUNNERS = {
@@ -39,7 +39,6 @@ WORDS_OF_RUNNERS = {
     "none": "a lossless runner has tuned numbers: give find tune= and at=, as tune=('inertia', 'hip_stiffness'), "
     "at={'speed': 0.4}",
 }
-GRAVITY_OF_EARTH = 9.81
 
 
 def runner(
@@ -71,7 +70,7 @@ def runner(
     ('x',)
     """
     in_si = true_or_false("in_si", in_si)
-    gravity = surface_gravity if surface_gravity is not None else GRAVITY_OF_EARTH if in_si else 1.0
+    gravity = 1.0 if surface_gravity is None and not in_si else gravity_in_si(surface_gravity)
     own = {
         "body_mass": body_mass, "foot_mass": foot_mass, "inertia": inertia, "stiffness": stiffness,
         "hip_stiffness": hip_stiffness, "rest_length": rest_length, "surface_gravity": gravity,

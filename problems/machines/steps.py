@@ -34,7 +34,7 @@ from orbits.mechanics import Body, Drawing, Joint, Mass, Outline, Potential, Spr
 from orbits.mechanics.elements import Element
 
 from ..laws.springs import as_spring
-from .parameters import stated_numbers, with_parameters
+from .parameters import gravity_in_si, stated_numbers, with_parameters
 
 # The ratios of a machine whose numbers can be computed, and its angles; three spokes are the fewest.
 RATIO_BOUNDS, ANGLE_BOUNDS, WIDEST_WHEEL = (1e-12, 1e12), (1e-9, pi / 2 - 1e-9), pi / 3 + 1e-15
@@ -78,7 +78,7 @@ def rimless_wheel(
     body_inertia: float | None = None, stiffness: float | None = None, slope: float = 0.0, *,
     spring: LawLike | None = None, inertia_ratio: float | None = None, gravity_ratio: float | None = None,
     angle: float | None = None, share: float | None = None, friction: float | None = None,
-    surface_gravity: float = 9.81, parameters: Mapping[str, float] | None = None,
+    surface_gravity: float | None = None, parameters: Mapping[str, float] | None = None,
 ) -> Mechanism:  # fmt: skip
     """A rimless wheel with a body on a torsion spring inside, which walks over level ground without loss.
 
@@ -99,7 +99,7 @@ def rimless_wheel(
         lifts is no violation, since it does not in a wheel of a small share
     friction : the coefficient of friction, where one that is needed above it violates an orbit; None for any. Of a
         wheel without units and small angles that which is needed is in units of a
-    surface_gravity : in m/s^2
+    surface_gravity : of a wheel in SI, in m/s^2; None for 9.81
     parameters : values of the spring's names
 
     The launch speed is that of the inner body at lift-off. Raises `InputError` for numbers that no wheel has.
@@ -114,9 +114,13 @@ def rimless_wheel(
     if spokes is not None and not (number("spokes", spokes) >= 3 and spokes == int(spokes)):
         raise InputError(f"spokes = {spokes!r}; a wheel has a whole number of them, from 3")
     slope = number("slope", slope, -pi / 2, pi / 2)
-    if own := _in_si("rimless wheel", {**stated, "spokes": spokes}, (inertia_ratio, gravity_ratio, angle, share)):
+    if own := _in_si(
+        "rimless wheel", {**stated, "spokes": spokes}, (inertia_ratio, gravity_ratio, angle, share), surface_gravity
+    ):
         _refuse_below(own["inertia"], "the foot", own["mass"] * own["length"] ** 2, "mass * length**2")
-        own, gravity = own | {"angle": pi / own.pop("spokes"), "surface_gravity": surface_gravity}, "surface_gravity"
+        own |= {"angle": pi / own.pop("spokes")}
+        own["surface_gravity"] = gravity_in_si(surface_gravity)
+        gravity = "surface_gravity"
         tilted = {"slope": slope} if slope else {}
         fall = " + slope" if tilted else ""  # heights and places across are those of gravity
         forces: list[Element] = [
@@ -144,7 +148,7 @@ def rocking_block(
     inertia: float | None = None, body_inertia: float | None = None, stiffness: float | None = None, *,
     spring: LawLike | None = None, inertia_ratio: float | None = None, gravity_ratio: float | None = None,
     angle: float | None = None, share: float | None = None, friction: float | None = None,
-    surface_gravity: float = 9.81, parameters: Mapping[str, float] | None = None,
+    surface_gravity: float | None = None, parameters: Mapping[str, float] | None = None,
 ) -> Mechanism:  # fmt: skip
     """A block with a body on a torsion spring inside, which rocks from one edge to the other without loss.
 
@@ -165,10 +169,11 @@ def rocking_block(
         "mass": mass, "half_width": half_width, "half_height": half_height, "inertia": inertia,
         "body_inertia": body_inertia, "stiffness": stiffness,
     }  # fmt: skip
-    if own := _in_si("rocking block", stated, (inertia_ratio, gravity_ratio, angle, share)):
+    if own := _in_si("rocking block", stated, (inertia_ratio, gravity_ratio, angle, share), surface_gravity):
         least = own["mass"] * hypot(own["half_width"], own["half_height"]) ** 2
         _refuse_below(own["inertia"], "an edge", least, "mass * (half_width**2 + half_height**2)")
-        own["surface_gravity"], gravity = surface_gravity, "surface_gravity"
+        own["surface_gravity"] = gravity_in_si(surface_gravity)
+        gravity = "surface_gravity"
         forces: list[Element] = [Mass(CENTRE_HEIGHT, "mass", across=CENTRE_ACROSS)]
         top: str | None = "2*half_height*cos(theta)"
         heights: dict[str, str] = {"centre": CENTRE_HEIGHT, "lifted edge": "2*half_width*sin(theta)"}
@@ -191,7 +196,7 @@ def shuttle(
     inertia: float | None = None, body_inertia: float | None = None, stiffness: float | None = None,
     angle: float | None = None, mass: float = 0.0, length: float = 0.0, *,
     spring: LawLike | None = None, inertia_ratio: float | None = None, gravity_ratio: float | None = None,
-    surface_gravity: float = 9.81, parameters: Mapping[str, float] | None = None,
+    surface_gravity: float | None = None, parameters: Mapping[str, float] | None = None,
 ) -> Mechanism:  # fmt: skip
     """A pendulum upside down with a body on a torsion spring, which shuttles between two walls without loss.
 
@@ -209,12 +214,12 @@ def shuttle(
     3.951525067955
     """
     stated = {"inertia": inertia, "body_inertia": body_inertia, "stiffness": stiffness}
-    if own := _in_si("shuttle", stated, (inertia_ratio, gravity_ratio)):
+    if own := _in_si("shuttle", stated, (inertia_ratio, gravity_ratio), surface_gravity):
         for name, value in (("mass", mass), ("length", length)):
             if number(name, value) < 0:
                 raise InputError(f"{name} = {value:g} is below 0; it is 0 for a shuttle in balance")
         own |= {"angle": _positive("angle", angle, pi / 2), "mass": mass, "length": length}
-        own["surface_gravity"] = surface_gravity
+        own["surface_gravity"] = gravity_in_si(surface_gravity)
         force: Element = Weight(HUB, "mass")
         heights: dict[str, str] | None = {"end": HUB}
         turned, gravity = "inertia", "surface_gravity"
@@ -231,11 +236,17 @@ def shuttle(
     )  # fmt: skip
 
 
-def _in_si(name: str, numbers: Mapping[str, float | None], ratios: tuple[float | None, ...]) -> dict[str, float]:
+def _in_si(
+    name: str, numbers: Mapping[str, float | None], ratios: tuple[float | None, ...], surface_gravity: float | None
+) -> dict[str, float]:
     """The numbers of a machine in SI, none of one without units; raises `InputError` where some are missing, or ratios
     are stated too."""
     stated = [each for each in numbers if numbers[each] is not None]
     if not stated:
+        if surface_gravity is not None:
+            raise InputError(
+                f"surface_gravity belongs to a {name} in SI, with its {next(iter(numbers))}; state gravity_ratio"
+            )
         return {}
     if missing := [each for each in numbers if numbers[each] is None]:
         raise InputError(f"a {name} with {stated[0]} is in SI: state {', '.join(missing)} too")

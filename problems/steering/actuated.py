@@ -54,7 +54,7 @@ class Actuator:
     kind: str = "displacement"
 
     def __post_init__(self) -> None:
-        if self.kind not in STATES_OF_ACTUATORS:
+        if not isinstance(self.kind, str) or self.kind not in STATES_OF_ACTUATORS:
             raise InputError(f"kind = {self.kind!r}; an actuator is a 'displacement' or a 'force'")
         if not (self.along is None or isinstance(self.along, str)):
             raise InputError(f"along = {self.along!r}; it is a formula of the coordinates, as 'body - foot'")

@@ -56,6 +56,8 @@ def test_front():
     assert (np.diff(first) > 0).all()
     assert (np.diff(second) < 0).all()
     assert front.column("b")[0] == RANGE[0]
+    with pytest.raises(InputError, match="the designs have no 'z'"):
+        front.column("z")
     assert "5 certified designs" in str(front)
     (only,) = pareto(CUBIC, minimise=("loss_coefficient", "-alpha"), over={"b": RANGE}).designs
     assert only.parameters["b"] == RANGE[0]

@@ -47,6 +47,8 @@ def test_the_edges_are_folds_and_the_collapse(diagram):
     assert high == 0.01
     assert diagram.motions(1) == [(begin, 0.01)]
     assert [stretch.status for stretch in diagram.row(1)] == ["no orbit", "inadmissible", "certified"]
+    with pytest.raises(InputError, match="it is a number of rows, from 0 to"):
+        diagram.row(-1)
 
 
 @pytest.mark.slow

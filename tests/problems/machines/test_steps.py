@@ -143,6 +143,7 @@ def test_families_are_followed():
         (rimless_wheel, {"angle": 1.1}, "angle = 1.1; of a rimless wheel it lies between 1e-09 and 1.0472"),
         (rocking_block, {"inertia_ratio": 1e-300}, "of a rocking block it lies between 1e-12 and 1e"),
         (shuttle, {"inertia_ratio": 1e300}, r"inertia_ratio = 1e\+300; of a shuttle it lies between 1e-12 and 1e"),
+        (shuttle, {"inertia_ratio": 1.0, "surface_gravity": 1.6}, "belongs to a shuttle in SI, with its inertia"),
         (rimless_wheel, {"mass": 1.0}, "is in SI: state length, inertia, body_inertia, stiffness, spokes too"),
         (rimless_wheel, {"spokes": 2}, "a wheel has a whole number of them, from 3"),
         (rimless_wheel, {"spokes": 6.5}, "a wheel has a whole number of them, from 3"),

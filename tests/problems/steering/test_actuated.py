@@ -91,6 +91,8 @@ def test_what_no_actuator_fits(machine, actuator, words):
 
 def test_what_is_no_actuator():
     with pytest.raises(InputError, match="'displacement' or a 'force'"):
+        Actuator(kind={})
+    with pytest.raises(InputError, match="'displacement' or a 'force'"):
         Actuator("body - foot", kind="torque")
     with pytest.raises(InputError, match="a formula of the coordinates"):
         Actuator(3)
