@@ -4,7 +4,7 @@ On the left the first family of the spring r + beta r^3 + delta r^5: a softening
 there is no hop; with delta > 0 the spring hardens again, a second fold appears, and the two meet in a cusp, beyond
 which the family goes on. On the right the saturating spring tanh(b r)/b with a second spring c r beside it. Above is
 the hopper, whose foot also has to stay below its body, below the juggler. Colours are launch speeds. The exact curve of
-folds, which `follow_fold` follows, lies on the edge that bisection finds.
+folds, which `follow_fold` follows, lies on the edge of the diagram.
 Run: python studies/existence.py [--output FOLDER] [--quick]
 """
 
