@@ -108,7 +108,7 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
         others = int(np.count_nonzero(found.located)) - exact
         text = f"{members - skipped} of {members} members were searched"
         text += f", and {skipped} inside regions without orbits were not" if skipped else ""
-        text += f"; {exact} boundary points lie on {len(self.curves)} curves of events, {others} are located between members"
+        text += f"; {exact} boundary points lie on {len(self.curves)} curves of events, {others} between members"
         loose = int(np.count_nonzero(self._loose))
         return text + (f", and {loose} are midpoints between members: {self.stopped}" if loose else "")
 

@@ -105,7 +105,7 @@ def test_boundaries_lie_on_curves_of_events(diagram):
     assert low == pytest.approx(FOLD, abs=1e-13)
     assert begin == pytest.approx(event_of("collapse").value, abs=1e-13)
     assert diagram.rests_on.startswith("27 of 27 members were searched; ")
-    assert diagram.rests_on.endswith("0 are located between members")
+    assert diagram.rests_on.endswith("0 between members")
 
 
 @pytest.mark.slow
