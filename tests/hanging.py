@@ -11,14 +11,15 @@ DIGITS = 40
 def quadratic_lateness(c: float, alpha: float) -> mpmath.mpf:
     """How much later than half the flight the extension of r + c r**2 turns for the second time, by elliptic integrals;
     1 where it escapes over the barrier at -1/c."""
-    with mpmath.workdps(DIGITS):
+    with mpmath.workdps(2 * DIGITS):  # two of the turns nearly coincide, which loses half the digits
         c, alpha = mpmath.mpf(c), mpmath.mpf(alpha)
         liftoff = (mpmath.sqrt(1 + 4 * c) - 1) / (2 * c)
         energy = alpha**2 / 2 + liftoff**2 / 2 + c * liftoff**3 / 3
-        roots = mpmath.polyroots([2 * c / 3, 1, 0, -2 * energy], maxsteps=1000, extraprec=400)
-        if max(abs(mpmath.im(root)) for root in roots) > mpmath.mpf(10) ** (10 - DIGITS):
+        cosine = 1 - 12 * c**2 * energy  # of three times the angle in Viete's roots of 2 c x**3/3 + x**2 = 2 energy
+        if abs(cosine) > 1:
             return mpmath.mpf(1)
-        low, high, beyond = sorted(map(mpmath.re, roots))
+        angles = [(mpmath.acos(cosine) + 2 * mpmath.pi * k) / 3 for k in range(3)]
+        low, high, beyond = sorted(-(2 * mpmath.cos(each) + 1) / (2 * c) for each in angles)
         m = (high - low) / (beyond - low)
         angle = mpmath.asin(mpmath.sqrt((high - liftoff) / (m * (beyond - liftoff))))
         pace = 2 / mpmath.sqrt(-2 * c / 3 * (beyond - low))

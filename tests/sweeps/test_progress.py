@@ -49,7 +49,7 @@ def test_without_a_terminal_there_is_no_line(capsys, monkeypatch):
 
 def test_without_a_terminal_the_messages_say_how_far_it_is(monkeypatch, caplog):
     monkeypatch.delitem(sys.modules, "ipykernel", raising=False)
-    monkeypatch.setattr(heartbeat, "SOON", -1.0)
+    monkeypatch.setattr(heartbeat, "SILENCE", -1.0)
     with heartbeat.running("sweep"):
         on_screen(None)(state(60, 8.0, 16.0, certified=60))
         heartbeat.beat()

@@ -115,7 +115,7 @@ def test_a_design_with_a_tuned_parameter(orbits, tmp_path):
     done = orbits("optimize --json", path)
     assert done.code == 0, done.err
     best = done.document
-    assert best["kkt"] is None
+    assert best["kkt"] < 1e-10
     assert [each["text"] for each in best["active"]] in (["b >= 10000"], ["b <= 1e+06"])
     stated = FILE[: FILE.index("[design]")].replace("b = 1e5", f"b = {best['parameters']['b']!r}")
     path.write_text(stated)
