@@ -216,6 +216,7 @@ class Curve:
     tuned: tuple[str, ...] = ()  # the names of the parameters that are tuned along it
     division: Division | None = None  # of the motions, where they amplify small changes
     takes_nodes = True  # whether they may be divided so
+    takes_nodes_early = True  # and where they could do without: not where that made the errors larger
     own_settings: Mapping[str, object] = {}  # further settings of its family
 
     def __init__(self, machine: Machine, along: str, method: str, span: float):
@@ -261,7 +262,7 @@ class Curve:
         """Whether the motions at certified points (m,) are divided at nodes, or divided anew, from there on."""
         points = CurvePoints.of(points)
         growths = points.evaluation.amplification[points.places]
-        if not self.takes_nodes:
+        if not (self.takes_nodes and self.takes_nodes_early):
             return growths > LARGEST_ARC_GROWTH
         return are_divided(growths, points.orbits.column("error"), points.orbits.column("alpha"))
 
@@ -278,7 +279,7 @@ class Curve:
         undivided = self.division.undivided if self.division else self.equations
         paths = [each[0] for each in evaluation.trajectories]
         curve.division, u = division_at(undivided, growths, x[:-1], p, paths)
-        curve.equations = curve.division.equations
+        curve.equations, curve.takes_nodes_early = curve.division.equations, True
         return curve, np.append(u, x[-1]), np.insert(tangent, undivided.own, np.zeros(len(u) + 1 - len(x)))
 
     def parameters_at(self, xs: np.ndarray) -> np.ndarray:

@@ -152,7 +152,9 @@ class EventCurve(Curve):
 
     def asks_for_nodes(self, points: Sequence[CurvePoint]) -> np.ndarray:
         found = super().asks_for_nodes(points)
-        if self.condition.stationary:  # second derivatives, and their differences, grow as powers of first ones
+        if (
+            self.condition.stationary and self.takes_nodes_early
+        ):  # second derivatives, and their differences, grow as powers of first ones
             found |= CurvePoints.of(points).evaluation.amplification[CurvePoints.of(points).places] > SENSITIVE
         return found
 

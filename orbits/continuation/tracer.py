@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import NoOrbit, OrbitsError
 from ..running.time_limit import TimeOver, time_to_finish
-from ..shooting.division import DIVIDED_GROWTH
+from ..shooting.division import DIVIDED_GROWTH, LARGEST_ARC_GROWTH
 from ..units import Message
 from .corrector import MEMORY, correct
 from .curve import Curve, CurvePoint, CurvePoints, StepEnd
@@ -133,13 +133,14 @@ class Tracer:
                         return
                     if last.amplification > DIVIDED_GROWTH and self.curve.asks_for_nodes([last])[0]:
                         try:
-                            last = self._divided(last)
+                            divided = self._divided(last)
                         except OrbitsError as error:
                             yield self.endings.lost(error, last, history)
                             return
-                        short = min(control.first_step, options.longest)
-                        batch, ends = Batch((), None, None, short, whole=False), [last]
-                        break
+                        if divided:
+                            last, short = divided, min(control.first_step, options.longest)
+                            batch, ends = Batch((), None, None, short, whole=False), [last]
+                            break
                 ends += [point] if point.parts else []
             state = self._after(state._replace(last=last, before=index), batch, ends)
             gives_up = state.length <= control.shortest_step or state.rejections > control.most_rejections
@@ -148,11 +149,21 @@ class Tracer:
                 return
             batch = None
 
-    def _divided(self, last: CurvePoint) -> CurvePoint:
-        """The last point on the same curve, whose motions are divided at nodes from now on."""
-        curve, x, tangent = self.curve.divided(last.x, last.tangent, CurvePoints.of([last]).own_evaluation)
-        row = tangent / curve.size(x) ** 2
-        first = curve.certify_at(correct(curve, x, row, float(row @ x), tangent), last.value)
+    def _divided(self, last: CurvePoint) -> CurvePoint | None:
+        """The last point on the same curve, whose motions are divided at nodes from now on; None where they can do
+        without, and nodes do not make the error smaller, as where small changes grow within a short time."""
+        try:
+            curve, x, tangent = self.curve.divided(last.x, last.tangent, CurvePoints.of([last]).own_evaluation)
+            row = tangent / curve.size(x) ** 2
+            first = curve.certify_at(correct(curve, x, row, float(row @ x), tangent), last.value)
+            is_of_use = last.amplification > LARGEST_ARC_GROWTH or first.point.error < last.point.error
+        except OrbitsError:
+            if last.amplification > LARGEST_ARC_GROWTH:
+                raise
+            is_of_use = False
+        if not is_of_use:
+            self.curve.takes_nodes_early = False
+            return None
         bounds, origin = self.stepper.bounds, self.endings.origin
         self.curve, self.stepper = curve, Stepper(curve, bounds, self.start, self.options)
         self.endings = self.tests_for_the_end(curve, origin, self.start, bounds, self.options)

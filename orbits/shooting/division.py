@@ -236,7 +236,23 @@ class NodedSolution:
                 f"it stays so long near an unstable equilibrium that small changes grow {most:.0e}-fold: its launch "
                 "does not determine it any more in 16 digits"
             )
-        return self.with_nodes() if self._is_divided else self
+        if (growth := self.evaluation.amplification[0]) > LARGEST_ARC_GROWTH:
+            return self.with_nodes()
+        if growth > DIVIDED_GROWTH and are_divided(np.array([growth]), self.error, self.alpha)[0]:
+            with suppress(NoOrbit, FlowError):
+                return self.or_nearer(self.with_nodes())
+        return self
+
+    def without_nodes(self) -> "NodedSolution":
+        """The same by the equations without nodes; raises `NoOrbit`."""
+        u, evaluation = self.undivided.newton(self.u, self.p)
+        return replace(self, division=None, x=u, evaluation=evaluation)
+
+    def or_nearer(self, other: "NodedSolution") -> "NodedSolution":
+        """The one of two descriptions of a solution with the smaller error: where small changes grow within a short
+        time, it is the one without nodes."""
+        same = np.abs(self.alpha - other.alpha) <= self.error + other.error
+        return other if (same & (other.error < self.error))[0] else self
 
     def with_nodes(self) -> "NodedSolution":
         """The same with as many nodes as its motions ask for, from unknowns that need not solve the equations yet."""
@@ -250,14 +266,16 @@ class NodedSolution:
         """The growths (1, arcs) of a small change over the arcs."""
         return self.division.growths(self.evaluation) if self.division else growths_of_arcs(self.evaluation)
 
+    @cached_property
+    def error(self) -> Array:
+        """A bound (1,) on the error of the launch speed."""
+        at = self.x[None], self.p[None], self.evaluation
+        return error_bounds(self.equations, *at, None, True, by_nodes=bool(self.division))[0]
+
     @property
-    def _is_divided(self) -> bool:
-        """Whether its motions are divided, or divided anew."""
-        growths, xs, ps = self.evaluation.amplification, self.x[None], self.p[None]
-        if not DIVIDED_GROWTH < growths[0] <= LARGEST_ARC_GROWTH:
-            return bool(growths[0] > LARGEST_ARC_GROWTH)
-        errors, _ = error_bounds(self.equations, xs, ps, self.evaluation, None, True, by_nodes=bool(self.division))
-        return bool(are_divided(growths, errors, xs[:, self.equations.statement.unknowns.index("alpha")])[0])
+    def alpha(self) -> Array:
+        """The launch speed (1,)."""
+        return self.x[[self.equations.statement.unknowns.index("alpha")]]
 
 
 def solved_with_nodes(undivided: Shooting, u: Array, p: Array, solve: Callable | None = None) -> NodedSolution:
@@ -272,7 +290,10 @@ def solved_with_nodes(undivided: Shooting, u: Array, p: Array, solve: Callable |
     if evaluation.amplification[0] > SENSITIVE:
         with suppress(NoOrbit, FlowError):
             found = NodedSolution(undivided, None, u, p, evaluation).with_nodes()
-            if found.growths.max() > DIVIDED_GROWTH:
+            if (growth := found.growths.max()) > DIVIDED_GROWTH:
+                if growth <= LARGEST_ARC_GROWTH:
+                    with suppress(NoOrbit, FlowError):
+                        found = found.or_nearer(found.without_nodes())
                 return found
             u, evaluation = found.u, found.whole
     u, evaluation = solve(u, p) if solve else undivided.newton(u, p, evaluation=evaluation)
