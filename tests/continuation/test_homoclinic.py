@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from orbits import Family, follow, orbit_at
+from orbits import Family, find, follow, orbit_at
 from orbits.continuation.homoclinic import _decay
 from problems import Chain, Hopper
 
@@ -85,3 +85,13 @@ def test_what_falls_exponentially_is_measured():
     assert _decay(t, t**-3.0, t**-3.0) is None  # a power of time
     assert _decay(t[:30], rates[:30], 1e4 * rates[:30]) is None  # it has not settled
     assert _decay(t[::-1], rates, rates) is None
+
+
+@pytest.mark.slow
+def test_growth_within_a_short_time_is_followed_without_nodes():
+    """Far out the force of this spring falls and rises again within a short time, which no nodes divide."""
+    machine = Hopper("r + beta*r**3 + delta*r**5", parameters={"beta": -0.02, "delta": 1e-5})
+    family = follow(machine, "delta", 3e-7, 1e-5)
+    alone = find(machine.with_values(delta=3e-7))
+    assert family.end.kind == "reached"
+    assert abs(family[-1].alpha - alone.alpha) <= family[-1].error + alone.error < 2e-7
