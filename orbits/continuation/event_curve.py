@@ -137,6 +137,7 @@ class EventCurve(Curve):
     ):  # fmt: skip
         self.machine, self.along, self.method, self.span, self.tuned = machine, second, method, span, tuned
         self.condition, self.within, self.locates, self.first = condition, within, locates, along
+        self.takes_nodes = condition.place == 0  # the place of an extreme on a motion that hangs has few digits
         self.equations_of_orbits = equations_of_family(machine, method, along, tuned)
         self.names = self.equations_of_orbits.parameters
         self.parameters, self.place = values_of(machine, self.names), self.names.index(second)
