@@ -93,12 +93,17 @@ def finite_number(name: str, value: object) -> float:
     return number
 
 
+def as_array_or_nan(values: Any) -> np.ndarray:
+    """Numbers (...) as an array, which is one NaN for anything else."""
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        return np.array(np.nan)
+
+
 def finite_times(t: object) -> np.ndarray:
     """Times (...) as an array; raises `InputError` for anything but finite numbers."""
-    try:
-        times = np.asarray(t, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        times = np.array(np.nan)
+    times = as_array_or_nan(t)
     if not np.isfinite(times).all():
         raise InputError("times must be finite numbers")
     return times

@@ -153,16 +153,15 @@ class EventCurve(Curve):
 
     def asks_for_nodes(self, points: Sequence[CurvePoint]) -> np.ndarray:
         found = super().asks_for_nodes(points)
-        if (
-            self.condition.stationary and self.takes_nodes_early
-        ):  # second derivatives, and their differences, grow as powers of first ones
+        # Second derivatives, and their differences, grow as powers of first ones.
+        if self.condition.stationary and self.takes_nodes and self.takes_nodes_early:
             found |= CurvePoints.of(points).evaluation.amplification[CurvePoints.of(points).places] > SENSITIVE
         return found
 
     def begun_near(self, x: np.ndarray) -> tuple["EventCurve", np.ndarray]:
         """The curve and a place (n + 1,) near its first point, with nodes (N + 1,) where small changes grow much."""
         evaluation = super().evaluate(x[None])
-        if evaluation.amplification[0] <= SENSITIVE:
+        if not self.takes_nodes or evaluation.amplification[0] <= SENSITIVE:
             return self, x
         curve, x, _ = self.divided(x, x, evaluation)
         return curve, x

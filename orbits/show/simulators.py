@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import LARGEST_NUMBER, InputError
+from ..errors import LARGEST_NUMBER, InputError, as_array_or_nan
 from ..io import refusing, write_table, writing
 from ..laws.law import from_key
 from ..mechanics.bodies import AXES, Body, Joint, bodies_of
@@ -76,10 +76,7 @@ def check_folder(folder: str | Path) -> Path:
 
 def _checked_times(t: ArrayLike) -> np.ndarray:
     """Times (k,) of a table; raises `InputError` for anything but finite numbers, and for none."""
-    try:
-        times = np.ravel(np.asarray(t, dtype=float))
-    except (TypeError, ValueError, OverflowError):
-        times = np.zeros(0)
+    times = np.ravel(as_array_or_nan(t))
     if not len(times) or not (np.abs(times) <= LARGEST_NUMBER).all():
         raise InputError(f"t = {t!r}: the times of a table are numbers, one or more, up to {LARGEST_NUMBER:.0e}")
     return times

@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError
+from ..errors import InputError, as_array_or_nan
 from ..flow.forces import spring_forces, units_of_springs
 from ..flow.trajectory import Trajectory
 from ..io import Document, fields_in_line
@@ -371,10 +371,7 @@ def times_within(t: ArrayLike, end: float, second: str = "") -> np.ndarray:
 
     second : the unit of time in the message
     """
-    try:
-        times = np.asarray(t, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        times = np.array(np.nan)
+    times = as_array_or_nan(t)
     if not ((times >= 0) & (times <= end * (1 + 1e-12))).all():
         raise InputError(f"times lie between 0 and {end:.6g}{second}")
     return times
