@@ -55,6 +55,8 @@ TESTED_WITH = {
     "design/evaluator": "design/test_sensitivities",
     "design/event_statement": "continuation/test_follow_event",
     "design/extremes": "design/test_design_quantities",
+    "design/moving_number": "design/test_moving_design",
+    "design/traced_designs": "design/test_moving_design",
     "exact/decimals": "exact/test_outward_decimals",
     "exact/refusal": "proof/test_prove",
     "exact/statement": "proof/test_prove",

@@ -15,11 +15,12 @@ from ..periodic.find import Progress, StartLike, find
 from ..result import Axes, Result, shown
 from ..running import interrupts
 from ..running.exclusive import exclusive
-from .moving_design import Moving
-from .optimality import Design, DesignEvent, column_of, designs_along, moving_design
+from .moving_number import Moving
+from .optimality import Design, column_of, designs_along
 from .optimize import Origin, best_design, multistart, starting_points
 from .problem import Constraint, DesignProblem, design_problem, formula_names, known_formula
 from .sensitivities import quantities, sensitivities
+from .traced_designs import DesignEvent
 
 SAME_OBJECTIVE = 1e-9  # objectives that differ by a smaller share are the same: constraints are met to about this
 WORTH = 1e-4  # an end of the front is moved if the other objective gains this share while its own stays the same
@@ -247,7 +248,7 @@ class _Levels:
         moving = Moving(problem.constraints[limit].text, begin, end, constraint=limit, sides=(False, True))
         shares = [(level - begin) / (end - begin) for level in levels]
         try:
-            curve = designs_along(moving_design(design, design.source, problem, moving), shares)
+            curve = designs_along(design, design.source, problem, moving, shares)
         except OrbitsError:
             return {}, []
         at = {moving.value(share): level for share, level in zip(shares, levels, strict=True)}
