@@ -26,7 +26,7 @@ from ..model.model import Model
 from ..model.phase import Affine
 from ..numerics.polynomial_roots import Crossings
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
-from ..periodic.certificate import gradients
+from ..periodic.energy_changes import gradients
 from ..shooting.formulations import vector
 from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction
