@@ -60,6 +60,7 @@ TESTED_WITH = {
     "exact/decimals": "exact/test_outward_decimals",
     "exact/refusal": "proof/test_prove",
     "exact/statement": "proof/test_prove",
+    "flow/taylor_step": "flow/test_taylor",
     "mechanics/coordinates": "mechanics/test_coefficients",
     "model/model": "test_checks",
     "numerics/kkt_limits": "numerics/test_kkt_curve",
