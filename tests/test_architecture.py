@@ -58,6 +58,7 @@ TESTED_WITH = {
     "design/moving_number": "design/test_moving_design",
     "design/traced_designs": "design/test_moving_design",
     "exact/decimals": "exact/test_outward_decimals",
+    "exact/exact_linear": "exact/test_exact_mechanics",
     "exact/refusal": "proof/test_prove",
     "exact/statement": "proof/test_prove",
     "flow/taylor_step": "flow/test_taylor",
