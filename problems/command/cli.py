@@ -454,7 +454,7 @@ def optimize_command(file: str, hop: str | None, as_json: bool, plot: str | None
 @click.option("--from", "designs", metavar="FILE.csv", help="A table of the members, a column for each parameter.")
 @click.option("--samples", type=int, metavar="N", help="Number of members; on a grid, of values of each range.")
 @click.option("--sampling", metavar="WAY", help="grid, sobol, lhs or random; default: grid for values, else sobol.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the sampling.")
+@options.seed_option
 @click.option("--family", "families", default="1", show_default=True, metavar="N1,N2,...", help="As in find.")
 @options.start_option
 @options.tune_option
@@ -467,7 +467,7 @@ def optimize_command(file: str, hop: str | None, as_json: bool, plot: str | None
 @click.option("--between", metavar="A:B", help="Launch speeds between which fixed points are searched.")
 @click.option("--store", metavar="FILE", help="An SQLite file to which members are written as soon as they are done.")
 @click.option("--resume", is_flag=True, help="Continue the store, or begin it.")
-@click.option("--workers", type=click.IntRange(1), metavar="N", help="Number of processes; 1 by default.")
+@options.workers_option
 @options.free_limit_option
 @options.json_option
 @options.file_option("--output", "result", "Write the members: .csv, .nc, .parquet or .json.")
@@ -511,7 +511,7 @@ def sweep_command(
 @click.option("--quantities", metavar="A,B,...", help="Further columns: quantities of the orbit, or formulas of them.")
 @click.option("--both-ways", is_flag=True, help="Locate boundaries between the rows too.")
 @click.option("--colour", metavar="QUANTITY", help="Colour the figure by a quantity.")
-@click.option("--workers", type=click.IntRange(1), metavar="N", help="Number of processes; 1 by default.")
+@options.workers_option
 @options.free_limit_option
 @options.json_option
 @options.file_option("--output", "result", "Write the diagram: .json or .nc; its rows: .csv.")
@@ -554,12 +554,12 @@ def existence_command(
     help="An uncertain parameter: norm(MEAN,SD), LOW:HIGH or LOW:HIGH:log; repeatable.",
 )
 @click.option("--samples", type=int, default=1024, show_default=True, metavar="N", help="Number of members.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the sampling.")
+@options.seed_option
 @options.family_option("As in find.")
 @options.start_option
 @click.option("--quantities", metavar="A,B,...", help="Further rows: quantities of the orbit, or formulas of them.")
 @click.option("--indices", is_flag=True, help="Print Sobol's indices too: which parameter causes the spread.")
-@click.option("--workers", type=click.IntRange(1), metavar="N", help="Number of processes; 1 by default.")
+@options.workers_option
 @options.free_limit_option
 @options.json_option
 @options.file_option("--output", "result", "Write the quantities: .json, .csv, .nc or .parquet.")

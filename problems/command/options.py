@@ -88,6 +88,12 @@ free_limit_option = click.option(
 )  # fmt: skip
 
 
+workers_option = click.option(
+    "--workers", type=click.IntRange(1), metavar="N", help="Number of processes; 1 by default."
+)
+seed_option = click.option("--seed", type=int, default=0, show_default=True, help="Of the sampling.")
+
+
 tune_option = click.option(
     "--tune", metavar="NAME[=START]", multiple=True,
     help="A parameter that is an unknown; one for each --at; repeatable. Its search begins at START, which takes the "
