@@ -173,12 +173,12 @@ class Design(Result, what="design"):
             raise InputError(f"the design is from {found}: its optimality conditions cannot be followed")
         with interrupts.deferred():
             least, most = (self.text, None) if self.verb == "minimise" else (None, self.text)
-            machine = tuned_machine_of(self.source, self.tune, self.at, self.orbit) if self.tuned else self.source
+            machine, _ = self.motion
             problem = design_problem(machine, least, most, self.over, self.subject_to, names_of_designs(machine))
             moving = moving_number(problem, machine, what, finite_number("to", to))
             if moving.begin == moving.end:
                 raise InputError(f"to = {moving.end:g}: '{what}' has this value already")
-            curve = designs_along(self, machine, problem, moving, np.linspace(0.0, 1.0, points).tolist(), progress)
+            curve = designs_along(self, problem, moving, np.linspace(0.0, 1.0, points).tolist(), progress)
         return replace(curve, seconds=time.perf_counter() - began)
 
     @property
@@ -186,11 +186,18 @@ class Design(Result, what="design"):
         """Whether numbers of its machine are tuned."""
         return bool(self.tune or self.at)
 
+    @property
+    def motion(self) -> tuple[Any, Orbit]:
+        """The machine as it is designed, with its numbers that are tuned, if any; and its orbit without dimensions."""
+        own = tuned_machine_of(self.source, self.tune, self.at, self.orbit) if self.tuned else self.source
+        return own, self.orbit.dimensionless()
+
     def certified(self) -> "Design":
         """The design with its orbit found again and certified, in place of the dimensionless orbit of a search."""
         if not self.tuned:
             return replace(self, orbit=find(self.source, start=self.orbit))
-        orbit = tuned_machine_of(self.source, self.tune, self.at, self.orbit).certified(self.orbit)
+        machine, _ = self.motion
+        orbit = machine.certified(self.orbit)
         source = orbit.source or self.source
         tuned = {name: source.values[name] for name in self.tune}
         return replace(self, orbit=orbit, source=source, parameters={**self.parameters, **tuned})
@@ -349,17 +356,11 @@ class DesignCurve(Result, what="curve of designs", dimension="design"):
 
 
 def designs_along(
-    design: Design,
-    machine: Machine,
-    problem: DesignProblem,
-    moving: Moving,
-    shares: Sequence[float],
-    progress: Report = None,
+    design: Design, problem: DesignProblem, moving: Moving, shares: Sequence[float], progress: Report = None
 ) -> DesignCurve:
-    """The best designs from one on, which is the best of this machine in the problem: at shares of the way of the
-    number that moves, in ascending order, and at the events between them."""
-    active = [each.text for each in design.active]
-    program = program_about(machine, design.orbit.dimensionless(), problem, moving, active, design.idle)
+    """The best designs from one on, which is the best in a problem: at shares of the way of the number that moves, in
+    ascending order, and at the events between them."""
+    program = program_about(*design.motion, problem, moving, [each.text for each in design.active], design.idle)
     points, events, end = traced_designs(program, shares, progress)
     designs = _certified_at(points)
     for i, design in enumerate(designs):
