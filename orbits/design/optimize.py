@@ -60,16 +60,18 @@ def optimize(
         the number of a family; machines whose launch has several unknowns need it
     tune, at : as in `find`, for quantities other than extremes of the motion: every design is tuned, and the result's
         `parameters` has the tuned values
-    starts, seed : number of starts, those after the first from Sobol's sequence; None for one, with further ones only
-        where that leads to no optimum; "global" for the local minima of the objective among 256 designs of that
-        sequence; the result's `share` is then the share of these designs that leads to its optimum
-    progress : called with the completed share of the starts, after that of the sample, as the first half, where there
-        is one
+    starts : number of local searches. The first starts at the machine's own parameters, the others at points of Sobol's
+        sequence; None for one, with further ones only where that leads to no optimum. With "global" 256 designs of the
+        sequence are computed, and searches start at those that are better than all of their neighbours; the result's
+        `share` is the share of the designs with an orbit that lead downhill to its optimum
+    seed : of Sobol's sequence, a whole number from 0
+    progress : called with the completed share of the work: of the starts or, with "global", of the sample up to 1/2 and
+        then of the starts
 
-    All numbers are in the machine's units, or in SI for a machine in SI. That the orbit is admissible is always a
-    constraint. The optimum is the best of the local optima that the starts lead to. Raises `InputError` for an
-    ill-posed problem, and `NoOrbit` with the reason when no start leads to an optimum: the amount by which constraints
-    are violated, an orbit that escapes, or a contact that collapses.
+    Returns the best of the local optima that the searches lead to, with its certified orbit. All numbers are in the
+    machine's units, or in SI for a machine in SI. That the orbit is admissible is always a constraint. Raises
+    `InputError` for an ill-posed problem, and `NoOrbit` with the reason when no start leads to an optimum: the amount
+    by which constraints are violated, an orbit that escapes, or a contact that collapses.
 
     >>> from orbits import optimize
     >>> from problems import hopper_in_si

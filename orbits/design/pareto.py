@@ -131,11 +131,12 @@ def pareto(
     points : number of designs, at most
     machine, over, subject_to, family, start, tune, at, starts, seed, progress : as in `optimize`
 
-    Both ends of the front are designed first. Then the first objective is minimised with the second bounded at levels
-    that are evenly spaced between the ends (the epsilon-constraint method): the optimality conditions are followed from
-    level to level, and where such a curve ends the next design is searched for, from the previous one and from both
-    ends. With `starts` it is searched for at every level, from further starts too. Dominated designs are left out.
-    Raises the errors of `optimize` where an end has no optimum.
+    Returns the designs in ascending order of the first objective, each certified as by `optimize`. Both ends of the
+    front are designed first. Then the first objective is minimised with the second bounded at levels that are evenly
+    spaced between the ends (the epsilon-constraint method of Haimes, Lasdon and Wismer, 1971): the optimality
+    conditions are followed from level to level, and where such a curve ends the next design is searched for, from the
+    previous one and from both ends. With `starts` it is searched for at every level, from further starts too. Dominated
+    designs are left out. Raises the errors of `optimize` where an end has no optimum.
 
     >>> from orbits import pareto
     >>> from problems import hopper_in_si

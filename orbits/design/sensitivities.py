@@ -68,8 +68,8 @@ def sensitivities(
     names : of the parameters, as in `optimize`, one or a list; None for all
     quantities : of the orbit, or formulas of these, one or a list; None for all that it has
     start : as in `find`, of the orbit, in place of the number of its family
-    tune, at : as in `optimize`; then the parameters are those that are not tuned, with the prescribed quantities, and
-        the tuned ones are among the quantities
+    tune, at : as in `optimize`. The derivatives are then by the parameters that are not tuned and by the prescribed
+        quantities, and the tuned parameters are among the quantities
 
     Returns the derivatives as a mapping by quantity and parameter, in the machine's units. They follow from the
     implicit function theorem for the equations of the orbit, by automatic differentiation. At a fold of the family in a

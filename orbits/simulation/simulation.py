@@ -41,10 +41,11 @@ def simulate(
     """Simulate a machine from a launch or from a state, with every impact, landing and lift-off located.
 
     machine : as in `find`, with its restitution
-    alpha : launch speed at a lift-off after sustained contact, the numbers of a launch by name, or an orbit or the file
-        of one, which begins with a launch: with its speed, or its numbers where a launch has several; or
-    state : (n,), a flight state with an open gap, or with a gap that is closed and at rest; then the machine stays in
-        contact if the contact force presses, and lifts off if it does not
+    alpha : the launch at which the simulation begins, a lift-off after sustained contact: its speed or, of a machine
+        whose launch has several numbers, these by name; or an orbit, or the name of a file of one, with whose launch
+        it begins
+    state : (n,), instead of alpha: a flight state with an open gap, or with a gap that is closed and at rest; then the
+        machine stays in contact if the contact force presses, and lifts off if it does not
     hops, time : the simulation ends after this many lift-offs or after this time, whichever is first; one is needed
     inject : added to the launch speed at every lift-off that is a launch, an impulse on the coordinate that is
         launched; with a damper the extension at lift-off depends on the speed, and the injection moves the machine to
@@ -52,12 +53,12 @@ def simulate(
     cap : number of impacts in one hop after which the simulation ends
     schedule : (times (k + 1,), values (k,) of parameters by name): the piecewise constant inputs of an actuator; before
         and after these times the machine's own values hold
-    feedback : what decides in each cycle on a parameter, by the state at some times after the lift-off, such as a
-        `Hold` that `orbits.control.hold` finds
+    feedback : a rule that sets a parameter in each cycle from the states at some times after lift-off, such as a `Hold`
+        that `orbits.control.hold` finds
 
-    All numbers are in the machine's units. A hop from a launch that is "undecided" in the `ReturnMap` ends the
-    simulation with that status, at the landing after its many bounces. Raises `InputError` for invalid arguments, such
-    as a launch at which the contact would not open.
+    Returns the motion, whose `status` says how it ended. All numbers are in the machine's units. A hop from a launch
+    that is "undecided" in the `ReturnMap` ends the simulation with that status, at the landing after its many bounces.
+    Raises `InputError` for invalid arguments, such as a launch at which the contact would not open.
 
     >>> from orbits import simulate
     >>> from problems import Hopper

@@ -80,7 +80,9 @@ def orbits() -> None:
 @orbits.command("find", epilog="\b\nExit code: 0 found, 1 no such orbit or an inadmissible one, 2 bad input.")
 @options.machine_options
 @options.family_option("Oscillations in flight, from 1.")
-@click.option("--method", metavar="NAME", help="Use 'closed form', 'relative', 'half orbit' or 'shooting'.")
+@click.option(
+    "--method", metavar="NAME", help="'closed form', 'relative', 'half orbit' or 'shooting'; default: the simplest."
+)
 @options.start_option
 @options.tune_option
 @options.at_option
@@ -324,8 +326,9 @@ def return_map(
     save: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Map launch speeds to the next ones, with the losses and impacts in between. With --along, follow the fixed points
-    of the map and its hops of period two along a parameter instead, with their folds and flips. Where a launch has
-    several numbers, --start has those beside the speed, and alone the launch, which has multipliers too."""
+    of the map and its hops of period two along a parameter instead, with their folds and flips. A launch of several
+    numbers is that of the saved orbit of --start, which is mapped with its multipliers; with --alpha it has these
+    speeds instead of its own."""
     from orbits.errors import InputError
     from orbits.io import to_json
     from orbits.return_map.return_map import ReturnMap
@@ -419,7 +422,12 @@ def simulate_command(
 @options.file_option("--plot", "figure", "Write a figure of the best orbit, or of the front (.png, .pdf, .svg).")
 @options.file_option("--save", "result", "Save the design (.json), or the front (.json, .csv).")
 def optimize_command(file: str, hop: str | None, as_json: bool, plot: str | None, save: str | None) -> None:
-    """Find the best design of a machine, or a Pareto front of two objectives, for the problem in its file."""
+    """Find the best design of a machine, or a Pareto front of two objectives, for the problem in its file.
+
+    Beside the machine the file has a table [design] with minimise, a formula or a list of two for a front, or maximise;
+    and where needed with subject_to, a list of constraints, tune, at, family, starts, seed and points. The table
+    [design.over] has the bounds of each parameter, as k = [1e3, 1e5].
+    """
     from orbits.design.optimize import optimize as best_design
     from orbits.design.pareto import Front, pareto
     from orbits.errors import InputError
