@@ -1,10 +1,22 @@
 """Designs with tuned parameters, against closed forms of linear hoppers, differences and `find` on grids."""
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize_scalar
 
-from orbits import Design, DesignCurve, Front, InputError, NoOrbit, find, optimize, pareto, sensitivities
+from orbits import (
+    Design,
+    DesignCurve,
+    Front,
+    InputError,
+    NoOrbit,
+    find,
+    optimize,
+    orbit_function,
+    pareto,
+    sensitivities,
+)
 from orbits.design.design_point import Case, design_points
 from orbits.design.problem import Outputs
 from orbits.design.tuned_machine import TunedMachine, first_of_tuned, names_of_designs, unknowns_of
@@ -121,12 +133,41 @@ def test_designs_stay_in_the_family_of_their_start():
 
 def test_sensitivities_of_tuned_orbits():
     """The stiffness is the square of the frequency times that of the period of stiffness 1."""
-    slopes = sensitivities(LINEAR.with_values(mass_ratio=2.0), 1, quantities=["k", "alpha"], **WITH_FREQUENCY)
+    machine = LINEAR.with_values(mass_ratio=2.0)
+    slopes = sensitivities(machine, 1, quantities=["k", "alpha"], **WITH_FREQUENCY)
     assert set(slopes["k"]) == {"mass_ratio", "frequency"}
     assert slopes["k"]["frequency"] == pytest.approx(2 * stiffness(2.0) / 0.1, rel=1e-11)
     by_ratio = sensitivities(LINEAR.with_values(mass_ratio=2.0), 1, ["mass_ratio"], ["period"])["period"]["mass_ratio"]
     period = find(LINEAR.with_values(mass_ratio=2.0)).period
     assert slopes["k"]["mass_ratio"] == pytest.approx(2 * 0.1**2 * period * by_ratio, rel=1e-9)
+    second = sensitivities(machine, start=find(machine, 2), quantities="k", **WITH_FREQUENCY)
+    assert second.at["k"] == pytest.approx((0.1 * find(machine, 2).period) ** 2, rel=1e-11)
+
+
+def test_an_orbit_of_casadi_is_tuned():
+    """Its results are those of `find`, and its derivatives those of differences between such orbits."""
+    spring, times = Hopper("k*r + 0.2*r**3", parameters={"k": 1.0}, rest_length=20.0), np.array([0.3, 2.0])
+    over, theta = ["mass_ratio", "frequency"], np.array([1.2, 0.11])
+    function = orbit_function(spring, over, times=2, tune="k", at={"frequency": 0.12})
+
+    def found(place: np.ndarray) -> np.ndarray:
+        orbit = find(spring.with_values(mass_ratio=place[0]), tune="k", at={"frequency": place[1]})
+        return np.array(
+            [orbit.alpha, orbit.flight_time, orbit.contact_time, orbit.source.values["k"], *orbit(times).ravel()]
+        )
+
+    x = ca.MX.sym("x", 2)
+    launch, durations, tuned, states = function(x, times)
+    results = ca.vertcat(launch[1], durations, tuned, ca.vec(states))
+    values, slopes = (np.array(each) for each in ca.Function("all", [x], [results, ca.jacobian(results, x)])(theta))
+    assert values[:, 0] == pytest.approx(found(theta), rel=1e-11)
+    ways = np.diag(1e-4 * theta)
+    differences = np.column_stack([(found(theta + way) - found(theta - way)) / (2 * way.sum()) for way in ways])
+    assert slopes == pytest.approx(differences, rel=1e-6, abs=1e-6)
+    with pytest.raises(InputError, match="'k' is tuned and follows from the others"):
+        orbit_function(spring, "k", tune="k", at={"frequency": 0.12})
+    with pytest.raises(InputError, match="a runner moves along the ground, which is not differentiated here"):
+        orbit_function(RUNNER, "rest_length", **AT_SPEED)
 
 
 @pytest.mark.parametrize(("what", "to"), [("frequency", 0.12), ("mass_ratio <= 0.6", 0.5)])
