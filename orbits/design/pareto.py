@@ -157,12 +157,12 @@ def pareto(
         known = names_of_designs(stated)
         problems = [design_problem(machine, text, None, over, subject_to, known) for text in texts]
         ends, origin = [], Origin.of(stated, family, start)
+        starting = starting_points(origin.machine, problems[0], starts, seed) if starts else []
         for i, problem in enumerate(problems):
             within = lambda share, i=i: report((i + share) / points)  # noqa: E731
             best = _with_both(multistart(origin, problem, starts, seed, within), texts)
             ends.append(_corner(best, problems[1 - i], i, origin, texts))
             report((i + 1) / points)
-        starting = starting_points(origin.machine, problems[0], starts, seed) if starts else []
         # Where one design is best in both objectives there are no levels between the ends.
         (_, high), (_, low) = map(_objectives, ends)
         apart = _dominates([low], [high])
