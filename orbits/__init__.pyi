@@ -13,11 +13,13 @@ from .control import Guess as Guess, Hold as Hold, Input as Input, Stage as Stag
 from .control.control import Control
 from .control.optimal_family import OptimalFamily
 from .control.steer import steer
-from .design.optimality import Active as Active, Design, DesignCurve, DesignEvent as DesignEvent
+from .design.active_set import Active as Active
+from .design.optimality import Design, DesignCurve
 from .design.optimize import optimize
 from .design.orbit_function import orbit_function
 from .design.pareto import Front, pareto
 from .design.sensitivities import quantities, sensitivities
+from .design.traced_designs import DesignEvent as DesignEvent
 from .errors import (
     FlowError as FlowError,
     InconsistentModel as InconsistentModel,

@@ -75,8 +75,8 @@ def check(machine: Machine, *, start: Orbit | Mapping[str, float] | None = None)
     """Check that the parts of a machine are consistent with each other and with mechanics.
 
     machine : any `Machine`
-    start : an initial guess as in `find`, for a machine whose model has no guess; of a machine with a coordinate that
-        sticks an orbit of it, as its own numbers are tuned for that
+    start : an initial guess as in `find`, for a machine whose model has no guess. For a machine with a coordinate that
+        sticks it is an orbit of that machine, to which numbers of the machine are tuned
 
     First the parts of the machine and the fields of its model are compared, at random states and parameters. Then its
     orbit and two hops near it are integrated again by another method, SciPy's DOP853, with their contacts.

@@ -77,7 +77,7 @@ def steer(
     """Find a motion through `stages`, one after the other, of locally least cost: no motion near it costs less.
 
     stages : in order, each a `Stage`
-    parameters : values of the names in `p`
+    parameters : values by name of the parameters `p` of the stages that are neither inputs nor free
     guess : a `Guess` for each stage, or a `Control` nearby; its multipliers are used too if the stages are the same
     free : bounds (low, high) of further parameters, which are optimised too. They start in the middle, or at the bound
         if the other bound is infinite, or at the values in the guess's `parameters`

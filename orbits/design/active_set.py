@@ -1,6 +1,11 @@
-"""The active constraints of a design, their multipliers, and the demands of its orbit on a motion."""
+"""The active constraints of a design, their multipliers, and the demands of its orbit on a motion.
+
+The conditions of optimality are those of Karush, Kuhn and Tucker in the parameters alone; the orbit is a function of
+these by the implicit function theorem.
+"""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +17,20 @@ from .design_quantities import FRICTION_LEFT
 from .problem import DesignProblem
 
 ACTIVE = 1e-7  # a bound or a constraint is active within this share of its size; solutions are more exact than that
+AT_TWO_PLACES = "an extreme at two places"
+
+
+@dataclass(frozen=True)
+class Active:
+    """A constraint, bound or condition of a motion that is active at the optimum.
+
+    text : the constraint, bound or condition
+    multiplier : improvement of the objective per unit by which the constraint is relaxed, to first order; for an
+        equality constraint, per unit by which its value is raised; None in files of searches without derivatives
+    """
+
+    text: str
+    multiplier: float | None
 
 
 class ActiveRow(NamedTuple):
@@ -87,3 +106,19 @@ def multipliers_of(slope: np.ndarray, rows: Sequence[ActiveRow]) -> tuple[np.nda
             break
         del used[worst]
     return multipliers, slope + sum((x * row.gradient for x, row in zip(multipliers, rows, strict=True)), 0.0 * slope)
+
+
+def active_at(problem: DesignProblem, point: DesignPoint, scales: np.ndarray) -> tuple[tuple[Active, ...], float]:
+    """What is active at a design, with the multipliers, and the largest violation of the optimality conditions.
+
+    scales : of the objective, the constraints, the landing jerk, the demands and the ties
+    """
+    units, size = problem.units(point.theta), abs(scales[0])
+    rows, violation = active_constraints(problem, point, scales)
+    # Where two places have the same extreme, either one may be the larger.
+    tied = point.slopes[point.tied] * units / size
+    ties = [ActiveRow(AT_TWO_PLACES, row, size, True) for row in tied]
+    rows = [*active_bounds(problem, point.theta), *rows, *ties]
+    multipliers, rest = multipliers_of(problem.sign * point.slopes[0] * units / size, rows)
+    active = tuple(Active(r.text, float(x * size / r.unit)) for r, x in zip(rows, multipliers, strict=True) if x)
+    return active, max(float(np.abs(rest).max()), violation)

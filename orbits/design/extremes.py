@@ -13,7 +13,7 @@ from ..model.model import Model
 from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
 from ..numerics.polynomial_roots import evaluate, powers
 from ..numerics.roots import Array, enclosed_sign_changes
-from ..periodic.certificate import STATIONARY
+from ..periodic.motion_conditions import STATIONARY
 from ..periodic.orbit import Orbit
 from ..shooting.formulations import vector
 from ..symbolic.caches import cached

@@ -1,4 +1,4 @@
-"""A design problem with one number that moves: a bound of a constraint or of a parameter, or a further parameter.
+"""A design problem with one number that moves, as a nonlinear program whose minima are followed.
 
 The unknowns x are the changes of the designed parameters from those at the start, as shares of their ranges or, where
 these span decades, of their logarithms; and s is the share of the way that the number has gone. First derivatives are
@@ -7,26 +7,26 @@ to the same points, though not quadratically: each step is a hundred thousand ti
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError
-from ..model.machine import Machine, free_parameters
+from ..model.machine import Machine
 from ..numerics.kkt_conditions import FirstDerivatives, SecondDerivatives
 from ..numerics.kkt_curve import CurveEnd
 from ..numerics.kkt_limits import CriticalPoint
 from ..numerics.roots import Array
 from ..periodic.orbit import Orbit
 from ..running import interrupts
-from ..symbolic.formula import suggest
-from .active_set import ACTIVE, ActiveRow, multipliers_of
-from .design_point import DEMAND_MARGIN, Case, DesignPoint, design_points
+from .active_set import ACTIVE, AT_TWO_PLACES, ActiveRow, multipliers_of
+from .design_point import DEMAND_MARGIN, DesignPoint, design_points
 from .design_quantities import extremes_of
-from .extremes import Place, peaks_of
-from .problem import Constraint, DesignProblem, Outputs
-from .tuned_machine import motions_near, tuned_numbers, unknowns_of
+from .extreme_corners import Corner, Corners, jumping, quantity_with
+from .moving_number import Moving
+from .problem import DesignProblem, Outputs
+from .tuned_machine import motions_near, unknowns_of
 
 # The ends of curves in words.
 ENDS_OF_DESIGNS = {
@@ -45,114 +45,7 @@ LEAST_WAY = 0.1
 NEXT_TO, REMEMBERED = 3e-8, 128
 # Designs that were tried and not reached within this distance of the end of a curve show why it ends.
 BESIDE_AN_END = 1e-2
-AT_TWO_PLACES = "an extreme at two places"
-# Places of the motion whose values differ by no more than the first share of these may be the same beside a point, and
-# are the same at it by the second. Where the derivatives of both agree to the third, they are images of each other.
-BESIDE_ANOTHER, SAME_EXTREME, IMAGE_OF_PLACE = 1e-2, 1e-7, 1e-7
-SAME_TIME_OF_PLACE = 1e-6  # times of one place of a motion differ by no more, where they are found in two ways
 ON_BOUND_OF_CURVE = 1e-11  # a parameter nearer to its bound than this share of its unit is put on it, as it is active
-
-
-@dataclass(frozen=True)
-class Moving:
-    """The number that moves.
-
-    text : the constraint or the bound as stated, or the name of the parameter
-    begin, end : its first and last values
-    constraint : the index of the constraint, and `sides` whether its lower and its upper bound move; None for no
-        constraint
-    parameter : the index of the parameter whose bound moves, its lower one for `sides` (True, False); None for none
-    """
-
-    text: str
-    begin: float
-    end: float
-    constraint: int | None = None
-    parameter: int | None = None
-    sides: tuple[bool, bool] = (False, False)
-
-    @property
-    def label(self) -> str:
-        """What stands before the number: "stroke <=" or the name of the parameter."""
-        return self.text if self.of_machine else self.text.rsplit(" ", 1)[0]
-
-    @property
-    def of_machine(self) -> bool:
-        """Whether it is a parameter of the machine."""
-        return self.constraint is None and self.parameter is None
-
-    def value(self, s: float) -> float:
-        """The number at a share of its way."""
-        return (self.end if s else self.begin) if s in (0.0, 1.0) else self.begin + s * (self.end - self.begin)
-
-    def at(self, problem: DesignProblem, value: float) -> DesignProblem:
-        """The problem with this value of the number, without that of a parameter of the machine."""
-        if self.of_machine or value == self.begin:
-            return problem
-        if self.constraint is not None:
-            old = problem.constraints[self.constraint]
-            moved = zip(self.sides, (old.low, old.high), strict=True)
-            low, high = (value if moves else bound for moves, bound in moved)
-            new = Constraint(_bounded_text(old.formula.text, low, high), old.formula, low, high)
-            i = self.constraint
-            return replace(problem, constraints=(*problem.constraints[:i], new, *problem.constraints[i + 1 :]))
-        bounds = [[*problem.low], [*problem.high]]
-        bounds[self.sides.index(True)][self.parameter or 0] = value
-        return replace(problem, low=tuple(bounds[0]), high=tuple(bounds[1]))
-
-
-def _bounded_text(text: str, low: float, high: float) -> str:
-    """A constraint in words."""
-    if low == high:
-        return f"{text} == {low:.9g}"
-    below, above = f"{low:.9g} <= " if np.isfinite(low) else "", f" <= {high:.9g}" if np.isfinite(high) else ""
-    return f"{text} >= {low:.9g}" if not above else f"{below}{text}{above}"
-
-
-def moving_number(problem: DesignProblem, machine: Machine, what: str, end: float) -> Moving:
-    """The number that a text names: a constraint of a problem, "k <= 5000" for the bound of a designed parameter, or a
-    further parameter of the machine; raises `InputError` where it names none.
-    """
-    plain = lambda text: "".join(str(text).split())  # noqa: E731
-    for i, each in enumerate(problem.constraints):
-        if plain(what) == plain(each.text):
-            finite = np.isfinite([each.low, each.high])
-            if each.low < each.high and finite.all():
-                raise InputError(f"'{what}' has two bounds: state it as two constraints, one for each, and follow one")
-            sides = (bool(finite[0]), bool(finite[1]))
-            return Moving(each.text, each.low if finite[0] else each.high, end, constraint=i, sides=sides)
-    for i, (name, low, high) in enumerate(zip(problem.names, problem.low, problem.high, strict=True)):
-        for bound, relation, sides in ((low, ">=", (True, False)), (high, "<=", (False, True))):
-            if plain(what) == f"{name}{relation}{bound:g}":
-                if not (end < high if sides[0] else end > low):
-                    raise InputError(f"'{what}' to {end:g} leaves no room between the bounds {low:g} and {high:g}")
-                return Moving(f"{name} {relation} {bound:g}", bound, end, parameter=i, sides=sides)
-        if what == name:
-            both = f"'{name} >= {low:g}' or '{name} <= {high:g}'"
-            raise InputError(f"'{name}' is designed itself: follow one of its bounds, {both}, or another parameter")
-    if what in tuned_numbers(machine):
-        raise InputError(f"'{what}' is tuned: follow a prescribed quantity, or another parameter")
-    if what in (names := free_parameters(machine)):
-        machine.with_values(**{what: end})  # raises the machine's own error
-        return Moving(what, machine.values[what], end)
-    if isinstance(what, str) and what.isidentifier() and machine.units is not None:
-        machine.with_values(**{what: end})  # raises the machine's own error
-    known = suggest(what, [*(each.text for each in problem.constraints), *names])
-    raise InputError(f"the design has no constraint, bound or parameter '{what}'{known}")
-
-
-class Corner(NamedTuple):
-    """An extreme that two places of the motion have: the values at the second one are constrained to be no more than
-    those at the first, which stand for the extreme. It has the unit `size`."""
-
-    extreme: str
-    first: Place
-    second: Place
-    size: float
-
-    def swapped(self) -> "Corner":
-        """The same with the second place for the extreme."""
-        return self._replace(first=self.second, second=self.first)
 
 
 class ProgramPoint(NamedTuple):
@@ -197,7 +90,6 @@ class MovingDesign:
         self.machine, self.begin, self.size = first.machine, problem.theta(first.machine), abs(first.values[0]) or 1.0
         self.free, self.frame, over, self.reason = np.flatnonzero(~flat), problem, problem.names, ""
         self.missed: list[Array] | None = None
-        self.corners = tuple(corners)
         if moving.of_machine:
             least, most = sorted((moving.begin, moving.end))
             room = max(0.5 * (LEAST_WAY * max(abs(least), abs(most)) - (most - least)), 0.0)
@@ -206,6 +98,7 @@ class MovingDesign:
             self.frame = replace(problem, names=over, low=low, high=high)
         formulas = problem.formula, *(constraint.formula for constraint in problem.constraints)
         self.outputs = Outputs(formulas, over, tuple(demands))
+        self.corners = Corners(self.outputs, self.frame, tuple(corners))
         self.family = first.orbit.family if first.machine.model.one_speed else None
         self.first_design, z = first, np.append(self.unknowns(first.machine), 0.0)
         self.known = self._known(near.z, near.design) if near else self._known(z, first)
@@ -217,7 +110,7 @@ class MovingDesign:
         bounds = np.array([problem.change(self.begin, np.array(each)) for each in (problem.low, problem.high)])
         limits = np.array([(each.low, each.high) for each in problem.constraints]).reshape(-1, 2).T / self.sizes
         demanded, own = np.tile([[DEMAND_MARGIN], [np.inf]], len(self.outputs.demands)), np.empty((2, 0))
-        tied = np.tile([[-np.inf], [0.0]], len(self.corners))
+        tied = np.tile([[-np.inf], [0.0]], len(self.corners.known))
         if moving.constraint is not None:
             limits[np.array(moving.sides), moving.constraint] = 0.0
         if moving.parameter is not None:
@@ -238,13 +131,14 @@ class MovingDesign:
         if index - n == self.moving.constraint:
             return self.moving.label
         names += [f"{name} > 0" for name in self.outputs.demands]
-        names += [AT_TWO_PLACES for _ in self.corners]
+        names += [AT_TWO_PLACES for _ in self.corners.known]
         return [*names, self.moving.label][index - n]
 
     def in_words(self, end: CurveEnd, last: CriticalPoint) -> str:
         """The end of a curve whose last point is known."""
         where = f"{self.moving.label} {self.value(last.value):.6g}"
-        if jumps := self._jumping(last):
+        z, own = np.append(last.x, last.value), self.nearest(last.x, last.value).design
+        if jumps := jumping(own, [each.design for each in self.known if np.abs(each.z - z).max() <= BESIDE_AN_END]):
             return f"beyond {where} the {jumps} is at another place of the motion, and no design near these is best"
         if self.reason and end.kind == "stuck":
             return f"beyond {where}: {self.reason}"
@@ -254,7 +148,8 @@ class MovingDesign:
 
     def off_corner(self, point: CriticalPoint, number: int) -> str:
         """In words that the designs at both sides of a corner are better than that at it."""
-        where, name = f"{self.moving.label} {self.value(point.value):.6g}", self._quantity(self.corners[number].extreme)
+        where, design = f"{self.moving.label} {self.value(point.value):.6g}", self.nearest(point.x, point.value).design
+        name = quantity_with(design, [self.corners.known[number].extreme])
         return f"at {where} the {name} is at two places of the motion, and designs at both sides are better: a jump"
 
     def excluded(self, s: float) -> str:
@@ -301,7 +196,7 @@ class MovingDesign:
         self, near: ProgramPoint, demands: Sequence[str] = (), corners: Sequence[Corner] | None = None
     ) -> "MovingDesign":
         """The program with further demands, or with other corners, with a point of this one known."""
-        own = self.corners_at(near.design) if corners is None else corners
+        own = self.corners.at(near.design) if corners is None else corners
         demands = (*self.outputs.demands, *demands)
         first = self.first_design
         return MovingDesign(self.problem, self.moving, first, self.flat, self.sizes, demands, own, near)
@@ -310,68 +205,26 @@ class MovingDesign:
     def rows_of_corners(self) -> slice:
         """The places of the differences between two places of an extreme among the constraints."""
         count = len(self.sizes) + len(self.outputs.demands)
-        return slice(count, count + len(self.corners))
+        return slice(count, count + len(self.corners.known))
 
-    def corner_beside(
-        self, at: ProgramPoint, before: ProgramPoint | None = None, share: float = BESIDE_ANOTHER
-    ) -> Corner | None:
-        """The extreme whose value at another place is nearest to the largest one, at a point, within a share of it, and
-        that is no corner already; None where there is none. Its first place is that at a point `before`, if stated."""
-        design, found = at.design, list[tuple[float, Corner]]()
-        extremes = design.outputs.extremes(design.machine.model, design.machine.values)
-        for extreme in (name for name in extremes if name not in [corner.extreme for corner in self.corners]):
-            (largest, first), *others = peaks_of(design.machine, design.orbit, extreme)
-            size = abs(largest) or 1.0
-            for value, place in others:
-                corner = Corner(extreme, first, place, size)
-                if largest - value <= share * size and self._is_corner(design, corner):
-                    found.append(((largest - value) / size, corner))
-                    break
-        if not found:
-            return None
-        _, corner = min(found, key=lambda each: each[0])
-        known = [place for place in (before or at).design.places if place.kind.extreme == corner.extreme][:1]
-        far = [[(p.kind != c.kind, abs(p.time - c.time)) for p in known] for c in (corner.first, corner.second)]
-        return corner.swapped() if far[1] < far[0] else corner
-
-    def corner_between(self, before: ProgramPoint, after: ProgramPoint, point: CriticalPoint) -> Corner | None:
-        """An extreme with a weight at a point that is at another place there than at the one before, while both places
-        are on both motions; None where there is none."""
-        old = {place.kind.extreme: place for place in before.design.places}
-        own, known = after.design, {corner.extreme for corner in self.corners}
-        changed = [p for p in own.places if p.kind.extreme not in known and p.kind != old[p.kind.extreme].kind]
+    def weighty_extremes(self, point: CriticalPoint) -> set[str]:
+        """The extremes of the quantities in the objective, and in the constraints that have a multiplier at a point."""
         rows = point.multipliers[len(self.free) :]
         stated = [each.formula for each, y in zip(self.problem.constraints, rows, strict=False) if y]
         used = set[str]().union(*(formula.names for formula in [self.problem.formula, *stated]))
         used |= {name for name, y in zip(self.outputs.demands, rows[len(self.sizes) :], strict=False) if y}
-        weighty = {extreme for name in used for extreme in extremes_of(name)}
-        for second in (place for place in changed if place.kind.extreme in weighty):
-            extreme, first = second.kind.extreme, old[second.kind.extreme]
-            at, now = (peaks_of(each.machine, each.orbit, extreme) for each in (before.design, own))
-            corner = Corner(extreme, first, second, abs(now[0][0]) or 1.0)
-            both = second.kind in [p.kind for _, p in at] and first.kind in [p.kind for _, p in now]
-            if both and self._is_corner(own, corner):
-                return corner
-        return None
-
-    def _is_corner(self, design: DesignPoint, corner: Corner) -> bool:
-        """Whether the derivatives at two places of an extreme differ, so that these are no images of each other."""
-        (point,) = design_points([self.case((design.machine, design.orbit), [corner])])
-        if isinstance(point, OrbitsError):
-            return False
-        slopes = point.slopes[point.tied] * self.frame.units(point.theta)
-        return bool((np.abs(slopes) > IMAGE_OF_PLACE * corner.size).any())
+        return {extreme for name in used for extreme in extremes_of(name)}
 
     def active_corners(self, point: CriticalPoint) -> list[int]:
         """The numbers of the corners at which a point lies."""
         first = len(self.free) + self.rows_of_corners.start
-        return [i for i in range(len(self.corners)) if point.sides[first + i]]
+        return [i for i in range(len(self.corners.known)) if point.sides[first + i]]
 
     def swapped_at(self, at: CriticalPoint, number: int) -> "tuple[MovingDesign, Array]":
         """The program in which the second place of a corner of this number stands for the extreme, and the multipliers
         at a point that lies there: that of the corner is now what the extreme has at its first place."""
         near, row, n = self.nearest(at.x, at.value), self.rows_of_corners.start + number, len(self.free)
-        corners = [c.swapped() if i == number else c for i, c in enumerate(self.corners_at(near.design))]
+        corners = [c.swapped() if i == number else c for i, c in enumerate(self.corners.at(near.design))]
         other, multipliers = self.with_more(near, corners=corners), at.multipliers.copy()
         multipliers[n + row] = 0.0
         point = other._at(at.x, at.value)
@@ -379,40 +232,12 @@ class MovingDesign:
         multipliers[n + row] = -float(slope @ gradient) / (float(gradient @ gradient) or 1.0)
         return other, multipliers
 
-    def place_beyond(self, near: ProgramPoint) -> str:
-        """The quantity whose extreme is neither at the first nor at the second place of a corner, at a point; "" for
-        none."""
-        design = near.design
-        for corner in self.corners_at(design):
-            found = peaks_of(design.machine, design.orbit, corner.extreme)
-            both = corner.first, corner.second
-            own = [value for value, place in found if any(_same_place(place, known) for known in both)]
-            if not own or found[0][0] > max(own) + SAME_EXTREME * corner.size:
-                return self._quantity(corner.extreme)
-        return ""
-
-    def _quantity(self, extreme: str) -> str:
-        """The quantity that is made of an extreme, in words."""
-        names = self.outputs.quantities(self.machine.model, self.machine.values)
-        return next(name.replace("_", " ") for name in names if extreme in extremes_of(name))
-
-    def corners_at(self, design: DesignPoint) -> tuple[Corner, ...]:
-        """The corners with their places at a design of this program."""
-        both = [[place for place in design.places if place.kind.extreme == corner.extreme] for corner in self.corners]
-        pairs = zip(self.corners, both, strict=True)
-        return tuple(corner._replace(first=own[0], second=own[1]) if own[1:] else corner for corner, own in pairs)
-
     def corners_near(self, point: CriticalPoint) -> list[Corner]:
         """The corners at which a point lies, or which it has just reached or left; the place that comes first does so
         whichever stands for the extreme, so that the multipliers along a curve are of one difference."""
         near = self.nearest(point.x, point.value)
-        held = zip(self.corners_at(near.design), near.values[1:][self.rows_of_corners], strict=True)
+        held = zip(self.corners.at(near.design), near.values[1:][self.rows_of_corners], strict=True)
         return [min(each, each.swapped()) for each, difference in held if difference >= -ACTIVE]
-
-    def case(self, motion: tuple[Machine, Orbit], corners: Sequence[Corner]) -> Case:
-        """The outputs at a machine with its orbit, where extremes have corners."""
-        ties, firsts = {each.extreme: each.second for each in corners}, {each.extreme: each.first for each in corners}
-        return Case(*motion, self.outputs, ties, firsts)
 
     def first(self, x: Array, p: float, y: Array) -> FirstDerivatives:
         """The first derivatives; raises `NoOrbit` where there is no design."""
@@ -456,16 +281,6 @@ class MovingDesign:
             theta = np.where(np.abs(theta - bound) <= near, bound, theta)
         own = {self.moving.text: value} if self.moving.of_machine else {}
         return self.machine.with_values(**dict(zip(problem.names, theta.tolist(), strict=True)), **own)
-
-    def _jumping(self, last: CriticalPoint) -> str:
-        """The first quantity whose extreme is at another place right beyond a point of a curve; "" for none."""
-        z = np.append(last.x, last.value)
-        beside = [each.design for each in self.known if np.abs(each.z - z).max() <= BESIDE_AN_END]
-        own = self.nearest(last.x, last.value).design
-        kinds = {place.kind.extreme: place.kind for place in own.places}
-        changed = {p.kind.extreme for each in beside for p in each.places if p.kind != kinds.get(p.kind.extreme)}
-        names = own.outputs.quantities(own.machine.model, own.machine.values)
-        return next((name.replace("_", " ") for name in names if changed.intersection(extremes_of(name))), "")
 
     def _known(self, z: Array, design: DesignPoint) -> list[ProgramPoint]:
         """The program at a design that is known."""
@@ -520,8 +335,8 @@ class MovingDesign:
         self, zs: Sequence[Array], motions: Sequence[tuple[Machine, Orbit]], nearest: Sequence[DesignPoint | None]
     ) -> list[ProgramPoint | OrbitsError]:
         """The program at machines with their orbits, and the designs nearest to them where corners are known."""
-        corners = [self.corners_at(near) if near else self.corners for near in nearest]
-        cases = [self.case(motion, own) for motion, own in zip(motions, corners, strict=True)]
+        corners = [self.corners.at(near) if near else self.corners.known for near in nearest]
+        cases = [self.corners.case(motion, own) for motion, own in zip(motions, corners, strict=True)]
         found = list[ProgramPoint | OrbitsError]()
         for z, point in zip(zs, design_points(cases, self.frame, closely=True), strict=True):
             if isinstance(point, OrbitsError):
@@ -541,12 +356,12 @@ class MovingDesign:
         rows = [*range(len(sizes)), *(len(sizes) + self.outputs.demands.index(name) for name in point.demands)]
         tied, first = [*range(len(point.values))][point.tied], 1 + self.rows_of_corners.start
         known, rows = [*known, *tied], [*rows, *range(first, first + len(tied))]
-        count = first + len(self.corners) + (moving.parameter is not None)
+        count = first + len(self.corners.known) + (moving.parameter is not None)
         values, slopes, bends = np.ones(count), np.zeros((count, n + 1)), np.zeros((count, n + 1, n + 1))
         columns = [*self.free, len(self.flat)] if moving.of_machine else [*self.free]
         places, way = range(len(columns)), np.append(np.ones(n), self._way[-1:] if moving.of_machine else [])
         scales = np.append(sizes, np.ones(len(known) - len(sizes) - len(tied)))
-        scales = np.append(scales, [-corner.size for corner in self.corners])  # the first one less the second
+        scales = np.append(scales, [-corner.size for corner in self.corners.known])  # the first one less the second
         models, here = point.models, np.ix_(rows, places)
         assert models is not None
         values[rows] = point.values[known] / scales
@@ -567,11 +382,6 @@ class MovingDesign:
             slopes[-1, :n], slopes[-1, n] = self.free == moving.parameter, -rate
             bends[-1, n, n] = rate**2 * problem.wide[moving.parameter]
         return values, slopes, bends
-
-
-def _same_place(one: Place, other: Place) -> bool:
-    """Whether two places of one motion are the same."""
-    return one.kind == other.kind and abs(one.time - other.time) <= SAME_TIME_OF_PLACE * (1 + one.time)
 
 
 def _first_of(found: ProgramPoint, y: Array) -> FirstDerivatives:

@@ -22,7 +22,7 @@ from .local import Infeasible, Unbounded, attempt, local_optima
 from .optimality import Design, Start
 from .problem import DesignProblem, design_problem
 from .seeds import seeds_of
-from .tuned_machine import TunedMachine, continued_from, first_of_tuned, names_of_designs, tuning_of_designs
+from .tuned_machine import TunedMachine, continued_from, first_of_tuned, names_of_designs, with_tuning
 
 # Parameters of the same optimum, found from different starts, agree to this share of their units.
 SAME_DESIGN = 1e-3
@@ -60,16 +60,18 @@ def optimize(
         the number of a family; machines whose launch has several unknowns need it
     tune, at : as in `find`, for quantities other than extremes of the motion: every design is tuned, and the result's
         `parameters` has the tuned values
-    starts, seed : number of starts, those after the first from Sobol's sequence; None for one, with further ones only
-        where that leads to no optimum; "global" for the local minima of the objective among 256 designs of that
-        sequence; the result's `share` is then the share of these designs that leads to its optimum
-    progress : called with the completed share of the starts, after that of the sample, as the first half, where there
-        is one
+    starts : number of local searches. The first starts at the machine's own parameters, the others at points of Sobol's
+        sequence; None for one, with further ones only where that leads to no optimum. With "global" 256 designs of the
+        sequence are computed, and searches start at those that are better than all of their neighbours; the result's
+        `share` is the share of the designs with an orbit that lead downhill to its optimum
+    seed : of Sobol's sequence, a whole number from 0
+    progress : called with the completed share of the work: of the starts or, with "global", of the sample up to 1/2 and
+        then of the starts
 
-    All numbers are in the machine's units, or in SI for a machine in SI. That the orbit is admissible is always a
-    constraint. The optimum is the best of the local optima that the starts lead to. Raises `InputError` for an
-    ill-posed problem, and `NoOrbit` with the reason when no start leads to an optimum: the amount by which constraints
-    are violated, an orbit that escapes, or a contact that collapses.
+    Returns the best of the local optima that the searches lead to, with its certified orbit. All numbers are in the
+    machine's units, or in SI for a machine in SI. That the orbit is admissible is always a constraint. Raises
+    `InputError` for an ill-posed problem, and `NoOrbit` with the reason when no start leads to an optimum: the amount
+    by which constraints are violated, an orbit that escapes, or a contact that collapses.
 
     >>> from orbits import optimize
     >>> from problems import hopper_in_si
@@ -81,16 +83,9 @@ def optimize(
     """
     check_parameters(machine)
     with interrupts.deferred():
-        if tune is None and at is None and not machine.model.sticks:
-            problem = design_problem(machine, minimise, maximise, over, subject_to)
-            return multistart(machine, problem, Origin.of(machine, family, start), starts, seed, progress)
-        tuning = tuning_of_designs(machine, tune, at, over)
-        if isinstance(starts, str):
-            raise InputError(f"starts = {starts!r}: designs with tuned parameters have a number of starts")
-        tuned = TunedMachine(machine, tuning.names, tuning.at)
-        problem = design_problem(machine, minimise, maximise, over, subject_to, names_of_designs(tuned))
-        origin = Origin(family, *first_of_tuned(tuned, start, family))
-        return multistart(origin.machine, problem, origin, starts, seed, progress)
+        stated = with_tuning(machine, tune, at, over)
+        problem = design_problem(machine, minimise, maximise, over, subject_to, names_of_designs(stated))
+        return multistart(Origin.of(stated, family, start), problem, starts, seed, progress)
 
 
 class Origin(NamedTuple):
@@ -103,7 +98,11 @@ class Origin(NamedTuple):
 
     @classmethod
     def of(cls, machine: Machine, family: int, start: StartLike | None) -> "Origin":
-        """The origin from the arguments of `optimize`; raises `InputError` where a machine needs a start."""
+        """The origin from the arguments of `optimize`, of a machine with its tuned numbers, if any; raises `InputError`
+        where a machine needs a start."""
+        if isinstance(machine, TunedMachine):
+            tuned, orbit = first_of_tuned(machine, start, family)
+            return cls(family if start is None else orbit.family, tuned, orbit)
         check_start(machine, start)
         return cls(family, machine, None if start is None else find(machine, start=start))
 
@@ -125,9 +124,8 @@ class Origin(NamedTuple):
 
 
 def multistart(
-    machine: Machine,
-    problem: DesignProblem,
     origin: Origin,
+    problem: DesignProblem,
     starts: int | str | None,
     seed: int,
     progress: Progress = None,
@@ -136,30 +134,28 @@ def multistart(
     if isinstance(starts, str):
         if starts != "global":
             raise InputError(f"starts = {starts!r}; it is a number, or 'global'")
-        return _global_best(machine, problem, origin, seed, progress)
-    points = starting_points(machine, problem, 1 if starts is None else starts, seed)
+        return _global_best(origin, problem, seed, progress)
+    points = starting_points(origin.machine, problem, 1 if starts is None else starts, seed)
     try:
-        return best_design(machine, problem, origin, points, progress)
+        return best_design(origin, problem, points, progress)
     except NoOrbit as error:
         if starts is not None or isinstance(error, Unbounded):
             raise
         first = error
-    further = starting_points(machine, problem, 1 + FURTHER_STARTS, seed)[1:]
+    further = starting_points(origin.machine, problem, 1 + FURTHER_STARTS, seed)[1:]
     try:
-        best = best_design(machine, problem, origin, further, progress)
+        best = best_design(origin, problem, further, progress)
     except NoOrbit as error:
         raise _most_informative([first, error]) from None
     return replace(best, starts=(Start(points[0], None, str(first)), *best.starts))
 
 
-def _global_best(
-    machine: Machine, problem: DesignProblem, origin: Origin, seed: int, progress: Progress = None
-) -> Design:
+def _global_best(origin: Origin, problem: DesignProblem, seed: int, progress: Progress = None) -> Design:
     """The best design from the seeds of a sample."""
     seed, report = whole_number("seed", seed, least=0, most=LARGEST_SEED), progress or (lambda share: None)
-    seeds = seeds_of(machine, problem, origin.family, seed, origin.orbit, lambda share: report(0.5 * share))
+    seeds = seeds_of(origin.machine, problem, origin.family, seed, origin.orbit, lambda share: report(0.5 * share))
     points = [dict(zip(problem.names, each.values.tolist(), strict=True)) for each in seeds]
-    best = best_design(machine, problem, origin, points, lambda share: report(0.5 + 0.5 * share))
+    best = best_design(origin, problem, points, lambda share: report(0.5 + 0.5 * share))
     pairs = zip(seeds, best.starts, strict=True)
     share = sum(seed.share for seed, start in pairs if start.optimum and _same_design(problem, best, start.optimum))
     return replace(best, share=float(share))
@@ -172,10 +168,9 @@ def _same_design(problem: DesignProblem, best: Design, other: Mapping[str, float
     return bool((idle | (np.abs(a - b) <= SAME_DESIGN * problem.units(a))).all())
 
 
-def best_design(
-    machine: Machine, problem: DesignProblem, origin: Origin, points: Sequence[Mapping], progress: Progress = None
-) -> Design:
-    """The best design from some starts, each the parameters by name, with an "orbit" where one is known.
+def best_design(origin: Origin, problem: DesignProblem, points: Sequence[Mapping], progress: Progress = None) -> Design:
+    """The best design from some starts, each the parameters by name, with a "motion", a machine and its dimensionless
+    orbit, where one is known.
 
     The optima are certified as by `find` in the order of their objectives, up to the first that can be. An objective
     without bound is concluded from one path of the search, whereas an optimum is certified: so it is only raised when
@@ -183,12 +178,9 @@ def best_design(
     """
     began, report = time.perf_counter(), progress or (lambda share: None)
     values = [{name: point[name] for name in problem.names} for point in points]
-    machines = [machine.with_values(**each) for each in values]
-    known: dict[int, Any] = {
-        i: (machines[i], each["orbit"].dimensionless()) for i, each in enumerate(points) if "orbit" in each
-    }
-    unknown = [i for i in range(len(points)) if i not in known]
-    known |= dict(zip(unknown, origin.motions([machines[i] for i in unknown]) if unknown else (), strict=True))
+    known: dict[int, Any] = {i: each["motion"] for i, each in enumerate(points) if "motion" in each}
+    unknown = {i: origin.machine.with_values(**values[i]) for i in range(len(points)) if i not in known}
+    known |= dict(zip(unknown, origin.motions([*unknown.values()]) if unknown else (), strict=True))
     ends = local_optima([known[i] for i in range(len(points))], problem, report)
     optima = {i: end.objective * problem.sign for i, end in enumerate(ends) if isinstance(end, Design)}
     for i in sorted(optima, key=optima.__getitem__):

@@ -6,7 +6,7 @@ that at time t is the flow phi(x0, t), and then its mirror image R phi(x0, T - t
 contact. The states of a machine in SI are multiples of these, whose units depend on the parameters too.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import casadi as ca
@@ -18,15 +18,23 @@ from ..model.machine import Machine
 from ..model.model import Model, refuse_forward, refuse_hysteresis
 from ..numerics.roots import Array
 from ..periodic.find import StartLike, find
-from ..periodic.orbit import Orbit
+from ..periodic.orbit import Orbit, orbit_of
 from ..running.exclusive import exclusive
 from ..shooting.formulations import vector
 from ..symbolic.caches import cached
 from ..units import TIME, Units
 from .evaluator import DesignPoints, Evaluator, Varied, VariedOrbit, evaluator, of_varied
 from .problem import Outputs
-from .sensitivities import known_orbit, sensitivities
-from .tuned_machine import unknowns_of
+from .sensitivities import check_varied, known_motion, sensitivities
+from .tuned_machine import (
+    TunedMachine,
+    continued_from,
+    statement_of_orbits,
+    tuned_numbers,
+    unknowns_of,
+    untuned,
+    with_tuning,
+)
 
 # The number of times that the way from the known orbit to another one is halved before the other counts as lost.
 MOST_BRANCH_HALVINGS = 6
@@ -42,7 +50,8 @@ _OF_CASADI: list[ca.Callback] = []
 @exclusive
 def orbit_function(
     machine: Machine, over: str | Sequence[str], orbit: Orbit | int = 1, *,
-    quantities: str | Sequence[str] = (), times: int = 0, start: StartLike | None = None, name: str = "orbit",
+    quantities: str | Sequence[str] = (), times: int = 0, start: StartLike | None = None,
+    tune: str | Iterable[str] | None = None, at: Mapping[str, float] | None = None, name: str = "orbit",
 ) -> ca.Function:  # fmt: skip
     """An orbit of a machine as a `casadi.Function` of some of its parameters, with exact first derivatives.
 
@@ -53,6 +62,7 @@ def orbit_function(
     quantities : of the orbit, or formulas of them, as in `sensitivities`
     times : number m of times at which states are returned
     start : as in `find`, of the orbit, in place of the number of its family
+    tune, at : as in `optimize`: the orbit is tuned for all parameters, among which may be prescribed quantities
     name : of the function
 
     The function takes "parameters" (k,) in the order of `over` and, unless m is 0, "times" (m,) since lift-off, and
@@ -60,6 +70,7 @@ def orbit_function(
 
         launch     (j,)    unknowns of the launch, named by `machine.model.launch_unknowns`: "liftoff", "alpha", ...
         durations  (2,)    of flight and contact
+        tuned      (t,)    values of the parameters in `tune`, unless there are none
         quantities (q,)    unless there are none
         states     (n, m)  flight states at the times, unless m is 0; of a machine that steps as `Orbit` has them
 
@@ -78,19 +89,23 @@ def orbit_function(
     """
     names = list_of_names("over", over)
     texts = list_of_names("quantities", quantities)
-    check_parameters(machine, *names)
+    check_parameters(machine)
     if not names or len({*names}) < len(names):
         raise InputError(f"over = {over!r}; it names the parameters of the function, each once")
     refuse_hysteresis(machine.model)
+    if machine.model.sticks and (tune is not None or at is not None):
+        others = "optimize, pareto and sensitivities take it with tune= and at="
+        raise InputError(f"a {machine.model.name} moves along the ground, which is not differentiated here; {others}")
     refuse_forward(machine.model)
+    stated = with_tuning(machine, tune, at, ())
+    check_varied(stated, names)
     if machine.model.reversor is None:
         halves = "the second half of its orbits is no mirror image of the first, which is differentiated"
         raise InputError(f"a {machine.model.name} has no reversor: {halves}")
-    machine.with_values(**{each: machine.values[each] for each in names})  # refuses one that follows from others
     whole_number("times", times, "times", least=0)
     if not (isinstance(name, str) and ca.Function.check_name(name)):
         raise InputError(f"name = {name!r}; it has letters, digits and single underscores, and begins with a letter")
-    known = known_orbit(machine, orbit, start)
+    machine, known = known_motion(stated, orbit, start)
     if known.contact_time is None:
         raise NoOrbit("the orbit has no contact that ends: " + "; ".join(known.violations))
     if texts:
@@ -98,6 +113,7 @@ def orbit_function(
     branch = _Branch(machine, known, names, texts)
     sizes_in = {"parameters": (len(names), 1), **({"times": (times, 1)} if times else {})}
     sizes_out = {"launch": (len(machine.model.launch_unknowns), 1), "durations": (2, 1)}
+    sizes_out |= {"tuned": (len(tuned), 1)} if (tuned := tuned_numbers(machine)) else {}
     sizes_out |= {"quantities": (len(texts), 1)} if texts else {}
     sizes_out |= {"states": (len(machine.model.flight.states), times)} if times else {}
     function = _OfOrbit(name, branch, sizes_in, sizes_out)
@@ -127,8 +143,8 @@ class _Branch:
             values = self.begin + there * (theta - self.begin) if there < 1 else theta
             try:
                 other = self.machine.with_values(**dict(zip(self.names, values.tolist(), strict=True)))
-                found = self._found(machine, orbit, other)
-                share, machine, orbit = there, other, found
+                machine, orbit = self._found(machine, orbit, other)
+                share = there
             except NoOrbit as error:
                 step /= 2
                 if step < 0.5**MOST_BRANCH_HALVINGS:
@@ -136,14 +152,21 @@ class _Branch:
                     raise NoOrbit(f"the orbit cannot be followed to {at}: {error}") from None
         return machine, orbit
 
-    def _found(self, machine: Machine, orbit: Orbit, other: Machine) -> Orbit:
-        """The orbit of another machine from that of one nearby; raises `NoOrbit` where it is of another branch.
+    def _found(self, machine: Machine, orbit: Orbit, other: Machine) -> tuple[Machine, Orbit]:
+        """Another machine, with tuned values if any, and its orbit from that of one nearby; raises `NoOrbit` where it
+        is of another branch.
 
         The number of a family distinguishes the branches of a machine whose launch is a speed. Others are of the same
         branch where the launch is about the one that the derivatives say.
         """
         one_speed = machine.model.one_speed
-        found = find(other, orbit.family if one_speed else None, start=orbit)
+        family = orbit.family if one_speed else None
+        if isinstance(machine, TunedMachine):
+            assert isinstance(other, TunedMachine)
+            other, bare = continued_from(machine, orbit.dimensionless(), other, family)
+            found = orbit_of(untuned(other), bare)
+        else:
+            found = find(other, family, start=orbit)
         if found.contact_time is None:
             raise NoOrbit("its contact does not end: " + "; ".join(found.violations))
         if not one_speed:
@@ -152,13 +175,14 @@ class _Branch:
             expected = _derivatives_of_motion(machine, orbit, tuple(self.names), np.zeros(0))["launch"] @ moved
             if np.abs(after - before - expected).max() > SAME_BRANCH * np.abs(before).max():
                 raise NoOrbit("the launch jumps, to an orbit of another branch")
-        return found
+        return other, found
 
     def values(self, theta: Array, t: Array) -> dict[str, Array]:
         """The results of the function."""
         machine, orbit = self.orbit(theta)
         launch, durations = _launch_and_durations(machine, orbit)
         found = {"launch": launch, "durations": durations, "states": orbit(t).T}
+        found["tuned"] = np.array([machine.values[name] for name in tuned_numbers(machine)])
         if self.texts:
             point = sensitivities(machine, orbit, self.names, self.texts)
             found["quantities"] = np.array([point.at[text] for text in self.texts])
@@ -271,7 +295,8 @@ def _launch_and_durations(machine: Machine, orbit: Orbit) -> tuple[Array, Array]
 def _derivatives_of_motion(machine: Machine, orbit: Orbit, over: tuple[str, ...], t: Array) -> dict[str, Array]:
     """The derivatives of the launch, the durations and the states at times (m,), by the parameters and the times."""
     model, names, bare = machine.model, tuple(machine.values), orbit.dimensionless()
-    evaluate, n, k = evaluator(model, names, Outputs((), over), ()), len(model.flight.states), len(over)
+    tuned = [statement_of_orbits(machine)] if isinstance(machine, TunedMachine) else []
+    evaluate, n, k = evaluator(model, names, Outputs((), over), (), *tuned), len(model.flight.states), len(over)
     middle = np.array([[(bare.contact_time or np.nan) / 2]])
     found = evaluate.orbit(DesignPoints(vector(machine.values)[None], unknowns_of(machine, bare)[None], middle))
     sizes, j = _sizes_of_motion(model, names)(found.p), len(model.launch_unknowns)
@@ -286,6 +311,7 @@ def _derivatives_of_motion(machine: Machine, orbit: Orbit, over: tuple[str, ...]
     return {
         "launch": np.pad(launch.times(of_launch).by[0], still),
         "durations": np.pad(durations.times(time).by[0], still),
+        "tuned": np.pad(found.p.by[0][[names.index(name) for name in tuned_numbers(machine)]], still),
         "states": np.dstack([moving, by_time]).reshape(len(t) * n, k + len(t)),
     }
 

@@ -1,7 +1,7 @@
 """Pareto fronts: designs such that none is better than another in both of two objectives."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,11 +15,13 @@ from ..periodic.find import Progress, StartLike, find
 from ..result import Axes, Result, shown
 from ..running import interrupts
 from ..running.exclusive import exclusive
-from .moving_design import Moving
-from .optimality import Design, DesignEvent, column_of, designs_along, moving_design
+from .moving_number import Moving
+from .optimality import Design, column_of, designs_along
 from .optimize import Origin, best_design, multistart, starting_points
-from .problem import Constraint, DesignProblem, design_problem, formula_names, known_formula
+from .problem import Constraint, DesignProblem, design_problem, known_formula
 from .sensitivities import quantities, sensitivities
+from .traced_designs import DesignEvent
+from .tuned_machine import continued_from, names_of_designs, with_tuning
 
 SAME_OBJECTIVE = 1e-9  # objectives that differ by a smaller share are the same: constraints are met to about this
 WORTH = 1e-4  # an end of the front is moved if the other objective gains this share while its own stays the same
@@ -117,6 +119,8 @@ def pareto(
     points: int = 9,
     family: int = 1,
     start: StartLike | None = None,
+    tune: str | Iterable[str] | None = None,
+    at: Mapping[str, float] | None = None,
     starts: int | None = None,
     seed: int = 0,
     progress: Progress = None,
@@ -125,13 +129,14 @@ def pareto(
 
     minimise : the two objectives, formulas as in `optimize`; one to be maximised has a minus sign, as "-alpha"
     points : number of designs, at most
-    machine, over, subject_to, family, start, starts, seed, progress : as in `optimize`
+    machine, over, subject_to, family, start, tune, at, starts, seed, progress : as in `optimize`
 
-    Both ends of the front are designed first. Then the first objective is minimised with the second bounded at levels
-    that are evenly spaced between the ends (the epsilon-constraint method): the optimality conditions are followed from
-    level to level, and where such a curve ends the next design is searched for, from the previous one and from both
-    ends. With `starts` it is searched for at every level, from further starts too. Dominated designs are left out.
-    Raises the errors of `optimize` where an end has no optimum.
+    Returns the designs in ascending order of the first objective, each certified as by `optimize`. Both ends of the
+    front are designed first. Then the first objective is minimised with the second bounded at levels that are evenly
+    spaced between the ends (the epsilon-constraint method of Haimes, Lasdon and Wismer, 1971): the optimality
+    conditions are followed from level to level, and where such a curve ends the next design is searched for, from the
+    previous one and from both ends. With `starts` it is searched for at every level, from further starts too. Dominated
+    designs are left out. Raises the errors of `optimize` where an end has no optimum.
 
     >>> from orbits import pareto
     >>> from problems import hopper_in_si
@@ -148,14 +153,16 @@ def pareto(
     report = progress or (lambda share: None)
     with interrupts.deferred():
         began, texts = time.perf_counter(), (named[0], named[1])
-        problems = [design_problem(machine, text, None, over, subject_to) for text in texts]
-        ends, origin = [], Origin.of(machine, family, start)
+        stated = with_tuning(machine, tune, at, over)
+        known = names_of_designs(stated)
+        problems = [design_problem(machine, text, None, over, subject_to, known) for text in texts]
+        ends, origin = [], Origin.of(stated, family, start)
+        starting = starting_points(origin.machine, problems[0], starts, seed) if starts else []
         for i, problem in enumerate(problems):
             within = lambda share, i=i: report((i + share) / points)  # noqa: E731
-            best = _with_both(multistart(machine, problem, origin, starts, seed, within), texts)
+            best = _with_both(multistart(origin, problem, starts, seed, within), texts)
             ends.append(_corner(best, problems[1 - i], i, origin, texts))
             report((i + 1) / points)
-        starting = starting_points(machine, problems[0], starts, seed) if starts else []
         # Where one design is best in both objectives there are no levels between the ends.
         (_, high), (_, low) = map(_objectives, ends)
         apart = _dominates([low], [high])
@@ -234,20 +241,20 @@ class _Levels:
     def _searched(self, level: float, known: Sequence[Design]) -> Design:
         """The design at a level that a search from known ones finds."""
         problem = _with_bound(self.problem, self.texts[1], level, self.origin.machine)
-        starts = [*({**design.parameters, "orbit": design.orbit} for design in known), *self.further]
-        return _with_both(best_design(self.origin.machine, problem, self.origin, starts), self.texts)
+        starts = [*({**design.parameters, "motion": design.motion} for design in known), *self.further]
+        return _with_both(best_design(self.origin, problem, starts), self.texts)
 
     def _followed(self, design: Design, levels: Sequence[float]) -> tuple[dict[float, Design], list[DesignEvent]]:
         """The designs at the first of some levels, as far as the curve from a design leads, and its events."""
         if self.further or not levels:
             return {}, []
         begin, end = _objectives(design)[1], levels[-1]
-        problem = _with_bound(self.problem, self.texts[1], begin, design.source)
+        problem = _with_bound(self.problem, self.texts[1], begin, self.origin.machine)
         limit = len(problem.constraints) - 1
         moving = Moving(problem.constraints[limit].text, begin, end, constraint=limit, sides=(False, True))
         shares = [(level - begin) / (end - begin) for level in levels]
         try:
-            curve = designs_along(moving_design(design, design.source, problem, moving), shares)
+            curve = designs_along(design, problem, moving, shares)
         except OrbitsError:
             return {}, []
         at = {moving.value(share): level for share, level in zip(shares, levels, strict=True)}
@@ -261,10 +268,10 @@ def _corner(end: Design, other: DesignProblem, index: int, origin: Origin, texts
     if not _flat(end, other, index, origin, texts):
         return end
     own, rival = _objectives(end)[index], _objectives(end)[1 - index]
-    problem = _with_bound(other, texts[index], own + SAME_OBJECTIVE * abs(own), end.source)
-    start = {**end.parameters, "orbit": end.orbit}
+    problem = _with_bound(other, texts[index], own + SAME_OBJECTIVE * abs(own), origin.machine)
+    start = {**end.parameters, "motion": end.motion}
     try:
-        further = _with_both(best_design(end.source, problem, origin, [start]), texts)
+        further = _with_both(best_design(origin, problem, [start]), texts)
     except OrbitsError:
         return end
     return further if rival - _objectives(further)[1 - index] > WORTH * abs(rival) else end
@@ -276,7 +283,8 @@ def _flat(end: Design, problem: DesignProblem, index: int, origin: Origin, texts
     span = np.subtract(problem.high, problem.low)
     active = {constraint.text for constraint in end.active}
     held = [constraint.formula.text for constraint in problem.constraints if constraint.text in active]
-    slopes = sensitivities(end.source, end.orbit, problem.names, [texts[1 - index], *held])
+    tune, at = (end.tune, end.at) if end.tuned else (None, None)
+    slopes = sensitivities(end.source, end.orbit, problem.names, [texts[1 - index], *held], tune=tune, at=at)
     rows = np.array([[slope[name] for name in problem.names] for slope in slopes.values()]) * span
     theta = problem.theta(end.source)
     on_bounds = np.eye(len(span))[(theta == problem.low) | (theta == problem.high)]
@@ -286,9 +294,13 @@ def _flat(end: Design, problem: DesignProblem, index: int, origin: Origin, texts
     if np.linalg.norm(direction) <= 1e-6 * np.linalg.norm(rows[0]):
         return False
     probe = np.clip(theta + PROBE * span * direction / np.linalg.norm(direction), problem.low, problem.high)
-    machine = end.source.with_values(**dict(zip(problem.names, probe.tolist(), strict=True)))
+    own_machine, own_orbit = end.motion
+    machine = own_machine.with_values(**dict(zip(problem.names, probe.tolist(), strict=True)))
     try:
-        orbit = find(machine, end.orbit.family) if origin.orbit is None else find(machine, start=end.orbit)
+        if end.tuned:
+            machine, orbit = continued_from(own_machine, own_orbit, machine, None)
+        else:
+            orbit = find(machine, end.orbit.family) if origin.orbit is None else find(machine, start=end.orbit)
         value = quantities(machine, orbit, [texts[index]])[texts[index]]
     except OrbitsError:
         return False
@@ -298,7 +310,7 @@ def _flat(end: Design, problem: DesignProblem, index: int, origin: Origin, texts
 
 def _with_bound(problem: DesignProblem, text: str, level: float, machine: Machine) -> DesignProblem:
     """A problem with the further constraint that an objective is no more than a level."""
-    formula = known_formula(text, formula_names(machine), "the objective")
+    formula = known_formula(text, names_of_designs(machine), "the objective")
     constraint = Constraint(f"{text} <= {level:.9g}", formula, -np.inf, level)
     return replace(problem, constraints=(*problem.constraints, constraint))
 
@@ -312,7 +324,8 @@ def _dominates(one: Sequence[float], other: Sequence[float]) -> bool:
 
 def _with_both(design: Design, texts: tuple[str, str]) -> Design:
     """A design with the values of both objectives."""
-    values = quantities(design.source, design.orbit, texts)
+    machine, _ = design.motion
+    values = quantities(machine, design.orbit, texts)
     return replace(design, pair=(values[texts[0]], values[texts[1]]))
 
 

@@ -5,16 +5,18 @@ better than all of its neighbours: there a local search begins. Source: Torn and
 optimization", in Recent Advances in Global Optimization (1992).
 """
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import NoOrbit
+from ..errors import InputError, NoOrbit
 from ..model.machine import Machine
 from ..periodic.orbit import Orbit
-from .designs_at_once import Designs, solved_designs
+from ..symbolic.formula import Formula
+from .designs_at_once import Designs, names_of_tuned, solved_designs, tuned_designs
 from .problem import DesignProblem
+from .tuned_machine import TunedMachine, start_of_tuned, unknowns_of
 
 # Number of designs of the sample, of neighbours with which a design is compared, and of local searches at most.
 SAMPLED_DESIGNS, NEIGHBOURS, MOST_SEARCHES = 256, 8, 8
@@ -38,7 +40,10 @@ def seeds_of(
     reported = lambda done: report(done / SAMPLED_DESIGNS)  # noqa: E731
     places, values = problem.sampled(SAMPLED_DESIGNS, seed)
     formulas = {"objective": problem.formula} | {each.text: each.formula for each in problem.constraints}
-    designs = solved_designs(machine, problem.names, values, family, formulas, start, reported)
+    if isinstance(machine, TunedMachine):
+        designs = _tuned(machine, problem, values, family, formulas, start, reported)
+    else:
+        designs = solved_designs(machine, problem.names, values, family, formulas, start, reported)
     found = np.flatnonzero(designs.statuses == "certified")
     found = found[np.isfinite([designs.numbers[text][found] for text in formulas]).all(axis=0)]
     if not len(found):
@@ -49,6 +54,25 @@ def seeds_of(
     merit = _merit(problem, designs, found)[starts]
     order = np.argsort(merit, kind="stable")[:MOST_SEARCHES]
     return [Seed(values[found[starts[i]]], float(counts[i] / len(found))) for i in order.tolist()]
+
+
+def _tuned(
+    machine: TunedMachine, problem: DesignProblem, values: np.ndarray, family: int, formulas: Mapping[str, Formula],
+    orbit: Any, report: Callable[[int], None],
+) -> Designs:  # fmt: skip
+    """The sampled designs of a machine with tuned numbers, continued from its own orbit."""
+    together = names_of_tuned(machine.machine)
+    if machine.model.sticks and (alone := [text for text, each in formulas.items() if not each.names <= {*together}]):
+        raise InputError(
+            f"starts = 'global': '{problem.text if alone[0] == 'objective' else alone[0]}' is not computed for many "
+            f"orbits of a {machine.model.name} together, as {', '.join(together)} are: give a number of starts"
+        )
+    own, start = start_of_tuned(machine.machine, machine.tuning, machine.equations, unknowns_of(machine, orbit))
+    designs = tuned_designs(own, problem.names, values, family, machine.tuning, formulas, start, report)
+    if machine.model.one_speed:  # the local searches stay in the family
+        other = (designs.statuses == "certified") & (designs.numbers["family"] != family)
+        designs.statuses[other], designs.reasons[other] = "no orbit", f"their orbits are not of family {family}"
+    return designs
 
 
 def _merit(problem: DesignProblem, designs: Designs, which: np.ndarray) -> np.ndarray:

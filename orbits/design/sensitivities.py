@@ -7,7 +7,7 @@ from ..consistency.accepted import check_parameters
 from ..errors import InputError, OrbitsError, list_of_names
 from ..model.machine import Machine, free_parameters, machine_in_words
 from ..periodic.find import StartLike, check_start, find
-from ..periodic.orbit import Orbit
+from ..periodic.orbit import Orbit, orbit_of
 from ..periodic.quantities import OF_RUNS
 from ..running import interrupts
 from ..running.exclusive import exclusive
@@ -68,8 +68,8 @@ def sensitivities(
     names : of the parameters, as in `optimize`, one or a list; None for all
     quantities : of the orbit, or formulas of these, one or a list; None for all that it has
     start : as in `find`, of the orbit, in place of the number of its family
-    tune, at : as in `optimize`; then the parameters are those that are not tuned, with the prescribed quantities, and
-        the tuned ones are among the quantities
+    tune, at : as in `optimize`. The derivatives are then by the parameters that are not tuned and by the prescribed
+        quantities, and the tuned parameters are among the quantities
 
     Returns the derivatives as a mapping by quantity and parameter, in the machine's units. They follow from the
     implicit function theorem for the equations of the orbit, by automatic differentiation. At a fold of the family in a
@@ -83,18 +83,13 @@ def sensitivities(
     check_parameters(machine)
     if tune is not None or at is not None:
         tuning = tuning_of_designs(machine, tune, at, ())
-        known, family = (orbit, 1) if isinstance(orbit, Orbit) else (start, orbit)
-        machine, orbit = first_of_tuned(TunedMachine(machine, tuning.names, tuning.at), known, family)
+        machine = TunedMachine(machine, tuning.names, tuning.at)
     names_of_designs(machine)  # raises for a machine that cannot be designed, before an orbit is searched for
-    orbit, tuned = known_orbit(machine, orbit, start), tuned_numbers(machine)
+    machine, orbit = known_motion(machine, orbit, start)
+    tuned = tuned_numbers(machine)
     varied = [name for name in free_parameters(machine) if name not in tuned]
     names = varied if names is None else list_of_names("names", names)
-    if held := [name for name in names if name in tuned]:
-        raise InputError(f"'{held[0]}' is tuned and follows from the others: it is one of the quantities")
-    # The machine itself determines which of its parameters follow from others.
-    machine.with_values(**{name: machine.values[name] for name in names if name in machine.values})
-    own = untuned(machine)
-    check_parameters(own, *(name for name in names if name in own.values or name not in machine.values))
+    check_varied(machine, names)
     quantities = _requested(machine, orbit, quantities)
     words, parameters = machine_in_words(machine), {name: machine.values[name] for name in names}
     if not quantities:
@@ -107,14 +102,30 @@ def sensitivities(
     return Sensitivities(words, slopes, dict(zip(quantities, point.values.tolist(), strict=False)), parameters)
 
 
-def known_orbit(machine: Machine, orbit: Orbit | int, start: StartLike | None) -> Orbit:
-    """The orbit that is stated itself, by the number of its family, or by a start; raises `InputError` for two."""
+def check_varied(machine: Machine, names: Sequence[str]) -> None:
+    """Raise `InputError` where derivatives cannot be by parameters of these names: unknown ones, tuned ones, and those
+    that follow from others."""
+    if held := [name for name in names if name in tuned_numbers(machine)]:
+        raise InputError(f"'{held[0]}' is tuned and follows from the others: it is one of the quantities")
+    # The machine itself determines which of its parameters follow from others.
+    machine.with_values(**{name: machine.values[name] for name in names if name in machine.values})
+    own = untuned(machine)
+    check_parameters(own, *(name for name in names if name in own.values or name not in machine.values))
+
+
+def known_motion(machine: Machine, orbit: Orbit | int, start: StartLike | None) -> tuple[Machine, Orbit]:
+    """A machine, with tuned values if any, and its orbit, which is stated itself, by the number of its family, or by a
+    start; raises `InputError` for two."""
+    known = orbit if isinstance(orbit, Orbit) else start
+    if isinstance(orbit, Orbit) and start is not None:
+        raise InputError("an orbit, or the one near start=, is needed: leave one of the two out")
+    if isinstance(machine, TunedMachine):
+        tuned, bare = first_of_tuned(machine, known, 1 if isinstance(orbit, Orbit) else orbit)
+        return tuned, orbit_of(untuned(tuned), bare)
     if isinstance(orbit, Orbit):
-        if start is not None:
-            raise InputError("an orbit, or the one near start=, is needed: leave one of the two out")
-        return orbit
+        return machine, orbit
     check_start(machine, start)
-    return find(machine, orbit) if start is None else find(machine, start=start)
+    return machine, find(machine, orbit) if start is None else find(machine, start=start)
 
 
 def _formulas_at(machine: Machine, orbit: Orbit, texts: Sequence[str], over: Sequence[str]) -> DesignPoint:

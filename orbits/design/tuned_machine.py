@@ -118,6 +118,15 @@ def tuning_of_designs(machine: Machine, tune: Any, at: Any, varied: Iterable[str
     return tuning
 
 
+def with_tuning(machine: Machine, tune: Any, at: Any, varied: Iterable[str]) -> Any:
+    """A machine itself, or with its tuned numbers where some are to be tuned, or have to be; raises `InputError` where
+    they cannot be those of designs over `varied` parameters."""
+    if tune is None and at is None and not machine.model.sticks:
+        return machine
+    tuning = tuning_of_designs(machine, tune, at, varied)
+    return TunedMachine(machine, tuning.names, tuning.at)
+
+
 def start_of_tuned(
     machine: Machine, tuning: Tuning, equations: Shooting, us: np.ndarray
 ) -> tuple[Machine, dict[str, float]]:

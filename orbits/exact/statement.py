@@ -12,7 +12,8 @@ from fractions import Fraction
 
 from ..model.model import STEP_LENGTH
 from .claim import CONTACT_DURATION, FLIGHT_DURATION
-from .exact_mechanics import Column, ExactMechanics, LoneExtension, inner_product, unknown
+from .exact_linear import inner_product
+from .exact_mechanics import Column, ExactMechanics, LoneExtension, unknown
 from .exact_symmetry import ExactReversor
 from .expressions import (
     ONE,

@@ -27,7 +27,8 @@ from ..symbolic.kernels import ElementwiseFunction
 from ..units import TIME, Message, Quantity, described
 from .breakpoints import SIDE_DISTANCE, same_place
 from .runge_kutta import RungeKuttaMotion, RungeKuttaStepper
-from .taylor import OnPieces, PieceRows, TaylorMotion, TaylorStepper
+from .taylor import OnPieces, TaylorMotion, TaylorStepper
+from .taylor_step import PieceRows
 from .trajectory import Trajectories, Trajectory, begins_of_steps
 from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, VectorField, rows_used
 

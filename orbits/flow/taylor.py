@@ -1,41 +1,31 @@
-"""Taylor steps of a flow with their sensitivities, of one motion or of many, in kernels.
+"""Motions in Taylor steps with their sensitivities, one of them or many, in kernels that iterate a step."""
 
-A step on a piece of a piecewise field ends where the piece ends. The coordinate of the pieces is either too near to its
-start in the whole step to reach an end, or monotone, so that it reaches one end once: other steps are shortened.
-"""
-
-from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from ..numerics.exclusion import HIGHEST_ORDER, bernstein_coefficients
-from ..numerics.polynomial_roots import TINY
 from ..numerics.roots import Array
 from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction, with_common_parts
 from ..symbolic.kernels import Kernel
 from ..symbolic.series_loops import InLoops, VariationsInLoops
-from ..symbolic.taylor_series import driven_coefficients, tangent, variations
-from .vector_field import FLOW_CONTROL, SHORTEST_CUT, TAYLOR_ORDER, VectorField, rows_used, symbolic_powers
+from .taylor_step import (
+    LONGEST_STEP,
+    NO_PIECES,
+    PieceRows,
+    Places,
+    after_step,
+    length_function,
+    step_expansion,
+    step_function_of,
+)
+from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, VectorField, rows_used, symbolic_powers
 
-# Truncation error of a step relative to the state: a tenth of the rounding error of the sum.
-TRUNCATION = 1e-17
-# A step of larger defect, relative to the state, leads beyond what the series can describe. Rounding is far smaller.
-LARGEST_DEFECT = 1e-10
-# No step is longer than this. A state at rest needs the bound, since its series has no last terms to choose a step by.
-LONGEST_STEP = 1e9
-# Where less than this many steps are left of the duration, the last two share it evenly, so that none is tiny.
-SHARED_STEPS = 1.5
 # Up to this degree the terms of a watched function are bounded together, the others one by one.
 BOUND_DEGREE = 6
-# The lengths of a step on a piece that are tried, each half of the one before; the steps of Newton's method to the end
-# of a piece, which converges quadratically, as the speed changes by less than half; and the change of a coordinate,
-# relative to it, that is rounding.
-TRIED_LENGTHS, STEPS_TO_END, ROUNDED_CHANGE = 8, 7, 1e-16
 
 
 class Motions(NamedTuple):
@@ -74,22 +64,6 @@ class OnPieces(NamedTuple):
         return self.tables[which] if len(self.tables) > 1 else self.tables
 
 
-class Places(NamedTuple):
-    """The layout of z, the state of a motion between two steps; without watched functions it ends with the
-    longest step to try."""
-
-    state: slice  # (n,)
-    sensitivities: slice  # (n columns,), one column after the other
-    signs: slice  # (q,) of the functions, 0 where they begin; they come last
-    left: int  # the time left
-    longest: int  # the longest step to try
-    piece: int  # the number of the piece that the motion is on, see `PieceRows`
-    time: int  # the time gone by
-    order: int  # of the zero of the first function at this time, which is divided out
-    found: int  # whether a function may change its sign in the step before
-    changes: int  # how often the second function has changed its sign at the ends of steps
-
-
 class Watched(NamedTuple):
     """Steps (N,) of motions that are watched, with the times, orders, changes and signs of `Places` before them."""
 
@@ -99,64 +73,6 @@ class Watched(NamedTuple):
     orders: Array
     changes: Array
     signs: Array  # (N, q)
-
-
-@dataclass(frozen=True)
-class PieceRows:
-    """The layout of a row of the table of pieces, which a kernel reads in each step: the ends of the piece, its data
-    (nq,), those of the pieces below and above it, and the derivatives of ends and data along `columns`.
-
-    The pieces are numbered from 1; the rows before the first piece and behind the last one are NaN.
-    """
-
-    data: int
-    columns: int
-
-    @property
-    def varied(self) -> bool:
-        """Whether ends and data vary."""
-        return self.columns > 0
-
-    @property
-    def width(self) -> int:
-        """The length of a row."""
-        return 2 + 3 * self.data + self.columns * (2 + self.data)
-
-    def split(self, row: ca.MX) -> list[ca.MX]:
-        """The ends (2,), the data (nq,) of the piece, of that below and that above it, and the derivatives
-        (columns, 2) and (columns, nq)."""
-        first = [0, 2, *(2 + k * self.data for k in (1, 2, 3))]
-        parts = [row[begin:end] for begin, end in pairwise(first)]
-        moves = ca.reshape(row[first[-1] :], 2 + self.data, self.columns).T
-        return [*parts, moves[:, :2], moves[:, 2:]]
-
-    def tables(self, breaks: Array, data: Array, moves: Array) -> Array:
-        """The tables (m, rows width) of pieces between breaks (m, k + 1) with data (m, k, nq), whose derivatives are
-        those of the breaks and data together, (m, k + 1 + k nq, columns)."""
-        m, (_, k, nq) = max(len(data), len(moves)), data.shape
-        breaks, data = np.broadcast_to(breaks, (m, k + 1)), np.broadcast_to(data, (m, k, nq))
-        around = np.pad(data, ((0, 0), (1, 1), (0, 0)), "edge")
-        rows = [breaks[:, :-1, None], breaks[:, 1:, None], data, around[:, :-2], around[:, 2:]]
-        if self.varied:
-            by_breaks, by_data = np.split(moves, [k + 1], axis=1)
-            ends = np.stack([by_breaks[:, :-1], by_breaks[:, 1:]], axis=2)
-            of_pieces = np.concatenate([ends, by_data.reshape(m, k, nq, -1)], axis=2)
-            rows.append(of_pieces.swapaxes(2, 3).reshape(m, k, -1))
-        beyond = (0, 0), (1, 1), (0, 0)
-        return np.pad(np.concatenate(rows, axis=2), beyond, constant_values=np.nan).reshape(m, -1)
-
-
-class _NoPieces(PieceRows):
-    """Of a field that is smooth everywhere."""
-
-    width = 0
-
-    def split(self, row: ca.MX) -> list[ca.MX]:
-        """Nothing."""
-        return [ca.MX([-np.inf, np.inf]), *[ca.MX(0, 1)] * 3, ca.MX(0, 2), ca.MX(0, 0)]
-
-
-NO_PIECES = _NoPieces(0, 0)
 
 
 class TaylorStepper:
@@ -196,7 +112,7 @@ class TaylorStepper:
         z, data = ca.MX.sym("z", at.time), ca.MX.sym("p", count_p + len(self.varied) * self.columns)
         c, ends_of_columns = ca.MX.sym("c", orders, self.rows), ca.MX.sym("dc", 4, self.n * self.columns)
         x, p, dx, dp = z[at.state], data[:count_p], z[at.sensitivities], data[count_p:]
-        choice = _length_function(graph, ca.SX(self.n, orders), ca.SX.eye(self.n), self.columns, len(self.varied), 4)
+        choice = length_function(graph, ca.SX(self.n, orders), ca.SX.eye(self.n), self.columns, len(self.varied), 4)
         numbers = x, p, dp, z[at.left], z[at.longest], NO_PIECES.split(z)[0]
         chosen = choice(c[:, : self.n], c[:, : self.n], ends_of_columns, *numbers)
         results = chosen[0], chosen[2], chosen[3], chosen[4], chosen[4][1]
@@ -204,7 +120,7 @@ class TaylorStepper:
         known = [ca.MX.sym("known", *result.shape) for result in results]
         moved = ca.MX.sym("moved", self.n * self.columns)
         ends, left, longest, made, _ = known
-        after = _after_step(at, z, ca.vertcat(ends, moved), left, longest, made, ca.MX(0))
+        after = after_step(at, z, ca.vertcat(ends, moved), left, longest, made, ca.MX(0))
         step = ca.Function("taylor", [z, data, c, *known, moved], [after, c, made])
         before = ca.Function("before", [z, data], [x, p, dx, dp])
         parts = (with_common_parts(part.expand()) for part in (before, choose, _motion(step, at)))
@@ -214,7 +130,7 @@ class TaylorStepper:
     @cached_property
     def step_function(self) -> ca.Function:
         """One step, as above."""
-        return _step_function(self.graph, self.places, self.columns, self.varied, self.piece_rows)
+        return step_function_of(self.graph, self.places, self.columns, self.varied, self.piece_rows)
 
     def kernel_of(self, function: ca.Function | InLoops) -> Kernel:
         """The kernel that iterates a step, which takes the row of its piece."""
@@ -226,7 +142,7 @@ class TaylorStepper:
 
     @cached_property
     def _sensitivities(self) -> BufferedFunction:
-        expansion = _expansion(self.graph, self.columns, self.varied)
+        expansion = step_expansion(self.graph, self.columns, self.varied)
         arguments, h, length = expansion.mx_in(), ca.MX.sym("h"), ca.SX.sym("h")
         powers = ca.Function("powers", [length], [symbolic_powers(length)])(h)
         after = ca.reshape(expansion(*arguments)[1].T @ powers, self.n, self.columns)
@@ -377,184 +293,6 @@ def _may_change_sign(rows: int, used: tuple[tuple[int, ...], ...], counts: bool)
         same = ca.if_else(begins, ca.mmin(bounds) >= rest, ca.mmax(bounds) < -rest)
         change = ca.logic_or(change, ca.logic_not(ca.logic_and(same, ca.fabs(ends) < np.inf)))
     return ca.Function("signs", [c, h, tests, order, before], [change, ca.vertcat(*after), turned])
-
-
-@cached
-def _expansion(graph: VectorField, columns: int, varied: tuple[int, ...]) -> ca.Function:
-    """(x, p, dx, dp) -> the coefficients of a step and those of its sensitivities."""
-    if columns == 1:
-        return tangent(graph.field, varied, TAYLOR_ORDER)
-    return variations(graph.field, varied, columns, TAYLOR_ORDER)
-
-
-def _step_function(
-    graph: VectorField, at: Places, columns: int, varied: tuple[int, ...], piece_rows: PieceRows
-) -> ca.Function:
-    """The `step_function` of a `TaylorStepper`."""
-    n, count_p = graph.size, graph.p.numel() - graph.data
-    own = [row for row in varied if row < count_p]
-    z, data = ca.MX.sym("z", at.time), ca.MX.sym("p", count_p + len(own) * columns)
-    row = ca.MX.sym("row", piece_rows.width)
-    ends_of_piece, q, below, above, moved_ends, dq = piece_rows.split(row)
-    x, dx = z[at.state], ca.reshape(z[at.sensitivities], n, columns)
-    p, dp = ca.vertcat(data[:count_p], q), ca.reshape(data[count_p:], len(own), columns)
-    dp = ca.vertcat(dp, dq.T) if piece_rows.varied else dp
-    base, shares = ca.SX(n, TAYLOR_ORDER + 1), ca.SX.eye(n)
-    if columns:
-        c, dc = _expansion(graph, columns, varied)(x, p, dx, dp)
-        series = c[:, :n]
-    else:
-        base, shares, driven = driven_coefficients(graph.field, graph.x, graph.p, TAYLOR_ORDER)
-        series, dc = ca.Function("series", [graph.x, graph.p], [ca.densify(driven.T)])(x, p), ca.MX(TAYLOR_ORDER + 1, 0)
-        symbols = graph.x, graph.p, ca.SX.sym("series", *series.shape)
-        c = ca.Function("rows", symbols, [ca.densify((base + shares @ symbols[-1].T).T)])(x, p, series)
-        base, shares = base[:n, :], shares[:n, :]
-    choice = _length_function(graph, base, shares, columns, len(varied))
-    numbers = x, p, ca.vec(dp), z[at.left], z[at.longest], ends_of_piece
-    ends, powers, left, longest, made, side = choice(series, c[:, :n], dc, *numbers)
-    moved = (powers.T @ dc).T
-    if columns and graph.coordinate:
-        beyond = ca.vertcat(data[:count_p], ca.if_else(side > 0, above, below))
-        by_end = ca.if_else(side > 0, moved_ends[:, 1], moved_ends[:, 0])
-        moved = _saltation(graph, columns, varied)(ends, p, beyond, moved, ca.vec(dp), by_end, side)
-    after = _after_step(at, z, ca.vertcat(ends, moved), left, longest, made, side)
-    return ca.Function("taylor", [z, data, row] if graph.coordinate else [z, data], [after, c, made])
-
-
-def _after_step(at: Places, z: ca.MX, ends: ca.MX, left: ca.MX, longest: ca.MX, made: ca.MX, side: ca.MX) -> ca.MX:
-    """The entries of z up to the piece after a step, which ends in these states with their sensitivities."""
-    # A choice between ends costs less than powers of a chosen length, into which CasADi draws the choice.
-    after = ca.if_else(made[0] > 0, ends, z[: at.left])
-    return ca.vertcat(after, left, longest, z[at.piece] + ca.if_else(made[0] > 0, side, 0))
-
-
-def _saltation(graph: VectorField, columns: int, varied: tuple[int, ...]) -> ca.Function:
-    """(state at the end of a piece, p there and beyond it, sensitivities (n columns,), those of p, those of the end
-    (columns,), side) -> the sensitivities beyond the end; unchanged where the side is 0."""
-    n, x, p, side, beyond = graph.size, graph.x, graph.p, ca.SX.sym("side"), ca.SX.sym("beyond", graph.p.numel())
-    moved, by_end, dp = ca.SX.sym("dx", n, columns), ca.SX.sym("de", columns), ca.SX.sym("dp", len(varied), columns)
-    before, after, weights = graph.field(x, p)[0], graph.field(x, beyond)[0], ca.DM(graph.coordinate)
-    place = ca.dot(weights, x) * graph.unit - graph.origin
-    changes = ca.jacobian(place, x) @ moved + ca.jacobian(place, p)[:, list(varied)] @ dp - by_end.T
-    earlier = changes / (ca.jacobian(place, x) @ before)
-    jump = ca.if_else(side == 0, 0, (after - before) @ earlier)
-    arguments = [x, p, beyond, ca.vec(moved), ca.vec(dp), by_end, side]
-    return ca.Function("saltation", arguments, [ca.vec(moved + jump)])
-
-
-def _length_function(
-    graph: VectorField, base: ca.SX, shares: ca.SX, columns: int, varied: int, of_columns: int = TAYLOR_ORDER + 1
-) -> ca.Function:
-    """The choice of a step's length: the series of a step, its coefficients, those of the sensitivities, x, p, dp, the
-    time left, the longest step to try and the ends of the piece -> the state after the length tried, the powers
-    (K + 1,) of this length, the time left then and the next longest step, the lengths taken and tried, and the side on
-    which the step reaches an end of the piece, 0 for none. The coefficients are those of `base` (n, K + 1) and of the
-    series in these `shares` (n, s); those of the sensitivities may be the first two and last two alone."""
-    n, orders = graph.size, TAYLOR_ORDER + 1
-    series, c = (ca.SX.sym("c", orders, count) for count in (shares.shape[1], n))
-    dc = ca.SX.sym("dc", of_columns, n * columns)
-    dp, left, longest = ca.SX.sym("dp", varied * columns), ca.SX.sym("left"), ca.SX.sym("longest")
-    ends_of_piece = ca.SX.sym("ends", 2)
-    length = _truncated_length(c, 0)
-    # The series of f_p may have a smaller radius of convergence than that of f, as may that of f_x along a motion that
-    # a symmetry makes simple.
-    if varied or (columns and graph.in_loops):
-        length = ca.fmin(length, _truncated_length(dc, ca.norm_inf(dp) if varied else 0))
-    for weights, reach in graph.reaches:
-        length = ca.fmin(length, _time_within(c, weights, reach))
-    h = ca.fmin(longest, length)
-    h = ca.if_else(h >= left, left, ca.if_else(SHARED_STEPS * h >= left, 0.5 * left, h))
-    within, side = ca.SX(1), ca.SX(0)
-    if graph.coordinate:
-        places = c @ ca.DM(graph.coordinate) * graph.unit
-        places[0] -= graph.origin
-        h, within, side = _on_piece(places, h, *ca.vertsplit(ends_of_piece))
-    size = ca.fmax(ca.norm_inf(ca.vec(c[:2, :])), TINY)  # The size of a motion at rest at the origin would be 0.
-    powers = symbolic_powers(h)
-    terms, free = ca.diag(powers) @ series, ca.diag(powers) @ base.T
-    ends = ca.sum1(free).T + shares @ ca.sum1(terms).T
-    accepted = _defect(graph, ends, free, terms, shares, h) <= LARGEST_DEFECT * size
-    accepted = ca.logic_and(accepted, within) if graph.coordinate else accepted
-    # A step that is far too long for the rate of the state is shortened in one go instead of halved many times.
-    shorter = 0.5 * ca.fmin(h, ca.sqrt(h * size / ca.norm_inf(c[1, :])))
-    taken, next_longest = ca.if_else(accepted, h, 0), ca.if_else(accepted, LONGEST_STEP, shorter)
-    results = [ends, powers, left - taken, next_longest, ca.vertcat(taken, h), side]
-    return ca.Function("measure", [series, c, dc, graph.x, graph.p, dp, left, longest, ends_of_piece], results)
-
-
-def _on_piece(s: ca.SX, h: ca.SX, low: ca.SX, high: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """The length of a step of the coordinate with coefficients `s` (K + 1,) that stays between two ends, at most h,
-    whether it does so, and the side on which it reaches an end, 0 for none.
-
-    The coordinate stays away from both ends, or its first term that is more than rounding outweighs the others, so
-    that it is monotone and its end shows whether it has reached an end of the piece.
-    """
-    start, room = s[0], ca.fmin(high - s[0], s[0] - low)
-    length, terms, steep, within = h, ca.SX.zeros(TAYLOR_ORDER), ca.SX(0), ca.SX(0)
-    orders = ca.DM(range(1, TAYLOR_ORDER + 1))
-    for halvings in range(TRIED_LENGTHS):
-        tried = h * 0.5**halvings
-        moves = symbolic_powers(tried)[1:] * s[1:]
-        sizes, weighted = ca.fabs(moves), orders * ca.fabs(moves)
-        outweighs = [2 * ca.sum1(weighted[k + 1 :]) <= weighted[k] for k in range(2)]
-        rounded = sizes[0] ** 2 <= ROUNDED_CHANGE * sizes[1] * (ca.fabs(start) + sizes[1])
-        valid = ca.logic_or(ca.sum1(sizes) < room, ca.logic_or(outweighs[0], ca.logic_and(rounded, outweighs[1])))
-        chosen = ca.logic_and(valid, ca.logic_not(within))
-        length, terms, steep = (
-            ca.if_else(chosen, new, old) for new, old in ((tried, length), (moves, terms), (outweighs[0], steep))
-        )
-        within = ca.logic_or(within, valid)
-    length = ca.if_else(within, length, tried)
-    move = ca.sum1(terms)
-    rises, falls = ca.logic_and(move > 0, start + move >= high), ca.logic_and(move < 0, start + move <= low)
-    side = ca.if_else(rises, 1, ca.if_else(falls, -1, 0))
-    distance = ca.if_else(rises, high, low) - start
-    share = distance / move
-    share = ca.if_else(steep, share, ca.sqrt(share))
-    for _ in range(STEPS_TO_END):
-        value = share * ca.polyval(terms[::-1], share) - distance
-        slope = ca.polyval((orders * terms)[::-1], share)
-        share = ca.fmin(ca.fmax(share - value / slope, SHORTEST_CUT), 1)
-    return length * ca.if_else(side == 0, 1, share), within, side
-
-
-def _truncated_length(c: ca.SX, size: ca.SX | float) -> ca.SX:
-    """The step at which the last two terms of series (K + 1, rows) vanish beside the first two and `size`, by Jorba and
-    Zou (2005), the source of `taylor_series`."""
-    scale, before, last = (ca.norm_inf(ca.vec(part)) for part in (c[:2, :], c[-2, :], c[-1, :]))
-    bound, order = TRUNCATION * (scale + size), TAYLOR_ORDER
-    # The lesser one of two roots, chosen before it is taken, since a root takes as long as a hundred products.
-    sooner = bound / before <= (before / last) ** (order - 1)
-    return (bound / ca.if_else(sooner, before, last)) ** ca.if_else(sooner, 1 / (order - 1), 1 / order)
-
-
-def _time_within(c: ca.SX, weights: tuple[float, ...], reach: float) -> ca.SX:
-    """The time in which the speed and the acceleration at the start of series (K + 1, rows) lead as far as `reach`."""
-    speed, half_rate = (ca.fabs(c[order, : len(weights)] @ ca.DM(list(weights))) for order in (1, 2))
-    return 2 * reach / (speed + ca.sqrt(speed**2 + 4 * half_rate * reach))
-
-
-def _defect(graph: VectorField, ends: ca.SX, free: ca.SX, terms: ca.SX, shares: ca.SX, h: ca.SX) -> ca.SX:
-    """The largest defect of the polynomial in the differential equation at the quarters of the step, times its length.
-    The polynomial has the terms `free` (K + 1, n) and shares (n, s) in others (K + 1, s), and is `ends` at the end.
-
-    It shows what a series cannot show where a law is flat to the last digit, as a saturated spring is.
-    """
-    orders, defects = ca.DM(range(TAYLOR_ORDER + 1)), [ca.SX(0)]  # A state whose rate is another state has no defect.
-    rows = [i for i, rate in enumerate(ca.vertsplit(graph.field(graph.x, graph.p)[0])) if not rate.is_symbolic()]
-    rates = [(ca.diag(orders) @ part)[1:, :] for part in (free, terms)]
-    for part in (0.25, 0.5, 0.75, 1.0):
-        # Horner's rule, as the powers of the part would be as many constants.
-        value = lambda a, b, part=part: _at(a, part).T + shares @ _at(b, part).T  # noqa: E731
-        state = value(free, terms) if part < 1 else ends
-        difference = value(*rates) - h * graph.field(state, graph.p)[0]
-        defects += [ca.fabs(difference[i]) for i in rows]
-    return ca.mmax(ca.vertcat(*defects))
-
-
-def _at(terms: ca.SX, part: float) -> ca.SX:
-    """The polynomials with these terms (K + 1, s) in a step at a part of it, (1, s)."""
-    return ca.horzcat(*(ca.polyval(each[::-1], part) for each in ca.horzsplit(ca.densify(terms))))
 
 
 class TaylorMotion(NamedTuple):

@@ -64,9 +64,9 @@ def find(
         `describe` and `units`
     family : its number, from 1; None is 1. Family n has n + 1 stationary points of the extension from lift-off to
         mid-flight
-    start : an orbit nearby, the file of one, which may have been changed since it was written, or the unknowns of a
-        half orbit by name, as the initial guess instead of the model's own; an orbit of any family is then returned,
-        unless `family` is stated too
+    start : the initial guess, instead of the model's own: an orbit nearby, the name of a file of one, or the unknowns
+        of a half orbit by name. The orbit that is found may be of any family, unless `family` is stated too. A file is
+        only a guess, and may have been edited
     method : "closed form", "relative", "half orbit", or "shooting", which is multiple shooting by Ipopt; None for the
         simplest that the machine allows
     tune : names of parameters that are unknowns too, one for each quantity in `at`; the search begins at their values
@@ -76,12 +76,13 @@ def find(
     progress : called with the completed share of the homotopy, where there is one
     limit : time limit in seconds; None for 30, or for the limit of a `time_limit` around it
 
-    Where a family has several orbits, this is the one of least launch speed. A machine whose laws have many or narrow
-    bends is searched for all of them as by `find_all`, and so is one where none is found otherwise. For others it is
-    the first one under constant gravity, or the orbit that is continued from it to the varying gravity, and its
-    `known_in_family` is None. The orbit may be inadmissible: see its `violations`. Raises `NoOrbit` when there is no
-    orbit, when a solution belongs to another family, or when the limit is reached, and `InputError` for an invalid
-    family, method or limit. Source: eqs. (9) to (12) of the paper, and its section 9 for the symmetry.
+    Where a family has several orbits, the one of least launch speed is returned. To know it, all orbits are searched as
+    by `find_all` where the laws of the machine have many or narrow bends, and where none is found otherwise. For other
+    machines the orbit is the first one under constant gravity, or the one continued from it to the varying gravity; its
+    `known_in_family` is None, since others are not searched for. The orbit may be inadmissible: see its `violations`.
+    Raises `NoOrbit` when there is no orbit, when a solution belongs to another family, or when the limit is reached,
+    and `InputError` for an invalid family, method or limit. Source: eqs. (9) to (12) of the paper, and its section 9
+    for the symmetry.
 
     >>> from orbits import find
     >>> from problems import Hopper

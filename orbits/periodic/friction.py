@@ -23,8 +23,9 @@ from ..shooting.formulations import Cycles, columns, vectors
 from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction
 from ..units import FORCE, TIME, Message, Quantity
-from .certificate import Certificate, turns_and_zeros
+from .certificate import Certificate
 from .loss_coefficient import by_launch_speed
+from .turns_and_zeros import turns_and_zeros
 
 # Shares double their digits from round to round.
 MOST_SHARES = 40

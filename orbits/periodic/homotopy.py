@@ -10,8 +10,8 @@ from ..numerics.roots import solve
 from ..shooting.formulations import halved, vector
 from ..shooting.single_shooting import Evaluation, Shooting
 from ..units import LIFTOFF_SPEED, Message, Quantity
-from .certificate import count_families
 from .guess import guess
+from .motion_conditions import count_families
 
 # With a step size below this share of the homotopy, the family has folded back or ended.
 MIN_STEP = 1e-4

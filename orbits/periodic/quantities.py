@@ -10,7 +10,8 @@ from ..model.model import STEP_LENGTH, Model
 from ..records import NONE, Records, numbers_or_nan
 from ..shooting.formulations import Cycles
 from ..units import DIMENSIONS, FREQUENCY, LENGTH, OF_ANGLES, Dimension, Units
-from .certificate import Certificate, extremes
+from .certificate import Certificate
+from .turns_and_zeros import extremes
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from ..balls.equations import Equations, IntervalParameters
 from ..balls.motion import Motion
 from ..balls.programs import BallProgram
 from ..balls.rigorous_step import between
-from ..exact.exact_mechanics import inner_product, solved
+from ..exact.exact_linear import inner_product, solved
 from ..exact.expressions import along, derivative_by, expression, substitute, symbol, total
 from ..exact.refusal import Unproved
 from ..exact.statement import ExactStatement, HalfOrbit, unknown

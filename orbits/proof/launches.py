@@ -19,7 +19,7 @@ from ..balls.programs import BallProgram
 from ..balls.rigorous_step import between
 from ..balls.root import evaluated_on
 from ..exact.claim import FLIGHT_DURATION
-from ..exact.exact_mechanics import inner_product, solved
+from ..exact.exact_linear import inner_product, solved
 from ..exact.expressions import ExactExpression, along, derivative_by, expression, symbol, symbols
 from ..exact.refusal import Unproved
 from ..exact.statement import ExactArc, ExactStatement, HalfOrbit, unknown

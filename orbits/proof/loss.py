@@ -15,7 +15,7 @@ from ..balls.enclosure import FINE, follow_set, unit_matrix
 from ..balls.equations import BallLeg
 from ..balls.motion import Motion
 from ..balls.programs import UNDEFINED, BallProgram, ball_of_fraction
-from ..exact.exact_mechanics import inner_product, solved
+from ..exact.exact_linear import inner_product, solved
 from ..exact.expressions import ExactExpression, derivative_by, expression, substitute
 from ..exact.refusal import Unproved
 from ..exact.statement import HalfOrbit

@@ -55,8 +55,8 @@ def prove(
     loss : whether to enclose the loss coefficient too
     attraction : whether to prove too that each launch above alpha, up to a distance that is determined, converges to
         it by hopping; this encloses the loss coefficient, and the losses of those launches
-    tune : names of parameters that are unknowns of the theorem, which encloses them; None for those that the orbit was
-        tuned by, if there are equations for all that it was tuned to. Where a coordinate sticks, the step is one too
+    tune : names of parameters that are unknowns of the theorem, which encloses them; None for those that `find` tuned,
+        if all prescribed quantities have equations. Of a machine that sticks to the ground the step is an unknown too
     at : exact decimals of quantities by name, as {"speed": "0.4"}; None for what the orbit was tuned to
     limit : time limit in seconds; a statement not proved by then is reported as not proved
 

@@ -32,7 +32,8 @@ from math import ceil, log2
 from flint import arb, arb_mat
 
 from ..balls.programs import ball_of_fraction
-from ..exact.exact_mechanics import Column, ExactMechanics, inner_product, solved
+from ..exact.exact_linear import inner_product, solved
+from ..exact.exact_mechanics import Column, ExactMechanics
 from ..exact.expressions import ZERO, ExactExpression, along, exact_number, substitute, symbol, symbols, total
 from ..exact.refusal import Unproved
 from ..exact.statement import ExactArc, ExactStatement, HalfOrbit, unknown

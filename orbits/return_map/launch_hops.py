@@ -11,7 +11,8 @@ from ..io import Document
 from ..model.machine import Machine, machine_in_words
 from ..result import Axes, Result, Row, known, shown
 from ..running.exclusive import in_threads
-from ..simulation.impacts import FASTEST_LAUNCH, STATUS, decided_from
+from ..simulation.impact_sequences import decided_from
+from ..simulation.impacts import FASTEST_LAUNCH, STATUS
 from ..simulation.launch_section import LaunchSection
 from ..units import ENERGY, Units
 from .hops import OfStatuses

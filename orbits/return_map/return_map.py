@@ -22,7 +22,8 @@ from ..periodic.find import Progress, find
 from ..result import Axes, cell, shown
 from ..running.exclusive import exclusive, in_threads
 from ..simulation.hysteresis import Branches
-from ..simulation.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_impacts, injected
+from ..simulation.impact_sequences import decided_impacts
+from ..simulation.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, injected
 from ..simulation.launch_section import LaunchSection
 from ..simulation.multiplier import slope_of_hop
 from ..simulation.simulation import simulate

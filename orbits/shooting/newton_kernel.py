@@ -5,7 +5,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..flow.taylor import LONGEST_STEP, TaylorStepper
+from ..flow.taylor import TaylorStepper
+from ..flow.taylor_step import LONGEST_STEP
 from ..flow.trajectory import Trajectories, begins_of_steps
 from ..flow.vector_field import rows_used
 from ..numerics.roots import Array

@@ -22,17 +22,8 @@ from ..mechanics.mechanism import Mechanism
 from ..model.model import refuse_steps
 from ..model.phase import Affine
 from ..numerics.polynomial_roots import Crossings
-from .impacts import (
-    FASTEST_LAUNCH,
-    LIFTOFF_ORDER,
-    MANY_BOUNCES,
-    NEIGHBOUR,
-    PARTED,
-    STATUS,
-    TURNS,
-    Impacts,
-    status_of_failure,
-)
+from .impact_sequences import MANY_BOUNCES, NEIGHBOUR, PARTED
+from .impacts import FASTEST_LAUNCH, LIFTOFF_ORDER, STATUS, TURNS, Impacts, status_of_failure
 
 TURNING_RATE = 1e-13  # a rate of the extension below this, relative to the state, is that of a reversal
 # Branches that cross feed energy to the motion. Measured ones may cross by noise, by this share of the loop's largest

@@ -17,7 +17,7 @@ import numpy as np
 from ..errors import InputError
 from ..model.machine import Machine, dimensionless
 from ..numerics.roots import Array
-from ..periodic.certificate import gradients
+from ..periodic.energy_changes import gradients
 from ..shooting.formulations import columns, through_mirror
 from ..shooting.single_shooting import Evaluation
 from .impacts import Impacts

@@ -36,8 +36,9 @@ def multiplier(machine: Machine, alpha: float) -> float:
     machine : as for `ReturnMap`
     alpha : launch speed, in the machine's units
 
-    It follows from the variational equations with saltation at impacts. Raises `NoOrbit` where there is none: the
-    machine does not lift off again, or lands tangentially, and `InputError` for an invalid launch speed.
+    It follows from the variational equations with saltation at impacts (Aizerman and Gantmakher 1958). Raises `NoOrbit`
+    where there is none: the machine does not lift off again, or lands tangentially, and `InputError` for an invalid
+    launch speed.
 
     >>> from orbits import multiplier
     >>> from problems import Hopper

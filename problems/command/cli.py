@@ -80,7 +80,9 @@ def orbits() -> None:
 @orbits.command("find", epilog="\b\nExit code: 0 found, 1 no such orbit or an inadmissible one, 2 bad input.")
 @options.machine_options
 @options.family_option("Oscillations in flight, from 1.")
-@click.option("--method", metavar="NAME", help="Use 'closed form', 'relative', 'half orbit' or 'shooting'.")
+@click.option(
+    "--method", metavar="NAME", help="'closed form', 'relative', 'half orbit' or 'shooting'; default: the simplest."
+)
 @options.start_option
 @options.tune_option
 @options.at_option
@@ -324,8 +326,9 @@ def return_map(
     save: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Map launch speeds to the next ones, with the losses and impacts in between. With --along, follow the fixed points
-    of the map and its hops of period two along a parameter instead, with their folds and flips. Where a launch has
-    several numbers, --start has those beside the speed, and alone the launch, which has multipliers too."""
+    of the map and its hops of period two along a parameter instead, with their folds and flips. A launch of several
+    numbers is that of the saved orbit of --start, which is mapped with its multipliers; with --alpha it has these
+    speeds instead of its own."""
     from orbits.errors import InputError
     from orbits.io import to_json
     from orbits.return_map.return_map import ReturnMap
@@ -419,7 +422,12 @@ def simulate_command(
 @options.file_option("--plot", "figure", "Write a figure of the best orbit, or of the front (.png, .pdf, .svg).")
 @options.file_option("--save", "result", "Save the design (.json), or the front (.json, .csv).")
 def optimize_command(file: str, hop: str | None, as_json: bool, plot: str | None, save: str | None) -> None:
-    """Find the best design of a machine, or a Pareto front of two objectives, for the problem in its file."""
+    """Find the best design of a machine, or a Pareto front of two objectives, for the problem in its file.
+
+    Beside the machine the file has a table [design] with minimise, a formula or a list of two for a front, or maximise;
+    and where needed with subject_to, a list of constraints, tune, at, family, starts, seed and points. The table
+    [design.over] has the bounds of each parameter, as k = [1e3, 1e5].
+    """
     from orbits.design.optimize import optimize as best_design
     from orbits.design.pareto import Front, pareto
     from orbits.errors import InputError
@@ -454,7 +462,7 @@ def optimize_command(file: str, hop: str | None, as_json: bool, plot: str | None
 @click.option("--from", "designs", metavar="FILE.csv", help="A table of the members, a column for each parameter.")
 @click.option("--samples", type=int, metavar="N", help="Number of members; on a grid, of values of each range.")
 @click.option("--sampling", metavar="WAY", help="grid, sobol, lhs or random; default: grid for values, else sobol.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the sampling.")
+@options.seed_option
 @click.option("--family", "families", default="1", show_default=True, metavar="N1,N2,...", help="As in find.")
 @options.start_option
 @options.tune_option
@@ -467,7 +475,7 @@ def optimize_command(file: str, hop: str | None, as_json: bool, plot: str | None
 @click.option("--between", metavar="A:B", help="Launch speeds between which fixed points are searched.")
 @click.option("--store", metavar="FILE", help="An SQLite file to which members are written as soon as they are done.")
 @click.option("--resume", is_flag=True, help="Continue the store, or begin it.")
-@click.option("--workers", type=click.IntRange(1), metavar="N", help="Number of processes; 1 by default.")
+@options.workers_option
 @options.free_limit_option
 @options.json_option
 @options.file_option("--output", "result", "Write the members: .csv, .nc, .parquet or .json.")
@@ -511,7 +519,7 @@ def sweep_command(
 @click.option("--quantities", metavar="A,B,...", help="Further columns: quantities of the orbit, or formulas of them.")
 @click.option("--both-ways", is_flag=True, help="Locate boundaries between the rows too.")
 @click.option("--colour", metavar="QUANTITY", help="Colour the figure by a quantity.")
-@click.option("--workers", type=click.IntRange(1), metavar="N", help="Number of processes; 1 by default.")
+@options.workers_option
 @options.free_limit_option
 @options.json_option
 @options.file_option("--output", "result", "Write the diagram: .json or .nc; its rows: .csv.")
@@ -554,12 +562,12 @@ def existence_command(
     help="An uncertain parameter: norm(MEAN,SD), LOW:HIGH or LOW:HIGH:log; repeatable.",
 )
 @click.option("--samples", type=int, default=1024, show_default=True, metavar="N", help="Number of members.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the sampling.")
+@options.seed_option
 @options.family_option("As in find.")
 @options.start_option
 @click.option("--quantities", metavar="A,B,...", help="Further rows: quantities of the orbit, or formulas of them.")
 @click.option("--indices", is_flag=True, help="Print Sobol's indices too: which parameter causes the spread.")
-@click.option("--workers", type=click.IntRange(1), metavar="N", help="Number of processes; 1 by default.")
+@options.workers_option
 @options.free_limit_option
 @options.json_option
 @options.file_option("--output", "result", "Write the quantities: .json, .csv, .nc or .parquet.")

@@ -56,8 +56,10 @@ machine_options = combined(
     click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="Value of a parameter; repeatable."),
 )
 damper_options = combined(
-    click.option("--restitution", type=click.FloatRange(0, 1), metavar="e", help="Of the impacts; default 0, plastic."),
-    click.option("--damping", type=click.FloatRange(0), metavar="c", help="Of a damper in parallel with the spring."),
+    click.option(
+        "--restitution", type=click.FloatRange(0, 1), metavar="e", help="Of the impacts, e.g. 0.2; default 0, plastic."
+    ),
+    click.option("--damping", type=click.FloatRange(0), metavar="c", help="Coefficient of the spring's damper."),
     click.option("--drag", type=click.FloatRange(0), metavar="d", help="Drag coefficient of each mass."),
 )
 loss_options = combined(
@@ -66,7 +68,7 @@ loss_options = combined(
 )
 start_option = click.option(
     "--start", "hop", metavar="FILE",
-    help="Start from a saved orbit, also where a launch has several numbers, as on compliant ground.",
+    help="Start from a saved orbit; needed where a launch has several numbers, as on compliant ground.",
 )  # fmt: skip
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 limit_option = click.option(
@@ -86,6 +88,12 @@ free_limit_option = click.option(
     "--limit", type=float, metavar="SECONDS", help="Time limit; default: none.",
     callback=_limited, expose_value=False,
 )  # fmt: skip
+
+
+workers_option = click.option(
+    "--workers", type=click.IntRange(1), metavar="N", help="Number of processes; 1 by default."
+)
+seed_option = click.option("--seed", type=int, default=0, show_default=True, help="Seed of the sampling.")
 
 
 tune_option = click.option(

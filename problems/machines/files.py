@@ -129,8 +129,6 @@ def design(statement: dict[str, Any], where: str) -> dict[str, Any]:
         if "points" in problem:
             raise InputError(f"{where}: points belong to a front of two objectives, minimise = [..., ...]")
         return problem
-    if "tune" in problem or "at" in problem:
-        raise InputError(f"{where}: tune and at are for one objective, not for a front of two")
     if "maximise" in problem:
         raise InputError(f"{where}: both objectives of a front are minimised; write '-alpha' for one to be large")
     return problem | {"minimise": tuple(problem["minimise"])}

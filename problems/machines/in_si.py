@@ -168,14 +168,7 @@ class MachineInSI(TwoMasses):
     @exclusive_property
     def values(self) -> dict[str, float]:
         """Every parameter of the model by name, in SI."""
-        values = {**self.masses, "surface_gravity": self.surface_gravity}
-        if self.rest_length is not None:
-            values["rest_length"] = self.rest_length
-        values |= self.parameters
-        if self.damped:
-            values |= {name: getattr(self, name) for name in DAMPERS}
-        if self.ground:
-            values[GROUND_MASS] = self.ground.mass
+        values = self._with_parts({**self.masses, "surface_gravity": self.surface_gravity})
         if self.spring is not None:
             values[GAUGE] = self.stiffness
         if homotopy := self.dimensionless().model.homotopy:

@@ -70,6 +70,18 @@ class TwoMasses(Stated):
             if getattr(self, name) < 0:
                 raise InputError(f"{name} = {getattr(self, name):g} is below 0: it would drive the machine")
 
+    def _with_parts(self: Any, own: Mapping[str, float]) -> dict[str, float]:
+        """Every parameter by name: the machine's own numbers, and those of its length, laws, dampers and ground."""
+        values = dict(own)
+        if self.rest_length is not None:
+            values["rest_length"] = self.rest_length
+        values |= self.parameters
+        if self.damped:
+            values |= {name: getattr(self, name) for name in DAMPERS}
+        if self.ground:
+            values[GROUND_MASS] = self.ground.mass
+        return values
+
     def _described(self: Any, spring: str, laws_in: str) -> dict[str, object]:
         """The machine as JSON-ready data, with its spring in words."""
         return {
@@ -193,14 +205,7 @@ class TwoMassMachine(TwoMasses):
     @property
     def values(self) -> dict[str, float]:
         """Every parameter of the model by name."""
-        values = {"mass_ratio": self.mass_ratio}
-        if self.rest_length is not None:
-            values["rest_length"] = self.rest_length
-        values |= self.parameters
-        if self.damped:
-            values |= {name: getattr(self, name) for name in DAMPERS}
-        if self.ground:
-            values[GROUND_MASS] = self.ground.mass
+        values = self._with_parts({"mass_ratio": self.mass_ratio})
         if self.model.homotopy:
             values[self.model.homotopy] = 1.0
         return values

@@ -154,7 +154,7 @@ def test_where_the_best_optimum_cannot_be_certified_the_next_is_returned(monkeyp
     """The loss coefficient falls from equal masses to both bounds, and farther to the lower one."""
     machine, points, least = Hopper(mass_ratio=1.5), [{"mass_ratio": 0.8}, {"mass_ratio": 1.5}], 0.0
     problem = design_problem(machine, "loss_coefficient", None, {"mass_ratio": (0.3, 2.0)}, ())
-    assert best_design(machine, problem, Origin(1, machine, None), points).parameters == {"mass_ratio": 0.3}
+    assert best_design(Origin(1, machine, None), problem, points).parameters == {"mass_ratio": 0.3}
 
     def refusing(machine, *family, start=None):
         if start and machine.values["mass_ratio"] < least:
@@ -164,14 +164,14 @@ def test_where_the_best_optimum_cannot_be_certified_the_next_is_returned(monkeyp
     for module in ("optimize", "optimality"):
         monkeypatch.setattr(f"orbits.design.{module}.find", refusing)
     least = 1.0
-    best = best_design(machine, problem, Origin(1, machine, None), points)
+    best = best_design(Origin(1, machine, None), problem, points)
     assert best.parameters == {"mass_ratio": 2.0}
     assert best.objective == pytest.approx(find(Hopper(mass_ratio=2.0)).certificate.loss_coefficient, rel=1e-12)
     assert [start.reason for start in best.starts] == ["the orbit cannot be certified", ""]
     assert [start.objective for start in best.starts] == [None, best.objective]
     least = 3.0
     with pytest.raises(NoOrbit, match="no start within the bounds leads to an optimum: the orbit cannot be certified"):
-        best_design(machine, problem, Origin(1, machine, None), points)
+        best_design(Origin(1, machine, None), problem, points)
 
 
 def test_starts_within_bounds_over_decades_are_spread_by_their_logarithm():

@@ -1,10 +1,22 @@
 """Designs with tuned parameters, against closed forms of linear hoppers, differences and `find` on grids."""
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize_scalar
 
-from orbits import Design, DesignCurve, InputError, NoOrbit, find, optimize, pareto, sensitivities
+from orbits import (
+    Design,
+    DesignCurve,
+    Front,
+    InputError,
+    NoOrbit,
+    find,
+    optimize,
+    orbit_function,
+    pareto,
+    sensitivities,
+)
 from orbits.design.design_point import Case, design_points
 from orbits.design.problem import Outputs
 from orbits.design.tuned_machine import TunedMachine, first_of_tuned, names_of_designs, unknowns_of
@@ -77,14 +89,85 @@ def test_the_best_of_several_starts_and_a_saved_design(tmp_path):
     assert (again.parameters, again.tune, again.at) == (best.parameters, best.tune, best.at)
 
 
+def test_the_best_of_a_sample_is_that_of_the_closed_form():
+    """Of an objective with several minima in the tuned stiffness."""
+    best = optimize(LINEAR, minimise="sin(8*k) + 0.3*k", over=RANGE, starts="global", **WITH_FREQUENCY)
+    k = np.linspace(stiffness(3.0), stiffness(0.5), 100_001)
+    values = np.sin(8 * k) + 0.3 * k
+    assert best.objective == pytest.approx(values.min(), abs=1e-7)
+    assert best.parameters["k"] == pytest.approx(k[values.argmin()], abs=2e-5)
+    assert best.parameters["k"] == pytest.approx(stiffness(best.parameters["mass_ratio"]), rel=1e-11)
+    assert len(best.starts) > 1
+    assert 0.5 < best.share < 1
+
+
+def test_a_front_of_tuned_designs(tmp_path):
+    """Along the closed form, at evenly spaced levels; one end is where the stiffness of the first objective is met."""
+    front = pareto(LINEAR, minimise=("(k - 2)**2", "mass_ratio"), over=RANGE, points=3, **WITH_FREQUENCY)
+    met = brentq(lambda m: stiffness(m) - 2, 1.0, 1.2)
+    ratios = front.column("mass_ratio")
+    assert ratios == pytest.approx(np.linspace(met, 0.5, 3), rel=1e-7)
+    assert front.column("k") == pytest.approx([stiffness(ratio) for ratio in ratios], rel=1e-11)
+    assert front.values == pytest.approx(np.column_stack([(front.column("k") - 2) ** 2, ratios]), abs=1e-12)
+    assert np.array_equal(Front.load(front.save(tmp_path / "front.json"), LINEAR).values, front.values)
+
+
+@pytest.mark.slow
+def test_a_front_of_tuned_designs_in_si_is_that_of_searches_at_its_levels():
+    leg = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 1e5}, rest_length=0.8)
+    problem = {"over": {"body_mass": (20.0, 100.0), "b": (0.0, 1e6)}, "tune": "k", "at": {"period": 0.4}}
+    front = pareto(leg, minimise=("k", "stroke"), points=4, **problem)
+    assert len(front.designs) == 4
+    for design in front.designs[1:-1]:
+        same = optimize(leg, minimise="k", subject_to=[f"stroke <= {design.pair[1]!r}"], starts=3, **problem)
+        assert design.parameters == pytest.approx(same.parameters, rel=1e-8, abs=1e-6)
+        assert design.orbit.period == pytest.approx(0.4, rel=1e-11)
+
+
+def test_designs_stay_in_the_family_of_their_start():
+    best = optimize(LINEAR, minimise="k", over=RANGE, start=find(LINEAR, 2), **WITH_FREQUENCY)
+    assert best.orbit.family == 2
+    period = find(LINEAR.with_values(mass_ratio=3.0), 2).period
+    assert best.parameters == pytest.approx({"mass_ratio": 3.0, "k": (0.1 * period) ** 2}, rel=1e-11)
+
+
 def test_sensitivities_of_tuned_orbits():
     """The stiffness is the square of the frequency times that of the period of stiffness 1."""
-    slopes = sensitivities(LINEAR.with_values(mass_ratio=2.0), 1, quantities=["k", "alpha"], **WITH_FREQUENCY)
+    machine = LINEAR.with_values(mass_ratio=2.0)
+    slopes = sensitivities(machine, 1, quantities=["k", "alpha"], **WITH_FREQUENCY)
     assert set(slopes["k"]) == {"mass_ratio", "frequency"}
     assert slopes["k"]["frequency"] == pytest.approx(2 * stiffness(2.0) / 0.1, rel=1e-11)
     by_ratio = sensitivities(LINEAR.with_values(mass_ratio=2.0), 1, ["mass_ratio"], ["period"])["period"]["mass_ratio"]
     period = find(LINEAR.with_values(mass_ratio=2.0)).period
     assert slopes["k"]["mass_ratio"] == pytest.approx(2 * 0.1**2 * period * by_ratio, rel=1e-9)
+    second = sensitivities(machine, start=find(machine, 2), quantities="k", **WITH_FREQUENCY)
+    assert second.at["k"] == pytest.approx((0.1 * find(machine, 2).period) ** 2, rel=1e-11)
+
+
+def test_an_orbit_of_casadi_is_tuned():
+    """Its results are those of `find`, and its derivatives those of differences between such orbits."""
+    spring, times = Hopper("k*r + 0.2*r**3", parameters={"k": 1.0}, rest_length=20.0), np.array([0.3, 2.0])
+    over, theta = ["mass_ratio", "frequency"], np.array([1.2, 0.11])
+    function = orbit_function(spring, over, times=2, tune="k", at={"frequency": 0.12})
+
+    def found(place: np.ndarray) -> np.ndarray:
+        orbit = find(spring.with_values(mass_ratio=place[0]), tune="k", at={"frequency": place[1]})
+        return np.array(
+            [orbit.alpha, orbit.flight_time, orbit.contact_time, orbit.source.values["k"], *orbit(times).ravel()]
+        )
+
+    x = ca.MX.sym("x", 2)
+    launch, durations, tuned, states = function(x, times)
+    results = ca.vertcat(launch[1], durations, tuned, ca.vec(states))
+    values, slopes = (np.array(each) for each in ca.Function("all", [x], [results, ca.jacobian(results, x)])(theta))
+    assert values[:, 0] == pytest.approx(found(theta), rel=1e-11)
+    ways = np.diag(1e-4 * theta)
+    differences = np.column_stack([(found(theta + way) - found(theta - way)) / (2 * way.sum()) for way in ways])
+    assert slopes == pytest.approx(differences, rel=1e-6, abs=1e-6)
+    with pytest.raises(InputError, match="'k' is tuned and follows from the others"):
+        orbit_function(spring, "k", tune="k", at={"frequency": 0.12})
+    with pytest.raises(InputError, match="a runner moves along the ground, which is not differentiated here"):
+        orbit_function(RUNNER, "rest_length", **AT_SPEED)
 
 
 @pytest.mark.parametrize(("what", "to"), [("frequency", 0.12), ("mass_ratio <= 0.6", 0.5)])
@@ -136,7 +219,6 @@ def test_a_machine_in_si_is_followed():
 
 def test_bad_arguments_are_named():
     wrong = [
-        ({"starts": "global"}, "starts = 'global'"),
         ({"over": {"k": (1.0, 2.0)}}, "'k' is varied"),
         ({"at": {"clearance": 1.0}}, "at 'clearance': it is found from the whole motion"),
     ]
@@ -145,11 +227,11 @@ def test_bad_arguments_are_named():
             optimize(LINEAR, **{"minimise": "k", "over": RANGE, **WITH_FREQUENCY, **change})
     with pytest.raises(InputError, match="'k' is tuned and follows from the others"):
         sensitivities(LINEAR, 1, ["k"], **WITH_FREQUENCY)
-    for function in (sensitivities, lambda machine: pareto(machine, minimise=("alpha", "stroke"), over=RANGE)):
-        with pytest.raises(InputError, match="a runner has no orbits beside this one unless a number of it is tuned"):
-            function(RUNNER)
-    with pytest.raises(InputError, match="half an orbit of a runner has 10 equations for 9 unknowns"):
-        optimize(RUNNER, minimise="friction_needed", over={"rest_length": (3.6, 3.9)})
+    with pytest.raises(InputError, match="a runner has no orbits beside this one unless a number of it is tuned"):
+        sensitivities(RUNNER)
+    for function, objective in ((optimize, "friction_needed"), (pareto, ("alpha", "stroke"))):
+        with pytest.raises(InputError, match="half an orbit of a runner has 10 equations for 9 unknowns"):
+            function(RUNNER, minimise=objective, over={"rest_length": (3.6, 3.9)})
 
 
 @pytest.mark.slow
@@ -166,3 +248,5 @@ def test_the_runner_of_least_friction_lies_at_an_edge():
     assert best.parameters["rest_length"] == pytest.approx(least.x, abs=3e-4)
     assert best.objective < min(map(friction, np.linspace(3.6, 3.9, 5)))
     assert best.orbit.certificate.friction_needed == pytest.approx(best.objective, rel=1e-10)
+    with pytest.raises(InputError, match="'largest_spring_force' is not computed for many orbits of a runner together"):
+        optimize(RUNNER, minimise="largest_spring_force", over={"rest_length": (3.6, 3.9)}, starts="global", **AT_SPEED)

@@ -10,7 +10,7 @@ from steps import stepping
 from orbits import NoOrbit, find
 from orbits.flow.trajectory import Trajectories
 from orbits.model.model import as_derived
-from orbits.periodic.certificate import _Curve
+from orbits.periodic.turns_and_zeros import TurnsAndZeros
 from problems import HeavyHand, Hopper
 from problems.laws import springs
 
@@ -90,7 +90,7 @@ def test_derivatives_at_the_end_of_a_short_step():
     """Those of 1 + 2 t + 3 t**2 + c t**3 + d t**4, where 6 c and 12 d are beyond all numbers."""
     c, d, h = 1e308, -1.5e308, 1e-305
     piece = Trajectories(np.zeros(1), np.array([h]), np.zeros((1, 1, 5)), np.array([1]), ("gap",))
-    curve = _Curve(piece, np.array([[1.0, 2.0, 3.0, c, d]]), *np.zeros((4, 0)), np.ones(1))
+    curve = TurnsAndZeros(piece, np.array([[1.0, 2.0, 3.0, c, d]]), *np.zeros((4, 0)), np.ones(1))
     assert curve.at_ends(2) == pytest.approx([6 + 6 * (c * h)], rel=1e-15)
     assert curve.at_ends(1) == pytest.approx([2.0], rel=1e-15)
 

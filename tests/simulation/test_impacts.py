@@ -111,7 +111,7 @@ def test_impacts_that_repeat_themselves(monkeypatch):
     """They end a hop as soon as the ball comes back to an earlier state, as the most impacts would."""
     speeds = np.linspace(3.55, 3.7, 3)
     found = ReturnMap(HeavyHand())(speeds)
-    monkeypatch.setattr("orbits.simulation.impacts.REPETITION", -1.0)
+    monkeypatch.setattr("orbits.simulation.impact_sequences.REPETITION", -1.0)
     all_impacts = ReturnMap(HeavyHand(), cap=1000)(speeds)
     assert found.status.tolist() == all_impacts.status.tolist()
     assert (found.impacts == np.where(found.status == "cap", 10_000, all_impacts.impacts)).all()

@@ -1,0 +1,62 @@
+"""Changes of energy along motions: the work of the energy's gradient between the ends of their steps."""
+
+from collections.abc import Callable, Mapping
+
+import casadi as ca
+import numpy as np
+
+from ..flow.flow import flow_of
+from ..flow.trajectory import Trajectories
+from ..model.model import Model
+from ..model.phase import Phase
+from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
+from ..shooting.error_bound import EPS
+from ..shooting.formulations import Cycles, vectors
+from ..symbolic.caches import cached
+from ..symbolic.kernels import ElementwiseFunction
+
+
+@cached
+def gradients(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> ElementwiseFunction:
+    """An energy gradient of a model at several points, (x, parameters with the data of a piece)."""
+    flow = flow_of(phase, parameters)
+    x = ca.SX.sym("x", flow.size)
+    p = ca.SX.sym("p", len(parameters) + (phase.pieces.size if phase.pieces else 0))
+    return ElementwiseFunction(ca.Function("gradient", [x, p], [ca.vertcat(*gradient(*flow.symbols(x, p)))]))
+
+
+def energy_changes(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The largest changes of energy on each half of a flight and on its contact, (m, halves + 1); the part of them that
+    the rounding of the states explains, of the same shape; and the energy's gradients (m, n) at launch."""
+    changes, floors = np.zeros((2, len(cycles), cycles.halves_per_flight + 1))
+    *flown, starts = _work(model.flight, model.flight_gradient, cycles.halves, cycles.p_of_halves)
+    changes[:, :-1], floors[:, :-1] = (values.reshape(len(cycles), -1) for values in flown)
+    if cycles.contacts:
+        stood = _work(model.contact, model.contact_gradient, cycles.contacts, cycles.p_of_contacts)
+        changes[cycles.with_contact, -1], floors[cycles.with_contact, -1], _ = stood
+    return changes, floors, starts[:: cycles.halves_per_flight]
+
+
+@cached
+def _works(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> ElementwiseFunction:
+    """The work of an energy gradient on straight lines and its largest component there, (start, end, parameters with
+    the data of a piece)."""
+    at = gradients(phase, gradient, parameters).function
+    start, p = at.sx_in()
+    end = ca.SX.sym("end", start.numel())
+    rates = ca.horzcat(*[at(start + place * (end - start), p) for place in GAUSS_PLACES.tolist()])
+    work = ca.dot(rates @ ca.DM(GAUSS_WEIGHTS), end - start)
+    return ElementwiseFunction(ca.Function("works", [start, end, p], [work, ca.mmax(ca.fabs(rates))]))
+
+
+def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -> tuple[np.ndarray, ...]:
+    """The largest work (m,) of the gradient along each motion, on the straight lines between the ends of its steps; the
+    part of it that is rounding (m,); and the gradient at its start (m, n)."""
+    flow, names, first = flow_of(phase, tuple(p)), tuple(p), motions.first
+    data, states = flow.mesh_data(motions, vectors(p, len(motions))), motions.coefficients[:, : flow.size, 0]
+    works, rates = _works(phase, gradient, names)(states, motions.step_ends[:, : flow.size], data)
+    changes = np.cumsum(works)
+    before = np.where(first > 0, changes[first - 1], 0.0)
+    largest = motions.largest(changes - np.repeat(before, motions.counts))
+    floors = EPS * motions.largest(states) * motions.largest(rates)
+    return largest, floors, gradients(phase, gradient, names)(states[first], data[first])[0]

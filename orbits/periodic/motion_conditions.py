@@ -1,0 +1,200 @@
+"""The conditions that an orbit meets as a motion: nothing touches the ground or passes through another, nothing pulls.
+
+They are checked on functions of the motions, by their lowest values and their zeros; the family is counted there too.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..flow.trajectory import Trajectories
+from ..model.model import CONTACT_FORCE, LANDED_FORCE, Model
+from ..model.phase import Affine
+from ..model.state_formula import StateFormula
+from ..records import NONE
+from ..shooting.formulations import Cycles
+from ..units import LENGTH, TIME, Message, Quantity
+from .turns_and_zeros import MIDDLE, TurnsAndZeros, turns_and_zeros
+
+# Rounding moves the middle by at most this share, where small changes grow ten million times on the way there.
+LARGEST_MIDDLE = 0.1
+# The gap is stationary at the end of a half flight when its rate there, times the time of that half, is below this
+# share of the largest gap: in a mirrored motion the rate vanishes but for rounding, which is far smaller.
+STATIONARY = 1e-6
+Violation = tuple[int, str]  # the index of the orbit, and the violation in words
+
+
+def checked_functions(model: Model, cycles: Cycles) -> dict[str, TurnsAndZeros]:
+    """The functions on the motions that a certificate checks: gap, force, separations and the extension with their
+    stationary points, and the forces with their zeros too."""
+    halves, contacts, distance = cycles.halves, cycles.contacts, model.separation(cycles.p_of_halves)
+    # Each half starts from a zero of order three of the gap, so of order two of its rate, and the contact force from a
+    # simple one.
+    gap, extension = halves.series(model.gap(cycles.p_of_halves)), halves.series(model.extension)
+    sought = {"gap": (halves, gap, True, 2), "extension": (halves, extension, True, 0)}
+    if model.landing_gap:
+        sought["landing gap"] = (halves, halves.series(model.landing_gap(cycles.p_of_halves)), True, 0)
+    if distance:
+        for i, motions in enumerate(cycles.flown(model)):
+            sought[f"separation {i}"] = (motions, motions.series(distance), True, 0)
+    for name, height in _above_ground(model, cycles.p_of_halves).items():
+        for i, motions in enumerate(cycles.flown(model)):
+            sought[f"{name} {i}"] = (motions, motions.series(height), True, 0)
+    if contacts:
+        for name, order in _forces_of(model).items():
+            force = contacts.coefficients[:, contacts.names.index(name)]
+            sought[name], sought[f"zeros of {name}"] = (contacts, force, True, 0), (contacts, force, False, order)
+        if distance:
+            apart = model.separation(cycles.p_of_contacts)
+            for i, motions in enumerate(cycles.stood(model)):
+                sought[f"separation in contact {i}"] = (motions, motions.series(apart, model.embed), True, 0)
+        for name, height in _above_ground(model, cycles.p_of_contacts).items():
+            for i, motions in enumerate(cycles.stood(model)):
+                sought[f"{name} in contact {i}"] = (motions, motions.series(height, model.embed), True, 0)
+    return turns_and_zeros(sought)
+
+
+def _above_ground(model: Model, p: Mapping) -> dict[str, Any]:
+    """The heights that have to stay above the ground, by the words of their violation: of machines that move along it
+    those of all that does not land."""
+    gap, each = model.gap(p), model.heights(p).items() if model.sticks else ()
+    return {f"{name} touches the ground": height for name, height in each if not _is_gap(height, gap)}
+
+
+def _is_gap(height: Affine | StateFormula, gap: Affine) -> bool:
+    """Whether a height is the gap, whose weights are numbers."""
+    if isinstance(height, StateFormula) or any(map(np.ndim, (*height.weights, height.offset))):
+        return False
+    return height == gap
+
+
+def _forces_of(model: Model) -> dict[str, int]:
+    """The forces that have to press in contact, each with the order of its zero where the contact begins: only on the
+    point that has landed it vanishes there."""
+    return {CONTACT_FORCE: 0, LANDED_FORCE: 1} if model.changes_contact else {CONTACT_FORCE: 1}
+
+
+def count_families(model: Model, halves: Trajectories, per_flight: int) -> np.ndarray:
+    """The families of flights: the stationary points of the extension between lift-off and mid-flight; `per_flight` of
+    the halves belong to each flight."""
+    found = turns_and_zeros({"extension": (halves, halves.series(model.extension), True, 0)})
+    return families_of(model, found["extension"], per_flight)
+
+
+def families_of(model: Model, extension: TurnsAndZeros, per_flight: int) -> np.ndarray:
+    """`count_families` from the stationary points of the extension. The one left out is mid-flight, where the extension
+    is stationary unless the second half has another one."""
+    rest, rate, ends = np.abs(extension.at_ends(1)), np.abs(extension.at_ends(2)), extension.motions.ends
+    # Rounding moves mid-flight where the extension is nearly constant there.
+    moved = np.divide(2 * rest, rate, out=np.zeros(len(ends)), where=rate > 0)
+    middle = np.clip(moved, MIDDLE * ends, LARGEST_MIDDLE * ends) if model.turns_midway else 0.0 * ends
+    owner = extension.owner[extension.times < (ends - middle)[extension.owner]] // per_flight
+    return np.bincount(owner, minlength=len(extension.motions) // per_flight) // per_flight
+
+
+def gaps_of(
+    model: Model, cycles: Cycles, curves: Mapping[str, TurnsAndZeros]
+) -> tuple[np.ndarray, np.ndarray, list[Violation]]:
+    """Jerks of the gap at lift-off (m,), the lowest interior minima (m,) of the gaps, `NONE` without one, and their
+    violations."""
+    halves, gap = cycles.halves, curves["gap"]
+    jerk = (6 * gap.series[halves.first, 3]).reshape(-1, cycles.halves_per_flight).min(1)
+    # The end of a half, mid-flight, may be a minimum too.
+    still = np.abs(gap.at_ends(1)) * halves.ends < STATIONARY * halves.largest(gap.series[:, :1])
+    middles = ((gap.at_ends(2) > 0) & still).nonzero()[0]
+    clearance, when = _least_of_halves(cycles, *gap.lowest(middles))
+    violations = list[Violation]()
+    for i in (jerk <= 0).nonzero()[0].tolist():
+        text = "the gap opens the wrong way at landing (landing jerk {jerk:.3g}, must be negative)"
+        violations.append((i, Message(text, jerk=Quantity(-jerk[i], "landing_jerk"))))
+    lowest = {"gap": (clearance, when)}
+    if landing := curves.get("landing gap"):  # which is open at the start, and is as wide as the gap in mid-flight
+        lowest["landing gap"] = landing.lowest()
+        clearance = np.minimum(clearance, landing.lowest(np.zeros(0, int))[0])
+    text = "{meets} at t = {time:.6g} of the flight (height {height:.3g})"
+    for name, (heights, times) in lowest.items():
+        for i in (heights <= 0).nonzero()[0].tolist():
+            time, height = Quantity(times[i], TIME), Quantity(heights[i], "clearance")
+            violations.append((i, Message(text, meets=model.violations[name], time=time, height=height)))
+    return jerk, clearance, violations
+
+
+def _least_of_halves(cycles: Cycles, values: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The least (m,) of the values on the halves of each flight, and its time (m,) in the flight."""
+    values, times = (array.reshape(-1, cycles.halves_per_flight) for array in (values, times))
+    half, each = values.argmin(1), np.arange(len(values))
+    when = times[each, half]
+    return values[each, half], np.where(half == 0, when, cycles.flight_times - when)
+
+
+def contact_forces_of(
+    model: Model, cycles: Cycles, curves: Mapping[str, TurnsAndZeros]
+) -> tuple[np.ndarray, np.ndarray, list[Violation]]:
+    """The lowest interior minima (m,) of the contact forces, and their peaks (m,), `NONE` where there are none; and the
+    contacts that do not end or that have to pull."""
+    (least, peaks), violations = np.full((2, len(cycles)), NONE), [*cycles.without_contact.items()]
+    if not cycles.contacts:
+        return least, peaks, violations
+    contacts, these, highest = cycles.contacts, cycles.with_contact, list[np.ndarray]()
+    for name, order in _forces_of(model).items():
+        force, zeros = curves[name], curves[f"zeros of {name}"]
+        pulls = model.violations["landed pull" if name == LANDED_FORCE else "pull"]
+        # Mid-contact itself may be a minimum.
+        still = model.reversor is not None and not model.changes_contact
+        middles = (force.at_ends(2) > 0).nonzero()[0] if still else np.zeros(0, int)
+        least[these] = np.minimum(least[these], force.lowest(middles)[0])
+        highest.append(-force.lowest(sign=-1.0)[0])
+        # A whole contact ends on another zero of the force than the one that it starts from.
+        inside = np.full(len(zeros.times), True) if model.reversor else zeros.inside
+        owner, times = zeros.owner[inside][::-1].tolist(), zeros.times[inside][::-1].tolist()
+        pulling = dict(zip(owner, times, strict=True))  # the first of each
+        at_once = force.series[contacts.first, order] <= 0
+        at_once[[*pulling]] = False
+        places = [(int(these[i]), time) for i, time in sorted(pulling.items())]
+        text = "{pulls} in contact at t = {time:.6g}"
+        violations += [(i, Message(text, pulls=pulls, time=Quantity(time, TIME))) for i, time in places]
+        text = "{pulls} as soon as the contact begins"
+        violations += [(i, Message(text, pulls=pulls)) for i in these[at_once].tolist()]
+    peaks[these] = highest[0] if len(highest) == 1 else np.maximum(*highest)
+    return least, peaks, violations
+
+
+def separations_of(
+    model: Model, cycles: Cycles, curves: Mapping[str, TurnsAndZeros]
+) -> tuple[np.ndarray, list[Violation]]:
+    """Least separations (m,) over the cycles, and the orbits where they, or heights above the ground, are not positive;
+    where the contact does not end, the flight is checked all the same."""
+    found, violations = np.full(len(cycles), NONE), list[Violation]()
+    if "separation 0" in curves:
+        found, violations = _least_of_all(cycles, curves, "separation", model.violations["separation"], "separation")
+    for name in _above_ground(model, cycles.p):
+        violations += _least_of_all(cycles, curves, name, name, "height")[1]
+    return found, violations
+
+
+def _least_of_all(
+    cycles: Cycles, curves: Mapping[str, TurnsAndZeros], of: str, words: str, what: str
+) -> tuple[np.ndarray, list[Violation]]:
+    """The least values (m,) of one function over the cycles, and those that are not positive as violations in words."""
+    found = np.full(len(cycles), NONE)
+    least, when = _least_of_halves(cycles, *curves[f"{of} 0"].lowest())
+    where, everything = np.full(len(cycles), "flight", dtype=object), np.arange(len(cycles))
+    for name, phase, owners, wholes in (
+        (f"{of} 1", "flight", everything, cycles.flight_times),
+        (f"{of} in contact 0", "contact", cycles.with_contact, None),
+        (f"{of} in contact 1", "contact", cycles.with_contact, cycles.contact_times),
+    ):
+        if name in curves:
+            low, times = curves[name].lowest()
+            lower = low < least[owners]
+            these = owners[lower]
+            times = times if wholes is None else wholes[owners] - times
+            least[these], where[these], when[these] = low[lower], phase, times[lower]
+    found[cycles.with_contact] = least[cycles.with_contact]
+    violations = list[Violation]()
+    for i in (~(least > 0)).nonzero()[0].tolist():
+        text, time = "{meets} at t = {time:.6g} of the {phase} ({what} {least:.3g})", Quantity(when[i], TIME)
+        numbers = {"time": time, "phase": where[i], "what": what, "least": Quantity(least[i], LENGTH)}
+        violations.append((i, Message(text, meets=words, **numbers)))
+    return found, violations
