@@ -98,7 +98,7 @@ class Division:
         states = list[Array]()
         for path, flow, count in zip(paths, self.undivided.flows, self.parts, strict=True):
             states += [path(path.times[-1] * k / count)[: flow.size] for k in range(1, count)]
-        return np.insert(u, self.undivided.own, np.concatenate(states))
+        return np.concatenate([u[: self.nodes.start], *states, u[self.nodes.start :]])
 
     def growths(self, evaluation: Evaluation) -> Array:
         """The growths (m, arcs) of a small change over each arc, where the equations with nodes are the evaluation."""
@@ -254,6 +254,13 @@ class NodedSolution:
         same = np.abs(self.alpha - other.alpha) <= self.error + other.error
         return other if (same & (other.error < self.error))[0] else self
 
+    def simplest(self) -> "NodedSolution":
+        """The same without nodes where they are not needed, and do not make the error smaller."""
+        if self.growths.max() <= LARGEST_ARC_GROWTH:
+            with suppress(NoOrbit, FlowError):
+                return self.or_nearer(self.without_nodes())
+        return self
+
     def with_nodes(self) -> "NodedSolution":
         """The same with as many nodes as its motions ask for, from unknowns that need not solve the equations yet."""
         whole, growths = self.whole, self.growths[0]
@@ -290,11 +297,8 @@ def solved_with_nodes(undivided: Shooting, u: Array, p: Array, solve: Callable |
     if evaluation.amplification[0] > SENSITIVE:
         with suppress(NoOrbit, FlowError):
             found = NodedSolution(undivided, None, u, p, evaluation).with_nodes()
-            if (growth := found.growths.max()) > DIVIDED_GROWTH:
-                if growth <= LARGEST_ARC_GROWTH:
-                    with suppress(NoOrbit, FlowError):
-                        found = found.or_nearer(found.without_nodes())
-                return found
+            if found.growths.max() > DIVIDED_GROWTH:
+                return found.simplest()
             u, evaluation = found.u, found.whole
     u, evaluation = solve(u, p) if solve else undivided.newton(u, p, evaluation=evaluation)
     return NodedSolution(undivided, None, u, p, evaluation).divided()

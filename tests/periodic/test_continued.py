@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orbits import NoOrbit, find, find_all, follow, starts
-from orbits.periodic import continued as module
+from orbits.periodic import ways
 from orbits.periodic.continued import continued, continued_orbits
 from orbits.periodic.linear_hops import linear_hops
 from problems import Chain, Hopper, plate_hopper
@@ -122,7 +122,7 @@ def test_a_hopper_on_a_plate_is_continued_to_the_orbits_of_its_family():
 
 
 def test_a_way_that_is_too_hard_is_not_said_to_have_no_orbit(monkeypatch):
-    monkeypatch.setattr(module, "MOST_STEPS_ON_WAY", 1)
+    monkeypatch.setattr(ways, "MOST_STEPS_ON_WAY", 1)
     start = hops_of_chain()[0]
     found = continued(CUBIC, start, with_values(CUBIC, b=[1e-6, 0.3]), ["b"])
     assert found.stopped[1][0] == "not reached"

@@ -1,0 +1,326 @@
+"""Ways of the parameters of many machines, along which the orbit of each is led, all of them together.
+
+In each round every machine takes a step of its own length along its way: a predictor from the tangents, and Newton's
+method back to the orbits. A step is accepted where the predictor was good and the orientation of the equations stays,
+so that no orbit beyond a fold is mistaken for this one. Where motions come to amplify small changes they are divided at
+nodes, since Newton's method without nodes would lead to other orbits.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import FlowError, NoOrbit
+from ..numerics.polynomial_roots import TINY
+from ..numerics.roots import Array, solve
+from ..running import interrupts
+from ..shooting.division import DIVIDED_GROWTH, SENSITIVE, Division, NodedSolution
+from ..shooting.newton_kernel import MOST_NEWTON_STEPS
+from ..shooting.single_shooting import Shooting
+
+# A step is accepted where Newton's method moves the prediction by no more than the first share of the unknowns' sizes,
+# and changes the equations by no more than the second share of the largest unknown, since orbits of other families are
+# near where motions are long, or amplify small changes; and where the mean of both tangents leads to the new point up
+# to the first share, as those of two different curves do not. The next step is such that the third share of it is left.
+WORST_PREDICTION, WORST_MISS, AIMED_SHARE = 0.1, 0.1, 0.3
+# Where the orientation of the equations changes, a step over a branch point is accepted if the correction is no larger
+# than this share of the step; beyond a fold it would be as large as the step.
+ACROSS_BRANCH = 0.02
+# On the way a point is known well enough for the next step where a Newton step is below the first share, and changes
+# the equations by less than the second share of the largest unknown; a step that shrinks by no more than the third is
+# not in the basin of the orbit.
+ON_THE_WAY, MISS_ON_WAY, CONTRACTION = 1e-2, 1e-2, 0.3
+# Of the step after an accepted one to the one before, at least and at most; and after a refused one.
+LEAST_GROWTH, LARGEST_GROWTH, AFTER_REFUSAL = 0.3, 4.0, 0.25
+# Where the shortest step, as a share of the way, is refused, or after the most rounds, the way is given up.
+SHORTEST_ON_WAY, MOST_STEPS_ON_WAY = 1e-9, 200
+# A step goes over no more than the first share of the distance to a fold. The fold is certain where two successive
+# estimates of its place differ by less than the second share of what lies beyond it, and is nearer than the third.
+TOWARDS_FOLD, SAME_FOLD, NEAR_FOLD = 0.6, 0.02, 1e-3
+
+
+class WaysDone(NamedTuple):
+    """The result of following ways: the unknowns (m, n) at their ends, NaN for those that were given up; the shares
+    (m,) of the way that are done, and the shares (m,) at which there is a fold, infinite without any; and the solutions
+    at the ends of those, by index, on which motions were divided."""
+
+    us: Array
+    shares: Array
+    folds: Array
+    noded: dict[int, NodedSolution]
+
+
+class _Stretch(NamedTuple):
+    """A stretch of the ways of some machines (k,): the shares (k,) where it begins, the unknowns (k, N) there, with the
+    nodes of a division, if any; the rounds (k,) that have been needed before, and whether motions may be divided."""
+
+    which: Array
+    shares: Array
+    xs: Array
+    rounds: Array
+    division: Division | None = None
+    divisible: bool = True
+
+
+def along_ways(
+    equations: Shooting, us: Array, starts: Array, ends: Array, vary: tuple[str, ...],
+    report: Callable[[int], None] = lambda ended: None,
+) -> WaysDone:  # fmt: skip
+    """The orbits at the ends of straight ways of the parameters (m, np), from orbits with unknowns (m, n) at their
+    starts; the parameters `vary` change along the ways."""
+    count = len(us)
+    ways = WaysDone(np.full(us.shape, np.nan), np.zeros(count), np.full(count, np.inf), {})
+    stretches = [_Stretch(np.arange(count), np.zeros(count), us, np.zeros(count, int))]
+    while stretches:
+        stretch = stretches.pop()
+        which, waiting = stretch.which, sum(len(each.which) for each in stretches)
+        here, there = _parameters_at(starts[which], ends[which], stretch.shares), ends[which]
+        own = stretch.division.equations if stretch.division else equations
+        lanes = _went_along(own, stretch, here, there, vary, partial(_report_ended, report, count - waiting))
+        done, done_before = lanes.shares == 1.0, stretch.shares
+        ways.shares[which] = np.where(done, 1.0, done_before + (1 - done_before) * lanes.shares)
+        # Just behind a fold the last point is near the orbits before it, whence Newton's method does not converge.
+        beside = done & ~lanes.hangs & (lanes.folds < 1 + NEAR_FOLD)
+        folds = np.where(lanes.at_fold | beside, lanes.folds, np.inf)
+        certain = folds < np.inf
+        ways.folds[which[certain]] = (done_before + (1 - done_before) * np.where(certain, folds, 0.0))[certain]
+        for k in np.flatnonzero(done & ~lanes.hangs).tolist():
+            i, x = int(which[k]), lanes.us[k]
+            if stretch.division is None:
+                ways.us[i] = x
+            elif found := _with_nodes(equations, stretch.division, x, there[k]):
+                ways.us[i], ways.noded[i] = found.u, found
+        stretches += _divided(equations, stretch, lanes, _parameters_at(here, there, lanes.shares), ways.shares[which])
+    return ways
+
+
+def _report_ended(report: Callable[[int], None], count: int, going: int) -> None:
+    """Report the number of machines whose way has ended, where some of this number are still going."""
+    report(count - going)
+
+
+def _parameters_at(starts: Array, ends: Array, shares: Array) -> Array:
+    """The parameters (m, np) at shares (m,) of ways."""
+    return np.where(shares[:, None] == 1.0, ends, starts + shares[:, None] * (ends - starts))
+
+
+def _went_along(
+    equations: Shooting, stretch: _Stretch, starts: Array, ends: Array, vary: tuple[str, ...],
+    report: Callable[[int], None],
+) -> "_Lanes":  # fmt: skip
+    """The machines of a stretch, with parameters (k, np) at its start, as far as they get on the rest of their ways;
+    `report` is called with the number of those that are still going."""
+    places, lanes = [equations.parameters.index(name) for name in vary], _Lanes(stretch, equations.own)
+    ways = (ends - starts)[:, places, None]
+    which, evaluation = equations.evaluate_lanes(stretch.xs, starts, vary)
+    if evaluation is not None:
+        lanes.begin(which, evaluation.jacobian, ways[which], evaluation.amplification)
+    while len(going := np.flatnonzero(lanes.going & (lanes.rounds < MOST_STEPS_ON_WAY))):
+        interrupts.heed()
+        new, guesses = lanes.predicted(going)
+        ps = _parameters_at(starts[going], ends[going], new)
+        solved, found, jacobians, growths = _near_guesses(equations, guesses, ps, vary, lanes.least[going])
+        lanes.accept(going, new, guesses, solved, found, jacobians, growths, ways)
+        report(int(np.count_nonzero(lanes.going)))
+    return lanes
+
+
+def _divided(equations: Shooting, stretch: _Stretch, lanes: "_Lanes", ps: Array, shares: Array) -> Iterator[_Stretch]:
+    """The stretches that follow for the machines whose motions come to amplify small changes, with parameters (k, np)
+    at shares (k,) of their ways: with nodes, those with as many of them together, or without where these are of no
+    use, as where small changes grow within a short time."""
+    following = dict[tuple[int, ...], list[tuple[int, NodedSolution]]]()
+    for k in np.flatnonzero(lanes.hangs).tolist():
+        if stretch.division and lanes.shares[k] == 0:  # it has been divided here already
+            continue
+        found = _with_nodes(equations, stretch.division, lanes.us[k], ps[k], anew=True)
+        if found and found.division:
+            following.setdefault(found.division.parts, []).append((k, found))
+        elif stretch.division is None:
+            yield _Stretch(stretch.which[[k]], shares[[k]], lanes.us[[k]], lanes.rounds[[k]], divisible=False)
+    for each in following.values():
+        own = [k for k, _ in each]
+        xs = np.array([found.x for _, found in each])
+        yield _Stretch(stretch.which[own], shares[own], xs, lanes.rounds[own], each[0][1].division)
+
+
+def _with_nodes(
+    equations: Shooting, division: Division | None, x: Array, p: Array, anew: bool = False
+) -> NodedSolution | None:
+    """The solution near unknowns (N,) with the nodes of a division, if any, and parameters (np,): with the nodes that
+    it asks for where it is divided `anew`, else with nodes where they are of use. None without one nearby."""
+    own = division.equations if division else equations
+    with suppress(NoOrbit, FlowError):
+        known = NodedSolution(equations, division, x, p, own.evaluate_all(x[None], p[None]))
+        found = known.with_nodes() if anew else known.near(x, p).simplest()
+        sizes = sizes_of_unknowns(known.u[None], 0.1 * np.abs(known.u[None, equations.own :]) + TINY)
+        if (np.abs(found.u - known.u) / sizes).max() < WORST_PREDICTION:
+            return found
+    return None
+
+
+class _Lanes:
+    """The machines (m,) on their ways: whether each is `going`, the share of its way that is done, its unknowns there
+    and their derivatives by the share, the same one step before, the length of the next step, the orientation of the
+    equations, and the share at which a fold is expected, infinite where none is; the least sizes of those unknowns,
+    after the first `own` ones, that are tuned parameters; the rounds needed; and whether its motion `hangs`, that is,
+    has come to amplify small changes, and is to be divided before it goes on. The shares are those of a stretch."""
+
+    def __init__(self, stretch: _Stretch, own: int):
+        us, count = stretch.xs, len(stretch.xs)
+        self.rounds, self.hangs = stretch.rounds.copy(), np.zeros(count, bool)
+        self.most_growth = (DIVIDED_GROWTH, SENSITIVE) if stretch.divisible else (np.inf, np.inf)
+        self.least = 0.1 * np.abs(us[:, own:])
+        self.us, self.tangents, self.before, self.tangents_before = us.copy(), *np.full((3, *us.shape), np.nan)
+        self.shares, self.steps, self.orientations = np.zeros(count), np.ones(count), np.zeros(count)
+        self.shares_before, self.folds = np.full(count, np.nan), np.full(count, np.inf)
+        self.going, self.at_fold = np.zeros(count, bool), np.zeros(count, bool)
+
+    def begin(self, which: Array, jacobians: Array, ways: Array, growths: Array) -> None:
+        """Begin those lanes (k,) at whose starts the equations have these Jacobians, and small changes grow so much."""
+        self.hangs[which] = growths > self.most_growth[0]
+        self.tangents[which], self.orientations[which] = _tangents(jacobians, ways)
+        self.going[which] = np.isfinite(self.tangents[which]).all(1) & ~self.hangs[which]
+        tuned = self.least.shape[1]
+        changes = np.nan_to_num(np.abs(self.tangents[:, self.tangents.shape[1] - tuned :]))
+        self.least = np.maximum(np.maximum(self.least, 0.1 * changes), TINY)
+
+    def predicted(self, lanes: Array) -> tuple[Array, Array]:
+        """The shares (k,) to which some lanes step, and the unknowns (k, n) predicted there: on the cubic through the
+        last two points with their tangents, or on the tangent."""
+        done, left = self.shares[lanes], 1 - self.shares[lanes]
+        steps = np.minimum(self.steps[lanes], left)
+        new = np.where(steps < left, done + steps, 1.0)
+        u, by_share = self.us[lanes], self.tangents[lanes]
+        guesses = u + (new - done)[:, None] * by_share
+        gaps = (done - self.shares_before[lanes])[:, None]
+        ahead = (new - done)[:, None] / gaps
+        first = self.before[lanes] - u + gaps * by_share
+        second = gaps * (self.tangents_before[lanes] - by_share)
+        cubic = guesses + (second + 3 * first) * ahead**2 + (second + 2 * first) * ahead**3
+        return new, np.where(np.isfinite(cubic), cubic, guesses)
+
+    def accept(
+        self, lanes: Array, new: Array, guesses: Array, solved: Array, found: Array, jacobians: Array, growths: Array,
+        ways: Array,
+    ) -> None:  # fmt: skip
+        """Take the steps of lanes (k,) to shares (k,) that are good, and shorten the others: those that are `solved`,
+        by their indices, with the unknowns found, and the Jacobians and the growths of small changes there."""
+        self.rounds[lanes] += 1
+        refused, lanes_found, old = np.ones(len(lanes), bool), lanes[solved], self.us[lanes[solved]]
+        if len(solved):
+            tangents, orientations = _tangents(jacobians, ways[lanes_found])
+            taken = new[solved] - self.shares[lanes_found]
+            means = taken[:, None] * (tangents + self.tangents[lanes_found]) / 2
+            correction = found - guesses[solved]
+            sizes = sizes_of_unknowns(found, self.least[lanes_found])
+            moved, changes, bends = ((np.abs(x) / sizes).max(1) for x in (correction, found - old, found - old - means))
+            misses = _misses((jacobians[:, :, : found.shape[1]] @ correction[:, :, None])[:, :, 0], found, self.least)
+            shares = np.maximum(np.maximum(moved, bends) / WORST_PREDICTION, misses / WORST_MISS)
+            turned = orientations != self.orientations[lanes_found]
+            good = (shares <= 1.0) & np.isfinite(tangents).all(1) & (growths <= self.most_growth[1])
+            good &= ~turned | (shares * WORST_PREDICTION <= ACROSS_BRANCH * np.minimum(changes, 1.0))
+            refused[solved[good]] = False
+            growth = (AIMED_SHARE / np.maximum(shares, 1e-12)) ** (1 / 3)
+            self._take(
+                lanes_found[good], new[solved][good], found[good], tangents[good], orientations[good],
+                np.clip(growth[good], LEAST_GROWTH, LARGEST_GROWTH),
+            )  # fmt: skip
+            self._divide(lanes_found[good], growths[good])
+        short = lanes[refused]
+        self.steps[short] = AFTER_REFUSAL * np.minimum(self.steps[short], 1 - self.shares[short])
+        lost = short[self.steps[short] < SHORTEST_ON_WAY]
+        self.going[lost] = False
+        self.at_fold[lost] = self.folds[lost] - self.shares[lost] < NEAR_FOLD * self.folds[lost]
+
+    def _take(self, lanes: Array, new: Array, us: Array, tangents: Array, orientations: Array, growth: Array) -> None:
+        """Step lanes (k,) to shares (k,)."""
+        done, old = self.shares[lanes], self.tangents[lanes]
+        # Near a fold the inverse square of the tangent's length falls to zero like a straight line.
+        rates = [
+            1 / np.maximum(((t / sizes_of_unknowns(u, self.least[lanes])) ** 2).sum(1), TINY)
+            for t, u in ((old, self.us[lanes]), (tangents, us))
+        ]
+        with np.errstate(all="ignore"):
+            folds = new + rates[1] * (new - done) / (rates[0] - rates[1])
+        folds = np.where(rates[0] > rates[1], folds, np.inf)
+        with np.errstate(invalid="ignore"):
+            certain = (np.abs(folds - self.folds[lanes]) < SAME_FOLD * np.minimum(folds, 1 - folds)) & (
+                folds - new < NEAR_FOLD * folds
+            )
+        self.before[lanes], self.tangents_before[lanes], self.shares_before[lanes] = self.us[lanes], old, done
+        self.us[lanes], self.tangents[lanes], self.shares[lanes], self.orientations[lanes] = (
+            us,
+            tangents,
+            new,
+            orientations,
+        )
+        self.folds[lanes] = folds
+        self.steps[lanes] = np.minimum(growth * (new - done), TOWARDS_FOLD * (folds - new))
+        self.at_fold[lanes] = certain
+        self.going[lanes] = (new < 1.0) & ~certain
+
+    def _divide(self, lanes: Array, growths: Array) -> None:
+        """Stop those lanes (k,) whose motions are to be divided."""
+        hangs = (growths > self.most_growth[0]) & ~self.at_fold[lanes]
+        self.hangs[lanes], self.going[lanes] = hangs, self.going[lanes] & ~hangs
+
+
+def sizes_of_unknowns(us: Array, least: Array) -> Array:
+    """The unit of each of the unknowns (m, n), as of a curve's points; the last ones, tuned parameters, have their own
+    least sizes (m, t)."""
+    sizes, own = np.abs(us), us.shape[1] - least.shape[1]
+    sizes[:, :own] = np.maximum(sizes[:, :own], 0.1 * sizes[:, :own].max(1, keepdims=True))
+    sizes[:, own:] = np.maximum(sizes[:, own:], least)
+    return sizes
+
+
+def _misses(residuals: Array, us: Array, least: Array) -> Array:
+    """The largest of the residuals (m, n) as shares (m,) of the largest of the unknowns (m, n) without tuned ones."""
+    return np.abs(residuals).max(1) / np.abs(us[:, : us.shape[1] - least.shape[1]]).max(1)
+
+
+def _tangents(jacobians: Array, ways: Array) -> tuple[Array, Array]:
+    """The derivatives (m, n) of the unknowns by the share of the way, and the orientations (m,) of the equations."""
+    n = jacobians.shape[1]
+    tangents = -solve(jacobians[:, :, :n], jacobians[:, :, n:] @ ways)[:, :, 0]
+    return tangents, np.linalg.slogdet(jacobians[:, :, :n])[0]
+
+
+def _near_guesses(
+    equations: Shooting, guesses: Array, ps: Array, vary: tuple[str, ...], least: Array
+) -> tuple[Array, Array, Array, Array]:
+    """The indices (k,) of guesses (m, n) from which Newton's method converges, the unknowns (k, n) nearly there, and
+    the Jacobians (k, n, n + k) and the growths (k,) of small changes at the last points before."""
+    us, left, last = guesses.copy(), np.arange(len(guesses)), np.full(len(guesses), np.inf)
+    done, jacobians = np.zeros(len(us), bool), np.zeros((len(us), us.shape[1], us.shape[1] + len(vary)))
+    growths = np.zeros(len(us))
+    for _ in range(MOST_NEWTON_STEPS):
+        which, evaluation = equations.evaluate_lanes(us[left], ps[left], vary)
+        if evaluation is None:
+            break
+        left, n = left[which], us.shape[1]
+        steps = -solve(evaluation.jacobian[:, :, :n], evaluation.residual[:, :, None])[:, :, 0]
+        with np.errstate(invalid="ignore"):
+            sizes = (np.abs(steps) / sizes_of_unknowns(us[left], least[left])).max(1)
+            misses = _misses(evaluation.residual, us[left], least)
+            enough = (sizes < ON_THE_WAY) & (misses < MISS_ON_WAY)
+            goes = (sizes < WORST_PREDICTION) & (misses < WORST_MISS) & (sizes < CONTRACTION * last[left])
+        ended = left[enough]
+        us[ended] += steps[enough]
+        done[ended], jacobians[ended], growths[ended] = (
+            True,
+            evaluation.jacobian[enough],
+            evaluation.amplification[enough],
+        )
+        goes &= ~enough
+        us[left[goes]] += steps[goes]
+        last[left] = sizes
+        left = left[goes]
+        if not len(left):
+            break
+    which = np.flatnonzero(done)
+    return which, us[which], jacobians[which], growths[which]

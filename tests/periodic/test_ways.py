@@ -1,0 +1,39 @@
+"""Ways of the parameters on which orbits of other families are near, against closed forms and a search."""
+
+import numpy as np
+import pytest
+from hanging import quadratic_lateness
+
+from orbits import find
+from orbits.periodic.continued import continued_orbits
+from problems import Hopper
+
+
+def liftoff(c):
+    """The extension at which the spring r + c*r**2 has the force of the weight."""
+    return (np.sqrt(1 + 4 * c) - 1) / (2 * c)
+
+
+@pytest.mark.parametrize(("c", "alpha"), [(-0.022, 26.223545859854912), (-0.06, 9.528841981579683)])
+def test_flights_that_hang_stay_in_their_family(c, alpha):
+    """Flights that stay near the barrier of a quadratic spring, on which small changes grow up to 1e12-fold: each
+    launch speed is that of elliptic integrals up to its error. Without nodes other families were mistaken for this."""
+    machine = Hopper("r + c*r**2", parameters={"c": c})
+    start = find(machine, start={"liftoff": liftoff(c), "alpha": alpha, "duration": alpha})
+    values = [-0.07, -0.04, -0.024, -0.018]
+    for one, orbit in zip(
+        values, continued_orbits(machine, start, [machine.with_values(c=v) for v in values]), strict=True
+    ):
+        assert orbit.family == 1
+        assert orbit.error < 1e-12
+        early, late = (quadratic_lateness(one, orbit.alpha + side * orbit.error) for side in (-1, 1))
+        assert early * late < 0
+
+
+def test_long_flights_stay_in_their_family():
+    """From a linear spring to hardening ones, whose families are guessed by quadrature."""
+    machine = Hopper("cubic", parameters={"beta": 0.0})
+    machines = [machine.with_values(beta=beta) for beta in (0.02, 0.1425, 0.265)]
+    for one, orbit in zip(machines, continued_orbits(machine, find(machine, 6), machines), strict=True):
+        assert orbit.family == 6
+        assert orbit.alpha == pytest.approx(find(one, 6).alpha, rel=1e-12)
