@@ -40,13 +40,14 @@ def worst_loss(mass_ratio: float) -> float:
 
 
 def main(folder: Path, quick: bool = False) -> dict[str, float]:
-    panels, samples = new_row(2, 4.8, 4.4, rows=2), 100 if quick else 1200
+    panels = new_row(2, 4.8, 4.4, rows=2)
+    samples, more = (100, 400) if quick else (1200, 4000)
     orbit = find(Hopper())
-    ReturnMap(Hopper()).plot(1.0, 12.0, panels[0, 0])
+    ReturnMap(Hopper()).plot(1.0, 12.0, panels[0, 0], samples=more)
     near = 0.02
-    ReturnMap(Hopper()).plot(orbit.alpha - near, orbit.alpha + near, panels[0, 1])
+    ReturnMap(Hopper()).plot(orbit.alpha - near, orbit.alpha + near, panels[0, 1], samples=more)
     panels[0, 1].set_ylim(orbit.alpha - 6 * near, orbit.alpha + near)
-    ReturnMap(Hopper(mass_ratio=LIGHT)).plot(1.0, 12.0, panels[1, 0])
+    ReturnMap(Hopper(mass_ratio=LIGHT)).plot(1.0, 12.0, panels[1, 0], samples=more)
     heavy = ReturnMap(Hopper(mass_ratio=HEAVY))
     heavy.plot(2.9, 3.8, panels[1, 1], samples=samples)
     panels[1, 1].set_ylim(2.4, 3.8)
