@@ -16,6 +16,7 @@ import numpy as np
 
 from orbits import ReturnMap, find
 from orbits.show.plot import COLOURS, new_row, save_figure
+from orbits.simulation.impacts import CAP
 from problems import HeavyHand, Hopper
 
 LIGHT, HEAVY = 0.02, 1e3
@@ -40,14 +41,15 @@ def worst_loss(mass_ratio: float) -> float:
 
 
 def main(folder: Path, quick: bool = False) -> dict[str, float]:
-    panels, samples = new_row(2, 4.8, 4.4, rows=2), 100 if quick else 1200
+    panels = new_row(2, 4.8, 4.4, rows=2)
+    samples, more, cap = (100, 400, 50) if quick else (1200, 4000, CAP)
     orbit = find(Hopper())
-    ReturnMap(Hopper()).plot(1.0, 12.0, panels[0, 0])
+    ReturnMap(Hopper()).plot(1.0, 12.0, panels[0, 0], samples=more)
     near = 0.02
-    ReturnMap(Hopper()).plot(orbit.alpha - near, orbit.alpha + near, panels[0, 1])
+    ReturnMap(Hopper()).plot(orbit.alpha - near, orbit.alpha + near, panels[0, 1], samples=more)
     panels[0, 1].set_ylim(orbit.alpha - 6 * near, orbit.alpha + near)
-    ReturnMap(Hopper(mass_ratio=LIGHT)).plot(1.0, 12.0, panels[1, 0])
-    heavy = ReturnMap(Hopper(mass_ratio=HEAVY))
+    ReturnMap(Hopper(mass_ratio=LIGHT)).plot(1.0, 12.0, panels[1, 0], samples=more)
+    heavy = ReturnMap(Hopper(mass_ratio=HEAVY), cap=cap)
     heavy.plot(2.9, 3.8, panels[1, 1], samples=samples)
     panels[1, 1].set_ylim(2.4, 3.8)
     other = panels[1, 1].twinx()
@@ -81,6 +83,6 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--output", type=Path, default=Path("figures"), help="folder for the figure")
-    parser.add_argument("--quick", action="store_true", help="fewer launches")
+    parser.add_argument("--quick", action="store_true", help="fewer launches, and fewer impacts of a heavy foot")
     arguments = parser.parse_args()
     main(arguments.output, arguments.quick)

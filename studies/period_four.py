@@ -59,7 +59,7 @@ def cycle(launches: np.ndarray, eps: float) -> tuple[np.ndarray, float]:
     return launches, float(np.prod(slopes))
 
 
-def settled(eps: float, period: int, hops: int = 800) -> np.ndarray:
+def settled(eps: float, period: int, hops: int = 200) -> np.ndarray:
     """The launches (period,) that hops come to in the long run."""
     step, alpha = ReturnMap(Hopper(), inject=eps), np.array([4.4925])
     for _ in range(hops):

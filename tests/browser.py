@@ -22,7 +22,9 @@ SWITCHES = (
     "disable-background-networking",
 )
 SWITCHES += ("disable-background-networking", "disable-component-update", "disable-sync", "disable-dev-shm-usage")
-PATIENCE = 20.0  # seconds that a page may take on a slow machine that does much else
+# Seconds that a page may take. Where it is quick they cost nothing; on a machine of two cores that does much else, the
+# workers of a live page, which have a low priority, have a twentieth of a core.
+PATIENCE = 300.0
 
 
 class Page:
@@ -41,6 +43,12 @@ class Page:
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
 
+    def reduce_motion(self, reduced: bool = True) -> None:
+        """State to what is opened from now on whether the reader wants less motion: without it a page is animated all
+        the time, which takes most of a core."""
+        wanted = {"name": "prefers-reduced-motion", "value": "reduce" if reduced else "no-preference"}
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [wanted]})
+
     def open(self, place: str | Path) -> None:
         """Open a file or an address."""
         self.driver.get(place.resolve().as_uri() if isinstance(place, Path) else place)
@@ -49,9 +57,9 @@ class Page:
         """What the body of a JavaScript function returns, whose `arguments` are these."""
         return self.driver.execute_script(script, *arguments)
 
-    def wait(self, script: str, *arguments: Any, seconds: float = PATIENCE) -> Any:
-        """What a script returns as soon as that is true; a test fails after so many seconds."""
-        return wait_for(lambda: self.run(script, *arguments), seconds, script)
+    def wait(self, script: str, *arguments: Any) -> Any:
+        """What a script returns as soon as that is true; a test fails after `PATIENCE`."""
+        return wait_for(lambda: self.run(script, *arguments), script)
 
     def wait_for_figures(self, count: int = 1) -> None:
         """Wait until so many figures of Bokeh are drawn, which takes until their document is idle."""
@@ -83,19 +91,20 @@ class Page:
         return [url for url in self._requests if not url.startswith(("data:", "blob:"))]
 
 
-def wait_for(ready: Callable[[], Any], seconds: float = PATIENCE, what: str = "it") -> Any:
-    """What `ready` returns as soon as that is true; a test fails after so many seconds."""
-    end = time.monotonic() + seconds
+def wait_for(ready: Callable[[], Any], what: str) -> Any:
+    """What `ready` returns as soon as that is true; a test fails after `PATIENCE`."""
+    end = time.monotonic() + PATIENCE
     while not (found := ready()):
         if time.monotonic() > end:
-            pytest.fail(f"after {seconds:g} s this is still not so: {what}")
+            pytest.fail(f"after {PATIENCE:g} s this is still not so: {what}")
         time.sleep(0.05)
     return found
 
 
 @contextmanager
 def chromium(width: int = 1200, height: int = 900) -> Iterator[Page]:
-    """A page of this size in a fresh Chromium; a test without Selenium is skipped, and one without a browser fails.
+    """A page of this size, without motion, in a fresh Chromium; a test without Selenium is skipped, and one without a
+    browser fails.
 
     It fails as well where the console has told of an error by the end.
     """
@@ -111,8 +120,10 @@ def chromium(width: int = 1200, height: int = 900) -> Iterator[Page]:
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     driver = webdriver.Chrome(options, webdriver.ChromeService(driver_path))
     try:
+        driver.set_script_timeout(PATIENCE)
         page = Page(driver)
         page.resize(width, height)
+        page.reduce_motion()
         yield page
         assert page.errors() == []
     finally:

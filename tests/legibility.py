@@ -1,6 +1,6 @@
 """What makes a figure hard to read, found from what matplotlib would draw."""
 
-from itertools import combinations, pairwise
+from itertools import combinations
 
 import numpy as np
 from matplotlib.collections import PathCollection
@@ -94,7 +94,8 @@ def _faults_of_legend(axes) -> list[str]:
     ]
     box = legend.get_window_extent().padded(-2)
     for line in axes.lines:
-        if line.get_visible() and any(box.contains(*point) for point in _points(line)):
+        points = _points(line)
+        if line.get_visible() and ((points >= box.min) & (points <= box.max)).all(axis=1).any():
             found.append(f"the curve {line.get_label()!r} runs under the legend of {axes.get_title()!r}")
     return found
 
@@ -111,7 +112,7 @@ def _points(artist) -> np.ndarray:
     if isinstance(artist, Line2D):
         data = artist.get_transform().transform(artist.get_xydata())
         if artist.get_linestyle() != "None" and len(data) > 1:
-            data = np.concatenate([np.linspace(a, b, 20) for a, b in pairwise(data)])
+            data = np.linspace(data[:-1], data[1:], 20, axis=1).reshape(-1, 2)
     else:
         data = artist.get_offset_transform().transform(artist.get_offsets())
     inside = artist.axes.bbox.padded(SLACK)

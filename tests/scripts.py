@@ -13,3 +13,9 @@ def run(script: str, *numbers: int) -> None:
     command = [sys.executable, str(TESTS / script), *map(str, numbers)]
     done = subprocess.run(command, capture_output=True, text=True, cwd=TESTS.parent, env=environment)
     assert done.returncode == 0, done.stdout[-500:] + done.stderr[-3000:]
+
+
+def lines_of(said: str) -> list[str]:
+    """The lines that a program has said, but for those that it computes still, which it says where the machine does
+    much else."""
+    return [line for line in said.splitlines() if line.strip() and " has been computing for " not in line]

@@ -50,12 +50,8 @@ def exact_alpha(orbit, b, R, M, length):
         return mpmath.matrix([state[1], state[3]])
 
     u = mpmath.matrix([orbit.alpha, orbit.flight_time / 2])
-    step = mpmath.mpf("1e-12")
-    for _ in range(2):
-        value = middle(*u)
-        slopes = [(middle(u[0] + step, u[1]) - value) / step, (middle(u[0], u[1] + step) - value) / step]
-        jacobian = mpmath.matrix(2, 2)
-        for j in range(2):
-            jacobian[0, j], jacobian[1, j] = slopes[j][0], slopes[j][1]
-        u = u - mpmath.lu_solve(jacobian, value)
-    return u[0]
+    step, value = mpmath.mpf("1e-12"), middle(*u)
+    slopes = [(middle(u[0] + step, u[1]) - value) / step, (middle(u[0], u[1] + step) - value) / step]
+    jacobian = mpmath.matrix([[slope[i] for slope in slopes] for i in range(2)])
+    u = u - mpmath.lu_solve(jacobian, value)
+    return (u - mpmath.lu_solve(jacobian, middle(*u)))[0]  # the slopes are good to 12 digits, and so is each change

@@ -26,6 +26,7 @@ HOSTS = (LOOPBACK, "localhost")  # the names under which a browser requests the 
 LARGEST_MESSAGE = 8 << 20
 SHOWN_ELSEWHERE = ("document", "iframe")  # what a page of another site may make of this one: it reads neither
 MOST_TABS = 40  # each has a process of its own
+LIFETIME = 5000  # milliseconds after which the session of a closed tab ends
 
 
 def serve(scene: "Scene", port: int = 0, python_machine: object = None) -> "tuple[BaseServer, str]":
@@ -66,7 +67,7 @@ def serve(scene: "Scene", port: int = 0, python_machine: object = None) -> "tupl
         extra_websocket_origins=hosts,
         websocket_max_message_size_bytes=LARGEST_MESSAGE,
         check_unused_sessions_milliseconds=2000,
-        unused_session_lifetime_milliseconds=5000,
+        unused_session_lifetime_milliseconds=LIFETIME,
     )
     # A host name that another site points to this computer is refused for every path, as are another site's scripts.
     refused = {code: Pages([(".*", ErrorHandler, {"status_code": code})]) for code in (403, 404)}

@@ -20,7 +20,7 @@ TWO = {"beta": (-0.02, 0.3), "mass_ratio": (0.1, 10.0, "log")}
 
 @cache
 def diagram(both_ways: bool):
-    return existence(Hopper("cubic"), "beta", (-0.02, 0.1), "rest_length", (6, 20), samples=9, both_ways=both_ways)
+    return existence(Hopper("cubic"), "beta", (-0.02, 0.1), "rest_length", (6, 20), samples=6, both_ways=both_ways)
 
 
 FIGURES = {

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from conftest import PROVED, middle
+from scripts import lines_of
 
 CUBIC = "existence --spring 'r + beta*r**3'"
 FOLD = "--along beta=-0.02:0.02 --across mass_ratio=0.5,2"
@@ -70,7 +71,7 @@ def test_bad_input_is_one_line(orbits, options, message):
     done = orbits(f"{CUBIC} {options}")
     assert done.code == 2
     assert message in done.err
-    assert len(done.err.strip().splitlines()) == 1
+    assert len(lines_of(done.err)) == 1
     assert not done.out
 
 

@@ -15,11 +15,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scripts import lines_of
 
 from orbits import Sweep, find
 from orbits.sweeps.question import CHUNK
 from problems import Hopper
-from tests.browser import wait_for
+from tests.browser import PATIENCE, wait_for
 
 CUBIC = "sweep --spring 'r + beta*r**3'"
 
@@ -149,7 +150,7 @@ def refused(done, said: str) -> None:
     """Bad input was refused in one line."""
     assert (done.code, done.out) == (2, "")
     assert said in done.err
-    assert len(done.err.splitlines()) == 1
+    assert len(lines_of(done.err)) == 1
 
 
 @pytest.mark.parametrize(
@@ -250,7 +251,7 @@ def test_a_full_disk_is_one_line_and_keeps_what_was_acknowledged(tmp_path):
         [sys.executable, "-c", textwrap.dedent(FULL), *shlex.split(CUBIC), *options], capture_output=True, text=True
     )
     assert done.returncode == 2
-    assert len(done.stderr.splitlines()) == 1
+    assert len(lines_of(done.stderr)) == 1
     assert f"the store {store} cannot be written" in done.stderr
     kept = Sweep.load(store)
     assert 0 < len(kept) < 5000
@@ -264,16 +265,16 @@ def interrupted(options: list[str], begun: Callable[[], bool]) -> str:
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen([*command, *options], process_group=0, **pipes) as running:
         try:
-            wait_for(begun, 300, "the sweep has begun")
+            wait_for(begun, "the sweep has begun")
             os.killpg(running.pid, signal.SIGINT)
-            out, err = running.communicate(timeout=20)  # ends when no process has the pipes any more
+            out, err = running.communicate(timeout=PATIENCE)  # ends when no process has the pipes any more
         except BaseException:
             os.killpg(running.pid, signal.SIGKILL)
             raise
     assert (running.returncode, out) == (130, "")
-    assert len(err.strip().splitlines()) == 1, err
-    assert err.strip().startswith("orbits: interrupted: ")
-    return err
+    (line,) = lines_of(err)
+    assert line.startswith("orbits: interrupted: ")
+    return line
 
 
 @pytest.mark.slow

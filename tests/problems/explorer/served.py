@@ -8,18 +8,22 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 ROOT = Path(__file__).parents[3]
-COMMAND = [sys.executable, "-c", "from problems.command.cli import main; main()", "explore"]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error"}
 # Bokeh heeds these for pages of other kinds.
 ENVIRONMENT |= {"BOKEH_RESOURCES": "cdn", "BOKEH_ALLOW_WS_ORIGIN": "*"}
 
 
+def command(*options: str, before: str = "") -> list[str]:
+    """The command that serves the page with these options; its process begins with the code `before`."""
+    main = f"{before}from problems.command.cli import main; main()"
+    return [sys.executable, "-c", main, "explore", "--no-browser", *options]
+
+
 @contextmanager
-def served(*options: str) -> Iterator[tuple[str, subprocess.Popen]]:
+def served(*options: str, before: str = "") -> Iterator[tuple[str, subprocess.Popen]]:
     """The address of the page that the command serves with these options, and its process."""
-    command = [*COMMAND, "--no-browser", "--port", "0", *options]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    with subprocess.Popen(command, **pipes, env=ENVIRONMENT) as process:
+    with subprocess.Popen(command("--port", "0", *options, before=before), **pipes, env=ENVIRONMENT) as process:
         try:
             yield process.stdout.readline().split(" ")[0], process
         finally:

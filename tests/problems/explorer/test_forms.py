@@ -103,11 +103,11 @@ HOSTILE = {
 def test_a_hostile_link_is_refused(query, monkeypatch):
     monkeypatch.setattr("builtins.open", lambda *_, **__: pytest.fail("a file is read"))
     monkeypatch.setattr(os, "system", lambda *_: pytest.fail("a command is run"))
-    began = time.monotonic()
+    began = time.process_time()
     with pytest.raises(InputError) as error:
         scene_of_link(arguments(query)).build()
     assert len(str(error.value)) <= LONGEST_MESSAGE
-    assert time.monotonic() - began < 2
+    assert time.process_time() - began < 2
 
 
 def test_rows_in_a_link_have_no_say_in_where_files_are(tmp_path):

@@ -19,7 +19,7 @@ pytest.importorskip("bokeh")
 from problems.explorer.results import HopResult
 from problems.explorer.scene import Scene, beginning
 from problems.explorer.worker import Done, Failure, Task, Worker
-from tests.browser import wait_for
+from tests.browser import PATIENCE, wait_for
 
 pytestmark = pytest.mark.extra("bokeh")
 
@@ -52,7 +52,7 @@ def answered(answers: Queue, question: Task) -> list:
     """The answers that come until the last one to a question."""
     found = []
     while True:
-        which, answer = answers.get(timeout=60)
+        which, answer = answers.get(timeout=PATIENCE)
         found.append(answer)
         if which.number == question.number and isinstance(answer, Done | Failure):
             return found
@@ -176,6 +176,6 @@ def test_workers_end_with_the_program_that_started_them(tmp_path):
     """
     script.write_text(textwrap.dedent(lines), encoding="utf-8")
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    run = subprocess.run([sys.executable, script], capture_output=True, text=True, env=environment, timeout=60)
+    run = subprocess.run([sys.executable, script], capture_output=True, text=True, env=environment, timeout=PATIENCE)
     assert run.returncode == -signal.SIGKILL
-    wait_for(lambda: not is_alive(int(run.stdout)), 10, "the worker ends")
+    wait_for(lambda: not is_alive(int(run.stdout)), "the worker ends")

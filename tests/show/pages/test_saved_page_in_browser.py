@@ -75,27 +75,35 @@ def body_of(orbit):
     return orbit.shape.heights["body"]
 
 
-def opened(page: Page, path, width: int, figures: int) -> None:
-    """Open a page that must fit its width, load nothing but itself, and not be blank."""
+def opened(page: Page, path, width: int, figures: int, moving: bool = False) -> None:
+    """Open a page that must fit its width, load nothing but itself, and not be blank. Unless it is to be `moving` the
+    reader wants less motion."""
     page.resize(width)
+    page.reduce_motion(not moving)
     before = len(page.requests())
     page.open(path)
     page.wait_for_figures(figures)
-    assert page.run("return document.documentElement.scrollWidth") <= width
+    page.wait("return document.documentElement.scrollWidth <= arguments[0]", width)
     assert page.run("return document.title + document.documentElement.lang").endswith("en")
     assert [url for url in page.requests()[before:] if not url.startswith("file://")] == []
     assert len(page.requests()) == before + 1
-    assert len(np.unique(page.picture() @ np.array([1, 256, 65536]))) > 20
-
-
-def pause(page: Page) -> None:
-    page.run(f"{MODEL}.active = false", "play")
+    wait_for(lambda: len(np.unique(page.picture() @ np.array([1, 256, 65536]))) > 20, "it is not blank")
 
 
 def seen(page: Page, title: str) -> np.ndarray:
     """A picture of a figure."""
     element = page.run(f"{FIND} view.el.scrollIntoView({{block: 'center'}}); return view.el", title)
     return np.array(Image.open(io.BytesIO(element.screenshot_as_png)).convert("RGB"), dtype=int)
+
+
+def wait_for_colour(page: Page, title: str, x: float, y: float, colour: str) -> tuple[float, float]:
+    """Wait until a colour is seen near a place of a figure; where in the window that is."""
+
+    def seen_there() -> tuple[float, float] | None:
+        place = page.run(FIND + PLACE, title, x, y)
+        return place if colour_near(page, place, colour) else None
+
+    return wait_for(seen_there, f"{colour} is seen in '{title}' at {x}, {y}")
 
 
 def colour_near(page: Page, place: tuple[float, float], colour: str) -> bool:
@@ -109,26 +117,23 @@ def colour_near(page: Page, place: tuple[float, float], colour: str) -> bool:
 @pytest.mark.parametrize("width", SIZES)
 def test_a_hops_curves_are_where_they_should_be(page, hop, orbit, width):
     opened(page, hop, width, 5)
-    pause(page)
     t = np.linspace(0, orbit.period, 4001)
     for i, (name, height) in enumerate(list(orbit.shape.heights.items())[:2]):
         values = height(orbit(t))
         highest = int(values.argmax())
-        place = page.run(FIND + PLACE, "Heights", t[highest], values[highest])
-        assert colour_near(page, place, COLOURS[i]), name
+        place = wait_for_colour(page, "Heights", t[highest], values[highest], COLOURS[i])
         assert not colour_near(page, (place[0], place[1] - 12), COLOURS[i]), name
     force = orbit.contact_force(t)
-    place = page.run(FIND + PLACE, "Contact force", t[force.argmax()], force.max())
-    assert colour_near(page, place, "#333333")
+    wait_for_colour(page, "Contact force", t[force.argmax()], force.max(), "#333333")
 
 
 @pytest.mark.parametrize("width", SIZES)
 def test_a_hop_moves_and_stops(page, hop, width):
-    opened(page, hop, width, 5)
+    opened(page, hop, width, 5, moving=True)
     first = seen(page, "height (m)")
-    wait_for(lambda: (np.abs(seen(page, "height (m)") - first) > 60).any(axis=2).sum() > 100, what="it has moved")
-    pause(page)
-    wait_for(lambda: np.array_equal(*(seen(page, "height (m)") for _ in range(2))), what="it has stopped")
+    wait_for(lambda: (np.abs(seen(page, "height (m)") - first) > 60).any(axis=2).sum() > 100, "it has moved")
+    page.run(f"{MODEL}.active = false", "play")
+    wait_for(lambda: np.array_equal(*(seen(page, "height (m)") for _ in range(2))), "it has stopped")
     at = page.run(f"return {MODEL}.value", "place")
     page.run("return new Promise(done => setTimeout(done, 400))")
     assert page.run(f"return {MODEL}.value", "place") == at
@@ -136,20 +141,25 @@ def test_a_hop_moves_and_stops(page, hop, width):
 
 
 def test_the_machine_is_drawn_at_the_heights_of_its_place(page, hop, orbit):
-    opened(page, hop, 1200, 5)
+    opened(page, hop, 1200, 5, moving=True)
     page.run(f"{MODEL}.value = arguments[1]", "place", 0.25)
     body = float(body_of(orbit)(orbit(0.25 * orbit.period)))
-    page.run("return new Promise(done => setTimeout(done, 300))")
-    place = page.run(FIND + PLACE, "height (m)", 0.0, body)
-    assert colour_near(page, place, COLOURS[0])
+    wait_for_colour(page, "height (m)", 0.0, body, COLOURS[0])
     assert not page.run(f"return {MODEL}.active", "play")
     x = page.run("return [...Bokeh.documents[0]._all_models.values()].find(m => m.data?.aside).data.y[0]")
     assert x == pytest.approx(body, abs=1e-4)
 
 
+def test_a_hop_rests_for_a_reader_who_wants_less_motion(page, hop):
+    opened(page, hop, 1200, 5)
+    page.run("return new Promise(done => setTimeout(done, 400))")
+    assert page.run(f"return [{MODEL}.active, {MODEL}.label]", "play") == [False, "Play"]
+    assert page.run(f"return {MODEL}.value", "place") == 0
+
+
 def test_an_animation_tells_a_server_nothing(page, hop):
     """Each frame would be a message over the wire, to every page that is open."""
-    opened(page, hop, 1200, 5)
+    opened(page, hop, 1200, 5, moving=True)
     page.run("window.told = 0; Bokeh.documents[0].on_change(event => {if (event.sync) window.told += 1})")
     first = page.run(f"return {MODEL}.value", "place")
     page.wait(f"return Math.abs({MODEL}.value - arguments[1]) > 0.1", "place", first)
@@ -161,17 +171,21 @@ def test_a_curve_tells_its_numbers(page, hop, orbit, width):
     from selenium.webdriver.common.actions.action_builder import ActionBuilder
 
     opened(page, hop, width, 5)
-    pause(page)
     t = 0.4 * orbit.flight_time
     body = float(body_of(orbit)(orbit(t)))
     x, y = page.run(FIND + PLACE, "Heights", t, body)
-    pointer = ActionBuilder(page.driver)
-    pointer.pointer_action.move_to_location(round(x), round(y)).pause(0.2).move_to_location(round(x) + 1, round(y))
-    pointer.perform()
-    told, left, right = page.wait(TOOLTIPS)
+
+    def text_at_pointer() -> str | None:
+        """What a tooltip within the page says once the pointer has moved, which a page that is being drawn misses."""
+        pointer = ActionBuilder(page.driver)
+        pointer.pointer_action.move_to_location(round(x), round(y)).move_to_location(round(x) + 1, round(y))
+        pointer.perform()
+        text, left, right = page.run(TOOLTIPS) or ("", 0, 0)
+        return text if 0 <= left < right <= width else None
+
+    told = wait_for(text_at_pointer, "a tooltip is shown within the page")
     numbers = [float(number) for number in re.findall(r"[-.e0-9]*[0-9]", told.split("foot")[0].partition("body")[2])]
     assert numbers == pytest.approx([t, body], abs=0.01)
-    assert 0 <= left < right <= width
 
 
 def clicked(page: Page, point, quantity: str, before: int) -> int:
@@ -195,7 +209,7 @@ def test_a_hop_of_a_family_is_chosen(page, followed, width):
     assert page.wait(f"const top = Math.max(...{heights}); return top > arguments[0] && top", before)
     chosen = clicked(page, family[len(family) // 2], "alpha", last)
     assert 0 < chosen < last
-    assert colour_near(page, page.run(FIND + PLACE, "alpha", family[0].value, family[0].alpha), COLOURS[0])
+    wait_for_colour(page, "alpha", family[0].value, family[0].alpha, COLOURS[0])
 
 
 def test_a_click_where_some_hops_do_not_have_the_quantity(page, tmp_path):
@@ -218,4 +232,4 @@ def test_members_of_a_sweep_are_where_they_should_be(page, tmp_path, width):
     swept = sweep(Hopper("cubic", rest_length=30), {"beta": [0.0, 0.05, 0.1]})
     opened(page, swept.page(tmp_path / "sweep.html"), width, 1)
     for beta, alpha in zip(swept["beta"].tolist(), swept["alpha"].tolist(), strict=True):
-        assert colour_near(page, page.run(FIND + PLACE, "alpha", beta, alpha), COLOURS[0])
+        wait_for_colour(page, "alpha", beta, alpha, COLOURS[0])
