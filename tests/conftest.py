@@ -48,10 +48,16 @@ def pytest_collection_modifyitems(config, items):
     items.sort(key=turn)
 
 
+# Nothing that is there once the tests are collected ends before they do; looking through it again and again takes long.
+OFTEN = gc.get_threshold()
+gc.set_threshold(100_000, 20, 100)
+
+
 def pytest_collection_finish():
-    """Nothing that is there by now ends before the tests do; looking through it again and again takes long."""
+    """Garbage is what comes from now on."""
     gc.collect()
     gc.freeze()
+    gc.set_threshold(*OFTEN)
 
 
 def turn(item) -> int:

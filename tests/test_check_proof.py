@@ -60,10 +60,7 @@ def chain():
 
 
 PROOFS = {
-    "linear": lambda: prove(find(Hopper("r", rest_length=20.0))),
-    "cubic": lambda: prove(find(Hopper("r + 0.3*r**3", rest_length=8.0))),
     "juggler": lambda: prove(find(Juggler("r + 0.1*r**3"))),
-    "tanh": lambda: prove(find(Hopper("tanh(0.1*r)/0.1"))),
     "gravity": lambda: prove(find(Hopper("sinh(r)", "1/(1 + z/R)**2", rest_length=8.0, parameters={"R": 50.0}))),
     "SI": lambda: prove(find(hopper_in_si(60.0, 3.0, force="8000*r + 2e6*r**3", rest_length=0.8))),
     "family 2": lambda: prove(find(Hopper("r", rest_length=30.0), 2)),
@@ -82,9 +79,7 @@ PROOFS = {
 }
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name in ("juggler", "bilinear") else SLOW) for name in PROOFS]
-)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=() if name == "bilinear" else SLOW) for name in PROOFS])
 def test_true_theorems_are_verified(name):
     proof = PROOFS[name]()
     assert proof.proved, proof.reasons
@@ -228,9 +223,9 @@ def step(kind, angle=None, law="r", family=1):
 
 
 @pytest.mark.parametrize("case", [
-    *((kind,) for kind in TABLE), ("wheel", 0.3), ("wheel", 0.3, "r + r**3"), *(pytest.param(case, marks=SLOW)
-        for case in (("rocker", 0.3), ("shuttle", 0.3), ("wheel", 0.3, "tanh(3*r)/3"), ("rocker", 0.3, "r + asinh(r)"),
-        *((kind, 0.3, springs.end_stops(gap=0.2, stop=2.0)) for kind in TABLE), ("wheel", None, "r", 2))),
+    *((kind,) for kind in TABLE), ("wheel", 0.3, "r + r**3"), *(pytest.param(case, marks=SLOW)
+        for case in (("shuttle", 0.3), ("wheel", 0.3, "tanh(3*r)/3"), ("rocker", 0.3, "r + asinh(r)"),
+        ("rocker", 0.3, springs.end_stops(gap=0.2, stop=2.0)), ("wheel", None, "r", 2))),
 ])  # fmt: skip
 def test_true_theorems_about_steps_are_verified(case):
     proof = step(*case)

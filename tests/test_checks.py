@@ -15,8 +15,14 @@ from problems.laws import springs
 from tests.consistency.by_hand import by_hand
 from tests.consistency.checked_machines import MACHINES, with_model
 
+SLOW = pytest.mark.slow
 
-@pytest.mark.parametrize("name", MACHINES)
+
+# Each has what others have too: it is another kind of machine, or its laws and units are of another kind.
+OTHERS = ("damped juggler", "varying juggler", "actuated juggler", "juggler in SI", "inerter in SI")
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW if name in OTHERS else ()) for name in MACHINES])
 def test_machines_hold(name):
     checked = check(MACHINES[name])
     assert len(checked.relations) >= 25
@@ -40,8 +46,10 @@ def test_a_table_of_measurements_holds():
 
 
 def test_a_chain_holds_along_its_own_hop():
-    chain = Chain([1.0, 2.0, 0.7], ["r", "r + 0.1*r**3"])
-    checked = check(chain, start=chain.starts(4.0, 4.0)[0])
+    """It is `starts(chain, 4.0, 4.0)[0]`."""
+    start = {"liftoff": 0.66993275, "alpha": 3.967468, "y1": 2.5671563, "y1'": 1.5957524}
+    start |= {"duration": 2.5758617, "contact_duration": 3.168004}
+    checked = check(Chain([1.0, 2.0, 0.7], ["r", "r + 0.1*r**3"]), start=start)
     assert any("orbit's flight" in each.words for each in checked.relations)
     assert checked.largest < 0.1
 

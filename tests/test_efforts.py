@@ -59,7 +59,7 @@ EFFORTS = {
     "find by integration of all": lambda: find(hopper(gravity="1/(1 + z/150)**2")),
     "find with many bends": lambda: find(hopper("r + b*sin(3*r)", 0.2)),
     "find in pieces": lambda: find(Hopper("bilinear", rest_length=20.0, parameters={"ratio": 2.5})),
-    "follow through a fold": lambda: follow(hopper(b=0.001, rest_length=30.0), "b", -0.02, most=60),
+    "follow through a fold": lambda: follow(hopper(b=-0.009, rest_length=30.0), "b", -0.02, most=30),
     "follow to a limit": lambda: follow(hopper("tanh(b*r)/b", 0.1), "b", 0.9),
     "simulate": lambda: simulate(hopper(restitution=0.3, damping=0.01), 3.5, hops=4),
     "return map": lambda: ReturnMap(hopper(), inject=0.03)(np.linspace(1.0, 6.0, 200)),
@@ -75,7 +75,9 @@ EFFORTS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", EFFORTS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name == "follow to a limit" else ()) for name in EFFORTS]
+)
 def test_efforts(name, counts):
     EFFORTS[name]()  # what is known of laws and machines from before is not counted
     counts.clear()

@@ -102,13 +102,6 @@ def made(kind: str):
     }[kind]()
 
 
-RESULTS = (
-    *("Orbit", "Orbit in SI", "Certificate", "Trajectory", "Family", "Point", "Event", "End"),
-    *("Existence", "Hops", "ReturnMap", "FixedPoint", "Simulation", "ContactEvent", "Control", "Driven", "Disturbed"),
-    *("Design", "DesignCurve", "Front", "Sweep", "Uncertainty", "BifurcationDiagram", "Proof", "Checked", "SpringFit"),
-    *("Sensitivities", "Indices", "Basins", "BifurcationCurve", "PeriodDiagram", "OptimalFamily", "DrivenFamily"),
-    *("LaunchHops", "PeriodicHop", "PeriodicHops", "HopMultipliers"),
-)
 # The results that are more than part of another one, and what each does with nothing but itself.
 WHOLE = (
     *("Orbit", "Orbit in SI", "Family", "Sweep", "Existence", "Uncertainty", "Design", "Front", "Control"),
@@ -116,6 +109,10 @@ WHOLE = (
     *("Simulation", "Hops", "BifurcationDiagram", "Proof", "Checked", "Driven", "Disturbed", "SpringFit"),
     *("Sensitivities", "Indices", "Basins", "BifurcationCurve", "PeriodDiagram", "OptimalFamily", "DrivenFamily"),
     *("LaunchHops", "PeriodicHop", "PeriodicHops", "HopMultipliers"),
+)
+RESULTS = (
+    *WHOLE,
+    *("Certificate", "Trajectory", "Point", "Event", "End", "ReturnMap", "FixedPoint", "ContactEvent"),
 )
 VERBS = {
     "machine": lambda result: isinstance(result.machine, dict) and "machine" in result.machine,
@@ -173,7 +170,12 @@ def same(a, b) -> bool:
     return a == b or (isinstance(a, float) and math.isnan(a) and math.isnan(b))
 
 
-@pytest.mark.parametrize("kind", RESULTS)
+# The tests of a result stand together in the order in which tests run, so that one process makes it.
+each_result = pytest.mark.parametrize("kind", RESULTS, scope="module")
+each_whole_result = pytest.mark.parametrize("kind", WHOLE, scope="module")
+
+
+@each_result
 def test_results(kind):
     result = made(kind)
     again = pickle.loads(pickle.dumps(result))
@@ -240,7 +242,7 @@ def test_all_that_is_returned_is_in_the_table(module):
     assert not ours
 
 
-@pytest.mark.parametrize("kind", WHOLE)
+@each_whole_result
 def test_every_result_has_every_verb(kind, tmp_path):
     result = made(kind)
     lacking = {verb for verb, holds in VERBS.items() if (kind, verb) not in WITHOUT and not holds(result)}
@@ -271,14 +273,14 @@ def test_every_result_has_every_verb(kind, tmp_path):
 
 
 @pytest.mark.extra("bokeh")
-@pytest.mark.parametrize("kind", WHOLE)
+@each_whole_result
 def test_every_result_has_a_page(kind, tmp_path):
     page = made(kind).page(tmp_path / "result.html")
     assert page.read_text(encoding="utf-8").startswith("<!doctype html>")
 
 
 @pytest.mark.extra("xarray", "pandas")
-@pytest.mark.parametrize("kind", WHOLE)
+@each_whole_result
 def test_every_table_is_one_of_the_usual_kinds(kind, tmp_path):
     import pandas
     import xarray

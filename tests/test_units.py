@@ -151,17 +151,17 @@ def test_sets_of_the_map():
     step, bare = ReturnMap(LEG), ReturnMap(LEG.dimensionless())
     low, high = 0.5 * find(LEG).alpha, 1.2 * find(LEG).alpha
     for method, arguments in (("fixed_points", ()), ("basin", (3,))):
-        found = getattr(step, method)(low, high, *arguments, samples=200)
-        other = getattr(bare, method)(low / speed, high / speed, *arguments, samples=200)
+        found = getattr(step, method)(low, high, *arguments, samples=80)
+        other = getattr(bare, method)(low / speed, high / speed, *arguments, samples=80)
         assert len(found) == len(other) > 0
         if method == "fixed_points":
             agree([point.alpha for point in found], [point.alpha for point in other], sizes["alpha"])
         else:
             agree(found, other, sizes["alpha"])
     edges = [(0.9 * low, high)]
-    found = step.preimages(edges, low, high, samples=200)
-    agree(found, bare.preimages([(a / speed, b / speed) for a, b in edges], low / speed, high / speed, 200), speed)
-    grid = np.linspace(low, high, 300)
+    found = step.preimages(edges, low, high, samples=80)
+    agree(found, bare.preimages([(a / speed, b / speed) for a, b in edges], low / speed, high / speed, 80), speed)
+    grid = np.linspace(low, high, 100)
     assert np.array_equal(step.jumps(step(grid)), bare.jumps(bare(grid / speed)))
 
 

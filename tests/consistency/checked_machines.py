@@ -34,7 +34,6 @@ MACHINES = {
     "actuated": Actuated(Hopper("r + 0.1*r**3", mass_ratio=2.0)),
     "actuated juggler": Actuated(Juggler("r", INVERSE_SQUARE, 1.0, 20.0)),
     "in SI": hopper_in_si(10.0, 1.0, stiffness=1e4, rest_length=0.5),
-    "varying heavy hand": HeavyHand("cubic", INVERSE_SQUARE, rest_length=20.0),
     "juggler in SI": juggler_in_si(1.0, 0.2, force="k*r + b*r**3", parameters={"k": 900.0, "b": 4e4}),
     "inerter": inerter_hopper("r + 0.1*r**3", body_mass=1.3, rest_length=20.0),
     "inerter in SI": inerter_hopper(

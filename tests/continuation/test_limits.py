@@ -4,7 +4,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import slow_after
 from families import FOLD, FOLD_ALPHA, events
 
 from orbits import InputError, NoOrbit, follow, orbit_at
@@ -14,12 +13,11 @@ from problems import Hopper, shuttle
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("family", slow_after(1, [4, 1]))
-def test_the_saturating_spring_runs_off_to_its_limit(family):
-    curve = follow(Hopper("tanh"), "b", 0.9, 0.05, family)
+def test_the_saturating_spring_runs_off_to_its_limit():
+    curve = follow(Hopper("tanh"), "b", 0.9, 0.05, 4)
     assert curve.end.kind == "escaped"
-    assert curve.end.limit == pytest.approx(1 / (2 * family + 1), abs=1e-6)
-    assert {point.family for point in curve} == {family}
+    assert curve.end.limit == pytest.approx(1 / 9, abs=1e-6)
+    assert {point.family for point in curve} == {4}
 
 
 def test_no_first_orbit_is_said_and_a_lost_curve_keeps_what_it_has():
@@ -50,10 +48,7 @@ def test_an_isola_closes():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("before", "longest"),
-    slow_after(2, [(1e-3, 0.02), (1e-7, 0.011), (1e-9, 0.02)]),
-)
+@pytest.mark.parametrize(("before", "longest"), [(1e-7, 0.011), (1e-9, 0.02)])
 def test_a_stop_beside_a_fold_is_not_passed_over(before, longest):
     stop = FOLD + before * abs(FOLD)
     family = follow(Hopper("cubic"), "beta", stop, 0.0, longest=longest)
@@ -106,10 +101,9 @@ def test_a_shuttle_stays_near_its_upright_place():
     orbit = orbit_at(machine, family[-1], "gravity_ratio")
     assert orbit.alpha == pytest.approx(family[-1].alpha, abs=family[-1].error)
     assert orbit.certificate.energy_drift < 1e-12
-    ends = [follow(machine, "gravity_ratio", 150.0, most=some, longest=0.1) for some in (len(family) - 3, 10)]
-    for some in ends:
-        whole = follow(machine, "gravity_ratio", 150.0, resume=some, longest=0.1)
-        assert whole[-1].alpha == pytest.approx(family[-1].alpha, abs=2 * family[-1].error)
+    some = follow(machine, "gravity_ratio", 150.0, most=len(family) - 3, longest=0.1)
+    whole = follow(machine, "gravity_ratio", 150.0, resume=some, longest=0.1)
+    assert whole[-1].alpha == pytest.approx(family[-1].alpha, abs=2 * family[-1].error)
 
 
 def test_what_only_scales_the_orbit_is_followed_to_the_end():

@@ -63,7 +63,7 @@ def test_motions_of_many_steps_are_followed_one_by_one(monkeypatch):
 
 @pytest.mark.parametrize(
     ("text", "parameters", "family"),
-    slow_after(1, random_springs(5, seed=7)),
+    slow_after(1, random_springs(3, seed=7)),
 )
 def test_random_families_keep_to_their_curve(text, parameters, family):
     curves = twice(text, parameters, family)

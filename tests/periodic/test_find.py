@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import PROVED, REFERENCES, machine_of, middle, slow_after
+from conftest import PROVED, REFERENCES, machine_of, middle
 from hanging import quadratic_lateness
 
 from orbits import InputError, NoOrbit, find, find_all
@@ -110,12 +110,12 @@ def test_contact_and_flight_are_one_periodic_motion():
     assert orbit(orbit.period - t[:40])[:, [0, 2]].shape == (40, 2)
 
 
-@pytest.mark.parametrize("block", slow_after(1, range(1, 5)))
+@pytest.mark.parametrize("block", [1, 2])
 @pytest.mark.slow
 def test_random_laws_give_a_certified_orbit_or_a_named_failure(block):
-    """120 laws, families 1 to 3. The family and the equation are checked by scipy, not by the toolkit."""
+    """60 laws, families 1 to 3. The family and the equation are checked by scipy, not by the toolkit."""
     found, refusals = 0, []
-    for index, (text, parameters) in list(enumerate(random_laws(300, 20)))[30 * block : 30 * block + 30]:
+    for index, (text, parameters) in list(enumerate(random_laws(90, 20)))[30 * block : 30 * block + 30]:
         family = index % 3 + 1
         try:
             orbit = find(Hopper(text, parameters=parameters, mass_ratio=0.3 + index % 5, rest_length=500), family)
@@ -167,7 +167,7 @@ def test_a_table_too_short_names_its_range():
         find(Hopper(springs.table((np.linspace(-2, 2, 9), np.linspace(-2, 2, 9)))))
 
 
-@pytest.mark.parametrize("reach", [4.65, 5.0, 6.5, 8.0])
+@pytest.mark.parametrize("reach", [4.65, 6.5])
 @pytest.mark.slow
 def test_a_straight_table_is_the_linear_spring_as_far_as_it_reaches(reach):
     """The extension of the linear orbit lies between -4.603 and 1 in flight."""

@@ -123,9 +123,9 @@ def test_hops_of_three_masses(topology):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("topology", "seed"), [(name, k % 2) for k, name in enumerate(TOPOLOGIES)])
-def test_every_hop_of_random_masses_and_springs(topology, seed):  # without inerters and with them, in turn
-    matrices = mechanism(topology, seed)
+@pytest.mark.parametrize("topology", [*TOPOLOGIES][::2])
+def test_every_hop_of_random_masses_springs_and_inerters(topology):
+    matrices = mechanism(topology, 1)
     for hop in linear_hops(*matrices, 6.0, 6.0):
         assert_exact(hop, matrices)
 
@@ -161,11 +161,11 @@ def test_the_units_do_not_matter():
 
 @pytest.mark.slow
 def test_other_starts_lead_to_the_same_hops():
-    """A chain of nine masses, from three sets of starts. Newton's method for the two times alone, with the best
+    """A chain of nine masses, from two sets of starts. Newton's method for the two times alone, with the best
     amplitudes at each pair of times, finds 23 hops too."""
     equations = Chain([1.0] * 9).mechanism.linear_equations()
     gap = [0.0] * 8 + [1.0]
-    hops, *others = (linear_hops(*equations, gap, 6.0, 6.0, seed) for seed in range(3))
+    hops, *others = (linear_hops(*equations, gap, 6.0, 6.0, seed) for seed in range(2))
     assert len(hops) == 23
     for other in others:
         np.testing.assert_allclose([hop[:2] for hop in other], [hop[:2] for hop in hops], rtol=1e-11)

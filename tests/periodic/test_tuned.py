@@ -207,7 +207,7 @@ def test_a_fast_run_is_on_the_sheet_that_begins_at_the_vertical_hop():
     slow = find(machine, tune=RUN, at={"speed": 0.4})
     assert slow.source.values["inertia"] == pytest.approx(5.654048422247934, rel=1e-12)
     assert slow.source.values["hip_stiffness"] == pytest.approx(5.367600480798711, rel=1e-12)
-    family = follow(slow.source, "speed", 1.0, start=slow, tune=RUN, longest=0.1)
+    family = follow(slow.source, "speed", 1.0, start=slow, tune=RUN, longest=0.3)
     fast = find(machine, tune=RUN, at={"speed": 1.0})
     assert fast.source.values["inertia"] == pytest.approx(family[-1].also["inertia"], rel=1e-11)
     needs = find(machine, tune=RUN, at={"friction_needed": 0.3})

@@ -85,7 +85,6 @@ def test_another_machine(machine):
 @pytest.mark.parametrize(
     ("other", "along", "start", "stop"),
     [
-        (Hopper("tanh", parameters={"b": 0.1}, rest_length=30.0), "b", 0.1, 0.12),
         (Hopper("sinh(b*r)/b", parameters={"b": 0.2}, rest_length=30.0), "b", 0.2, 0.22),
         (Hopper("r", "1/(1 + z/R)**2", rest_length=20.0, parameters={"R": 150.0}), "R", 150.0, 155.0),
         (Hopper("cubic", rest_length=9.0, parameters={"beta": 0.3}), "mass_ratio", 1.0, 1.2),

@@ -20,9 +20,10 @@ def family(machine):
 
 @pytest.mark.slow
 def test_the_points_of_a_family(machine, family):
-    proofs = family.prove(machine)
-    assert len(proofs) == len(family)
-    for point, proof in zip(family, proofs, strict=True):
+    some = dataclasses.replace(family, points=family.points[::4])
+    proofs = some.prove(machine)
+    assert len(proofs) == len(some) > 2
+    for point, proof in zip(some, proofs, strict=True):
         assert proof.proved
         assert proof.family == point.family
         assert abs(float(proof.alpha.low) - point.alpha) < 1e-14
@@ -33,7 +34,7 @@ def test_processes_prove_the_same(machine, family):
     def told(proofs):
         return [dataclasses.replace(proof, seconds=0.0) for proof in proofs]
 
-    short = dataclasses.replace(family, points=family.points[:3])
+    short = dataclasses.replace(family, points=family.points[:2])
     assert told(short.prove(machine, motion=False, workers=2)) == told(short.prove(machine, motion=False))
 
 

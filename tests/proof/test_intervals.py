@@ -43,10 +43,9 @@ def test_an_orbit_of_another_machine_is_not_proved_by_a_part():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("bounds", [("-0.02", "0.3"), ("0.1", "5")])
-def test_too_wide_an_interval_stays_undecided(bounds, monkeypatch):
+def test_too_wide_an_interval_stays_undecided(monkeypatch):
     monkeypatch.setattr(intervals, "HALVINGS_OF_INTERVALS", 1)
-    proof = prove(find(MACHINE), parameters={"beta": bounds}, motion=False)
+    proof = prove(find(MACHINE), parameters={"beta": ("-0.02", "0.3")}, motion=False)
     assert not proof.proved
     assert proof.reasons
 

@@ -19,7 +19,7 @@ def machine():
 
 @pytest.fixture(scope="module")
 def fold(machine):
-    family = follow(machine, "beta", stop=-0.02, start=0.0, most=60)
+    family = follow(machine, "beta", stop=-0.02, start=-0.009, most=40)
     return next(event.point for event in family.events if event.kind == "fold")
 
 

@@ -233,6 +233,7 @@ class TestRun:
         assert "with speed = 0.4, exactly, have a solution" in proof.statement
 
     def test_the_second_program(self, proof):
+        """It takes long, and is the one proof of a run that the second program verifies."""
         assert check(json.loads(json.dumps(proof.document()))) == []
 
     @pytest.mark.parametrize(

@@ -28,7 +28,7 @@ def fixed_point(machine: Hopper, eps: float, low: float, high: float) -> float:
 
 @pytest.mark.slow
 def test_flips_along_the_mass_ratio():
-    curve = follow_bifurcation(Hopper(), "inject", FLIP, "mass_ratio", 2.0, at=[1.25], longest=0.2)
+    curve = follow_bifurcation(Hopper(), "inject", FLIP, "mass_ratio", 2.0, at=[1.25], longest=0.5)
     for mass_ratio, low, high in ((1.25, 0.0742, 0.0743), (2.0, 0.102, 0.1021)):
         machine = Hopper(mass_ratio=mass_ratio)
         excess = lambda eps, machine=machine: multiplier(machine, fixed_point(machine, eps, 4.54, 4.57)) + 1  # noqa: E731

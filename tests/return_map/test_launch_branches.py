@@ -13,8 +13,8 @@ from problems import Hopper, chain_hand
 @pytest.mark.slow
 def test_a_machine_of_one_speed_has_the_flip_of_the_paper():
     """Found from a start, by derivatives, as by the grid of speeds: at an injection of 0.071587384137."""
-    maps = MapsAlong(Hopper(), "inject", 0.06, 0.09, 0.0, 1000)
-    found = launch_diagram(maps, (4.3, 5.0), [0.06], [find(Hopper())], None, None)
+    maps = MapsAlong(Hopper(), "inject", 0.066, 0.078, 0.0, 1000)
+    found = launch_diagram(maps, (4.3, 5.0), [0.066], [find(Hopper())], None, None)
     (flip,) = found.located()
     assert (flip.kind, flip.branch) == ("flip", 0)
     assert flip.value == pytest.approx(0.071587384137, abs=1e-11)
