@@ -238,17 +238,28 @@ class CyclesAlong:
         own = self._by_first(m, period, groups, steps, launches, changes, units, growing)
         launches *= units[:, None]
         launches[:, 0] = alphas
-        solved, onward = list[SolvedHops](), (changes[:, -1] - changes[:, 0])[:, ::-1] * [-1.0, 1.0]
-        repeat = np.abs(launches[:, -1] - alphas) <= REPEATED_HOPS * alphas
-        for i, (alpha, value, guess, each) in enumerate(zip(alphas.tolist(), values.tolist(), begun, own, strict=True)):
-            direction = onward[i] if repeat[i] else None
-            solved.append(SolvedHops(alpha, value, guess.impacts, *zip(*each, strict=True), direction, known_well))
+        self._store(alphas, values, impacts, own, launches, changes, tested, known_well)
+        errors = np.zeros(m) if settled.all() else np.maximum(size, LAST_STEP_OF_HOPS)
+        return (launches, impacts, slopes, changes, errors), failed
+
+    def _store(
+        self, alphas: np.ndarray, values: np.ndarray, impacts: np.ndarray, own: list[list[Any]], launches: np.ndarray,
+        changes: np.ndarray, tested: np.ndarray, known_well: bool,
+    ) -> None:  # fmt: skip
+        """Store hops, from which others are guessed: for long those that repeat themselves, are known well and are
+        newly `tested`, and the others for the next call."""
+        onward = (changes[:, -1] - changes[:, 0])[:, ::-1] * [-1.0, 1.0]
+        repeat, period = np.abs(launches[:, -1] - alphas) <= REPEATED_HOPS * alphas, impacts.shape[1]
+        solved = [
+            SolvedHops(alpha, value, tuple(counts), *zip(*each, strict=True), way if again else None, known_well)
+            for alpha, value, counts, each, way, again in zip(
+                alphas.tolist(), values.tolist(), impacts.tolist(), own, onward, repeat, strict=True
+            )
+        ]
         if known_well:
             self._solved[period].extend(each for each, new in zip(solved, tested & repeat, strict=True) if new)
         if not (known_well and repeat.all()):
             self._rough[period] = solved
-        errors = np.zeros(m) if settled.all() else np.maximum(size, LAST_STEP_OF_HOPS)
-        return (launches, impacts, slopes, changes, errors), failed
 
     def _groups(
         self, impacts: np.ndarray, begun: Sequence[SolvedHops], away: np.ndarray, known: Sequence[SolvedHops],
@@ -367,7 +378,8 @@ def _bends_on_way(here: SolvedHops, there: SolvedHops, share: float, away: np.nd
         steep = along**2 <= STEEPEST_WAY**2 * square * float(((direction / scale) ** 2).sum())
         return chord if steep else direction * (square / along)
 
-    assert here.direction is not None and there.direction is not None
+    assert here.direction is not None
+    assert there.direction is not None
     first, last = onward(here.direction), onward(there.direction)
     beside = away - share * first - _bend(share, chord, first, last)
     bends = list[Any]()
