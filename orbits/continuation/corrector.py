@@ -62,7 +62,7 @@ def _solve_step_by_step(
     curve: Curve, xs: Array, rows: Array, levels: Array, least: int, with_motions: bool
 ) -> Solutions:
     """`_solutions` by one Newton step at a time, for motions of any kind; raises the errors of the motions."""
-    sizes, last = curve.size(xs), np.inf
+    sizes, last = curve.size(xs), np.full(len(xs), np.inf)
     for taken in range(1, MOST_NEWTON_STEPS + 1):
         evaluation = curve.evaluate(xs)
         steps, directions = newton_steps(evaluation, xs, rows, levels)

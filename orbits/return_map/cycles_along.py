@@ -250,12 +250,11 @@ class CyclesAlong:
         newly `tested`, and the others for the next call."""
         onward = (changes[:, -1] - changes[:, 0])[:, ::-1] * [-1.0, 1.0]
         repeat, period = np.abs(launches[:, -1] - alphas) <= REPEATED_HOPS * alphas, impacts.shape[1]
-        solved = [
-            SolvedHops(alpha, value, tuple(counts), *zip(*each, strict=True), way if again else None, known_well)
-            for alpha, value, counts, each, way, again in zip(
-                alphas.tolist(), values.tolist(), impacts.tolist(), own, onward, repeat, strict=True
-            )
-        ]
+        solved = list[SolvedHops]()
+        columns = alphas.tolist(), values.tolist(), impacts.tolist(), own, onward, repeat
+        for alpha, value, counts, each, way, again in zip(*columns, strict=True):
+            unknowns, slopes = zip(*each, strict=True)
+            solved.append(SolvedHops(alpha, value, tuple(counts), unknowns, slopes, way if again else None, known_well))
         if known_well:
             self._solved[period].extend(each for each, new in zip(solved, tested & repeat, strict=True) if new)
         if not (known_well and repeat.all()):
