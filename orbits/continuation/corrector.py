@@ -15,8 +15,12 @@ from ..shooting.newton_kernel import MOST_NEWTON_STEPS, Solutions
 from ..shooting.single_shooting import STALLED_RATIO, Evaluation, settles
 from .curve import Curve, CurvePoint, CurvePoints, StepEnd
 
-# Points of the curve that the predictor uses for a step.
-MEMORY = 4
+# Points of the curve that the predictor uses for a step; and how far the predicted place may be from the tangent, as a
+# share of the step: a curve that is farther from there turns by some 60 degrees.
+MEMORY, MOST_BENT = 4, 0.5
+# The amplification at points whose equations are not known well enough for a last step. A step there that is smaller
+# than the second number is the error of these equations, and sets no bound on the next.
+NEVER_SETTLED, STEP_OF_ERRORS = 1e300, 1e-6
 
 
 def correct(curve: Curve, guess: Array, row: Array, level: float, before: Array) -> CurvePoint:
@@ -58,19 +62,20 @@ def _solve_step_by_step(
     curve: Curve, xs: Array, rows: Array, levels: Array, least: int, with_motions: bool
 ) -> Solutions:
     """`_solutions` by one Newton step at a time, for motions of any kind; raises the errors of the motions."""
-    sizes, last = curve.size(xs), np.inf
+    sizes, last = curve.size(xs), np.full(len(xs), np.inf)
     for taken in range(1, MOST_NEWTON_STEPS + 1):
         evaluation = curve.evaluate(xs)
         steps, directions = newton_steps(evaluation, xs, rows, levels)
         xs, moved = xs + steps, (np.abs(steps) / sizes).max(1)
         settled, shrinks = settles(moved, last, evaluation.amplification), moved < STALLED_RATIO * last
         if taken >= least and settled.all():
-            evaluation = curve.evaluate(xs) if with_motions else evaluation
+            evaluation = curve.evaluate_exactly(xs) if with_motions else evaluation
             solved = np.arange(len(xs)), xs, directions, evaluation.amplification
             return Solutions(*solved, evaluation if with_motions else None)
         if not (np.isfinite(moved) & (settled | shrinks | (taken < least))).all():
             raise NoOrbit("the corrector does not converge")
-        last = moved
+        inexact = (evaluation.amplification >= NEVER_SETTLED) & (moved < STEP_OF_ERRORS)
+        last = np.where(inexact, np.inf, moved)
     raise NoOrbit("the corrector converges too slowly")
 
 
@@ -107,6 +112,9 @@ def predict_and_correct(
     xs, tangents = np.array([point.x for point in ends]), np.array([point.tangent for point in ends])
     places = np.array([len(ends)]), MEMORY, 0, row[None], level
     (guess,), (rests,) = around(xs, tangents, *places)
+    straight = last.x + length * last.tangent
+    if not np.linalg.norm((guess - straight) / curve.size(last.x)) <= MOST_BENT * length:
+        raise NoOrbit(f"the points before do not predict the curve over a step of {length:.1e}")
     guess += last.tangent * (target - closing @ guess) / (closing @ last.tangent)
     # The second Newton step makes the tangent, from which the next points are predicted, as exact as the point.
     targets = closing[None], np.array([target])

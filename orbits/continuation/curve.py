@@ -301,6 +301,10 @@ class Curve:
         """The equations at points (m, n + 1)."""
         return self.equations.evaluate_all(xs[:, :-1], self.parameters_at(xs), (self.along,))
 
+    def evaluate_exactly(self, xs: np.ndarray) -> Evaluation:
+        """The equations at solved points (m, n + 1)."""
+        return self.evaluate(xs)
+
     @cached_property
     def hops(self) -> LosslessHops:
         """The map of launches beside the orbits; raises `InputError` where a launch is a speed alone."""

@@ -256,7 +256,8 @@ class EventCurve(Curve):
         ways = np.concatenate([steps / np.where(lengths > 0, lengths, 1.0), v[:, -2:]], axis=1)
         moves = TANGENT_STEP * ways * size
         beside = np.stack([xs[:, None] + moves, xs[:, None] - moves]).reshape(-1, xs.shape[1])
-        found, division = self.at_orbits(beside), self.division_of_orbits
+        # Derivatives by a parameter have all motions integrated together, which a closed form finds one by one.
+        found, division = self.at_orbits(beside, (self.first,)), self.division_of_orbits
         whole = division.whole(found) if division else found
         ahead, behind = self._crossing(beside, whole).reshape(2, *ways.shape[:2])
         return np.einsum("mc,mcn->mn", (ahead - behind) / (2 * TANGENT_STEP), ways / size)

@@ -158,7 +158,8 @@ class Stepper:
                 return new, length, error
             new.append(end)
             inside = self.bounds[0] < end.value < self.bounds[1]
-            if not inside or end.amplification > min(LARGEST_ARC_GROWTH, self.control.largest_amplification):
+            folds = end.tangent[-1] * (new[-2] if len(new) > 1 else ends[-1]).tangent[-1] < 0
+            if not inside or folds or end.amplification > min(LARGEST_ARC_GROWTH, self.control.largest_amplification):
                 break
         return new, length, None
 

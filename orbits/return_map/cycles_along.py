@@ -24,15 +24,20 @@ from .flown_hops import flown_hops
 # A step of Newton's method below the first number, relative to the unknowns, is the last one: it leaves its square of
 # these, but the derivatives are those before it; one below the second that no longer shrinks is rounding; and a hop
 # near enough takes at most so many. Where another Newton's method goes on, a step below the last number is enough.
-LAST_STEP_OF_HOPS, ROUNDING_OF_HOPS, MOST_STEPS_OF_HOPS, STEP_OF_ROUGH_HOPS = 1e-10, 1e-9, 8, 1e-5
+LAST_STEP_OF_HOPS, ROUNDING_OF_HOPS, MOST_STEPS_OF_HOPS, STEP_OF_ROUGH_HOPS = 1e-10, 1e-9, 8, 1e-4
 # The speeds of landings and the forces after them are not 0, as a share of the launch speed and of the weight, where
 # they are larger than the first number. The least gap and force between are larger than the second, as a share of the
 # greatest: so far from touching, the samples decide.
 APART_FROM_BORDERS, NOT_TOUCHING = 1e-9, 1e-3
+# Hops whose last step was smaller are known well enough to guess others from them.
+KNOWN_WELL = 1e-6
+REPEATED_HOPS = 1e-6  # hops whose last launch is the first one up to this share repeat themselves
 # Hops from launches nearer than this, as shares of the speed and of the range, have the same impacts.
 SAME_HOPS = 1e-6
 SOLVED_BEFORE = 24  # the latest hops from which others are guessed
 FARTHEST_BEND = 4.0  # second derivatives from two hops serve up to this many times the distance of these
+# A direction whose cosine with the chord between two known hops is smaller does not lead from one to the other.
+STEEPEST_WAY = 0.1
 SAMPLES_OF_ARC = np.linspace(0.03, 0.97, 32)  # the shares of the time of an arc at which gap and force are tested
 SAME_LAUNCH_STATE = 1e-6  # the end of a contact and a launch are the same state up to this
 STEP_OF_UNITS = 1e-5  # of a parameter, relative, for the derivative of the unit of speed
@@ -40,14 +45,15 @@ STEP_OF_UNITS = 1e-5  # of a parameter, relative, for the derivative of the unit
 
 class SolvedHops(NamedTuple):
     """Hops from one launch at a value of the parameter: their numbers of impacts, the unknowns of each, and the
-    derivatives (n, 2) of these by the first launch and the parameter; and whether they are exact and `tested` to be
-    smooth."""
+    derivatives (n, 2) of these by the first launch and the parameter; where they repeat themselves, the direction (2,)
+    in both in which they still do; and whether they are known well and `tested` to be smooth."""
 
     alpha: float
     value: float
     impacts: tuple[int, ...]
     unknowns: tuple[np.ndarray, ...]
     changes: tuple[np.ndarray, ...]
+    direction: np.ndarray | None = None
     tested: bool = True
 
 
@@ -151,7 +157,7 @@ class CyclesAlong:
                 return None  # the contact ends where no launch begins
             speed += (value if self.name == INJECT else self.inject) / float(unit[0])
         return SolvedHops(
-            alpha, value, tuple(counts), tuple(unknowns), tuple(np.zeros((len(u), 2)) for u in unknowns), False
+            alpha, value, tuple(counts), tuple(unknowns), tuple(np.zeros((len(u), 2)) for u in unknowns), tested=False
         )
 
     def _units(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -215,7 +221,8 @@ class CyclesAlong:
             return None, ~settled
         tested = np.abs(away / np.column_stack([alphas, np.full(m, self.span)])).max(1) > SAME_HOPS
         tested |= [not guess.tested for guess in begun]
-        between = bool(tested.any()) and bool(settled.all())
+        known_well = bool((size <= KNOWN_WELL).all())
+        between = bool(tested.any()) and known_well
         for (count, which, _, us), step in zip(groups, steps, strict=True):
             failed[which[~self._are_smooth(count, us, ps[which], step.evaluation, between)]] = True
         failed |= ~(launches > 0).all(1)
@@ -231,16 +238,27 @@ class CyclesAlong:
         own = self._by_first(m, period, groups, steps, launches, changes, units, growing)
         launches *= units[:, None]
         launches[:, 0] = alphas
-        solved = list[SolvedHops]()
-        for alpha, value, guess, each in zip(alphas.tolist(), values.tolist(), begun, own, strict=True):
-            unknowns, slopes_of = zip(*each, strict=True)
-            solved.append(SolvedHops(alpha, value, guess.impacts, unknowns, slopes_of, bool(settled.all())))
-        if settled.all():
-            self._solved[period].extend(each for each, new in zip(solved, tested, strict=True) if new)
-        else:
-            self._rough[period] = solved
+        self._store(alphas, values, impacts, own, launches, changes, tested, known_well)
         errors = np.zeros(m) if settled.all() else np.maximum(size, LAST_STEP_OF_HOPS)
         return (launches, impacts, slopes, changes, errors), failed
+
+    def _store(
+        self, alphas: np.ndarray, values: np.ndarray, impacts: np.ndarray, own: list[list[Any]], launches: np.ndarray,
+        changes: np.ndarray, tested: np.ndarray, known_well: bool,
+    ) -> None:  # fmt: skip
+        """Store hops, from which others are guessed: for long those that repeat themselves, are known well and are
+        newly `tested`, and the others for the next call."""
+        onward = (changes[:, -1] - changes[:, 0])[:, ::-1] * [-1.0, 1.0]
+        repeat, period = np.abs(launches[:, -1] - alphas) <= REPEATED_HOPS * alphas, impacts.shape[1]
+        solved = list[SolvedHops]()
+        columns = alphas.tolist(), values.tolist(), impacts.tolist(), own, onward, repeat
+        for alpha, value, counts, each, way, again in zip(*columns, strict=True):
+            unknowns, slopes = zip(*each, strict=True)
+            solved.append(SolvedHops(alpha, value, tuple(counts), unknowns, slopes, way if again else None, known_well))
+        if known_well:
+            self._solved[period].extend(each for each, new in zip(solved, tested & repeat, strict=True) if new)
+        if not (known_well and repeat.all()):
+            self._rough[period] = solved
 
     def _groups(
         self, impacts: np.ndarray, begun: Sequence[SolvedHops], away: np.ndarray, known: Sequence[SolvedHops],
@@ -259,8 +277,9 @@ class CyclesAlong:
         return groups
 
     def _bends(self, known: Sequence[SolvedHops], begun: Sequence[SolvedHops], away: np.ndarray) -> list[list[Any]]:
-        """What the second derivatives change in the unknowns of hops this far away (m, 2) from guesses, in the
-        direction of other known hops that are not much nearer to these: those nearest to the hops."""
+        """What is added to the first-order change in the unknowns of hops this far away (m, 2) from guesses, by cubics
+        through these and other known hops along the curve of hops that repeat themselves; of those that are not much
+        nearer to the guesses, the ones nearest to the hops."""
         scales = np.array([[guess.alpha, self.span] for guess in begun])
         at = np.array([[guess.alpha, guess.value] for guess in begun])
         apart = (np.array([[k.alpha, k.value] for k in known]).reshape(-1, 2) - at[:, None]) / scales[:, None]
@@ -272,13 +291,12 @@ class CyclesAlong:
         bends = list[list[Any]]()
         for i, guess in enumerate(begun):
             able = (k for k in np.argsort(left[i]).tolist() if np.isfinite(left[i, k]))
-            others = (k for k in able if known[k].impacts == guess.impacts and known[k].tested)
-            if not guess.tested or (best := next(others, None)) is None:
+            same = (k for k in able if known[k].impacts == guess.impacts and known[k].tested)
+            others = (k for k in same if known[k].direction is not None)
+            if not guess.tested or guess.direction is None or (best := next(others, None)) is None:
                 bends.append([0.0] * len(guess.impacts))
                 continue
-            pairs, factor = zip(known[best].changes, guess.changes, strict=True), 0.5 * shares[i, best] ** 2
-            ahead = apart[i, best] * scales[i]
-            bends.append([factor * ((there - here) @ ahead) for there, here in pairs])
+            bends.append(_bends_on_way(guess, known[best], float(shares[i, best]), away[i], scales[i]))
         return bends
 
     @staticmethod
@@ -344,6 +362,36 @@ class CyclesAlong:
             else:
                 sure &= model.contact_speed.at(end) > 0
         return sure
+
+
+def _bends_on_way(here: SolvedHops, there: SolvedHops, share: float, away: np.ndarray, scale: np.ndarray) -> list[Any]:
+    """What is added to the first-order change in the unknowns of each hop at a place this far `away` (2,) from solved
+    hops, at a share of the chord to others, by the cubic between them along the curve of hops that repeat themselves.
+
+    Beside lossless hops the unknowns bend much across that curve, and little along it."""
+    chord = np.array([there.alpha - here.alpha, there.value - here.value])
+    square = float(((chord / scale) ** 2).sum())
+
+    def onward(direction: np.ndarray) -> np.ndarray:
+        along = float((direction * chord / scale**2).sum())
+        steep = along**2 <= STEEPEST_WAY**2 * square * float(((direction / scale) ** 2).sum())
+        return chord if steep else direction * (square / along)
+
+    assert here.direction is not None
+    assert there.direction is not None
+    first, last = onward(here.direction), onward(there.direction)
+    beside = away - share * first - _bend(share, chord, first, last)
+    bends = list[Any]()
+    for u, other, by, later in zip(here.unknowns, there.unknowns, here.changes, there.changes, strict=True):
+        bend = _bend(share, other - u, by @ first, later @ last)
+        bends.append(bend + share * ((later - by) @ beside) + by @ (share * first + beside - away))
+    return bends
+
+
+def _bend(share: float, change: np.ndarray, before: np.ndarray, behind: np.ndarray) -> np.ndarray:
+    """The square and cubic terms at a share of the way between two places, of the cubic with this change between them
+    and these derivatives at both."""
+    return share**2 * (3 * change - 2 * before - behind + share * (before + behind - 2 * change))
 
 
 def _stay_above(values: np.ndarray) -> np.ndarray:

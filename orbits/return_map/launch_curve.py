@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
+from ..continuation.corrector import NEVER_SETTLED
 from ..continuation.curve import CurvePoint
 from ..errors import NoOrbit
 from .cycles import INJECT, MapsAlong, excess_of
@@ -22,7 +23,7 @@ STEP_ACROSS, JUMP_OF_SLOPES = 1e-9, 1e5
 SAME_RATE, INEXACT = 1e-4, 100.0
 # Hops with larger errors do not end Newton's method across the curve. Where those without errors do not come back up to
 # the last number, they are others.
-LARGEST_ERROR_OF_HOPS, NEVER_SETTLED, OTHER_HOPS = 1e-7, 1e300, 1e-6
+LARGEST_ERROR_OF_HOPS, OTHER_HOPS = 1e-6, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +119,10 @@ class LaunchCurve:
             self._rates = xs.copy(), along
         jacobian = np.stack([across, along], axis=-1)[:, None]
         return MapEquations(residual[:, None], jacobian, launches[:m, :-1], impacts[:m])
+
+    def evaluate_exactly(self, xs: np.ndarray) -> MapEquations:
+        """The equation at solved points (m, 2), without errors of the hops."""
+        return self.evaluate(xs, exact=True)
 
     def rescued(self, x: np.ndarray) -> np.ndarray:
         """Raise `NoOrbit`: there is no other method where Newton's fails."""
