@@ -154,11 +154,12 @@ def features_of_many(key: Key, spring: Key, p: Mapping[str, np.ndarray]) -> tupl
         return lengths, bends
     values = np.column_stack([p[name] for name in key.names]) if key.names else np.zeros((len(units), 0))
     (low, high), hides = ends_of_features(key, p, units), hiding(key)[0]
-    start = np.array([[0.0, 0.0, 0.0, 0.0, 1.0]])
-    *_, turns, plain = _turns(key)(start, np.column_stack([low, high, SINGULAR_SLOPE / units, values])).z.T
-    # A law that bends at most once needs no more of its samples unless it may hide something.
-    steady = (plain == 1) & (not hides) & (turns <= 1)
-    lengths[steady], bends[steady] = math.inf, turns[steady]
+    steady = np.zeros(len(units), bool)
+    if not hides:  # a law that bends at most once needs no more of its samples unless it may hide something
+        start = np.array([[0.0, 0.0, 0.0, 0.0, 1.0]])
+        *_, turns, plain = _turns(key)(start, np.column_stack([low, high, SINGULAR_SLOPE / units, values])).z.T
+        steady = (plain == 1) & (turns <= 1)
+        lengths[steady], bends[steady] = math.inf, turns[steady]
     others = (~steady).nonzero()[0]
     for first in range(0, len(others), BLOCK):
         block = others[first : first + BLOCK]

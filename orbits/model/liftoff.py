@@ -178,14 +178,16 @@ def _end_of_rise(law: Law, inner: ArrayLike, outer: ArrayLike) -> np.ndarray:
 
 def _level_crossings(force_and_slope: Callable, level: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Where a force, x (m,) -> values and slopes (m,), rises through levels (m,) between extensions (m,): Newton's
-    method safeguarded by bisection."""
+    method safeguarded by bisection, each ended by its own step or bracket, which rounding alone determines where the
+    force is flat."""
     r = 0.5 * (low + high)
     for _ in range(200):
         force, slope = force_and_slope(r)
         low, high = np.where(force < level, r, low), np.where(force < level, high, r)
         new = np.divide(level - force, slope, out=low - r, where=slope != 0) + r
-        settled = np.abs(new - r) <= 4e-16 * np.abs(r)
+        settled = np.minimum(np.abs(new - r), high - low) <= 4e-16 * np.abs(r)
         if settled.all():
             break
-        r = np.where(settled | ((low < new) & (new < high)), new, 0.5 * (low + high))
+        following = np.where((low < new) & (new < high), new, 0.5 * (low + high))
+        r = np.where(settled, r, following)
     return np.clip(new, low, high)

@@ -28,7 +28,7 @@ from ..periodic.orbit import Orbit, orbit_of
 from ..result import Axes, Result, Row, shown
 from ..running.heartbeat import running
 from ..running.time_limit import TimeOver
-from ..symbolic.kernels import compiled_at_once
+from ..symbolic.kernels import compiled_early
 from .boundaries import (
     LOCATED_TO,
     WITH_ORBIT,
@@ -298,7 +298,7 @@ def existence(
     shares = np.linspace(0, 1, grid.about["shape"][0]), _shares_at(column, rows)
     statuses = grid["status"].reshape(grid.about["shape"])
     try:
-        with compiled_at_once(len(grid) >= LARGE_GRID):
+        with compiled_early(len(grid) >= LARGE_GRID):
             curves = boundary_curves(box, _pairs_to_follow(statuses), orbit_at, machine)
         if sparse:
             sparse.search_around(_nodes_of(box, curves))

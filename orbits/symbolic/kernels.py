@@ -30,6 +30,8 @@ COMPILED_SHARE = 0.03
 # Where the time of iterations is known beforehand, optimised code is worth it from this multiple of its time to compile
 # on, as it takes half of the time.
 WORTH_OPTIMISING = 2.0
+# Where many calls are to come, interpreting takes no longer than this share of the time to compile.
+SHARE_BEFORE_MANY = 0.1
 # From this many instructions on, optimised code is hardly faster, and takes long to make.
 LONG = 25_000
 # The most iterations of a point.
@@ -46,24 +48,21 @@ FIRST_CAPACITY = 16
 
 # One record, one end and one iteration of every point.
 _ONCE = np.ones(3)
-# Of each thread the array `records`, which is reused as new memory is slow to write to, and whether it is `at_once`.
+# Of each thread the array `records`, which is reused as new memory is slow to write to, and whether it makes code
+# `early`.
 _memory = threading.local()
 
 
 @contextmanager
-def compiled_at_once(many: bool = True) -> Iterator[None]:
-    """Make the machine code of each kernel at its first call in this block, if many calls are to come there."""
-    before = getattr(_memory, "at_once", False)
-    _memory.at_once = many or before
+def compiled_early(many: bool = True) -> Iterator[None]:
+    """Make the machine code of each kernel that is used more than a little in this block, if many calls are to come
+    there: those that are used only to begin with are interpreted."""
+    before = getattr(_memory, "early", False)
+    _memory.early = many or before
     try:
         yield
     finally:
-        _memory.at_once = before
-
-
-def at_once() -> bool:
-    """Whether this thread is in a block of `compiled_at_once`."""
-    return getattr(_memory, "at_once", False)
+        _memory.early = before
 
 
 class Iterated(NamedTuple):
@@ -93,8 +92,9 @@ class Kernel:
 
     The function takes (z, data, ...) to (z after it, records ..., whether to record them, whether to go
     on), all dense. Its iterations are interpreted until that has taken as long as compiling it, and compiled code is
-    optimised when it has run for as long as that takes: so nothing is compiled for a few points. Each number is the
-    same either way, and with any number of threads.
+    optimised when it has run for as long as that takes: so nothing is compiled for a few points. Times are those of the
+    processor, so that other programs change nothing. Each number is the same either way, and with any number of
+    threads.
 
     chooses : an entry of z, a whole number, where the last argument of the function is that row of a table; a call then
         has tables (m, rows size), or (1, rows size) for all points, whose rows follow each other
@@ -108,7 +108,7 @@ class Kernel:
         in_loops = isinstance(function, InLoops)
         length = (function if in_loops else self.function).n_instructions()
         self.seconds_per_step = length * SECONDS_INTERPRETED
-        self.interpretation_budget = compile_seconds(length) if not in_loops else -1.0
+        self.seconds_to_compile = self.interpretation_budget = compile_seconds(length) if not in_loops else -1.0
         self.optimisation_budget = compile_seconds(length, optimised=True) if length < LONG and not in_loops else np.inf
         self._interpreted: BufferedFunction | None = None
         self._code: MachineCode | None = None
@@ -154,7 +154,7 @@ class Kernel:
         seconds = iterations * self.seconds_per_step
         if self._code is None:
             self.interpretation_budget -= seconds
-            if self.interpretation_budget < 0 or at_once():
+            if self._is_used_up(self.interpretation_budget):
                 self.compile()
         elif self.optimisation_budget < np.inf:
             self.optimisation_budget -= COMPILED_SHARE * seconds
@@ -162,9 +162,16 @@ class Kernel:
                 self.optimise()
         return self._code
 
+    def _is_used_up(self, left: float) -> bool:
+        """Whether no more is to be interpreted where this is left of the budget."""
+        many = getattr(_memory, "early", False)
+        return left < ((1 - SHARE_BEFORE_MANY) * self.seconds_to_compile if many else 0.0)
+
     def _make_code(self, optimised: bool) -> None:
         if target():
-            merged = self.source if isinstance(self.source, InLoops) else with_common_parts(self.function)
+            # To find common parts takes longer than to compile them, unless they are optimised.
+            source = self.source if isinstance(self.source, InLoops) else self.function
+            merged = with_common_parts(source) if optimised and isinstance(source, ca.Function) else source
             try:
                 self._code = MachineCode(merged, optimised, self.chooses)
                 weigh([merged.after if isinstance(merged, InLoops) else merged], 2 * len(self._code.compiled))
@@ -216,7 +223,7 @@ class Kernel:
         count, first, cost, parts = len(ends), 0, 0.0, list[list[np.ndarray]]()
         while self._code is None and first < count:
             # A call that would use up the budget on its own is compiled for immediately.
-            if (at_once() or self.interpretation_budget < cost * (count - first)) and self.compile():
+            if self._is_used_up(self.interpretation_budget - cost * (count - first)) and self.compile():
                 break
             before = self.interpretation_budget
             parts.append(self._interpret([array[first if len(array) == count else 0] for array in inputs], ends[first]))
@@ -224,11 +231,8 @@ class Kernel:
         if first < count:
             if self.optimisation_budget < 0:
                 self.optimise()
-            began = time.perf_counter()
             rest = [array[first:] if len(array) == count else array for array in inputs]
             parts += self._in_lanes(rest, ends[first:], capacity)
-            with LOCK:
-                self.optimisation_budget -= time.perf_counter() - began
         return parts
 
     def _interpret(self, inputs: Sequence[np.ndarray], ends: np.ndarray) -> list[np.ndarray]:
@@ -278,7 +282,7 @@ class Kernel:
                 _memory.records = memory
         free = [memory[worker * size * row :] for worker in range(workers)]
 
-        def run(first: int) -> list[np.ndarray]:
+        def run(first: int) -> tuple[list[np.ndarray], float]:
             if workers > 1 and first and interrupts.pending():
                 raise KeyboardInterrupt  # before the loop below can heed it
             part, mine = slice(first, first + size), free.pop()
@@ -288,17 +292,20 @@ class Kernel:
             free.append(mine)
             return records
 
-        parts = []
+        parts, spent = [], 0.0
         with futures.ThreadPoolExecutor(workers) if workers > 1 else nullcontext() as pool:
-            for records in (pool.map if pool else map)(run, firsts):
+            for records, seconds in (pool.map if pool else map)(run, firsts):
                 parts.append(records)
+                spent += seconds / workers
                 interrupts.heed()
+        with LOCK:
+            self.optimisation_budget -= spent
         return parts
 
     def _chunk(
         self, code: MachineCode, inputs: list[np.ndarray], ends: np.ndarray, capacity: int, memory: np.ndarray
-    ) -> list[np.ndarray]:
-        """`_iterated` by one call of machine code, with memory for the records."""
+    ) -> tuple[list[np.ndarray], float]:
+        """`_iterated` by one call of machine code, with memory for the records; and the processor time that it took."""
         count, lengths, records, used = len(ends), [capacity * size for size in self.sizes_out[1:-2]], [], 0
         *places, end, start = (array.__array_interface__["data"][0] for array in (*inputs, ends, memory))
         for length in lengths:
@@ -308,11 +315,13 @@ class Kernel:
         strides = [array.shape[1] if len(array) == count else 0 for array in inputs]
         strides += [*lengths, 3]
         pointers = (ctypes.c_void_p * len(strides))(*places, end)
+        began = time.thread_time()
         code.run(pointers, (ctypes.c_int64 * len(strides))(*strides), count)
+        seconds = time.thread_time() - began
         if count == 1 or not records:
-            return [record[0, : int(ends[0, 0])].copy() for record in records]
+            return [record[0, : int(ends[0, 0])].copy() for record in records], seconds
         recorded = np.arange(capacity) < ends[:, :1]
-        return [record[recorded] for record in records]
+        return [record[recorded] for record in records], seconds
 
 
 class ElementwiseFunction(MappedFunction):

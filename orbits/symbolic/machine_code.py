@@ -39,8 +39,9 @@ _OTHERS = ("ASSIGN", "NEG", "INV", "NOT", "AND", "OR", "IF_ELSE_ZERO", "SIGN", "
 OPERATIONS = {*_ARITHMETIC, *_COMPARISONS, *_INTRINSICS, *_LIBRARY, *(getattr(ca, f"OP_{name}") for name in _OTHERS)}
 # The instructions of a graph after which another block begins: the time to compile one grows with its square.
 LONGEST_BLOCK = 300
-# The seconds that the shortest function takes to compile.
-FEWEST_SECONDS = 4e-3
+# The processor time that the shortest function takes to compile, and that each instruction takes besides, in code that
+# is not optimised and in code that is (measured on a server core of 2024).
+FEWEST_SECONDS, SECONDS_PLAIN, SECONDS_OPTIMISED = 4e-3, 1.5e-5, 8e-5
 # (addresses of arrays, lengths of their rows, number of points)
 Run = Callable[[Any, Any, int], None]
 # The code of an object file and whether it is optimised, by a hash of the text that it was compiled from.
@@ -77,13 +78,13 @@ def _c_library() -> ctypes.CDLL:
 
 
 def compile_seconds(instructions: int, optimised: bool = False) -> float:
-    """About the seconds to compile this number of instructions of a graph (measured on a server core of 2024)."""
-    return FEWEST_SECONDS + (5e-5 if optimised else 2.5e-5) * instructions
+    """About the seconds to compile this number of instructions of a graph."""
+    return FEWEST_SECONDS + (SECONDS_OPTIMISED if optimised else SECONDS_PLAIN) * instructions
 
 
 class MachineCode:
     """The function of a `Kernel` iterated at several points in machine code; `lanes` of them go side by side, and
-    its object file has the bytes `compiled`. `optimised` code takes 1.4 to 3.3 times less time, and more than twice as
+    its object file has the bytes `compiled`. `optimised` code takes 1.4 to 3.3 times less time, and about five times as
     long to make.
 
     Raises `NotImplementedError` for an operation that has no machine code, and `RuntimeError` where LLVM fails. It is
@@ -200,7 +201,7 @@ class _Code:
 
     def operation(self, op: int, values: Sequence[str]) -> str:
         """One operation of a graph on one value or two."""
-        x, y, zero, one = values[0], values[-1], self.splat(0), self.splat(1)
+        x, y = values[0], values[-1]
         if op in _ARITHMETIC:
             return self(f"{_ARITHMETIC[op]} {self.vector} {x}, {y}")
         if op in _COMPARISONS:
@@ -215,17 +216,17 @@ class _Code:
             case ca.OP_NEG:
                 return self(f"fneg {self.vector} {x}")
             case ca.OP_INV:
-                return self(f"fdiv {self.vector} {one}, {x}")
+                return self(f"fdiv {self.vector} {self.splat(1)}, {x}")
             case ca.OP_NOT:
-                return self.number(self.compare("oeq", x, zero))
+                return self.number(self.compare("oeq", x, self.splat(0)))
             case ca.OP_AND | ca.OP_OR:
                 name = "and" if op == ca.OP_AND else "or"
                 return self.number(self(f"{name} {self.masks} {self.nonzero(x)}, {self.nonzero(y)}"))
             case ca.OP_IF_ELSE_ZERO:
-                return self.choose(self.nonzero(x), y, zero)
+                return self.choose(self.nonzero(x), y, self.splat(0))
             case ca.OP_SIGN:
-                sign = self.choose(self.compare("olt", x, zero), self.splat(-1), x)
-                return self.choose(self.compare("ogt", x, zero), one, sign)
+                sign = self.choose(self.compare("olt", x, self.splat(0)), self.splat(-1), x)
+                return self.choose(self.compare("ogt", x, self.splat(0)), self.splat(1), sign)
         raise NotImplementedError(f"operation {op}")
 
     def graph(self, function: ca.Function, arguments: Sequence[Sequence]) -> list[list[str]]:

@@ -11,7 +11,7 @@ from kernel_functions import assert_equal, both, countdown, starts
 from orbits import InputError, ReturnMap, find, follow
 from orbits.running import interrupts
 from orbits.symbolic import kernels
-from orbits.symbolic.kernels import Kernel, compiled_at_once
+from orbits.symbolic.kernels import Kernel, compiled_early
 from problems import Hopper
 
 
@@ -188,15 +188,32 @@ def test_nothing_is_compiled_for_a_few_points():
     assert_equal(kernel(z, np.ones((1, 1))), few)
 
 
-def test_code_is_made_at_the_first_of_many_calls():
-    """In a block that says so, in other blocks within it too; the numbers are the same."""
-    kernel, z = Kernel(countdown()), starts(5, 6)
-    with compiled_at_once(False):
-        few = kernel(z, np.ones((1, 1)))
-    assert not kernel.compiled
-    with compiled_at_once(), compiled_at_once(False):
-        assert_equal(kernel(z, np.ones((1, 1))), few)
-    assert kernel.compiled
+def test_code_is_made_early_where_many_calls_are_to_come():
+    """After a tenth of what is interpreted elsewhere, in other blocks within too; the numbers are the same."""
+    z, calls = starts(5, 6), []
+    few = Kernel(countdown())(z, np.ones((1, 1)))
+    for many in (False, True):
+        kernel, count = Kernel(countdown()), 0
+        with compiled_early(many), compiled_early(False):
+            while not kernel.compiled:
+                assert_equal(kernel(z, np.ones((1, 1))), few)
+                count += 1
+        calls.append(count)
+    assert 1 < calls[1] < calls[0] / 5
+
+
+def test_only_the_time_of_the_processor_counts(monkeypatch):
+    """Code is optimised once it has run for as long as that takes, however long other programs make it wait."""
+    kernel, z, clock = Kernel(countdown()), starts(5, 6), [0.0]
+    kernel.compile()
+    monkeypatch.setattr(kernels.time, "thread_time", lambda: clock[0])
+    budget, run = kernel.optimisation_budget, kernel._code.run
+    kernel(z, np.ones((1, 1)))
+    assert kernel.optimisation_budget == budget
+    monkeypatch.setattr(kernel._code, "run", lambda *call: (run(*call), clock.append(clock.pop() + 1.1 * budget)))
+    for optimised in (False, True):
+        kernel(z, np.ones((1, 1)), most=5)
+        assert kernel._code.optimised == optimised
 
 
 def test_rows_of_a_table():
