@@ -9,7 +9,7 @@ states of a set are those of its centre and the derivatives times the deviations
 Krawczyk's test (`Solution`), on the stated enclosures and on these with the radius of uniqueness around them. Signs
 along the motion are those of functions, and of their derivatives by time, on stretches of it (`signs`). Where a law
 has pieces, a step stays on one of them, or crosses to the next one in the hull of both (`in_pieces`). Nothing of the
-prover and of CasADi is used. What is verified is what the file says in its fields, but for `about`.
+prover and of CasADi is used. All fields of the file are verified but `statement`, `about`, `digits`, `seconds`, `name`.
 """
 
 import ast
@@ -386,8 +386,9 @@ class Machine:
         self.names, self.needed, self.states = names, needed, [tree("name", value=each) for each in states]
         self.rates, self.constants = self.states[n : 2 * n], self.states[2 * n + 1 :]
         self.places = self.constants[len(self.tuned) :]
-        one = {*names, *bounds, *self.tuned, "pi"}
-        if len(one) <= n + len(bounds) + len(self.tuned) or not all(map(str.isidentifier, [*names, *self.tuned])):
+        one = [*names, *bounds, *self.tuned, "pi", "liftoff", "alpha", *PHASES, *ENDS]
+        one += ["r"] * bool(stated["springs"]) + re.findall(r"\bz\b", stated["gravity"])[:1]
+        if len({*one}) < len(one) or not all(map(str.isidentifier, one)):
             raise Unverified("a name stands for two things, or is none")
         known = {name: number((low + high) / 2) for name, (low, high) in bounds.items()}
         for name, place in zip(wide, self.places, strict=True):

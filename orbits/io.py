@@ -105,6 +105,20 @@ def write_json(document: Mapping, path: str | Path, what: str) -> Path:
     return path
 
 
+def parse_json(text: str | bytes) -> Any:
+    """The value of a JSON text; raises `ValueError` where an object has a name twice, since readers differ in which of
+    the two they take."""
+
+    def entries(pairs: list[tuple[str, Any]]) -> Document:
+        found = dict(pairs)
+        if len(found) < len(pairs):
+            twice = next(name for i, (name, _) in enumerate(pairs) if name in dict(pairs[:i]))
+            raise ValueError(f"it has '{twice}' twice in one object: leave one of the two")
+        return found
+
+    return json.loads(text, object_pairs_hook=entries)
+
+
 def canonical(value: Any) -> str:
     """The content of a JSON document, however it is laid out: keys in order, all numbers as floats."""
     if isinstance(value, Mapping):
@@ -142,7 +156,7 @@ def unsealed(document: Any, before: str = "") -> Any:
 
 def read_sealed(file: BinaryIO) -> Any:
     """The JSON document of a file, checked against its digest."""
-    return unsealed(json.load(file))
+    return unsealed(parse_json(file.read()))
 
 
 def has_digest(document: object, path: str | Path) -> bool:

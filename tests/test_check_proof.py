@@ -336,6 +336,13 @@ def test_what_cannot_be_read_is_not_verified(inerter):
         assert check({name: value for name, value in inerter.items() if name != key})
 
 
+@pytest.mark.parametrize("name", ["r", "pi", "alpha", "liftoff", "flight_time", "mid_flight_extension", "foot"])
+def test_a_name_that_stands_for_two_things_is_not_verified(inerter, name):
+    """A parameter of the theorem, which is true of it with any other name."""
+    renamed = [json.loads(json.dumps(inerter).replace("inertance", each)) for each in (name, "other")]
+    assert [check(each) for each in renamed] == [["a name stands for two things, or is none"], []]
+
+
 @pytest.mark.parametrize(
     ("text", "value"),
     [("-2**2", -4), ("2**-1", "1/2"), ("2**3**2", 512), ("1 - 2 - 3", -4), ("8/2/2", 2), ("-(1 + .5e1)*2", -12),

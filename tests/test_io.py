@@ -237,6 +237,15 @@ class TestDigests:
             except InputError:
                 continue
 
+    def test_a_name_twice_in_a_file_is_refused(self, tmp_path, orbit, family):
+        """JSON's readers differ in which of two values they take, and the digest is of the last."""
+        path, lines = orbit.save(tmp_path / "orbit.json"), family.save(tmp_path / "family.jsonl")
+        path.write_text('{"alpha": 9.5, ' + path.read_text()[1:])
+        lines.write_text('{"along": "mass_ratio", ' + lines.read_text()[1:])
+        for load, name in ((lambda: Orbit.load(path), "alpha"), (lambda: Family.load(lines), "along")):
+            with pytest.raises(InputError, match=f"it has '{name}' twice"):
+                load()
+
     def test_flipped_bits_are_refused(self, tmp_path, family):
         path, rng = family.save(tmp_path / "family.jsonl"), random.Random(6)
         data, same = path.read_bytes(), list(family.records())

@@ -12,7 +12,19 @@ import numpy as np
 from ..consistency.accepted import check_parameters
 from ..errors import InputError, finite_number
 from ..exact.claim import CONTACT_DURATION, Claim
-from ..io import DIGEST, MEGABYTE, Document, conform, has_digest, named_file, sealed, to_json, unsealed, writing
+from ..io import (
+    DIGEST,
+    MEGABYTE,
+    Document,
+    conform,
+    has_digest,
+    named_file,
+    parse_json,
+    sealed,
+    to_json,
+    unsealed,
+    writing,
+)
 from ..model.machine import Machine, title_of_machine
 from ..periodic.certified import orbit_from
 from ..periodic.orbit import Orbit
@@ -384,14 +396,14 @@ class Family(
         """The family in an open file, of lines or of one document; a truncated last line is left out."""
         if str(file.name).lower().endswith(".json"):
             with suppress(json.JSONDecodeError):  # version 0.1.0 wrote lines to .json too
-                if "items" in (document := json.load(file)):
+                if "items" in (document := parse_json(file.read())):
                     return cls.of_saved(unsealed(document), machine)
             file.seek(0)
         sealing, items = Sealing(), list[Any]()
         for number, line in enumerate(_lines(file), start=1):
             try:
-                item = json.loads(line)
-            except ValueError:
+                item = parse_json(line)
+            except json.JSONDecodeError:
                 if number > 1 and next(file, None) is None:
                     break
                 raise

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from fractions import Fraction
+from itertools import chain, count
 from numbers import Rational
 from typing import Any
 
@@ -152,6 +153,11 @@ class StatedMachine:
         if self.steps:
             raise Unproved(f"{what} is proved only of machines that state no reversor, symmetry or further gap")
 
+    def refuse_names(self, letters: str, what: str) -> None:
+        """Raise `Unproved` where a coordinate or a parameter has one of the letters in which something is proved."""
+        if both := {*self.coordinates, *self.parameters} & {*letters}:
+            raise Unproved(f"the name '{min(both)}' stands for {what}: call the coordinate or parameter something else")
+
     @property
     def points(self) -> tuple[str, str]:
         """Names of the points that open and land, where they may be two."""
@@ -231,7 +237,9 @@ class StatedMachine:
         back, anew = (", ".join(f"{name} to {image}" for name, image in pairs) or "each coordinate to itself"
                       for pairs in (self.reversor, self.symmetry))  # fmt: skip
         maps = f"Let R reverse time and take {back}, and let S take {anew}; coordinates without a formula stay"
-        x = next(letter for letter in ("x", "q", "X", "Q", "state") if letter not in self.coordinates)
+        taken = {*self.coordinates, *self.parameters, *self.tuned}
+        letters = chain(("x", "q", "X", "Q", "state"), map("state_{}".format, count()))
+        x = next(letter for letter in letters if letter not in taken)
         vanish = ", in which all forces of the ground vanish," if self.sticks else ""
         orbit = f"A lossless orbit is launched in a state {x}{vanish} and lands in R {x}; its contact, whose"
         return f"{maps}. {orbit} coordinates are counted anew by S, leads from S R {x} to {x}. "
@@ -295,6 +303,10 @@ def _refuse_two_meanings(stated: StatedMachine) -> None:
         taken["r"] = "the extension in a spring's law"
     if "z" in names and "z" in parse(stated.gravity).names:
         taken["z"] = "the height in the law of gravity"
+    if "f" in names and any(each.rows for each in stated.springs):
+        taken["f"] = "the polynomials between the rows of a table"
+    if stated.steps:
+        taken |= dict.fromkeys(names & {"R", "S"}, "a map of the machine's states")
     for name, meaning in sorted(taken.items()):
         raise Unproved(f"the name '{name}' stands for {meaning}: call the coordinate or parameter something else")
 

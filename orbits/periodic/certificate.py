@@ -52,8 +52,9 @@ class Certificate:
         alpha where hops land once; on the other, where they bounce once, it is 10 C. Where a launch is more than a
         speed, a hop loses the energy C dE/dalpha |d|**(4/3) if alpha alone is changed, and C has the sign of alpha.
         None where a law has a corner at lift-off, so that the landing jerk jumps
-    stable_side : "above", the side from which it attracts; None for an orbit that is no motion, where the loss is not
-        known to differ from 0, and where a launch is more than a speed: `multipliers` says there what attracts
+    stable_side : "above", the side from which it attracts where impacts lose energy, as all do but those with the
+        restitution 1; None for an orbit that is no motion, where the loss is not known to differ from 0, and where a
+        launch is more than a speed: `multipliers` says there what attracts
     violations : the conditions of a motion that it violates, in words; empty for an admissible orbit
     loss_error : estimate of the error of `loss_coefficient`, None where there is none
     unfolding : multiple of the energy gradient added to the equations of motion; None where this is not an unknown

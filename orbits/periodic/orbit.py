@@ -1,6 +1,5 @@
 """A lossless orbit: a frozen result that evaluates, prints, plots, saves and loads itself."""
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError, finite_times
 from ..flow.forces import spring_forces, units_of_springs
 from ..flow.trajectory import Trajectory
-from ..io import DIGEST, Changed, Document, has_digest, read_file, to_json, unsealed
+from ..io import DIGEST, Changed, Document, has_digest, parse_json, read_file, to_json, unsealed
 from ..model.machine import Machine, machine_in_words, title_of_machine
 from ..model.model import CONTACT_FORCE, LANDED_FORCE, STEP_LENGTH
 from ..model.symmetry import SignedShift
@@ -444,7 +443,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
     def _read(cls, machine: Machine | None, file: BinaryIO) -> "Orbit":
         """The orbit in an open file. A changed file is refused, but is still a start for `find`, which solves anew."""
         try:
-            document = json.load(file)
+            document = parse_json(file.read())
             document = unsealed(document) if has_digest(document, file.name) else document
         except Changed as error:
             raise ValueError(f"{error}, as find(machine, start=FILE) does") from None
@@ -477,7 +476,7 @@ def start_in_file(path: str | Path) -> Orbit:
     only, since none of its numbers are reliable."""
 
     def parsed(file: BinaryIO) -> Orbit:
-        document = json.load(file)
+        document = parse_json(file.read())
         return Orbit.of_saved({name: value for name, value in document.items() if name != DIGEST})
 
     return read_file(path, f"{path} is not a saved orbit", parsed)

@@ -255,6 +255,7 @@ def _loss_verdict(found: ProvedExistence, flight: Motion, claim: Claim) -> Verdi
     try:
         _check_landings(claim.machine)
         found.half.mechanics.stated.refuse_steps("a loss coefficient")
+        found.half.mechanics.stated.refuse_names("Cd", "a number in the law of the losses")
         unknowns = flight_statement(found).unknowns
         lost = enclosed_loss(found.half, flight, {name: found.ball(each) for name, each in unknowns.items()}, ctx.prec)
         return Verdicts(enclosures={"loss_coefficient": enclosure_of(lost.coefficient)}, loss=lost)
@@ -267,6 +268,7 @@ def _with_attraction(found: ProvedExistence, claim: Claim, verdicts: Verdicts) -
     try:
         _check_landings(claim.machine)
         found.half.mechanics.stated.refuse_steps("attraction")
+        found.half.mechanics.stated.refuse_names("cdn", "a number in the law of the losses")
         if verdicts.loss is None or {*verdicts.conditions.values()} != {PROVED}:
             raise Unproved("it needs the conditions of a motion and the loss coefficient, which are not all proved")
         half, half_contact = found.half, found.ball(found.statement.unknowns[CONTACT_DURATION])

@@ -156,8 +156,9 @@ class PeriodicHops(Result, Sequence[Cycle], what="periodic hops", dimension="lau
         error = f"{self.error_of_map:.1g}{unit}"
         notes = [f"complete for polynomials that differ from the map by {error} where they are compared: {searched}"]
         if not self.branches:
-            why = "no launch has a next one there, or hops lose nothing and an injection adds to each"
-            notes = [f"complete: {why if self.inject else 'without injection or damping only lossless hops come back'}"]
+            none = "complete: no launch has a next one there, or hops lose nothing and an injection adds to each"
+            found = "without injection or damping only lossless hops come back: those that a search finds, as that of"
+            notes = [none if self.inject else f"{found} find_all, which does not prove that there are no others"]
         if self.unresolved:
             length = sum(b - a for a, b in self.unresolved)
             near = ", ".join(f"{a:.9g}" for a, _ in self.unresolved[:4])

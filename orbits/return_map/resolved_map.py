@@ -1,11 +1,12 @@
 """A return map on a grid that resolves it: its crossings of the identity line, preimages of intervals, and basins.
 
 The map has no slope at lossless launches and humps between them, so that a grid is refined there. The lossless launches
-are found first: under constant gravity all of them, otherwise those of `find`.
+are found first: all that a search of launch speeds shows, and of machines that step those of `find`.
 """
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from itertools import count
 
 import numpy as np
@@ -16,7 +17,7 @@ from ..flow.flow import flow_of
 from ..numerics.polynomial_roots import piecewise_roots
 from ..numerics.roots import enclosed_sign_changes, resolved
 from ..periodic.certified import certified_orbit, solve_from
-from ..periodic.find import Progress, find
+from ..periodic.find import Progress, find, find_all
 from ..periodic.orbit import Orbit
 from ..running import interrupts
 from ..simulation.impacts import Impacts
@@ -117,10 +118,26 @@ def lossless_speeds(impacts: Impacts, low: float, high: float) -> list[float]:
     """Launch speeds from `low` to `high` of the lossless orbits that are motions, ascending."""
     if not impacts.model.conservative or impacts.descends:
         return []
-    of_families = not impacts.model.reduction or impacts.model.reduction.exact
+    model = impacts.model
     with interrupts.deferred():
-        orbits = _orbits_of_families(impacts, low, high) if of_families else _all_orbits(impacts, low, high)
+        if model.reduction and not model.reduction.exact:
+            orbits: Iterator[Orbit] = _all_orbits(impacts, low, high)
+        elif model.plain and model.search is not None:
+            orbits = _searched_orbits(impacts, high)
+        else:
+            orbits = _orbits_of_families(impacts, low, high)
         return sorted({orbit.alpha for orbit in orbits if low <= orbit.alpha <= high and orbit.admissible})
+
+
+def _searched_orbits(impacts: Impacts, high: float) -> Iterator[Orbit]:
+    """All orbits of each family up to `high`, until several families in a row have none there."""
+    beyond, family = 0, 0
+    while beyond <= FURTHER:
+        interrupts.heed()
+        beyond, family = beyond + 1, family + 1
+        with suppress(NoOrbit):
+            yield from find_all(impacts.machine, family=family, fastest=high)
+            beyond = 0
 
 
 def _orbits_of_families(impacts: Impacts, low: float, high: float) -> Iterator[Orbit]:

@@ -169,9 +169,10 @@ class ReturnMap:
         `starts`, launches of d numbers: the different ones among their `periodic_hop`, in their order, and beside a
         lossless start the one with less energy too.
 
-        Without injection or damping they are the lossless orbits that are motions: all of them under constant gravity,
-        otherwise those of `find`. With either, they are where the map crosses the identity line: next - alpha changes
-        its sign between neighbours of a grid of `samples` launches, refined near lossless ones and near extrema.
+        Without injection or damping they are the lossless orbits that are motions: all that a search like that of
+        `find_all` shows, and of machines that step those of `find`. With either, they are where the map crosses the
+        identity line: next - alpha changes its sign between neighbours of a grid of `samples` launches, refined near
+        lossless ones and near extrema.
         `progress` is called with the completed share of the starts, and with 0 while the grid is refined.
         """
         if starts is not None:

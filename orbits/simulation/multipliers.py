@@ -34,6 +34,7 @@ class HopMultipliers(Result, what="multipliers", in_line=("values",), document_i
         losses[0] E**(4/3) where E > 0, and losses[1] |E|**(4/3) where E < 0; empty where that is not known
     units : of the launch, by name; empty for a dimensionless machine
     machine : in words and numbers
+    loses : whether the hops lose energy in impacts and nothing adds any, so that this launch never comes back
 
     `values` (d,), by falling modulus, and `vectors` (d, d) are the multipliers and their directions, in columns.
     """
@@ -47,6 +48,7 @@ class HopMultipliers(Result, what="multipliers", in_line=("values",), document_i
     losses: tuple[float, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
     machine: Mapping[str, Any] = field(default_factory=dict)
+    loses: bool = False
 
     @cached_property
     def _eigen(self) -> tuple[np.ndarray, np.ndarray]:
@@ -68,7 +70,8 @@ class HopMultipliers(Result, what="multipliers", in_line=("values",), document_i
     @property
     def returns(self) -> bool:
         """Whether the launch comes back after the hops, so that it is periodic."""
-        return bool(np.abs(self.following - self.launch).max() <= COMES_BACK * np.abs(self.launch).max())
+        near = np.abs(self.following - self.launch).max() <= COMES_BACK * np.abs(self.launch).max()
+        return bool(near) and not self.loses
 
     @property
     def stability(self) -> str:
@@ -171,26 +174,30 @@ def multipliers(machine: Machine, launch: Any, *, hops: int = 1, inject: float =
 @dataclass(frozen=True, eq=False)
 class HopsDerivative:
     """Some hops from a launch (k,), contact states: the launches (hops + 1, k) with the first and the last one, the
-    derivative (d, d) of the last, and the hops."""
+    derivative (d, d) of the last, the hops, and the speed that is added at the end of each."""
 
     section: LaunchSection
     launches: np.ndarray
     matrix: np.ndarray
     hops: tuple[HopDerivative, ...]
+    inject: float
 
     def as_result(self, machine: Machine) -> HopMultipliers:
         """The multipliers, in the units of the machine."""
         section, unit = self.section, self.section.unit
         launch, following = section.free(self.launches[[0, -1]]) * unit
-        lossless = section.impacts.model.conservative and all(hop.tangential for hop in self.hops)
+        impacts, tangential = section.impacts, all(hop.tangential for hop in self.hops)
+        lossless = impacts.model.conservative and tangential
+        loses = impacts.model.conservative and not tangential and self.inject == 0 and impacts.restitution < 1
         units: Units | None = getattr(machine, "units", None)
         energy = units.energy if units and units.energy else 1.0
         losses = tuple(c / energy ** (1 / 3) for c in self.energy_loss.coefficients) if self.energy_loss else ()
         texts = units.texts({name: section.dimension(name) for name in section.names}) if units else {}
         matrix = unit[:, None] * self.matrix / unit
         return HopMultipliers(
-            section.names, launch, following, matrix, len(self.hops), lossless, losses, texts, machine_in_words(machine)
-        )
+            section.names, launch, following, matrix, len(self.hops), lossless, losses, texts,
+            machine_in_words(machine), loses,
+        )  # fmt: skip
 
     @cached_property
     def energy_loss(self) -> "EnergyLoss | None":
@@ -236,4 +243,4 @@ def derivative_of_hops(section: LaunchSection, y: np.ndarray, count: int, inject
             raise NoOrbit(Message(text, inject=Quantity(inject, LIFTOFF_SPEED), name=section.dependent))
         launches.append(y)
         hops.append(hop)
-    return HopsDerivative(section, np.array(launches), matrix, tuple(hops))
+    return HopsDerivative(section, np.array(launches), matrix, tuple(hops), inject)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..io import check_path, conform, digest, named_file, nested, sealed, to_json, unsealed
+from ..io import check_path, conform, digest, named_file, nested, parse_json, sealed, to_json, unsealed
 from .question import Question, SavedQuestion, Table, empty_table
 
 STORE_FORMAT = "persistent-orbits sweep 1"
@@ -153,7 +153,7 @@ def question_in(path: str | Path) -> dict[str, Any]:
             (check,) = connection.execute("PRAGMA quick_check(1)").fetchone()
             if check == "ok":
                 kind, text = connection.execute("SELECT format, document FROM question").fetchone()
-                document = unsealed(json.loads(text))
+                document = unsealed(parse_json(text))
                 if DIGEST_OF_ROW not in [row[1] for row in connection.execute("PRAGMA table_info(members)")]:
                     raise ValueError("it was changed after it was written: go on with a copy from before")
     except (sqlite3.Error, TypeError, ValueError) as error:

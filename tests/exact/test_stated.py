@@ -6,12 +6,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from steps import stepping
 
 from orbits import InputError, Mechanism, find, prove, prove_fold
+from orbits.exact.refusal import Unproved
 from orbits.exact.stated import stated_machine
 from orbits.mechanics import Mass, Spring
 from orbits.proof.wording import equations_words
-from problems import Hopper
+from problems import Hopper, springs
 
 MASSES = [Mass("body", "1"), Mass("foot", "1")]
 
@@ -52,6 +54,28 @@ def test_a_name_that_would_stand_for_two_things(machine, name):
     proof = prove(find(machine))
     assert not proof.proved
     assert f"the name '{name}' stands for" in proof.reasons[0]
+
+
+@pytest.mark.parametrize("name", ["R", "S", "x", "f"])
+def test_letters_of_machines_that_step_and_of_tables(name):
+    """The letters of maps and of a table's force are refused, and that of a state gives way."""
+    if name == "f":
+        table = Spring("body - foot", springs.table(([-8, -1, 0, 1, 8], [-8, -1, 0, 1, 8]), noise=0))
+        machine = two_masses(elements=[Mass("body", name), MASSES[1], table], parameters={name: 1.5})
+    else:
+        machine = stepping("wheel", 0.5, 2.0, 0.3, f"r + {name}*r**3", **{name: 0.3})
+    if name == "x":
+        assert "launched in a state q and lands in R q" in stated_machine(machine, {}).words()
+    else:
+        with pytest.raises(Unproved, match=f"the name '{name}' stands for"):
+            stated_machine(machine, {})
+
+
+def test_a_parameter_whose_name_is_a_number_in_the_law_of_the_losses():
+    hop = find(two_masses("r + d*r**3", parameters={"d": 0.3}))
+    assert prove(hop).proved
+    for how in ("loss", "attraction"):
+        assert "the name 'd' stands for" in prove(hop, **{how: True}).reasons[0]
 
 
 def test_a_name_that_stands_for_one_thing_may_be_z():

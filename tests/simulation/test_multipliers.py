@@ -147,6 +147,14 @@ def test_launches_and_injections_in_messages_are_in_si():
         ReturnMap(SI, inject=-1e-3).periodic_hop(orbit)
 
 
+@pytest.mark.parametrize("off", [1e-6, -1e-7])
+def test_a_launch_beside_a_lossless_one_is_not_periodic(off):
+    """It loses less than the distance within which a launch is taken to come back, and yet hop after hop."""
+    alpha = find(Hopper()).alpha + off
+    assert abs(ReturnMap(Hopper())(alpha).loss) < 1e-7 * alpha
+    assert multipliers(Hopper(), alpha).stability == "not periodic"
+
+
 def test_a_small_machine_comes_back_as_a_large_one_does():
     """The distance of a launch to the next is a share of it, whatever the units."""
     changed = np.array([1.0 + 1e-5])
