@@ -49,6 +49,7 @@ AT_TWO_PLACES = "an extreme at two places"
 # Places of the motion whose values differ by no more than the first share of these may be the same beside a point, and
 # are the same at it by the second. Where the derivatives of both agree to the third, they are images of each other.
 BESIDE_ANOTHER, SAME_EXTREME, IMAGE_OF_PLACE = 1e-2, 1e-7, 1e-7
+LONGEST_WAY = 1e100  # of a bound, in ranges of its parameter: the square of the way is a number
 SAME_TIME_OF_PLACE = 1e-6  # times of one place of a motion differ by no more, where they are found in two ways
 ON_BOUND_OF_CURVE = 1e-11  # a parameter nearer to its bound than this share of its unit is put on it, as it is active
 
@@ -126,6 +127,8 @@ def moving_number(problem: DesignProblem, machine: Machine, what: str, end: floa
             if plain(what) == f"{name}{relation}{bound:g}":
                 if not (end < high if sides[0] else end > low):
                     raise InputError(f"'{what}' to {end:g} leaves no room between the bounds {low:g} and {high:g}")
+                if abs(end - bound) > LONGEST_WAY * (high - low):
+                    raise InputError(f"to = {end:g}; a bound is followed by at most {LONGEST_WAY:g} times its range")
                 return Moving(f"{name} {relation} {bound:g}", bound, end, parameter=i, sides=sides)
         if what == name:
             both = f"'{name} >= {low:g}' or '{name} <= {high:g}'"
