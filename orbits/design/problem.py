@@ -177,6 +177,8 @@ def known_formula(text: str, known: Collection[str], what: str) -> Formula:
     if unknown := sorted(formula.names - set(known)):
         if unknown[0] in VARIATIONAL:
             raise InputError(f"{what} '{text}': {NOT_BY_SPEED.format(name=unknown[0])}")
+        if unknown[0] == "frequency":
+            raise InputError(f"{what} '{text}': a frequency is prescribed by its name, and written 1/period in a formula")
         raise InputError(f"{what} '{text}': unknown quantity '{unknown[0]}'{suggest(unknown[0], known)}")
     return formula
 
