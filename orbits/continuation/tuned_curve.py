@@ -120,8 +120,6 @@ def checked_tuning(machine: Machine, along: str, tune: Any) -> tuple[str, ...]:
 
 def curve_at(machine: Machine, along: str, method: str, span: float, tuned: Sequence[str], point: Point) -> Curve:
     """The curve of a machine's orbits along a name, with tuned parameters if there are any, at a point of it."""
-    if not tuned and along not in machine.values:
-        raise InputError(f"along = {along!r} is no parameter of the machine: state the one along which the family goes")
     if not tuned:
         return Curve(machine, along, method, span)
     return TunedCurve(machine, along, tuned, span, np.array([*point.u, point.value]))
