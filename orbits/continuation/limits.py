@@ -168,7 +168,9 @@ class Endings:
                 return End("degenerate", f"the spring no longer lifts the foot {place}", *found)
             return End("escaped", "the launch speed grows without bound", *found)
         if self._reach(orbit) > ratio * (1 + self._reach(first)) and (found := self._limit_by_reach(history, way)):
-            return End("degenerate", f"the extension at lift-off grows without bound in the machine's units {place}", *found)
+            return End(
+                "degenerate", f"the extension at lift-off grows without bound in the machine's units {place}", *found
+            )
         # Where a launch has several speeds, this one may vanish without the flight's shrinking.
         shrunk = time < SHRUNK
         ends = speed < 1 / ratio and (shrunk or self.curve.machine.model.one_speed)

@@ -42,7 +42,9 @@ def plot_sweep(sweep: Any, quantity: str, axes: Axes | None = None) -> Axes:
     if len(sweep.parameters) == 2:
         return _surface(sweep, quantity, axes_or_new(axes, 6.4, 4.8))
     if axes is not None:
-        raise InputError(f"axes: a sweep over {len(sweep.parameters)} parameters fills a figure of its own: leave them out")
+        raise InputError(
+            f"axes: a sweep over {len(sweep.parameters)} parameters fills a figure of its own: leave them out"
+        )
     return _matrix(sweep, quantity)
 
 

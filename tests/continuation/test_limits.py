@@ -209,6 +209,7 @@ def endings(one_speed=True, start=0.5, **control):
     curve = SimpleNamespace(
         along="b", span=2.0, machine=machine, units_at=lambda value, also: None,
         growths=lambda points: np.array([point.amplification for point in points]),
+        equations_of_orbits=SimpleNamespace(statement=SimpleNamespace(unknowns=("alpha", "duration"))),
     )  # fmt: skip
     origin = SimpleNamespace(alpha=4.0, flight_time=8.0, liftoff_extension=1.0)
     return Endings(curve, origin, start, (0.0, 2.0), Options(step_control=StepControl(**control)))

@@ -126,7 +126,10 @@ JUMP = springs.function(lambda r: r + 0.5 * (r > 0.8), breakpoints=(0.8,))
         (lambda: find(Hopper("r - 0.5*r**3")), r"largest tension 0.5443"),
         (lambda: find(hopper_in_si(60.0, 3.0, force="20*tanh(r)", rest_length=0.8)), r"largest tension 20 N"),
         *(
-            (lambda search=search: search(Hopper(JUMP)), "jumps over the foot's weight at extension 0.8, from 0.8 to 1.3")
+            (
+                lambda search=search: search(Hopper(JUMP)),
+                "jumps over the foot's weight at extension 0.8, from 0.8 to 1.3",
+            )
             for search in (find, find_all)
         ),
     ],
