@@ -191,8 +191,10 @@ class Endings:
 
     def _limit_by_reach(self, history: History, way: Passed) -> tuple[float, float] | None:
         """The `limit` of the parameter as the extension at lift-off grows."""
-        reaches = [(abs(u[self._place_of_liftoff]), value) for (u, _), (_, value) in zip(way, history, strict=True)]
-        return limit(reaches, self.bounds, -1) if reaches else None
+        if (place := self._place_of_liftoff) is None or not way:
+            return None
+        reaches = [(abs(u[place]), value) for (u, _), (_, value) in zip(way, history, strict=True)]
+        return limit(reaches, self.bounds, -1)
 
     def _hanging(self, last: CurvePoint, history: History, way: Passed) -> End | None:
         """The end of a curve whose motions stay near an unstable equilibrium, where more points say no more about it;

@@ -12,8 +12,8 @@ from ..units import EXTENSION, Message, Quantity
 
 # Below this slope, rounding cannot distinguish a force that passes the level of lift-off from one that only touches it.
 FLATTEST_LIFTOFF = 1e-14
-# The force jumps over the level of lift-off where it differs from it by more than the first number this many of the last
-# digits of the extension beside.
+# The force jumps over the level of lift-off where it differs from it by more than the first number, this many of the
+# last digits of the extension beside.
 JUMPS_OVER, DIGITS_BESIDE = 1e-6, 4.0
 # Distances from rest at which the force is sampled: densely where a spring in its own units lifts off.
 SAMPLED_DISTANCES = np.concatenate(
