@@ -1,5 +1,6 @@
 """Keyboard interrupts while CasADi and Ipopt compute."""
 
+import random
 import signal
 import subprocess
 import sys
@@ -10,7 +11,7 @@ import casadi as ca
 import pytest
 from conftest import slow_after
 
-from orbits import multiplier
+from orbits import ReturnMap, find, follow, multiplier, optimize, simulate, sweep
 from orbits.errors import InputError
 from orbits.running import interrupts
 from orbits.running.exclusive import exclusive
@@ -83,3 +84,37 @@ def test_an_interrupt_that_is_lost_is_raised_again(end):
     with pytest.raises(KeyboardInterrupt):
         computes(end)
     interrupts.heed()  # raises nothing
+
+
+CUBIC = Hopper("cubic", rest_length=20.0, parameters={"beta": 0.3})
+LONG = {
+    "find": lambda: find(Hopper("cubic", parameters={"beta": 0.3}), 30).alpha,
+    "follow": lambda: follow(CUBIC, "beta", 0.6, longest=0.1).points[-1].alpha,
+    "fixed points": lambda: ReturnMap(Hopper(), 0.03).fixed_points(4.0, 12.0)[-1].alpha,
+    "multipliers": lambda: [multiplier(Hopper(), 4.0 + 0.1 * i) for i in range(9)],
+    "simulate": lambda: simulate(CUBIC, 4.0, hops=12).launches[-1],
+    "sweep": lambda: sweep(CUBIC, {"beta": (0.1, 0.3)}, 16, seed=1)["alpha"].sum(),
+    "optimize": lambda: optimize(CUBIC, minimise="alpha", over={"beta": (0.1, 0.5)}).objective,
+}
+
+
+@pytest.mark.posix
+@pytest.mark.parametrize("name", LONG)
+@pytest.mark.slow
+def test_an_interrupt_at_any_moment_is_nothing_else(name):
+    """Long calls are interrupted at random moments of their processor time, and give the same results afterwards."""
+    work, rng = LONG[name], random.Random(name)
+    expected, began = work(), time.process_time()
+    assert work() == expected
+    lasts, before = time.process_time() - began, signal.getsignal(signal.SIGVTALRM)
+    signal.signal(signal.SIGVTALRM, lambda *_: signal.raise_signal(signal.SIGINT))
+    try:
+        for _ in range(6):
+            with suppress(KeyboardInterrupt):
+                signal.setitimer(signal.ITIMER_VIRTUAL, rng.uniform(0.0, lasts) + 1e-6)
+                work()
+            with suppress(KeyboardInterrupt):
+                signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
+        assert work() == expected
+    finally:
+        signal.signal(signal.SIGVTALRM, before)
