@@ -287,7 +287,8 @@ def read_file(path: str | Path, complaint: str, parse: Callable[[BinaryIO], Read
     most : bytes; a larger file is refused, since a parsed file takes some twenty times its file's memory
     """
     try:
-        if os.path.exists(path) and not os.path.isfile(path):
+        path = Path(path)
+        if path.exists() and not path.is_file():
             raise ValueError("it is a folder or a device, not a file")
         with open(path, "rb") as file, nested():
             if (size := os.fstat(file.fileno()).st_size) > most:

@@ -155,7 +155,8 @@ class Units:
         if isinstance(argument, tuple | list):
             return type(argument)(self.dimensionless(name, each, dimension) for each in argument)
         known = isinstance(argument, Real | np.ndarray) and not isinstance(argument, bool)
-        return argument / self.of(dimension) if known else argument
+        with np.errstate(over="ignore"):  # what is too large for a number is refused as infinite
+            return argument / self.of(dimension) if known else argument
 
     def convert(self, record: Record, **own: Dimension) -> Record:
         """A frozen record of dimensionless numbers, or `Records` for units (m,), converted to SI where the name is

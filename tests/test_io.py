@@ -11,6 +11,7 @@ from contextlib import closing
 from io import FileIO
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from orbits import Family, InputError, Orbit, Sweep, find, follow, prove, simulate, sweep
@@ -202,6 +203,11 @@ class TestDigests:
         document = json.loads(path.read_text())
         path.write_text(json.dumps(dict(reversed(document.items())), indent=3))
         assert Orbit.load(path).alpha == orbit.alpha
+
+    @pytest.mark.parametrize("path", [0, np.zeros(0), None])
+    def test_what_is_no_path_is_refused(self, path):
+        with pytest.raises(InputError, match="is not a saved orbit"):
+            Orbit.load(path)
 
     @pytest.mark.parametrize("name", ["alpha", "flight_time", "mass_ratio", "family"])
     def test_a_changed_number_is_refused(self, tmp_path, orbit, name):

@@ -146,6 +146,10 @@ def test_the_map(case):
         step(-1.0)
 
 
+def test_a_launch_that_is_no_number_in_other_units():
+    assert ReturnMap(LEG)(np.array([1e308])).status.tolist() == ["lost"]
+
+
 def test_sets_of_the_map():
     sizes, speed = sizes_of("leg"), sizes_of("leg")["alpha"]
     step, bare = ReturnMap(LEG), ReturnMap(LEG.dimensionless())

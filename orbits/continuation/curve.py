@@ -494,6 +494,8 @@ def machine_at(machine: Machine, point: Point, along: str, method: str | None) -
     machine = machine.with_values(**values_at(machine, point, along))
     if tuned_at(machine, point, along):
         return machine, METHOD
+    if along not in machine.values:
+        raise InputError(f"along = {along!r} is no parameter of the machine: state the one along which the family goes")
     method = method or iterative(method_of(machine.model))
     if len(point.u) != equations_of(machine.model, method, tuple(machine.values)).size:
         raise InputError("this point was found by another method; give that method")

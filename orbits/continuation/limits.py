@@ -1,6 +1,7 @@
 """How a curve of orbits ends: at a bound, closed, lost, or as its orbits tend to infinity or shrink to nothing."""
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -90,6 +91,8 @@ class Endings:
         ends |= self._passed(np.concatenate([before.x[None], points.xs[:-1]]), points.xs) > 0
         speed = np.abs(alpha / first.alpha)
         ends |= (speed > ratio) | (time > ratio * first.flight_time) | (speed < 1 / ratio)
+        if (place := self._place_of_liftoff) is not None:
+            ends |= np.abs(np.array([u[place] for u in orbits.column("u")])) > ratio * (1 + self._reach(first))
         if isinstance(self.curve, TunedCurve):
             ends |= (self.curve.growth(points.xs) > ratio).any(1)
         growths = np.append(self.curve.growths([before]), self.curve.growths(points))
@@ -164,6 +167,10 @@ class Endings:
             if abs(orbit.liftoff_extension) > ratio * (1 + abs(first.liftoff_extension)):
                 return End("degenerate", f"the spring no longer lifts the foot {place}", *found)
             return End("escaped", "the launch speed grows without bound", *found)
+        if self._reach(orbit) > ratio * (1 + self._reach(first)) and (found := self._limit_by_reach(history, way)):
+            return End(
+                "degenerate", f"the extension at lift-off grows without bound in the machine's units {place}", *found
+            )
         # Where a launch has several speeds, this one may vanish without the flight's shrinking.
         shrunk = time < SHRUNK
         ends = speed < 1 / ratio and (shrunk or self.curve.machine.model.one_speed)
@@ -171,6 +178,23 @@ class Endings:
             what = "flight shrinks" if shrunk else "launch speed falls"
             return End("degenerate", f"the {what} to nothing {place}", *found)
         return None
+
+    @cached_property
+    def _place_of_liftoff(self) -> int | None:
+        """The place of the extension at lift-off among the unknowns; None where it is none of them."""
+        names = self.curve.equations_of_orbits.statement.unknowns
+        return names.index("liftoff") if "liftoff" in names else None
+
+    def _reach(self, point: Point) -> float:
+        """The extension at lift-off, 0 where it is no unknown."""
+        return 0.0 if self._place_of_liftoff is None else abs(point.u[self._place_of_liftoff])
+
+    def _limit_by_reach(self, history: History, way: Passed) -> tuple[float, float] | None:
+        """The `limit` of the parameter as the extension at lift-off grows."""
+        if (place := self._place_of_liftoff) is None or not way:
+            return None
+        reaches = [(abs(u[place]), value) for (u, _), (_, value) in zip(way, history, strict=True)]
+        return limit(reaches, self.bounds, -1)
 
     def _hanging(self, last: CurvePoint, history: History, way: Passed) -> End | None:
         """The end of a curve whose motions stay near an unstable equilibrium, where more points say no more about it;

@@ -205,6 +205,7 @@ def _intervals(impacts: Impacts, flow: Flow, x: np.ndarray, times: np.ndarray) -
     seeds[list(impacts.values).index(INPUT), -1] = 1.0
     start = np.eye(flow.size, flow.size + 1)
     for time in times.tolist():
+        interrupts.heed()
         path, change = flow.run(x, impacts.p, time - before, seeds=start, parameter_seeds=seeds)
         x, before = path.end[: flow.size], time
         stages.append(_Stage(change[:, :-1], change[:, -1]))

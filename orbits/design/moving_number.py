@@ -10,6 +10,8 @@ from ..symbolic.formula import suggest
 from .problem import Constraint, DesignProblem
 from .tuned_machine import tuned_numbers
 
+LONGEST_WAY = 1e100  # of a bound, in ranges of its parameter: the square of the way is a number
+
 
 @dataclass(frozen=True)
 class Moving:
@@ -84,6 +86,8 @@ def moving_number(problem: DesignProblem, machine: Machine, what: str, end: floa
             if plain(what) == f"{name}{relation}{bound:g}":
                 if not (end < high if sides[0] else end > low):
                     raise InputError(f"'{what}' to {end:g} leaves no room between the bounds {low:g} and {high:g}")
+                if abs(end - bound) > LONGEST_WAY * (high - low):
+                    raise InputError(f"to = {end:g}; a bound is followed by at most {LONGEST_WAY:g} times its range")
                 return Moving(f"{name} {relation} {bound:g}", bound, end, parameter=i, sides=sides)
         if what == name:
             both = f"'{name} >= {low:g}' or '{name} <= {high:g}'"

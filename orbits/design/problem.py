@@ -177,6 +177,10 @@ def known_formula(text: str, known: Collection[str], what: str) -> Formula:
     if unknown := sorted(formula.names - set(known)):
         if unknown[0] in VARIATIONAL:
             raise InputError(f"{what} '{text}': {NOT_BY_SPEED.format(name=unknown[0])}")
+        if unknown[0] == "frequency":
+            raise InputError(
+                f"{what} '{text}': a frequency is prescribed by its name, and written 1/period in a formula"
+            )
         raise InputError(f"{what} '{text}': unknown quantity '{unknown[0]}'{suggest(unknown[0], known)}")
     return formula
 
@@ -248,6 +252,8 @@ def _checked_bounds(machine, over):
             raise InputError(f"{wrong} are in conflict: its lower bound {low:g} is not below the upper, {high:g}")
         if high - low <= NARROWEST * max(abs(low), abs(high)):
             raise InputError(f"{wrong}, {low!r} and {high!r}, leave no room: state {name} in the machine instead")
+        if low > 0 and not np.isfinite(high / low):
+            raise InputError(f"{wrong}, {low!r} and {high!r}, span more decades than numbers have: narrow them")
         lows[name], highs[name] = low, high
     for values in (lows, highs):
         machine.with_values(**values)  # raises the machine's own error

@@ -12,6 +12,9 @@ from ..units import EXTENSION, Message, Quantity
 
 # Below this slope, rounding cannot distinguish a force that passes the level of lift-off from one that only touches it.
 FLATTEST_LIFTOFF = 1e-14
+# The force jumps over the level of lift-off where it differs from it by more than the first number, this many of the
+# last digits of the extension beside.
+JUMPS_OVER, DIGITS_BESIDE = 1e-6, 4.0
 # Distances from rest at which the force is sampled: densely where a spring in its own units lifts off.
 SAMPLED_DISTANCES = np.concatenate(
     [[0.0], np.geomspace(1e-9, 1e-3, 50)[:-1], np.geomspace(1e-3, 1e3, 200), np.geomspace(1e3, 1e9, 50)[1:]]
@@ -71,7 +74,7 @@ class Liftoff:
 
     def extensions(self, key: Key, p: Mapping[str, np.ndarray]) -> np.ndarray:
         """`extension` of springs with parameters (m,) by name, whose force rises or falls all the way from rest, at 0,
-        to the level; NaN for others."""
+        to the level without a jump; NaN for others."""
         count, level = len(next(iter(p.values()))), 1.0 - self.load
         found = np.full(count, np.nan)
         if not count or key.degree() == 0:
@@ -91,8 +94,8 @@ class Liftoff:
             ends = np.sort([extensions[each, cell - 1][steady], extensions[each, cell][steady]], axis=0)
             found[rows][forces[:, 0] == level] = 0.0
             found[rows][steady] = self._reached(key, {name: values[steady] for name, values in block.items()}, *ends)
-        flat = ~(values_and_slopes(key, p, np.nan_to_num(found)[:, None])[1][:, 0] > FLATTEST_LIFTOFF)
-        found[flat] = np.nan
+        forces, slopes = (each[:, 0] for each in values_and_slopes(key, p, np.nan_to_num(found)[:, None]))
+        found[~(slopes > FLATTEST_LIFTOFF) | (np.abs(forces - level) > JUMPS_OVER)] = np.nan
         return found
 
     def _reached(self, key: Key, p: Mapping[str, np.ndarray], low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -120,6 +123,22 @@ class Liftoff:
             ends = extensions[cell[inside]], extensions[cell[inside] + 1]
             result[inside] = _level_crossings(law.with_slope, level[inside], *ends)
         return result
+
+    def refuse_jump(self, law: Law, liftoff: float) -> None:
+        """Raise `NoOrbit` where the force jumps over the level of lift-off: the equations of an orbit, in which it
+        equals the level there, have no solution."""
+        beside = np.clip(liftoff + np.array([-1.0, 1.0]) * DIGITS_BESIDE * np.spacing(liftoff), *law.range())
+        below, above = law(beside).tolist()
+        if max(1.0 - self.load - below, above - (1.0 - self.load)) <= JUMPS_OVER:
+            return
+        unit, zero, place = self.scale(law.parameters)
+        text = (
+            self.named + " jumps over {level} at extension {liftoff:.6g}, from {below:.4g} to {above:.4g}: hops that "
+        )
+        text += "lose nothing are found where it passes that level; state the jump as a steep slope"
+        below, above = (Quantity(float(unit * (x - zero)), "smallest_contact_force") for x in (below, above))
+        numbers = {"liftoff": Quantity(place + liftoff, EXTENSION), "below": below, "above": above}
+        raise NoOrbit(Message(text, law=law.text, level=self.name, **numbers))
 
     def _checked(self, law: Law, liftoff: float) -> float:
         """The extension at lift-off; raises `NoOrbit` where the force only touches the level there."""

@@ -101,6 +101,9 @@ def _tangent_modes(model: Model, p: Mapping[str, float]) -> Modes:
     centre = 0.5 * np.array(model.reversal.shifts(p), dtype=float)
     at = _tangent_field(model, tuple(p))
     field, slopes = (np.array(each, dtype=float) for each in at(centre, list(p.values())))
+    if not (np.isfinite(field).all() and np.isfinite(slopes).all()):
+        where = "where its motions are guessed from"
+        raise NoOrbit(f"the forces of a {model.name}, or their slopes, are no numbers {where}")
     springs = -slopes[1::2, ::2]
     squares, shapes = (np.real(each) for each in np.linalg.eig(springs))
     squares = np.where(np.abs(squares) > SLOWEST_SQUARE * np.abs(squares).max(), squares, 0.0)

@@ -20,6 +20,7 @@ from ..shooting.formulations import equations_of, iterative, method_of, vector
 from ..units import LIFTOFF_SPEED, TIME, Message, Quantity, in_own_units, in_units, without_units
 from .certified import Solved, certified_orbit, corrector, known_solutions, solve_from
 from .family_search import Cells, Lateness
+from .guess import refuse_jump
 from .homotopy import solve_by_homotopy
 from .orbit import Orbit, orbit_of, start_in_file
 from .run_start import SLOW_SHARE, run_start
@@ -302,6 +303,7 @@ def _all_of_family(
             speeds = {"alpha": Quantity(only.alpha, LIFTOFF_SPEED), "fastest": Quantity(fastest, LIFTOFF_SPEED)}
             raise NoOrbit(Message(text, family=family, **speeds))
         return (replace(only, known_in_family=1),)
+    refuse_jump(model, p)
     searched_by = "half orbit" if method == "shooting" else method
     lateness = Lateness(model, searched_by, tuple(p), vector(p)[None], family, [model.search(p)])
     found, refused = list[Orbit](), Message("")

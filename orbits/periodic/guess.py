@@ -74,11 +74,19 @@ def guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]
     p = relative.own(p)
     law, ps = from_key(relative.law, p), {name: np.array([value]) for name, value in p.items()}
     extension, rest = relative.liftoff.extension(law), np.array([law.rest()])
+    relative.liftoff.refuse_jump(law, extension)
     slopes = lambda x: law.with_slope(np.clip(x, *law.range()))[1]  # noqa: E731
     (alpha,), refused = lowest_launch_speeds(relative, ps, np.array([extension]), family, rest, slopes)
     if refused:
         raise refused[0]
     return {"liftoff": extension, "alpha": float(alpha), "duration": float(alpha) * float(relative.time(p))}
+
+
+def refuse_jump(model: Model, p: Mapping[str, float]) -> None:
+    """Raise `NoOrbit` where the force of a model jumps over the level of lift-off."""
+    if isinstance(relative := model.guess, Relative):
+        law = from_key(relative.law, relative.own(p))
+        relative.liftoff.refuse_jump(law, relative.liftoff.extension(law))
 
 
 def guesses(relative: Relative, family: int, p: Mapping[str, np.ndarray]) -> Guesses:

@@ -77,6 +77,21 @@ def _accelerations(phase: Phase, gap: tuple[float, ...], parameters: tuple[str, 
     return ElementwiseFunction(ca.Function("acceleration", [graph.x, graph.p], [ca.jtimes(speed, graph.x, field)]))
 
 
+def jerks(flow: Flow, gap: Sequence, x: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """The third derivatives (m,) in time of the gap with these weights, in flight states x (m, n) with the parameters p
+    (m, np), by the equations of motion: a polynomial on a very short step has digits of the gap, and none of these."""
+    return _jerks(flow.phase, tuple(gap), flow.parameters)(x, flow.data(x, p))[0].ravel()
+
+
+@cached
+def _jerks(phase: Phase, gap: tuple[float, ...], parameters: tuple[str, ...]) -> ElementwiseFunction:
+    """The jerk of a gap at several points, (x, parameters with the data of a piece)."""
+    graph = flow_of(phase, parameters).vector_field
+    acceleration = _accelerations(phase, gap, parameters).function(graph.x, graph.p)
+    jerk = ca.jtimes(acceleration, graph.x, graph.field(graph.x, graph.p)[0])
+    return ElementwiseFunction(ca.Function("jerk", [graph.x, graph.p], [jerk]))
+
+
 @cache
 def bounce_factors(e: float) -> tuple[float, float]:
     """What a hop with all its bounces loses where it lands late and early, as multiples of C, with the restitution e,

@@ -8,17 +8,22 @@ from typing import Any
 
 import numpy as np
 
+from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories
 from ..model.model import CONTACT_FORCE, LANDED_FORCE, Model
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
 from ..records import NONE
-from ..shooting.formulations import Cycles
+from ..shooting.error_bound import EPS
+from ..shooting.formulations import Cycles, vectors
 from ..units import LENGTH, TIME, Message, Quantity
+from .loss_coefficient import jerks
 from .turns_and_zeros import MIDDLE, TurnsAndZeros, turns_and_zeros
 
 # Rounding moves the middle by at most this share, where small changes grow ten million times on the way there.
 LARGEST_MIDDLE = 0.1
+# What rounding makes of a state, in last digits of the largest one of its motion.
+ROUNDED_STATE = 256.0
 # The gap is stationary at the end of a half flight when its rate there, times the time of that half, is below this
 # share of the largest gap: in a mirrored motion the rate vanishes but for rounding, which is far smaller.
 STATIONARY = 1e-6
@@ -100,6 +105,9 @@ def gaps_of(
     violations."""
     halves, gap = cycles.halves, curves["gap"]
     jerk = (6 * gap.series[halves.first, 3]).reshape(-1, cycles.halves_per_flight).min(1)
+    if cycles.halves_per_flight == 1 and not flow_of(model.flight, tuple(cycles.p)).is_smooth:
+        jerk = _jerks_at_launch(model, cycles)
+        gap = _without_rounding(gap, jerk)
     # The end of a half, mid-flight, may be a minimum too.
     still = np.abs(gap.at_ends(1)) * halves.ends < STATIONARY * halves.largest(gap.series[:, :1])
     middles = ((gap.at_ends(2) > 0) & still).nonzero()[0]
@@ -118,6 +126,23 @@ def gaps_of(
             time, height = Quantity(times[i], TIME), Quantity(heights[i], "clearance")
             violations.append((i, Message(text, meets=model.violations[name], time=time, height=height)))
     return jerk, clearance, violations
+
+
+def _jerks_at_launch(model: Model, cycles: Cycles) -> np.ndarray:
+    """The jerks (m,) of the gap at lift-off by the equations of motion."""
+    flow, halves = flow_of(model.flight, tuple(cycles.p)), cycles.halves
+    x = halves.coefficients[halves.first, : flow.size, 0]
+    return jerks(flow, model.gap(cycles.p).weights, x, vectors(cycles.p_of_halves, len(halves)))
+
+
+def _without_rounding(gap: TurnsAndZeros, jerk: np.ndarray) -> TurnsAndZeros:
+    """The gaps without stationary points at which rounding decides on their signs: so soon after lift-off that gaps
+    with these jerks (m,) are less than what rounding makes of the states."""
+    rounding = ROUNDED_STATE * EPS * gap.motions.largest(gap.motions.coefficients[:, :, 0])
+    opened = np.cbrt(6 * rounding / np.maximum(jerk, rounding))
+    later = gap.times > opened[gap.owner]
+    owner, times, rising, values = (each[later] for each in (gap.owner, gap.times, gap.rising, gap.values))
+    return gap._replace(owner=owner, times=times, rising=rising, values=values)
 
 
 def _least_of_halves(cycles: Cycles, values: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -18,6 +18,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..numerics.roots import enclosed_sign_changes
+from ..running import interrupts
 from .map_pieces import MapPieces
 
 MOST_ITINERARIES = 100_000
@@ -93,6 +94,7 @@ class MonotoneBranches:
         branch, and the slope (k,) of the last one by the first."""
         launches, slope = [x], np.ones(len(x))
         for branch in words.T:
+            interrupts.heed()
             here = np.clip(launches[-1], *self.ends[branch].T)
             with np.errstate(invalid="ignore", over="ignore"):
                 slope = slope * self.slope(here, branch)

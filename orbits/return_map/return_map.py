@@ -269,7 +269,9 @@ class ReturnMap:
         return None if None in found else np.array(found, dtype=float).reshape(speeds.shape)
 
     def _separation(self, alpha: float) -> float | None:
-        """The smallest separation of the masses during the hop from a launch speed."""
+        """The smallest separation of the masses during the hop from a launch speed, None where they have none."""
+        if self.impacts.model.separation(self.machine.values) is None:
+            return None
         return simulate(self.machine, alpha, hops=1, cap=self.cap).smallest_separation
 
     def _slope(self, alpha: float) -> float | None:

@@ -52,9 +52,11 @@ def exclusive(function: Callable[_P, _R]) -> Callable[_P, _R]:
     def alone(*arguments: _P.args, **options: _P.kwargs) -> _R:
         threads()
         with LOCK, running(function.__qualname__) as outermost:
-            if outermost:
-                check(arguments, options)
-            return function(*arguments, **options)
+            if not outermost:
+                return function(*arguments, **options)
+            check(arguments, options)
+            with interrupts.never_lost():
+                return function(*arguments, **options)
 
     return alone
 

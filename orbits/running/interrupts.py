@@ -1,10 +1,16 @@
-"""Keyboard interrupts, noted while CasADi and Ipopt compute, which would swallow them, and raised where it is safe."""
+"""Keyboard interrupts: noted while CasADi and Ipopt compute, which would swallow them, and raised where it is safe.
+
+CasADi calls Python also where it converts arrays. What is raised there it replaces by an error of its own, or drops: a
+conversion that is interrupted may return None. The garbage collector drops what is raised while it runs. So an
+interrupt is noted wherever a public function computes, and where it is raised and lost it is raised again.
+"""
 
 import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
+from types import FrameType
 
 from . import heartbeat
 from .time_limit import check_time
@@ -13,20 +19,53 @@ _noted = threading.Event()
 pending = _noted.is_set  # whether an interrupt has been noted
 
 
+def _note(_: int, frame: FrameType | None) -> None:
+    _noted.set()
+
+
+def _note_and_raise(_: int, frame: FrameType | None) -> None:
+    _noted.set()
+    raise KeyboardInterrupt
+
+
+def _handled_by(*handlers: object) -> bool:
+    """Whether this is the main thread, and interrupts are handled by one of these."""
+    return threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) in handlers
+
+
+@contextmanager
+def never_lost() -> Iterator[None]:
+    """Raise interrupts at once; one that is lost in the block is raised by `heed` or at the end of the block, in place
+    of the error that came of it. Nothing changes where another handler is installed or outside the main thread."""
+    if not _handled_by(signal.default_int_handler):
+        yield
+        return
+    _noted.clear()
+    signal.signal(signal.SIGINT, _note_and_raise)
+    try:
+        yield
+    except Exception:
+        _raise_noted()
+        raise
+    else:
+        _raise_noted()
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        _noted.clear()
+
+
 @contextmanager
 def deferred() -> Iterator[None]:
     """Note interrupts until `heed` or the end of the block; nothing changes where another handler is installed or
     outside the main thread."""
-    inside = threading.current_thread() is threading.main_thread()
-    if not inside or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+    if not _handled_by(signal.default_int_handler, _note_and_raise):
         yield
         return
-    _noted.clear()
-    signal.signal(signal.SIGINT, lambda *_: _noted.set())
+    before = signal.signal(signal.SIGINT, _note)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGINT, before)
         _raise_noted()
 
 

@@ -30,7 +30,8 @@ EDGES: dict[str, dict[str, Any]] = {
 
 
 def plot_sweep(sweep: Any, quantity: str, axes: Axes | None = None) -> Axes:
-    """Plot a quantity of a sweep over its parameters; return the axes, for more than two the first of the matrix."""
+    """Plot a quantity of a sweep over its parameters; return the axes, for more than two the first of the matrix, which
+    takes no `axes`."""
     values = sweep[quantity]
     if values.dtype == object:
         raise InputError(f"'{quantity}' is no number: give one of {', '.join(sweep.numbers)}")
@@ -40,6 +41,10 @@ def plot_sweep(sweep: Any, quantity: str, axes: Axes | None = None) -> Axes:
         return _over_one(sweep, quantity, axes_or_new(axes))
     if len(sweep.parameters) == 2:
         return _surface(sweep, quantity, axes_or_new(axes, 6.4, 4.8))
+    if axes is not None:
+        raise InputError(
+            f"axes: a sweep over {len(sweep.parameters)} parameters fills a figure of its own: leave them out"
+        )
     return _matrix(sweep, quantity)
 
 

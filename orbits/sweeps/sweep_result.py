@@ -258,7 +258,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         """Plot a quantity, the first one if None, over the parameters; returns the axes.
 
         Over one parameter it is a line, over two a map, hatched where there is no motion, and over more a matrix of
-        scatter plots.
+        scatter plots in a figure of its own, for which `axes` are refused.
         """
         return shown("sweep_figures").plot_sweep(self, quantity or self.numbers[0], axes)
 

@@ -581,10 +581,13 @@ def uncertainty_command(
 
     Each quantity has its mean and deviation over the members that are motions, and the deviation to first order.
     """
+    from orbits.errors import InputError
     from orbits.io import to_json
     from orbits.show.plot import save_figure
     from orbits.sweeps.uncertainty import uncertainty
 
+    if quantity is not None and plot is None:
+        raise InputError("--quantity is shown in a figure: give --plot FILE too, or name it by --quantities")
     axes, _ = options.swept_members(over, None)
     machine = options.machine_of(**options.with_first_values(stated, axes, None))
     found = uncertainty(

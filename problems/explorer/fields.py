@@ -143,7 +143,7 @@ CHANGES: dict[str, Callable[[Scene, Any], Scene]] = {
     "rows-away": lambda scene, data: replace(scene, rows=None, start=None),
     "branch": _to_option_of_rows("branch"),
     "noise": _to_option_of_rows("noise"),
-    "along": lambda scene, data: replace(scene, along=str(data.get("value") or "")),
+    "along": lambda scene, data: replace(scene, along=data.get("value") or ""),
     "launch": lambda scene, data: replace(scene, launch=data.get("value")),
     "lowest": lambda scene, data: replace(scene, start=None),
 }

@@ -156,6 +156,8 @@ def test_an_orbit_at_a_point_is_the_one_that_was_followed(softening_family):
     """On the second sheet too, where `find` finds another one."""
     (point,) = [point for point in softening_family.at(-0.005) if point.alpha > FOLD_ALPHA]
     orbit = orbit_at(Hopper("cubic", rest_length=30.0), point, "beta")
+    with pytest.raises(InputError, match="along = 'alpha' is no parameter"):
+        orbit_at(Hopper("cubic", rest_length=30.0), point, "alpha")
     assert orbit.alpha == pytest.approx(point.alpha, rel=1e-13)
     assert orbit.machine["parameters"]["beta"] == -0.005
     axes = thumbnails(softening_family.plot(), softening_family, [(point, orbit)])

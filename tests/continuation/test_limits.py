@@ -203,6 +203,7 @@ def endings(one_speed=True, start=0.5, **control):
     curve = SimpleNamespace(
         along="b", span=2.0, machine=machine, units_at=lambda value, also: None,
         growths=lambda points: np.array([point.amplification for point in points]),
+        equations_of_orbits=SimpleNamespace(statement=SimpleNamespace(unknowns=("alpha", "duration"))),
     )  # fmt: skip
     origin = SimpleNamespace(alpha=4.0, flight_time=8.0, liftoff_extension=1.0)
     return Endings(curve, origin, start, (0.0, 2.0), Options(step_control=StepControl(**control)))
@@ -264,3 +265,11 @@ def test_what_a_lost_curve_ends_in():
                                                      "or its logarithm")  # fmt: skip
     end = endings(running_ratio=4.0, largest_amplification=1e3).far(last_point(5.0, 8.0, amplification=1e4), FAR)
     assert (end.kind, "grow 1e+04-fold" in end.reason) == ("stuck", True)
+
+
+def test_a_lift_off_that_grows_without_bound_ends_a_family():
+    """As the spring loses its stiffness: in fewer steps than its launch speed says so, and at a stiffness of 0."""
+    family = follow(Hopper("K*r + 0.1*K*r**3", parameters={"K": 1.0}), "K", stop=-1.0)
+    assert family.end.kind == "degenerate"
+    assert "the extension at lift-off grows without bound" in family.end.reason
+    assert abs(family.end.limit) <= family.end.limit_error < 1e-9

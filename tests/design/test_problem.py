@@ -49,6 +49,7 @@ def test_a_constraint_means_the_same_however_it_is_written(text):
         ({"subject_to": ["alpha <= 1/0"]}, "'1/0' is not a finite number"),
         ({"subject_to": ["b == 0.5", "2*b == 1"]}, "2 equations for 1 parameters to design"),
         ({"over": {"b": (0.3, 0.3 + 1e-13)}}, "leave no room"),
+        ({"over": {"b": (1e-320, 0.3)}}, "span more decades than numbers have"),
         ({"over": {"rest_length": (15, 30)}}, "'alpha' and the constraints do not depend on rest_length"),
         ({"family": 0}, "family = 0"),
     ],

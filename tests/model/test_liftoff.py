@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from orbits import InputError, NoOrbit, find
+from orbits import InputError, NoOrbit, find, find_all
 from orbits.laws.law_statement import from_formula, from_function
 from orbits.model.liftoff import Liftoff
-from problems import Hopper, hopper_in_si
+from problems import Hopper, hopper_in_si, springs
 
 WEIGHT = Liftoff(0.0, "the foot's weight")
 
@@ -117,6 +117,9 @@ def test_what_is_no_spring():
         WEIGHT.extension(from_formula("log(r)", "r"))
 
 
+JUMP = springs.function(lambda r: r + 0.5 * (r > 0.8), breakpoints=(0.8,))
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -124,6 +127,13 @@ def test_what_is_no_spring():
         (lambda: find(Hopper("tanh(1.9*r)/1.9")), r"largest tension 0.5263"),
         (lambda: find(Hopper("r - 0.5*r**3")), r"largest tension 0.5443"),
         (lambda: find(hopper_in_si(60.0, 3.0, force="20*tanh(r)", rest_length=0.8)), r"largest tension 20 N"),
+        *(
+            (
+                lambda search=search: search(Hopper(JUMP)),
+                "jumps over the foot's weight at extension 0.8, from 0.8 to 1.3",
+            )
+            for search in (find, find_all)
+        ),
     ],
 )
 def test_springs_that_cannot_lift_the_foot(make, message):

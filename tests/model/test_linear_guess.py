@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from steps import SINES, TABLE, closed_form, rates, stepping
 
-from orbits import NoOrbit, find, find_all
+from orbits import InputError, NoOrbit, find, find_all
 from orbits.model.linear_guess import linear_guess
+from problems import rocking_block
 
 
 @pytest.mark.parametrize("kind", TABLE)
@@ -48,6 +49,14 @@ def test_no_mode_swings():
     machine = stepping("wheel", 1.0, 0.5, 0.3, "r**3 - 3*r")
     with pytest.raises(NoOrbit, match="no mode of a wheel swings in flight"):
         linear_guess(machine.model, 1, machine.values)
+
+
+def test_a_force_without_a_value_in_the_middle_has_no_tangent():
+    machine = rocking_block(inertia_ratio=1.0, gravity_ratio=0.5, spring="r**-1")
+    with pytest.raises(NoOrbit, match="or their slopes, are no numbers where its motions are guessed from"):
+        linear_guess(machine.model, 1, machine.values)
+    with pytest.raises(InputError, match="no force at rest"):
+        find(machine)
 
 
 def test_with_gravity_that_bends_the_lowest_orbit_is_searched_for():

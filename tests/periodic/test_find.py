@@ -179,6 +179,19 @@ def test_a_straight_table_is_the_linear_spring_as_far_as_it_reaches(reach):
         assert f"leaves the law's range, [-{reach:g}" in orbit.violations[0]
 
 
+@pytest.mark.parametrize("place", [1.00001, 1.0002])
+def test_a_force_that_jumps_just_beyond_lift_off(place):
+    """The spring r, with 0.5 more beyond a place that is passed within 5e-5 of the flight: the orbit is a motion whose
+    landing jerk is alpha/2, and its extension is at rest in mid-flight by the arcs of circles in its phase plane."""
+    orbit = find(Hopper(springs.function(lambda r: r + 0.5 * (r > place), breakpoints=(place,))))
+    assert orbit.violations == ()
+    assert orbit.certificate.landing_jerk == pytest.approx(-orbit.alpha / 2, rel=1e-12)
+    below, beyond = np.hypot(1.0, orbit.alpha), np.hypot(place + 0.5, np.sqrt(1.0 + orbit.alpha**2 - place**2))
+    up = np.arccos(1.0 / below) - np.arccos(place / below)
+    first, down = up + 2 * np.arccos((place + 0.5) / beyond), np.arccos(-1.0) - np.arccos(place / below)
+    assert first + down == pytest.approx(orbit.alpha, rel=1e-12)
+
+
 @pytest.mark.parametrize("stiffness", [1e-6, 1e-2, 1e4, 1e9])
 def test_units_do_not_matter(stiffness):
     """K r + c K^3 r^3 is the spring r + c r^3 in other units."""

@@ -1,15 +1,24 @@
 """Keyboard interrupts while CasADi and Ipopt compute."""
 
 import os
+import random
 import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
+import casadi as ca
 import pytest
 from browser import PATIENCE
 from conftest import slow_after
+
+from orbits import ReturnMap, find, follow, multiplier, optimize, simulate, sweep
+from orbits.errors import InputError
+from orbits.running import interrupts
+from orbits.running.exclusive import exclusive
+from problems import Hopper
 
 SEARCH = "find(Hopper('r + 0.1*r**3', mass_ratio=0.5), 40, method='shooting')"
 
@@ -55,3 +64,74 @@ def test_an_interrupt_ends_the_program_at_once(moment, work):
         process.communicate()
     assert process.returncode != 0
     assert "KeyboardInterrupt" in errors
+
+
+def test_an_interrupt_within_a_conversion_of_arrays_is_no_other_error(monkeypatch):
+    """CasADi drops what is raised there, and its conversion returns None."""
+    convert = ca.DM.toarray
+
+    def interrupted(self, *arguments):
+        signal.raise_signal(signal.SIGINT)
+        return convert(self, *arguments)
+
+    expected = multiplier(Hopper(), 4.6)
+    for _ in range(9):  # some calls are specialised by Python after a few
+        with monkeypatch.context() as patched:
+            patched.setattr(ca.DM, "toarray", interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                multiplier(Hopper(), 4.6)
+        assert multiplier(Hopper(), 4.6) == expected
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.parametrize("end", ["returns", "raises", "heeds"])
+def test_an_interrupt_that_is_lost_is_raised_again(end):
+    """However the computation goes on; and no interrupt is left for the next one."""
+
+    @exclusive
+    def computes(end):
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        if end == "raises":
+            raise InputError("an error that comes of it")
+        if end == "heeds":
+            interrupts.heed()
+            pytest.fail("the interrupt is not heeded")
+
+    with pytest.raises(KeyboardInterrupt):
+        computes(end)
+    interrupts.heed()  # raises nothing
+
+
+CUBIC = Hopper("cubic", rest_length=20.0, parameters={"beta": 0.3})
+LONG = {
+    "find": lambda: find(Hopper("cubic", parameters={"beta": 0.3}), 30).alpha,
+    "follow": lambda: follow(CUBIC, "beta", 0.6, longest=0.1).points[-1].alpha,
+    "fixed points": lambda: ReturnMap(Hopper(), 0.03).fixed_points(4.0, 12.0)[-1].alpha,
+    "multipliers": lambda: [multiplier(Hopper(), 4.0 + 0.1 * i) for i in range(9)],
+    "simulate": lambda: simulate(CUBIC, 4.0, hops=12).launches[-1],
+    "sweep": lambda: sweep(CUBIC, {"beta": (0.1, 0.3)}, 16, seed=1)["alpha"].sum(),
+    "optimize": lambda: optimize(CUBIC, minimise="alpha", over={"beta": (0.1, 0.5)}).objective,
+}
+
+
+@pytest.mark.posix
+@pytest.mark.parametrize("name", LONG)
+@pytest.mark.slow
+def test_an_interrupt_at_any_moment_is_nothing_else(name):
+    """Long calls are interrupted at random moments of their processor time, and give the same results afterwards."""
+    work, rng = LONG[name], random.Random(name)
+    expected, began = work(), time.process_time()
+    assert work() == expected
+    lasts, before = time.process_time() - began, signal.getsignal(signal.SIGVTALRM)
+    signal.signal(signal.SIGVTALRM, lambda *_: signal.raise_signal(signal.SIGINT))
+    try:
+        for _ in range(6):
+            with suppress(KeyboardInterrupt):
+                signal.setitimer(signal.ITIMER_VIRTUAL, rng.uniform(0.0, lasts) + 1e-6)
+                work()
+            with suppress(KeyboardInterrupt):
+                signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
+        assert work() == expected
+    finally:
+        signal.signal(signal.SIGVTALRM, before)

@@ -7,7 +7,7 @@ import pytest
 from legibility import faults, smallest_text
 from looks import check_looks
 
-from orbits import existence, sweep
+from orbits import InputError, existence, sweep
 from problems import Hopper, hopper_in_si
 
 NOTEBOOK, SMALLEST = 400, 7.0  # pixels: the width of a figure in a narrow notebook, and its smallest type there
@@ -58,6 +58,9 @@ def test_legends_name_only_what_is_there():
     without = sweep(HOPPER, {"beta": (-0.02, -0.011)}, 8, seed=1)
     assert set(without["status"]) == {"no orbit"}
     assert names(without.plot()) == {"no orbits"}
+    several = sweep(HOPPER, motions | {"mass_ratio": (0.5, 2.0), "rest_length": (8.0, 9.0)}, 2, seed=1)
+    with pytest.raises(InputError, match="over 3 parameters fills a figure of its own"):
+        several.plot(axes=without.plot())
 
 
 @pytest.mark.slow

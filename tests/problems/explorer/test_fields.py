@@ -1,5 +1,6 @@
 """Fields of the page: what changes a scene, and what is no scene."""
 
+import numpy as np
 import pytest
 
 from orbits import InputError
@@ -33,6 +34,7 @@ from tests.problems.explorer.scenes import SCENES
         ("branch", {"value": "loading"}),
         ("launch", {"value": -1.0}),
         ("along", {"value": "__class__.x"}),
+        ("along", {"value": np.nan}),
         ("__class__", {}),
         ("x" * 10_000, {}),
     ],
