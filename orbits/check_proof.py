@@ -261,16 +261,16 @@ class Values(dict[Tree, Any]):
         self.pieces = pieces
 
     def __missing__(self, of: Tree) -> Any:
-        parts = [of.parts[k] for k in self.pieces] if of.kind == "pieces" else of.parts
-        x, *rest = [self[part] for part in parts] or [ball(of.value)]
         if of.kind == "pieces":
+            x, *rest = [self[of.parts[k]] for k in self.pieces]
             x = coefficient(x, 0).union(*(coefficient(each, 0) for each in rest)) if rest else x
-        elif of.parts:
-            x = OPERATIONS[of.kind](x, *rest) if rest else getattr(x, of.kind)()
+        elif of.kind in OPERATIONS:
+            x = OPERATIONS[of.kind](self[of.parts[0]], self[of.parts[1]])
+        else:
+            x = getattr(self[of.parts[0]], of.kind)() if of.parts else ball(of.value)
         if not coefficient(x, 0).is_finite():
             raise Unverified(f"a formula ({of.kind}) has no value on the motion, or no motion is in the enclosures")
-        self[of] = x
-        return x
+        return self.setdefault(of, x)
 
 
 def ball(value: Fraction) -> arb:
