@@ -18,6 +18,7 @@ from orbits.show.pages.family_view import FamilyData, family_data
 from orbits.show.pages.hop_view import HopData, hop_data
 from orbits.show.pages.law_view import LawData, law_data
 from orbits.show.pages.map_view import MapData, map_data
+from orbits.tables import number_text
 
 from .dials import Dial, dials_of
 from .scene import START_OF_HOP, START_OF_RUN, Scene
@@ -31,7 +32,6 @@ MOST_TRIALS = 16  # of runs on the way from one to another whose numbers are far
 # whether landings bounce above it, not below; at a few launches and then at more, each of which takes some 10 ms, and
 # 500 ms where feet take over from each other often.
 RANGE_BESIDE, SAMPLES_BESIDE = {True: (-1.0, 1.5), False: (-0.1, 1.5)}, (13, 61)
-WORDS_OF_ENDS = {"reached": "to the end of the slider, "}  # what is said before the reasons of ends, by their kinds
 HIDDEN = 1e-12  # a range that is a smaller share of the launch speed is lost in rounding
 WITH_BOUNCE = 10.0  # the factor of a loss with one bounce
 
@@ -220,9 +220,7 @@ def joined_ways(parts: list[Family]) -> Family:
 def _family_result(machine: Machine, scene: Scene, parts: dict[str, Family], ways: int) -> FamilyResult:
     family = joined_ways(list(parts.values()))
     ended = {word: part for word, part in parts.items() if not _is_growing(part)}
-    endings = " ".join(
-        f"{word}: {WORDS_OF_ENDS.get(part.end.kind, '')}{part.end.reason}." for word, part in ended.items()
-    )
+    endings = " ".join(f"{word}: {_ending(part)}." for word, part in ended.items())
     text = f"{len(family)} solutions" + (f". {endings}" if len(ended) == ways else ", still growing.")
     values, starts = tuple(p.value for p in family.points), tuple(start_of(machine, p) for p in family.points)
     tuned = tuple({name: point.also[name] for name in scene.tuned} for point in family.points)
@@ -234,6 +232,14 @@ def _family_result(machine: Machine, scene: Scene, parts: dict[str, Family], way
     }
     data = replace(data, events=events)
     return FamilyResult(scene, data, values, starts, tuned, text)
+
+
+def _ending(part: Family) -> str:
+    """How a family ends in one direction, in words; that may be back at its hop's value on another sheet."""
+    last, name = part[-1].value, part.name
+    if part.end.kind != "reached" or last == part[0].value:
+        return part.end.reason
+    return f"to the end of the slider, {name.replace('_', ' ')} = {number_text(last, part.units.get(name, ''), 6)}"
 
 
 def map_results(python_machine: object, scene: Scene) -> Iterator[MapData]:

@@ -49,6 +49,7 @@ ON_FORCES = (
     "While both points touch: on the one that landed it begins at 0, as nothing is lost, and on the other it falls to "
     "0, and that opens. It may never fall below: nothing pulls what touches."
 )
+AS_TORQUE = " As what closes is an angle, it is stated as a torque."
 ON_FORCE = "It may never fall below 0: nothing pulls what touches. Where nothing is lost, it begins and ends at 0."
 
 
@@ -93,15 +94,16 @@ def captions(scene: Scene, hop: HopResult | None) -> dict[str, str]:
         what = f"theta, the angle of the {outer}, and phi, that of the body within," if outer else "Angle of each body"
         rate, cycle, stands = "Rate over angle", "step", "it touches" if data.landed is None else "both points touch"
         launch = ", less that of the lossless step, as is the one before it"
-    force = hop.law.labels[1].partition(" ")[0].capitalize() if hop.law else "Force"
+    over, force = (label.partition(" ")[0] for label in (hop.law.labels if hop.law else ("extension", "force")))
     on_force = ON_FORCE if data.landed is None else ON_FORCES
+    on_force += AS_TORQUE if data.labels["force"].endswith("(N m)") else ""
     return {
         "title": ON_TITLE.format(speed, scene.family, turned, middle),
         "machine": machine,
         "heights": f"{what} over one {cycle}; shaded while {stands}.",
         "portrait": f"{rate}: {portrait}.",
         "force": f"There is no contact force: {data.why}." if data.why else on_force,
-        "law": ON_LAW.format(force, "the angle between the bodies" if data.turns else "extension"),
+        "law": ON_LAW.format(force.capitalize(), "the angle between the bodies" if data.turns else over),
         "family": ON_FAMILY.format(along) if along else CHOOSE_PARAMETER,
         "map": ON_MAP.format(launch),
     }

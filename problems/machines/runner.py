@@ -100,7 +100,7 @@ def runner(
         inertia={"phi": "inertia"},
         surface_gravity="surface_gravity",
         parameters={name: value for name, value in known.items() if name in used},
-        counts="l",
+        counts="l - rest_length",
         launch="l",
         heights={"body": HIP[1], "foot": "z"},
         separation="l",

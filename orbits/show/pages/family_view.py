@@ -34,7 +34,12 @@ OTHER_SHAPE, SHAPE_OF_END = "plus", "square_pin"
 LABELS = {"end: reached": "end of the range", "end: escaped": "goes on without bound"}
 NEAR_EACH_OTHER = (0.2, 0.07)  # events nearer than these shares of the figure's width and height have one label
 MARGIN_OF_LABELS = 0.1  # above and below the curve, for labels at its ends
-PIXELS_ASIDE, RISES = 11, 0.02  # pixels from an event to its label, which a curve that rises more would run into
+# In pixels: the distance from an event to its label, the width of a letter, half the height of a label, and the width
+# and the height of the family on a phone.
+PIXELS_ASIDE, LABEL_LETTER, HALF_LINE, ON_PHONE = 11, 6, 8, (270, 250)
+# Places of a label as multiples of that distance aside, away from the nearer edge, and down, the better ones first.
+PLACES_OF_LABELS = ((1, -1), (1, 1), (3, -1), (3, 1))
+POINTS_TO_AVOID = 1000  # points of a curve that labels keep away from
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,6 +187,7 @@ def _event_labels(data: FamilyData) -> dict[str, list]:
         for each in ([data.events["value"], data.events["quantity"]], curve)
     )
     columns: dict[str, list] = {"label": [], "aside": [], "below": [], "align": []}
+    curve, pixels = _along(along), np.array(ON_PHONE)[:, None]
     for i, place in enumerate(shares.T):
         near = (np.abs(shares - place[:, None]) < np.array(NEAR_EACH_OTHER)[:, None]).all(0)
         kinds = (
@@ -189,10 +195,27 @@ def _event_labels(data: FamilyData) -> dict[str, list]:
             if near.argmax() == i
             else []
         )
-        side = 1 if place[0] < 0.5 else -1
-        beside = along[1, np.abs(along[0] - place[0] - side * NEAR_EACH_OTHER[0] / 2) < NEAR_EACH_OTHER[0] / 2]
-        columns["label"].append(", ".join(dict.fromkeys(kinds)))
-        columns["aside"].append(side * PIXELS_ASIDE)
-        columns["below"].append(PIXELS_ASIDE if len(beside) and beside.mean() > place[1] + RISES else -PIXELS_ASIDE)
+        label, side = ", ".join(dict.fromkeys(kinds)), 1 if place[0] < 0.5 else -1
+        across, up = (curve - place[:, None]) * pixels
+        aside, below = _place_of_label(side * across, -up, LABEL_LETTER * len(label))
+        columns["label"].append(label)
+        columns["aside"].append(side * aside)
+        columns["below"].append(below)
         columns["align"].append("left" if side > 0 else "right")
     return columns
+
+
+def _place_of_label(aside: np.ndarray, below: np.ndarray, width: float) -> tuple[int, int]:
+    """The distances aside and down from an event at which a label of this width hides least of a curve, whose points
+    (k,) lie so far aside and below; all in pixels."""
+    places = [(PIXELS_ASIDE * a, PIXELS_ASIDE * b) for a, b in PLACES_OF_LABELS]
+    hidden = [np.sum((x < aside) & (aside < x + width) & (np.abs(below - y) < HALF_LINE)) for x, y in places]
+    return places[int(np.argmin(hidden))]
+
+
+def _along(curve: np.ndarray) -> np.ndarray:
+    """Points (2, `POINTS_TO_AVOID`) at equal distances along the lines between the points (2, k) of a curve."""
+    if not curve.size:
+        return curve
+    length = np.append(0.0, np.hypot(*np.diff(curve)).cumsum())
+    return np.array([np.interp(np.linspace(0, length[-1], POINTS_TO_AVOID), length, row) for row in curve])

@@ -11,7 +11,18 @@ from ...model.machine import Machine, dimensionless
 from ...running.exclusive import exclusive
 from ...units import EXTENSION, FORCE, TORQUE
 from ..plot import COLOURS, SHADE, angles_shown
-from .bokeh_figures import GREY, Change, apply, bokeh, empty_columns, hover, legend_above, new_figure, range_changes
+from .bokeh_figures import (
+    GREY,
+    Change,
+    apply,
+    bokeh,
+    empty_columns,
+    hover,
+    legend_above,
+    new_figure,
+    range_changes,
+    tip,
+)
 
 if TYPE_CHECKING:
     from ...periodic.orbit import Orbit
@@ -29,7 +40,7 @@ class LawData:
     used : the smallest and the largest extension of the hop
     liftoff : the extension at lift-off, and the force there
     title : the law as it was stated, cut where it is long
-    labels : of the two axes, with units
+    labels : of the two axes, with units: a force over an extension, or a torque over an angle
     """
 
     extension: np.ndarray
@@ -59,7 +70,8 @@ def law_data(machine: Machine, orbit: "Orbit") -> LawData:
     start = _forces(own, np.array([bare.liftoff_extension]))[1]
     turns = "liftoff" in units.angles if units else bool(angles_shown(orbit, True))
     title = f"Spring: {orbit.machine['spring']}"
-    name, dimensions = ("torque", (EXTENSION, TORQUE)) if turns else ("force", (EXTENSION, FORCE))
+    (across, up), dimension = (("angle", "torque"), TORQUE) if turns else (("extension", "force"), FORCE)
+    dimensions = EXTENSION, dimension
     length, force = (units.of(each) if units else 1.0 for each in dimensions)
     texts = [f" ({units.text(each)})" if units else "" for each in dimensions]
     return LawData(
@@ -68,7 +80,7 @@ def law_data(machine: Machine, orbit: "Orbit") -> LawData:
         used=(low * length, high * length),
         liftoff=(bare.liftoff_extension * length, float(start[0]) * force),
         title=title if len(title) <= LONGEST_TITLE else title[: LONGEST_TITLE - 3] + "...",
-        labels=("extension" + texts[0], name + texts[1]),
+        labels=(across + texts[0], up + texts[1]),
     )
 
 
@@ -111,8 +123,8 @@ class LawFigure:
         item = models.LegendItem
         named = {"spring": line, "used": strip, "lift-off": dot}
         legend_above(figure, *(item(label=name, renderers=[renderer]) for name, renderer in named.items()))
-        tips = [("extension", "@extension{%.5g}"), ("force", "@force{%.5g}")]
-        figure.add_tools(hover([line], tips, mode="vline"))
+        self._hover = hover([line], _law_tip_entries("extension", "force"), mode="vline")
+        figure.add_tools(self._hover)
 
     def show(self, data: LawData, steady: bool = True) -> None:
         """Show another law in place of the current one.
@@ -131,9 +143,15 @@ class LawFigure:
             (self.figure.title, "text", data.title),
             (self.figure.xaxis[0], "axis_label", data.labels[0]),
             (self.figure.yaxis[0], "axis_label", data.labels[1]),
+            (self._hover, "tooltips", tip(_law_tip_entries(*(label.partition(" ")[0] for label in data.labels)))),
             *range_changes(self.figure.x_range, float(data.extension[0]), float(data.extension[-1]), steady, 0.0),
         ]
         known = data.force[np.isfinite(data.force)]
         if len(known):
             changes += range_changes(self.figure.y_range, float(known.min()), float(known.max()), steady)
         return changes
+
+
+def _law_tip_entries(across: str, up: str) -> list[tuple[str, str]]:
+    """The entries of the tooltip on the curve, by the names of the axes."""
+    return [(across, "@extension{%.5g}"), (up, "@force{%.5g}")]

@@ -40,8 +40,8 @@ def test_a_family_comes_in_pieces_and_is_that_of_follow():
 
 
 def test_a_family_from_the_upper_end_of_its_slider_goes_down():
-    *_, family = family_results(None, replace(CUBIC, along="beta"), 0.1, CUBIC.numbers["beta"])
-    assert "Downward: to the end of the slider" in family.text
+    *_, family = family_results(None, beginning("hopper", True), 1.9e6, 2e6)
+    assert "Downward: to the end of the slider, b = 1.9e+06 N/m^3." in family.text
     assert "Upward" not in family.text
 
 

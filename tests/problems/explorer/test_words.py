@@ -16,9 +16,10 @@ pytestmark = pytest.mark.extra("bokeh")
 def hop(*violations: str, names=("body", "foot"), turns=False, marks=None, why="", force="force (N)", landed=None):
     """A hop with what its words depend on."""
     plane = None if marks is None else SimpleNamespace(marks=marks)
+    labels = {"force": "contact force" + (" (N m)" if force == "torque" else "")}
     data, law = (
-        SimpleNamespace(names=names, turns=turns, plane=plane, why=why, landed=landed),
-        SimpleNamespace(labels=("", force)),
+        SimpleNamespace(names=names, turns=turns, plane=plane, why=why, landed=landed, labels=labels),
+        SimpleNamespace(labels=("extension", force)),
     )
     return SimpleNamespace(violations=violations, data=data, law=law)
 
@@ -46,7 +47,11 @@ def test_the_verdict_says_whether_there_is_a_motion_and_why_not():
         (beginning("hopper"), hop(), {"heights": "the foot stands", "machine": "nothing drives it", "family": "beta"}),
         (beginning("juggler"), hop(names=("ball", "hand")), {"heights": "ball lies on the hand", "title": "the ball"}),
         (replace(beginning("hopper"), family=3), hop(), {"title": "the spring turns back 3 times"}),
-        (beginning("hopper"), hop(), {"law": "Force over", "map": "after a landing:", "family": "the one shown;"}),
+        (
+            beginning("hopper"),
+            hop(),
+            {"law": "Force over extension", "map": "after a landing:", "family": "one shown;"},
+        ),
         (Scene(), hop(), {"family": "Choose a parameter"}),
         (beginning("wheel"), hop(turns=True, marks=[0.0]), {"portrait": "turned on", "heights": "while it touches"}),
         (
@@ -57,7 +62,11 @@ def test_the_verdict_says_whether_there_is_a_motion_and_why_not():
         (
             beginning("wheel"),
             hop(turns=True, force="torque"),
-            {"law": "Torque over the angle", "force": "begins and ends at 0", "map": "less that of the lossless step"},
+            {
+                "law": "Torque over the angle",
+                "force": "at 0. As what closes is an angle",
+                "map": "less that of the lossless",
+            },
         ),
         (beginning("runner"), hop(marks=[0.0]), {"portrait": "closed curve", "machine": "where feet stand"}),
         (replace(beginning("wheel"), numbers={}), hop(turns=True), {"machine": "For small angles there is no picture"}),

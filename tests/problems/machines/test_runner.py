@@ -64,6 +64,14 @@ def test_a_whole_cycle_of_another_integrator_comes_back(fast):
     assert energy_by_hand(flight, p) == pytest.approx(energy_by_hand(begun, p), rel=1e-12)
 
 
+def test_the_leg_carries_the_foot_at_lift_off(fast):
+    """No force of the ground is left: the leg pulls with the part of the foot's weight along it, so that it is longer
+    than unloaded."""
+    p, theta = fast.source.values, fast(0.0)[6]
+    tension = p["foot_mass"] * p["surface_gravity"] * np.cos(theta)
+    assert p["stiffness"] * fast.liftoff_extension == pytest.approx(tension, rel=1e-12)
+
+
 def test_the_runner_goes_by(fast):
     t = np.array([0.0, fast.flight_time + 0.1, fast.period, 2 * fast.period + fast.flight_time / 2])
     assert fast.unrolled(t)[:, 0] == pytest.approx(np.array([0.0, 1.0, 1.0, 2.5]) * FAST["step"], abs=1e-12)

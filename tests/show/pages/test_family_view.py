@@ -10,7 +10,7 @@ from orbits import InputError
 
 pytest.importorskip("bokeh")
 
-from orbits.show.pages.family_view import LABELS, FamilyFigure, family_data
+from orbits.show.pages.family_view import LABELS, FamilyData, FamilyFigure, family_data
 
 pytestmark = pytest.mark.extra("bokeh")
 
@@ -61,3 +61,20 @@ def test_a_familys_figure_marks_the_hop_that_is_shown(softening_family):
     figure.show(family_data(softening_family, "flight_time"))
     assert ring.data == {"value": [], "quantity": []}
     assert figure.figure.yaxis[0].axis_label == "flight time"
+
+
+def test_labels_of_events_hide_no_curve():
+    """A curve that rises and falls steeply beside its end, which lies neither above nor below all of it."""
+    value = np.linspace(0.0, 1.0, 400)
+    quantity = np.interp(value, [0.0, 0.03, 0.2, 1.0], [0.88, 1.0, 0.5, 0.0])
+    points = {"value": value, "quantity": quantity, "alpha": [""] * 400, "note": [""] * 400}
+    events = {"value": [0.0, 0.6], "quantity": [0.88, 0.25], "kind": ["end: reached", "fold"]}
+    figure = FamilyFigure()
+    figure.show(FamilyData(value, quantity, np.full(400, np.nan), points, events, ("beta", "alpha")))
+    labels = next(r.data_source.data for r in figure.figure.renderers if "label" in r.data_source.data)
+    for i, label in enumerate(labels["label"]):
+        for wide, high in ((270, 250), (500, 300)):
+            x, y = wide * (value - events["value"][i]), high * (events["quantity"][i] - quantity)
+            side = np.sign(labels["aside"][i])
+            covers = (np.abs(y - labels["below"][i]) < 7) & (side * x > abs(labels["aside"][i]))
+            assert not (covers & (side * x < abs(labels["aside"][i]) + 6 * len(label))).any()

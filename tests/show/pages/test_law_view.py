@@ -8,6 +8,8 @@ from problems import Hopper, knee_hopper
 
 pytest.importorskip("bokeh")
 
+from bokeh.models import HoverTool
+
 from orbits.show.pages.hop_view import hop_data
 from orbits.show.pages.law_view import LawFigure, law_data
 
@@ -43,5 +45,11 @@ def test_a_law_in_pieces_ends_where_it_is_stated(tmp_path):
 def test_a_knees_spring_has_a_torque():
     orbit = find(knee_hopper(stiffness=600.0, rest_angle=2.6))
     data = law_data(orbit.source, orbit)
-    assert data.labels == ("extension (rad)", "torque (N m)")
+    assert data.labels == ("angle (rad)", "torque (N m)")
     assert data.force == pytest.approx(600 * (data.extension - 2.6), abs=1e-6)
+    figure = LawFigure()
+    figure.show(data)
+    assert figure.figure.xaxis[0].axis_label == "angle (rad)"
+    (shown,) = figure.figure.select(type=HoverTool)
+    assert "angle" in shown.tooltips
+    assert "torque" in shown.tooltips
