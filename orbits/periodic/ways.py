@@ -1,9 +1,10 @@
 """Ways of the parameters of many machines, along which the orbit of each is led, all of them together.
 
 In each round every machine takes a step of its own length along its way: a predictor from the tangents, and Newton's
-method back to the orbits. A step is accepted where the predictor was good and the orientation of the equations stays,
-so that no orbit beyond a fold is mistaken for this one. Where motions come to amplify small changes they are divided at
-nodes, since Newton's method without nodes would lead to other orbits.
+method back to the orbits. A step is accepted where the predictor was good and the tangents at both ends agree with it,
+so that no orbit of another family is mistaken for this one, and where the orientation of the equations stays, so that
+none beyond a fold is. Where motions come to amplify small changes they are divided at nodes, since Newton's method
+without nodes would lead to other orbits.
 """
 
 from collections.abc import Callable, Iterator
