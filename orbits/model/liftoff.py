@@ -127,7 +127,7 @@ class Liftoff:
     def refuse_jump(self, law: Law, liftoff: float) -> None:
         """Raise `NoOrbit` where the force jumps over the level of lift-off: the equations of an orbit, in which it
         equals the level there, have no solution."""
-        beside = np.clip(liftoff + np.array([-1.0, 1.0]) * DIGITS_BESIDE * np.spacing(liftoff), *law.range())
+        beside = np.clip(liftoff + np.array([-1.0, 1.0]) * DIGITS_BESIDE * np.spacing(np.abs(liftoff)), *law.range())
         below, above = law(beside).tolist()
         if max(1.0 - self.load - below, above - (1.0 - self.load)) <= JUMPS_OVER:
             return

@@ -1,9 +1,10 @@
 """Ways of the parameters of many machines, along which the orbit of each is led, all of them together.
 
 In each round every machine takes a step of its own length along its way: a predictor from the tangents, and Newton's
-method back to the orbits. A step is accepted where the predictor was good and the orientation of the equations stays,
-so that no orbit beyond a fold is mistaken for this one. Where motions come to amplify small changes they are divided at
-nodes, since Newton's method without nodes would lead to other orbits.
+method back to the orbits. A step is accepted where the predictor was good and the tangents at both ends agree with it,
+so that no orbit of another family is mistaken for this one, and where the orientation of the equations stays, so that
+none beyond a fold is. Where motions come to amplify small changes they are divided at nodes, since Newton's method
+without nodes would lead to other orbits.
 """
 
 from collections.abc import Callable, Iterator
@@ -21,10 +22,11 @@ from ..shooting.division import DIVIDED_GROWTH, SENSITIVE, Division, NodedSoluti
 from ..shooting.newton_kernel import MOST_NEWTON_STEPS
 from ..shooting.single_shooting import Shooting
 
-# A step is accepted where Newton's method moves the prediction by no more than the first share of the unknowns' sizes,
-# and changes the equations by no more than the second share of the largest unknown, since orbits of other families are
-# near where motions are long, or amplify small changes; and where the mean of both tangents leads to the new point up
-# to the first share, as those of two different curves do not. The next step is such that the third share of it is left.
+# A step is accepted where both the prediction and the place to which the mean of the tangents at its ends leads differ
+# from the point found by no more than the first share of the unknowns' sizes, and change the equations by no more than
+# the second share of the largest unknown, since orbits of other families are near where motions are long, or amplify
+# small changes: these have other tangents, or lie beside the prediction. The next step is such that the third share of
+# this is left.
 WORST_PREDICTION, WORST_MISS, AIMED_SHARE = 0.1, 0.1, 0.3
 # Where the orientation of the equations changes, a step over a branch point is accepted if the correction is no larger
 # than this share of the step; beyond a fold it would be as large as the step.
@@ -215,11 +217,12 @@ class _Lanes:
             tangents, orientations = _tangents(jacobians, ways[lanes_found])
             taken = new[solved] - self.shares[lanes_found]
             means = taken[:, None] * (tangents + self.tangents[lanes_found]) / 2
-            correction = found - guesses[solved]
             sizes = sizes_of_unknowns(found, self.least[lanes_found])
-            moved, changes, bends = ((np.abs(x) / sizes).max(1) for x in (correction, found - old, found - old - means))
-            misses = _misses((jacobians[:, :, : found.shape[1]] @ correction[:, :, None])[:, :, 0], found, self.least)
-            shares = np.maximum(np.maximum(moved, bends) / WORST_PREDICTION, misses / WORST_MISS)
+            changes, shares = (np.abs(found - old) / sizes).max(1), np.zeros(len(solved))
+            for error in (found - guesses[solved], found - old - means):
+                moved = (np.abs(error) / sizes).max(1)
+                misses = _misses((jacobians[:, :, : found.shape[1]] @ error[:, :, None])[:, :, 0], found, self.least)
+                shares = np.maximum(shares, np.maximum(moved / WORST_PREDICTION, misses / WORST_MISS))
             turned = orientations != self.orientations[lanes_found]
             good = (shares <= 1.0) & np.isfinite(tangents).all(1) & (growths <= self.most_growth[1])
             good &= ~turned | (shares * WORST_PREDICTION <= ACROSS_BRANCH * np.minimum(changes, 1.0))

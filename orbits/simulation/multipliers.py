@@ -188,7 +188,8 @@ class HopsDerivative:
         launch, following = section.free(self.launches[[0, -1]]) * unit
         impacts, tangential = section.impacts, all(hop.tangential for hop in self.hops)
         lossless = impacts.model.conservative and tangential
-        loses = impacts.model.conservative and not tangential and self.inject == 0 and impacts.restitution < 1
+        loses = impacts.model.conservative and not tangential and impacts.restitution < 1 and not impacts.never_lose
+        loses = loses and self.inject == 0 and not impacts.descends
         units: Units | None = getattr(machine, "units", None)
         energy = units.energy if units and units.energy else 1.0
         losses = tuple(c / energy ** (1 / 3) for c in self.energy_loss.coefficients) if self.energy_loss else ()

@@ -6,7 +6,7 @@ import pytest
 from orbits import InputError, NoOrbit, find, find_all
 from orbits.laws.law_statement import from_formula, from_function
 from orbits.model.liftoff import Liftoff
-from problems import Hopper, hopper_in_si, springs
+from problems import Hopper, Juggler, hopper_in_si, springs
 
 WEIGHT = Liftoff(0.0, "the foot's weight")
 
@@ -118,6 +118,7 @@ def test_what_is_no_spring():
 
 
 JUMP = springs.function(lambda r: r + 0.5 * (r > 0.8), breakpoints=(0.8,))
+JUMP_IN_COMPRESSION = springs.function(lambda r: r + 0.5 * (r > -0.1), breakpoints=(-0.1,))
 
 
 @pytest.mark.parametrize(
@@ -134,6 +135,7 @@ JUMP = springs.function(lambda r: r + 0.5 * (r > 0.8), breakpoints=(0.8,))
             )
             for search in (find, find_all)
         ),
+        (lambda: find(Juggler(JUMP_IN_COMPRESSION)), "jumps over zero force at extension -0.1, from -0.1 to 0.4"),
     ],
 )
 def test_springs_that_cannot_lift_the_foot(make, message):

@@ -7,7 +7,7 @@ from scipy.linalg import expm
 
 from orbits import HopMultipliers, InputError, NoOrbit, ReturnMap, find, find_all, multiplier, multipliers, starts
 from orbits.mechanics import Ground
-from problems import Hopper, chain_hand, hopper_in_si, inerter_hopper, plate_hopper, springs
+from problems import HeavyHand, Hopper, chain_hand, hopper_in_si, inerter_hopper, plate_hopper, springs
 
 STENCIL = np.array([-2.0, -1.0, 1.0, 2.0])
 
@@ -153,6 +153,13 @@ def test_a_launch_beside_a_lossless_one_is_not_periodic(off):
     alpha = find(Hopper()).alpha + off
     assert abs(ReturnMap(Hopper())(alpha).loss) < 1e-7 * alpha
     assert multipliers(Hopper(), alpha).stability == "not periodic"
+
+
+def test_a_launch_that_lands_on_a_heavy_hand_is_periodic():
+    """A hand of infinite mass moves on as before, so that every launch comes back."""
+    found = multipliers(HeavyHand(), 4.0)
+    assert found.following == pytest.approx([4.0], rel=1e-14)
+    assert (found.stability, found.values) == ("neutral", pytest.approx([1.0]))
 
 
 def test_a_small_machine_comes_back_as_a_large_one_does():
