@@ -10,6 +10,7 @@ import os
 import shutil
 import stat
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import MISSING, fields, is_dataclass
@@ -112,7 +113,7 @@ def parse_json(text: str | bytes) -> Any:
     def entries(pairs: list[tuple[str, Any]]) -> Document:
         found = dict(pairs)
         if len(found) < len(pairs):
-            twice = next(name for i, (name, _) in enumerate(pairs) if name in dict(pairs[:i]))
+            twice = Counter(name for name, _ in pairs).most_common(1)[0][0]
             raise ValueError(f"it has '{twice}' twice in one object: leave one of the two")
         return found
 

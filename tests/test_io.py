@@ -13,6 +13,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from browser import PATIENCE
 
 from orbits import Family, InputError, Orbit, Sweep, find, follow, prove, simulate, sweep
 from orbits.io import digest, sealed, to_json, unsealed, writing
@@ -141,7 +142,7 @@ class TestWriting:
             "import sys; from orbits import io; print(0, flush=True); io.write_json({'x': 1}, sys.argv[1], 'table')"
         )
         with open(tmp_path / "out.txt", "w", encoding="utf-8") as out:
-            subprocess.run([sys.executable, "-c", script, str(link)], stdout=out, check=True, timeout=60)
+            subprocess.run([sys.executable, "-c", script, str(link)], stdout=out, check=True, timeout=PATIENCE)
         assert (tmp_path / "out.txt").read_text().startswith('{"x": 1')  # it is opened anew, as a shell's > does
         assert link.is_symlink()
 
@@ -174,7 +175,9 @@ class TestWriting:
     def test_a_full_standard_output(self, asked):
         command = [sys.executable, "-m", "orbits", *asked.split()]
         with open("/dev/full", "w", encoding="utf-8") as full:
-            done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False, timeout=60)
+            done = subprocess.run(
+                command, stdout=full, stderr=subprocess.PIPE, text=True, check=False, timeout=PATIENCE
+            )
         assert done.returncode == 2
         assert done.stderr.startswith("orbits: ")
         assert len(done.stderr.splitlines()) == 1
@@ -192,7 +195,7 @@ class TestWriting:
             "if after < len(names): setattr(os, names[after], lambda *args: os._exit(9))\n"
             "io.write_json({'new': [1.5] * 1000}, sys.argv[1], 'table')\n"
         )
-        done = subprocess.run([sys.executable, "-c", script, str(path)], cwd=os.getcwd(), check=False, timeout=60)
+        done = subprocess.run([sys.executable, "-c", script, str(path)], cwd=os.getcwd(), check=False, timeout=PATIENCE)
         content = json.loads(path.read_text())
         assert ("new" in content) == (done.returncode == 0) == (after == 3)
 
@@ -324,7 +327,7 @@ class TestDigests:
             for _ in range(2)
         ]
         for process in started:
-            _, said = process.communicate(timeout=100)
+            _, said = process.communicate(timeout=PATIENCE)
             assert process.returncode == 0, said.decode()
 
     def test_digests_tell_contents_apart_and_layouts_not(self):

@@ -181,9 +181,10 @@ class Endings:
 
     @cached_property
     def _place_of_liftoff(self) -> int | None:
-        """The place of the extension at lift-off among the unknowns; None where it is none of them."""
+        """The place of the extension at lift-off among the unknowns; None where it is none of them, and where a launch
+        has several unknowns, of which one is the place of a mass and grows as the speed does."""
         names = self.curve.equations_of_orbits.statement.unknowns
-        return names.index("liftoff") if "liftoff" in names else None
+        return names.index("liftoff") if "liftoff" in names and self.curve.machine.model.one_speed else None
 
     def _reach(self, point: Point) -> float:
         """The extension at lift-off, 0 where it is no unknown."""

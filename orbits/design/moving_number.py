@@ -10,7 +10,7 @@ from ..symbolic.formula import suggest
 from .problem import Constraint, DesignProblem
 from .tuned_machine import tuned_numbers
 
-LONGEST_WAY = 1e100  # of a bound, in ranges of its parameter: the square of the way is a number
+LONGEST_WAY = 1e100  # of a bound, in ranges of its parameter, or of a constraint: its square is a number
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,10 @@ def moving_number(problem: DesignProblem, machine: Machine, what: str, end: floa
             finite = np.isfinite([each.low, each.high])
             if each.low < each.high and finite.all():
                 raise InputError(f"'{what}' has two bounds: state it as two constraints, one for each, and follow one")
-            sides = (bool(finite[0]), bool(finite[1]))
-            return Moving(each.text, each.low if finite[0] else each.high, end, constraint=i, sides=sides)
+            sides, bound = (bool(finite[0]), bool(finite[1])), each.low if finite[0] else each.high
+            if abs(end - bound) > LONGEST_WAY:
+                raise InputError(f"to = {end:g}; the bound of a constraint is followed by at most {LONGEST_WAY:g}")
+            return Moving(each.text, bound, end, constraint=i, sides=sides)
     for i, (name, low, high) in enumerate(zip(problem.names, problem.low, problem.high, strict=True)):
         for bound, relation, sides in ((low, ">=", (True, False)), (high, "<=", (False, True))):
             if plain(what) == f"{name}{relation}{bound:g}":

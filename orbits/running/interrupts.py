@@ -50,8 +50,11 @@ def never_lost() -> Iterator[None]:
     else:
         _raise_noted()
     finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        _noted.clear()
+        try:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        finally:  # an interrupt just before is raised by that call, which changes nothing then
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            _noted.clear()
 
 
 @contextmanager

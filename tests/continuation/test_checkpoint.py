@@ -3,11 +3,11 @@
 import json
 import subprocess
 import sys
-import time
 from importlib.metadata import PackageNotFoundError
 
 import numpy as np
 import pytest
+from browser import wait_for
 from families import GOLDEN, events
 
 from orbits import Family, InputError, follow
@@ -24,9 +24,7 @@ def test_a_killed_run_is_resumed(tmp_path):
         f"follow(Hopper('cubic'), 'beta', 5.0, 0.0, longest=0.002, output={str(path)!r})"
     )
     process = subprocess.Popen([sys.executable, "-c", code])
-    until = time.monotonic() + 30
-    while time.monotonic() < until and not (path.exists() and path.read_text().count("\n") > 20):
-        time.sleep(0.02)
+    wait_for(lambda: path.exists() and path.read_text().count("\n") > 20, "20 points are on disk")
     process.kill()
     process.wait()
     broken = Family.load(path)

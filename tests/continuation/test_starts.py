@@ -1,7 +1,7 @@
 """Starts from linear hops, against the same machine in other words and against DOP853."""
 
-import time
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -125,27 +125,29 @@ def test_hops_that_end_before_say_how_far_they_came():
     assert repr(cubic).endswith(f"{len(cubic.ended)} of these end before the springs' own laws")
 
 
-def test_a_search_that_is_stopped_says_so(caplog):
-    """At its limit it has found some of the hops, or none."""
+def test_a_search_that_is_stopped_says_so(caplog, monkeypatch):
+    """At its limit it has found some of the hops, or none; by a clock that the calls of `progress` put forward."""
     machine, shares = plate(Spring("body - foot", CUBIC)), list[float]()
     every = starts(machine, *LONGEST, progress=shares.append)
     assert every.stopped == ""
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
 
-    def slow(share: float) -> None:
-        if share > 0.1:
-            time.sleep(0.3)
+    now = [0.0]
+    monkeypatch.setattr("orbits.running.time_limit.time", SimpleNamespace(monotonic=lambda: now[0]))
 
-    some = starts(machine, *LONGEST, progress=slow, limit=0.25)
+    def slow(seconds: float) -> None:
+        now[0] += seconds
+
+    some = starts(machine, *LONGEST, progress=lambda share: slow(0.3 * (share > 0.1)), limit=0.25)
     assert "not all: " in repr(some)
     assert "some hops have not reached the springs' own laws: it takes more than 0.25 s" in some.stopped
     assert len(some) < len(every)
-    none = starts(machine, *LONGEST, progress=lambda share: time.sleep(0.3), limit=0.1)
+    none = starts(machine, *LONGEST, progress=lambda share: slow(0.3), limit=0.1)
     assert len(none) == 0
     assert "search for hops of straight springs has not come to its end" in none.stopped
     assert "it takes more than 0.1 s" in caplog.text
-    half = starts(machine, *LONGEST, progress=lambda share: time.sleep(0.6 * (share <= 0.1)), limit=2.0)
+    half = starts(machine, *LONGEST, progress=lambda share: slow(0.6 * (share <= 0.1)), limit=2.0)
     assert "has not come to its end in half of the time: allow it more by limit=" in half.stopped
     assert half.linear > 0
 

@@ -175,6 +175,8 @@ def test_what_cannot_be_followed(linear):
         linear.follow("k <= 8800", 1000.0)
     with pytest.raises(InputError, match=r"at most 1e\+100 times its range"):
         linear.follow("k <= 8800", 1e308)
+    with pytest.raises(InputError, match=r"constraint is followed by at most 1e\+100"):
+        linear.follow("centre_of_mass_rise <= 0.04", 1e308)
     with pytest.raises(InputError, match="a search without derivatives: its optimality conditions cannot be followed"):
         replace(linear, kkt=None).follow("foot_mass", 4.0)
     with pytest.raises(InputError, match="'foot_mass' has this value already"):

@@ -18,15 +18,18 @@ def test_the_equation_vanishes_at_periodic_launches():
     assert found.jacobian[0, 0] == pytest.approx([1 - r, (1 - 1 / r) / r], rel=1e-5)
 
 
-def test_hops_with_errors_have_the_derivatives_of_those_without():
-    """Of hops of period two along the mass ratio: the first calls take few steps of Newton's method."""
+def test_hops_with_errors_differ_from_those_without_by_about_these():
+    """Of hops of period two along the mass ratio: the first calls take few steps of Newton's method. The launches are
+    known better than stated; the derivatives are of hops before the last step, and of two in a row."""
     curve = LaunchCurve(MapsAlong(Hopper(), "mass_ratio", 0.9, 1.1, 0.09, 1000), (4.4, 4.7), 2)
     curve.evaluate(np.array([[4.58, 1.0]]), exact=True)
     rough, exact = (curve.evaluate(np.array([[4.581, 1.001]]), exact=exact) for exact in (False, True))
     assert 0 < rough.errors[0] <= STEP_OF_ROUGH_HOPS
     assert exact.errors[0] == 0
+    assert rough.launches == pytest.approx(exact.launches, rel=rough.errors[0])
+    assert rough.residual == pytest.approx(exact.residual, abs=rough.errors[0])
     for name in ("residual", "jacobian", "launches", "multipliers"):
-        assert getattr(rough, name) == pytest.approx(getattr(exact, name), rel=1e-3, abs=1e-7)
+        assert getattr(rough, name) == pytest.approx(getattr(exact, name), rel=10 * rough.errors[0], abs=1e-7)
     step = 1e-5 * curve.scale
     sides = [[curve.evaluate(np.array([[4.581, 1.001] + side * step * axis]), exact=True).residual[0, 0]
               for side in (-1, 1)] for axis in np.eye(2)]  # fmt: skip

@@ -103,6 +103,23 @@ def test_an_interrupt_that_is_lost_is_raised_again(end):
     interrupts.heed()  # raises nothing
 
 
+def test_an_interrupt_just_before_the_end_is_not_left_for_the_next_call(monkeypatch):
+    """Python raises it from the call that would bring its own handler back."""
+    install, late = signal.signal, [True]
+
+    def interrupted(number, handler):
+        if handler is signal.default_int_handler and late:
+            late.clear()
+            signal.raise_signal(number)
+        return install(number, handler)
+
+    monkeypatch.setattr(signal, "signal", interrupted)
+    with pytest.raises(KeyboardInterrupt), interrupts.never_lost():
+        pass
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert not interrupts.pending()
+
+
 CUBIC = Hopper("cubic", rest_length=20.0, parameters={"beta": 0.3})
 LONG = {
     "find": lambda: find(Hopper("cubic", parameters={"beta": 0.3}), 30).alpha,

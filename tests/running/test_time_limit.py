@@ -21,10 +21,10 @@ class TestTimeLimit:
 
     @pytest.mark.parametrize("search", [find, find_all])
     def test_what_takes_longer_is_ended(self, search):
-        began = time.monotonic()
+        began = time.process_time()
         with pytest.raises(NoOrbit, match=r"it takes more than 0.5 s: allow it more by its limit"):
             search(self.SLOW, limit=0.5)
-        assert time.monotonic() - began < 20
+        assert time.process_time() - began < 20
 
     def test_a_block_limits_all_that_is_computed_in_it(self, monkeypatch):
         """Beyond the 30 s that a search has without one, too; a family is handed back as far as it was followed."""

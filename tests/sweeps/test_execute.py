@@ -7,7 +7,6 @@ import struct
 import subprocess
 import sys
 import textwrap
-import time
 from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -16,6 +15,7 @@ from typing import Self
 
 import numpy as np
 import pytest
+from browser import PATIENCE, wait_for
 
 from orbits.errors import InputError
 from orbits.sweeps.execute import _Processes
@@ -119,11 +119,8 @@ def test_no_worker_outlives_its_sweep(tmp_path, name):
     with subprocess.Popen(command, env=where, **options) as process:
         workers = next(pids for line in process.stdout if len(pids := list(map(int, line.split()))) == 2)
         os.killpg(process.pid, signal.SIGINT) if name == "SIGINT" else process.send_signal(getattr(signal, name))
-        process.wait(20)
-        deadline = time.monotonic() + 20
-        while time.monotonic() < deadline and any(map(is_alive, workers)):
-            time.sleep(0.05)
-        assert not any(map(is_alive, workers))
+        process.wait(PATIENCE)
+        wait_for(lambda: not any(map(is_alive, workers)), "the workers have ended")
         _, said = process.communicate()
     if name == "SIGINT":
         assert said.splitlines()[-1].startswith("KeyboardInterrupt: ")
@@ -151,13 +148,10 @@ def die_as_it_answers() -> None:
 def test_a_worker_that_dies_as_it_sends_its_answer_is_noticed():
     with _Processes(2) as pool:
         future = pool.submit(die_as_it_answers)
-        deadline = time.monotonic() + 20
-        while not future.done() and time.monotonic() < deadline:
-            time.sleep(0.5)
-            pool.end_if_stuck()
+        wait_for(lambda: pool.end_if_stuck() or future.done(), "the answer is given up")
         assert isinstance(future.exception(0), BrokenExecutor)
         pool.renew()
-        assert pool.submit(abs, -3).result(20) == 3
+        assert pool.submit(abs, -3).result(PATIENCE) == 3
 
 
 def test_what_cannot_be_sent_is_refused():

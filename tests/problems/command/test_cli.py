@@ -11,6 +11,7 @@ from conftest import Result
 from orbits import Orbit
 from orbits.io import to_json
 from orbits.shooting.formulations import METHODS
+from tests.browser import PATIENCE
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha, eq. (12) of the paper
 KEYS = """
@@ -23,7 +24,7 @@ CUBIC = "find --spring 'r + beta*r**3' --set beta=0.3"
 
 def in_a_process(*arguments) -> Result:
     command = [Path(sys.executable).with_name("orbits"), *arguments]
-    done = subprocess.run(command, capture_output=True, encoding="utf-8", timeout=60, check=False)
+    done = subprocess.run(command, capture_output=True, encoding="utf-8", timeout=PATIENCE, check=False)
     return Result(done.returncode, done.stdout, done.stderr)
 
 
