@@ -202,8 +202,12 @@ class Result:
         return "\n".join([self.title(), *lines, *(f"  {note}" for note in self._notes())])
 
     def _repr_html_(self) -> str:
-        draw = None if self.undrawn else self.plot
+        draw = None if self.undrawn else self._draw
         return cell(self.title(), self.rows(), draw, self.heads(), self._notes())
+
+    def _draw(self, axes: Axes) -> Axes:
+        """Draw the picture of a cell on these axes or in a figure of its own; returns its axes."""
+        return self.plot(axes=axes)
 
     def plot(self, *args: Any, **options: Any) -> Axes:
         """Draw the result; raises `InputError` with the reason where there is nothing to draw."""

@@ -262,6 +262,9 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         """
         return shown("sweep_figures").plot_sweep(self, quantity or self.numbers[0], axes)
 
+    def _draw(self, axes: Axes) -> Axes:
+        return self.plot(axes=axes if len(self.parameters) <= 2 else None)
+
     def page(self, path: str | Path, quantity: str | None = None) -> Path:
         """Write a page of a quantity, the first one if None, over the parameters, in one file (.html) that needs no
         network; returns its path.
