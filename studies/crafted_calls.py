@@ -1,8 +1,8 @@
 """Does any call break? Crafted calls of every command, verb and machine end in a result or in one short reason.
 
 Each call is a valid one with a few values replaced by ones that no one means, drawn by a seed and its number. A fault
-is an internal error, a warning, a NaN that is accepted or returned, ten seconds of processor time without a word, or an
-interrupt that is not heeded: a call that takes long is interrupted as by Ctrl-C.
+is an internal error, a warning, a NaN that is accepted or returned, ten seconds of the clock and of the processor
+without a word, or an interrupt that is not heeded: a call that takes long is interrupted as by Ctrl-C.
 Run: python studies/crafted_calls.py [--calls N] [--first N] [--seed N] [--only VERB] [--unnamed]
 """
 
@@ -39,8 +39,8 @@ from problems import Hopper
 from problems.command.cli import main as command, orbits as commands
 from studies.valid_calls import BUILDERS, MACHINES, calls
 
-# Seconds of processor time: without a word, of a call before it is interrupted, until it has heeded that, and until it
-# is interrupted again, as Python may lose an interrupt while it collects garbage.
+# Seconds of the processor, and of the clock too without a word: without a word, of a call before it is interrupted,
+# until it has heeded that, and until it is interrupted again, as Python may lose an interrupt while it collects garbage.
 SILENT, LONGEST, HEEDED, AGAIN = 10.0, 12.0, 10.0, 2.0
 
 
@@ -327,16 +327,21 @@ def crafted_arguments(function: Callable, known: dict[str, Any], folder: Path, r
 # ---- a call and its watch
 
 
+def clocks() -> tuple[float, float]:
+    """The seconds of the processor, which threads use up together, and of the clock, which other programs slow."""
+    return time.process_time(), time.perf_counter()
+
+
 class Terminal(io.StringIO):
     """The error stream of a terminal, which notes when it was last written to."""
 
-    heard = 0.0
+    heard = (0.0, 0.0)
 
     def isatty(self) -> bool:
         return True
 
     def write(self, text: str) -> int:
-        Terminal.heard = time.process_time()
+        Terminal.heard = clocks()
         return super().write(text)
 
 
@@ -407,14 +412,15 @@ def by_python(function: Callable, arguments: dict[str, Any], folder: Path) -> Ou
 
 def watched(call: Callable[[Terminal], Outcome]) -> Outcome:
     """How a call ends that is watched for warnings and silence, and interrupted where it takes long."""
-    began = Terminal.heard = time.process_time()
+    Terminal.heard = began, _ = clocks()
     said, stopped, pressed = Terminal(), [0.0], [0.0]
 
     def look(_: int, frame: Any) -> None:
         now, place = time.process_time(), f"{frame.f_code.co_filename}:{frame.f_lineno}"
         if stopped[0] and now - stopped[0] > HEEDED:
             raise Silence(f"an interrupt is not heeded, at {place}")
-        if not stopped[0] and now - Terminal.heard > SILENT:
+        silent = min(here - before for here, before in zip(clocks(), Terminal.heard, strict=True))
+        if not stopped[0] and silent > SILENT:
             raise Silence(f"silent for {SILENT:g} s, at {place}")
         if now - began > LONGEST and now - pressed[0] > AGAIN:
             stopped[0], pressed[0] = stopped[0] or now, now
@@ -422,7 +428,7 @@ def watched(call: Callable[[Terminal], Outcome]) -> Outcome:
 
     class Spoken(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
-            Terminal.heard = time.process_time()
+            Terminal.heard = clocks()
 
     handler, before = Spoken(), signal.signal(signal.SIGPROF, look)
     logging.getLogger("orbits").addHandler(handler)

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, true_or_false
+from ..errors import InputError, as_array_or_nan, true_or_false
 from ..laws.law import number
 from ..symbolic.formula import suggest
 from ..symbolic.sympy_formulas import abridged, formula_of, name_of_parameter, sympy_package
@@ -302,9 +302,11 @@ def _refuse_singular(
     rows: Sequence[Sequence[Any]], names: Sequence[str], p: Mapping[str, Any], rest: Mapping[str, Any]
 ) -> None:
     """Raise `InputError` for an inertia that is not positive definite at rest."""
-    for place in rest.values():
+    for name, place in rest.items():
         if not isinstance(place, str | Real) and not callable(place):
             raise InputError(f"rest: {place!r} is neither a formula nor a number")
+        if isinstance(place, Real) and not np.isfinite(as_array_or_nan(place)):
+            raise InputError(f"rest: '{name}' must be a finite number")
         if missing := sorted(names_in(place) - p.keys()):
             raise InputError(f"rest: '{missing[0]}' has no value: give it one in parameters={suggest(missing[0], p)}")
     at = {name: float(value_of(rest.get(name, 0.0), {}, p)) for name in names}

@@ -261,6 +261,7 @@ def test_other_statements_are_refused(stated):
         ("m3", "rest: 'm3' has no value: give it one in parameters="),
         (length, "'length' has no value"),
         (None, "None is neither a formula nor a number"),
+        (10**400, "rest: 'y1' must be a finite number"),
         ([1.0], "is neither"),
         ("y2", "rest: 'y2' has no value"),
     ],
