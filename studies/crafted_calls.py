@@ -40,7 +40,7 @@ from problems.command.cli import main as command, orbits as commands
 from studies.valid_calls import BUILDERS, MACHINES, calls
 
 # Seconds of the processor, and of the clock too without a word: without a word, of a call before it is interrupted,
-# until it has heeded that, and until it is interrupted again, as Python may lose an interrupt while it collects garbage.
+# until it has heeded that, and until it is interrupted again, as Python may lose one while it collects garbage.
 SILENT, LONGEST, HEEDED, AGAIN = 10.0, 12.0, 10.0, 2.0
 
 

@@ -15,6 +15,7 @@ from ..periodic.find import (
     StartLike,
     another_family,
     check_start,
+    family_number,
     first_tuned,
     lowest_of_family,
     solve_family,
@@ -273,6 +274,7 @@ def begin_run(
     options: Options, resume: Family | None = None, tune: Any = None,
 ) -> Tracer:  # fmt: skip
     """A run from the first orbit, or from the last of a family that is resumed."""
+    family = None if family is None else family_number(family)
     orbit, start = (start, None) if isinstance(start, Orbit | Mapping | str | Path) else (None, start)
     tuned = checked_tuning(machine, along, tune)
     if resume is not None and not (isinstance(resume, Family) and resume.settings.get("tune", []) == [*tuned]):

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
+from ..errors import true_or_false
 from ..running import heartbeat
 from ..running.arguments import check_report
 
@@ -35,7 +36,7 @@ def on_screen(progress: Callable[[Any], None] | bool | None) -> Callable[[Any], 
     if callable(progress):
         check_report("progress", progress)
         return progress
-    if progress is False:
+    if progress is not None and not true_or_false("progress", progress):
         return lambda state: None
     if progress is None and not (sys.stderr.isatty() or "ipykernel" in sys.modules):
         return lambda state: heartbeat.now_at(_in_words(state))

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from orbits.errors import InputError
+from orbits.errors import InputError, true_or_false
 
 from .measured import read_table, short, text_of
 
@@ -18,6 +18,7 @@ def measured_columns(source: Any, in_si: bool) -> tuple[np.ndarray, np.ndarray, 
 
     Raises `InputError` for anything else.
     """
+    in_si = true_or_false("in_si", in_si)
     if isinstance(source, str | Path):
         path = Path(source)
         pairs, sense = read_table(path, text_of(path), in_si)

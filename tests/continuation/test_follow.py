@@ -88,6 +88,7 @@ def test_trace_yields_orbits_events_and_the_end():
         ({"longest": 0.0}, "a step is a share"),
         ({"most": 0}, "a number of points"),
         ({"at": ["a"]}, "not a finite number"),
+        ({"family": np.nan}, "family"),
         ({"start": [0.3]}, "start = \\[0.3\\] is not a finite number"),
         ({"start": {"alpha": 4.5}}, "start has no 'liftoff'"),
         ({"watch": {"fold": 1}}, "a function of the orbit"),

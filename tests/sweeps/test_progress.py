@@ -3,8 +3,10 @@
 import sys
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from orbits.errors import InputError
 from orbits.running import heartbeat
 from orbits.sweeps.progress import on_screen
 
@@ -91,3 +93,9 @@ def test_a_line_is_shown_on_terminals_and_in_notebooks(terminal, notebook, capsy
         monkeypatch.setitem(sys.modules, "ipykernel", SimpleNamespace())
     on_screen(None)(state(60, 8.0, 16.0, certified=60))
     assert bool(capsys.readouterr().err) == (terminal or notebook)
+
+
+@pytest.mark.parametrize("progress", [np.nan, 1, "bar"])
+def test_what_is_no_function_and_no_truth_value_is_refused(progress):
+    with pytest.raises(InputError, match=r"progress = .*; it is True or False"):
+        on_screen(progress)

@@ -143,6 +143,10 @@ class TestFit:
         with pytest.raises(InputError, match="multivariate_normal of 2 numbers"):
             uncertainty(Hopper(self.FOUND.law), over)
 
+    def test_a_truth_value_is_no_array(self):
+        with pytest.raises(InputError, match="it is True or False"):
+            springs.fit(springs.SAMPLE, "k*r", in_si=np.zeros(0))
+
     def test_a_parameter_has_one_distribution(self):
         with pytest.raises(InputError, match="named twice among b, k, k"):
             uncertainty(Hopper(self.FOUND.law), {**self.FOUND.distributions(), "k": norm(1.0, 0.1)})
