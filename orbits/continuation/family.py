@@ -161,8 +161,10 @@ class Family(
         """A quantity (m,) at points of the curve, NaN where an orbit does not have it.
 
         Quantities of the motion, such as "stroke", are computed when they are needed; this works for a family that
-        `follow` has returned. Raises `InputError` for an unknown name.
+        `follow` has returned. Raises `InputError` for an unknown name, and for what is no point of a family.
         """
+        if strange := [each for each in points if not hasattr(each, "numbers")]:
+            raise InputError(f"points: {strange[0]!r} is no point of a family")
         numbers = self._numbers_of(points)
         if name in (*numbers, "value"):
             return numbers_at(points, "value" if name == self.name else name)

@@ -128,7 +128,7 @@ class _Energies:
         `InputError` where it has anything else that depends on time, and speeds where it must not."""
         try:
             inner = self.sympy.sympify(expression, strict=True).doit().xreplace(self.symbols)
-        except (AttributeError, self.sympy.SympifyError):
+        except (AttributeError, TypeError, self.sympy.SympifyError):
             raise InputError(f"{what} = {expression!r} is no expression of SymPy") from None
         if getattr(inner, "shape", None) == (1, 1):  # as of q.T * M * q
             inner = inner[0, 0]

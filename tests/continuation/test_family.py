@@ -89,3 +89,9 @@ def test_a_family_of_machines_that_stand_has_the_friction_that_they_need():
     assert not {"friction_needed", "smallest_stance_force"} & {*hops.table(), *hops.document()["points"][0]}
     with pytest.raises(InputError, match="no quantity 'friction_needed'"):
         hops.column("friction_needed")
+
+
+def test_values_are_those_of_points():
+    family = follow(Hopper("cubic", rest_length=20), "beta", 0.1, start=0.0)
+    with pytest.raises(InputError, match="points: 'l' is no point of a family"):
+        family.values_at("log(r)", "alpha")

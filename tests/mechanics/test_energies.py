@@ -237,6 +237,7 @@ OTHER = dynamicsymbols("other")
         (TWO, LINEAR, y2, [1.0, 1.0], "parameters = .* it is a mapping"),
         (TWO, LINEAR, y2, numpy.zeros(0), "parameters = .* it is a mapping"),
         ("__import__('os')", LINEAR, y2, MASSES, "is no expression of SymPy"),
+        (int, LINEAR, y2, MASSES, "is no expression of SymPy"),
     ],
 )  # fmt: skip
 def test_what_is_refused(T, V, gap, parameters, message):
