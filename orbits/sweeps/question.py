@@ -19,6 +19,7 @@ from ..periodic.orbit import Orbit, start_in_file
 from ..periodic.tuned import Tuning
 from ..running.exclusive import exclusive
 from .designs import Axis, Members
+from .same_equations import EQUATIONS, digest_of_equations
 
 OUTCOMES = ("find", "map", "fixed_points")
 # Number of members of a chunk, solved and stored together: enough that calls of machine code are full, few enough that
@@ -92,9 +93,10 @@ class Question:
         return columns_of_tuned(self.machine.model, self.tuning.names) if self.tuning else ()
 
     def document(self) -> Document:
-        """The question as JSON-ready data, with a hash of the values of its members."""
+        """The question as JSON-ready data, with digests of the machine's equations and of the values of its members."""
         return {
             "machine": machine_in_words(self.machine),
+            EQUATIONS: digest_of_equations(self.machine),
             "parameters": list(self.members.names),
             "members": len(self.members),
             "over": {name: axis.stated for name, axis in zip(self.members.names, self.members.axes, strict=False)},

@@ -18,6 +18,7 @@ import numpy as np
 from ..errors import InputError
 from ..io import check_path, conform, digest, named_file, nested, parse_json, sealed, to_json, unsealed
 from .question import Question, SavedQuestion, Table, empty_table
+from .same_equations import EQUATIONS
 
 STORE_FORMAT = "persistent-orbits sweep 1"
 DIGEST_OF_ROW = "digest_of_row"
@@ -250,6 +251,8 @@ def _other_question(document: Mapping[str, object], question: Question) -> str:
         name = next((name for name in {**wanted, **had} if had.get(name) != wanted.get(name)), None)
         if name is None:
             return "it has further parts"
+        if name == EQUATIONS:
+            return "its machine has other equations, as of another table or function with the same name"
         had, wanted, place = had.get(name), wanted.get(name), f"{place} {name}"
     return f"{place} is {_short(had)}, and {_short(wanted)} is asked"
 

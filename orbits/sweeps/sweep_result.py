@@ -19,6 +19,7 @@ from ..periodic.orbit import Orbit, orbit_of
 from ..result import Axes, Result, Row, is_of, shown
 from ..units import DIMENSIONS_OF_HOPS, UNIT_TEXTS, unit_text
 from .question import COLUMNS_OF, Question, SavedQuestion, Table, question_again
+from .same_equations import refuse_other_equations
 
 if TYPE_CHECKING:
     from .indices import Indices
@@ -92,6 +93,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         names, question = tuple(about["parameters"]), None
         if machine is not None:
             is_of(machine, about["machine"])
+            refuse_other_equations(about, machine)
             if "axes" in about:
                 values = np.column_stack([table.columns[name] for name in names])
                 question = question_again(machine, about, values)
