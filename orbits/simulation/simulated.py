@@ -211,7 +211,8 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
             f"{self.status} at time {self.end:.9g}{second}{why}",
         ]
         if (least := self.smallest_separation) is not None and least <= 0:
-            notes.append(f"the masses pass through each other: their least separation is {least:.6g}{metre}")
+            what = self.source.model.violations["separation"]
+            notes.append(f"{what}: the least separation is {least:.6g}{metre}")
         return notes
 
     @property

@@ -385,7 +385,7 @@ def _print_hops(step: "ReturnMap", hops: "Hops") -> None:
     speeds = hops.alpha
     if len(speeds) <= LONGEST_TABLE and (separations := step.smallest_separation(speeds)) is not None:
         for speed in speeds[separations <= 0]:
-            click.echo(f"the masses pass through each other in the hop from {speed:.12g}")
+            click.echo(f"{step.machine.model.violations['separation']} in the hop from {speed:.12g}")
 
 
 @orbits.command("simulate", epilog="\b\nExit code: 0 done, also when it comes to rest; 2 bad input.")
