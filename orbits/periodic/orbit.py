@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError, finite_times
 from ..flow.forces import spring_forces, units_of_springs
+from ..flow.same_motion import is_motion_of
 from ..flow.trajectory import Trajectory
 from ..io import DIGEST, Changed, Document, has_digest, parse_json, read_file, to_json, unsealed
-from ..model.machine import Machine, machine_in_words, title_of_machine
+from ..model.machine import Machine, dimensionless, machine_in_words, title_of_machine
 from ..model.model import CONTACT_FORCE, LANDED_FORCE, STEP_LENGTH
 from ..model.symmetry import SignedShift
 from ..numerics.polynomial_roots import lowest
@@ -34,6 +35,8 @@ from .saved_orbit import (
     with_note,
 )
 
+# What is said of an orbit that is no motion of a machine with the same name and parameters.
+OTHER_EQUATIONS = "its motion does not satisfy these equations, as after a change of a table or a function"
 # The notes of a table on the side of a bounce.
 ATTRACTS = {"below": "   (attracts from above; {} C below)", "above": "   (attracts from above, with {} C; C below)"}
 BOUNCES = {"below": "   ({} C below)", "above": "   ({} C above)"}  # where it is not known what attracts
@@ -449,7 +452,12 @@ class Orbit(Result, what="orbit", printed_digits=15):
             raise ValueError(f"{error}, as find(machine, start=FILE) does") from None
         orbit = cls.of_saved(document)
         check_consistent(orbit.document(), document)
-        return orbit if machine is None else replace(orbit, source=is_of(machine, orbit.machine))
+        if machine is None:
+            return orbit
+        machine = is_of(machine, orbit.machine)
+        if not moves_as(orbit, machine):
+            raise ValueError(f"it is of another machine: {OTHER_EQUATIONS}")
+        return replace(orbit, source=machine)
 
     @classmethod
     def of_saved(cls, document: object, machine: Machine | None = None) -> "Orbit":
@@ -480,6 +488,13 @@ def start_in_file(path: str | Path) -> Orbit:
         return Orbit.of_saved({name: value for name, value in document.items() if name != DIGEST})
 
     return read_file(path, f"{path} is not a saved orbit", parsed)
+
+
+def moves_as(orbit: Orbit, machine: Machine) -> bool:
+    """Whether an orbit's motion is one of a machine: a table, say, may have changed under the same name."""
+    bare, own = orbit.dimensionless(), dimensionless(machine)
+    parts = ((bare.flight, own.model.flight), (bare.contact, own.model.contact))
+    return all(is_motion_of(path, phase, own.values) for path, phase in parts if path)
 
 
 def orbit_of(machine: Machine, orbit: Orbit) -> Orbit:

@@ -1,0 +1,27 @@
+"""Whether a motion is one of a machine, by the machine's equations and not by its name."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..model.phase import Phase
+from ..numerics.polynomial_roots import derivative, evaluate
+from .flow import flow_of
+from .trajectory import Trajectory
+
+# In the middle of a step the rates of a motion differ from those of its equations by roundings and the end of a series,
+# measured up to 3e-14 of the largest, and from those of other equations by more than this share.
+SAME_RATES = 1e-9
+
+
+def is_motion_of(path: Trajectory, phase: Phase, values: Mapping[str, float]) -> bool:
+    """Whether a motion, whose first rows are the states of a phase, has the rates that the phase's equations say with
+    these values of its parameters, in the middle of each of its steps; in half of them where a formula has corners,
+    which steps leap over."""
+    flow, middles = flow_of(phase, tuple(values)), path.steps[:, None] / 2
+    rows = path.coefficients[:, : flow.size]
+    states, rates = evaluate(rows, middles), evaluate(derivative(rows), middles)
+    own = flow.field(states, np.array(list(values.values()), dtype=float))[0]
+    largest = np.abs(rates).max(0)
+    same = (np.abs(own - rates) <= SAME_RATES * np.maximum(largest, SAME_RATES * largest.max())).all(1)
+    return bool(same.all() if flow.is_smooth or phase.pieces else same.mean() >= 0.5)
