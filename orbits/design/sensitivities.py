@@ -7,7 +7,7 @@ from ..consistency.accepted import check_parameters
 from ..errors import InputError, OrbitsError, list_of_names
 from ..model.machine import Machine, free_parameters, machine_in_words
 from ..periodic.find import StartLike, check_start, find
-from ..periodic.orbit import OTHER_EQUATIONS, Orbit, moves_as, orbit_of
+from ..periodic.orbit import OTHER_EQUATIONS, Orbit, is_orbit_of, orbit_of
 from ..periodic.quantities import OF_RUNS
 from ..running import interrupts
 from ..running.exclusive import exclusive
@@ -144,7 +144,7 @@ def _requested(machine: Machine, orbit: Orbit, names: Names) -> Sequence[str]:
         raise InputError(f"orbit = {orbit!r}; it is an orbit of the machine, as find(machine) returns")
     if dict(orbit.machine) != machine_in_words(machine):
         raise InputError(f"the orbit is another machine's: {dict(orbit.machine)}")
-    if not moves_as(orbit, untuned(machine)):
+    if not is_orbit_of(orbit, untuned(machine)):
         raise InputError(f"the orbit is another machine's: {OTHER_EQUATIONS}")
     if names is not None:
         return list_of_names("names", names)

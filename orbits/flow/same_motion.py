@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..model.phase import Phase
 from ..numerics.polynomial_roots import derivative, evaluate
@@ -14,14 +15,15 @@ from .trajectory import Trajectory
 SAME_RATES = 1e-9
 
 
-def is_motion_of(path: Trajectory, phase: Phase, values: Mapping[str, float]) -> bool:
+def is_motion_of(path: Trajectory, phase: Phase, values: Mapping[str, ArrayLike]) -> bool:
     """Whether a motion, whose first rows are the states of a phase, has the rates that the phase's equations say with
-    these values of its parameters, in the middle of each of its steps; in half of them where a formula has corners,
-    which steps leap over."""
+    these values of its parameters, numbers or arrays (N,), in the middle of each of its N steps; in half of them where
+    a formula has corners, which steps leap over."""
     flow, middles = flow_of(phase, tuple(values)), path.steps[:, None] / 2
     rows = path.coefficients[:, : flow.size]
     states, rates = evaluate(rows, middles), evaluate(derivative(rows), middles)
-    own = flow.field(states, np.array(list(values.values()), dtype=float))[0]
+    p = np.stack([np.broadcast_to(np.asarray(x, dtype=float), len(states)) for x in values.values()], axis=1)
+    own = flow.field(states, p)[0]
     largest = np.abs(rates).max(0)
     same = (np.abs(own - rates) <= SAME_RATES * np.maximum(largest, SAME_RATES * largest.max())).all(1)
     return bool(same.all() if flow.is_smooth or phase.pieces else same.mean() >= 0.5)

@@ -455,7 +455,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         if machine is None:
             return orbit
         machine = is_of(machine, orbit.machine)
-        if not moves_as(orbit, machine):
+        if not is_orbit_of(orbit, machine):
             raise ValueError(f"it is of another machine: {OTHER_EQUATIONS}")
         return replace(orbit, source=machine)
 
@@ -490,7 +490,7 @@ def start_in_file(path: str | Path) -> Orbit:
     return read_file(path, f"{path} is not a saved orbit", parsed)
 
 
-def moves_as(orbit: Orbit, machine: Machine) -> bool:
+def is_orbit_of(orbit: Orbit, machine: Machine) -> bool:
     """Whether an orbit's motion is one of a machine: a table, say, may have changed under the same name."""
     bare, own = orbit.dimensionless(), dimensionless(machine)
     parts = ((bare.flight, own.model.flight), (bare.contact, own.model.contact))

@@ -13,6 +13,7 @@ from orbits import Control, InputError, Simulation, simulate
 from orbits.control.control import ControlledLeg
 from orbits.errors import whole_number
 from orbits.flow.forces import units_of_springs
+from orbits.flow.same_motion import is_motion_of
 from orbits.io import Document, conform
 from orbits.model.machine import Machine, machine_in_words
 from orbits.model.model import CONTACT_FORCE
@@ -28,6 +29,7 @@ from .actuated import Actuated, Actuator
 from .actuator_bounds import POWER
 from .disturbed import Disturbed, disturbed
 
+OF_OTHER_EQUATIONS = "its motion does not satisfy the equations of this machine, as after a change of a table"
 # Gauss points of a control interval at which the actuator's power is taken.
 POWER_SAMPLES = 40
 # And those between two rows of a table, which are near each other.
@@ -132,7 +134,7 @@ class Driven(Control, what="motion of a driven machine"):
         hop : the result of `keep_hopping` for the same machine and actuator
         hops : number of its hops
         """
-        if self.actuated.describe() != hop.actuated.describe():
+        if self.actuated.describe() != hop.actuated.describe() or not is_driven_motion_of(hop, self.actuated):
             raise InputError("what follows is a motion of another machine or actuator")
         (own, first), (later, then) = self.schedule_of(1), hop.schedule_of(whole_number("hops", hops, "hops"))
         schedule = np.append(own, own[-1] + later[1:]), {n: np.append(first[n], then[n]) for n in first}
@@ -252,7 +254,21 @@ class Driven(Control, what="motion of a driven machine"):
             states = model.flight.states if leg.phase == "flight" else model.contact.states
             if leg.states != states or leg.inputs.names != (actuated.actuator.rate,):
                 raise ValueError(f"its stage '{leg.phase}' is none of its machine's")
+        if not is_driven_motion_of(control, actuated):
+            raise ValueError(OF_OTHER_EQUATIONS)
         return cls.of(machine, control, actuated.actuator)
+
+
+def is_driven_motion_of(control: Control, actuated: Actuated) -> bool:
+    """Whether a motion with its inputs is one of an actuated machine: a table, say, may have changed under the same
+    name."""
+    own = actuated.dimensionless()
+    for leg in control.dimensionless().legs:
+        phase = own.model.flight if leg.phase == "flight" else own.model.contact
+        inputs = leg.inputs(leg.path.times[:-1] + leg.path.steps / 2).T
+        if not is_motion_of(leg.path, phase, {**own.values, **dict(zip(leg.inputs.names, inputs, strict=True))}):
+            return False
+    return True
 
 
 def _power_samples(control: Control) -> tuple[np.ndarray, np.ndarray]:

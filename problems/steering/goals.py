@@ -28,7 +28,7 @@ from .actuated import Actuated, Actuator, undamped
 from .actuated_launch import launched_at
 from .actuator_bounds import Limits, actuator_limits, dimensions_of_limits, dimensions_of_rows
 from .corners import steer_across
-from .driven import Driven, flight_states, work_done
+from .driven import Driven, flight_states, is_driven_motion_of, work_done
 from .first_guesses import contact_time_of, growing_swings, lossless_guess, rest_in_contact, undriven_guess
 from .prescribed import LAUNCH_CONDITIONS, OF_THE_ORBIT, of_lossless, prescribed_launch
 from .steered_stages import hop_stages, parameter_of_rest, swing_stages
@@ -459,7 +459,7 @@ def _aim(driven: Actuated, orbit: Orbit, aim: Driven | None) -> dict[str, float]
         return {**{name: float(x) for name, x in unknowns.items()}, "alpha": float(orbit.alpha)}
     if not isinstance(aim, Driven) or not aim.periodic or aim.launch is None:
         raise InputError(f"aim = {aim!r}; it is a hop that repeats itself, as keep_hopping returns it")
-    if aim.actuated.describe() != driven.describe():
+    if aim.actuated.describe() != driven.describe() or not is_driven_motion_of(aim, driven):
         raise InputError(
             "aim is a hop of another machine or actuator: keep this one hopping first, keep_hopping(machine)"
         )

@@ -205,3 +205,18 @@ def test_a_mechanism_in_si(kind, tmp_path):
     off = driven.simulate(2, launch_error=1e-3)
     assert np.array_equal(Disturbed.load(off.save(tmp_path / "off.json"), leg).launch_errors, off.launch_errors)
     assert abs(off.launch_errors[-1]) < 1e-3  # it draws nearer
+
+
+def test_a_motion_is_not_taken_for_that_of_another_machine(tmp_path):
+    """The springs r + r^3/10 and r + r^3/2 have one name."""
+    own, other = (Hopper(springs.function(lambda r, c=c: r + c * r**3), damping=0.02) for c in (0.1, 0.5))
+    assert own.describe() == other.describe()
+    kept, path = steering.keep_hopping(own, intervals=10), tmp_path / "kept.json"
+    kept.save(path)
+    assert Driven.load(path, own).source is own
+    with pytest.raises(InputError, match="does not satisfy the equations of this machine"):
+        Driven.load(path, other)
+    with pytest.raises(InputError, match="aim is a hop of another machine"):
+        steering.recover(other, 0.1, aim=kept, intervals=10)
+    with pytest.raises(InputError, match="a motion of another machine or actuator"):
+        replace(kept, source=other).followed_by(kept)
