@@ -20,7 +20,6 @@ from ..running import interrupts
 from ..shooting.formulations import equations_of, iterative, method_of
 from ..symbolic.formula import Formula, parse
 from ..units import Units, in_units
-from .problem import formula_names
 from .sensitivities import quantities
 from .tuned_machine import start_of_tuned
 
@@ -120,9 +119,9 @@ def columns_of_tuned(model: Model, names: Sequence[str]) -> tuple[str, ...]:
     return (*names, *(f"{name}_error" for name in names), *runs, "admissible")
 
 
-def names_of_tuned(machine: Machine) -> list[str]:
-    """The names that formulas of orbits with tuned parameters may use."""
-    return formula_names(machine) if not machine.model.sticks else sorted(_known_together(machine))
+def names_together(machine: Machine) -> set[str]:
+    """The names of what is computed for many orbits together, and of the machine's parameters."""
+    return {*names_of_many(machine.model), *machine.model.rises(machine.values), *machine.values}
 
 
 def no_designs(
@@ -214,7 +213,7 @@ def fill_in_tuned(
     formulas: Mapping[str, Formula],
 ) -> None:  # fmt: skip
     """Write orbits with tuned parameters to their designs; those with values that the machine cannot have are none."""
-    known = _known_together(machine)
+    known = names_together(machine)
     together = {text: formula for text, formula in formulas.items() if formula.names <= known}
     runs = {name: parse(name) for name in designs.numbers if name in (*OF_RUNS, "friction_needed")}
     _fill_in(designs, which, machine.model, orbits, {**runs, **together})
@@ -253,7 +252,7 @@ def _solved_in_lanes(
             continue
         interrupts.heed()
         base = designs.machine(machine, i)
-        if base.model in tried or not {*designs.names, *used} <= _known_together(base):
+        if base.model in tried or not {*designs.names, *used} <= names_together(base):
             continue
         tried.add(base.model)
         size = motions_together(family)
@@ -272,11 +271,6 @@ def _solved_in_lanes(
                 designs.statuses[some[k]], designs.reasons[some[k]] = "no orbit", str(shortened(in_units(error, own)))
         left = left[designs.statuses[left] == ""]
     return left
-
-
-def _known_together(machine: Machine) -> set[str]:
-    """The names of what is computed for many orbits together, and of the machine's parameters."""
-    return {*names_of_many(machine.model), *machine.model.rises(machine.values), *machine.values}
 
 
 def _parameters_of(machine: Machine, designs: Designs, which: np.ndarray) -> np.ndarray:
@@ -305,7 +299,7 @@ def _continue(
 ) -> None:
     """Fill in designs whose orbits are continued from the machine's own orbit."""
     ps = _parameters_of_all(machine, designs)
-    found, known = continued(machine, start, ps, _varied(machine, designs), report), _known_together(machine)
+    found, known = continued(machine, start, ps, _varied(machine, designs), report), names_together(machine)
     together = {text: formula for text, formula in formulas.items() if formula.names <= known}
     alone = {text: formula for text, formula in formulas.items() if text not in together}
     for orbits in found.parts:
