@@ -16,8 +16,8 @@ from ..mechanics.elements import Damper, Force, Spring
 from ..mechanics.mechanism import Mechanism
 from ..model.machine import Machine
 from ..model.model import refuse_hysteresis
-from ..periodic.find import Progress
 from ..periodic.linear_hops import LinearSearch
+from ..result import Progress
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.heartbeat import LOGGER

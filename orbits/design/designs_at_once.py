@@ -11,10 +11,11 @@ from ..model.machine import Machine
 from ..model.model import Model
 from ..periodic.certified import Certified, certified
 from ..periodic.continued import AT_FOLD, NOT_REACHED, continued, continued_tuned, orbit_from_unknowns
-from ..periodic.find import StartLike, find, first_tuned, in_units_of
+from ..periodic.find import find, first_tuned
 from ..periodic.orbit import Orbit, orbit_of
 from ..periodic.orbits_at_once import certified_near, lowest_orbits, motions_together
 from ..periodic.quantities import OF_RUNS, names_of_many, numbers_of
+from ..periodic.stated_start import StartLike, in_units_of
 from ..periodic.tuned import Tuning, errors_of_tuned, tuning_of
 from ..running import interrupts
 from ..shooting.formulations import equations_of, iterative, method_of

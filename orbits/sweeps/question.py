@@ -14,8 +14,10 @@ from ..design.tuned_machine import tuning_of_designs
 from ..errors import InputError, finite_number, list_of_names
 from ..io import Document
 from ..model.machine import Machine, machine_in_words
-from ..periodic.find import check_start, family_number, find, unknowns_of_start
+from ..periodic.family_orbits import family_number
+from ..periodic.find import find
 from ..periodic.orbit import Orbit, start_in_file
+from ..periodic.stated_start import check_start, unknowns_of_start
 from ..periodic.tuned import Tuning
 from ..running.exclusive import exclusive
 from .designs import Axis, Members
