@@ -120,11 +120,6 @@ def columns_of_tuned(model: Model, names: Sequence[str]) -> tuple[str, ...]:
     return (*names, *(f"{name}_error" for name in names), *runs, "admissible")
 
 
-def names_together(machine: Machine) -> set[str]:
-    """The names of what is computed for many orbits together, and of the machine's parameters."""
-    return {*names_of_many(machine.model), *machine.model.rises(machine.values), *machine.values}
-
-
 def no_designs(
     machine: Machine, names: Sequence[str], values: np.ndarray, tuning: Tuning, formulas: Mapping[str, Formula]
 ) -> Designs:
@@ -272,6 +267,11 @@ def _solved_in_lanes(
                 designs.statuses[some[k]], designs.reasons[some[k]] = "no orbit", str(shortened(in_units(error, own)))
         left = left[designs.statuses[left] == ""]
     return left
+
+
+def names_together(machine: Machine) -> set[str]:
+    """The names of what is computed for many orbits together, and of the machine's parameters."""
+    return {*names_of_many(machine.model), *machine.model.rises(machine.values), *machine.values}
 
 
 def _parameters_of(machine: Machine, designs: Designs, which: np.ndarray) -> np.ndarray:
