@@ -171,10 +171,10 @@ def _guess_relation(machine: Machine, guessed: object) -> Relation:
 
 
 def _piece_relations(machine: Machine, graphs: Graphs) -> Iterator[Relation]:
-    """At the breakpoints of a field, the pieces on both sides agree."""
+    """At the breakpoints of a field, the pieces on both sides agree, unless it jumps there."""
     p, rng = machine.values, np.random.default_rng(1)
     for where, graph in (("flight", graphs.flight), ("contact", graphs.contact)):
-        if (pieces := getattr(machine.model, where).pieces) is None:
+        if (pieces := getattr(machine.model, where).pieces) is None or pieces.jumps:
             continue
         breaks, data = (np.asarray(each, float) for each in pieces.table(p))
         along, inner = np.array(pieces.coordinate), pieces.levels(breaks[1:-1], p)

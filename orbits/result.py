@@ -43,7 +43,7 @@ from .units import UNIT_TEXTS
 
 # A `matplotlib.axes.Axes`. The import waits until something is drawn, and its types differ between versions.
 Axes: TypeAlias = Any
-Report: TypeAlias = Callable[[float], None] | None  # called with the share that is done
+Progress: TypeAlias = Callable[[float], None] | None  # called with the share that is done
 Item = TypeVar("Item")
 PICTURE = (5.6, 3.8)  # inches
 DOTS_PER_INCH = 130  # sharp on most screens, and a picture of some 30 kB
@@ -64,7 +64,7 @@ def shown(module: str) -> Any:
     return import_module(f"{__package__}.show.{module}")
 
 
-def reported(items: Sequence[Item], progress: Report) -> Iterator[Item]:
+def reported(items: Sequence[Item], progress: Progress) -> Iterator[Item]:
     """The items, one after the other, with a report of the share that is done after each; raises `InputError` for what
     takes no such report."""
     check_report("progress", progress)

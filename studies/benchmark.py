@@ -355,7 +355,7 @@ t.append(time.perf_counter())
 machine = Hopper(**json.loads({machine!r}))
 machine.model, machine.values
 t.append(time.perf_counter())
-import orbits.periodic.find as search
+import orbits.periodic.family_orbits as search
 whole = search.certified_orbit
 def certify(*args, **options):
     t.append(time.perf_counter()); return whole(*args, **options)

@@ -15,8 +15,8 @@ from typing import TypeAlias
 from ..errors import InputError
 from ..io import check_ending, refusing, version, writing
 from ..model.machine import machine_in_words
-from ..periodic.find import Progress
 from ..records import Records
+from ..result import Progress
 from ..running import interrupts
 from ..running.time_limit import TimeOver
 from .curve import CurvePoint, CurvePoints

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..consistency.accepted import check_parameters
 from ..errors import InputError, NoOrbit, OrbitsError
-from ..flow.flow import OUT_OF_LAW
+from ..flow.phase_field import OUT_OF_LAW
 from ..model.machine import Machine
 from ..model.planar import Planar
 from ..numerics.hermite import around

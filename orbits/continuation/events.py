@@ -179,6 +179,16 @@ def _test_of_crossing(kind: str, curve: Curve, points: CurvePoints) -> np.ndarra
     return CROSSINGS[kind](curve.others(points))
 
 
+class SearchedSegment(Segment):
+    """A segment that is searched for events whatever its ends say."""
+
+    @classmethod
+    def may_happen(
+        cls, curve: Curve, before: CurvePoint, points: Sequence[CurvePoint], requested: tuple[float, ...], watch: Watch
+    ) -> np.ndarray:
+        return np.ones(len(points), bool)
+
+
 class CrossingSegment(Segment):
     """The same with the crossings of the unit circle by multipliers among the events."""
 

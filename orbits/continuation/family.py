@@ -33,7 +33,7 @@ from ..periodic.tuned import OF_STEPS, PRESCRIBED, QUANTITIES_ALONG
 from ..proof.branch_claim import BranchClaim
 from ..proof.prove import prove_branch, prove_claims
 from ..proof.theorem import Proof
-from ..result import ENDINGS, Axes, Report, Result, Row, is_of, reported, shown
+from ..result import ENDINGS, Axes, Progress, Result, Row, is_of, reported, shown
 from ..running.time_limit import LIMIT
 from ..units import saved_units, unit_text
 from .point import KNOWN, SIDES, End, Event, Point, check_points, json_line, numbers_at, point_in_units
@@ -347,7 +347,7 @@ class Family(
         return shown("plot").plot_family(self, axes, quantity, label)
 
     def page(
-        self, path: str | Path, quantity: str = "alpha", machine: Machine | None = None, *, progress: Report = None
+        self, path: str | Path, quantity: str = "alpha", machine: Machine | None = None, *, progress: Progress = None
     ) -> Path:
         """Write a page of the family in one file (.html) that needs no network; returns its path.
 

@@ -10,19 +10,12 @@ import numpy as np
 from ..errors import InputError, NoOrbit, finite_number
 from ..model.machine import Machine, machine_in_words
 from ..periodic.certified import Solved
-from ..periodic.find import (
-    Progress,
-    StartLike,
-    another_family,
-    check_start,
-    family_number,
-    first_tuned,
-    lowest_of_family,
-    solve_family,
-    solve_near,
-)
+from ..periodic.family_orbits import another_family, family_number, lowest_of_family, solve_family
+from ..periodic.find import first_tuned, solve_near
 from ..periodic.orbit import Orbit, start_in_file
+from ..periodic.stated_start import StartLike, check_start
 from ..periodic.tuned import METHOD, is_quantity, tuned_values
+from ..result import Progress
 from ..running import interrupts
 from ..running.exclusive import LOCK, exclusive
 from ..running.heartbeat import running

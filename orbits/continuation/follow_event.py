@@ -10,7 +10,7 @@ import numpy as np
 from ..design.design_quantities import extremes_of
 from ..errors import FlowError, InputError, NoOrbit, finite_number, whole_number
 from ..periodic.certificate import Certificate
-from ..periodic.find import another_family
+from ..periodic.family_orbits import another_family
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..symbolic.formula import parse

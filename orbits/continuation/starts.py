@@ -10,14 +10,14 @@ import numpy as np
 
 from ..errors import LARGEST_SEED, FlowError, InputError, NoOrbit, finite_number, whole_number
 from ..flow.flow import flow_of
-from ..laws.law import Algebraic, Key, Law, LawPieces, Parameters, from_key
+from ..laws.law import Algebraic, Key, Law, Parameters, from_key
 from ..laws.law_statement import from_formula
 from ..mechanics.elements import Damper, Force, Spring
 from ..mechanics.mechanism import Mechanism
 from ..model.machine import Machine
 from ..model.model import refuse_hysteresis
-from ..periodic.find import Progress
 from ..periodic.linear_hops import LinearSearch
+from ..result import Progress
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.heartbeat import LOGGER
@@ -331,5 +331,5 @@ def _mixture(key: Key, place: int, ends: bool) -> Key:
         nearest = inside * x + (1 - inside) * end
         return mixed(x, key.expression(nearest, p, own) + p[slope] * (x - nearest), p)
 
-    own = LawPieces(pieces.size + 2, table, pieces.unit, pieces.origin)
+    own = pieces._replace(size=pieces.size + 2, table=table, noise=None)
     return key._replace(expression=expression, pieces=own)

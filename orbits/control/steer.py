@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number, is_list, whole_number
-from ..periodic.find import Progress
+from ..result import Progress
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..symbolic.ipopt import Minimum

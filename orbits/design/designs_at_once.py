@@ -11,16 +11,16 @@ from ..model.machine import Machine
 from ..model.model import Model
 from ..periodic.certified import Certified, certified
 from ..periodic.continued import AT_FOLD, NOT_REACHED, continued, continued_tuned, orbit_from_unknowns
-from ..periodic.find import StartLike, find, first_tuned, in_units_of
+from ..periodic.find import find, first_tuned
 from ..periodic.orbit import Orbit, orbit_of
 from ..periodic.orbits_at_once import certified_near, lowest_orbits, motions_together
 from ..periodic.quantities import OF_RUNS, names_of_many, numbers_of
+from ..periodic.stated_start import StartLike, in_units_of
 from ..periodic.tuned import Tuning, errors_of_tuned, tuning_of
 from ..running import interrupts
 from ..shooting.formulations import equations_of, iterative, method_of
 from ..symbolic.formula import Formula, parse
 from ..units import Units, in_units
-from .problem import formula_names
 from .sensitivities import quantities
 from .tuned_machine import start_of_tuned
 
@@ -120,11 +120,6 @@ def columns_of_tuned(model: Model, names: Sequence[str]) -> tuple[str, ...]:
     return (*names, *(f"{name}_error" for name in names), *runs, "admissible")
 
 
-def names_of_tuned(machine: Machine) -> list[str]:
-    """The names that formulas of orbits with tuned parameters may use."""
-    return formula_names(machine) if not machine.model.sticks else sorted(_known_together(machine))
-
-
 def no_designs(
     machine: Machine, names: Sequence[str], values: np.ndarray, tuning: Tuning, formulas: Mapping[str, Formula]
 ) -> Designs:
@@ -214,7 +209,7 @@ def fill_in_tuned(
     formulas: Mapping[str, Formula],
 ) -> None:  # fmt: skip
     """Write orbits with tuned parameters to their designs; those with values that the machine cannot have are none."""
-    known = _known_together(machine)
+    known = names_together(machine)
     together = {text: formula for text, formula in formulas.items() if formula.names <= known}
     runs = {name: parse(name) for name in designs.numbers if name in (*OF_RUNS, "friction_needed")}
     _fill_in(designs, which, machine.model, orbits, {**runs, **together})
@@ -253,7 +248,7 @@ def _solved_in_lanes(
             continue
         interrupts.heed()
         base = designs.machine(machine, i)
-        if base.model in tried or not {*designs.names, *used} <= _known_together(base):
+        if base.model in tried or not {*designs.names, *used} <= names_together(base):
             continue
         tried.add(base.model)
         size = motions_together(family)
@@ -274,7 +269,7 @@ def _solved_in_lanes(
     return left
 
 
-def _known_together(machine: Machine) -> set[str]:
+def names_together(machine: Machine) -> set[str]:
     """The names of what is computed for many orbits together, and of the machine's parameters."""
     return {*names_of_many(machine.model), *machine.model.rises(machine.values), *machine.values}
 
@@ -305,7 +300,7 @@ def _continue(
 ) -> None:
     """Fill in designs whose orbits are continued from the machine's own orbit."""
     ps = _parameters_of_all(machine, designs)
-    found, known = continued(machine, start, ps, _varied(machine, designs), report), _known_together(machine)
+    found, known = continued(machine, start, ps, _varied(machine, designs), report), names_together(machine)
     together = {text: formula for text, formula in formulas.items() if formula.names <= known}
     alone = {text: formula for text, formula in formulas.items() if text not in together}
     for orbits in found.parts:

@@ -13,7 +13,7 @@ from ..model.machine import Machine
 from ..numerics.kkt_limits import CriticalPoint
 from ..periodic.find import find
 from ..periodic.orbit import Orbit, orbit_of
-from ..result import Axes, Report, Result, Row, is_of, shown
+from ..result import Axes, Progress, Result, Row, is_of, shown
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..symbolic.formula import suggest
@@ -144,7 +144,7 @@ class Design(Result, what="design"):
         return {**self.document(), "pair": self.pair, "share": self.share, **problem, "orbit": self.orbit.saved()}
 
     @exclusive
-    def follow(self, what: str, to: float, *, points: int = 20, progress: Report = None) -> "DesignCurve":
+    def follow(self, what: str, to: float, *, points: int = 20, progress: Progress = None) -> "DesignCurve":
         """The best designs as one number of the problem moves, from its value here to another one.
 
         what : a constraint, as stated in `subject_to`; a bound of a designed parameter, as "k <= 5000"; or the name of
@@ -356,7 +356,7 @@ class DesignCurve(Result, what="curve of designs", dimension="design"):
 
 
 def designs_along(
-    design: Design, problem: DesignProblem, moving: Moving, shares: Sequence[float], progress: Report = None
+    design: Design, problem: DesignProblem, moving: Moving, shares: Sequence[float], progress: Progress = None
 ) -> DesignCurve:
     """The best designs from one on, which is the best in a problem: at shares of the way of the number that moves, in
     ascending order, and at the events between them."""

@@ -14,8 +14,10 @@ from ..consistency.accepted import check_parameters
 from ..errors import LARGEST_SEED, InputError, NoOrbit, OrbitsError, whole_number
 from ..model.machine import Machine
 from ..periodic.continued import continued_orbits
-from ..periodic.find import Progress, StartLike, check_start, find
+from ..periodic.find import find
 from ..periodic.orbit import Orbit
+from ..periodic.stated_start import StartLike, check_start
+from ..result import Progress
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from .local import Infeasible, Unbounded, attempt, local_optima

@@ -17,8 +17,9 @@ from ..errors import InputError, NoOrbit, list_of_names, whole_number
 from ..model.machine import Machine
 from ..model.model import Model, refuse_forward, refuse_hysteresis
 from ..numerics.roots import Array
-from ..periodic.find import StartLike, find
+from ..periodic.find import find
 from ..periodic.orbit import Orbit, orbit_of
+from ..periodic.stated_start import StartLike
 from ..running.exclusive import exclusive
 from ..shooting.formulations import vector
 from ..symbolic.caches import cached

@@ -11,8 +11,9 @@ from ..errors import InputError, OrbitsError, is_list, list_of_names, whole_numb
 from ..io import Document
 from ..model.machine import Machine
 from ..numerics.kkt_curve import ENDS_OF_MINIMA
-from ..periodic.find import Progress, StartLike, find
-from ..result import Axes, Result, shown
+from ..periodic.find import find
+from ..periodic.stated_start import StartLike
+from ..result import Axes, Progress, Result, shown
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from .moving_number import Moving

@@ -14,7 +14,7 @@ from ..errors import InputError, NoOrbit
 from ..model.machine import Machine
 from ..periodic.orbit import Orbit
 from ..symbolic.formula import Formula
-from .designs_at_once import Designs, names_of_tuned, solved_designs, tuned_designs
+from .designs_at_once import Designs, names_together, solved_designs, tuned_designs
 from .problem import DesignProblem
 from .tuned_machine import TunedMachine, start_of_tuned, unknowns_of
 
@@ -61,11 +61,11 @@ def _tuned(
     orbit: Any, report: Callable[[int], None],
 ) -> Designs:  # fmt: skip
     """The sampled designs of a machine with tuned numbers, continued from its own orbit."""
-    together = names_of_tuned(machine.machine)
-    if machine.model.sticks and (alone := [text for text, each in formulas.items() if not each.names <= {*together}]):
+    together = names_together(machine.machine)
+    if machine.model.sticks and (alone := [text for text, each in formulas.items() if not each.names <= together]):
         raise InputError(
             f"starts = 'global': '{problem.text if alone[0] == 'objective' else alone[0]}' is not computed for many "
-            f"orbits of a {machine.model.name} together, as {', '.join(together)} are: give a number of starts"
+            f"orbits of a {machine.model.name} together, as {', '.join(sorted(together))} are: give a number of starts"
         )
     own, start = start_of_tuned(machine.machine, machine.tuning, machine.equations, unknowns_of(machine, orbit))
     designs = tuned_designs(own, problem.names, values, family, machine.tuning, formulas, start, report)

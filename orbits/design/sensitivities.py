@@ -6,9 +6,10 @@ from typing import TypeAlias
 from ..consistency.accepted import check_parameters
 from ..errors import InputError, OrbitsError, list_of_names
 from ..model.machine import Machine, free_parameters, machine_in_words
-from ..periodic.find import StartLike, check_start, find
+from ..periodic.find import find
 from ..periodic.orbit import OTHER_EQUATIONS, Orbit, is_orbit_of, orbit_of
 from ..periodic.quantities import OF_RUNS
+from ..periodic.stated_start import StartLike, check_start
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from .design_point import Case, DesignPoint, design_points, has_loss, no_motion

@@ -13,7 +13,7 @@ from ..model.machine import Machine
 from ..numerics.kkt_curve import ENDS_OF_MINIMA, CurveEnd, CurveEvent, CurveOptions, MinimumCurve
 from ..numerics.kkt_limits import CriticalPoint
 from ..periodic.orbit import Orbit
-from ..result import Report
+from ..result import Progress
 from ..running import interrupts
 from .active_set import AT_TWO_PLACES, constraint_sizes, demands_of
 from .design_point import Case, DesignPoint, design_points, no_motion
@@ -108,7 +108,7 @@ def program_about(
     return program
 
 
-def traced_designs(program: MovingDesign, shares: Sequence[float], progress: Report = None) -> TracedDesigns:
+def traced_designs(program: MovingDesign, shares: Sequence[float], progress: Progress = None) -> TracedDesigns:
     """The curve of a program at shares of the way of its number, in ascending order, and at the events between them.
 
     It is traced in steps of its own; the designs at the shares lie between its points.
@@ -125,7 +125,7 @@ def traced_designs(program: MovingDesign, shares: Sequence[float], progress: Rep
 
 
 def _traced(
-    program: MovingDesign, progress: Report
+    program: MovingDesign, progress: Progress
 ) -> tuple[list[_Piece], list[DesignEvent], list[tuple[MovingDesign, CriticalPoint]], str]:
     """The smooth pieces of the curve of a program; its events; their points, and the last one where the curve ends
     early; and why it does, "" where it does not."""
@@ -148,7 +148,7 @@ _Onward: TypeAlias = tuple[MovingDesign, CriticalPoint, np.ndarray]
 class _RunAlongDesigns:
     """A run along a curve of designs: its pieces, its events with their points, and why it ends early."""
 
-    def __init__(self, progress: Report):
+    def __init__(self, progress: Progress):
         self.progress, self.end, self._good = progress, "", (0, 0, 0, 0)
         self.pieces, self.events = list[_Piece](), list[DesignEvent]()
         self.ends = list[tuple[MovingDesign, CriticalPoint]]()

@@ -19,10 +19,11 @@ from ..model.phase import Statement
 from ..numerics.roots import Array
 from ..periodic.certified import Solved, certified_orbit
 from ..periodic.continued import continued_tuned
-from ..periodic.find import LONGEST_START, StartLike, find, first_tuned, in_units_of, stated_unknowns
+from ..periodic.find import find, first_tuned
 from ..periodic.orbit import Orbit
 from ..periodic.orbits_at_once import orbits_near
 from ..periodic.quantities import OF_RUNS
+from ..periodic.stated_start import LONGEST_START, StartLike, in_units_of, stated_unknowns
 from ..periodic.tuned import (
     METHOD,
     Tuning,

@@ -10,34 +10,25 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import BreaksDown, FlowError, OutOfRange, RunsAway
-from ..laws.law import parameters_of
+from ..errors import BreaksDown, FlowError, RunsAway
 from ..model.modes import Modes
 from ..model.phase import Phase
-from ..numerics.polynomial_roots import evaluate
 from ..numerics.roots import Array
 from ..running import interrupts
 from ..symbolic.caches import cached
-from ..symbolic.calls import BufferedFunction, MappedFunction
-from ..symbolic.kernels import ElementwiseFunction
 from ..units import TIME, Message, Quantity, described
-from .breakpoints import SIDE_DISTANCE, same_place
+from .phase_field import PhaseField
 from .runge_kutta import RungeKuttaMotion, RungeKuttaStepper
 from .taylor import OnPieces, TaylorMotion, TaylorStepper
 from .taylor_step import PieceRows
 from .trajectory import Trajectories, Trajectory, begins_of_steps
-from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, VectorField, rows_used
+from .vector_field import FLOW_CONTROL, TAYLOR_ORDER
 
-# The message about a motion that needs a law where it has no value.
-OUT_OF_LAW = "leaves the law's range"
 # Shares of a duration that are rounding: of a remaining time in closed form, and of a difference of two times.
 STEP_ROUNDING, SAME_TIME = 1e-12, 1e-15
-# A field that changes by a larger share of its size across a breakpoint jumps.
-LEAST_JUMP = 1e-8
 LARGEST_BLOCK = 4000  # steps in closed form that are searched in one call
 # (coefficients (m, rows, K + 1), steps (m,)) -> the step and the time in it at which to stop, None to go on.
 StopTest = Callable[[Array, Array], tuple[int, float] | None]
@@ -83,18 +74,16 @@ class _Drift:
         return found
 
 
-class Flow:
-    """The flow map of one phase; `parameters` names the entries of the parameter vectors (np,) that it takes.
+class Flow(PhaseField):
+    """The flow map of one phase: the motions of its vector field.
 
-    The data (np + nq,) of a piecewise field are the parameters followed by the nq values of the smooth piece that the
-    state is on. `control` bounds the steps of all motions.
+    `control` bounds the steps of all motions.
     """
 
     control = FLOW_CONTROL
 
     def __init__(self, phase: Phase, parameters: tuple[str, ...]):
-        self.phase, self.parameters = phase, tuple(parameters)
-        self.size, self.names = len(phase.states), (*phase.states, *phase.watch)
+        super().__init__(phase, parameters)
         self.steppers: dict[tuple, TaylorStepper | RungeKuttaStepper] = {}
         self._last_form: tuple[tuple[float, ...], Modes] | None = None
 
@@ -330,25 +319,6 @@ class Flow:
         text = "the {name} {what} at time {time:.6g}, at {place}"
         return Message(text, **known, place=described(self.phase.states, x))
 
-    @cached_property
-    def vector_field(self) -> VectorField:
-        """The expression graph of the field; its parameters are followed by the data of a piece."""
-        count = self.phase.pieces.size if self.phase.pieces else 0
-        x, p = ca.SX.sym("x", self.size), ca.SX.sym("p", len(self.parameters) + count)
-        arguments = self.symbols(x, p)
-        rates = ca.vertcat(*self.phase.field(*arguments))
-        watched = ca.SX(ca.vertcat(*[quantity(*arguments) for quantity in self.phase.watch.values()]))
-        field, pieces = ca.Function("field", [x, p], ca.cse([rates, watched])), self.phase.pieces
-        if pieces is None:
-            return VectorField(field, x, p, self.phase.reaches)
-        unit, origin = (ca.SX(function(arguments[1])) for function in (pieces.unit, pieces.origin))
-        return VectorField(field, x, p, self.phase.reaches, pieces.coordinate, unit, origin, count)
-
-    def symbols(self, x: ca.SX, p: ca.SX) -> tuple[list, dict, list]:
-        """The arguments (x, p, q) of a phase's expressions from vectors of states and of parameters with piece data."""
-        entries, named = ca.vertsplit(p), len(self.parameters)
-        return ca.vertsplit(x), dict(zip(self.parameters, entries[:named], strict=True)), entries[named:]
-
     def closed_form(self, p: Array) -> Modes:
         """The exact flow at parameters (np,); that of the latest parameters is stored."""
         assert self.phase.closed_form is not None
@@ -363,11 +333,6 @@ class Flow:
         if self.phase.closed_form:
             return "closed form"
         return "Taylor" if self.vector_field.has_series else "Runge-Kutta"
-
-    @cached_property
-    def is_smooth(self) -> bool:
-        """Whether the field has all derivatives everywhere."""
-        return self.vector_field.has_series and self.phase.pieces is None
 
     @property
     def in_lanes(self) -> bool:
@@ -388,149 +353,6 @@ class Flow:
             self.steppers[columns, varied] = form(self.vector_field, columns, varied)
         return self.steppers[columns, varied]
 
-    def rates(self, x: ArrayLike, p: ArrayLike) -> Array:
-        """The field at one state (n,), with parameters and piece data (np + nq,)."""
-        return self._rates(x, p)[0].ravel()
-
-    @cached_property
-    def _rates(self) -> BufferedFunction:
-        x, p = self.vector_field.x, self.vector_field.p
-        return BufferedFunction(ca.Function("rates", [x, p], [ca.densify(self.vector_field.field(x, p)[0])]))
-
-    def field(self, xs: Array, p: Array) -> list[Array]:
-        """Rates (m, n) and watched quantities (m, k) at states (m, n) with parameters (m, np), or (np,) of them all."""
-        return self.fields(xs, self.data(xs, p))
-
-    @cached_property
-    def fields(self) -> ElementwiseFunction:
-        """The field at several points, (x, parameters with the data of a piece) -> rates, watched quantities."""
-        return ElementwiseFunction(self.vector_field.field)
-
-    def data(self, xs: Array, p: Array) -> Array:
-        """Parameters (m, np), or (np,) of all, with the data of the piece of each state (m, n): (m, np + nq), without
-        pieces (1, np) for those of all."""
-        ps = np.atleast_2d(p)
-        if self.phase.pieces is None:
-            return ps
-        return np.hstack([np.broadcast_to(ps, (len(xs), ps.shape[1])), self.data_of_pieces(xs, ps)])
-
-    def piece_data(self, xs: Array, ps: Array) -> tuple[Array, Array]:
-        """Data (m, nq) of the pieces at states (m, n) with parameters (m, np) or (1, np), and the derivatives
-        (m, nq, np)."""
-        values = self.data_of_pieces(xs, ps)
-        if self.phase.pieces is None or not self._piece_parameters:
-            return values, np.zeros((*values.shape, ps.shape[1]))
-        (breaks, data), slopes = self._pieces_at(ps), self._slopes_at(ps)
-        slopes = slopes[:, breaks.shape[1] :].reshape(len(slopes), *data.shape[1:], -1)
-        return values, slopes[np.arange(len(xs)) if len(slopes) > 1 else 0, self.piece(xs, ps, breaks)]
-
-    def data_of_pieces(self, xs: Array, ps: Array) -> Array:
-        """Data (m, nq) of the pieces at states (m, n) with parameters (m, np) or (1, np)."""
-        if self.phase.pieces is None:
-            return np.zeros((len(xs), 0))
-        breaks, data = self._pieces_at(ps)
-        return data[np.arange(len(xs)) if len(data) > 1 else 0, self.piece(xs, ps, breaks)]
-
-    def mesh_data(self, motions: Trajectories, ps: Array) -> Array:
-        """Parameters (m, np) with the data of the piece that each step of motions lies in, (N, np + nq)."""
-        own = ps[motions.owner]
-        if self.phase.pieces is None:
-            return own
-        return np.hstack([own, self.data_of_pieces(self._middles(motions), own)])
-
-    def mesh_pieces(self, path: Trajectory, p: Array) -> Array:
-        """Index (N,) of the piece that each step of a motion lies in."""
-        return self.pieces_of(self._middles(Trajectories.of([path])), p[None])
-
-    def _middles(self, motions: Trajectories) -> Array:
-        """The states (N, n) in the middle of each step."""
-        return evaluate(motions.coefficients[:, : self.size], 0.5 * motions.steps[:, None])
-
-    def pieces_of(self, xs: Array, ps: Array) -> Array:
-        """Indices (m,) of the pieces that contain states (m, n) with parameters (m, np)."""
-        return self.piece(xs, ps, self._pieces_at(ps)[0])
-
-    def piece(self, xs: Array, ps: Array, breaks: Array) -> Array:
-        """Indices (m,) of the pieces between breaks (m, k + 1) or (1, k + 1) that contain states (m, n)."""
-        return np.clip((breaks <= self._places(xs, ps)[:, None]).sum(1) - 1, 0, breaks.shape[1] - 2)
-
-    def _places(self, xs: Array, ps: Array) -> Array:
-        """The coordinates (m,) of states (m, n) that are compared with breakpoints."""
-        assert self.phase.pieces is not None
-        return self.phase.pieces.place(xs, dict(zip(self.parameters, ps.T, strict=True)))
-
-    @cached_property
-    def coordinate(self) -> Array:
-        """Weights (n,) of the coordinate whose breakpoints bound the pieces."""
-        assert self.phase.pieces is not None
-        return np.array(self.phase.pieces.coordinate)
-
-    def piece_table(self, p: Array) -> tuple[Array, Array, Array]:
-        """Breaks (m + 1,), data (m, nq) and its derivatives (m, nq, np) at parameters (np,)."""
-        (breaks,), (data,) = self._pieces_at(p[None])
-        assert self.phase.pieces is not None
-        levels = self.phase.pieces.levels(breaks, dict(zip(self.parameters, p.tolist(), strict=True)))
-        return levels, data, self._slopes_at(p[None])[0, len(breaks) :].reshape(*data.shape, len(p))
-
-    def _pieces_at(self, ps: Array) -> tuple[Array, Array]:
-        """Breaks (m, k + 1) and data (m, k, nq) at parameters (m, np), for m = 1 where they are the same for all."""
-        breaks, data = self._piece_function(self._different(ps))
-        return breaks[:, :, 0], data
-
-    def _slopes_at(self, ps: Array) -> Array:
-        """The derivatives (m, k + 1 + k nq, np) of breaks and data, one row of the data after the other."""
-        return self._piece_slopes(self._different(ps))[0]
-
-    def _different(self, ps: Array) -> Array:
-        """The parameters (m, np), for m = 1 where they make the same table."""
-        own = self._piece_parameters
-        return ps[:1] if (ps[:, own] == ps[0, own]).all() else ps
-
-    @cached_property
-    def _piece_function(self) -> MappedFunction:
-        """Parameters -> breaks (k + 1,) and data (k, nq)."""
-        pieces, p = self.phase.pieces, ca.SX.sym("p", len(self.parameters))
-        assert pieces is not None
-        breaks, rows = pieces.table(self.symbols(ca.SX(0, 1), p)[1])
-        data = ca.vertcat(*[ca.horzcat(*row) for row in rows]) if pieces.size else ca.SX(len(rows), 0)
-        return MappedFunction(ca.Function("pieces", [p], [ca.densify(ca.vertcat(*breaks)), ca.densify(data)]))
-
-    @cached_property
-    def _piece_slopes(self) -> MappedFunction:
-        """Parameters -> the derivatives of breaks and data."""
-        p = ca.SX.sym("p", len(self.parameters))
-        breaks, data = self._piece_function.function(p)
-        slopes = ca.jacobian(ca.vertcat(breaks, ca.vec(data.T)), p)
-        return MappedFunction(ca.Function("slopes", [p], [ca.densify(slopes)]))
-
-    @property
-    def _piece_parameters(self) -> list[int]:
-        """The places of the parameters that the table of pieces depends on."""
-        return parameters_of(self._piece_function)
-
-    @cached_property
-    def breaks(self) -> int:
-        """The number of breakpoints, those at the ends of the range included; 0 for a smooth field."""
-        return self._piece_function.function.numel_out(0) if self.phase.pieces else 0
-
-    def depends_on(self, name: str) -> bool:
-        """Whether the table of pieces depends on a parameter."""
-        return self.phase.pieces is not None and self.parameters.index(name) in self._piece_parameters
-
-    def moves_with(self, name: str) -> bool:
-        """Whether the field depends on a parameter, by its expression or by the table of its pieces."""
-        rows, place = self.vector_field.field.jac_sparsity(0, 1).get_triplet()[1], self.parameters.index(name)
-        return place in rows or self.depends_on(name)
-
-    def varied(self, parameter_seeds: Array) -> tuple[int, ...]:
-        """The rows of the seeds (..., np, columns) of parameters that are not zero, and those of the data of a piece if
-        one of these parameters changes it."""
-        rows = rows_used(parameter_seeds)
-        if self.phase.pieces is None or not {*self._piece_parameters} & {*rows}:
-            return rows
-        count = len(self.parameters)
-        return *rows, *range(count, count + self.phase.pieces.size)
-
     def on_pieces(self, starts: Array, ps: Array, parameter_seeds: Array | None = None) -> OnPieces | None:
         """The pieces that motions from states (m, n) with parameters (m, np) or (1, np) begin on, with the derivatives
         along seeds (np, columns) or (m, np, columns) of the parameters; None for a smooth field."""
@@ -548,68 +370,8 @@ class Flow:
         assert isinstance(stepper, TaylorStepper)
         return stepper.piece_rows
 
-    def first_pieces(self, starts: Array, ps: Array) -> Array:
-        """Numbers (m,) of the pieces on which motions from states (m, n) begin, from 1 on; 0, or one more than there
-        are pieces, where there is none.
-
-        From a breakpoint, up to rounding, a motion enters a piece by the rate of the coordinate or, where that
-        vanishes, the rate of the rate.
-        """
-        (breaks, data), places = self._pieces_at(ps), self._places(starts, ps)[:, None]
-        numbers = (breaks <= places).sum(1) - (breaks[:, -1:] == places)[:, 0]
-        on = (same_place(breaks, places).any(1) & (numbers > 0) & (numbers < breaks.shape[1])).nonzero()[0]
-        if len(on):
-            xs, own = starts[on], ps[on] if len(ps) > 1 else np.tile(ps, (len(on), 1))
-            with_data = np.hstack([own, data[on if len(data) > 1 else 0, numbers[on] - 1]])
-            rates = self.fields(xs, with_data)[0]
-            heading = rates @ self.coordinate
-            turns = (self.fields(xs + rates, with_data)[0] - rates) @ self.coordinate
-            heading = np.where(heading == 0, turns, heading)
-            own = on if len(breaks) > 1 else 0
-            numbers[on] += (heading > 0) & same_place(breaks[own, numbers[on]], places[on, 0])
-            numbers[on] -= (heading < 0) & same_place(breaks[own, numbers[on] - 1], places[on, 0])
-        return numbers.astype(float)
-
-    def approach(self, x: Array, p: Array, index: int) -> tuple[Array, Array]:
-        """The derivatives (n,) and (np,) of the distance from a breakpoint, by the state and by the parameters."""
-        by_x, by_p = (each.ravel() for each in self._approach(x, p))
-        return by_x, by_p - (self._slopes_at(p[None])[0, index] if self._piece_parameters else 0.0)
-
-    @cached_property
-    def _approach(self) -> BufferedFunction:
-        graph = self.vector_field
-        arguments = graph.place.sx_in()
-        slopes = [ca.densify(ca.jacobian(graph.place(*arguments), each)) for each in arguments]
-        return BufferedFunction(ca.Function("approach", arguments, slopes))
-
     def inside(self, on: OnPieces | None, numbers: Array) -> Array:
         """Which of the `numbers` (m,) are those of pieces."""
         if on is None:
             return np.ones(len(numbers), bool)
         return (numbers > 0) & (numbers < on.tables.shape[1] // self._piece_rows(0).width - 1)
-
-    def jumps(self, p: Array) -> list[float]:
-        """The breakpoints inside the range at which the field jumps, at parameters (np,), where the other coordinates
-        and all speeds are 0."""
-        if self.phase.pieces is None:
-            return []
-        levels, data, _ = self.piece_table(p)
-        levels, weights = levels[1:-1], self.coordinate
-        places, away = levels[:, None] * weights / (weights @ weights), SIDE_DISTANCE * (1 + np.abs(levels))[:, None]
-        away = away * weights / (weights @ weights)
-        sides = [
-            self.fields(places + side * k * away, np.hstack([np.tile(p, (len(levels), 1)), rows]))[0]
-            for side, rows in ((-1, data[:-1]), (1, data[1:]))
-            for k in (1, 2)
-        ]
-        jump = np.abs(2 * (sides[2] - sides[0]) - (sides[3] - sides[1])).max(1)
-        return levels[jump > LEAST_JUMP * (1 + np.abs(sides[0]).max(1))].tolist()
-
-    def out_of_range(self, p: Array, x: Array) -> OutOfRange:
-        """The error of a motion that leaves the range of its law at the state `x`."""
-        breaks, pieces = self.piece_table(p)[0], self.phase.pieces
-        assert pieces is not None
-        text = f"the {{label}} {OUT_OF_LAW}, [{{low:.6g}}, {{high:.6g}}], at {{place:.6g}}"
-        along = self.phase.states[int(np.flatnonzero(self.coordinate)[0])]
-        low, high, place = (Quantity(float(number), along) for number in (breaks[0], breaks[-1], self.coordinate @ x))
-        return OutOfRange(Message(text, label=pieces.label, low=low, high=high, place=place))

@@ -108,7 +108,7 @@ def merged_pieces(first: Law, second: Law) -> LawPieces:
     ends = sorted(inside)
     indices = [tuple(_piece(own, a, b) for own in places) for a, b in pairwise(ends)]
     table = _merged_table(each[0].table, each[1].table, tuple(inside[x] for x in ends), tuple(indices))
-    return LawPieces(each[0].size + each[1].size, table, unit, origin)
+    return LawPieces(each[0].size + each[1].size, table, unit, origin, jumps=any(own.jumps for own in each))
 
 
 def _piece(places: list[float], a: float, b: float) -> int:

@@ -65,6 +65,7 @@ class LawPieces(NamedTuple):
     table : parameters -> (breaks, data), of the variable times its unit minus its origin
     unit, origin : the names of the parameters that are the unit and the origin; None for 1 and 0
     noise : of a measured law whose rows may be noisy; None for any other
+    jumps : whether the law may jump from one piece to the next
     """
 
     size: int
@@ -72,6 +73,7 @@ class LawPieces(NamedTuple):
     unit: str | None = None
     origin: str | None = None
     noise: RowNoise | None = None
+    jumps: bool = False
 
     def units(self, p: Parameters) -> Algebraic:
         """The unit of the variable."""

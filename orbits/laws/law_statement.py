@@ -1,7 +1,6 @@
 """Laws as users state them: a formula, a potential, a Python function, the name of a law."""
 
 import inspect
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeAlias
@@ -14,8 +13,9 @@ from ..running.exclusive import exclusive
 from ..symbolic.formula import CONSTANTS, parse, suggest
 from ..symbolic.tracing import traced
 from .casadi_law import CasadiLaw
-from .law import Algebraic, Key, Law, LawPieces, Written, number
-from .law_expressions import HOW_TO_WRITE, break_table, derivative_expression, formula_expression, function_expression
+from .jumps import in_pieces
+from .law import Algebraic, Key, Law, Written, number
+from .law_expressions import HOW_TO_WRITE, derivative_expression, formula_expression, function_expression
 
 # A law as it is stated: itself, a formula, the name of a law, or a Python function.
 LawLike: TypeAlias = Law | str | Callable[..., Algebraic]
@@ -77,7 +77,7 @@ def from_formula(text: str, variable: str, parameters: Values = None) -> Law:
     law = Law(text, variable, formula_expression(text, variable), values, written=Written((text,)))
     values = {name: np.float64(value) for name, value in law.parameters.items()}
     _refuse_removable(law, lambda x: law.expression(x, values, []))
-    return law
+    return in_pieces(law) if "sign" in parse(text).pieces else law
 
 
 @exclusive
@@ -86,7 +86,8 @@ def from_potential(text: str, variable: str, parameters: Values = None) -> Law:
     potential = from_formula(text, variable, parameters)
     force = derivative_expression(potential.expression, variable)
     written = Written((text,), potential=True)
-    return replace(potential, text=f"potential:{text}", expression=force, written=written)
+    law = replace(potential, text=f"potential:{text}", expression=force, pieces=None, written=written)
+    return in_pieces(law) if parse(text).pieces else law
 
 
 @exclusive
@@ -94,28 +95,29 @@ def from_function(function: Callable, variable: str, parameters: Values = None, 
     """A law from a Python function (x, **parameters) written with operators and NumPy or CasADi functions, or from a
     `casadi.Function` (x, parameters), whose names of its arguments are those of the parameters.
 
-    breakpoints : where it is not smooth; integration steps end there
+    breakpoints : where it is not smooth; integration steps end there, and where a comparison of straight lines says
+        that it jumps
 
-    Raises `InputError` for a function that cannot be evaluated with symbols, and for a `casadi.Function` that is no
-    scalar of scalars in scalar operations, or has branches and no breakpoints.
+    Raises `InputError` for a function that cannot be evaluated with symbols, or that jumps elsewhere without a
+    breakpoint, and for a `casadi.Function` that is no scalar of scalars in scalar operations, or has branches and no
+    breakpoints.
     """
     if isinstance(function, ca.Function):
         function = CasadiLaw(function, parameters or {}, branches=bool(breakpoints))
     name = getattr(function, "__name__", "function")
     if not isinstance(breakpoints, list | tuple):
         raise InputError(f"breakpoints = {breakpoints!r}; they are a tuple of extensions")
-    breaks = [-math.inf, *sorted(number("breakpoint", b) for b in breakpoints), math.inf]
-    table = LawPieces(0, break_table(tuple(breaks))) if breakpoints else None
+    breaks = [number("breakpoint", b) for b in breakpoints]
     parameters = dict(parameters or {})
     text = None if breakpoints else traced(function, (variable,), tuple(parameters))
     if text is not None and isinstance(function, CasadiLaw):
         return from_formula(text, variable, parameters)
     expression = function_expression(function, variable, tuple(parameters))
-    law = Law(name, variable, expression, parameters, table, Written((text,)) if text else None)
+    law = Law(name, variable, expression, parameters, written=Written((text,)) if text else None)
     _refuse_removable(law, law)
     if not np.isfinite(law(0.0)):  # float() of a symbol is NaN
         raise InputError(f"the law '{name}' has no finite value at {variable} = 0; {HOW_TO_WRITE}")
-    return law
+    return in_pieces(law, breaks)
 
 
 def key_of(law: LawLike | Key | float, variable: str, parameters: Values = None) -> Key:
@@ -130,8 +132,12 @@ def key_of(law: LawLike | Key | float, variable: str, parameters: Values = None)
     expression = formula_expression(text, variable)
     if text != law and isinstance(law, str):
         expression = derivative_expression(expression, variable)
-    names = tuple(sorted(parse(text).names - {variable}))
-    return Key(str(law), variable, expression, names, None, written=Written((text,), potential=text != str(law)))
+    formula, written = parse(text), Written((text,), potential=text != str(law))
+    names = tuple(sorted(formula.names - {variable}))
+    if formula.pieces:
+        values = {name: (parameters or {}).get(name, 1.0) for name in names}  # those of others decide nothing
+        return in_pieces(Law(str(law), variable, expression, values, written=written)).key
+    return Key(str(law), variable, expression, names, None, written=written)
 
 
 def _refuse_removable(law: Law, force: Callable) -> None:

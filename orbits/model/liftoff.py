@@ -77,7 +77,7 @@ class Liftoff:
         to the level without a jump; NaN for others."""
         count, level = len(next(iter(p.values()))), 1.0 - self.load
         found = np.full(count, np.nan)
-        if not count or key.degree() == 0:
+        if not count or key.degree() == 0 or (key.pieces and key.pieces.jumps):
             return found
         forces, slopes = values_and_slopes(key, p, np.zeros((count, 1)))
         away = np.where(forces[:, 0] < level, 1.0, -1.0)
@@ -157,6 +157,11 @@ class Liftoff:
 def _sampled_from_rest(law: Law, rest: float, away: float) -> tuple[np.ndarray, np.ndarray]:
     """Extensions (n,) away from rest, as far as the force is finite, with its turning points, and the forces there."""
     extensions = np.clip(rest + away * SAMPLED_DISTANCES, *law.range())
+    if law.pieces and law.pieces.jumps:  # on both sides of which the force may be its largest
+        ends = np.array(law.pieces.ends(np.array(law.pieces.table(law.parameters)[0]), law.parameters))[1:-1]
+        beside = np.concatenate([np.nextafter(ends, -np.inf), ends])
+        beside = beside[(away * (beside - rest) > 0) & (np.abs(beside - rest) < SAMPLED_DISTANCES[-1])]
+        extensions = np.unique(np.concatenate([extensions, beside]))[:: int(away)]
     forces, slopes = law.with_slope(extensions)
     count = int(np.argmin(np.append(np.isfinite(forces), False)))
     if count == 0:

@@ -79,6 +79,7 @@ class Pieces:
     unit, origin : parameters -> the unit and the origin, where they are not 1 and 0; the table does not depend on
         parameters that change these alone
     noise : that of the rows of a measured law
+    jumps : whether the field may jump from one piece to the next
     """
 
     coordinate: tuple[float, ...]
@@ -88,6 +89,7 @@ class Pieces:
     unit: Callable[[Parameters], Algebraic] = lambda p: 1.0
     origin: Callable[[Parameters], Algebraic] = lambda p: 0.0
     noise: RowNoise | None = None
+    jumps: bool = False
 
     def place(self, x: ArrayLike, p: Parameters) -> Any:
         """The coordinates (...) of states (..., n), times their unit, minus their origin."""

@@ -202,7 +202,7 @@ def pieces_along(key: Key, coordinate: tuple[float, ...], offset: Callable | Non
     if (pieces := key.pieces) is None:
         return None
     origin = (lambda p: pieces.origins(p) - offset(p) * pieces.units(p)) if offset else pieces.origins
-    return Pieces(coordinate, *pieces[:2], "extension", pieces.units, origin, pieces.noise)
+    return Pieces(coordinate, *pieces[:2], "extension", pieces.units, origin, pieces.noise, pieces.jumps)
 
 
 def reach_along(key: Key, coordinate: tuple[float, ...]) -> tuple[Reach, ...]:

@@ -24,7 +24,8 @@ from ..shooting.formulations import vector
 from ..shooting.single_shooting import Shooting, shooting_equations
 from ..symbolic.calls import MappedFunction
 from .branch_statement import Beside, branch_statement, whole_hop_statement
-from .find import family_number, find, unknowns_of_hop, vertical_hop
+from .family_orbits import family_number
+from .find import find, unknowns_of_hop, vertical_hop
 from .orbit import Orbit
 from .orbits_at_once import lowest_orbits
 

@@ -15,26 +15,14 @@ import casadi as ca
 from ..laws.law import Algebraic, Parameters, Scalars
 from ..model.model import Model, names_of_holding
 from ..model.phase import Arc, Phase, Statement, weighted_sum
+from ..shooting.formulations import half_contact, half_flight
 
 
 @lru_cache(maxsize=64)
 def whole_hop_statement(hop: Model) -> Statement:
     """Half an orbit of the model of the vertical hop, with both of its phases."""
-    flight = Arc(
-        hop.flight,
-        start=lambda u, before, p: hop.launch(u, p),
-        duration=lambda u, p: u["duration"],
-        conditions=lambda u, x, p: hop.reversal.fixed(x, p),
-        guard=lambda u, x, p, q: hop.liftoff(u, p, q),
-    )
-    contact = Arc(
-        hop.contact,
-        start=lambda u, before, p: hop.touchdown(u, p),
-        duration=lambda u, p: u["contact_duration"],
-        conditions=lambda u, x, p: hop.contact_reversal.fixed(x, p),
-    )
     times = ("duration", "contact_duration")
-    return Statement("vertical hop", (*hop.launch_unknowns, *times), (flight, contact), times)
+    return Statement("vertical hop", (*hop.launch_unknowns, *times), (half_flight(hop), half_contact(hop)), times)
 
 
 @lru_cache(maxsize=64)

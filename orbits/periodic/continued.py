@@ -22,8 +22,8 @@ from ..shooting.formulations import equations_of, iterative, method_of, vector
 from ..shooting.newton_kernel import MOST_NEWTON_STEPS
 from ..shooting.single_shooting import SMALLEST_UNIT, Evaluation, Shooting, settles
 from .certified import Certified, Solved, certified, certified_orbit, solve_from
-from .find import stated_unknowns
 from .orbit import Orbit
+from .stated_start import stated_unknowns
 from .ways import WORST_PREDICTION, along_ways, sizes_of_unknowns
 
 # The statuses of a machine whose orbit is not reached: the orbits end at a fold on the way, or the way was too hard.

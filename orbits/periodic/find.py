@@ -1,29 +1,28 @@
 """Find one lossless orbit: the simplest statement that the machine allows, solved, measured and certified."""
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from ..consistency.accepted import check_machine
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..model.machine import Machine, dimensionless
-from ..model.model import STEP_LENGTH, Model, refuse_hysteresis, refuse_one_way
+from ..model.model import STEP_LENGTH, refuse_hysteresis
+from ..result import Progress
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.time_limit import time_limit
-from ..shooting.division import NodedSolution
-from ..shooting.formulations import equations_of, iterative, method_of, vector
-from ..units import LIFTOFF_SPEED, TIME, Message, Quantity, in_own_units, in_units, without_units
-from .certified import Solved, certified_orbit, corrector, known_solutions, solve_from
-from .family_search import Cells, Lateness
-from .guess import refuse_jump
-from .homotopy import solve_by_homotopy
+from ..shooting.formulations import equations_of, iterative, method_of
+from ..units import Message, in_own_units, without_units
+from .certified import Solved, certified_orbit, solve_from
+from .family_orbits import another_family, family_number, lowest_of_family, orbits_of_family, same_orbit
 from .orbit import Orbit, orbit_of, start_in_file
 from .run_start import SLOW_SHARE, run_start
+from .stated_start import StartLike, check_start, stated_unknowns
 from .tuned import (
     OF_STEPS,
     Tuning,
@@ -35,16 +34,8 @@ from .tuned import (
 )
 from .tuned_extremes import with_extremes
 
-Progress: TypeAlias = Callable[[float], None] | None  # called with the share that is done
-# An orbit nearby, the unknowns of a half orbit by name, or the name of a file of an orbit.
-StartLike: TypeAlias = Orbit | Mapping[str, float] | str | Path
-LARGEST_FAMILY = 10_000
-# Orbits whose launch speeds, times and states agree to this share are the same.
-SAME_ORBIT = 1e-9
 # Where nothing says how fast a run is, its search begins at these multiples of the slowest start.
 FASTER_STARTS = (1.0, 2.0, 3.0, 5.0)
-# A start with a longer time than this describes no machine in its own units, and would take long to integrate.
-LONGEST_START = 1e4
 
 
 @exclusive
@@ -232,7 +223,7 @@ def find_all(
             raise InputError(f"fastest = {fastest:g} is no launch speed; it lies above 0")
         family, method = family_number(1 if family is None else family), method_of(machine.model, method)
         with interrupts.deferred(), time_limit(limit):
-            return _orbits_of_family(machine, family, method, fastest, progress)
+            return orbits_of_family(machine, family, method, fastest, progress)
     if family is not None or fastest is not None:
         raise InputError("find_all takes starts, or a family with the fastest launch speed to search, not both")
     if isinstance(starts, Mapping | Orbit | int):
@@ -243,138 +234,13 @@ def find_all(
             progress(i / len(starts))
         try:
             orbit = find(machine, start=start, method=method, limit=limit)
-            if not any(_same(orbit, other) for other in found):
+            if not any(same_orbit(orbit, other) for other in found):
                 found.append(orbit)
         except NoOrbit as error:
             reason = error
     if reason and not found:
         raise NoOrbit(f"none of the starts leads to an orbit; the last: {reason}")
     return tuple(sorted(found, key=lambda orbit: orbit.alpha))
-
-
-def lowest_of_family(machine: Machine, family: int, method: str, progress: Progress = None) -> Orbit:
-    """The orbit of a family of least launch speed, as `find` finds it by a method."""
-    model, began, orbits, refusal = machine.model, time.perf_counter(), tuple[Orbit, ...](), None
-    search = model.search(machine.values) if model.search and model.reversor else None
-    if search is None or model.is_guessed:
-        try:
-            orbits = (_solved_for(machine, family, method, progress),)
-        except NoOrbit as error:
-            if search is None:
-                raise
-            refusal = error
-        if orbits and (search is None or search.single or orbits[0].method == "closed form"):
-            return orbits[0]
-        progress = None  # the search follows after progress was reported
-    try:
-        reported = "" if refusal is None else str(in_units(refusal, None))
-        others = _all_of_family(machine, family, method, None, progress, reported)
-        orbits += tuple(other for other in others if not any(_same(orbit, other) for orbit in orbits))
-    except NoOrbit as none:
-        if not orbits:
-            raise (with_search(refusal, none) if refusal else none) from None
-    lowest = min(orbits, key=lambda one: one.alpha)
-    return replace(lowest, known_in_family=len(orbits), seconds=time.perf_counter() - began)
-
-
-def _solved_for(machine: Machine, family: int, method: str, progress: Progress = None) -> Orbit:
-    """The certified orbit found from a family's guess; raises `NoOrbit` where it is of another family."""
-    began = time.perf_counter()
-    orbit = certified_orbit(machine, solve_family(machine, family, method, progress), began=began)
-    if orbit.family != family:
-        raise NoOrbit(another_family(family, orbit.family))
-    return orbit
-
-
-def _all_of_family(
-    machine: Machine, family: int, method: str, fastest: float | None = None, progress: Progress = None,
-    refusal: str = "",
-) -> tuple[Orbit, ...]:  # fmt: skip
-    """All orbits of a family, as in `find_all`; a reason that is part of `refusal` already is not repeated."""
-    model, p = machine.model, machine.values
-    if not (model.search and model.reversor):
-        remedy = "give find_all starts" if model.one_speed else "find_all(machine, starts(machine)) finds its hops"
-        remedy = model.violations.get("none", "give find a start") if model.sticks else remedy
-        raise InputError(f"the families of a {model.name} are not searched: {remedy}")
-    if method == "closed form":
-        only = _solved_for(machine, family, method)
-        if fastest is not None and only.alpha > fastest:
-            text = "the only orbit of family {family} has the launch speed {alpha:.6g}, above {fastest:g}"
-            speeds = {"alpha": Quantity(only.alpha, LIFTOFF_SPEED), "fastest": Quantity(fastest, LIFTOFF_SPEED)}
-            raise NoOrbit(Message(text, family=family, **speeds))
-        return (replace(only, known_in_family=1),)
-    refuse_jump(model, p)
-    searched_by = "half orbit" if method == "shooting" else method
-    lateness = Lateness(model, searched_by, tuple(p), vector(p)[None], family, [model.search(p)])
-    found, refused = list[Orbit](), Message("")
-    (cells,) = lateness.cells(fastest)
-    for i, (cell, about) in enumerate(zip(cells.cells, cells.abouts, strict=True)):
-        if progress:
-            progress(i / len(cells.cells))
-        try:
-            orbit = _orbit_in_cell(machine, lateness, cell, about)
-            if orbit and not any(_same(orbit, other) for other in found):
-                found.append(orbit)
-        except NoOrbit as error:
-            text = "; the one near {about:.6g} is refused" + ("" if in_units(error, None) in refusal else ": {error}")
-            refused = Message(text, about=Quantity(float(about), LIFTOFF_SPEED), error=error)
-    if not found:
-        raise none_found(model, cells, refused)
-    return tuple(replace(orbit, known_in_family=len(found)) for orbit in found)
-
-
-# The orbits of a machine that may have units.
-_orbits_of_family = in_own_units(
-    lambda orbits, machine: tuple(orbit_of(machine, orbit) for orbit in orbits), fastest=LIFTOFF_SPEED
-)(_all_of_family)
-
-
-def none_found(model: Model, cells: Cells, refused: str = "") -> NoOrbit:
-    """The error of a search that finds no orbit; `refused` is the part of its message on refused orbits."""
-    text = "a search from launch speed {low:.3g} to {high:.4g}{stopped} finds none{refused}"
-    if not model.plain:
-        text += "; it is not complete, since orbits of machines that step may lie between falls, in narrow ranges"
-    text += f"; {hint}" if (hint := model.violations.get("none")) else ""
-    stopped = f", stopped after {cells.launches} launches," if cells.stopped else ""
-    low, high = (Quantity(speed, LIFTOFF_SPEED) for speed in cells.searched)
-    return NoOrbit(Message(text, low=low, high=high, stopped=stopped, refused=refused))
-
-
-def with_search(error: NoOrbit, none: NoOrbit) -> NoOrbit:
-    """The error of a family if neither the guess nor a search leads to an orbit."""
-    if in_units(none, None) in in_units(error, None):
-        return error
-    return type(error)(Message("{error}; {none}", error=error, none=none))
-
-
-def _orbit_in_cell(machine: Machine, lateness: Lateness, cell: np.ndarray, about: float) -> Orbit | None:
-    """The orbit of a lateness's family in a cell (2,) of launch speeds, about a speed in it; None where it has none.
-
-    Raises `NoOrbit` where the orbit cannot be certified, and where Newton's method does not converge to one.
-    """
-    for alpha in (about, None):
-        began = time.perf_counter()
-        try:
-            (start,) = lateness.start(np.array([lateness.enclosed(cell) if alpha is None else alpha]))
-            orbit = certified_orbit(machine, solve_from(machine, lateness.method, start), began=began)
-        except NoOrbit:
-            if alpha is None:
-                raise
-            continue
-        if orbit.family == lateness.family and cell[0] <= orbit.alpha <= cell[1]:
-            return orbit
-    return None
-
-
-def solve_family(machine: Machine, family: int, method: str, progress: Progress = None) -> Solved:
-    """The solution that a method finds for a family, as in `find`; not certified to be of that family."""
-    family, model, p = family_number(family), machine.model, dict(machine.values)
-    if method == "closed form" and model.reduction and model.reduction.exact:
-        unknowns, error = model.reduction.exact(family, p)
-        return known_solutions(model, method, tuple(p), vector(unknowns)[None], vector(p)[None], np.array([error]))
-    equations = equations_of(model, method, tuple(p))
-    u, evaluation = solve_by_homotopy(model, equations, corrector(method, equations), family, p, progress)
-    return Solved.of(model, method, NodedSolution(equations, None, u, vector(p), evaluation).divided())
 
 
 def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str) -> Solved:
@@ -389,16 +255,6 @@ def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str
         return solve_from(machine, method, np.array([stated[name] for name in names]))
     except FlowError as error:
         raise NoOrbit(Message("the start cannot be followed: {error}", error=error)) from None
-
-
-def another_family(wanted: int, found: int) -> str:
-    """The message about a solve for one family that ends on another."""
-    return f"the solve for family {wanted} ended on an orbit of family {found}; try another method"
-
-
-def _same(a: Orbit, b: Orbit) -> bool:
-    x, y = ([orbit.alpha, orbit.flight_time, *orbit.flight(0.0)] for orbit in (a, b))
-    return np.allclose(x, y, rtol=SAME_ORBIT, atol=SAME_ORBIT * max(map(abs, x)))
 
 
 def _starts_of_run(machine: Any, family: int, tuning: Tuning) -> Iterator[dict[str, float]]:
@@ -446,62 +302,3 @@ def unknowns_of_hop(hop: Orbit) -> dict[str, float]:
     """The unknowns of half a vertical hop by name, without dimensions."""
     assert hop.source is not None
     return {name: value for name, value in stated_unknowns(hop.source.model, hop).items() if name != "unfolding"}
-
-
-def check_start(machine: Machine, start: object) -> None:
-    """Raise `InputError` where there is no start and no family of the machine's orbits can be found without one, and
-    `NoOrbit` for a spring with hysteresis."""
-    model = machine.model
-    refuse_hysteresis(model)
-    refuse_one_way(model)
-    if start is None and model.conservative and not (model.is_guessed or model.search):
-        raise InputError(
-            f"the families of a {model.name} are not guessed: give start= an orbit of it"
-            + ("" if model.one_speed or model.sticks else ", such as one of find_all(machine, starts(machine))")
-        )
-
-
-def unknowns_of_start(machine: Machine, orbit: Orbit) -> dict[str, float]:
-    """The unknowns of a machine's orbit by name, in the machine's units: a start that leads back to it."""
-    bare, names = stated_unknowns(machine.model, orbit), {*machine.model.half_unknowns, "contact_duration", STEP_LENGTH}
-    return in_units_of(machine, {name: value for name, value in bare.items() if name in names})
-
-
-def in_units_of(machine: Machine, unknowns: Mapping[str, float]) -> dict[str, float]:
-    """Unknowns without dimensions by name, in the machine's units."""
-    return {name: value * (machine.units.of(name) if machine.units else 1.0) for name, value in unknowns.items()}
-
-
-def stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[str, float]:
-    """The unknowns that a start states, by name; raises `InputError` for an invalid start."""
-    if isinstance(start, Orbit):
-        start = start.dimensionless()
-        if (states := start.flight.names[: len(start.shape.embed)]) != model.flight.states:
-            raise InputError(f"start is an orbit of another machine, with the states {', '.join(states)}")
-        unknowns = model.launch_at(start.flight.coefficients[0, :, 0].tolist()) | {"alpha": start.alpha}
-        unknowns["duration"] = start.flight_time / (2 if start.shape.reversor else 1)
-        unknowns["unfolding"] = start.certificate.unfolding or 0.0
-        if model.sticks:
-            assert start.shape.steps is not None
-            unknowns[STEP_LENGTH] = start.shape.steps.reversor_shift[model.flight.states.index(model.sticks[0])]
-        return unknowns | ({} if start.contact_time is None else {"contact_duration": start.contact_time / 2})
-    if not isinstance(start, Mapping):
-        raise InputError(f"start = {start!r}; it is an orbit, or a mapping of unknowns to numbers")
-    # Further unknowns may be stated although not every statement has them.
-    further = {"contact_duration", "unfolding", *((STEP_LENGTH,) if model.sticks else ())}
-    if unknown := [name for name in start if name not in {*model.half_unknowns, *further}]:
-        raise InputError(f"start has '{unknown[0]}'; the unknowns are {', '.join(model.half_unknowns)}")
-    stated = {"unfolding": 0.0, **{name: finite_number(f"start '{name}'", value) for name, value in start.items()}}
-    for name in ("duration", "contact_duration"):
-        if not 0 < stated.get(name, 1.0) < LONGEST_START:
-            text, times = "start '{name}' = {time:g}; it lies between 0 and {most:g}", (stated[name], LONGEST_START)
-            time, most = (Quantity(number, TIME) for number in times)
-            raise InputError(Message(text, name=name, time=time, most=most))
-    return stated
-
-
-def family_number(family: int) -> int:
-    """The number of a family; raises `InputError` for an invalid number."""
-    if isinstance(family, bool) or not isinstance(family, int | np.integer) or not 1 <= family <= LARGEST_FAMILY:
-        raise InputError(f"family = {family!r}; a family is a whole number from 1 to {LARGEST_FAMILY}")
-    return int(family)

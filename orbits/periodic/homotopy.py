@@ -7,6 +7,7 @@ import numpy as np
 from ..errors import InconsistentModel, NoOrbit
 from ..model.model import Model
 from ..numerics.roots import solve
+from ..result import Progress
 from ..shooting.formulations import halved, vector
 from ..shooting.single_shooting import Evaluation, Shooting
 from ..units import LIFTOFF_SPEED, Message, Quantity
@@ -24,7 +25,7 @@ DIFFERENCE = 1e-5
 
 def solve_by_homotopy(
     model: Model, equations: Shooting, correct: Callable, family: int, p: Mapping[str, float],
-    progress: Callable[[float], None] | None,
+    progress: Progress,
 ) -> tuple[np.ndarray, Evaluation]:  # fmt: skip
     """The solution (n,) of a model's equations from its guess, and the equations there, by a homotopy parameter from 0
     to 1 by step-size control.

@@ -17,7 +17,7 @@ from ..model.machine import Machine, dimensionless, machine_in_words, title_of_m
 from ..model.model import CONTACT_FORCE, LANDED_FORCE, STEP_LENGTH
 from ..model.symmetry import SignedShift
 from ..numerics.polynomial_roots import lowest
-from ..result import TABLE_ROWS, Axes, Report, Result, Row, is_of, shown
+from ..result import TABLE_ROWS, Axes, Progress, Result, Row, is_of, shown
 from ..tables import VIOLATED, machine_numbers
 from ..units import Units, in_units, saved_units
 from .certificate import Certificate
@@ -409,7 +409,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         """Plot speed against height over a cycle; returns the axes."""
         return shown("plot").plot_phase_portrait(self, axes)
 
-    def animate(self, path: str | Path, frames: int = 80, *, progress: Report = None) -> Path:
+    def animate(self, path: str | Path, frames: int = 80, *, progress: Progress = None) -> Path:
         """Write an animation of one cycle (.gif or .mp4); returns its path."""
         return shown("animation").animate_orbit(self, path, frames, progress)
 

@@ -18,8 +18,8 @@ from ..shooting.formulations import equations_of, iterative, method_of
 from ..shooting.newton_kernel import NewtonKernel, Solutions, newton_kernel
 from ..shooting.single_shooting import SMALLEST_UNIT, Evaluation, Shooting
 from .certified import Certified, Solved, certified, certified_orbit, orbits_of, solve_from
+from .family_orbits import none_found, with_search
 from .family_search import Lateness
-from .find import none_found, with_search
 from .guess import Guesses, guess as guess_alone, guesses
 from .homotopy import MAX_CORRECTION
 from .orbit import Orbit

@@ -15,12 +15,12 @@ from ..consistency.accepted import check_parameters
 from ..errors import FlowError, InputError, NoOrbit, finite_number, list_of_names
 from ..model.machine import Machine
 from ..model.model import STEP_LENGTH, Model
-from ..model.phase import Arc, Statement
+from ..model.phase import Statement
 from ..numerics.roots import solve
 from ..running.time_limit import TimeOver
 from ..shooting.division import NodedSolution, solved_with_nodes
 from ..shooting.error_bound import error_bounds
-from ..shooting.formulations import half_orbit
+from ..shooting.formulations import half_contact, half_orbit
 from ..shooting.multiple_shooting import boundary_functions
 from ..shooting.single_shooting import Shooting, shooting_equations
 from ..symbolic.formula import suggest
@@ -181,13 +181,8 @@ def tuned_statement(model: Model, tuned: tuple[str, ...], prescribed: tuple[str,
     each = [(name, known[name]) for name in prescribed if name != STEP_LENGTH]
     if len(arcs) == 1 and any(quantity.with_contact for _, quantity in each):
         unknowns, durations = (*unknowns, "contact_duration"), (*durations, "contact_duration")
-        contact = Arc(
-            model.contact,
-            start=lambda u, before, p: model.touchdown(u, p),
-            duration=lambda u, p: u["contact_duration"],
-            conditions=lambda u, x, p: [model.mid_contact(p).at(x)],
-        )
-        arcs = (*arcs, contact)
+        middle = lambda u, x, p: [model.mid_contact(p).at(x)]  # noqa: E731
+        arcs = (*arcs, replace(half_contact(model), conditions=middle))
 
     def conditions(u: Mapping, x: Sequence, p: Mapping) -> list:
         units = model.units(p) if model.units else None

@@ -253,9 +253,7 @@ def _motion_verdicts(
 def _loss_verdict(found: ProvedExistence, flight: Motion, claim: Claim) -> Verdicts:
     """The verdict on the loss coefficient."""
     try:
-        _check_landings(claim.machine)
-        found.half.mechanics.stated.refuse_steps("a loss coefficient")
-        found.half.mechanics.stated.refuse_names("Cd", "a number in the law of the losses")
+        _check_losses(found, claim, "a loss coefficient", "Cd")
         unknowns = flight_statement(found).unknowns
         lost = enclosed_loss(found.half, flight, {name: found.ball(each) for name, each in unknowns.items()}, ctx.prec)
         return Verdicts(enclosures={"loss_coefficient": enclosure_of(lost.coefficient)}, loss=lost)
@@ -266,9 +264,7 @@ def _loss_verdict(found: ProvedExistence, flight: Motion, claim: Claim) -> Verdi
 def _with_attraction(found: ProvedExistence, claim: Claim, verdicts: Verdicts) -> Verdicts:
     """The verdicts with that on the attraction of launches above alpha."""
     try:
-        _check_landings(claim.machine)
-        found.half.mechanics.stated.refuse_steps("attraction")
-        found.half.mechanics.stated.refuse_names("cdn", "a number in the law of the losses")
+        _check_losses(found, claim, "attraction", "cdn")
         if verdicts.loss is None or {*verdicts.conditions.values()} != {PROVED}:
             raise Unproved("it needs the conditions of a motion and the loss coefficient, which are not all proved")
         half, half_contact = found.half, found.ball(found.statement.unknowns[CONTACT_DURATION])
@@ -282,10 +278,13 @@ def _with_attraction(found: ProvedExistence, claim: Claim, verdicts: Verdicts) -
     return replace(verdicts, attraction=attraction, enclosures=enclosures)
 
 
-def _check_landings(machine: Machine) -> None:
-    """Raise `Unproved` for a machine whose landings are not plastic, as the theorem requires."""
-    if machine.restitution:
-        raise Unproved(f"impacts are not plastic, with restitution = {machine.restitution!r}")
+def _check_losses(found: ProvedExistence, claim: Claim, what: str, names: str) -> None:
+    """Raise `Unproved` for a machine whose losses have no such theorem: landings that are not plastic, steps, and
+    parameters that are called as the numbers in the law of the losses."""
+    if claim.machine.restitution:
+        raise Unproved(f"impacts are not plastic, with restitution = {claim.machine.restitution!r}")
+    found.half.mechanics.stated.refuse_steps(what)
+    found.half.mechanics.stated.refuse_names(names, "a number in the law of the losses")
 
 
 def wrong_numbers(found: ProvedExistence, claim: Claim) -> list[str]:

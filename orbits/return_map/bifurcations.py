@@ -13,7 +13,7 @@ import numpy as np
 from ..continuation.point import End
 from ..errors import InputError, NoOrbit, finite_number, is_list, whole_number
 from ..model.machine import Machine, machine_in_words
-from ..periodic.find import Progress
+from ..result import Progress
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..simulation.impacts import CAP

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..continuation.corrector import correct
 from ..continuation.curve import CurvePoint, Watch
-from ..continuation.events import Segment
+from ..continuation.events import SearchedSegment, Segment
 from ..continuation.limits import Endings
 from ..continuation.point import End, Event
 from ..continuation.step_control import Options, StepControl
@@ -60,14 +60,8 @@ class BranchCurve(LaunchCurve):
         return BordersOfCurve(self)
 
 
-class LaunchSegment(Segment):
+class LaunchSegment(SearchedSegment):
     """The branch between two neighbouring points."""
-
-    @staticmethod
-    def may_happen(
-        curve: Any, before: CurvePoint, points: Sequence[CurvePoint], requested: tuple[float, ...], watch: Watch
-    ) -> np.ndarray:
-        return np.ones(len(points), bool)
 
     def _excess(self, level: float, point: CurvePoint) -> float | None:
         """The multiplier above a level, None where there is none."""

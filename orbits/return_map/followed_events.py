@@ -13,7 +13,7 @@ import numpy as np
 
 from ..continuation.corrector import correct
 from ..continuation.curve import Curve, CurvePoint, CurvePoints, Watch
-from ..continuation.events import Segment
+from ..continuation.events import SearchedSegment, Segment
 from ..continuation.follow import bounds_of
 from ..continuation.limits import Endings
 from ..continuation.point import End, Event
@@ -185,14 +185,8 @@ class EventEquations(Curve):
         return tests
 
 
-class EventSegment(Segment):
+class EventSegment(SearchedSegment):
     """The curve between two neighbouring points."""
-
-    @staticmethod
-    def may_happen(
-        curve: Any, before: CurvePoint, points: Sequence[CurvePoint], requested: tuple[float, ...], watch: Watch
-    ) -> np.ndarray:
-        return np.ones(len(points), bool)
 
     def _sign_changes(self, watch: Watch) -> Any:
         if self.fold is not None:

@@ -16,6 +16,7 @@ import numpy as np
 from ..continuation.point import End
 from ..errors import InputError, NoOrbit, OrbitsError
 from ..numerics.roots import bracketed_root
+from ..result import Progress
 from ..running import interrupts
 from ..simulation.multipliers import HopsDerivative, derivative_of_hops
 from .bifurcation import Bifurcation
@@ -248,7 +249,7 @@ def _confirmed(kind: str, point: LaunchPoint) -> str | None:
 class LaunchDiagram:
     """The branches and bifurcations found so far, of launches of several numbers."""
 
-    def __init__(self, maps: MapsAlong, between: tuple[float, float], progress: Callable[[float], None] | None):
+    def __init__(self, maps: MapsAlong, between: tuple[float, float], progress: Progress):
         self.maps, self.between, self.report = maps, between, progress or (lambda share: None)
         self.branches, self.events = list[Branch](), list[tuple[int, str, LaunchPoint, str]]()
         self._done = 0.0  # the completed share
@@ -369,7 +370,7 @@ class LaunchDiagram:
 
 def launch_diagram(
     maps: MapsAlong, between: tuple[float, float], values: list[float], starts: Any, attractor: int | None,
-    progress: Callable[[float], None] | None,
+    progress: Progress,
 ) -> LaunchDiagram:  # fmt: skip
     """The branches of periodic hops that are found from starts at values of the parameter."""
     model = maps.machine.model

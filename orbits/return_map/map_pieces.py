@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..numerics.roots import enclosed_sign_changes
-from ..result import Report
+from ..result import Progress
 from ..running import heartbeat, interrupts
 from ..simulation.feet import LIFTS_OFF
 from ..simulation.impacts import STATUSES
@@ -282,7 +282,7 @@ class _Resolving:
         rooted &= np.abs(second - first) > ROUNDED_NEXT * np.abs(first)
         self.powers |= {each[:2]: 2 if root else 1 for each, root in zip(sides, rooted.tolist(), strict=True)}
 
-    def resolve(self, samples: int, progress: Report = None) -> None:
+    def resolve(self, samples: int, progress: Progress = None) -> None:
         """Find the borders between the launches of a grid, and fit the cells between them; `progress` is called with
         the share of the range that is resolved, or not to be."""
         grid = np.linspace(self.low, self.high, samples)
@@ -409,7 +409,7 @@ def _cell_nodes(degree: int) -> tuple[np.ndarray, np.ndarray]:
 
 def map_pieces(
     hops_from: Callable[[np.ndarray], Hops], lossless: list[float], low: float, high: float, samples: int,
-    progress: Report = None,
+    progress: Progress = None,
 ) -> MapPieces:  # fmt: skip
     """The pieces of a map without injection between two launch speeds; lossless ones are known, other borders are
     searched for between the launches of a grid."""

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import InputError, NoOrbit
 from ..io import Document
 from ..model.machine import Machine
-from ..result import Axes, Result, Row, shown, stored
+from ..result import Axes, Progress, Result, Row, shown, stored
 from ..simulation.launch_section import LaunchSection
 from ..simulation.multipliers import EnergyLoss, HopMultipliers, HopsDerivative, derivative_of_hops
 from ..simulation.simulation import simulate
@@ -197,7 +197,7 @@ def listed_starts(starts: Any) -> list[Any]:
 
 
 def different_hops(
-    hop_from: Callable[..., PeriodicHop], starts: Any, progress: Callable[[float], None] | None = None
+    hop_from: Callable[..., PeriodicHop], starts: Any, progress: Progress = None
 ) -> tuple[PeriodicHop, ...]:
     """The different hops that are found from starts, in their order; starts from which none is found are left out.
     `progress` is called with the completed share of the starts."""

@@ -7,7 +7,7 @@ from typing import Any, overload
 import numpy as np
 
 from ..numerics.roots import UNIT, solve
-from ..result import Axes, Report, Result, Row, reported, shown
+from ..result import Axes, Progress, Result, Row, reported, shown
 from ..units import LENGTH, LIFTOFF_SPEED, Units
 from .bifurcation import WORDS_OF_STABILITY
 from .hops import Hops
@@ -253,7 +253,7 @@ def lossless_hops(return_map: Any, period: int, low: float, high: float, lossles
     return PeriodicHops(return_map._words, period, low, high, 0.0, cycles)
 
 
-def all_periodic_hops(return_map: Any, pieces: MapPieces, period: int, progress: Report = None) -> PeriodicHops:
+def all_periodic_hops(return_map: Any, pieces: MapPieces, period: int, progress: Progress = None) -> PeriodicHops:
     """The `PeriodicHops` of a dimensionless return map whose pieces without injection are known."""
     branches = MonotoneBranches.of(pieces, return_map.inject)
     found, itineraries = cycles_of(branches, return_map, period) if len(branches.ends) else ([], 0)

@@ -14,8 +14,7 @@ import numpy as np
 from ..errors import InputError, finite_number, whole_number
 from ..io import Document
 from ..model.machine import Machine, machine_in_words, title_of_machine
-from ..periodic.find import Progress
-from ..result import Axes, Result, Row, shown, stored
+from ..result import Axes, Progress, Result, Row, shown, stored
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..simulation.feet import LIFTS_OFF

@@ -17,8 +17,9 @@ from ..flow.flow import flow_of
 from ..numerics.polynomial_roots import piecewise_roots
 from ..numerics.roots import enclosed_sign_changes, resolved
 from ..periodic.certified import certified_orbit, solve_from
-from ..periodic.find import Progress, find, find_all
+from ..periodic.find import find, find_all
 from ..periodic.orbit import Orbit
+from ..result import Progress
 from ..running import interrupts
 from ..simulation.impacts import Impacts
 

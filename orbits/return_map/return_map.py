@@ -18,8 +18,8 @@ from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_numb
 from ..io import fields_in_line
 from ..model.machine import Machine, dimensionless, machine_in_words
 from ..numerics.roots import enclosed_sign_changes
-from ..periodic.find import Progress, find
-from ..result import Axes, cell, shown
+from ..periodic.find import find
+from ..result import Axes, Progress, cell, shown
 from ..running.exclusive import exclusive, in_threads
 from ..simulation.hysteresis import Branches
 from ..simulation.impact_sequences import decided_impacts

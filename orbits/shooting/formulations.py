@@ -76,23 +76,33 @@ def half_orbit(model: Model) -> Statement:
     speed, the contact after the mirrored landing has to reach such a state too, and half its time is a further unknown.
     Raises `InputError` for a model without a reversor.
     """
-    flying, standing = model.reversal, model.contact_reversal
-    flight = Arc(
+    if model.one_speed:
+        return Statement("half orbit", model.half_unknowns, (half_flight(model),), ("alpha", "duration"))
+    arcs = half_flight(model), half_contact(model)
+    return Statement("half orbit", model.half_unknowns, arcs, ("duration", "contact_duration"))
+
+
+def half_flight(model: Model) -> Arc:
+    """The flight from the launch set to a state that is fixed by the reversor."""
+    reversal = model.reversal
+    return Arc(
         model.flight,
         start=lambda u, before, p: model.launch(u, p),
         duration=lambda u, p: u["duration"],
-        conditions=lambda u, x, p: flying.fixed(x, p),
+        conditions=lambda u, x, p: reversal.fixed(x, p),
         guard=lambda u, x, p, q: model.liftoff(u, p, q),
     )
-    if model.one_speed:
-        return Statement("half orbit", model.half_unknowns, (flight,), ("alpha", "duration"))
-    contact = Arc(
+
+
+def half_contact(model: Model) -> Arc:
+    """The contact from the mirrored landing to a state that is fixed by the reversor."""
+    reversal = model.contact_reversal
+    return Arc(
         model.contact,
         start=lambda u, before, p: model.touchdown(u, p),
         duration=lambda u, p: u["contact_duration"],
-        conditions=lambda u, x, p: standing.fixed(x, p),
+        conditions=lambda u, x, p: reversal.fixed(x, p),
     )
-    return Statement("half orbit", model.half_unknowns, (flight, contact), ("duration", "contact_duration"))
 
 
 @lru_cache(maxsize=64)

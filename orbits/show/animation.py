@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..io import check_path
-from ..result import Axes, Report
+from ..result import Axes, Progress
 from ..units import Units
 from .plane import animate_in_plane, cycles_shown, drawing_of, labelled, write_frames
 from .plot import COLOURS, SHADE, new_axes, off_screen, unit_labels
@@ -22,7 +22,7 @@ ANIMATIONS = (".gif", ".mp4")
 SPRING_END = "spring's end"  # the height of an end that an actuator moves; it is drawn as a thin bar
 
 
-def animate_orbit(orbit: "Orbit", path: str | Path, frames: int = 80, progress: Report = None) -> Path:
+def animate_orbit(orbit: "Orbit", path: str | Path, frames: int = 80, progress: Progress = None) -> Path:
     """Write one cycle as an animation of masses, spring and ground, .gif or, by ffmpeg, .mp4; returns the path."""
     closed, drawing = orbit.contact_time is not None, drawing_of(orbit.source)
     end = (orbit.period if closed else orbit.flight_time) * cycles_shown(orbit)
@@ -35,7 +35,7 @@ def animate_orbit(orbit: "Orbit", path: str | Path, frames: int = 80, progress: 
     return _animate(path, words, orbit(t), shape.heights, joints, floating, orbit.scales, progress)
 
 
-def animate_simulation(run: "Simulation", path: str | Path, frames: int = 200, progress: Report = None) -> Path:
+def animate_simulation(run: "Simulation", path: str | Path, frames: int = 200, progress: Progress = None) -> Path:
     """Write a simulated motion as an animation, as `animate_orbit` does; returns the path."""
     t, machine = np.linspace(0, run.end, _frames(frames)), run.source
     words = np.where(run.in_contact(t), "contact", "flight")
@@ -112,7 +112,7 @@ def drawn_range(heights: Mapping, knees: Iterable[tuple]) -> tuple[float, float]
 
 
 def _animate(
-    path, words, states, functions: Mapping, joints: tuple, floating: bool, units: Units | None, progress: Report
+    path, words, states, functions: Mapping, joints: tuple, floating: bool, units: Units | None, progress: Progress
 ) -> Path:
     """Animate masses, whose heights are functions of the states (frames, n), with a title from `words` for each frame.
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..io import writing
 from ..mechanics.drawing import LANDINGS, REPEATED, Drawing, Outline
 from ..mechanics.elements import value_of
-from ..result import Axes, Report
+from ..result import Axes, Progress
 from ..units import Units
 from .plot import COLOURS, SHADE, new_axes, off_screen, plain, title, unit_labels
 
@@ -235,7 +235,7 @@ def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
 
 def animate_in_plane(
     path: Path, words: np.ndarray, machine: Any, states: np.ndarray, landings: np.ndarray, units: Units | None,
-    progress: Report,
+    progress: Progress,
 ) -> Path:  # fmt: skip
     """Write an animation of a machine in flight states (frames, n) after so many landings (frames,)."""
     paths, (metres, *_) = plane_paths(machine, states, landings), unit_labels(units)
@@ -265,7 +265,7 @@ def animate_in_plane(
     return write_frames(path, axes, draw, len(words), progress)
 
 
-def write_frames(path: Path, axes: Axes, draw: Callable, count: int, progress: Report) -> Path:
+def write_frames(path: Path, axes: Axes, draw: Callable, count: int, progress: Progress) -> Path:
     """Write an animation of so many frames, each of which `draw` draws on axes by its number."""
     from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 

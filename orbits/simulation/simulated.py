@@ -19,7 +19,7 @@ from ..model.phase import Affine
 from ..model.state_formula import StateFormula
 from ..numerics.polynomial_roots import lowest
 from ..periodic.cycle_shape import relabelled_back
-from ..result import TABLE_ROWS, Axes, Report, Result, Row, known, shown
+from ..result import TABLE_ROWS, Axes, Progress, Result, Row, known, shown
 from ..units import ENERGY, FORCE, LENGTH, LIFTOFF_SPEED, SPEED, TIME, Units, in_units
 from .footing import FALLS
 from .hysteresis import Branches
@@ -234,7 +234,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         """Plot heights against time; returns the axes. See `orbits.show.plot.plot_simulation`."""
         return shown("plot").plot_simulation(self, axes)
 
-    def animate(self, path: str | Path, frames: int = 200, *, progress: Report = None) -> Path:
+    def animate(self, path: str | Path, frames: int = 200, *, progress: Progress = None) -> Path:
         """Write an animation of the whole motion (.gif or .mp4); returns its path. See `animate_simulation`."""
         return shown("animation").animate_simulation(self, path, frames, progress)
 

@@ -17,8 +17,8 @@ from ..consistency.accepted import check_machine
 from ..errors import InputError, finite_number, whole_number
 from ..model.machine import Machine
 from ..model.model import refuse_steps
-from ..periodic.find import StartLike, unknowns_of_start
 from ..periodic.orbit import Orbit, start_in_file
+from ..periodic.stated_start import StartLike, unknowns_of_start
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..units import LENGTH, LIFTOFF_SPEED, TIME, Message, Quantity, described, in_own_units

@@ -23,8 +23,10 @@ from ..errors import InputError, NoOrbit, list_of_names, whole_number
 from ..io import Document
 from ..model.machine import Machine
 from ..periodic.continued import AT_FOLD, NOT_REACHED, continued_orbits
-from ..periodic.find import StartLike, family_number, find
+from ..periodic.family_orbits import family_number
+from ..periodic.find import find
 from ..periodic.orbit import Orbit, orbit_of
+from ..periodic.stated_start import StartLike
 from ..result import Axes, Result, Row, shown
 from ..running.heartbeat import running
 from ..running.time_limit import TimeOver

@@ -4,15 +4,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..design.designs_at_once import names_of_tuned, solved_designs, tuned_designs
-from ..design.problem import formula_names, known_formula
+from ..design.designs_at_once import solved_designs, tuned_designs
+from ..design.problem import known_formula
 from ..errors import OrbitsError
 from ..model.machine import Machine
 from ..periodic.find import find
 from ..return_map.return_map import ReturnMap
 from ..running import interrupts
 from ..running.exclusive import exclusive
-from .question import LAUNCH_SPEED, Question, Table, empty_table
+from .question import LAUNCH_SPEED, Question, Table, empty_table, names_of_quantities
 
 
 @exclusive
@@ -48,7 +48,7 @@ def _found(question: Question, table: Table, report: Callable[[int], None]) -> N
     """The orbits of each family."""
     families = np.array(question.families)[table.members % len(question.families)]
     tuning = question.tuning
-    known = (names_of_tuned if tuning else formula_names)(question.machine) if question.quantities else ()
+    known = names_of_quantities(question.machine, tuning) if question.quantities else ()
     formulas = {text: known_formula(text, known, "the quantity") for text in question.quantities}
     start = None if question.start is None or tuning else find(question.machine, start=question.start)
     before = 0  # the number of members of the families before

@@ -8,14 +8,16 @@ from typing import Any, NamedTuple, TypedDict
 import numpy as np
 
 from ..continuation.checkpoint import versions
-from ..design.designs_at_once import columns_of_tuned, names_of_tuned
+from ..design.designs_at_once import columns_of_tuned, names_together
 from ..design.problem import formula_names, known_formula
 from ..design.tuned_machine import tuning_of_designs
 from ..errors import InputError, finite_number, list_of_names
 from ..io import Document
 from ..model.machine import Machine, machine_in_words
-from ..periodic.find import check_start, family_number, find, unknowns_of_start
+from ..periodic.family_orbits import family_number
+from ..periodic.find import find
 from ..periodic.orbit import Orbit, start_in_file
+from ..periodic.stated_start import check_start, unknowns_of_start
 from ..periodic.tuned import Tuning
 from ..running.exclusive import exclusive
 from .designs import Axis, Members
@@ -207,9 +209,14 @@ def _tuning(machine: Machine, members: Members, outcome: str, tune: Any, at: Any
     return tuning_of_designs(machine, tune, at, members.names)
 
 
+def names_of_quantities(machine: Machine, tuning: Tuning | None) -> list[str]:
+    """The names that formulas of quantities may use: of machines that go forward, what is computed for many orbits."""
+    return sorted(names_together(machine)) if tuning and machine.model.sticks else formula_names(machine)
+
+
 def _check_quantities(machine: Machine, quantities: Sequence[str], tuning: Tuning | None) -> None:
     """Raise `InputError`, in one line, for an unknown quantity."""
-    known = (names_of_tuned if tuning else formula_names)(machine) if quantities else ()
+    known = names_of_quantities(machine, tuning) if quantities else ()
     for text in quantities:
         try:
             known_formula(text, known, "the quantity")

@@ -11,7 +11,7 @@ import numpy as np
 from ..consistency.accepted import check_machine
 from ..errors import InputError, OrbitsError, one_of, true_or_false
 from ..model.machine import Machine, free_parameters
-from ..periodic.find import StartLike
+from ..periodic.stated_start import StartLike
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.heartbeat import running

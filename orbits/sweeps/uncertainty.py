@@ -10,7 +10,8 @@ from ..consistency.accepted import check_machine
 from ..design.sensitivities import sensitivities
 from ..errors import InputError, list_of_names, whole_number
 from ..model.machine import Machine
-from ..periodic.find import StartLike, check_start, find
+from ..periodic.find import find
+from ..periodic.stated_start import StartLike, check_start
 from ..result import Axes, Result, shown
 from .designs import members_of
 from .sweep import sweep as swept

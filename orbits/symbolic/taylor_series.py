@@ -165,7 +165,7 @@ def separated(rates: ca.SX, x: ca.SX, p: ca.SX) -> Separated:
         if op == ca.OP_INPUT:
             value, degree = (x, p)[inputs[0]][inputs[1]], 1 - inputs[0]
         elif op != ca.OP_OUTPUT and constant is None:
-            value, degree = _applied(op, [values[i] for i in inputs]), _degree(op, [degrees[i] for i in inputs])
+            value, degree = applied(op, [values[i] for i in inputs]), _degree(op, [degrees[i] for i in inputs])
         own = (arguments[i] if degrees[i] == 2 else {i} for i in (inputs if degree == 2 else ()) if degrees[i])
         values.append(value)
         degrees.append(degree)
@@ -181,7 +181,7 @@ def separated(rates: ca.SX, x: ca.SX, p: ca.SX) -> Separated:
             return values[i]
         linear = _degree(op, [min(degrees[j], 1) for j in inputs]) == 1
         if linear and (len(varying) == 1 or len(arguments[i]) > 1):
-            return _applied(op, [affine(j) for j in inputs])
+            return applied(op, [affine(j) for j in inputs])
         return functions.setdefault(i, ca.SX.sym("f"))
 
     def nonlinear(i: int) -> ca.SX:
@@ -189,7 +189,7 @@ def separated(rates: ca.SX, x: ca.SX, p: ca.SX) -> Separated:
         if degrees[i] < 2:
             return symbols.setdefault(i, ca.SX.sym("s")) if degrees[i] else values[i]
         op, inputs, _ = instructions[i]
-        return _applied(op, [nonlinear(j) for j in inputs])
+        return applied(op, [nonlinear(j) for j in inputs])
 
     sums = ca.SX(rates.numel(), 1)
     for op, inputs, _ in instructions:
@@ -206,7 +206,8 @@ def separated(rates: ca.SX, x: ca.SX, p: ca.SX) -> Separated:
     )
 
 
-def _applied(op: int, inputs: Sequence[ca.SX]) -> ca.SX:
+def applied(op: int, inputs: Sequence[ca.SX]) -> ca.SX:
+    """The result of an operation of CasADi."""
     return ca.SX.unary(op, inputs[0]) if len(inputs) == 1 else ca.SX.binary(op, *inputs)
 
 

@@ -303,8 +303,8 @@ def launches_of(machine: "MachineOfFile", hop: str | None, alpha: Any) -> Any:
     """The launches of --alpha and --start, for `simulate` and the map: speeds, or the launch of an orbit with its own
     speed or with those; raises `InputError` for neither, and where --start is missing."""
     from orbits.errors import InputError
-    from orbits.periodic.find import unknowns_of_start
     from orbits.periodic.orbit import start_in_file
+    from orbits.periodic.stated_start import unknowns_of_start
     from orbits.return_map.return_map import ReturnMap
 
     started(machine, hop)

@@ -11,8 +11,9 @@ from orbits.continuation.follow import follow
 from orbits.continuation.point import Point
 from orbits.errors import InputError, NoOrbit
 from orbits.model.machine import Machine
-from orbits.periodic.find import find, stated_unknowns
+from orbits.periodic.find import find
 from orbits.periodic.orbit import Orbit
+from orbits.periodic.stated_start import stated_unknowns
 from orbits.return_map.return_map import ReturnMap
 from orbits.show.pages.family_view import FamilyData, family_data
 from orbits.show.pages.hop_view import HopData, hop_data

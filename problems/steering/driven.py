@@ -18,7 +18,7 @@ from orbits.io import Document, conform
 from orbits.model.machine import Machine, machine_in_words
 from orbits.model.model import CONTACT_FORCE
 from orbits.model.phase import Affine
-from orbits.result import Axes, Report, Row, is_of
+from orbits.result import Axes, Progress, Row, is_of
 from orbits.show.animation import SPRING_END, animate_simulation
 from orbits.simulation.simulated import times_within
 from orbits.units import ENERGY, LIFTOFF_SPEED, unit_text
@@ -224,7 +224,7 @@ class Driven(Control, what="motion of a driven machine"):
 
         return plot_driven(self, axes)
 
-    def animate(self, path: str | Path, frames: int = 200, *, progress: Report = None) -> Path:
+    def animate(self, path: str | Path, frames: int = 200, *, progress: Progress = None) -> Path:
         """Write an animation (.gif or .mp4), for a machine with a rest length also of the spring's end; returns its
         path. See `orbits.show.animation.animate_simulation`."""
         motion, plain = self.motion, isinstance(self.source, TwoMasses) and not self.actuator.is_force

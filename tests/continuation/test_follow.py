@@ -6,7 +6,7 @@ from families import FOLD, FOLD_ALPHA, GOLDEN, events
 
 from orbits import InputError, NoOrbit, Orbit, find, follow, follow_branch, orbit_at, trace
 from orbits.continuation.point import End, Event
-from orbits.periodic.find import solve_family
+from orbits.periodic.family_orbits import solve_family
 from orbits.show.plot import thumbnails
 from problems import Hopper, hopper_in_si
 from problems.laws import springs

@@ -43,6 +43,12 @@ def test_the_first_extension_at_the_level(text):
         assert Liftoff(load, "").extensions_at(law, 0.0, [1.0, 2.0]).tolist() == [found] * 2
 
 
+def test_a_force_that_reaches_the_level_just_before_it_drops():
+    law = from_formula("r - 0.005 - 0.005*sign(r - 1.0001)", "r")
+    assert WEIGHT.extension(law) == pytest.approx(1.0, rel=1e-15)
+    assert np.isnan(WEIGHT.extensions(law.key, {"unused": np.zeros(2)})).all()
+
+
 def test_many_springs_are_those_one_by_one():
     """More than fit in a block; NaN for those that never reach the level, are too flat, or turn before."""
     rng = np.random.default_rng(5)

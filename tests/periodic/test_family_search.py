@@ -119,7 +119,7 @@ def test_a_refusal_says_a_remedy_once(monkeypatch):
     def refused(*_, **__):
         raise NoOrbit(reason)
 
-    monkeypatch.setattr("orbits.periodic.find.certified_orbit", refused)
+    monkeypatch.setattr("orbits.periodic.family_orbits.certified_orbit", refused)
     with pytest.raises(NoOrbit) as raised:
         find(machine)
     assert str(raised.value).count("try another method") == 1

@@ -57,38 +57,6 @@ def test_a_stiffer_line_scales():
     assert orbit.liftoff_extension == pytest.approx(0.25)
 
 
-def test_the_family_is_measured():
-    assert find(Hopper("r + 40*r**3")).alpha == pytest.approx(1.34798859, rel=1e-8)
-    assert find(Hopper("r + 40*r**3"), 2).alpha == pytest.approx(2.00809902, rel=1e-8)
-
-
-@pytest.mark.parametrize(("beta", "family"), [(0.3, 1), (0.3, 2), (0.3, 5), (-0.005, 1)])
-def test_families_count_stationary_points(beta, family):
-    orbit = find(Hopper("cubic", parameters={"beta": beta}), family)
-    t = np.linspace(0, orbit.flight_time / 2, 20001)[1:]
-    speed = orbit(t)[:, 1] - orbit(t)[:, 3]
-    turns = np.count_nonzero(np.sign(speed[1:-1]) != np.sign(speed[:-2]))
-    assert turns + 1 == family + 1
-
-
-def test_large_families():
-    linear = find(Hopper(), 60)
-    assert linear.alpha == pytest.approx(190.06109412465196, rel=1e-14)
-    cubic = find(Hopper("cubic", parameters={"beta": 0.1}), 60)
-    shot = find(Hopper("cubic", parameters={"beta": 0.1}), 60, method="shooting")
-    assert (cubic.family, shot.family) == (60, 60)
-    assert shot.alpha == pytest.approx(cubic.alpha, rel=1e-12)
-
-
-def test_softening_spring_before_and_past_its_fold():
-    """Fact: family 1 of r + b r**3 folds at b = -0.0106952149164040; the orbit before the fold is the lower one."""
-    assert find(Hopper("cubic", parameters={"beta": -0.005})).alpha == pytest.approx(4.7432, abs=1e-4)
-    near = find(Hopper("cubic", parameters={"beta": -0.010695214}))
-    assert near.alpha == pytest.approx(5.83222, abs=2e-3)
-    with pytest.raises(NoOrbit, match="does not come back"):
-        find(Hopper("cubic", parameters={"beta": -0.0108}))
-
-
 GOLDEN = {
     float(beta): (middle(hop["alpha"]), middle(hop["mid_flight_extension"])) for beta, hop in PROVED["cubic"].items()
 }
@@ -147,19 +115,6 @@ def check_with_scipy(orbit, law, family):
     )
     assert answer.y[1, -1] == pytest.approx(0, abs=1e-7 * orbit.alpha**2)
     assert sum(t < orbit.alpha * (1 - 1e-6) for t in answer.t_events[0]) == family
-
-
-@pytest.mark.parametrize("family", [0, -1, 1.5, "one", True, 10**7])
-def test_bad_families(family):
-    with pytest.raises(InputError, match="a family is a whole number"):
-        find(Hopper(), family)
-
-
-def test_a_solve_that_lands_on_another_family_has_failed(monkeypatch):
-    second = find(Hopper(), 2)
-    monkeypatch.setattr("orbits.periodic.find.certified_orbit", lambda *_, **__: second)
-    with pytest.raises(NoOrbit, match="ended on an orbit of family 2"):
-        find(Hopper())
 
 
 def test_a_table_too_short_names_its_range():

@@ -12,8 +12,8 @@ from orbits import InputError, NoOrbit, Orbit, ReturnMap, check, find
 from orbits.mechanics import Spring
 from orbits.model.state_formula import StateFormula
 from orbits.periodic.certificate import certify
-from orbits.periodic.find import stated_unknowns
 from orbits.periodic.friction import with_friction
+from orbits.periodic.stated_start import stated_unknowns
 from orbits.periodic.tuned import solve_tuned, tuning_of
 from orbits.show.plane import landings_of, plane_paths
 from problems import runner

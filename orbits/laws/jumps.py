@@ -1,0 +1,282 @@
+"""Laws that jump, stated in pieces: a breakpoint lies where the two sides of a comparison are equal.
+
+The control of the steps resolves a kink, but not a jump: a polynomial across it oscillates, and sensitivities change
+there by the jump. On a piece the outcome of each comparison is a constant, so that the law is smooth there, and beyond
+the ends of the piece too.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property, lru_cache
+from itertools import pairwise, product
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import InputError
+from ..running.exclusive import LOCK, exclusive
+from ..symbolic.calls import single_assignment
+from ..symbolic.taylor_series import applied
+from .features import FARTHEST
+from .law import Law, LawPieces, Parameters
+from .law_expressions import Expression, break_table
+
+# Operations by which a law may jump, and a result that changes only there, from theirs and their arguments.
+_STEPS: dict[int, Callable] = {
+    **dict.fromkeys((ca.OP_SIGN, ca.OP_LT, ca.OP_LE, ca.OP_FLOOR, ca.OP_CEIL), lambda result, *_: result),
+    ca.OP_COPYSIGN: lambda _, a, b: ca.sign(b),
+    ca.OP_FMOD: lambda _, a, b: ca.floor(a / b),
+    ca.OP_REMAINDER: lambda _, a, b: ca.floor(a / b + 0.5),
+}
+# Operations with two outcomes: what decides, by its sign, and the result with an outcome s of -1 or 1.
+_DECIDED: dict[int, tuple[Callable, Callable]] = {
+    ca.OP_SIGN: (lambda a: a, lambda s, a: s),
+    ca.OP_FABS: (lambda a: a, lambda s, a: s * a),
+    ca.OP_LT: (lambda a, b: b - a, lambda s, a, b: (1 + s) / 2),
+    ca.OP_LE: (lambda a, b: b - a, lambda s, a, b: (1 + s) / 2),
+    ca.OP_FMIN: (lambda a, b: b - a, lambda s, a, b: (1 + s) / 2 * a + (1 - s) / 2 * b),
+    ca.OP_FMAX: (lambda a, b: a - b, lambda s, a, b: (1 + s) / 2 * a + (1 - s) / 2 * b),
+}
+# Operations on conditions, which are 0 or 1.
+_ON_CONDITIONS: dict[int, Callable] = {
+    ca.OP_NOT: lambda a: 1 - a,
+    ca.OP_AND: lambda a, b: a * b,
+    ca.OP_OR: lambda a, b: a + b - a * b,
+    ca.OP_IF_ELSE_ZERO: lambda condition, a: condition * a,
+}
+_CONDITIONS = {ca.OP_LT, ca.OP_LE, ca.OP_NOT, ca.OP_AND, ca.OP_OR}
+_UNDECIDED = {ca.OP_FLOOR, ca.OP_CEIL, ca.OP_COPYSIGN, ca.OP_FMOD, ca.OP_REMAINDER, ca.OP_EQ, ca.OP_NE}
+# Comparisons of what others decide, as abs(r) > 1, are resolved for all outcomes of at most this many.
+MOST_INSIDE = 3
+# Places and forces that differ by less than this share of their size and of 1 are equal.
+EQUAL_SHARE = 1e-9
+# The force beside a breakpoint is that at this distance, a share of its place and of 1, where roundings end.
+BESIDE_JUMP = 1e-13
+# By this share parameters are moved, to tell what holds whatever their values are.
+MOVED_SHARE = 0.1
+# Where a piece is compared with the law: shares of its length, or of this length where it has no end.
+COMPARED_SHARES = np.linspace(0.001, 0.999, 200)
+# Jumps without a formula of their place are searched for at these extensions, and bracketed by this many halvings.
+PLACES_OF_JUMPS, JUMP_HALVINGS = np.linspace(-FARTHEST, FARTHEST, 4002), 60
+
+
+@exclusive
+def in_pieces(law: Law, breakpoints: Sequence[float] = ()) -> Law:
+    """The law in pieces if it jumps, or if breakpoints are stated, where it is not smooth; else the law itself.
+
+    Raises `InputError` for gravity that jumps, and for a law that jumps where neither breakpoints nor comparisons of
+    straight lines say.
+    """
+    stated, graph = tuple(sorted(breakpoints)), (law.expression, law.variable, tuple(law.parameters))
+    plain = replace(law, pieces=LawPieces(0, break_table((-np.inf, *stated, np.inf)))) if stated else law
+    parts = _Parts(*graph)
+    if not parts.may_jump:
+        return plain
+    values = np.array([*law.parameters.values()], dtype=float)
+    moved = values * (1 + MOVED_SHARE * np.cos(np.arange(len(values)))) + MOVED_SHARE * EQUAL_SHARE
+    breaks = parts.breaks([values, moved], stated) if parts.smooth is not None else ()
+    if not breaks:
+        if not stated:
+            parts.refuse_jump(law, values)
+        return plain
+    table = _table(*graph, breaks)
+    if not stated and not any(parts.jumps(table, each) for each in (values, moved)):
+        return law
+    if law.variable != "r":
+        raise InputError(f"gravity '{law.text}' jumps; write it as one smooth formula of {law.variable}")
+    if all(parts.are_smooth(table, each) for each in (values, moved)):
+        pieces = LawPieces(len(parts.outcomes), table, jumps=True)
+        return replace(law, expression=_smooth(*graph), pieces=pieces)
+    if stated:
+        return plain
+    raise InputError(
+        f"the law '{law.text[:60]}' jumps, and on one side of the jump it has no derivatives up to the end, as sqrt(r) "
+        "for r > 0 has none: round it there"
+    )
+
+
+class _Parts:
+    """A law taken apart at its comparisons.
+
+    outcomes : of each comparison the expression that decides by its sign, in x and p; the same in x, p and the outcomes
+        of comparisons inside; and the symbol of its outcome, -1 or 1
+    steps : the results of operations that jump
+    smooth : the law with the symbols of outcomes; None where it has other operations that jump
+    """
+
+    def __init__(self, expression: Callable, variable: str, names: tuple[str, ...]):
+        self.x, self.p, self.names = ca.SX.sym(variable), ca.SX.sym("p", len(names)), names
+        symbols = dict(zip(names, ca.vertsplit(self.p) if names else [], strict=True))
+        self.law = ca.SX(expression(self.x, symbols, []))
+        self.tape = single_assignment(ca.Function("law", [self.x, *symbols.values()], [self.law]))
+        self.may_jump = any(op in _STEPS for op, *_ in self.tape)
+        self.outcomes: list[tuple[ca.SX, ca.SX, ca.SX]] = []
+        self.steps: list[ca.SX] = []
+        self.smooth = self._taken_apart([self.x, *symbols.values()]) if self.may_jump else self.law
+
+    def _taken_apart(self, arguments: list[ca.SX]) -> ca.SX | None:
+        """The law with symbols for the outcomes of its comparisons."""
+        plain, smooth, conditions, complete = list[ca.SX](), list[ca.SX](), set[int](), True
+        for i, (op, places, constant) in enumerate(self.tape):
+            if op == ca.OP_OUTPUT:
+                return smooth[places[0]] if complete else None
+            if op in (ca.OP_INPUT, ca.OP_CONST):
+                plain.append(arguments[places[0]] if constant is None else ca.SX(constant))
+                smooth.append(plain[-1])
+                continue
+            own, others = ([each[place] for place in places] for each in (plain, smooth))
+            plain.append(applied(op, own))
+            if not ca.depends_on(plain[-1], self.x):
+                smooth.append(plain[-1])
+                continue
+            self.steps += [_STEPS[op](plain[-1], *own)] if op in _STEPS else []
+            conditions |= {i} if op in _CONDITIONS else set()
+            if op in _DECIDED:
+                decides, result = _DECIDED[op]
+                smooth.append(result(self._outcome(decides(*own), decides(*others)), *others))
+            elif op in _ON_CONDITIONS:
+                complete &= {*(places[:1] if op == ca.OP_IF_ELSE_ZERO else places)} <= conditions
+                smooth.append(_ON_CONDITIONS[op](*others))
+            else:
+                complete &= op not in _UNDECIDED
+                smooth.append(applied(op, others))
+        raise AssertionError("a function has a result")
+
+    def _outcome(self, decides: ca.SX, line: ca.SX) -> ca.SX:
+        """The symbol of the outcome of a comparison, the same for equal ones."""
+        for known, _, symbol in self.outcomes:
+            if ca.is_equal(known, decides, 20):
+                return symbol
+        self.outcomes.append((decides, line, ca.SX.sym(f"outcome_{len(self.outcomes)}")))
+        return self.outcomes[-1][-1]
+
+    @cached_property
+    def roots(self) -> list[ca.SX] | None:
+        """Where comparisons change their outcomes, for each outcome of those inside; None where one is not of straight
+        lines."""
+        found = list[ca.SX]()
+        for _, line, _ in self.outcomes:
+            inside = [symbol for *_, symbol in self.outcomes if ca.depends_on(line, symbol)]
+            slope = ca.jacobian(line, self.x)
+            if len(inside) > MOST_INSIDE or ca.depends_on(slope, self.x):
+                return None
+            root = -ca.substitute(line, self.x, 0) / slope
+            for outcomes in product((-1.0, 1.0), repeat=len(inside)):
+                found.append(ca.substitute(root, ca.vertcat(*inside), ca.vertcat(*outcomes)) if inside else root)
+        return found
+
+    def breaks(self, values: Sequence[np.ndarray], stated: tuple[float, ...]) -> tuple[int | float, ...]:
+        """The breakpoints: whole numbers are those of `roots`, and those that are stated follow, unless they are roots
+        at the first of the values of the parameters; those alone where not all comparisons are of straight lines."""
+        if self.roots is None:
+            return stated
+        function, found = ca.Function("roots", [self.p], [ca.vertcat(*self.roots)]), list[int]()
+        places = np.hstack([function(each).full() for each in values])
+        for i, each in enumerate(places):
+            finite = np.isfinite(each)
+            if finite.any() and not finite.all():
+                return stated
+            # Where none is finite the two sides are parallel, with these outcomes of comparisons inside.
+            if finite.all() and not any(_equal_but_for_rounding(places[k], each).all() for k in found):
+                found.append(i)
+        return *found, *(x for x in stated if not any(_equal_but_for_rounding(x, places[k, 0]) for k in found))
+
+    def jumps(self, table: Callable, values: np.ndarray) -> bool:
+        """Whether the law jumps at a breakpoint of the table, at values of the parameters."""
+        ends = np.array(table(dict(zip(self.names, values.tolist(), strict=True)))[0][1:-1])
+        below, above = (
+            self._law_at((ends + side * (1 + np.abs(ends)))[None], values).full()
+            for side in (-BESIDE_JUMP, BESIDE_JUMP)
+        )
+        return bool((np.abs(above - below) > EQUAL_SHARE * (1 + np.abs(below))).any())
+
+    def are_smooth(self, table: Callable, values: np.ndarray) -> bool:
+        """Whether the pieces are the law, and have derivatives at their ends, at values of the parameters."""
+        levels, rows = table(dict(zip(self.names, values.tolist(), strict=True)))
+        ends = levels[1:-1]
+        for low, high, row in zip([ends[0] - FARTHEST, *ends], [*ends, ends[-1] + FARTHEST], rows, strict=True):
+            inside = low + (high - low) * COMPARED_SHARES
+            own, law = self._on_piece(inside[None], values, row).full(), self._law_at(inside[None], values).full()
+            at_ends = self._on_piece(np.array([[x for x in (low, high) if x in ends]]), values, row).full()
+            if not np.isfinite(at_ends).all() or not (_equal_but_for_rounding(own[0], law[0]) | np.isnan(law[0])).all():
+                return False
+        return True
+
+    @cached_property
+    def _on_piece(self) -> ca.Function:
+        """(x, p, outcomes) -> the law on a piece, and its first three derivatives."""
+        found = [self.law if self.smooth is None else self.smooth]
+        for _ in range(3):
+            found.append(ca.jacobian(found[-1], self.x))
+        return ca.Function("piece", [self.x, self.p, self.symbols], [ca.densify(ca.vertcat(*found))])
+
+    @cached_property
+    def _law_at(self) -> ca.Function:
+        return ca.Function("law", [self.x, self.p], [self.law])
+
+    @property
+    def symbols(self) -> ca.SX:
+        """The symbols of the outcomes."""
+        return ca.vertcat(*[symbol for *_, symbol in self.outcomes])
+
+    def refuse_jump(self, law: Law, values: np.ndarray) -> None:
+        """Raise `InputError` for a law that jumps at an extension within those `PLACES_OF_JUMPS`."""
+        function = ca.Function("steps", [self.x, self.p], [ca.vertcat(*self.steps)])
+        steps = lambda places: function(places[None], values).full()  # noqa: E731
+        found = steps(PLACES_OF_JUMPS)
+        cells = (found[:, :-1] != found[:, 1:]).any(0).nonzero()[0]
+        if not len(cells):
+            return
+        low, high = PLACES_OF_JUMPS[cells], PLACES_OF_JUMPS[cells + 1]
+        for _ in range(JUMP_HALVINGS):
+            middle = 0.5 * (low + high)
+            before = (steps(middle) == found[:, cells]).all(0)
+            low, high = np.where(before, middle, low), np.where(before, high, middle)
+        below, above = (self._law_at(places[None], values).full()[0] for places in (low, high))
+        jumps = (np.abs(above - below) > EQUAL_SHARE * (1 + np.abs(below))).nonzero()[0]
+        if len(jumps):
+            nearest = jumps[np.abs(high[jumps]).argmin()]
+            raise InputError(
+                f"the law '{law.text[:60]}' jumps at {law.variable} = {high[nearest]:.6g}, from {below[nearest]:.4g} "
+                f"to {above[nearest]:.4g}, by no comparison of straight lines: state all places where it jumps, as "
+                f"springs.function(force, breakpoints=({high[nearest]:.6g},))"
+            )
+
+
+@lru_cache(maxsize=64)
+def _smooth(expression: Callable, variable: str, names: tuple[str, ...]) -> Expression:
+    """The expression of a law whose data are the outcomes of its comparisons."""
+    parts = _Parts(expression, variable, names)
+    assert parts.smooth is not None
+    function = ca.Function("smooth", [parts.x, parts.p, parts.symbols], [parts.smooth])
+    value = lambda x, p, q: function(x, ca.vertcat(*[p[name] for name in names]), ca.vertcat(*q))  # noqa: E731
+    return Expression(value, _smooth, expression, variable, names)
+
+
+@lru_cache(maxsize=64)
+def _table(expression: Callable, variable: str, names: tuple[str, ...], breaks: tuple[int | float, ...]) -> Expression:
+    """The table of the pieces between breakpoints, whose data are the outcomes of comparisons."""
+    parts = _Parts(expression, variable, names)
+    levels = [(parts.roots or [])[each] if isinstance(each, int) else ca.SX(each) for each in breaks]
+    for last in range(len(levels) - 1, 0, -1):
+        for i in range(last):
+            levels[i : i + 2] = ca.fmin(*levels[i : i + 2]), ca.fmax(*levels[i : i + 2])
+    middles = [levels[0] - 1, *(0.5 * (low + high) for low, high in pairwise(levels)), levels[-1] + 1]
+    decides = ca.vertcat(*[ca.sign(decides) for decides, *_ in parts.outcomes])
+    rows = [ca.substitute(decides, parts.x, middle) for middle in middles]
+    function = ca.Function("pieces", [parts.p], [ca.densify(ca.vertcat(*levels)), ca.densify(ca.horzcat(*rows))])
+
+    def table(p: Parameters) -> tuple[list, list]:
+        with LOCK:
+            found, columns = function(ca.vertcat(*[p[name] for name in names]))
+        if isinstance(found, ca.DM):
+            return [-np.inf, *found.full()[:, 0].tolist(), np.inf], columns.full().T.tolist()
+        return [-np.inf, *ca.vertsplit(found), np.inf], [ca.vertsplit(row) for row in ca.horzsplit(columns)]
+
+    return Expression(table, _table, expression, variable, names, breaks)
+
+
+def _equal_but_for_rounding(a: ArrayLike, b: ArrayLike) -> np.ndarray:
+    """Which numbers are equal but for rounding."""
+    return np.abs(np.subtract(a, b)) <= EQUAL_SHARE * (1 + np.abs(b))

@@ -1,0 +1,38 @@
+"""Starts that are stated by name, by an orbit and by the file of one."""
+
+import pytest
+
+from orbits import InputError, find
+from orbits.periodic.stated_start import stated_unknowns, unknowns_of_start
+from problems import Hopper, hopper_in_si
+
+
+def test_an_orbit_states_the_unknowns_that_lead_back_to_it():
+    machine = Hopper("cubic", rest_length=8.0, parameters={"beta": 0.3})
+    orbit = find(machine)
+    stated = stated_unknowns(machine.model, orbit)
+    assert stated["duration"] == pytest.approx(orbit.flight_time / 2, rel=1e-15)
+    assert stated["contact_duration"] == pytest.approx(orbit.contact_time / 2, rel=1e-15)
+    assert find(machine, start=stated).alpha == pytest.approx(orbit.alpha, rel=1e-15)
+
+
+def test_a_start_in_si():
+    machine = hopper_in_si(60.0, 3.0, stiffness=2000.0, rest_length=0.8)
+    orbit = find(machine)
+    start = unknowns_of_start(machine, orbit)
+    assert start["alpha"] == pytest.approx(orbit.alpha, rel=1e-14)
+    assert start["duration"] == pytest.approx(orbit.flight_time / 2, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("start", "message"),
+    [
+        (5, "it is an orbit, or a mapping of unknowns"),
+        ({"speed": 1.0}, "start has 'speed'; the unknowns are liftoff, alpha, duration"),
+        ({"alpha": 4.5, "duration": 2e4}, "'duration' = 20000; it lies between 0 and 10000"),
+        ({"alpha": float("nan")}, "start 'alpha'"),
+    ],
+)
+def test_starts_that_state_no_motion(start, message):
+    with pytest.raises(InputError, match=message):
+        stated_unknowns(Hopper().model, start)
