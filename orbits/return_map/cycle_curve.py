@@ -25,7 +25,7 @@ from .launch_curve import LaunchCurve, PeriodicLaunch
 UNIT_OF_OTHERS = 30.0
 # A step of Newton's method below the first number leaves the equations as they are but for rounding. One below the
 # second leaves an end of a step, from which points are interpolated that are solved later, with an error of its square.
-SAME_EQUATIONS, LAST_STEP_OF_ENDS = 1e-12, 1e-7
+SAME_EQUATIONS, LAST_STEP_OF_ENDS = 1e-12, 1e-6
 # Hops that were solved within this share of the ranges are near enough to begin with.
 NEAR_SOLVED = 1e-2
 
