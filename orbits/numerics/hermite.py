@@ -31,6 +31,7 @@ def hermite(size: int, behind: int, ahead: int) -> MappedFunction:
     return MappedFunction(function.expand() if size <= SCALAR else function)
 
 
+@lru_cache(maxsize=32)
 def _weights(behind: int, ahead: int) -> ca.Function:
     """(levels of points (behind + ahead), components of their tangents along the row, which of them to use, level) ->
     the weights of points and of tangents, in Lagrange's form, and the number of points used: on either side of the

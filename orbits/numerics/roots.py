@@ -14,6 +14,8 @@ SHARES = np.arange(1, 8) / 8
 ROUNDING = 1e-13
 # The rounding of a number, as a share of it, which a shorter step may not change; a bracket of two roundings is closed.
 UNIT, CLOSED = 2.3e-16, 4.5e-16
+# Where each call takes long whatever the number of places, an interval is cut at these shares at once.
+SHARES_AT_ONCE = np.arange(1, 16) / 16
 # Bisection alone takes some 60 steps to close a bracket, so that no safeguarded iteration takes this many.
 MOST_ITERATIONS = 200
 _Place = TypeVar("_Place")
@@ -98,6 +100,27 @@ def resolved(function: Callable[[Array], Array], grid: Array, toward_zero: bool)
         order = np.argsort(grid)
         grid, values = grid[order], values[order]
     return grid, values
+
+
+def enclosed_ends(holds: Callable[[Array, Array], Array], a: ArrayLike, b: ArrayLike) -> tuple[Array, Array]:
+    """Neighbouring numbers (m,) from a to b, a < b: conditions hold at the first one, as at a, and not at the second
+    one, as at b. In each step the first such part of an interval is taken.
+
+    holds : (places (k,), which of the conditions (k,)) -> whether they hold (k,)
+    """
+    a, b = (np.array(ends, dtype=float) for ends in (a, b))
+    going = np.arange(len(a))
+    for _ in range(MOST_ITERATIONS):
+        going = going[b[going] - a[going] > CLOSED * np.abs(a[going])]
+        if not len(going):
+            break
+        low, high = a[going, None], b[going, None]
+        inside = low + SHARES_AT_ONCE * (high - low)
+        kept = holds(inside.ravel(), np.repeat(going, len(SHARES_AT_ONCE))).reshape(inside.shape)
+        last = np.where(kept.all(1), kept.shape[1], np.argmin(kept, axis=1))[:, None]
+        places = np.hstack([low, inside, high])
+        a[going], b[going] = (np.take_along_axis(places, last + side, 1)[:, 0] for side in (0, 1))
+    return a, b
 
 
 def enclosed_sign_changes(

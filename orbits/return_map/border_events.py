@@ -52,7 +52,7 @@ class BordersOfCurve:
 
     def distance(self, a: CurvePoint, b: CurvePoint) -> float:
         """The distance of two points in shares of the ranges."""
-        return float(np.linalg.norm((a.x - b.x) / self.scale))
+        return float(np.linalg.norm(cast(Any, a.point).place - cast(Any, b.point).place))
 
     def in_order(self, before: PeriodicLaunch, behind: PeriodicLaunch, found: list[FoundEvent]) -> Iterator[FoundEvent]:
         """The events between two neighbouring points in order: those that are found, and those at which a launch passes

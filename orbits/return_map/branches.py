@@ -4,7 +4,7 @@ The tracer of `orbits.continuation` follows a `LaunchCurve` along its smooth pie
 map it restarts behind the border, as `BordersOfCurve` finds it there.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from itertools import pairwise
@@ -13,17 +13,18 @@ from typing import Any, cast
 import numpy as np
 
 from ..continuation.corrector import correct
-from ..continuation.curve import CurvePoint, Watch
+from ..continuation.curve import Curve, CurvePoint, Watch, interpolated
 from ..continuation.events import SearchedSegment, Segment
 from ..continuation.limits import Endings
 from ..continuation.point import End, Event
 from ..continuation.step_control import Options, StepControl
-from ..continuation.tracer import Tracer, TracerState
+from ..continuation.tracer import Batch, Tracer, TracerState
 from ..errors import NoOrbit
 from ..running import interrupts
 from ..simulation.impacts import STATUSES
 from .bifurcation import name_of_hops
 from .border_events import AROUND, COLLISION, BordersOfCurve, FoundEvent
+from .cycle_curve import CycleCurve, OtherImpacts
 from .cycle_statement import MULTIPLIER_AT
 from .cycles import MapsAlong
 from .launch_curve import LaunchCurve, PeriodicLaunch, place_in_words
@@ -41,6 +42,13 @@ STEPS_OF_BRANCHES = StepControl(
 STEPS_OF_SHEETS = replace(
     STEPS_OF_BRANCHES, largest_correction=0.2, target_correction=2e-2, largest_turn=0.3, largest_batch=4
 )
+# In all unknowns of the hops the curve bends little. What cannot be followed by steps of the least length, as beside
+# lossless hops, is followed in the launch speed.
+STEPS_OF_CYCLES = StepControl(
+    first_step=1e-2, shortest_step=1e-4, largest_correction=0.2, largest_turn=0.6, target_correction=1e-4,
+    largest_lengthening=4.0, neighbours=3, largest_batch=64, most_rejections=100, same_point=SAME_PLACE,
+)  # fmt: skip
+FAR_FROM_LOST = 1e-2  # and at such a distance the curve in all unknowns is tried again
 OTHER_SHEET = 0.25  # launches are on another sheet where their change differs from that of the rates by this share
 ON_BOTH_SIDES = 0.5  # the two launches beside a flip lie on both sides of it up to this share, or they are others
 SLOWLY = 1.0  # the multiplier of the doubled hops begins at 1, and differs from it by less at the first of them
@@ -48,6 +56,7 @@ SLOWLY = 1.0  # the multiplier of the doubled hops begins at 1, and differs from
 FIRST_OF_TWO = 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-2
 FARTHEST_OF_TWO = 20  # the first hops of twice the period have a parameter at most this many such shares away
 GROWTH_OF_HOPS = 1e6  # of a small change over many hops, up to which they are followed
+SHORT_CHORD = 1e-3  # of the distance of two points, between which others are guessed from the nearest one alone
 SMOOTH = 1e-3  # the multiplier passes a level smoothly where it comes this close to it, as a share of its change
 
 
@@ -61,7 +70,20 @@ class BranchCurve(LaunchCurve):
 
 
 class LaunchSegment(SearchedSegment):
-    """The branch between two neighbouring points."""
+    """The branch between two neighbouring points. Its points are solved once, and others are guessed from them."""
+
+    def __init__(self, curve: Curve, a: CurvePoint, b: CurvePoint):
+        super().__init__(curve, a, b)
+        self._solved = {0.0: a, 1.0: b}
+
+    def __call__(self, share: float) -> CurvePoint:
+        if share not in self._solved:
+            low, high = max(s for s in self._solved if s < share), min(s for s in self._solved if s > share)
+            nearest = low if share - low < high - share else high
+            beside = [self._solved[s] for s in ((low, high) if high - low > SHORT_CHORD else (nearest,))]
+            level = float(self.row @ self.a.x) + share
+            self._solved[share] = self._correct(interpolated(beside, self.row, np.array([level]))[0], self.row, level)
+        return self._solved[share]
 
     def _excess(self, level: float, point: CurvePoint) -> float | None:
         """The multiplier above a level, None where there is none."""
@@ -99,8 +121,13 @@ class LaunchEndings(Endings):
     def may_end(self, before: CurvePoint, points: Sequence[CurvePoint]) -> np.ndarray:
         return np.ones(len(points), bool)
 
+    @cached_property
+    def _first(self) -> np.ndarray:
+        return np.array([self.origin.alpha, self.start])
+
     def cut(self, segment: Segment) -> tuple[Segment, End | None]:
-        if jump := self.curve.borders.jump(segment.a, segment.b, segment):
+        ends: Any = segment.a.point, segment.b.point
+        if ends[0].impacts != ends[1].impacts and (jump := self.curve.borders.jump(segment.a, segment.b, segment)):
             return LaunchSegment(self.curve, segment.a, jump[0]), End("jump", jump[1])
         segment, end = super().cut(segment)
         half = self.curve.period // 2 * (1 - self.curve.period % 2)
@@ -112,9 +139,9 @@ class LaunchEndings(Endings):
             return LaunchSegment(self.curve, segment.a, segment.a), End("flip", reason)
         bound = min(max(before, self.curve.between[0]), self.curve.between[1])
         if bound != before:
-            row, share = np.array([1.0, 0.0]), (bound - first) / (before - first)
+            share = (bound - first) / (before - first)
             guess = segment.a.x + share * (segment.b.x - segment.a.x)
-            last = self.curve.certify(correct(self.curve, guess, row, bound, segment.a.tangent))
+            last = self.curve.certify(correct(self.curve, guess, self.curve.row_of_speed, bound, segment.a.tangent))
             reason = f"it leaves the launch speeds asked for at {self.curve.maps.in_words('alpha', bound)}"
             return LaunchSegment(self.curve, segment.a, last), End("left", reason)
         if not end and self.curve.period > 2 and abs(segment.b.point.multiplier) > GROWTH_OF_HOPS:
@@ -154,11 +181,19 @@ class LaunchTracer(Tracer):
         a, b = cast(Any, before.point), cast(Any, behind.point)
         if len(a.alphas) == 1 or a.rates is None or b.rates is None:
             return False
-        length = float(np.linalg.norm((behind.x - before.x) / self.curve.size(before.x)))
+        length = float(np.linalg.norm(b.place - a.place))
         change, expected = np.subtract(b.alphas, a.alphas), 0.5 * length * (a.rates + b.rates)
         return bool(
             (np.abs(change - expected) > OTHER_SHEET * (np.abs(change) + np.abs(expected))).any() and length > AROUND
         )
+
+
+class CycleTracer(LaunchTracer):
+    """A run along a smooth piece of a branch in all unknowns of its hops, up to where these have other impacts."""
+
+    def _after(self, state: TracerState, batch: Batch, ends: list[CurvePoint]) -> TracerState:
+        state = super()._after(state, batch, ends)
+        return state._replace(length=0.0) if isinstance(batch.rejection, OtherImpacts) else state
 
 
 class BranchTracer:
@@ -216,35 +251,81 @@ class BranchTracer:
         self, start: PeriodicLaunch, side: int, first_step: float = STEPS_OF_BRANCHES.first_step
     ) -> Iterator[PeriodicLaunch | FoundEvent | End]:
         """The points and events from one, in order along its tangent (`side` 1) or against it (-1); an end is last."""
-        options = replace(self.options, step_control=replace(self.options.step_control, first_step=first_step))
-        low, high, earlier, count = self.maps.low, self.maps.high, list[object](), 0
-        here: Any = self.curve.at(np.array([start.alpha, start.value]), side * start.tangent * self.scale)
-        if start.value == (high if here.tangent[1] > 0 else low):
+        earlier, count = list[object](), 0
+        here: Any = self.curve.of_launch(start, side)
+        lost: PeriodicLaunch | None = None  # where the curve in all unknowns was lost
+        if start.value == (self.maps.high if here.tangent[1] > 0 else self.maps.low):
             yield self._reached(start.value)
             return
         while count < LONGEST_BRANCH:
-            last: Any = here
-            before, passed = here, list[FoundEvent]()
-            for item in LaunchTracer(self.curve, here, low, high, options, earlier):
-                if isinstance(item, CurvePoint) and item.point is not last.point:
-                    yield from self.borders.in_order(last.point, cast(Any, item.point), passed)
-                    before, passed = last if self.borders.distance(last, item) >= AROUND else before, []
-                    last, count = item, count + 1
-                    yield last.point
-                elif isinstance(item, Event) and item.kind != "value":
-                    passed.append(FoundEvent(item.kind, cast(Any, item.point)))
-                elif isinstance(item, End) and (item.kind not in ("stuck", "stopped") or self._grown(last)):
-                    yield from passed
-                    yield self._reached(last.value) if item.kind == "reached" else item
-                    return
-            yield from passed
+            able = first_step >= STEPS_OF_CYCLES.shortest_step and self._is_beyond(here.point, lost)
+            in_all = self._in_all_unknowns(here, earlier) if able else None
+            run = in_all or self._in_launch(here, earlier, first_step)
+            reached = yield from self._followed(run, here, lost or here.point)
+            if not reached:
+                return
+            before, last, beyond, more = reached
+            earlier, count, first_step = [start], count + more, STEPS_OF_BRANCHES.first_step
+            if in_all:
+                if last is not here:
+                    cast(Any, in_all.curve).leave(last)
+                lost, here = last.point, self.curve.of_launch(last.point)
+                continue
+            if beyond:
+                here = last
+                continue
             if (behind := self.borders.round_corner(before, last) or self.borders.beyond(before, last)) is None:
                 yield self._why_stuck(last)
                 return
             yield from self.borders.in_order(last.point, cast(Any, behind.point), self.borders.corner(last, behind))
-            here, earlier, options = behind, [start], self.options
+            here = behind
             yield here.point
         yield End("stuck", f"it has {LONGEST_BRANCH} points")
+
+    def _followed(
+        self, run: LaunchTracer, here: Any, lost: Any
+    ) -> Generator[PeriodicLaunch | FoundEvent | End, None, tuple[Any, Any, bool, int] | None]:
+        """The points and events of a run from a point. Returns a point before the last one, at a distance if there is
+        such a one, the last one, whether the curve in all unknowns may be followed from there, after it was `lost`, and
+        the number of points; None at the end of the branch."""
+        before, passed, count = here, list[FoundEvent](), 0
+        last: Any = here
+        for item in run:
+            if isinstance(item, CurvePoint) and item.point is not last.point:
+                yield from self.borders.in_order(last.point, cast(Any, item.point), passed)
+                before, passed = last if self.borders.distance(last, item) >= AROUND else before, []
+                last, count = item, count + 1
+                yield last.point
+                if not isinstance(run, CycleTracer) and self._is_beyond(last.point, lost):
+                    return before, last, True, count
+            elif isinstance(item, Event) and item.kind != "value":
+                passed.append(FoundEvent(item.kind, cast(Any, item.point)))
+            elif isinstance(item, End) and (item.kind not in ("stuck", "stopped") or self._grown(last)):
+                yield from passed
+                yield self._reached(last.value) if item.kind == "reached" else item
+                return None
+        yield from passed
+        return before, last, False, count
+
+    def _is_beyond(self, launch: Any, lost: PeriodicLaunch | None) -> bool:
+        """Whether the curve in all unknowns, which was lost at another point, may be followed from this one."""
+        if self.maps.pieces is not None or self.maps.along is None:
+            return False
+        apart = np.inf if lost is None else float(np.linalg.norm(launch.place - lost.place))
+        return apart > FAR_FROM_LOST or launch.impacts != cast(Any, lost).impacts
+
+    def _in_all_unknowns(self, here: CurvePoint, earlier: Sequence) -> CycleTracer | None:
+        """The run in all unknowns of the hops from a point, None where these are not known."""
+        curve: Any = CycleCurve(self.curve, cast(Any, here.point).impacts)
+        if (first := curve.begin(here)) is None:
+            return None
+        options = replace(self.options, step_control=STEPS_OF_CYCLES)
+        return CycleTracer(curve, first, self.maps.low, self.maps.high, options, earlier)
+
+    def _in_launch(self, here: CurvePoint, earlier: Sequence, first_step: float) -> LaunchTracer:
+        """The run in the launch speed from a point."""
+        options = replace(self.options, step_control=replace(self.options.step_control, first_step=first_step))
+        return LaunchTracer(self.curve, here, self.maps.low, self.maps.high, options, earlier)
 
     def _grown(self, last: CurvePoint) -> bool:
         return self.curve.period > 2 and abs(last.point.multiplier) > GROWTH_OF_HOPS

@@ -135,9 +135,13 @@ class CyclesAlong:
         (nearest,) = self._nearest_first(same, np.array([point.alpha]), np.array([point.value]))
         return nearest[0] if nearest else None
 
+    def store(self, solved: SolvedHops) -> None:
+        """Store hops, from which others are guessed."""
+        self._solved.setdefault(len(solved.impacts), deque(maxlen=SOLVED_BEFORE)).append(solved)
+
     def _flown(self, alpha: float, value: float, period: int) -> SolvedHops | None:
         """The hops as a simulation has them, None where one has no next launch."""
-        impacts, unknowns, (unit, _) = self.impacts_at(value), list[np.ndarray](), self._units(np.array([value]))
+        impacts, unknowns, (unit, _) = self.impacts_at(value), list[np.ndarray](), self.units(np.array([value]))
         speed, counts = alpha / float(unit[0]), list[int]()
         for _ in range(period):
             hops = flown_hops(impacts, np.array([speed]))
@@ -160,7 +164,7 @@ class CyclesAlong:
             alpha, value, tuple(counts), tuple(unknowns), tuple(np.zeros((len(u), 2)) for u in unknowns), tested=False
         )
 
-    def _units(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def units(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The units (m,) of speed at values (m,) of the parameter and their derivatives."""
         if self.model.units is None:
             return np.ones(len(values)), np.zeros(len(values))
@@ -172,6 +176,13 @@ class CyclesAlong:
         )
         return here, (high - low) / (2 * step)
 
+    def parameters_at(self, values: np.ndarray) -> np.ndarray:
+        """The parameters (m, np) of the machine without an injection at values (m,)."""
+        ps = np.tile([*self.machine.values.values(), 0.0], (len(values), 1))
+        if self.name != INJECT:
+            ps[:, self.names.index(self.name)] = values
+        return ps
+
     def _solve(
         self, alphas: np.ndarray, values: np.ndarray, begun: Sequence[SolvedHops], known: Sequence[SolvedHops],
         exact: bool,
@@ -179,12 +190,8 @@ class CyclesAlong:
         """The hops from guesses (m,), or None, and then those (m,) that are not found from their guess."""
         m, period = len(alphas), len(begun[0].impacts)
         impacts = np.array([each.impacts for each in begun])
-        units, growing = self._units(values)
-        ps, added = np.tile([*self.machine.values.values(), 0.0], (m, 1)), self.inject / units
-        if self.name == INJECT:
-            added = values / units
-        else:
-            ps[:, self.names.index(self.name)] = values
+        units, growing = self.units(values)
+        ps, added = self.parameters_at(values), (values if self.name == INJECT else self.inject) / units
         away = np.column_stack([alphas - [k.alpha for k in begun], values - [k.value for k in begun]])
         groups = self._groups(impacts, begun, away, known, alphas / units)
         last, failed = np.full(m, np.inf), np.zeros(m, bool)
@@ -224,7 +231,7 @@ class CyclesAlong:
         known_well = bool((size <= KNOWN_WELL).all())
         between = bool(tested.any()) and known_well
         for (count, which, _, us), step in zip(groups, steps, strict=True):
-            failed[which[~self._are_smooth(count, us, ps[which], step.evaluation, between)]] = True
+            failed[which[~self.are_smooth(count, us, ps[which], step.evaluation, between)]] = True
         failed |= ~(launches > 0).all(1)
         if failed.any():
             return None, failed
@@ -323,7 +330,7 @@ class CyclesAlong:
         of the next speed less this one.
         """
         equations = shooting_equations(cycle_statement(self.model, (count,)), self.names)
-        done, evaluation = equations.evaluate_lanes(us, ps, (self.name,))
+        done, evaluation = equations.evaluate_lanes(us, ps, (self.name,), fewest=True)
         if evaluation is None or len(done) < len(us):
             return done, None
         n = us.shape[1]
@@ -339,7 +346,7 @@ class CyclesAlong:
         change, by_speed, by_value = found.transpose(2, 0, 1)
         return done, StepsOfHops(change, by_speed, by_value, following, *slopes, evaluation)
 
-    def _are_smooth(
+    def are_smooth(
         self, count: int, us: np.ndarray, ps: np.ndarray, evaluation: Evaluation, between: bool
     ) -> np.ndarray:
         """Whether hops (k,) have these impacts and no others, and are not too near to others, by their landings and, if

@@ -100,7 +100,7 @@ def slopes_of_hops(impacts: Impacts, alphas: np.ndarray) -> np.ndarray:
         equations = shooting_equations(cycle_statement(impacts.model, (count,)), tuple(p))
         if len(which):
             us = hops.unknowns(impacts, which)
-            done, evaluation = equations.evaluate_lanes(us, np.tile(vector(p), (len(us), 1)))
+            done, evaluation = equations.evaluate_lanes(us, np.tile(vector(p), (len(us), 1)), fewest=True)
             if evaluation is not None:
                 slopes[which[done]] = slopes_of_jacobians(evaluation.jacobian)
     return slopes

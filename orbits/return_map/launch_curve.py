@@ -5,7 +5,7 @@ the hops are known with theirs, else with differences.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -74,6 +74,10 @@ class MapEquations(NamedTuple):
         return np.where(self.errors > LARGEST_ERROR_OF_HOPS, NEVER_SETTLED, 1.0)
 
 
+# At points that are known already.
+NOT_EVALUATED = MapEquations(np.empty((1, 1)), np.empty((1, 1, 2)), np.empty((1, 1)), np.empty((1, 1)))
+
+
 class LaunchCurve:
     """The curve of periodic launches as the tracer follows it; its points X are (launch speed, parameter).
 
@@ -82,6 +86,7 @@ class LaunchCurve:
     """
 
     kernel = None
+    row_of_speed = np.array([1.0, 0.0])
 
     def __init__(self, maps: MapsAlong, between: tuple[float, float], period: int):
         self.maps, self.between, self.period = maps, between, period
@@ -137,6 +142,13 @@ class LaunchCurve:
         tangent = tangent / size if size > 0 and np.isfinite(size) else before / np.linalg.norm(before / self.scale)
         tangent *= 1.0 if (tangent / self.scale**2) @ before >= 0 else -1.0
         return self.certify(CurvePoint(x, tangent, 0.0, cast(Any, evaluation), 0))
+
+    def of_launch(self, launch: PeriodicLaunch, side: int = 1) -> CurvePoint:
+        """The point of a launch on the curve, with its tangent, or for a `side` -1 the other way."""
+        rates = None if launch.rates is None else side * launch.rates
+        launch = replace(launch, tangent=side * launch.tangent, rates=rates)
+        x, tangent = np.array([launch.alpha, launch.value]), launch.tangent * self.scale
+        return CurvePoint(x, tangent, 0.0, cast(Any, NOT_EVALUATED), 0, certified=[cast(Any, launch)])
 
     def certify(self, point: CurvePoint) -> CurvePoint:
         """The point with its `PeriodicLaunch`, from hops without errors; raises `NoOrbit` where these are others."""

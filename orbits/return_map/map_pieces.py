@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..numerics.roots import enclosed_sign_changes
+from ..numerics.roots import enclosed_ends
 from ..result import Progress
 from ..running import heartbeat, interrupts
 from ..simulation.feet import LIFTS_OFF
@@ -254,9 +254,8 @@ class _Resolving:
             a, b, left, right = (each[which] for each in (a, b, left, right))
             if not len(a):
                 return
-            same = lambda at, i, left=left: np.where(self.labels(at) == left[i], 1.0, -1.0)  # noqa: E731
-            _, second, _, _ = ends = enclosed_sign_changes(same, a, b, np.ones(len(a)), -np.ones(len(a)))
-            a = np.maximum(ends[0], second)
+            same = lambda at, i, left=left: self.labels(at) == left[i]  # noqa: E731
+            _, a = enclosed_ends(same, a, b)
             self.cuts |= set(a.tolist())
             left = self.labels(a)
 

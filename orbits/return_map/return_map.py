@@ -17,7 +17,7 @@ from ..consistency.accepted import check_machine
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
 from ..io import fields_in_line
 from ..model.machine import Machine, dimensionless, machine_in_words
-from ..numerics.roots import enclosed_sign_changes
+from ..numerics.roots import enclosed_ends
 from ..periodic.find import find
 from ..result import Axes, Progress, cell, shown
 from ..running.exclusive import exclusive, in_threads
@@ -291,8 +291,8 @@ class ReturnMap:
         beside = np.maximum(np.append(0.0, change[:-1]), np.append(change[1:], 0.0))
         # A jump smaller than the changes beside it would not be visible in a plot.
         i = np.flatnonzero((np.diff(hops.impacts) != 0) & (change > beside))
-        same = lambda alpha, which: np.where(self(alpha).impacts == hops.impacts[i[which]], 1.0, -1.0)  # noqa: E731
-        a, b, _, _ = enclosed_sign_changes(same, hops.alpha[i], hops.alpha[i + 1], np.ones(len(i)), -np.ones(len(i)))
+        same = lambda alpha, which: self(alpha).impacts == hops.impacts[i[which]]  # noqa: E731
+        a, b = enclosed_ends(same, hops.alpha[i], hops.alpha[i + 1])
         return i[np.abs(np.nan_to_num(self(a).next) - np.nan_to_num(self(b).next)) > JUMP * a]
 
     @exclusive

@@ -187,17 +187,22 @@ class Shooting:
         return self.closed(us, ps, vary, [arcs[i] for i in range(len(arcs))])
 
     def evaluate_lanes(
-        self, us: np.ndarray, ps: np.ndarray, vary: tuple[str, ...] = ()
+        self, us: np.ndarray, ps: np.ndarray, vary: tuple[str, ...] = (), fewest: bool = False
     ) -> tuple[np.ndarray, Evaluation | None]:
         """`evaluate_all` at those points whose motions can be followed: their indices (k,), and the equations there,
-        None without any."""
+        None without any. With the `fewest` derivatives the transitions are 0 where a state is the same at all starts of
+        an arc, and the motions have no sensitivities to it."""
         which, before, arcs, ps = np.arange(len(us)), np.zeros((len(us), 0)), list[tuple](), self.with_tuned(us, ps)
-        for flow, begin, seeds in zip(self.flows, self.beginnings, self.seeds(vary)[3], strict=True):
+        for i, (flow, begin, seeds) in enumerate(zip(self.flows, self.beginnings, self.seeds(vary)[3], strict=True)):
             start = begin(us[which], before, ps[which])[0][:, :, 0] if len(which) else np.zeros((0, flow.size + 1))
             able = np.flatnonzero(np.isfinite(start).all(1) & (start[:, -1] > 0))
-            done, motions, transitions = flow.run_lanes(start[able, :-1], ps[which[able]], start[able, -1], *seeds)
+            columns = [*self.varying[i], *range(flow.size, seeds[0].shape[1])] if fewest else slice(None)
+            own = (each[:, columns] for each in seeds)
+            done, motions, found = flow.run_lanes(start[able, :-1], ps[which[able]], start[able, -1], *own)
             if motions is None:
                 return which[:0], None
+            transitions = np.zeros((len(done), *seeds[0].shape))
+            transitions[:, :, columns] = found
             if len(able := able[done]) < len(which):
                 which, arcs = which[able], [tuple(each[able] for each in arc) for arc in arcs]
             before = motions.finals[:, : flow.size]
@@ -211,6 +216,15 @@ class Shooting:
         residual, jacobian, *rest = self.closing(vary)(us, ps, *columns)
         trajectories, _, transitions, *_ = zip(*arcs, strict=True)
         return Evaluation(residual[:, :, 0], jacobian, trajectories, transitions, tuple(rest[::2]), tuple(rest[1::2]))
+
+    @cached_property
+    def varying(self) -> list[list[int]]:
+        """The states of each arc whose start depends on the unknowns, the parameters or the arc before."""
+        found = list[list[int]]()
+        for flow, (departure, _) in zip(self.flows, self.ends, strict=True):
+            rows = {row for i in range(3) for row in departure.function.jac_sparsity(0, i).get_triplet()[0]}
+            found.append(sorted(rows & {*range(flow.size)}))
+        return found
 
     @cached
     def departures(self, group: tuple[int, ...]) -> MappedFunction:

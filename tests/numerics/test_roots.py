@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orbits.numerics.roots import bracketed_root, enclosed_sign_changes, resolved, solve
+from orbits.numerics.roots import bracketed_root, enclosed_ends, enclosed_sign_changes, resolved, solve
 
 
 @pytest.mark.parametrize("share", [0.05, 0.3, -0.05, -0.45])
@@ -48,6 +48,20 @@ def test_sign_changes_are_closed_to_neighbouring_numbers():
     assert sum(calls) < 150  # a bisection alone takes 208
     assert x1 == pytest.approx([2 ** (1 / 3), 1.3, 1.234, 1.7], rel=1e-15)
     assert (np.abs(x2 - x1) <= 4.5e-16 * x1).all()
+
+
+def test_ends_of_conditions_are_enclosed_in_few_calls():
+    """The first of several ends, and one next to the beginning."""
+    ends, calls = [np.array([1.3, 1.9]), np.array([1.0 + 1e-12])], []
+
+    def holds(x, which):
+        calls.append(len(x))
+        return np.array([np.sum(place > ends[k]) % 2 == 0 for place, k in zip(x, which, strict=True)])
+
+    a, b = enclosed_ends(holds, np.ones(2), np.array([1.95, 2.0]))
+    assert len(calls) <= 14  # four times as many halvings close an interval
+    assert a == pytest.approx([1.3, 1.0 + 1e-12], rel=1e-15)
+    assert ((b - a > 0) & (b - a <= 4.5e-16 * a)).all()
 
 
 def test_a_singular_system_of_a_stack_has_no_solution_and_the_others_have():
