@@ -21,6 +21,9 @@ MEMORY, MOST_BENT = 4, 0.5
 # The amplification at points whose equations are not known well enough for a last step. A step there that is smaller
 # than the second number is the error of these equations, and sets no bound on the next.
 NEVER_SETTLED, STEP_OF_ERRORS = 1e300, 1e-6
+# After a step that moves the ends of all motions by less than this share, second derivatives are those before it. The
+# tangents have an error of this share, which is less than what step-size control aims at.
+LARGEST_CHORD_STEP = 1e-6
 
 
 def correct(curve: Curve, guess: Array, row: Array, level: float, before: Array) -> CurvePoint:
@@ -63,13 +66,16 @@ def _solve_step_by_step(
 ) -> Solutions:
     """`_solutions` by one Newton step at a time, for motions of any kind; raises the errors of the motions."""
     sizes, last = curve.size(xs), np.full(len(xs), np.inf)
+    moved, evaluation = last, curve.evaluate(xs)
     for taken in range(1, MOST_NEWTON_STEPS + 1):
-        evaluation = curve.evaluate(xs)
+        if taken > 1:
+            near = (moved * evaluation.amplification < LARGEST_CHORD_STEP).all()
+            evaluation = curve.evaluate_beside(xs, evaluation) if near else curve.evaluate(xs)
         steps, directions = newton_steps(evaluation, xs, rows, levels)
         xs, moved = xs + steps, (np.abs(steps) / sizes).max(1)
         settled, shrinks = settles(moved, last, evaluation.amplification), moved < STALLED_RATIO * last
         if taken >= least and settled.all():
-            evaluation = curve.evaluate_exactly(xs) if with_motions else evaluation
+            evaluation = curve.evaluate_exactly(xs, evaluation) if with_motions else evaluation
             solved = np.arange(len(xs)), xs, directions, evaluation.amplification
             return Solutions(*solved, evaluation if with_motions else None)
         if not (np.isfinite(moved) & (settled | shrinks | (taken < least))).all():

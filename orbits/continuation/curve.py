@@ -301,9 +301,14 @@ class Curve:
         """The equations at points (m, n + 1)."""
         return self.equations.evaluate_all(xs[:, :-1], self.parameters_at(xs), (self.along,))
 
-    def evaluate_exactly(self, xs: np.ndarray) -> Evaluation:
-        """The equations at solved points (m, n + 1)."""
+    def evaluate_beside(self, xs: np.ndarray, known: Evaluation) -> Evaluation:
+        """The equations at points (m, n + 1) so near to others, where they are `known`, that second derivatives are
+        those there."""
         return self.evaluate(xs)
+
+    def evaluate_exactly(self, xs: np.ndarray, known: Evaluation) -> Evaluation:
+        """The equations at solved points (m, n + 1), beside others where they are `known`."""
+        return self.evaluate_beside(xs, known)
 
     @cached_property
     def hops(self) -> LosslessHops:

@@ -39,8 +39,11 @@ from .point import End, Point
 from .tracer import Tracer
 from .tuned_curve import equations_of_family, values_of
 
-# The step of central differences, in units of a point's size.
+# The step of central differences, in units of a point's size; along a family it is shorter where motions amplify small
+# changes, since second derivatives belong to changes of their ends.
 TANGENT_STEP = 1e-5
+# The change of a test function by a step that is shorter than this is left to the next step.
+SHORT_STEP = 1e-6
 # A number of the certificate is the prescribed one where it differs by less, in units without dimensions.
 AT_LIMIT = 1e-8
 # The quantities that have to be positive on a motion, or negative, with the words of the violations, which are those of
@@ -217,12 +220,23 @@ class EventCurve(Curve):
         raise NoOrbit("the orbits at an event are found by Newton's method alone")
 
     def evaluate(self, xs: np.ndarray) -> Evaluation:
+        return self._evaluated(xs, None)
+
+    def evaluate_beside(self, xs: np.ndarray, known: Evaluation) -> Evaluation:
+        return self._evaluated(xs, known.jacobian[:, -1])
+
+    def _evaluated(self, xs: np.ndarray, slopes_of_last: np.ndarray | None) -> Evaluation:
+        """The equations at points (m, N + 1), with the derivatives (m, N + 1) of the last one if they are known."""
         found = super().evaluate(xs)
         residual = found.residual.copy()
         if self.condition.crossing:
             jacobian = found.jacobian.copy()
             residual[:, -1] = self._crossing(xs, self.whole(found))
-            jacobian[:, -1] = self._slopes_of_crossing(xs, residual[:, :-1], jacobian[:, :-1])
+            jacobian[:, -1] = (
+                self._slopes_of_crossing(xs, residual[:, :-1], jacobian[:, :-1])
+                if slopes_of_last is None
+                else slopes_of_last
+            )
             return replace(found, residual=residual, jacobian=jacobian)
         if not self.condition.stationary:
             residual[:, -1] -= self.condition.level
@@ -230,14 +244,18 @@ class EventCurve(Curve):
         # From here on the unknowns and the first parameter are in units of their sizes.
         jacobian, size = found.jacobian.copy(), self.size(xs)[:, :-1]
         family = jacobian[:, :-1, :-1] * size[:, None]
-        tangents = self._tangents(family)
-        bordered, slopes = np.concatenate([family, tangents[:, None]], axis=1), jacobian[:, -1, :-1] * size
+        tangents, slopes = self._tangents(family), jacobian[:, -1, :-1] * size
+        residual[:, -1] = np.einsum("mi,mi->m", slopes, tangents)
+        if slopes_of_last is not None:
+            jacobian[:, -1] = slopes_of_last
+            return replace(found, residual=residual, jacobian=jacobian)
+        bordered = np.concatenate([family, tangents[:, None]], axis=1)
         adjoint = solve(bordered.swapaxes(1, 2), slopes[:, :, None])[:, :-1, 0]
-        moves = TANGENT_STEP * np.pad(tangents * size, ((0, 0), (0, 1)))
+        lengths = TANGENT_STEP / np.maximum(found.amplification, 1.0)[:, None]
+        moves = np.pad(lengths * tangents * size, ((0, 0), (0, 1)))
         beside = super().evaluate(np.concatenate([xs + moves, xs - moves])).jacobian
         ahead, behind = beside.reshape(2, *jacobian.shape)
-        change = (ahead - behind) / (2 * TANGENT_STEP)
-        residual[:, -1] = np.einsum("mi,mi->m", slopes, tangents)
+        change = (ahead - behind) / (2 * lengths[:, :, None])
         jacobian[:, -1] = change[:, -1] - np.einsum("mi,mij->mj", adjoint, change[:, :-1])
         return replace(found, residual=residual, jacobian=jacobian)
 
@@ -248,12 +266,13 @@ class EventCurve(Curve):
     def _slopes_of_crossing(self, xs: np.ndarray, residual: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
         """Its derivatives (m, n + 1) in the directions of all that Newton's method may do, by central differences: the
         two in which the other equations, with this residual (m, n - 1) and Jacobian (m, n - 1, n + 1), do not change,
-        and the shortest step to where they hold."""
+        and the shortest step to where they hold, unless that is so short that the next step makes up for it."""
         size = self.size(xs)[:, None]
         u, s, v = np.linalg.svd(jacobian * size)
         steps = (residual[:, None] @ u / s[:, None]) @ v[:, :-2]
         lengths = np.linalg.norm(steps, axis=2, keepdims=True)
-        ways = np.concatenate([steps / np.where(lengths > 0, lengths, 1.0), v[:, -2:]], axis=1)
+        moved = lengths.max() > SHORT_STEP
+        ways = np.concatenate([*([steps / lengths.clip(SHORT_STEP)] if moved else []), v[:, -2:]], axis=1)
         moves = TANGENT_STEP * ways * size
         beside = np.stack([xs[:, None] + moves, xs[:, None] - moves]).reshape(-1, xs.shape[1])
         # Derivatives by a parameter have all motions integrated together, which a closed form finds one by one.

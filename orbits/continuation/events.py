@@ -19,7 +19,7 @@ from ..periodic.orbit import Orbit
 from ..records import NONE
 from ..simulation.lossless_hops import CROSSINGS, is_crossing
 from ..units import LIFTOFF_SPEED
-from .corrector import correct
+from .corrector import correct, correct_all
 from .curve import TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints, TestFunction, Watch, interpolated
 
 # An event is located to this share of the chord between two points, where rounding begins to show.
@@ -28,6 +28,8 @@ WIDTH = 1e-13
 BRANCH_OFFSET = 0.01
 # A value of the parameter is approached from within the segment by at least this share of the chord.
 INSIDE = 1e-9
+# The test functions that are 1 or -1, for which no secant helps, and the places at which they are evaluated together.
+SIGNS_ALONE, PLACES_TOGETHER = ("family", "collapse", "law ends"), 31
 
 
 class Segment:
@@ -93,6 +95,35 @@ class Segment:
         # A pole changes the sign too, but with values larger than those at the ends.
         return None if value is None or abs(value) > abs(first) + abs(last) else share
 
+    def jump(self, kind: str) -> float | None:
+        """The share of the chord at which a test function in `SIGNS_ALONE` changes its sign; None without a change."""
+        first, last = (self._test(kind, {}, point) for point in (self.a, self.b))
+        if first == last:
+            return None
+        low, high = 0.0, 1.0
+        try:
+            while high - low > self.width:
+                shares = np.linspace(low, high, PLACES_TOGETHER + 2)
+                changed = np.append(self._jumps(kind, shares[1:-1]) != first, True)
+                place = int(changed.argmax())
+                low, high = float(shares[place]), float(shares[place + 1])
+        except OrbitsError:  # at a place that bisection may not need
+            return self.zero(partial(self._test, kind, {}))
+        return high
+
+    def _jumps(self, kind: str, shares: np.ndarray) -> np.ndarray:
+        """The values (m,) of a test function among `SIGNS_ALONE` at shares (m,) of the chord."""
+        levels, many = float(self.row @ self.a.x) + shares, (len(shares), 1)
+        rows, before = np.tile(self.row, many), np.tile(self.a.tangent, many)
+        found = correct_all(self.curve, interpolated((self.a, self.b), self.row, levels), rows, levels, before)
+        certified, error = self.curve.certify_all(found)
+        if error:
+            raise error
+        points = CurvePoints.of(certified)
+        if kind == "family":
+            return np.where(points.orbits.column("family") == self.a.point.family, 1.0, -1.0)
+        return self.tests[kind](self.curve, points)
+
     def point_at(self, value: float) -> CurvePoint:
         """The point where the parameter has exactly a value, certified."""
         if self.b.value == value:
@@ -127,7 +158,8 @@ class Segment:
         if branch := self._branch_point():
             yield "branch point", *branch
         for kind in ("family", *self.tests, *watch):
-            if (share := self.zero(partial(self._test, kind, watch))) is not None:
+            share = self.jump(kind) if kind in SIGNS_ALONE else self.zero(partial(self._test, kind, watch))
+            if share is not None:
                 point = self(share)
                 if kind not in CROSSINGS or is_crossing(kind, self.curve.others(CurvePoints.of([point]))[0]):
                     yield kind, share, point

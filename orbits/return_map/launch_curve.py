@@ -125,7 +125,11 @@ class LaunchCurve:
         jacobian = np.stack([across, along], axis=-1)[:, None]
         return MapEquations(residual[:, None], jacobian, launches[:m, :-1], impacts[:m])
 
-    def evaluate_exactly(self, xs: np.ndarray) -> MapEquations:
+    def evaluate_beside(self, xs: np.ndarray, known: Any) -> MapEquations:
+        """The equation at points (m, 2) near to others."""
+        return self.evaluate(xs)
+
+    def evaluate_exactly(self, xs: np.ndarray, known: Any) -> MapEquations:
         """The equation at solved points (m, 2), without errors of the hops."""
         return self.evaluate(xs, exact=True)
 

@@ -6,6 +6,7 @@ from scipy.optimize import brentq
 
 from orbits import Family, InputError, NoOrbit, find, follow, follow_event, follow_fold, multipliers, quantities
 from orbits.continuation import event_curve
+from orbits.continuation.event_start import event_start
 from orbits.simulation.lossless_hops import angles_left
 from problems import Chain, Hopper, Juggler, hopper_in_si, rimless_wheel, rocking_block, runner
 
@@ -102,6 +103,22 @@ def test_an_extremum_is_that_of_single_families():
     machine = Hopper("r - (0.03*s - 0.03*s**2 + c)*r**3", parameters={"s": 0.2, "c": 0.0})
     curve = follow_event(follow(machine, "s", 0.8), "extremum of alpha", "c", 0.001, **LONG)
     assert curve.column("s") == pytest.approx(0.5, abs=1e-10)
+
+
+def test_derivatives_of_a_fold_whose_flight_hangs(quintic):
+    """Where small changes grow 1600-fold, by differences of the residual, which is made of first derivatives."""
+    begun, own = event_start(quintic.source, quintic, "fold", 0), (quintic.source, "beta", "delta")
+    own = *own, quintic.settings["method"], 1e-4, begun.stated, begun.condition, (), begun.tuned_sizes, begun.x[-1]
+    curve, x = event_curve.EventCurve(*own), np.array([1.00018828, 59.5195476, -1.88186868e-04, 8.85600042e-09])
+    found, step = curve.evaluate(x[None]), 1e-10
+    moves = step * np.diag(x)
+    ahead, behind = curve.evaluate(np.concatenate([x + moves, x - moves])).residual[:, -1].reshape(2, 4)
+    slopes = found.jacobian[0, -1] * x
+    assert found.amplification[0] > 1600
+    assert np.linalg.norm((ahead - behind) / (2 * step) - slopes) < 1e-4 * np.linalg.norm(slopes)
+    beside = curve.evaluate_beside(x[None], found)
+    assert np.array_equal(beside.jacobian, found.jacobian)
+    assert np.array_equal(beside.residual, found.residual)
 
 
 @pytest.mark.slow
