@@ -76,8 +76,10 @@ ONLY_POLYNOMIAL = (
     "'r + 0.3*r**3', under constant gravity and without a rest length, alone: `prove_fixed_point` proves the hops of "
     "other machines one by one"
 )
-LARGEST_DEGREE = 9  # of a polynomial
-FIRST_PARTS = 40  # of the range, which are halved until they are decided
+LARGEST_DEGREE, WITHIN_LIFTOFF = 9, 2.0**-60  # of a polynomial; half the width of the stated extension at the launch
+# Parts of the range, which are halved until they are decided: at no round share, as a launch that comes back is not
+# found where it lies on the edge.
+FIRST_PARTS, FIRST_HALF = 41, 0.4881
 SHRINKS = 0.7  # an interval that Newton's method leaves longer than this share is halved
 LAUNCH_REFINEMENTS, SHORTEST_OF_KNOWN = 4, 1e-9  # intervals with a launch that was found are halved to that length
 LARGEST_SHARE_LEFT = 0.01  # the share of the range beyond which nothing is proved
@@ -99,6 +101,10 @@ class LaunchesBack:
 
 class EnclosedMap(Protocol):
     """Enclosures of a map of launch speeds."""
+
+    @property
+    def liftoff(self) -> arb:
+        """The extension at the launch."""
 
     def hop(self, x: arb) -> tuple[arb, arb]:
         """Enclosures of the next launch speed, with the injection, and of its derivative, for a ball of launch speeds;
@@ -159,9 +165,11 @@ class LaunchRange:
             if b - a < (shortest_of_known if any(a <= x <= b for x in known) else shortest):
                 undecided.append((a, b))
             else:
-                waiting += [(a, 0.5 * (a + b)), (0.5 * (a + b), b)]
+                waiting += [(a, a + FIRST_HALF * (b - a)), (a + FIRST_HALF * (b - a), b)]
         found.sort(key=lambda each: each[1])
-        return LaunchesBack(tuple(x for x, _ in found), tuple(own for _, own in found), _joined_intervals(undecided))
+        # Wider by a rounding, as the ends are written as decimals.
+        wider = [(float(np.nextafter(a, 0.0)), float(np.nextafter(b, np.inf))) for a, b in undecided]
+        return LaunchesBack(tuple(x for x, _ in found), tuple(own for _, own in found), _joined_intervals(wider))
 
     def _narrowed(self, a: float, b: float, count: int) -> arb | None:
         """Where the one launch of an interval that comes back can lie; None where there is none. Raises `Unproved`
@@ -202,7 +210,8 @@ def proof_of_all_hops(machine: Machine, hops: PeriodicHops, inject: Fraction, sh
     began, stated = time.perf_counter(), stated_machine(machine, {})
     ends = [ball_of_fraction(Fraction(Decimal(repr(each)))) for each in (hops.low, hops.high)]
     with ctx.workprec(FIRST_BITS):
-        launches = LaunchRange(enclosed_map(stated, inject), *ends)
+        of = enclosed_map(stated, inject)
+        launches, liftoff = LaunchRange(of, *ends), enclosure_of(of.liftoff + arb(0, WITHIN_LIFTOFF))
         shorter = [launches.launches_back(d, shortest) for d in range(1, hops.period) if hops.period % d == 0]
         known = [x for cycle in hops for x in cycle.launches]
         back, reasons = launches.launches_back(hops.period, shortest, known), list[str]()
@@ -235,6 +244,8 @@ def proof_of_all_hops(machine: Machine, hops: PeriodicHops, inject: Fraction, sh
         kind="all hops",
         stated=stated.document()
         | {
+            "eliminated": stated.coordinates[1],
+            "liftoff": [liftoff.low, liftoff.high],
             "injection": [decimal_text(inject)] * 2,
             "period": hops.period,
             "range": [repr(hops.low), repr(hops.high)],

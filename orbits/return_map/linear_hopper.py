@@ -87,6 +87,11 @@ class LinearHopper:
     mass_ratio: arb
     inject: arb
 
+    @property
+    def liftoff(self) -> arb:
+        """The extension at the launch."""
+        return arb(1)
+
     def hop(self, x: arb) -> tuple[arb, arb]:
         """Enclosures of the next launch speed, with the injection, and of its derivative, for a ball of launch speeds;
         raises `Unproved`."""
