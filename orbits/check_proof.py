@@ -27,8 +27,8 @@ from flint import Ordering, arb, arb_mat, arb_poly, arb_series, ctx, fmpq, fmpq_
 ORDER_PER_BIT, DERIVED_ORDER, MOST_SPLITS = 0.3, 14, 3
 # The first and the shortest step as shares of half a phase, and the largest whole power.
 FIRST, SHORTEST, MOST_POWER = Fraction(1, 8), Fraction(1, 2**14), 2**16
-# Bits beside those of the enclosures, and those for uniqueness.
-GUARD_BITS, BITS_OF_UNIQUENESS = 64, 90
+# Bits beside those of the enclosures, and those for uniqueness; how long a motion is followed to where it ends.
+GUARD_BITS, BITS_OF_UNIQUENESS, LATEST = 64, 90, 64
 # The derivatives of functions of x, and functions that these define.
 SLOPES = {"exp": "exp(x)", "log": "1/x", "sqrt": ".5/sqrt(x)", "sin": "cos(x)", "cos": "-sin(x)", "atan": "1/(1 + x*x)"}
 DEFINED = {
@@ -695,35 +695,35 @@ def orthogonal(matrix: arb_mat) -> arb_mat:
 
 
 class Passage:
-    """The motions of a field over the scaled times from 0 to 1, from the starts c + S w with deviations w in a box:
-    steps, and at either end enclosures of the motion from c, of all motions, and of the derivatives by w of all.
+    """The motions of a field over the scaled times from 0 to 1, or until all `ends`, from starts c + S w with a
+    box of w: steps, and at their `starts` and at either end enclosures of the motion from c, and derivatives by w.
     A step with the derivatives T takes P + Q E to T P + (T Q) E. The next Q is T Q made orthogonal (Lohner): E
     grows by a matrix that is nearly triangular, as the motions spread, and not by products of absolute values."""
 
-    def __init__(self, field: Field, centre: Sequence[arb], seeds: arb_mat, reach: Sequence[arb]):
-        n = len(centre)
-        one, rounded, frame, error = arb_mat(n, n, 1), arb_mat(n, n, 1), arb_mat(n, n, 1), arb_mat(n, n, 0)
-        self.field, self.parts, box = field, list[Part](), moved(centre, seeds, reach)
-        self.start, slopes, left, length = (list(centre), box, seeds), seeds, Fraction(1), FIRST
-        while left:
+    def __init__(self, field: Field, centre: Sequence[arb], seeds: arb_mat, reach: Sequence[arb], ends: Any = None):
+        one, rounded, frame, error = (arb_mat(len(centre), len(centre), each) for each in (1, 1, 1, 0))
+        self.field, box = field, moved(centre, seeds, reach)
+        self.start, slopes, length, self.starts = (list(centre), box, seeds), seeds, FIRST, list[tuple]()
+        left = Fraction(LATEST if ends else 1)
+        while left and not (ends and ends(box)):
             length = min(length, left)
             try:
                 rows = [[x, *row] for x, row in zip(box, one.tolist(), strict=True)]
                 part = field.step(rows, length, DERIVED_ORDER)
-                centre = field.end(centre, part.time)
+                before, centre = centre, field.end(centre, part.time)
             except Unverified as reason:
                 if length < SHORTEST:
                     raise Unverified(f"the motion is not enclosed: {reason}") from None
                 length /= 2
                 continue
+            self.starts.append((part, before, slopes))
             transition = arb_mat([[each(part.h) for each in row[1:]] for row in part.polynomials])
             whole, turned, rounded = transition * rounded, transition * frame, (transition * rounded).mid()
             back = (frame := orthogonal(turned)).inv()
             error = back * (whole - rounded) + (back * turned) * error
             box = moved(centre, slopes := rounded * seeds + frame * (error * seeds), reach)
-            self.parts.append(part)
             left, length = left - part.time, length * Fraction(5, 4)
-        self.end = list(centre), box, slopes
+        self.end, self.parts = (list(centre), box, slopes), [part for part, *_ in self.starts]
 
 
 def signs(parts: Sequence[Part], of: Tree | None, orders: Callable[..., Sequence[int]]) -> list[list[int]]:
@@ -820,11 +820,11 @@ class Solution:
         self.inside = all(abs(d) < each.rad() for d, each in zip(change, box.values(), strict=False))
 
 
-def check(document: Mapping[str, object]) -> list[str]:
-    """Why a saved proof is not verified, in words; empty where all of its theorem is."""
+def check(document: Mapping[str, object], verify: Sequence[Callable] = ()) -> list[str]:
+    """Why a saved proof, of an orbit or what functions verify, is not verified, in words; else empty."""
     try:
-        _check_said(document)
-        _check_parts(document)
+        for each in verify or (_check_said, _check_parts):
+            each(document)
     except Unverified as error:
         return [str(error)]
     except (KeyError, TypeError, ValueError, AttributeError, IndexError, ArithmeticError, RecursionError) as error:

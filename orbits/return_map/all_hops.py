@@ -1,20 +1,22 @@
-"""All launches of a linear hopper from which hops of a period come back, between two launch speeds, proved.
+"""All launches of a hopper from which hops of a period come back, between two launch speeds, proved.
 
-The body has the mass (1 + M)/M and the foot 1 + M, the spring between them has the force r, and the acceleration of
-gravity is 1/(1 + M). A flight begins at an extension c, with the foot at rest and the rate s of the body: at a launch
-c = 1 and s = alpha, after a bounce c > 1. With the extension r = c cos t + s sin t the gap is, times 1 + M,
+The body has the mass (1 + M)/M and the foot 1 + M, the spring between them has the force phi(r), a polynomial, and the
+acceleration of gravity is 1/(1 + M). A flight begins at an extension c, with the foot at rest and the rate s of the
+body: at a launch phi(c) = 1 and s = alpha, after a bounce phi(c) > 1. The extension obeys r'' = -phi(r), and the gap
+is, times 1 + M,
 
-    g(t) = c (1 - cos t) + s (t - sin t) - t**2/2.
+    g(t) = c + s t - t**2/2 - r(t).
 
-It does not fall with c, and grows with s. So for all c and s of two intervals the first zero of g lies between that at
-both lower bounds and that at both upper ones. Where g is positive before it, and its rate there negative, it is the
-landing, and moves analytically. There the foot loses its speed v. For r > 1 the contact would have to pull: the next
-flight begins, with the rate r' + v. For r < 1 the contact pushes until r = 1, and as only landings lose energy, the
-next launch speed w without injection and its derivative are
+Where g is positive before a zero, and its rate there negative, that is the landing, and moves analytically. There the
+foot loses its speed v. For phi(r) > 1 the contact would have to pull: the next flight begins, with the rate r' + v. For
+phi(r) < 1 the contact pushes until phi(r) = 1, and as only landings lose energy, the next launch speed w without
+injection and its derivative are
 
     w**2 = alpha**2 - M (v_1**2 + ... + v_k**2),    w w' = alpha - M (v_1 v_1' + ... + v_k v_k')
 
-if the first of these is positive. In v v' the derivative of the landing's time, which has the factor 1/v, cancels.
+if the first of these is positive. In v v' the derivative of the landing's time, which has the factor 1/v, cancels. All
+of this is enclosed in closed form for phi(r) = r, in `linear_hopper`, else by Taylor polynomials in the time and in the
+launch speed, in `polynomial_hopper`.
 
 Theorem. Let the n-th iterate F of w + inject be enclosed on an interval X of launch speeds, in this way with every hop
 smooth, and F' there. If F(X) and X have no common point, or one of the n launches of X cannot lie in the range, no
@@ -36,7 +38,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from itertools import pairwise
-from math import cos, sin
+from typing import Protocol
 
 import numpy as np
 from flint import arb, ctx
@@ -47,30 +49,37 @@ from ..errors import InputError
 from ..exact.bounds import Enclosure
 from ..exact.decimals import decimal_text
 from ..exact.exact_mechanics import ExactMechanics, Scale
-from ..exact.expressions import exact_number, symbols, vanishes
+from ..exact.expressions import (
+    ZERO,
+    ExactExpression,
+    derivative_by,
+    exact_number,
+    substitute,
+    symbols,
+    total,
+    vanishes,
+)
 from ..exact.outward_decimals import bounds_of_fractions, enclosure_of
-from ..exact.refusal import Unproved, check_proof_time
+from ..exact.refusal import Unproved
 from ..exact.stated import StatedMachine, stated_machine
 from ..model.machine import Machine, machine_in_words
 from ..proof.theorem import Proof
 from ..running import interrupts
 from .fixed_point_statement import landed_in_contact
+from .linear_hopper import LinearHopper
 from .periodic_hops import PeriodicHops
+from .polynomial_hopper import PolynomialHopper
 from .proved_map import FOUND_TO, MAP_IN_WORDS
 
-ONLY_LINEAR = (
-    "that no hops are missing is proved of the dimensionless two-mass hopper with the spring 'r', without a rest "
-    "length, alone: `prove_fixed_point` proves the hops of other machines one by one"
+ONLY_POLYNOMIAL = (
+    "that no hops are missing is proved of the dimensionless two-mass hopper whose spring is a polynomial in r, as "
+    "'r + 0.3*r**3', under constant gravity and without a rest length, alone: `prove_fixed_point` proves the hops of "
+    "other machines one by one"
 )
-MOST_LANDINGS = 12  # of a hop; those with more stay undecided
-# The times between which the first landing is looked for in floats, in units of the machine, and half the width of its
-# enclosure.
-TIMES_OF_FLIGHT, WITHIN_LANDING = np.linspace(0.0, 40.0, 4001)[1:], arb(2) ** -44
-BY_EXTENSION, BY_RATE = 1 - np.cos(TIMES_OF_FLIGHT), TIMES_OF_FLIGHT - np.sin(TIMES_OF_FLIGHT)
-BY_GRAVITY = TIMES_OF_FLIGHT**2 / 2
-# Halvings to a landing and of the times at which the gap is decided, and the longest and shortest first time.
-STEPS_TO_LANDING, HALVINGS_OF_FLIGHT, FIRST_TIMES = 60, 30, (0.25, 1e-6)
-FIRST_PARTS = 40  # of the range, which are halved until they are decided
+LARGEST_DEGREE, WITHIN_LIFTOFF = 9, 2.0**-60  # of a polynomial; half the width of the stated extension at the launch
+# Parts of the range, which are halved until they are decided: at no round share, as a launch that comes back is not
+# found where it lies on the edge.
+FIRST_PARTS, FIRST_HALF = 41, 0.4881
 SHRINKS = 0.7  # an interval that Newton's method leaves longer than this share is halved
 LAUNCH_REFINEMENTS, SHORTEST_OF_KNOWN = 4, 1e-9  # intervals with a launch that was found are halved to that length
 LARGEST_SHARE_LEFT = 0.01  # the share of the range beyond which nothing is proved
@@ -90,109 +99,25 @@ class LaunchesBack:
     undecided: tuple[tuple[float, float], ...]
 
 
-def _check_open(c: arb, s: arb, low: arb, high: arb, left: int = HALVINGS_OF_FLIGHT) -> None:
-    """Prove that the gap is positive between two times at which it is."""
-    t = low.union(high)
-    rate = s - t + c * t.sin() - s * t.cos()
-    if c * (1 - t.cos()) + s * (t - t.sin()) - t * t / 2 > 0 or rate > 0 or rate < 0:
-        return
-    m = ((low + high) / 2).mid()
-    there = c * (1 - m.cos()) + s * (m - m.sin()) - m * m / 2
-    if there + rate * (t - m) > 0:
-        return
-    if left == 0 or not there > 0:
-        raise Unproved("the gap is not proved to be open")
-    _check_open(c, s, low, m, left - 1)
-    _check_open(c, s, m, high, left - 1)
+class EnclosedMap(Protocol):
+    """Enclosures of a map of launch speeds."""
 
-
-def _first_landing(c: arb, s: arb, launched: bool, is_open: bool = True) -> tuple[arb, arb]:
-    """Times before and after the first zero of the gap, for numbers c and s; of a zero, where it is not to be proved
-    that the gap is open until then."""
-    start = arb(FIRST_TIMES[0])
-    while True:  # until there the first derivative of the gap that is not 0 at the beginning is positive
-        t = arb(0).union(start)
-        if (s * t.cos() - c * t.sin() if launched else c * t.cos() + s * t.sin() - 1) > 0:
-            break
-        start = start / 2
-        if start < FIRST_TIMES[1]:
-            raise Unproved("the gap is not proved to open")
-    times, (cf, sf) = TIMES_OF_FLIGHT, (float(c), float(s))
-    gaps = cf * BY_EXTENSION + sf * BY_RATE - BY_GRAVITY
-    after = max(int(np.argmax((gaps < 0) & (times > float(start)))), 1)
-    low, high = float(times[after - 1]), float(times[after])
-    for _ in range(STEPS_TO_LANDING):
-        middle = 0.5 * (low + high)
-        if cf * (1 - cos(middle)) + sf * (middle - sin(middle)) - middle * middle / 2 > 0:
-            low = middle
-        else:
-            high = middle
-    t = arb(high)
-    for _ in range(3):
-        rate = s - t + c * t.sin() - s * t.cos()
-        step = (c * (1 - t.cos()) + s * (t - t.sin()) - t * t / 2) / rate
-        t = (t - step).mid() if step.is_finite() else t
-    before, after_it = ((t + side * WITHIN_LANDING).mid() for side in (-1, 1))
-    ends = [c * (1 - x.cos()) + s * (x - x.sin()) - x * x / 2 for x in (start, before, after_it)]
-    if not (before > start and ends[0] > 0 and ends[1] > 0 and ends[2] < 0):
-        raise Unproved("the landing is not enclosed")
-    if is_open:
-        _check_open(c, s, start, before)
-    return before, after_it
-
-
-@dataclass(frozen=True)
-class LinearHopper:
-    """The map of a linear hopper.
-
-    mass_ratio, inject : enclosures of M and of the injection
-    low, high : of the range of launch speeds
-    """
-
-    mass_ratio: arb
-    inject: arb
-    low: arb
-    high: arb
+    @property
+    def liftoff(self) -> arb:
+        """The extension at the launch."""
 
     def hop(self, x: arb) -> tuple[arb, arb]:
         """Enclosures of the next launch speed, with the injection, and of its derivative, for a ball of launch speeds;
         raises `Unproved`."""
-        following, slope = self._hop(x)
-        if x.rad() > 0:
-            middle = arb(x.mid())
-            following = following.intersection(self._hop(middle)[0] + slope * (x - middle))
-        return following + self.inject, slope
 
-    def _hop(self, x: arb) -> tuple[arb, arb]:
-        both, m = 1 + self.mass_ratio, self.mass_ratio
-        c, s, dc, ds, lost, change_of_lost = arb(1), x, arb(0), arb(1), arb(0), arb(0)
-        for landing in range(MOST_LANDINGS):
-            check_proof_time()
-            first, _ = _first_landing(c.lower().mid(), s.lower().mid(), landing == 0)
-            _, last = _first_landing(c.upper().mid(), s.upper().mid(), landing == 0, is_open=False)
-            t = first.union(last)
-            even, odd = t.cos(), t.sin()
-            place, change = c * even + s * odd, s * even - c * odd
-            speed, force = (s - t - change) / both, (place - 1) / both
-            if not speed < 0:
-                raise Unproved("the landing is not proved to be transversal")
-            gap_moves, speed_moves = ((1 - even) * dc + (t - odd) * ds) / both, (odd * dc + (1 - even) * ds) / both
-            lost += m * speed**2
-            change_of_lost += m * (speed * speed_moves - force * gap_moves)
-            if place < 1:
-                square = x * x - lost
-                if not square > 0:
-                    raise Unproved("the hopper may not lift off again")
-                return square.sqrt(), (x - change_of_lost) / square.sqrt()
-            if not place > 1:
-                raise Unproved("it is not decided whether the hopper bounces")
-            later = -gap_moves / speed
-            dc, ds = (
-                even * dc + odd * ds + change * later,
-                even * ds - odd * dc - place * later + speed_moves + force * later,
-            )
-            c, s = place, change + speed
-        raise Unproved("a hop has too many landings")
+
+@dataclass(frozen=True)
+class LaunchRange:
+    """The hops of a map with launch speeds between two, of which there are enclosures."""
+
+    of: EnclosedMap
+    low: arb
+    high: arb
 
     def hops(self, x: arb, count: int) -> tuple[arb, arb] | None:
         """Enclosures of the launch speed after some hops and of its derivative; None where one of them is proved to be
@@ -201,9 +126,17 @@ class LinearHopper:
         for _ in range(count):
             if after < self.low or after > self.high:
                 return None
-            after, own = self.hop(after)
+            after, own = self.of.hop(after)
             slope = slope * own
         return after, slope
+
+    def keeps(self, x: arb, count: int) -> bool:
+        """Whether all launches of some hops are proved to lie in the range."""
+        for _ in range(count):
+            if not self.low <= x <= self.high:
+                return False
+            x, _ = self.of.hop(x)
+        return True
 
     def launches_back(self, count: int, shortest: float, known: Sequence[float] = ()) -> LaunchesBack:
         """All launches that come back after some hops, not necessarily for the first time. Intervals with one that is
@@ -232,9 +165,11 @@ class LinearHopper:
             if b - a < (shortest_of_known if any(a <= x <= b for x in known) else shortest):
                 undecided.append((a, b))
             else:
-                waiting += [(a, 0.5 * (a + b)), (0.5 * (a + b), b)]
+                waiting += [(a, a + FIRST_HALF * (b - a)), (a + FIRST_HALF * (b - a), b)]
         found.sort(key=lambda each: each[1])
-        return LaunchesBack(tuple(x for x, _ in found), tuple(own for _, own in found), _joined_intervals(undecided))
+        # Wider by a rounding, as the ends are written as decimals.
+        wider = [(float(np.nextafter(a, 0.0)), float(np.nextafter(b, np.inf))) for a, b in undecided]
+        return LaunchesBack(tuple(x for x, _ in found), tuple(own for _, own in found), _joined_intervals(wider))
 
     def _narrowed(self, a: float, b: float, count: int) -> arb | None:
         """Where the one launch of an interval that comes back can lie; None where there is none. Raises `Unproved`
@@ -273,19 +208,22 @@ def _joined_intervals(intervals: list[tuple[float, float]]) -> tuple[tuple[float
 def proof_of_all_hops(machine: Machine, hops: PeriodicHops, inject: Fraction, shortest: float) -> Proof:
     """The proof that these are all hops of their period; see `prove_all_hops`."""
     began, stated = time.perf_counter(), stated_machine(machine, {})
-    ratio, ends = _mass_ratio(stated), [Fraction(Decimal(repr(each))) for each in (hops.low, hops.high)]
+    ends = [ball_of_fraction(Fraction(Decimal(repr(each)))) for each in (hops.low, hops.high)]
     with ctx.workprec(FIRST_BITS):
-        closed_form = LinearHopper(*map(ball_of_fraction, (ratio, inject, *ends)))
-        shorter = [closed_form.launches_back(d, shortest) for d in range(1, hops.period) if hops.period % d == 0]
+        of = enclosed_map(stated, inject)
+        launches, liftoff = LaunchRange(of, *ends), enclosure_of(of.liftoff + arb(0, WITHIN_LIFTOFF))
+        shorter = [launches.launches_back(d, shortest) for d in range(1, hops.period) if hops.period % d == 0]
         known = [x for cycle in hops for x in cycle.launches]
-        back, reasons = closed_form.launches_back(hops.period, shortest, known), list[str]()
+        back, reasons = launches.launches_back(hops.period, shortest, known), list[str]()
         found = list[arb]()
         for x, (a, b) in zip(back.found, back.alone, strict=True):
             if any(a < y.lower() and y.upper() < b for each in shorter for y in each.found):
                 continue  # it is the only one there, and comes back earlier
             found.append(x)
+            if not launches.keeps(x, hops.period):
+                reasons.append(f"range: one of the hops from the launch in {enclosure_of(x)} may begin outside of it")
             for d in (d for d in range(1, hops.period) if hops.period % d == 0):
-                earlier = closed_form.hops(x, d)
+                earlier = launches.hops(x, d)
                 if earlier is not None and earlier[0].overlaps(x):
                     reasons.append(f"least period: the launch in {enclosure_of(x)} may come back after {d} hops")
         said = [(x, FOUND_TO * x + cycle.error) for cycle in hops for x in cycle.launches]
@@ -305,7 +243,14 @@ def proof_of_all_hops(machine: Machine, hops: PeriodicHops, inject: Fraction, sh
         machine=machine_in_words(machine),
         kind="all hops",
         stated=stated.document()
-        | {"injection": [decimal_text(inject)] * 2, "undecided": [[repr(a), repr(b)] for a, b in back.undecided]},
+        | {
+            "eliminated": stated.coordinates[1],
+            "liftoff": [liftoff.low, liftoff.high],
+            "injection": [decimal_text(inject)] * 2,
+            "period": hops.period,
+            "range": [repr(hops.low), repr(hops.high)],
+            "undecided": [[repr(a), repr(b)] for a, b in back.undecided],
+        },
         parameters={name: bounds_of_fractions(each) for name, each in stated.parameters.items()},
         enclosures=enclosures,
         reasons=tuple(reasons),
@@ -331,29 +276,53 @@ def _words_of_all(
     )
 
 
-def _mass_ratio(stated: StatedMachine) -> Fraction:
-    """M of a stated machine; raises `InputError` for any but a linear hopper."""
+def enclosed_map(stated: StatedMachine, inject: Fraction) -> EnclosedMap:
+    """The map of a stated machine; raises `InputError` for any but a hopper with a polynomial spring."""
     mechanics, (low, high) = (
         ExactMechanics(stated, Scale()),
         stated.parameters.get("mass_ratio", (Fraction(0), Fraction(1))),
     )
-    plain = mechanics.size == 2 and low == high and not (mechanics.pieces or mechanics.domains or mechanics.separation)
-    if (
-        not plain
-        or len(mechanics.accelerations) != 1
-        or [*map(Fraction, mechanics.gap)] != [0, 1]
-        or len(mechanics.s) != 1
-    ):
-        raise InputError(ONLY_LINEAR)
+    conditions = mechanics.pieces or mechanics.domains or any(mechanics.law_domains) or mechanics.separation
+    lone = mechanics.lone_extension() if mechanics.size == 2 and low == high and not conditions else None
+    if lone is None or [*map(Fraction, mechanics.gap)] != [0, 1] or len(mechanics.s) != 1:
+        raise InputError(ONLY_POLYNOMIAL)
     (body, foot), (place,), before = mechanics.y, mechanics.s, symbols("before", 4)
-    m, one, r = exact_number(low), exact_number(Fraction(1)), body - foot
+    law, m, one, r = (
+        _coefficients_of_force(-lone.accelerations[0], lone.place),
+        exact_number(low),
+        exact_number(1),
+        body - foot,
+    )
+
+    def force(extension: ExactExpression) -> ExactExpression:
+        return total(exact_number(each) * extension**k for k, each in enumerate(law))
+
     pairs = [
-        *zip(mechanics.accelerations[0], [-(one / m + r) * m / (one + m), (r - one) / (one + m)], strict=True),
-        (mechanics.contact_force[0], one - place),
-        (mechanics.contact_accelerations[0][0], -(one / m + place) * m / (one + m)),
-        *zip(mechanics.embedded(mechanics.s), [place, exact_number(Fraction(0))], strict=True),
+        *zip(mechanics.accelerations[0], [-(one / m + force(r)) * m / (one + m), (force(r) - one) / (one + m)],
+             strict=True),
+        (mechanics.contact_force[0], one - force(place)),
+        (mechanics.contact_accelerations[0][0], -(one / m + force(place)) * m / (one + m)),
+        *zip(mechanics.embedded(mechanics.s), [place, ZERO], strict=True),
         *zip(landed_in_contact(mechanics, before), before[:2], strict=True),
-    ]
+    ]  # fmt: skip
     if not all(vanishes(own - expected) for own, expected in pairs):
-        raise InputError(ONLY_LINEAR)
-    return low
+        raise InputError(ONLY_POLYNOMIAL)
+    if law == [0, 1]:
+        return LinearHopper(ball_of_fraction(low), ball_of_fraction(inject))
+    return PolynomialHopper.of(law, low, inject)
+
+
+def _coefficients_of_force(force: ExactExpression, place: ExactExpression) -> list[Fraction]:
+    """The coefficients of the polynomial that a function of a symbol is; raises `InputError` for any other."""
+    found, rate, factorial = list[Fraction](), force, 1
+    for k in range(LARGEST_DEGREE + 1):
+        (at_zero,) = substitute([rate], {place: ZERO})
+        if not at_zero.is_number:
+            break
+        found.append(at_zero.value / factorial)
+        rate, factorial = derivative_by(rate, place), factorial * (k + 1)
+    while found and not found[-1]:
+        found.pop()
+    if len(found) < 2 or not vanishes(force - total(exact_number(each) * place**k for k, each in enumerate(found))):
+        raise InputError(ONLY_POLYNOMIAL)
+    return found

@@ -205,16 +205,16 @@ def prove_command(
 @click.argument("file")
 @options.json_option
 def check_proof_command(file: str, as_json: bool) -> None:
-    """Verify a proof of an orbit that was saved with prove --save, by a second program that reads only this file."""
+    """Verify a saved proof of an orbit, or of all hops, by a second program that reads only this file."""
     from orbits.io import read_file, read_sealed
     from orbits.proof.prove import need_flint
 
     need_flint()
-    from orbits.check_proof import check
+    from orbits.check_hops import check_saved
 
     document = read_file(file, f"'{file}' is no saved proof", read_sealed)
     began = time.perf_counter()
-    reasons = check(document) if isinstance(document, dict) else ["the file holds no proof"]
+    reasons = check_saved(document) if isinstance(document, dict) else ["the file holds no proof"]
     verdict = {"verified": not reasons, "reasons": reasons, "seconds": time.perf_counter() - began}
     words = ["NOT VERIFIED" if reasons else "verified", *(f"  not verified: {reason}" for reason in reasons)]
     click.echo(json.dumps(verdict) if as_json else "\n".join(words))

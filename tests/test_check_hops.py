@@ -1,0 +1,99 @@
+"""Saved proofs that all hops are known, verified by a second program, which sees false ones."""
+
+import json
+
+import pytest
+from flint import arb, ctx
+
+from orbits import ReturnMap, multiplier, prove_all_hops
+from orbits.check_hops import BITS, Hops, check_all_hops, check_saved as check
+from orbits.check_proof import Unverified
+from problems import Hopper
+
+SLOW = pytest.mark.slow
+
+
+def saved(machine, half):
+    """The proof that the fixed point without a bounce is alone within half a length of launch speeds."""
+    step = ReturnMap(machine, inject=0.12)
+    alpha, *_ = (each.alpha for each in step.fixed_points(2.5, 5.0) if each.multiplier < 0)
+    hops = step.periodic_hops(1, alpha - half, alpha + half)
+    return json.loads(json.dumps(prove_all_hops(machine, hops, "0.12").document()))
+
+
+@pytest.fixture(scope="module")
+def linear():
+    return saved(Hopper(mass_ratio=0.5), 1e-3)
+
+
+def changed(document, *path, to):
+    """A copy with another value at a place."""
+    copy = json.loads(json.dumps(document))
+    *places, last = path
+    inner = copy
+    for each in places:
+        inner = inner[each]
+    inner[last] = to
+    return copy
+
+
+def with_launch(document, name, low, high):
+    """A copy with another enclosure, said in both places."""
+    return changed(document, "enclosures", name, to=[low, high]) | {name: {"low": low, "high": high}}
+
+
+def test_hops_are_those_of_the_map(linear):
+    """One with a bounce, and one without it."""
+    machine = Hopper(mass_ratio=0.5)
+    step = ReturnMap(machine, inject=0.12)
+    with ctx.workprec(BITS):
+        hops = Hops(linear["machine"])
+        for alpha in (4.48, 4.55):
+            following, slope = hops.hop(arb(alpha), arb(alpha, 1e-6))
+            assert float(following.rad()) < 1e-17
+            assert float(following.mid()) == pytest.approx(float(step(alpha).next), abs=1e-14)
+            assert (slope + arb(0, 1e-8)).contains(arb(multiplier(machine, alpha)))
+            assert float(slope.rad()) < 1e-2
+
+
+def test_what_the_file_says_besides(linear):
+    for path, value, why in (
+        (("proved",), False, "'proved'"),
+        (("alpha_1", "low"), "4.5", "'alpha_1'"),
+        (("more",), 1, "more than this program verifies"),
+        (("machine", "more"), 1, "more than this program verifies"),
+        (("machine", "range"), ["4.6", "4.5"], "the range is empty"),
+        (("machine", "undecided"), [linear["machine"]["range"]], "too much of it is undecided"),
+        (("machine", "injection"), ["0.12", "0.13"], "has intervals"),
+        (("machine", "period"), 0, "no number of hops"),
+        (("machine", "liftoff"), ["1.1", "1.2"], "place of the launch"),
+        (("machine", "separation"), "y1 + 8", "one smooth law"),
+    ):
+        with pytest.raises(Unverified, match=why):
+            check_all_hops(changed(linear, *path, to=value))
+    assert "KeyError" in check(changed(linear, "machine", to={}))[0]
+
+
+@SLOW
+def test_hops_with_a_launch_or_a_number_that_is_wrong(linear):
+    assert check(linear) == []
+    pair, low = linear["enclosures"]["alpha_1"], linear["machine"]["range"][0]
+    moved = with_launch(linear, "alpha_1", *(f"{float(each) + 1e-9:.17g}" for each in pair))
+    none = changed(linear, "enclosures", to={})
+    del none["alpha_1"]
+    other = changed(linear, "machine", "injection", to=["0.1200001"] * 2)
+    for false in (moved, none, other):
+        assert "comes back, and no enclosure has it" in check(false)[0]
+    force = changed(linear, "machine", "springs", 0, "force", to=["r + r**3/10**7"])
+    assert "place of the launch" in check(force)[0]
+    for false in (with_launch(linear, "alpha_2", low, pair[0]), with_launch(linear, "alpha_2", *pair)):
+        assert "no launch that comes back is shown to lie in the enclosure of alpha_" in check(false)[0]
+    assert "may come back after 1 hops" in check(changed(linear, "machine", "period", to=2))[0]
+
+
+@SLOW
+@pytest.mark.parametrize("spring", ["r + 0.3*r**3", "r + 0.2*r**2 + 0.1*r**3"])
+def test_hops_of_polynomials_are_verified(spring):
+    document = saved(Hopper(spring), 2e-4)
+    assert document["proved"]
+    assert check(document) == []
