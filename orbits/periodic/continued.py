@@ -28,6 +28,8 @@ from .ways import WORST_PREDICTION, along_ways, sizes_of_unknowns
 
 # The statuses of a machine whose orbit is not reached: the orbits end at a fold on the way, or the way was too hard.
 AT_FOLD, NOT_REACHED = "ends", "not reached"
+# What helps where no other reason is known.
+NEARER = "give a start that is nearer"
 
 
 class Continued(NamedTuple):
@@ -88,7 +90,7 @@ def _continued_from(
     names = equations.parameters
     vary = tuple(name for name in names if name in varied)
     reached = along_ways(equations, np.tile(u, (len(ps), 1)), np.tile(p, (len(ps), 1)), ps, vary, report)
-    us, noded, places = reached.us, reached.noded, [names.index(name) for name in vary]
+    us, noded, reasons, places = reached.us, reached.noded, reached.reasons, [names.index(name) for name in vary]
     for order in (places, places[::-1]) if len(places) > 1 else ():
         left = np.flatnonzero(np.isnan(us[:, 0]))
         if len(left):
@@ -99,7 +101,7 @@ def _continued_from(
     for which, solved in solutions:
         us[which] = solved.us
     stopped = {
-        i: _why_stopped(names, p, ps[i], vary, reached.shares[i], reached.folds[i])
+        i: _why_stopped(names, p, ps[i], vary, reached.shares[i], reached.folds[i], reasons.get(i, NEARER))
         for i in np.flatnonzero(np.isnan(us[:, 0])).tolist()
     }
     parts = list[Certified]()
@@ -195,11 +197,11 @@ def _at_ends(equations: Shooting, guesses: Array, ps: Array) -> tuple[Array, Arr
 
 
 def _why_stopped(
-    names: Sequence[str], p: Array, end: Array, vary: Sequence[str], share: float, fold: float
+    names: Sequence[str], p: Array, end: Array, vary: Sequence[str], share: float, fold: float, reason: str
 ) -> tuple[str, str]:
-    """The status of a machine whose orbit is not reached, and the reason in words."""
+    """The status of a machine whose orbit is not reached, and the reason in words, which end with one."""
     at = p + min(share if fold == np.inf else fold, 1.0) * (end - p)
     where = ", ".join(f"{name} = {at[names.index(name)]:.6g}" for name in vary)
     if fold < np.inf:
         return AT_FOLD, f"on the way from the start the orbits end at a fold, at {where}"
-    return NOT_REACHED, f"the way from the start is lost at {where}: give a start that is nearer"
+    return NOT_REACHED, f"the way from the start is lost at {where}: {reason}"
