@@ -24,7 +24,14 @@ from ..periodic.orbit import Orbit
 from ..periodic.quantities import motion_numbers
 from ..periodic.tuned import METHOD, counts, is_quantity
 from ..records import NONE, Records
-from ..shooting.division import LARGEST_ARC_GROWTH, Division, are_divided, counts_of_parts, division_at
+from ..shooting.division import (
+    LARGEST_ARC_GROWTH,
+    Division,
+    are_divided,
+    counts_of_parts,
+    division_at,
+    growths_without_nodes,
+)
 from ..shooting.formulations import Cycles, equations_of, iterative, method_of
 from ..shooting.newton_kernel import NewtonKernel, newton_kernel
 from ..shooting.node_places import growths_along
@@ -40,7 +47,8 @@ AT_A_FOLD = 1e-3
 # the duration alone changes, they change much, since the nodes move along with it.
 NODE_UNIT = 10.0
 # Tangents at nodes that are not known well enough are those of polynomials through this many points.
-STEADY_POINTS = 4
+# Points that are closer than a share of the mean distance are not used together.
+STEADY_POINTS, CROWDED = 4, 0.1
 # Functions of an orbit whose zeros are events, by name.
 Watch = Mapping[str, Callable[[Orbit], float]]
 # Test functions (m,) at certified points of a curve, which change their sign at the event. They are NONE where they are
@@ -257,9 +265,8 @@ class Curve:
         nodes, found, shares = self.division.nodes, tangents.copy(), np.abs(tangents / self.size(xs))
         shares[:, nodes] = 0.0
         for i, j in enumerate(shares.argmax(1).tolist()):  # the coordinate that changes most measures the way
-            first = min(max(i - STEADY_POINTS // 2, 0), len(xs) - STEADY_POINTS)
-            near = slice(first, first + STEADY_POINTS)
-            found[i, nodes] = slopes(xs[near, j], xs[near, nodes], i - first) * tangents[i, j]
+            near = _apart(xs[:, j], i)
+            found[i, nodes] = slopes(xs[near, j], xs[near, nodes]) * tangents[i, j]
         return found
 
     def bare(self, xs: np.ndarray) -> np.ndarray:
@@ -280,7 +287,7 @@ class Curve:
     def asks_for_nodes(self, points: Sequence[CurvePoint]) -> np.ndarray:
         """Whether the motions at certified points (m,) are divided at nodes, or divided anew, from there on."""
         points = CurvePoints.of(points)
-        growths = points.evaluation.largest_growth[points.places]
+        growths = growths_without_nodes(self.division, points.evaluation)[points.places]
         if not (self.takes_nodes and self.takes_nodes_early):
             return growths > LARGEST_ARC_GROWTH
         return are_divided(growths, points.orbits.column("error"), points.orbits.column("alpha"))
@@ -477,6 +484,16 @@ class Curve:
     def certify_at(self, point: CurvePoint, value: float) -> CurvePoint:
         """A point whose parameter is `value` up to rounding, certified with exactly that value."""
         return self.certify(point._replace(x=np.append(point.x[:-1], value), certified=None))
+
+
+def _apart(places: np.ndarray, i: int) -> list[int]:
+    """The point number i of a chain with places (c,) and up to `STEADY_POINTS` in all that are near it, but not so near
+    to one another that their differences have few digits."""
+    found, least = [i], CROWDED * float(np.ptp(places)) / (len(places) - 1)
+    for k in np.argsort(np.abs(places - places[i]), kind="stable").tolist():
+        if len(found) < STEADY_POINTS and np.abs(places[found] - places[k]).min() > least:
+            found.append(k)
+    return found
 
 
 def interpolated(points: Sequence[CurvePoint | StepEnd], row: np.ndarray, levels: np.ndarray) -> np.ndarray:

@@ -71,13 +71,12 @@ def around(
     return points[:, :, 0], rests[:, 0, 0]
 
 
-def slopes(places: np.ndarray, values: np.ndarray, i: int) -> np.ndarray:
-    """The derivatives (n,) at the place number i of the polynomials through values (k, n) at places (k,)."""
-    others = np.arange(len(places)) != i
-    away, own = places[i] - places[others], places[others]
+def slopes(places: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The derivatives (n,) at the first of some places (k,) of the polynomials through values (k, n) there."""
+    away, own = places[0] - places[1:], places[1:]
     # Those of Lagrange's polynomials of the other places; that of the place itself has their sum with the other sign.
     weights = [np.prod(np.delete(away, j)) / np.prod(np.delete(own[j] - own, j)) for j in range(len(own))]
-    return -(np.array(weights) / away) @ (values[others] - values[i])
+    return -(np.array(weights) / away) @ (values[1:] - values[0])
 
 
 def at_level(xs: Sequence[np.ndarray], tangents: Sequence[np.ndarray], column: int, level: float) -> np.ndarray:

@@ -205,6 +205,12 @@ def division_at(
     raise NoOrbit(f"small changes grow {most:.0e}-fold, most of it within a short time")
 
 
+def growths_without_nodes(division: Division | None, evaluation: Evaluation) -> Array:
+    """The largest growths (m,) of a small change that are to be divided by nodes: to any place of the motion, or where
+    it has nodes from one to the next, as no node lies where changes grow and shrink again."""
+    return evaluation.largest_growth if division is None else evaluation.amplification
+
+
 def are_divided(growths: Array, errors: Array, alphas: Array) -> Array:
     """Whether motions with these growths (m,) over an arc, or between their nodes, and launch speeds (m,) with bounds
     on their errors are divided, or divided anew."""
@@ -260,7 +266,7 @@ class NodedSolution:
                 f"it stays so long near an unstable equilibrium that small changes grow {most:.0e}-fold: its launch "
                 "does not determine it any more in 16 digits"
             )
-        if (growth := self.evaluation.largest_growth[0]) > LARGEST_ARC_GROWTH:
+        if (growth := float(growths_without_nodes(self.division, self.evaluation)[0])) > LARGEST_ARC_GROWTH:
             return self.with_nodes()
         if growth > DIVIDED_GROWTH and are_divided(np.array([growth]), self.error, self.alpha)[0]:
             with suppress(NoOrbit, FlowError):
