@@ -6,12 +6,14 @@ after the other. So no result depends on the other machines.
 
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import NoOrbit
+from ..errors import FlowError, NoOrbit
+from ..flow.vector_field import FLOW_CONTROL
 from ..model.machine import Machine
 from ..model.model import Model
 from ..numerics.polynomial_roots import TINY
@@ -28,6 +30,8 @@ from .ways import WORST_PREDICTION, along_ways, sizes_of_unknowns
 
 # The statuses of a machine whose orbit is not reached: the orbits end at a fold on the way, or the way was too hard.
 AT_FOLD, NOT_REACHED = "ends", "not reached"
+# The most integration steps of a motion that is followed together with others.
+MOST_STEPS = FLOW_CONTROL.max_block * FLOW_CONTROL.longer
 # What helps where no other reason is known.
 NEARER = "give a start that is nearer"
 
@@ -100,9 +104,13 @@ def _continued_from(
     us = np.full(us.shape, np.nan)
     for which, solved in solutions:
         us[which] = solved.us
+    left = np.flatnonzero(np.isnan(us[:, 0]))
+    if (reached.shares[left] == 0).any() and (steps := _steps_of(equations, u, p)) > MOST_STEPS:
+        too_long = f"the motion of the start takes {steps} integration steps, and sweeps follow up to {MOST_STEPS}"
+        reasons |= dict.fromkeys(left[reached.shares[left] == 0].tolist(), too_long)
     stopped = {
         i: _why_stopped(names, p, ps[i], vary, reached.shares[i], reached.folds[i], reasons.get(i, NEARER))
-        for i in np.flatnonzero(np.isnan(us[:, 0])).tolist()
+        for i in left.tolist()
     }
     parts = list[Certified]()
     for which, solved in solutions:
@@ -194,6 +202,13 @@ def _at_ends(equations: Shooting, guesses: Array, ps: Array) -> tuple[Array, Arr
     which = np.flatnonzero(done & ((np.abs(us - guesses) / sizes).max(1) < WORST_PREDICTION))
     able, evaluation = equations.evaluate_lanes(us[which], ps[which])
     return which[able], us[which[able]], evaluation
+
+
+def _steps_of(equations: Shooting, u: Array, p: Array) -> int:
+    """The number of integration steps of the longest arc at unknowns (n,), 0 where it cannot be followed."""
+    with suppress(FlowError):
+        return max(int(each.counts[0]) for each in equations.evaluate_all(u[None], p[None]).trajectories)
+    return 0
 
 
 def _why_stopped(

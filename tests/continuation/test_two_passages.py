@@ -1,4 +1,5 @@
-"""Half motions that stay near two unstable equilibria, one after the other: against elliptic integrals in 80 digits."""
+"""Half motions that stay near two unstable equilibria, one after the other, against elliptic integrals in 80 digits;
+and sweeps of motions that hang, or are long, where they lead no further."""
 
 import pytest
 from hanging import quartic_error
@@ -50,3 +51,11 @@ def test_a_sweep_says_why_it_leads_no_further():
     beyond = sweep(twice, {"beta": [-9e-4, -5e-4]}, start=start)
     assert beyond["alpha"][0] == pytest.approx(start.alpha, rel=1e-14)
     assert "the motion passes two unstable equilibria" in beyond["reason"][1]
+
+
+@pytest.mark.slow
+def test_a_sweep_says_that_motions_are_too_long():
+    machine = CUBIC.with_values(beta=0.3)
+    beyond = sweep(machine, {"beta": [0.29, 0.31]}, start=find(machine, 700))
+    assert "the motion of the start takes 5" in beyond["reason"][0]
+    assert "integration steps, and sweeps follow up to 4096" in beyond["reason"][0]
