@@ -284,6 +284,11 @@ class Curve:
             return points.evaluation.amplification[points.places]
         return self.division.growths(points.own_evaluation).max(1)
 
+    def largest_growths(self, points: Sequence[CurvePoint]) -> np.ndarray:
+        """The largest growths (m,) of a small change from the start of an arc to any place of the motions at points."""
+        points = CurvePoints.of(points)
+        return points.evaluation.largest_growth[points.places] if self.division is None else self.growths(points)
+
     def asks_for_nodes(self, points: Sequence[CurvePoint]) -> np.ndarray:
         """Whether the motions at certified points (m,) are divided at nodes, or divided anew, from there on."""
         points = CurvePoints.of(points)
