@@ -48,7 +48,7 @@ AT_A_FOLD = 1e-3
 NODE_UNIT = 10.0
 # Tangents at nodes that are not known well enough are those of polynomials through this many points.
 # Points that are closer than a share of the mean distance are not used together.
-STEADY_POINTS, CROWDED = 4, 0.1
+STEADY_POINTS, TOO_NEAR = 4, 0.1
 # Functions of an orbit whose zeros are events, by name.
 Watch = Mapping[str, Callable[[Orbit], float]]
 # Test functions (m,) at certified points of a curve, which change their sign at the event. They are NONE where they are
@@ -265,7 +265,7 @@ class Curve:
         nodes, found, shares = self.division.nodes, tangents.copy(), np.abs(tangents / self.size(xs))
         shares[:, nodes] = 0.0
         for i, j in enumerate(shares.argmax(1).tolist()):  # the coordinate that changes most measures the way
-            near = _apart(xs[:, j], i)
+            near = _points_apart(xs[:, j], i)
             found[i, nodes] = slopes(xs[near, j], xs[near, nodes]) * tangents[i, j]
         return found
 
@@ -491,10 +491,10 @@ class Curve:
         return self.certify(point._replace(x=np.append(point.x[:-1], value), certified=None))
 
 
-def _apart(places: np.ndarray, i: int) -> list[int]:
+def _points_apart(places: np.ndarray, i: int) -> list[int]:
     """The point number i of a chain with places (c,) and up to `STEADY_POINTS` in all that are near it, but not so near
     to one another that their differences have few digits."""
-    found, least = [i], CROWDED * float(np.ptp(places)) / (len(places) - 1)
+    found, least = [i], TOO_NEAR * float(np.ptp(places)) / (len(places) - 1)
     for k in np.argsort(np.abs(places - places[i]), kind="stable").tolist():
         if len(found) < STEADY_POINTS and np.abs(places[found] - places[k]).min() > least:
             found.append(k)

@@ -31,7 +31,7 @@ from .ways import WORST_PREDICTION, along_ways, sizes_of_unknowns
 # The statuses of a machine whose orbit is not reached: the orbits end at a fold on the way, or the way was too hard.
 AT_FOLD, NOT_REACHED = "ends", "not reached"
 # The most integration steps of a motion that is followed together with others.
-MOST_STEPS = FLOW_CONTROL.max_block * FLOW_CONTROL.longer
+STEPS_TOGETHER = FLOW_CONTROL.max_block * FLOW_CONTROL.longer
 # What helps where no other reason is known.
 NEARER = "give a start that is nearer"
 
@@ -105,8 +105,8 @@ def _continued_from(
     for which, solved in solutions:
         us[which] = solved.us
     left = np.flatnonzero(np.isnan(us[:, 0]))
-    if (reached.shares[left] == 0).any() and (steps := _steps_of(equations, u, p)) > MOST_STEPS:
-        too_long = f"the motion of the start takes {steps} integration steps, and sweeps follow up to {MOST_STEPS}"
+    if (reached.shares[left] == 0).any() and (steps := _steps_of(equations, u, p)) > STEPS_TOGETHER:
+        too_long = f"the motion of the start takes {steps} integration steps, and sweeps follow up to {STEPS_TOGETHER}"
         reasons |= dict.fromkeys(left[reached.shares[left] == 0].tolist(), too_long)
     stopped = {
         i: _why_stopped(names, p, ps[i], vary, reached.shares[i], reached.folds[i], reasons.get(i, NEARER))

@@ -17,7 +17,7 @@ from ..errors import FlowError, NoOrbit
 from ..numerics.polynomial_roots import TINY
 from ..numerics.roots import Array, solve
 from ..running import interrupts
-from ..shooting.division import DIVIDED_GROWTH, SENSITIVE, Division, NodedSolution, Parts, Undetermined
+from ..shooting.division import DIVIDED_GROWTH, SENSITIVE, Division, NodedSolution, PartsOfArcs, Undetermined
 from ..shooting.newton_kernel import MOST_NEWTON_STEPS
 from ..shooting.single_shooting import Shooting
 
@@ -147,7 +147,7 @@ def _divided(
     at shares (k,) of their ways: with nodes, those with as many of them together, or without where these are of no
     use, as where small changes grow within a short time; and where a motion passes two unstable equilibria as far as it
     needs no nodes, since tangents at these have few digits."""
-    following = dict[Parts, list[tuple[int, NodedSolution]]]()
+    following = dict[PartsOfArcs, list[tuple[int, NodedSolution]]]()
     for k in np.flatnonzero(lanes.hangs).tolist():
         if stretch.division and lanes.shares[k] == 0:  # it has been divided here already
             continue

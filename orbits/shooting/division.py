@@ -40,13 +40,13 @@ LARGEST_PART_GROWTH, MOST_DIVISIONS = 1e3, 100
 UNDETERMINED = 1e-8
 MOST_STEPS_TO_NEAREST = 30
 # States at nodes smaller than this share of the largest are measured in it.
-LEAST_SHARE = 0.1
+LEAST_OF_STATES = 0.1
 # The parts of each arc, by the shares of its duration that they take.
-Parts: TypeAlias = tuple[tuple[float, ...], ...]
+PartsOfArcs: TypeAlias = tuple[tuple[float, ...], ...]
 
 
 @cached
-def divided_statement(statement: Statement, parts: Parts) -> Statement:
+def divided_statement(statement: Statement, parts: PartsOfArcs) -> Statement:
     """A statement whose arcs are divided into parts; the states at the nodes are unknowns, in front of the tuned
     parameters."""
     own, nodes, arcs = len(statement.unknowns) - len(statement.tuned), list[str](), list[Arc]()
@@ -75,7 +75,7 @@ class Division:
     """The equations of a statement whose arcs are divided into `parts`."""
 
     undivided: Shooting
-    parts: Parts
+    parts: PartsOfArcs
 
     @cached_property
     def equations(self) -> Shooting:
@@ -101,7 +101,7 @@ class Division:
         """The least units (N,) of unknowns (N,): near the middle of a passage a rate is small, and has few digits."""
         units = np.full(len(x), SMALLEST_UNIT)
         if self.is_uneven:
-            units[self.nodes] = LEAST_SHARE * np.abs(x[self.nodes]).max()
+            units[self.nodes] = LEAST_OF_STATES * np.abs(x[self.nodes]).max()
         return units
 
     def bare(self, xs: Array) -> Array:
@@ -181,7 +181,7 @@ class Division:
 
 
 @cached
-def division_of(undivided: Shooting, parts: Parts) -> Division:
+def division_of(undivided: Shooting, parts: PartsOfArcs) -> Division:
     """The equations of a statement whose arcs are divided into these parts."""
     return Division(undivided, parts)
 
