@@ -41,6 +41,37 @@ def quadratic_c(alpha: float, about: float) -> mpmath.mpf:
         return low
 
 
+def quartic_lateness(c: float, b: float, alpha: float, family: int) -> mpmath.mpf:
+    """How much later than half the flight the extension of r + c r**2 + b r**3, with a barrier on either side, turns
+    for the last time in a family, by elliptic integrals; 1 where it escapes over one of them."""
+    with mpmath.workdps(2 * DIGITS):
+        c, b, alpha = mpmath.mpf(c), mpmath.mpf(b), mpmath.mpf(alpha)
+        liftoff = mpmath.findroot(lambda r: r + c * r**2 + b * r**3 - 1, 1)
+        square = alpha**2 + liftoff**2 + 2 * c * liftoff**3 / 3 + b * liftoff**4 / 2
+        roots = mpmath.polyroots([-b / 2, -2 * c / 3, -1, 0, square], maxsteps=200, extraprec=200)
+        if any(abs(each.imag) > mpmath.mpf(10) ** -DIGITS for each in roots):
+            return mpmath.mpf(1)
+        a, low, high, d = sorted(each.real for each in roots)
+        m = (high - low) * (d - a) / ((d - low) * (high - a))
+        angle = mpmath.asin(mpmath.sqrt((d - low) * (high - liftoff) / ((high - low) * (d - liftoff))))
+        pace = 2 / mpmath.sqrt(-b / 2 * (d - low) * (high - a))
+        return pace * (mpmath.ellipf(angle, m) + family * mpmath.ellipk(m)) - alpha
+
+
+def quartic_error(c: float, b: float, alpha: float, family: int, within: float) -> float:
+    """The error of the launch speed of an orbit of r + c r**2 + b r**3, which is no larger than some number."""
+    with mpmath.workdps(DIGITS):
+        low, high = (alpha + side * mpmath.mpf(within) for side in (-1, 1))
+        signs = [mpmath.sign(quartic_lateness(c, b, each, family)) for each in (low, high)]
+        assert signs[0] != signs[1]
+        for _ in range(40):
+            middle = (low + high) / 2
+            low, high = (
+                (low, middle) if mpmath.sign(quartic_lateness(c, b, middle, family)) == signs[1] else (middle, high)
+            )
+        return float(abs(low - alpha))
+
+
 def excess_over_barrier(alpha: float, liftoff: float, beta: float, delta: float = 0.0) -> float:
     """The energy in contact, of a spring r + beta r**3 + delta r**5 and equal masses, above that of rest where the
     spring can just carry the body."""

@@ -116,6 +116,7 @@ def predict_and_correct(
     level = np.array([row @ last.x + length])
     closing, target = (row, level[0]) if value is None else (np.eye(len(row))[-1], value)
     xs, tangents = np.array([point.x for point in ends]), np.array([point.tangent for point in ends])
+    tangents = curve.steady(xs, tangents)
     places = np.array([len(ends)]), MEMORY, 0, row[None], level
     (guess,), (rests,) = around(xs, tangents, *places)
     straight = last.x + length * last.tangent

@@ -17,16 +17,24 @@ from ..errors import InputError, NoOrbit, OrbitsError
 from ..flow.phase_field import OUT_OF_LAW
 from ..model.machine import Machine
 from ..model.planar import Planar
-from ..numerics.hermite import around
+from ..numerics.hermite import around, slopes
 from ..periodic.certificate import Certificate
 from ..periodic.certified import Solved, certified, orbit_from, orbit_of_solved
 from ..periodic.orbit import Orbit
 from ..periodic.quantities import motion_numbers
 from ..periodic.tuned import METHOD, counts, is_quantity
 from ..records import NONE, Records
-from ..shooting.division import LARGEST_ARC_GROWTH, Division, are_divided, division_at, growths_of_arcs
+from ..shooting.division import (
+    LARGEST_ARC_GROWTH,
+    Division,
+    are_divided,
+    counts_of_parts,
+    division_at,
+    growths_without_nodes,
+)
 from ..shooting.formulations import Cycles, equations_of, iterative, method_of
 from ..shooting.newton_kernel import NewtonKernel, newton_kernel
+from ..shooting.node_places import growths_along
 from ..shooting.single_shooting import Evaluation, joined
 from ..simulation.lossless_hops import LosslessHops
 from ..units import Units
@@ -38,6 +46,9 @@ AT_A_FOLD = 1e-3
 # All states at nodes together count for the length of a curve as one unknown that is this many times as large: where
 # the duration alone changes, they change much, since the nodes move along with it.
 NODE_UNIT = 10.0
+# Tangents at nodes that are not known well enough are those of polynomials through this many points.
+# Points that are closer than a share of the mean distance are not used together.
+STEADY_POINTS, TOO_NEAR = 4, 0.1
 # Functions of an orbit whose zeros are events, by name.
 Watch = Mapping[str, Callable[[Orbit], float]]
 # Test functions (m,) at certified points of a curve, which change their sign at the event. They are NONE where they are
@@ -111,6 +122,11 @@ class CurvePoint(NamedTuple):
     def amplification(self) -> float:
         """The largest growth of a small change over the motion, or between its nodes."""
         return float(self.evaluation.amplification[self.place])
+
+    @property
+    def largest_growth(self) -> float:
+        """The largest growth of a small change from the start of the motion, or from a node, to a place of it."""
+        return float(self.evaluation.largest_growth[self.place])
 
     @property
     def point(self) -> Point:
@@ -240,6 +256,19 @@ class Curve:
         size[..., -1] = self.span
         return size
 
+    def steady(self, xs: np.ndarray, tangents: np.ndarray) -> np.ndarray:
+        """The tangents (c, N + 1) at a chain of points (c, N + 1) for interpolation. Where motions pass two unstable
+        equilibria one after the other, the Jacobian has few digits for the states at nodes: their tangents are then
+        those of polynomials through the points."""
+        if self.division is None or not self.division.is_uneven or len(xs) < STEADY_POINTS:
+            return tangents
+        nodes, found, shares = self.division.nodes, tangents.copy(), np.abs(tangents / self.size(xs))
+        shares[:, nodes] = 0.0
+        for i, j in enumerate(shares.argmax(1).tolist()):  # the coordinate that changes most measures the way
+            near = _points_apart(xs[:, j], i)
+            found[i, nodes] = slopes(xs[near, j], xs[near, nodes]) * tangents[i, j]
+        return found
+
     def bare(self, xs: np.ndarray) -> np.ndarray:
         """Points or tangents (..., N + 1) without the states at nodes."""
         return self.division.bare(xs) if self.division else xs
@@ -253,15 +282,17 @@ class Curve:
         points = CurvePoints.of(points)
         if self.division is None:
             return points.evaluation.amplification[points.places]
-        return self._growths_of_arcs(points.own_evaluation).max(1)
+        return self.division.growths(points.own_evaluation).max(1)
 
-    def _growths_of_arcs(self, evaluation: Evaluation) -> np.ndarray:
-        return self.division.growths(evaluation) if self.division else growths_of_arcs(evaluation)
+    def largest_growths(self, points: Sequence[CurvePoint]) -> np.ndarray:
+        """The largest growths (m,) of a small change from the start of an arc to any place of the motions at points."""
+        points = CurvePoints.of(points)
+        return points.evaluation.largest_growth[points.places] if self.division is None else self.growths(points)
 
     def asks_for_nodes(self, points: Sequence[CurvePoint]) -> np.ndarray:
         """Whether the motions at certified points (m,) are divided at nodes, or divided anew, from there on."""
         points = CurvePoints.of(points)
-        growths = points.evaluation.amplification[points.places]
+        growths = growths_without_nodes(self.division, points.evaluation)[points.places]
         if not (self.takes_nodes and self.takes_nodes_early):
             return growths > LARGEST_ARC_GROWTH
         return are_divided(growths, points.orbits.column("error"), points.orbits.column("alpha"))
@@ -274,11 +305,12 @@ class Curve:
         nodes. Raises `NoOrbit`."""
         if not self.takes_nodes:
             raise NoOrbit("small changes grow too much for motions without nodes, which those of this curve are")
-        curve, growths, p = copy(self), self._growths_of_arcs(evaluation)[0], self.parameters_at(x[None])[0]
-        evaluation, x, tangent = self.whole(evaluation), self.bare(x), self.bare(tangent)
+        curve, p = copy(self), self.parameters_at(x[None])[0]
         undivided = self.division.undivided if self.division else self.equations
+        along = growths_along(evaluation, counts_of_parts(self.division, undivided))
+        evaluation, x, tangent = self.whole(evaluation), self.bare(x), self.bare(tangent)
         paths = [each[0] for each in evaluation.trajectories]
-        curve.division, u = division_at(undivided, growths, x[:-1], p, paths)
+        curve.division, u = division_at(undivided, along, x[:-1], p, paths)
         curve.equations, curve.takes_nodes_early = curve.division.equations, True
         return curve, np.append(u, x[-1]), np.insert(tangent, undivided.own, np.zeros(len(u) + 1 - len(x)))
 
@@ -462,6 +494,16 @@ class Curve:
     def certify_at(self, point: CurvePoint, value: float) -> CurvePoint:
         """A point whose parameter is `value` up to rounding, certified with exactly that value."""
         return self.certify(point._replace(x=np.append(point.x[:-1], value), certified=None))
+
+
+def _points_apart(places: np.ndarray, i: int) -> list[int]:
+    """The point number i of a chain with places (c,) and up to `STEADY_POINTS` in all that are near it, but not so near
+    to one another that their differences have few digits."""
+    found, least = [i], TOO_NEAR * float(np.ptp(places)) / (len(places) - 1)
+    for k in np.argsort(np.abs(places - places[i]), kind="stable").tolist():
+        if len(found) < STEADY_POINTS and np.abs(places[found] - places[k]).min() > least:
+            found.append(k)
+    return found
 
 
 def interpolated(points: Sequence[CurvePoint | StepEnd], row: np.ndarray, levels: np.ndarray) -> np.ndarray:

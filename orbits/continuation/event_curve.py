@@ -175,7 +175,7 @@ class EventCurve(Curve):
         if self.division is None:
             return None
         parts = self.division.parts[: len(self.equations_of_orbits.flows)]
-        return division_of(self.equations_of_orbits, parts) if max(parts) > 1 else None
+        return division_of(self.equations_of_orbits, parts) if max(map(len, parts)) > 1 else None
 
     def of_orbits(self, xs: np.ndarray) -> np.ndarray:
         """The unknowns (..., n) of the orbits with the states at their nodes, or their units, at points (..., N + 1),

@@ -234,12 +234,12 @@ def _known_point(curve: Any, x: np.ndarray, row: np.ndarray, tangent: np.ndarray
     stated; and that curve, divided at nodes where the motion amplifies small changes."""
     try:
         found = correct(curve, x, row, row @ x, tangent)
-        if found.amplification <= LARGEST_ARC_GROWTH:
+        if found.largest_growth <= LARGEST_ARC_GROWTH:
             return curve, found
         evaluation = curve.evaluate(x[None])
     except NoOrbit:
         evaluation = curve.evaluate(x[None])
-        if evaluation.amplification[0] <= LARGEST_ARC_GROWTH:
+        if evaluation.largest_growth[0] <= LARGEST_ARC_GROWTH:
             raise
     nodes, x, tangent = curve.divided(x, tangent, evaluation)
     row = np.insert(row, curve.equations.own, np.zeros(len(x) - len(row)))

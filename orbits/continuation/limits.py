@@ -95,9 +95,9 @@ class Endings:
             ends |= np.abs(np.array([u[place] for u in orbits.column("u")])) > ratio * (1 + self._reach(first))
         if isinstance(self.curve, TunedCurve):
             ends |= (self.curve.growth(points.xs) > ratio).any(1)
-        growths = np.append(self.curve.growths([before]), self.curve.growths(points))
+        growths = np.append(self.curve.largest_growths([before]), self.curve.largest_growths(points))
         ends |= (growths[:-1] <= LARGEST_ARC_GROWTH) & (growths[1:] > LARGEST_ARC_GROWTH)
-        ends |= self.curve.asks_for_nodes(points) | (growths[1:] > self.control.largest_amplification)
+        ends |= self.curve.asks_for_nodes(points) | (self.curve.growths(points) > self.control.largest_amplification)
         return ends | (self.stop_inadmissible & np.array([*map(bool, orbits.column("violations"))], bool))
 
     def cut(self, segment: Segment) -> tuple[Segment, End | None]:
@@ -154,7 +154,7 @@ class Endings:
                 return self._homoclinic(orbit_at_rest, last)
             growth = f"{most:.0e}-fold"
             return self.lost(f"small changes grow {growth} over the flight, and rounding decides", last, history)
-        if most > LARGEST_ARC_GROWTH and (end := self._hanging(last, history, way)):
+        if self.curve.largest_growths([last])[0] > LARGEST_ARC_GROWTH and (end := self._hanging(last, history, way)):
             return end
         if isinstance(self.curve, TunedCurve) and (away := self._tuned_away(self.curve, last)):
             return away

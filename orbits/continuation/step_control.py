@@ -241,6 +241,7 @@ class Stepper:
         the requested values of the parameter."""
         chain, first = (*before, *ends), len(before) - 1
         xs, tangents = np.array([point.x for point in chain]), np.array([point.tangent for point in chain])
+        tangents = self.curve.steady(xs, tangents)
         side, n, each = self.control.neighbours, xs.shape[1], np.arange(len(ends))
         chords, places = np.diff(xs[first:], axis=0), np.arange(first + 1, len(chain))
         rows = chords / self.curve.size(xs[first:-1]) ** 2

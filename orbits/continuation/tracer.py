@@ -131,7 +131,7 @@ class Tracer:
                     if end := end or self.endings.far(last, history, way):
                         yield end
                         return
-                    if last.amplification > DIVIDED_GROWTH and self.curve.asks_for_nodes([last])[0]:
+                    if last.largest_growth > DIVIDED_GROWTH and self.curve.asks_for_nodes([last])[0]:
                         try:
                             divided = self._divided(last)
                         except OrbitsError as error:
@@ -156,9 +156,9 @@ class Tracer:
             curve, x, tangent = self.curve.divided(last.x, last.tangent, CurvePoints.of([last]).own_evaluation)
             row = tangent / curve.size(x) ** 2
             first = curve.certify_at(correct(curve, x, row, float(row @ x), tangent), last.value)
-            is_of_use = last.amplification > LARGEST_ARC_GROWTH or first.point.error < last.point.error
+            is_of_use = last.largest_growth > LARGEST_ARC_GROWTH or first.point.error < last.point.error
         except OrbitsError:
-            if last.amplification > LARGEST_ARC_GROWTH:
+            if last.largest_growth > LARGEST_ARC_GROWTH:
                 raise
             is_of_use = False
         if not is_of_use:

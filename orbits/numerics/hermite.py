@@ -72,6 +72,14 @@ def around(
     return points[:, :, 0], rests[:, 0, 0]
 
 
+def slopes(places: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The derivatives (n,) at the first of some places (k,) of the polynomials through values (k, n) there."""
+    away, own = places[0] - places[1:], places[1:]
+    # Those of Lagrange's polynomials of the other places; that of the place itself has their sum with the other sign.
+    weights = [np.prod(np.delete(away, j)) / np.prod(np.delete(own[j] - own, j)) for j in range(len(own))]
+    return -(np.array(weights) / away) @ (values[1:] - values[0])
+
+
 def at_level(xs: Sequence[np.ndarray], tangents: Sequence[np.ndarray], column: int, level: float) -> np.ndarray:
     """The point at a level of one coordinate on the interpolant of a few points (n,) of a curve, in order, with
     tangents along which the coordinate goes the same way."""

@@ -6,12 +6,14 @@ after the other. So no result depends on the other machines.
 
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import NoOrbit
+from ..errors import FlowError, NoOrbit
+from ..flow.vector_field import FLOW_CONTROL
 from ..model.machine import Machine
 from ..model.model import Model
 from ..numerics.polynomial_roots import TINY
@@ -28,6 +30,10 @@ from .ways import WORST_PREDICTION, along_ways, sizes_of_unknowns
 
 # The statuses of a machine whose orbit is not reached: the orbits end at a fold on the way, or the way was too hard.
 AT_FOLD, NOT_REACHED = "ends", "not reached"
+# The most integration steps of a motion that is followed together with others.
+STEPS_TOGETHER = FLOW_CONTROL.max_block * FLOW_CONTROL.longer
+# What helps where no other reason is known.
+NEARER = "give a start that is nearer"
 
 
 class Continued(NamedTuple):
@@ -88,7 +94,7 @@ def _continued_from(
     names = equations.parameters
     vary = tuple(name for name in names if name in varied)
     reached = along_ways(equations, np.tile(u, (len(ps), 1)), np.tile(p, (len(ps), 1)), ps, vary, report)
-    us, noded, places = reached.us, reached.noded, [names.index(name) for name in vary]
+    us, noded, reasons, places = reached.us, reached.noded, reached.reasons, [names.index(name) for name in vary]
     for order in (places, places[::-1]) if len(places) > 1 else ():
         left = np.flatnonzero(np.isnan(us[:, 0]))
         if len(left):
@@ -98,9 +104,13 @@ def _continued_from(
     us = np.full(us.shape, np.nan)
     for which, solved in solutions:
         us[which] = solved.us
+    left = np.flatnonzero(np.isnan(us[:, 0]))
+    if (reached.shares[left] == 0).any() and (steps := _steps_of(equations, u, p)) > STEPS_TOGETHER:
+        too_long = f"the motion of the start takes {steps} integration steps, and sweeps follow up to {STEPS_TOGETHER}"
+        reasons |= dict.fromkeys(left[reached.shares[left] == 0].tolist(), too_long)
     stopped = {
-        i: _why_stopped(names, p, ps[i], vary, reached.shares[i], reached.folds[i])
-        for i in np.flatnonzero(np.isnan(us[:, 0])).tolist()
+        i: _why_stopped(names, p, ps[i], vary, reached.shares[i], reached.folds[i], reasons.get(i, NEARER))
+        for i in left.tolist()
     }
     parts = list[Certified]()
     for which, solved in solutions:
@@ -194,12 +204,19 @@ def _at_ends(equations: Shooting, guesses: Array, ps: Array) -> tuple[Array, Arr
     return which[able], us[which[able]], evaluation
 
 
+def _steps_of(equations: Shooting, u: Array, p: Array) -> int:
+    """The number of integration steps of the longest arc at unknowns (n,), 0 where it cannot be followed."""
+    with suppress(FlowError):
+        return max(int(each.counts[0]) for each in equations.evaluate_all(u[None], p[None]).trajectories)
+    return 0
+
+
 def _why_stopped(
-    names: Sequence[str], p: Array, end: Array, vary: Sequence[str], share: float, fold: float
+    names: Sequence[str], p: Array, end: Array, vary: Sequence[str], share: float, fold: float, reason: str
 ) -> tuple[str, str]:
-    """The status of a machine whose orbit is not reached, and the reason in words."""
+    """The status of a machine whose orbit is not reached, and the reason in words, which end with one."""
     at = p + min(share if fold == np.inf else fold, 1.0) * (end - p)
     where = ", ".join(f"{name} = {at[names.index(name)]:.6g}" for name in vary)
     if fold < np.inf:
         return AT_FOLD, f"on the way from the start the orbits end at a fold, at {where}"
-    return NOT_REACHED, f"the way from the start is lost at {where}: give a start that is nearer"
+    return NOT_REACHED, f"the way from the start is lost at {where}: {reason}"

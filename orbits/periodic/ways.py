@@ -8,7 +8,6 @@ without nodes would lead to other orbits.
 """
 
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from functools import partial
 from typing import NamedTuple
 
@@ -18,7 +17,7 @@ from ..errors import FlowError, NoOrbit
 from ..numerics.polynomial_roots import TINY
 from ..numerics.roots import Array, solve
 from ..running import interrupts
-from ..shooting.division import DIVIDED_GROWTH, SENSITIVE, Division, NodedSolution
+from ..shooting.division import DIVIDED_GROWTH, SENSITIVE, Division, NodedSolution, PartsOfArcs, Undetermined
 from ..shooting.newton_kernel import MOST_NEWTON_STEPS
 from ..shooting.single_shooting import Shooting
 
@@ -42,29 +41,35 @@ SHORTEST_ON_WAY, MOST_STEPS_ON_WAY = 1e-9, 200
 # A step goes over no more than the first share of the distance to a fold. The fold is certain where two successive
 # estimates of its place differ by less than the second share of what lies beyond it, and is nearer than the third.
 TOWARDS_FOLD, SAME_FOLD, NEAR_FOLD = 0.6, 0.02, 1e-3
+# What a `_Stretch` has as `most_growth` where motions pass two unstable equilibria, and why they are not led further.
+NOT_DIVIDED = np.inf, SENSITIVE
+PASSES_TWO = "the motion passes two unstable equilibria one after the other: follow the family there"
 
 
 class WaysDone(NamedTuple):
     """The result of following ways: the unknowns (m, n) at their ends, NaN for those that were given up; the shares
-    (m,) of the way that are done, and the shares (m,) at which there is a fold, infinite without any; and the solutions
-    at the ends of those, by index, on which motions were divided."""
+    (m,) of the way that are done, and the shares (m,) at which there is a fold, infinite without any; the solutions at
+    the ends of those, by index, on which motions were divided; and why others are not led further, by index, where that
+    is known."""
 
     us: Array
     shares: Array
     folds: Array
     noded: dict[int, NodedSolution]
+    reasons: dict[int, str]
 
 
 class _Stretch(NamedTuple):
     """A stretch of the ways of some machines (k,): the shares (k,) where it begins, the unknowns (k, N) there, with the
-    nodes of a division, if any; the rounds (k,) that have been needed before, and whether motions may be divided."""
+    nodes of a division, if any; the rounds (k,) that have been needed before; where small changes grow more than the
+    first of two numbers a motion is divided, and with more than the second it is not led further."""
 
     which: Array
     shares: Array
     xs: Array
     rounds: Array
     division: Division | None = None
-    divisible: bool = True
+    most_growth: tuple[float, float] = (DIVIDED_GROWTH, SENSITIVE)
 
 
 def along_ways(
@@ -74,7 +79,7 @@ def along_ways(
     """The orbits at the ends of straight ways of the parameters (m, np), from orbits with unknowns (m, n) at their
     starts; the parameters `vary` change along the ways."""
     count = len(us)
-    ways = WaysDone(np.full(us.shape, np.nan), np.zeros(count), np.full(count, np.inf), {})
+    ways = WaysDone(np.full(us.shape, np.nan), np.zeros(count), np.full(count, np.inf), {}, {})
     stretches = [_Stretch(np.arange(count), np.zeros(count), us, np.zeros(count, int))]
     while stretches:
         stretch = stretches.pop()
@@ -91,11 +96,16 @@ def along_ways(
         ways.folds[which[certain]] = (done_before + (1 - done_before) * np.where(certain, folds, 0.0))[certain]
         for k in np.flatnonzero(done & ~lanes.hangs).tolist():
             i, x = int(which[k]), lanes.us[k]
-            if stretch.division is None:
+            anew = stretch.most_growth == NOT_DIVIDED
+            if stretch.division is None and not anew:
                 ways.us[i] = x
-            elif found := _with_nodes(equations, stretch.division, x, there[k]):
+            elif found := _with_nodes(equations, stretch.division, x, there[k], ways.reasons, i, anew):
                 ways.us[i], ways.noded[i] = found.u, found
-        stretches += _divided(equations, stretch, lanes, _parameters_at(here, there, lanes.shares), ways.shares[which])
+        if stretch.most_growth == NOT_DIVIDED:
+            lost = np.flatnonzero(~done & ~lanes.at_fold).tolist()
+            ways.reasons.update((int(which[k]), PASSES_TWO) for k in lost)
+        at = _parameters_at(here, there, lanes.shares)
+        stretches += _divided(equations, stretch, lanes, at, ways.shares[which], ways.reasons)
     return ways
 
 
@@ -130,19 +140,24 @@ def _went_along(
     return lanes
 
 
-def _divided(equations: Shooting, stretch: _Stretch, lanes: "_Lanes", ps: Array, shares: Array) -> Iterator[_Stretch]:
+def _divided(
+    equations: Shooting, stretch: _Stretch, lanes: "_Lanes", ps: Array, shares: Array, reasons: dict[int, str]
+) -> Iterator[_Stretch]:
     """The stretches that follow for the machines whose motions come to amplify small changes, with parameters (k, np)
     at shares (k,) of their ways: with nodes, those with as many of them together, or without where these are of no
-    use, as where small changes grow within a short time."""
-    following = dict[tuple[int, ...], list[tuple[int, NodedSolution]]]()
+    use, as where small changes grow within a short time; and where a motion passes two unstable equilibria as far as it
+    needs no nodes, since tangents at these have few digits."""
+    following = dict[PartsOfArcs, list[tuple[int, NodedSolution]]]()
     for k in np.flatnonzero(lanes.hangs).tolist():
         if stretch.division and lanes.shares[k] == 0:  # it has been divided here already
             continue
-        found = _with_nodes(equations, stretch.division, lanes.us[k], ps[k], anew=True)
-        if found and found.division:
+        found = _with_nodes(equations, stretch.division, lanes.us[k], ps[k], reasons, int(stretch.which[k]), anew=True)
+        passes = found is not None and found.division is not None and found.division.is_uneven
+        if found and found.division and not passes:
             following.setdefault(found.division.parts, []).append((k, found))
         elif stretch.division is None:
-            yield _Stretch(stretch.which[[k]], shares[[k]], lanes.us[[k]], lanes.rounds[[k]], divisible=False)
+            alone = stretch.which[[k]], shares[[k]], lanes.us[[k]], lanes.rounds[[k]]
+            yield _Stretch(*alone, most_growth=NOT_DIVIDED if passes else (np.inf, np.inf))
     for each in following.values():
         own = [k for k, _ in each]
         xs = np.array([found.x for _, found in each])
@@ -150,18 +165,23 @@ def _divided(equations: Shooting, stretch: _Stretch, lanes: "_Lanes", ps: Array,
 
 
 def _with_nodes(
-    equations: Shooting, division: Division | None, x: Array, p: Array, anew: bool = False
-) -> NodedSolution | None:
+    equations: Shooting, division: Division | None, x: Array, p: Array, reasons: dict[int, str], which: int,
+    anew: bool = False,
+) -> NodedSolution | None:  # fmt: skip
     """The solution near unknowns (N,) with the nodes of a division, if any, and parameters (np,): with the nodes that
-    it asks for where it is divided `anew`, else with nodes where they are of use. None without one nearby."""
+    it asks for where it is divided `anew`, else with nodes where they are of use. None without one nearby; the reason
+    of the machine `which` is noted where there is one that its launch does not determine."""
     own = division.equations if division else equations
-    with suppress(NoOrbit, FlowError):
+    try:
         known = NodedSolution(equations, division, x, p, own.evaluate_all(x[None], p[None]))
         found = known.with_nodes() if anew else known.near(x, p).simplest()
-        sizes = sizes_of_unknowns(known.u[None], 0.1 * np.abs(known.u[None, equations.own :]) + TINY)
-        if (np.abs(found.u - known.u) / sizes).max() < WORST_PREDICTION:
-            return found
-    return None
+    except Undetermined as error:
+        reasons[which] = str(error)
+        return None
+    except (NoOrbit, FlowError):
+        return None
+    sizes = sizes_of_unknowns(known.u[None], 0.1 * np.abs(known.u[None, equations.own :]) + TINY)
+    return found if (np.abs(found.u - known.u) / sizes).max() < WORST_PREDICTION else None
 
 
 class _Lanes:
@@ -174,7 +194,7 @@ class _Lanes:
     def __init__(self, stretch: _Stretch, own: int):
         us, count = stretch.xs, len(stretch.xs)
         self.rounds, self.hangs = stretch.rounds.copy(), np.zeros(count, bool)
-        self.most_growth = (DIVIDED_GROWTH, SENSITIVE) if stretch.divisible else (np.inf, np.inf)
+        self.most_growth = stretch.most_growth
         self.least = 0.1 * np.abs(us[:, own:])
         self.us, self.tangents, self.before, self.tangents_before = us.copy(), *np.full((3, *us.shape), np.nan)
         self.shares, self.steps, self.orientations = np.zeros(count), np.ones(count), np.zeros(count)

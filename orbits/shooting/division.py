@@ -9,6 +9,8 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import accumulate
+from typing import TypeAlias
 
 import numpy as np
 
@@ -18,7 +20,8 @@ from ..model.phase import Arc, Statement
 from ..numerics.roots import Array
 from ..symbolic.caches import cached
 from .error_bound import error_bounds
-from .single_shooting import Evaluation, Shooting, joined, settles, shooting_equations
+from .node_places import GrowthAlong, growths_along, largest_growths, lengths_of_parts
+from .single_shooting import SMALLEST_UNIT, Evaluation, Shooting, joined, settles, shooting_equations
 
 # A motion is divided where a small change grows more than this over an arc: with larger growth its derivatives lose
 # their rank to rounding.
@@ -30,32 +33,36 @@ DIVIDED_ERROR, DIVIDED_GROWTH = 3e-12, 3e3
 SENSITIVE = 4e4
 # With more growth the launch does not determine the motion any more in 16 digits.
 MOST_GROWTH = 1e14
-# The growth between two nodes that is aimed at, and the largest where a motion is divided: it is not the same
-# everywhere, and increases along a curve. And the largest number of parts.
-PART_GROWTH, LARGEST_PART_GROWTH, MOST_DIVISIONS = 1e2, 1e3, 100
+# The largest growth from one node to the next where a motion is divided: it is not the same everywhere, and increases
+# along a curve. And the largest number of parts.
+LARGEST_PART_GROWTH, MOST_DIVISIONS = 1e3, 100
 # Unknowns are not determined, and stay as they are, in directions in which the equations change by less than this.
 UNDETERMINED = 1e-8
 MOST_STEPS_TO_NEAREST = 30
+# States at nodes smaller than this share of the largest are measured in it.
+LEAST_OF_STATES = 0.1
+# The parts of each arc, by the shares of its duration that they take.
+PartsOfArcs: TypeAlias = tuple[tuple[float, ...], ...]
 
 
 @cached
-def divided_statement(statement: Statement, parts: tuple[int, ...]) -> Statement:
-    """A statement whose arcs are divided into these numbers of parts of equal duration; the states at the nodes are
-    unknowns, in front of the tuned parameters."""
+def divided_statement(statement: Statement, parts: PartsOfArcs) -> Statement:
+    """A statement whose arcs are divided into parts; the states at the nodes are unknowns, in front of the tuned
+    parameters."""
     own, nodes, arcs = len(statement.unknowns) - len(statement.tuned), list[str](), list[Arc]()
-    for number, (arc, count) in enumerate(zip(statement.arcs, parts, strict=True), start=1):
-        names = [[f"{state} at node {k} of arc {number}" for state in arc.phase.states] for k in range(1, count)]
+    for number, (arc, lengths) in enumerate(zip(statement.arcs, parts, strict=True), start=1):
+        names = [[f"{state} at node {k} of arc {number}" for state in arc.phase.states] for k in range(1, len(lengths))]
         nodes += [name for each in names for name in each]
-        arcs += [
-            _between_nodes(arc, count, here, there) for here, there in zip([None, *names], [*names, None], strict=True)
-        ]
+        ends = zip(lengths, [None, *names], [*names, None], strict=True)
+        arcs += [_between_nodes(arc, length, here, there) for length, here, there in ends]
     unknowns = *statement.unknowns[:own], *nodes, *statement.unknowns[own:]
     return replace(statement, unknowns=unknowns, arcs=tuple(arcs))
 
 
-def _between_nodes(arc: Arc, count: int, here: list[str] | None, there: list[str] | None) -> Arc:
-    """One of `count` parts of an arc between two nodes, stated by the names of their states; None for an end."""
-    part = replace(arc, duration=lambda u, p: arc.duration(u, p) / count)
+def _between_nodes(arc: Arc, length: float, here: list[str] | None, there: list[str] | None) -> Arc:
+    """A part of an arc, of this share of its duration, between two nodes, stated by the names of their states; None for
+    an end."""
+    part = replace(arc, duration=lambda u, p: arc.duration(u, p) * length)
     if here:
         part = replace(part, start=lambda u, before, p: [u[name] for name in here], guard=lambda u, x, p, q: [])
     if there:
@@ -68,12 +75,17 @@ class Division:
     """The equations of a statement whose arcs are divided into `parts`."""
 
     undivided: Shooting
-    parts: tuple[int, ...]
+    parts: PartsOfArcs
 
     @cached_property
     def equations(self) -> Shooting:
         """The equations with nodes."""
         return shooting_equations(divided_statement(self.undivided.statement, self.parts), self.undivided.parameters)
+
+    @property
+    def is_uneven(self) -> bool:
+        """Whether a motion passes several unstable equilibria, so that the nodes are not in equal distances."""
+        return any(len(set(lengths)) > 1 for lengths in self.parts)
 
     @cached_property
     def nodes(self) -> slice:
@@ -83,7 +95,14 @@ class Division:
     @cached_property
     def first(self) -> list[int]:
         """The first part of each arc, and the number of parts."""
-        return [0, *np.cumsum(self.parts).tolist()]
+        return [0, *accumulate(map(len, self.parts))]
+
+    def least_units(self, x: Array) -> Array:
+        """The least units (N,) of unknowns (N,): near the middle of a passage a rate is small, and has few digits."""
+        units = np.full(len(x), SMALLEST_UNIT)
+        if self.is_uneven:
+            units[self.nodes] = LEAST_OF_STATES * np.abs(x[self.nodes]).max()
+        return units
 
     def bare(self, xs: Array) -> Array:
         """Unknowns (..., N), with any further columns, without the states at nodes."""
@@ -96,14 +115,13 @@ class Division:
     def lifted(self, u: Array, paths: Sequence[Trajectory]) -> Array:
         """Unknowns (n,) with the states that their motions, one for each arc, have at the nodes (N,)."""
         states = list[Array]()
-        for path, flow, count in zip(paths, self.undivided.flows, self.parts, strict=True):
-            states += [path(path.times[-1] * k / count)[: flow.size] for k in range(1, count)]
+        for path, flow, lengths in zip(paths, self.undivided.flows, self.parts, strict=True):
+            states += [path(path.times[-1] * share)[: flow.size] for share in accumulate(lengths[:-1])]
         return np.concatenate([u[: self.nodes.start], *states, u[self.nodes.start :]])
 
     def growths(self, evaluation: Evaluation) -> Array:
-        """The growths (m, arcs) of a small change over each arc, where the equations with nodes are the evaluation."""
-        whole = (self._transitions(evaluation, i)[0] for i in range(len(self.parts)))
-        return np.array([np.abs(each[:, :, : each.shape[1]]).max((1, 2)) for each in whole]).T
+        """The largest growths (m, arcs) of a small change from the start of each arc, by the equations with nodes."""
+        return largest_growths(evaluation, counts_of_parts(self, self.undivided))
 
     def _transitions(self, evaluation: Evaluation, i: int) -> tuple[Array, list[Array]]:
         """The transition (m, states, states + t) of a whole arc, and those of its parts."""
@@ -117,7 +135,7 @@ class Division:
     def whole(self, evaluation: Evaluation) -> Evaluation:
         """The undivided equations at m points from those with nodes; each residual is the largest of all equations."""
         jacobian, rows, matching, by_end = evaluation.jacobian, list[int](), list[int](), list[Array]()
-        for i, count in enumerate(self.parts):
+        for i, count in enumerate(map(len, self.parts)):
             begun = len(rows)
             for k in range(count):
                 first, last = len(rows) + len(matching), evaluation.residual_by_end[self.first[i] + k]
@@ -163,27 +181,34 @@ class Division:
 
 
 @cached
-def division_of(undivided: Shooting, parts: tuple[int, ...]) -> Division:
-    """The equations of a statement whose arcs are divided into these numbers of parts."""
+def division_of(undivided: Shooting, parts: PartsOfArcs) -> Division:
+    """The equations of a statement whose arcs are divided into these parts."""
     return Division(undivided, parts)
 
 
 def division_at(
-    undivided: Shooting, growths: Array, u: Array, p: Array, paths: Sequence[Trajectory]
+    undivided: Shooting, along: Sequence[GrowthAlong], u: Array, p: Array, paths: Sequence[Trajectory]
 ) -> tuple[Division, Array]:
     """The equations with as many nodes as motions ask for, and the unknowns with nodes (N,); raises `NoOrbit`.
 
-    growths : of a small change over the arcs, (arcs,)
+    along : how a small change grows along each arc
     u, p, paths : the unknowns (n,), the parameters (np,), and the motions over the arcs
     """
-    counts = np.ceil(np.log(np.maximum(growths, 1.0)) / np.log(PART_GROWTH)).astype(int)
-    while counts.max() < MOST_DIVISIONS:
-        division = division_of(undivided, tuple(np.where(counts > 1, counts + 1, 1).tolist()))
+    finer = 1
+    while max(map(len, parts := tuple(lengths_of_parts(each, finer) for each in along))) <= MOST_DIVISIONS:
+        division = division_of(undivided, parts)
         x = division.lifted(u, paths)
         if division.equations.evaluate(x, p).amplification < LARGEST_PART_GROWTH:
             return division, x
-        counts *= 2
-    raise NoOrbit(f"small changes grow {growths.max():.0e}-fold, most of it within a short time")
+        finer *= 2
+    most = max(each.growths.max() for each in along)
+    raise NoOrbit(f"small changes grow {most:.0e}-fold, most of it within a short time")
+
+
+def growths_without_nodes(division: Division | None, evaluation: Evaluation) -> Array:
+    """The largest growths (m,) of a small change that are to be divided by nodes: to any place of the motion, or where
+    it has nodes from one to the next, as no node lies where changes grow and shrink again."""
+    return evaluation.largest_growth if division is None else evaluation.amplification
 
 
 def are_divided(growths: Array, errors: Array, alphas: Array) -> Array:
@@ -191,6 +216,10 @@ def are_divided(growths: Array, errors: Array, alphas: Array) -> Array:
     on their errors are divided, or divided anew."""
     off = errors > DIVIDED_ERROR * np.maximum(np.abs(alphas), 1.0)
     return (growths > LARGEST_ARC_GROWTH) | (off & (growths > DIVIDED_GROWTH))
+
+
+class Undetermined(NoOrbit):
+    """An orbit's launch does not determine it in floating-point numbers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,17 +255,18 @@ class NodedSolution:
 
     def near(self, x: Array, p: Array) -> "NodedSolution":
         """The solution with parameters (np,) near unknowns (N,) with the same nodes; raises `NoOrbit`."""
-        x, evaluation = self.equations.newton(x, p)
+        least = self.division.least_units(x) if self.division else SMALLEST_UNIT
+        x, evaluation = self.equations.newton(x, p, least=least)
         return replace(self, x=x, p=p, evaluation=evaluation).divided()
 
     def divided(self) -> "NodedSolution":
         """The same with the nodes that its motions ask for; raises `NoOrbit` where its launch does not determine it."""
         if self.division and (most := self.growths.max()) > MOST_GROWTH:
-            raise NoOrbit(
+            raise Undetermined(
                 f"it stays so long near an unstable equilibrium that small changes grow {most:.0e}-fold: its launch "
                 "does not determine it any more in 16 digits"
             )
-        if (growth := self.evaluation.amplification[0]) > LARGEST_ARC_GROWTH:
+        if (growth := float(growths_without_nodes(self.division, self.evaluation)[0])) > LARGEST_ARC_GROWTH:
             return self.with_nodes()
         if growth > DIVIDED_GROWTH and are_divided(np.array([growth]), self.error, self.alpha)[0]:
             with suppress(NoOrbit, FlowError):
@@ -263,15 +293,19 @@ class NodedSolution:
 
     def with_nodes(self) -> "NodedSolution":
         """The same with as many nodes as its motions ask for, from unknowns that need not solve the equations yet."""
-        whole, growths = self.whole, self.growths[0]
-        paths = [each[0] for each in whole.trajectories]
-        division, x = division_at(self.undivided, growths, self.u, self.p, paths)
+        whole, paths = self.whole, [each[0] for each in self.whole.trajectories]
+        division, x = division_at(self.undivided, self.along, self.u, self.p, paths)
         return NodedSolution(self.undivided, division, x, self.p, whole).near(x, self.p)
 
     @property
     def growths(self) -> Array:
-        """The growths (1, arcs) of a small change over the arcs."""
-        return self.division.growths(self.evaluation) if self.division else growths_of_arcs(self.evaluation)
+        """The largest growths (1, arcs) of a small change from the start of each arc."""
+        return largest_growths(self.evaluation, counts_of_parts(self.division, self.undivided))
+
+    @property
+    def along(self) -> list[GrowthAlong]:
+        """How a small change grows along each arc."""
+        return growths_along(self.evaluation, counts_of_parts(self.division, self.undivided))
 
     @cached_property
     def error(self) -> Array:
@@ -304,21 +338,22 @@ def solved_with_nodes(undivided: Shooting, u: Array, p: Array, solve: Callable |
     return NodedSolution(undivided, None, u, p, evaluation).divided()
 
 
-def growths_of_arcs(evaluation: Evaluation) -> Array:
-    """The growths (m, arcs) of a small change over the arcs of undivided equations."""
-    return np.array([np.abs(each[:, :, : each.shape[1]]).max((1, 2)) for each in evaluation.transitions]).T
+def counts_of_parts(division: Division | None, undivided: Shooting) -> list[int]:
+    """The number of parts of each arc, 1 where there is no division."""
+    return [*map(len, division.parts)] if division else [1] * len(undivided.flows)
 
 
 def with_nodes(undivided: Shooting, us: Array, ps: Array, evaluation: Evaluation) -> Evaluation:
     """The equations at known solutions (m, n), by way of nodes where the motions amplify small changes; raises
     `NoOrbit`."""
-    hanging = np.flatnonzero(evaluation.amplification > LARGEST_ARC_GROWTH).tolist()
+    hanging = np.flatnonzero(evaluation.largest_growth > LARGEST_ARC_GROWTH).tolist()
     if not hanging:
         return evaluation
     parts = [evaluation[np.array([i])] for i in range(len(us))]
     for i in hanging:
         paths = [each[0] for each in parts[i].trajectories]
-        division, x = division_at(undivided, growths_of_arcs(parts[i])[0], us[i], ps[i], paths)
+        along = growths_along(parts[i], counts_of_parts(None, undivided))
+        division, x = division_at(undivided, along, us[i], ps[i], paths)
         parts[i] = division.nearest(x, ps[i])
     most = max(each.shape[1] for part in parts for each in part.parts)
     return joined([_alike(part, most) for part in parts])

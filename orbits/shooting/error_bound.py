@@ -68,7 +68,7 @@ def error_bounds(
     inverse = solve(square.swapaxes(1, 2), np.eye(square.shape[1])[None, :, [index]])[:, :n, 0]
     weights = _weights_of_steps(equations, evaluation, inverse)
     # Near an unstable equilibrium a change grows and shrinks again, and derivatives lose their rank to rounding.
-    lost = (EPS * _largest_growth(equations, evaluation) ** 2 > 1.0).nonzero()[0].tolist()
+    lost = (EPS * evaluation.growths_on_the_way.max(1) ** 2 > 1.0).nonzero()[0].tolist()
     moves, refused = np.full(len(us), np.nan), {i: NoOrbit(f"the orbit cannot be certified{NARROW}") for i in lost}
     if quickly and all(flow.in_lanes for flow in equations.flows):
         moves = np.einsum("mi,mi->m", inverse, evaluation.residual)
@@ -176,15 +176,6 @@ def _weights_of_steps(equations: Shooting, evaluation: Evaluation, inverse: ndar
         carried = np.einsum("mj,mjk->mk", at_end, transition[:, :, :n])[motions.owner, :, None]
         weights.append(solve(sensitivities.swapaxes(1, 2), carried)[..., 0])
     return weights
-
-
-def _largest_growth(equations: Shooting, evaluation: Evaluation) -> ndarray:
-    """The largest growth (m,) of a small change of the state from the start of an arc to a step."""
-    largest = np.ones(len(evaluation.residual))
-    for flow, motions in zip(equations.flows, evaluation.trajectories, strict=True):
-        if motions.variations is not None:
-            largest = np.maximum(largest, motions.largest(motions.variations[:, :, : flow.size]))
-    return largest
 
 
 def _carried_rounding(evaluation: Evaluation, weights: list[Rows]) -> ndarray:

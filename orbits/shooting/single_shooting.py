@@ -74,6 +74,22 @@ class Evaluation:
         squares = (transition[..., : transition.shape[-2]] for transition in self.transitions)
         return np.max([np.abs(square).max((-2, -1)) for square in squares], axis=0)
 
+    @cached_property
+    def growths_on_the_way(self) -> np.ndarray:
+        """Of m points, the largest growths (m, arcs) of a small change of the state from the start of each arc to the
+        start of a step, and at least 1: a motion that passes two unstable equilibria brings changes closer together
+        again towards the second."""
+        growths = np.ones((len(self.residual), len(self.transitions)))
+        for own, motions, transition in zip(growths.T, self.trajectories, self.transitions, strict=True):
+            if motions.variations is not None:
+                own[:] = np.maximum(own, motions.largest(motions.variations[:, :, : transition.shape[1]]))
+        return growths
+
+    @cached_property
+    def largest_growth(self) -> np.ndarray:
+        """Of m points, the largest growth (m,) of a small change of the state to any place of the motion."""
+        return np.maximum(self.amplification, self.growths_on_the_way.max(1))
+
 
 def joined(evaluations: Sequence[Evaluation]) -> Evaluation:
     """One evaluation at the points of several evaluations."""
@@ -281,16 +297,18 @@ class Shooting:
         return np.concatenate(residuals)
 
     def newton(
-        self, u: ArrayLike, p: np.ndarray, attempts: int = 30, evaluation: Evaluation | None = None
-    ) -> tuple[np.ndarray, Evaluation]:
+        self, u: ArrayLike, p: np.ndarray, attempts: int = 30, evaluation: Evaluation | None = None,
+        least: ArrayLike = SMALLEST_UNIT,
+    ) -> tuple[np.ndarray, Evaluation]:  # fmt: skip
         """The solution (n,) by Newton's method from `u`, where the equations are the evaluation (1) if it is known, to
         rounding, and the equations at this one point; raises `NoOrbit` without convergence. A step that leaves the
-        flow's domain or collapses a duration is halved."""
+        flow's domain or collapses a duration is halved. Unknowns smaller than the `least` units, one or (n,), are
+        measured in these."""
         us, ps, size = np.array(u, dtype=float)[None], np.reshape(p, (1, -1)), np.inf
         evaluation = evaluation or self.evaluate_all(us, ps)
         for _ in range(attempts):
             step = solve(evaluation.jacobian[0], -evaluation.residual[0])
-            last, size = size, np.max(np.abs(step) / np.maximum(np.abs(us), SMALLEST_UNIT))
+            last, size = size, np.max(np.abs(step) / np.maximum(np.abs(us), least))
             if not settles(size, last, evaluation.amplification[0]):
                 if not np.isfinite(size):
                     break

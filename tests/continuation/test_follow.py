@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from families import FOLD, FOLD_ALPHA, GOLDEN, events
+from hanging import quartic_error
 
 from orbits import InputError, NoOrbit, Orbit, find, follow, follow_branch, orbit_at, trace
 from orbits.continuation.point import End, Event
@@ -131,6 +132,15 @@ class TestBranchPoint:
             other = follow_branch(self.MACHINE, point, "q", 1.6 * value, upper=upper, at=[value])
             assert other.end.kind == "reached"
             assert other.at(value)[0].alpha == pytest.approx(family.at(-value)[0].alpha, rel=1e-12)
+
+    @pytest.mark.slow
+    def test_a_branch_that_hangs_goes_on(self, family):
+        """On the upper sheet both barriers are nearly reached, and a change grows 1e14-fold."""
+        (point,) = events(family, "branch point")
+        other = follow_branch(self.MACHINE, point, "q", -0.101, upper=True)
+        assert other.end.kind == "reached"
+        error = quartic_error(0.0, FOLD + other[-1].value ** 2, other[-1].alpha, 1, within=2e-11)
+        assert error <= other[-1].error < 1e-11
 
     @pytest.mark.slow
     def test_at_another_value_of_the_parameter(self):

@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 
 from orbits import Family, find, follow, orbit_at
 from orbits.continuation.homoclinic import _decay
-from problems import Chain, Hopper
+from problems import Chain, Hopper, Juggler
 
 CUBIC = Hopper("cubic", rest_length=30.0, parameters={"beta": -0.005})
 
@@ -54,6 +54,29 @@ def test_points_beyond_what_a_launch_determines(contacts):
     short = follow(CUBIC, "contact_time", 62.0, tune="beta", most=130)
     resumed = follow(CUBIC, "contact_time", 62.0, tune="beta", resume=short)
     assert (short.end.kind, resumed.end.kind) == ("stopped", "reached")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("machine", "tuned", "loaded"),  # and the force of the spring at the equilibrium, but for its sign
+    [
+        (Hopper("k*sin(r/k)", mass_ratio=0.7, parameters={"k": 9.0}), "k", 1 / 0.7),
+        (Juggler("k*sin(r/k)", mass_ratio=0.7, parameters={"k": 9.0}), "k", 1.7 / 0.7),
+        (Hopper("r*exp(r/w)", parameters={"w": 30.0}), "w", 1.0),
+    ],
+)
+def test_contacts_that_hang_in_other_laws(machine, tuned, loaded):
+    """The period grows by the inverse of the square root of -M phi'(y)/(1 + M), with the slope of the force in closed
+    form where it carries the weight: that of the foot over M, or of ball and hand together."""
+    end = (found := follow(machine, "contact_time", 400.0, tune=tuned, longest=0.1)).end
+    unit, share = found[-1].also[tuned], machine.values["mass_ratio"]
+    if tuned == "k":
+        slope = -np.sqrt(1 - (loaded / unit) ** 2)
+    else:
+        rest = brentq(lambda y: y * np.exp(y / unit) + loaded, -60 * unit, -unit, xtol=1e-14)
+        slope = (1 + rest / unit) * np.exp(rest / unit)
+    assert end.kind == "homoclinic"
+    assert end.period_growth == pytest.approx(1 / np.sqrt(-share * slope / (1 + share)), rel=1e-4)
 
 
 @pytest.mark.slow

@@ -200,9 +200,10 @@ def test_a_limit_where_long_steps_lead_to_it(points, found):
 def endings(one_speed=True, start=0.5, **control):
     """The endings of a curve along b from an orbit with the launch speed 4, the flight time 8 and lift-off at 1."""
     machine = SimpleNamespace(model=SimpleNamespace(one_speed=one_speed))
+    growths = lambda points: np.array([point.amplification for point in points])  # noqa: E731
     curve = SimpleNamespace(
         along="b", span=2.0, machine=machine, units_at=lambda value, also: None,
-        growths=lambda points: np.array([point.amplification for point in points]),
+        growths=growths, largest_growths=growths,
         equations_of_orbits=SimpleNamespace(statement=SimpleNamespace(unknowns=("alpha", "duration"))),
     )  # fmt: skip
     origin = SimpleNamespace(alpha=4.0, flight_time=8.0, liftoff_extension=1.0)

@@ -30,10 +30,11 @@ def test_flights_that_hang_stay_in_their_family(c, alpha):
         assert early * late < 0
 
 
-@pytest.mark.parametrize(("family", "values"), [(6, (0.02, 0.1425, 0.265)), (20, (0.4723751598189375,))])
+@pytest.mark.parametrize(("family", "values"), [(6, (0.02, 0.1425, 0.265)), (20, (0.4723751598189375,)), (70, (0.03,))])
 def test_long_flights_stay_in_their_family(family, values):
-    """From a linear spring to hardening ones, whose families are guessed by quadrature. The last one is such that the
-    tangent at the start leads to within 4e-4 of an orbit of family 18, which has another tangent."""
+    """From a linear spring to hardening ones, whose families are guessed by quadrature. The second one is such that the
+    tangent at the start leads to within 4e-4 of an orbit of family 18, which has another tangent; of the last one the
+    motions take more integration steps than those of one call."""
     machine = Hopper("cubic", parameters={"beta": 0.0})
     machines = [machine.with_values(beta=beta) for beta in values]
     for one, orbit in zip(machines, continued_orbits(machine, find(machine, family), machines), strict=True):

@@ -8,8 +8,9 @@ from scipy.special import ellipkm1
 
 from orbits import NoOrbit, find
 from orbits.model import Arc, Phase, Statement
-from orbits.shooting.division import division_at, division_of, growths_of_arcs, with_nodes
+from orbits.shooting.division import division_at, division_of, with_nodes
 from orbits.shooting.formulations import equations_of
+from orbits.shooting.node_places import GrowthAlong, even, growths_along
 from orbits.shooting.single_shooting import Shooting
 from problems import Chain, Hopper
 
@@ -36,7 +37,7 @@ def test_a_pendulum_near_the_separatrix():
     units of time a change has grown 3e25-fold."""
     equations = swing()
     u, evaluation = equations.newton([1.999], np.array([8.0]))
-    division = division_of(equations, (16,))
+    division = division_of(equations, (even(16),))
     x = division.lifted(u, evaluation[0].trajectories)
     for t in np.arange(10.0, 61.0, 2.0):
         x, _ = division.equations.newton(x, np.array([t]))
@@ -62,14 +63,16 @@ def test_divided_motions_are_whole_ones(parts, chain):
     u = np.array([known[name] for name in equations.statement.unknowns])
     vary = (names[-1],)
     plain = equations.evaluate_all(u[None], p[None], vary)
-    division = division_of(equations, parts)
+    division = division_of(equations, tuple(map(even, parts)))
     x = division.lifted(u, plain[0].trajectories)
     nodes = division.equations.evaluate_all(x[None], p[None], vary)
     found = division.whole(nodes)
     assert np.abs(nodes.residual).max() < 1e-12
     assert division.bare(x) == pytest.approx(u, abs=0)
     assert found.jacobian == pytest.approx(plain.jacobian, rel=1e-9, abs=1e-9)
-    assert division.growths(nodes) == pytest.approx(growths_of_arcs(plain), rel=1e-10)
+    by_nodes, by_steps = growths_along(nodes, parts), growths_along(plain, [1] * len(parts))
+    assert [each.growths[-1] for each in by_nodes] == pytest.approx([each.growths[-1] for each in by_steps], rel=1e-10)
+    assert division.growths(nodes)[0] == pytest.approx([each.growths.max() for each in by_nodes], rel=1e-12)
     for one, other in zip(found.trajectories, plain.trajectories, strict=True):
         times = np.linspace(0, other.ends[0], 40)
         assert one[0](times) == pytest.approx(other[0](times), abs=1e-11)
@@ -97,6 +100,6 @@ def test_known_solutions_with_nodes_are_joined_with_others():
 
 
 def test_what_grows_within_a_short_time_is_not_divided():
-    u, p = np.array([2.0]), np.array([1.0])
+    u, p, along = np.array([2.0]), np.array([1.0]), GrowthAlong(np.array([0.0, 1.0]), np.array([1.0, 1e305]))
     with pytest.raises(NoOrbit, match="small changes grow 1e\\+305-fold, most of it within a short time"):
-        division_at(swing(), np.array([1e305]), u, p, swing().evaluate(u, p).trajectories)
+        division_at(swing(), [along], u, p, swing().evaluate(u, p).trajectories)

@@ -1,0 +1,102 @@
+"""Where the nodes lie that divide motions near unstable equilibria.
+
+While a motion stays near an equilibrium a small change grows, and nodes in equal distances determine it. Where it goes
+on to a second equilibrium, as family 2 of a spring with a barrier, or family 1 of one with a barrier on either side,
+the change shrinks on the way there, and the time between both passages depends on the last digits of the energy alone.
+With states on that way as unknowns the equations would hardly change if all of these moved along the motion, and
+Newton's method would converge only from within these last digits. So nodes lie where a change has grown no more than at
+any later time: on the way to the first equilibrium, and at the middle of each passage, where the state is nearest to
+the equilibrium and its distance from there, and so the energy, has most digits.
+"""
+
+from collections.abc import Iterator, Sequence
+from itertools import islice, pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from ..flow.trajectory import Trajectories
+from ..numerics.roots import Array
+from .single_shooting import Evaluation
+
+# The growth between two nodes that is aimed at. Where a change shrinks again by a larger factor, there are no nodes on
+# the way.
+PART_GROWTH = 1e2
+
+
+class GrowthAlong(NamedTuple):
+    """The growths (k,) of a small change from the start of an arc to some times (k,), from 0 to the arc's end."""
+
+    times: Array
+    growths: Array
+
+
+class _ChangesOverPart(NamedTuple):
+    """The motions (m,) over a part of an arc, and the derivatives of their states by the state at the start of the arc:
+    at the starts of their steps (N, n, n), None where they are not known, and at their ends (m, n, n)."""
+
+    motions: Trajectories
+    at_steps: Array | None
+    at_end: Array
+
+
+def growths_along(evaluation: Evaluation, counts: Sequence[int]) -> list[GrowthAlong]:
+    """The growths along each arc of one motion (1), whose arcs are divided into these numbers of parts."""
+    found = list[GrowthAlong]()
+    for parts in _changes_along(evaluation, counts):
+        begun, times, growths = 0.0, [np.zeros(1)], [np.ones(1)]
+        for motions, at_steps, at_end in parts:
+            if at_steps is not None:
+                times.append(begun + motions.starts[1:])
+                growths.append(np.abs(at_steps[1:]).max((1, 2)))
+            begun += float(motions.ends[0])
+            times.append(np.array([begun]))
+            growths.append(np.abs(at_end).max((1, 2)))
+        found.append(GrowthAlong(np.concatenate(times), np.concatenate(growths)))
+    return found
+
+
+def largest_growths(evaluation: Evaluation, counts: Sequence[int]) -> Array:
+    """The largest growths (m, arcs) of a small change from the start of each arc of m motions to a place of it."""
+    growths = list[Array]()
+    for parts in _changes_along(evaluation, counts):
+        known = [np.abs(part.at_end).max((1, 2)) for part in parts]
+        known += [part.motions.largest(part.at_steps) for part in parts if part.at_steps is not None]
+        growths.append(np.max(known, axis=0))
+    return np.array(growths).T
+
+
+def _changes_along(evaluation: Evaluation, counts: Sequence[int]) -> Iterator[list[_ChangesOverPart]]:
+    """The parts of each arc, where the arcs are divided into these numbers of parts."""
+    every = iter(zip(evaluation.trajectories, evaluation.transitions, strict=True))
+    for count in counts:
+        parts = list[_ChangesOverPart]()
+        for motions, transition in islice(every, count):
+            n = transition.shape[1]
+            before = parts[-1].at_end if parts else np.broadcast_to(np.eye(n), (len(transition), n, n))
+            known = motions.variations
+            at_steps = None if known is None else known[:, :, :n] @ before[motions.owner]
+            parts.append(_ChangesOverPart(motions, at_steps, transition[:, :, :n] @ before))
+        yield parts
+
+
+def even(count: int) -> tuple[float, ...]:
+    """The shares of an arc's duration that this number of parts of equal durations take."""
+    return (1 / count,) * count
+
+
+def lengths_of_parts(along: GrowthAlong, finer: int = 1) -> tuple[float, ...]:
+    """The shares of an arc's duration that its parts take between nodes, where small changes grow so; with nodes that
+    are so many times finer than where the growth between two of them is the one that is aimed at."""
+    times, growths = along
+    later = np.minimum.accumulate(growths[::-1])[::-1]
+    if (growths <= PART_GROWTH * later).all():
+        count = int(np.ceil(np.log(np.maximum(growths.max(), 1.0)) / np.log(PART_GROWTH))) * finer
+        return even(count + 1 if count > 1 else 1)
+    nodes, last, between, aimed = list[int](), 0, False, PART_GROWTH ** (1 / finer)
+    for here, following in pairwise(np.flatnonzero(growths <= later).tolist()):
+        ends, between = between, bool(growths[here:following].max() > PART_GROWTH * later[here])
+        if here > 0 and (ends or between or growths[following] > aimed * growths[last]):
+            nodes.append(here)
+            last = here
+    return tuple((np.diff([0.0, *times[nodes], times[-1]]) / times[-1]).tolist())
