@@ -548,7 +548,7 @@ def test_sweeps():
 
 @pytest.mark.slow
 def test_mutations(tmp_path):
-    """A change of the polynomials' room is made in a copy, and its tests notice it."""
+    """A change of a module of numerics is made in a copy, and the tests of the module notice it."""
     sources = [path.read_bytes() for path in sorted(mutations.ROOT.glob("orbits/*/*.py"))]
     assert mutations.main(tmp_path, quick=True) == {"run": 1, "caught": 1}
     assert len((tmp_path / "mutations.jsonl").read_text(encoding="utf-8").splitlines()) == 1
