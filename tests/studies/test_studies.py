@@ -72,6 +72,8 @@ STUDIES = {
         *(start_up, theorems, tolerances, tutorial, walker),
     )
 }
+# Those that have no quick mode.
+WHOLE = ("air_track", "figure_3", "figure_4", "figure_6", "figure_7")
 WIDTH, SMALLEST = 900, 9  # pixels: of the figures in the README, and of their type
 
 
@@ -79,7 +81,7 @@ WIDTH, SMALLEST = 900, 9  # pixels: of the figures in the README, and of their t
 def left_for_the_site(request, figures_of_site):
     """The figures that a study has drawn are those that the site shows of it."""
     name = request.node.name.removeprefix("test_")
-    drawn = request.getfixturevalue("tmp_path") if name in STUDIES else None
+    drawn = request.getfixturevalue("tmp_path") if name in (*STUDIES, *WHOLE) else None
     yield
     if drawn:
         leave(drawn, figures_of_site, name)
@@ -93,6 +95,8 @@ def legible(monkeypatch):
     def saved(figure, path, *arguments, **options):
         save(figure, path, *arguments, **options)
         if options.get("format") != "rgba":  # and no frame of an animation
+            # All is where it was drawn just now, at this resolution: nothing has to be placed once more.
+            figure.dpi, figure.stale = options.get("dpi", figure.dpi), False
             found.extend(f"{path}: {fault}" for fault in faults(figure))
             if (size := smallest_text(figure, WIDTH)) < SMALLEST:
                 found.append(f"{path}: type of {size:.1f} pixels where the figure is {WIDTH} pixels wide")
