@@ -72,7 +72,7 @@ SWAPPED = {
     **{ast.In: ast.NotIn, ast.NotIn: ast.In},
 }
 PYTEST = (sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider")
-ALL = ("-m", "not browser and not docs")  # the quick mode leaves out the slow tests too
+ALL = ("-m", "not browser and not docs")  # the quick mode has only the quick tests of the module itself
 # A run is given so many times the time of the unchanged sources, and a start; and so much memory in bytes.
 SLOWER, START, MEMORY = 4.0, 60.0, 6 * 2**30
 
@@ -93,6 +93,12 @@ class Mutation:
         room = Path(self.module).parts[1]
         rooms = TESTED_BY.get(room, (f"test_{room}" if room.endswith(".py") else room,))
         return *(f"tests/{name}" for name in rooms), *(SHARED if room != "numerics" else ())
+
+    @property
+    def own_tests(self) -> tuple[str, ...]:
+        """Where the tests of the module itself are."""
+        path = Path(self.module)
+        return (f"tests/{path.parts[1]}/test_{path.name}",)
 
 
 @dataclass(frozen=True)
@@ -226,9 +232,9 @@ class Copy:
         count = next(ends)
         return "::".join(["/".join(parts[:count]) + ".py", *parts[count:], name])
 
-    def outcome(self, mutation: Mutation) -> Outcome:
-        """What becomes of a change."""
-        path, (tests, limit) = self.root / mutation.module, self.quickest(mutation.tests)
+    def outcome(self, mutation: Mutation, tested: tuple[str, ...]) -> Outcome:
+        """What becomes of a change under the tests in these folders and files."""
+        path, (tests, limit) = self.root / mutation.module, self.quickest(tested)
         text = path.read_text(encoding="utf-8")
         path.write_text(source_after(text, mutation.place), encoding="utf-8")
         began = time.perf_counter()
@@ -251,7 +257,7 @@ def main(
     def outcome(mutation: Mutation) -> Outcome:
         copy = copies.get()
         try:
-            return copy.outcome(mutation)
+            return copy.outcome(mutation, mutation.own_tests if quick else mutation.tests)
         finally:
             copies.put(copy)
 

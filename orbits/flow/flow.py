@@ -360,7 +360,7 @@ class Flow(PhaseField):
     def compiled(self) -> bool:
         """Whether motions take their steps in machine code."""
         steppers = [*self.steppers.values(), *(self.shared[0].steppers.values() if self.shared else ())]
-        return any(isinstance(stepper, TaylorStepper) and stepper.kernel.compiled for stepper in steppers)
+        return any(isinstance(stepper, TaylorStepper) and stepper.compiled for stepper in steppers)
 
     def stepper(self, columns: int, varied: tuple[int, ...] = ()) -> TaylorStepper | RungeKuttaStepper:
         """The stepper for `columns` sensitivities, built on first use; only the rows `varied` of the seeds of

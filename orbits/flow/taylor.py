@@ -8,6 +8,7 @@ import numpy as np
 
 from ..numerics.exclusion import HIGHEST_ORDER, bernstein_coefficients
 from ..numerics.roots import Array
+from ..running.exclusive import exclusive_property
 from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction, with_common_parts
 from ..symbolic.kernels import Kernel
@@ -98,8 +99,17 @@ class TaylorStepper:
         self.rows, left = graph.size + graph.field.numel_out(1), graph.size * (1 + columns)
         numbers = range(left, left + 7)
         self.places = Places(slice(self.n), slice(self.n, left), slice(numbers.stop, None), *numbers)
-        self.kernel = self.kernel_of(self._in_loops() or self.motion_function)
         self._watching: dict[tuple[tuple, int], Kernel] = {}  # of `watch`, by the rows in the functions and turns
+
+    @exclusive_property
+    def kernel(self) -> Kernel:
+        """Takes the steps of motions; a motion that is only watched needs none."""
+        return self.kernel_of(self._in_loops() or self.motion_function)
+
+    @property
+    def compiled(self) -> bool:
+        """Whether motions take their steps in machine code."""
+        return "kernel" in vars(self) and self.kernel.compiled
 
     def _in_loops(self) -> InLoops | None:
         """The `motion_function` with loops; None where its graph is not long, or has operations without a loop."""

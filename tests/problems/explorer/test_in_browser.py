@@ -1,7 +1,7 @@
 """The page in a real browser: sliders moved, formulas typed, points clicked, links followed, rows dropped."""
 
 from pathlib import Path
-from urllib.parse import urlsplit
+from urllib.parse import urljoin, urlsplit
 
 import numpy as np
 import pytest
@@ -36,21 +36,27 @@ def address():
 @pytest.fixture(scope="module")
 def browser(address):  # it ends before the server does, which it would miss
     with chromium() as page:
-        page.open(address)
+        page.open(urljoin(address, "/static/js/bokeh.min.js"))  # of the same origin, and nothing is computed for it
         page.run("localStorage.setItem('tour', 'seen')")
         yield page
 
 
 @pytest.fixture
-def page(browser: Page, address: str):
-    """The page with what it begins with, drawn."""
+def tab(browser: Page):
+    """The browser for a test that opens the page itself, at another address or with another tour."""
     browser.resize(1200)
-    browser.open(address)
-    shown(browser)
     yield browser
     assert browser.errors() == []
     hosts = {urlsplit(url).hostname for url in browser.requests()}
     assert hosts <= {"localhost", ""}  # nothing comes from elsewhere
+
+
+@pytest.fixture
+def page(tab: Page, address: str) -> Page:
+    """The page with what it begins with, drawn."""
+    tab.open(address)
+    shown(tab)
+    return tab
 
 
 def shown(page: Page) -> float:
@@ -131,12 +137,8 @@ def is_not_blank(page: Page, name: str) -> bool:
     return width > 200 and len(np.unique(part.reshape(-1, 3), axis=0)) > 20
 
 
-def test_the_first_picture_is_the_hop_of_find(page):
+def test_the_first_picture_is_the_hop_of_find_and_every_figure_is_drawn_at_both_widths(page):
     assert alpha_of(page) == pytest.approx(cubic(0.3), rel=1e-6)
-    wait_for_curve(page)
-
-
-def test_every_figure_is_drawn_at_both_widths(page):
     page.wait("return explorer.state['map-text'].includes('%')")
     page.wait("return /Upward|Downward/.test(explorer.state['family-text'])")
     for width in (1200, 400):
@@ -247,68 +249,68 @@ def paths_in_plane(page: Page, place: float) -> list[np.ndarray]:
 PLACES = (0.0, 0.003, 0.2581, 0.5, 0.7777, 0.999)  # in a cycle; most of them between two samples
 
 
-def test_a_wheel_walks_in_the_plane(page, address):
+def test_a_wheel_walks_in_the_plane(tab, address):
     """Its hub keeps the length of a spoke from the foot on which it stands, and a friction that it lacks is told."""
-    page.open(address + "?machine=wheel&si=1&spring=stiffness*r&p.friction=0.3")
+    tab.open(address + "?machine=wheel&si=1&spring=stiffness*r&p.friction=0.3")
     wheel = rimless_wheel(2.0, 0.4, 8, 0.5, 0.5, 20.0)
-    assert shown(page) == pytest.approx(find(wheel).alpha, rel=1e-6)
-    assert "No motion: it needs the friction 0.405608" in element(page, "status").text
-    assert not element(page, "drop").is_displayed()
-    page.resize(400)
-    wait_for_figure(page, "machine")
+    assert shown(tab) == pytest.approx(find(wheel).alpha, rel=1e-6)
+    assert "No motion: it needs the friction 0.405608" in element(tab, "status").text
+    assert not element(tab, "drop").is_displayed()
+    tab.resize(400)
+    wait_for_figure(tab, "machine")
     for place in PLACES:
-        *spokes, body, path = paths_in_plane(page, place)
+        *spokes, body, path = paths_in_plane(tab, place)
         assert len(spokes) == 8
         assert min(y[1] for _, y in spokes) == pytest.approx(0, abs=1e-6)
         assert path[:, -1] == pytest.approx(spokes[0][:, 0], abs=1e-5)  # the path ends at the hub
         assert path[1].max() == pytest.approx(0.4, rel=1e-3)
         assert body[1].mean() == pytest.approx(spokes[0][1][0], rel=1e-6)
-    page.run("const s = document.getElementById('machine'); s.value = 'rocker'; s.dispatchEvent(new Event('change'))")
-    assert shown(page) == pytest.approx(find(rocking_block(angle=0.3)).alpha, rel=1e-6)
+    tab.run("const s = document.getElementById('machine'); s.value = 'rocker'; s.dispatchEvent(new Event('change'))")
+    assert shown(tab) == pytest.approx(find(rocking_block(angle=0.3)).alpha, rel=1e-6)
 
 
-def test_a_runner_runs_at_the_speed_of_its_slider(page, address):
+def test_a_runner_runs_at_the_speed_of_its_slider(tab, address):
     """Its numbers are tuned, and the path drawn behind it ends at its hip."""
-    page.open(address + "?machine=runner&spring=stiffness*r&along=speed")
+    tab.open(address + "?machine=runner&spring=stiffness*r&along=speed")
     run = find(runner(), tune=("inertia", "hip_stiffness"), at={"speed": 0.4})
-    assert shown(page) == pytest.approx(run.alpha, rel=1e-6)
-    assert f"inertia = {run.source.values['inertia']:.6g}" in element(page, "status").text
+    assert shown(tab) == pytest.approx(run.alpha, rel=1e-6)
+    assert f"inertia = {run.source.values['inertia']:.6g}" in element(tab, "status").text
     for place in PLACES:
-        leg, *_, path = paths_in_plane(page, place)
+        leg, *_, path = paths_in_plane(tab, place)
         assert path[:, -1] == pytest.approx(leg[:, 1], abs=1e-5)
     _, _, z, _, leg_length, _, theta, *_ = run(np.linspace(0, run.period, 400)).T
     assert max(path[1]) == pytest.approx((z + leg_length * np.cos(theta)).max(), rel=1e-3)
-    type_in(page, "number-speed", "0.5")
+    type_in(tab, "number-speed", "0.5")
     faster = find(run.source, tune=("inertia", "hip_stiffness"), at={"speed": 0.5}, start=run)
-    assert shown(page) == pytest.approx(faster.alpha, rel=1e-6)
-    assert "speed above 0" not in problem(page)
-    type_in(page, "number-speed", "-1")
-    shown(page)
-    assert "speed above 0" in problem(page)
+    assert shown(tab) == pytest.approx(faster.alpha, rel=1e-6)
+    assert "speed above 0" not in problem(tab)
+    type_in(tab, "number-speed", "-1")
+    shown(tab)
+    assert "speed above 0" in problem(tab)
 
 
-def test_the_tour_comes_once_and_when_it_is_called(page, address):
-    page.run("localStorage.removeItem('tour')")
-    page.open(address)
-    shown(page)
-    assert element(page, "tour").is_displayed()
-    assert not element(page, "certificate").is_displayed()  # its rows are folded
-    page.driver.find_element("tag name", "body").send_keys("\ue00c")  # Escape
-    assert not element(page, "tour").is_displayed()
-    page.open(address)
-    shown(page)
-    assert not element(page, "tour").is_displayed()
-    element(page, "tour-again").send_keys("\ue007")  # Enter
-    first = element(page, "tour").text
-    page.driver.switch_to.active_element.send_keys("\ue007")
-    assert element(page, "tour").text != first
-    assert "2 of 6" in element(page, "tour").text
+def test_the_tour_comes_once_and_when_it_is_called(tab, address):
+    tab.run("localStorage.removeItem('tour')")
+    tab.open(address)
+    shown(tab)
+    assert element(tab, "tour").is_displayed()
+    assert not element(tab, "certificate").is_displayed()  # its rows are folded
+    tab.driver.find_element("tag name", "body").send_keys("\ue00c")  # Escape
+    assert not element(tab, "tour").is_displayed()
+    tab.open(address)
+    shown(tab)
+    assert not element(tab, "tour").is_displayed()
+    element(tab, "tour-again").send_keys("\ue007")  # Enter
+    first = element(tab, "tour").text
+    tab.driver.switch_to.active_element.send_keys("\ue007")
+    assert element(tab, "tour").text != first
+    assert "2 of 6" in element(tab, "tour").text
     for _ in range(5):
-        element(page, "tour-next").send_keys("\ue007")
-    assert not element(page, "tour").is_displayed()
-    assert page.driver.switch_to.active_element.get_attribute("id") == "tour-again"
-    element(page, "certificate-title").send_keys("\ue007")
-    assert element(page, "certificate").is_displayed()
+        element(tab, "tour-next").send_keys("\ue007")
+    assert not element(tab, "tour").is_displayed()
+    assert tab.driver.switch_to.active_element.get_attribute("id") == "tour-again"
+    element(tab, "certificate-title").send_keys("\ue007")
+    assert element(tab, "certificate").is_displayed()
 
 
 def test_a_click_in_the_map_launches_there(page):
@@ -335,22 +337,22 @@ def test_a_click_on_the_family_goes_there(page):
     assert page.run("return explorer.state.lowest")  # a way back to the lowest hop is offered
 
 
-def test_the_hops_beyond_a_fold_are_come_to_by_keyboard(page, address):
-    page.open(address + "?spring=r%2Bbeta*r**3&p.beta=-0.008&p.rest_length=30&along=beta")
-    lowest = shown(page)
-    page.wait("return explorer.state['family-text'].includes('Downward: ')")
-    slider = element(page, "place")
+def test_the_hops_beyond_a_fold_are_come_to_by_keyboard(tab, address):
+    tab.open(address + "?spring=r%2Bbeta*r**3&p.beta=-0.008&p.rest_length=30&along=beta")
+    lowest = shown(tab)
+    tab.wait("return explorer.state['family-text'].includes('Downward: ')")
+    slider = element(tab, "place")
     assert f"alpha = {lowest:.6g}" in slider.get_attribute("aria-valuetext")
     slider.send_keys("\ue011")  # Home, which is beyond the fold
-    page.wait("return explorer.settled && explorer.state.place.at == 0")
+    tab.wait("return explorer.settled && explorer.state.place.at == 0")
     slider.send_keys("\ue014" * 3)  # arrows to the right
-    page.wait("return explorer.settled && explorer.state.place.at == 3")
-    alpha, told = shown(page), page.run("return explorer.state.dials.find(d => d.name == 'beta').value")
+    tab.wait("return explorer.settled && explorer.state.place.at == 3")
+    alpha, told = shown(tab), tab.run("return explorer.state.dials.find(d => d.name == 'beta').value")
     machine = Hopper("r + beta*r**3", rest_length=30.0, parameters={"beta": told})
     assert alpha > 1.5 * find(machine).alpha  # at the same beta
     family = follow(machine.with_values(beta=-0.008), "beta", (0.0, -0.02), at=(told,))
     assert alpha == pytest.approx(max(point.alpha for point in family if point.value == told), rel=1e-6)
-    assert page.run("return explorer.state.lowest")  # a way back to the lowest hop is offered
+    assert tab.run("return explorer.state.lowest")  # a way back to the lowest hop is offered
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are counted by /proc")
