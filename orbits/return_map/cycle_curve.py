@@ -54,6 +54,11 @@ class SolvedCycles(NamedTuple):
     amplification: Array
     trajectories: tuple[()] = ()
 
+    @property
+    def largest_growth(self) -> Array:
+        """The growths (m,) of a small change over motions."""
+        return self.amplification
+
 
 class CycleCurve:
     """The curve of hops with these numbers of impacts (period,), of a `LaunchCurve`.
@@ -85,6 +90,10 @@ class CycleCurve:
     def bare(self, xs: Array) -> Array:
         """The first launch speeds and the values of the parameter, (..., 2), of points (..., n + 1)."""
         return xs[..., [self.speeds[0], -1]]
+
+    def steady(self, xs: Array, tangents: Array) -> Array:
+        """The tangents (c, n + 1) at points (c, n + 1), which are as exact as the points."""
+        return tangents
 
     def parameters_at(self, xs: Array) -> Array:
         """The parameters (m, np) of the hops at points (m, n + 1)."""

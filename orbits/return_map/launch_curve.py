@@ -74,6 +74,12 @@ class MapEquations(NamedTuple):
         return np.where(self.errors > LARGEST_ERROR_OF_HOPS, NEVER_SETTLED, 1.0)
 
 
+    @property
+    def largest_growth(self) -> np.ndarray:
+        """The growths (m,) of a small change over motions, which hops do not divide."""
+        return np.ones(len(self.residual))
+
+
 # At points that are known already.
 NOT_EVALUATED = MapEquations(np.empty((1, 1)), np.empty((1, 1, 2)), np.empty((1, 1)), np.empty((1, 1)))
 
@@ -101,6 +107,10 @@ class LaunchCurve:
     def bare(self, xs: np.ndarray) -> np.ndarray:
         """The points (..., 2), which have no states at nodes."""
         return xs
+
+    def steady(self, xs: np.ndarray, tangents: np.ndarray) -> np.ndarray:
+        """The tangents (c, 2) at points (c, 2), which are as exact as the points."""
+        return tangents
 
     def possible(self, values: Any) -> Any:
         """Values of the parameter inside of its range, beyond which there may be no machine; any injection is one."""

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import comb
+from typing import TypeAlias
 
 import numpy as np
 from flint import arb, arb_poly
@@ -26,7 +27,7 @@ TIME_ORDER, FIRST_TIME_STEP, SHORTEST_TIME_STEP, LONGEST_TIME_STEP, LATEST_LANDI
 LAST_TERM = 2.0**-66  # the last term of a step is smaller, or the step is halved
 TIMES_OF_INCLUSION, WIDENED_BOX = 10, arb(0, 0.1)  # how often a box is widened, and by which share
 PARTS_OF_STEP = 4  # at the ends of which floats look for a landing
-Jets = arb_poly  # in the deviation of the launch speed
+Jets: TypeAlias = arb_poly  # in the deviation of the launch speed
 
 
 @dataclass(frozen=True)
