@@ -73,7 +73,6 @@ class MapEquations(NamedTuple):
             return np.full(len(self.residual), INEXACT)
         return np.where(self.errors > LARGEST_ERROR_OF_HOPS, NEVER_SETTLED, 1.0)
 
-
     @property
     def largest_growth(self) -> np.ndarray:
         """The growths (m,) of a small change over motions, which hops do not divide."""
