@@ -110,5 +110,5 @@ def test_nodes_are_not_made_finer_without_end():
     equations, u, p, times = swing(), np.array([2.0 + 1e-6]), np.array([20.0]), np.linspace(0.0, 20.0, 41)
     along = [GrowthAlong(times, np.exp(8.0 * np.interp(times, [0, 4, 8, 12, 16, 20], [0, 2, 4, 2, 4, 2])))]
     paths = [each[0] for each in equations.evaluate_all(u[None], p[None]).trajectories]
-    with pytest.raises(NoOrbit, match="small changes grow 8e[+]13-fold, most of it within a short time"):
+    with pytest.raises(NoOrbit, match=r"small changes grow 8e[+]13-fold, most of it within a short time"):
         division_at(equations, along, u, p, paths)
