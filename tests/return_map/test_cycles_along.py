@@ -77,7 +77,7 @@ def test_where_the_map_is_used():
 
 
 def test_all_hops_of_a_period_in_the_units_of_each_value():
-    """In SI the unit of speed depends on the stiffness: the hops are those of the dimensionless machine in that unit."""
+    """In SI the unit of speed depends on the stiffness; the hops are those of the dimensionless machine in it."""
     machine = hopper_in_si(2.0, 2.0, stiffness=100.0, rest_length=2.0)
     own, there = (each.units.of("alpha") for each in (machine, machine.with_values(stiffness=105.0)))
     inject = 0.1 * own
