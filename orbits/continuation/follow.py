@@ -73,7 +73,8 @@ def follow(
         is another bound
     family : number of the family, from 1
     tune : names of parameters that are unknowns too, as in `find`; their values are columns of the family
-    at : values to hit exactly, each time the curve passes them
+    at : values to hit exactly, each time the curve passes them. A family that escapes ends where small changes grow
+        3e7-fold on the way, since its limit is known by then; it goes on where one of these values lies beyond
     watch : functions of the orbit whose zeros are events, by name
     longest : largest distance of two points, as a share of the parameter's whole range and of the unknowns' size
     most : largest number of points

@@ -116,8 +116,8 @@ def enclosed_ends(holds: Callable[[Array, Array], Array], a: ArrayLike, b: Array
             break
         low, high = a[going, None], b[going, None]
         inside = low + SHARES_AT_ONCE * (high - low)
-        kept = holds(inside.ravel(), np.repeat(going, len(SHARES_AT_ONCE))).reshape(inside.shape)
-        last = np.where(kept.all(1), kept.shape[1], np.argmin(kept, axis=1))[:, None]
+        held = holds(inside.ravel(), np.repeat(going, len(SHARES_AT_ONCE))).reshape(inside.shape)
+        last = np.where(held.all(1), held.shape[1], np.argmin(held, axis=1))[:, None]
         places = np.hstack([low, inside, high])
         a[going], b[going] = (np.take_along_axis(places, last + side, 1)[:, 0] for side in (0, 1))
     return a, b

@@ -157,7 +157,8 @@ class CycleCurve:
             steps, directions[left] = newton_steps(cast(Any, evaluation), xs[left], rows[left], levels[left])
             xs[left] += steps
             before, moved = last[left], (np.abs(steps) / sizes[left]).max(1)
-            done = (moved < (SAME_EQUATIONS if with_motions else LAST_STEP_OF_ENDS)) | (before < LAST_STEP)
+            done = moved < (SAME_EQUATIONS if with_motions else LAST_STEP_OF_ENDS)
+            done |= np.maximum(moved, before) < LAST_STEP  # all that is left is rounding
             if not (done | (moved < STALLED_RATIO * before)).all():
                 raise NoOrbit("the corrector does not converge")
             if with_motions and done.any():

@@ -126,9 +126,14 @@ class MapsAlong:
     def resolve(self, low: float, high: float) -> None:
         """Represent the map between two launch speeds by its pieces, which along the injection are the same."""
         if self.name == INJECT and self.pieces is None and not self.at(0.0).only_gains:
-            plain, unit = self.at(0.0), self.machine.units.of(LIFTOFF_SPEED) if self.machine.units else 1.0
-            found = plain.dimensionless()._pieces(low / unit, high / unit, SAMPLES_OF_BORDERS)
-            self.pieces = found.in_units(unit)
+            self.pieces = self._pieces(0.0, low, high, SAMPLES_OF_BORDERS)
+
+    def _pieces(self, value: float, low: float, high: float, samples: int) -> MapPieces:
+        """The pieces of the map without injection, at a value of the parameter, between two launch speeds, whose unit
+        depends on that value."""
+        units, step = self.machine_at(value).units, self.at(value)
+        unit = units.of(LIFTOFF_SPEED) if units else 1.0
+        return step.dimensionless()._pieces(low / unit, high / unit, samples).in_units(unit)
 
     @cached_property
     def along(self) -> CyclesAlong | None:
@@ -151,22 +156,16 @@ class MapsAlong:
 
     def all_cycles(self, value: float, between: tuple[float, float], period: int) -> list[np.ndarray]:
         """The launches (period,) of all cycles between two launch speeds at a value of the parameter."""
-        step, unit = self.at(value), self.machine.units.of(LIFTOFF_SPEED) if self.machine.units else 1.0
-        pieces = self.pieces
-        if pieces is None:
-            low, high = (each / unit for each in between)
-            pieces = step.dimensionless()._pieces(low, high, SAMPLES_OF_BORDERS).in_units(unit)
+        pieces = self.pieces or self._pieces(value, *between, SAMPLES_OF_BORDERS)
         branches = MonotoneBranches.of(pieces, self.added(value))
-        return [each[0] for each in cycles_of(branches, step, period)[0]] if len(branches.ends) else []
+        return [each[0] for each in cycles_of(branches, self.at(value), period)[0]] if len(branches.ends) else []
 
     def pieces_at(self, value: float, low: float, high: float) -> MapPieces:
         """The pieces of the map without injection, at a value of the parameter, round two launch speeds."""
         if self.pieces is not None and self.pieces.low <= low and high <= self.pieces.high:
             return self.pieces
         reach = WIDER_REACH * max(high - low, LEAST_WIDTH * high)
-        step, unit = self.at(value), self.machine.units.of(LIFTOFF_SPEED) if self.machine.units else 1.0
-        near = max(low - reach, 0.5 * low), high + reach
-        return step.dimensionless()._pieces(near[0] / unit, near[1] / unit, SAMPLES_NEAR).in_units(unit)
+        return self._pieces(value, max(low - reach, 0.5 * low), high + reach, SAMPLES_NEAR)
 
     def added(self, value: float) -> float:
         """The injection at a value of the parameter."""

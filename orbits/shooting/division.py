@@ -36,6 +36,9 @@ MOST_GROWTH = 1e14
 # The largest growth from one node to the next where a motion is divided: it is not the same everywhere, and increases
 # along a curve. And the largest number of parts.
 LARGEST_PART_GROWTH, MOST_DIVISIONS = 1e3, 100
+# How many times finer nodes are tried. Where a motion passes several equilibria there are no nodes on the ways between,
+# however fine the others are.
+FINER_NODES = 1, 2, 4, 8, 16, 32, 64
 # Unknowns are not determined, and stay as they are, in directions in which the equations change by less than this.
 UNDETERMINED = 1e-8
 MOST_STEPS_TO_NEAREST = 30
@@ -194,13 +197,14 @@ def division_at(
     along : how a small change grows along each arc
     u, p, paths : the unknowns (n,), the parameters (np,), and the motions over the arcs
     """
-    finer = 1
-    while max(map(len, parts := tuple(lengths_of_parts(each, finer) for each in along))) <= MOST_DIVISIONS:
+    for finer in FINER_NODES:
+        parts = tuple(lengths_of_parts(each, finer) for each in along)
+        if max(map(len, parts)) > MOST_DIVISIONS:
+            break
         division = division_of(undivided, parts)
         x = division.lifted(u, paths)
         if division.equations.evaluate(x, p).amplification < LARGEST_PART_GROWTH:
             return division, x
-        finer *= 2
     most = max(each.growths.max() for each in along)
     raise NoOrbit(f"small changes grow {most:.0e}-fold, most of it within a short time")
 

@@ -86,8 +86,8 @@ def even(count: int) -> tuple[float, ...]:
 
 
 def lengths_of_parts(along: GrowthAlong, finer: int = 1) -> tuple[float, ...]:
-    """The shares of an arc's duration that its parts take between nodes, where small changes grow so; with nodes that
-    are so many times finer than where the growth between two of them is the one that is aimed at."""
+    """The shares of an arc's duration that its parts take between nodes, from how small changes grow along it; with
+    `finer` times as many nodes as where the growth between two of them is the one that is aimed at."""
     times, growths = along
     later = np.minimum.accumulate(growths[::-1])[::-1]
     if (growths <= PART_GROWTH * later).all():

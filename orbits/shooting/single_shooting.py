@@ -212,13 +212,16 @@ class Shooting:
         for i, (flow, begin, seeds) in enumerate(zip(self.flows, self.beginnings, self.seeds(vary)[3], strict=True)):
             start = begin(us[which], before, ps[which])[0][:, :, 0] if len(which) else np.zeros((0, flow.size + 1))
             able = np.flatnonzero(np.isfinite(start).all(1) & (start[:, -1] > 0))
-            columns = [*self.varying[i], *range(flow.size, seeds[0].shape[1])] if fewest else slice(None)
-            own = (each[:, columns] for each in seeds)
-            done, motions, found = flow.run_lanes(start[able, :-1], ps[which[able]], start[able, -1], *own)
+            own, columns = seeds, [*range(seeds[0].shape[1])]
+            if fewest:
+                columns = [*self.varying[i], *columns[flow.size :]]
+                own = [each[:, columns] for each in seeds]
+            done, motions, transitions = flow.run_lanes(start[able, :-1], ps[which[able]], start[able, -1], *own)
             if motions is None:
                 return which[:0], None
-            transitions = np.zeros((len(done), *seeds[0].shape))
-            transitions[:, :, columns] = found
+            if fewest:
+                found, transitions = transitions, np.zeros((len(done), *seeds[0].shape))
+                transitions[:, :, columns] = found
             if len(able := able[done]) < len(which):
                 which, arcs = which[able], [tuple(each[able] for each in arc) for arc in arcs]
             before = motions.finals[:, : flow.size]

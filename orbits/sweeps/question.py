@@ -98,7 +98,6 @@ class Question:
         """The question as JSON-ready data, with digests of the machine's equations and of the values of its members."""
         return {
             "machine": machine_in_words(self.machine),
-            EQUATIONS: digest_of_equations(self.machine),
             "parameters": list(self.members.names),
             "members": len(self.members),
             "over": {name: axis.stated for name, axis in zip(self.members.names, self.members.axes, strict=False)},
@@ -115,6 +114,7 @@ class Question:
             **({} if self.tuning is None else self._tuned()),
             "chunk": CHUNK,
             "versions": {name: versions()[name] for name in ("persistent-orbits", "casadi", "numpy")},
+            EQUATIONS: digest_of_equations(self.machine),  # which differs with the version of CasADi too
         }
 
     def _tuned(self) -> Document:

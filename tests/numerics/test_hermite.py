@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orbits.numerics.hermite import around
+from orbits.numerics.hermite import around, slopes
 
 
 def test_what_rests_on_a_chain_of_points():
@@ -16,3 +16,11 @@ def test_what_rests_on_a_chain_of_points():
     assert counts.tolist() == [3, 4, 4, 1]
     assert points[:3] == pytest.approx(np.array([[0.008, 0.2]] * 3), abs=1e-15)
     assert points[3] == pytest.approx(np.array([0.008 - 0.1 * 0.12, 0.1]), abs=1e-15)
+
+
+def test_slopes_of_a_polynomial_through_points():
+    """Of a cubic and of a line through four points in any order; of the chord through two."""
+    t = np.array([0.2, -0.1, 0.35, 0.3])
+    values = np.stack([t**3 - t, 2.0 * t], axis=1)
+    assert slopes(t, values) == pytest.approx([3 * 0.2**2 - 1, 2.0], rel=1e-13)
+    assert slopes(t[:2], values[:2]) == pytest.approx((values[0] - values[1]) / 0.3, rel=1e-13)

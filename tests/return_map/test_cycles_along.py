@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from orbits import ReturnMap
 from orbits.return_map.cycles import MapsAlong
 from orbits.return_map.cycles_along import CyclesAlong, SolvedHops
 from problems import Hopper, hopper_in_si
@@ -73,3 +74,18 @@ def test_where_the_map_is_used():
     assert maps_along(Hopper(), "mass_ratio", 0.9, 1.1, 0.1).smooth_cycles(np.array([alpha]), np.ones(1), 1) is None
     for machine, name in ((Hopper(restitution=0.2), "mass_ratio"), (Hopper(), "restitution")):
         assert maps_along(machine, name, 0.1, 0.9, 0.1).smooth_cycles(np.array([4.6]), np.array([0.5]), 1) is None
+
+
+def test_all_hops_of_a_period_in_the_units_of_each_value():
+    """In SI the unit of speed depends on the stiffness; the hops are those of the dimensionless machine in it."""
+    machine = hopper_in_si(2.0, 2.0, stiffness=100.0, rest_length=2.0)
+    own, there = (each.units.of("alpha") for each in (machine, machine.with_values(stiffness=105.0)))
+    inject = 0.1 * own
+    assert there < 0.98 * own
+    maps = maps_along(machine, "stiffness", 80.0, 120.0, inject)
+    found = maps.all_cycles(105.0, (4.3 * own, 4.8 * own), 2)
+    same = ReturnMap(Hopper(), inject=inject / there).periodic_hops(2, 4.3 * own / there, 4.8 * own / there)
+    assert np.array(found) == pytest.approx(there * np.array([hops.launches for hops in same]), rel=1e-10)
+    assert len(found) == 1
+    (launches,), _ = maps.cycles(found[0][:1], 105.0, 2)
+    assert launches[2] == pytest.approx(launches[0], rel=1e-10)

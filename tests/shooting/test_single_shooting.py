@@ -50,6 +50,21 @@ def test_a_phase_sequence_across_lift_off(reference, solver):
     assert flight(0.0)[1] == pytest.approx(float(reference["alpha"]), rel=1e-12)
 
 
+def test_the_fewest_derivatives_are_enough():
+    """Of a contact that starts at rest and a flight that starts on the ground, neither by its speed nor by its gap."""
+    machine = machine_of(REFERENCES[4])
+    equations = Shooting(across_contact(machine.model), tuple(machine.values))
+    us, ps = np.array([[-2.0, 1.6, 3.0], [-2.1, 1.5, 3.1]]), np.tile([*machine.values.values()], (2, 1))
+    known = equations.evaluate_all(us, ps, ("beta",))
+    for fewest in (False, True):
+        which, found = equations.evaluate_lanes(us, ps, ("beta",), fewest=fewest)
+        assert found is not None
+        assert which.tolist() == [0, 1]
+        assert found.residual == pytest.approx(known.residual, abs=1e-12)
+        assert found.jacobian == pytest.approx(known.jacobian, rel=1e-10, abs=1e-10)
+    assert [[*np.flatnonzero(~each.any((0, 1)))] for each in found.transitions] == [[1], [2, 3]]
+
+
 def test_derivatives_through_two_phases_and_a_parameter():
     machine = machine_of(REFERENCES[4])
     values = machine.values
