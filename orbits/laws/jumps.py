@@ -91,8 +91,9 @@ def in_pieces(law: Law, breakpoints: Sequence[float] = ()) -> Law:
     if stated:
         return plain
     raise InputError(
-        f"the law '{law.text[:60]}' jumps, and on one side of the jump it has no derivatives up to the end, as sqrt(r) "
-        "for r > 0 has none: round it there"
+        f"the law '{law.text[:60]}' jumps, and beside one of its comparisons it has no derivatives, as sqrt(r) for r > 0 "
+        "has none, or a side has no value where the other one holds: round it there, or state all places where it jumps, "
+        f"as springs.function(force, breakpoints=({float(table(law.parameters)[0][1]):.6g},))"
     )
 
 
@@ -196,6 +197,8 @@ class _Parts:
         levels, rows = table(dict(zip(self.names, values.tolist(), strict=True)))
         ends = levels[1:-1]
         for low, high, row in zip([ends[0] - FARTHEST, *ends], [*ends, ends[-1] + FARTHEST], rows, strict=True):
+            if _equal_but_for_rounding(low, high):
+                continue  # two breakpoints coincide at these values, and no motion is between them
             inside = low + (high - low) * COMPARED_SHARES
             own, law = self._on_piece(inside[None], values, row).full(), self._law_at(inside[None], values).full()
             at_ends = self._on_piece(np.array([[x for x in (low, high) if x in ends]]), values, row).full()

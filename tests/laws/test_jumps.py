@@ -78,6 +78,9 @@ def test_a_breakpoint_moves_with_a_parameter():
 def test_jumps_that_coincide_at_some_values():
     two = find(Hopper("r + d*sign(r - a) + 0.1*sign(r + 2)", parameters={"d": 0.1, "a": -2.0}))
     assert two.alpha == pytest.approx(find(Hopper("r + 0.2*sign(r + 2)")).alpha, abs=1e-12)
+    both = springs.function(lambda r, a: r + 0.2 * (r > a) + 0.2 * (r > -2) - 0.2, a=-2.0)  # neither holds at -2
+    assert both.corners() == pytest.approx([-2.0])
+    assert find(Hopper(both)).alpha == pytest.approx(two.alpha, abs=1e-12)
 
 
 def test_stated_breakpoints_decide_other_comparisons():
@@ -93,6 +96,7 @@ def test_stated_breakpoints_decide_other_comparisons():
         (lambda: springs.function(lambda r: r - 0.1 * (r**2 > 1)), "by no comparison of straight lines"),
         (lambda: springs.function(lambda r: r + ca.fmod(r, 2)), "jumps at r = -?2"),
         (lambda: springs.function(lambda r: ca.if_else(r > -2, r, r - 1 - ca.sqrt(-2 - r))), "round it there"),
+        (lambda: springs.function(lambda r: ca.if_else(r > -2, ca.sqrt(r + 3), r)), r"has no value .*\(-2,\)"),
         (lambda: gravity.formula("1 + 0.1*(sign(z - 3) + 1)"), "gravity .* jumps; write it as one smooth formula of z"),
     ],
 )
