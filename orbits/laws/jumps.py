@@ -53,7 +53,8 @@ MOST_INSIDE = 3
 EQUAL_SHARE = 1e-9
 # The force beside a breakpoint is that at this distance, a share of its place and of 1, where roundings end.
 BESIDE_JUMP = 1e-13
-# By this share parameters are moved, to tell what holds whatever their values are.
+# By this share parameters are moved, and those that are 0 by as much, to tell what holds whatever their values are: a
+# jump of the size 0 is one.
 MOVED_SHARE = 0.1
 # Where a piece is compared with the law: shares of its length, or of this length where it has no end.
 COMPARED_SHARES = np.linspace(0.001, 0.999, 200)
@@ -74,7 +75,7 @@ def in_pieces(law: Law, breakpoints: Sequence[float] = ()) -> Law:
     if not parts.may_jump:
         return plain
     values = np.array([*law.parameters.values()], dtype=float)
-    moved = values * (1 + MOVED_SHARE * np.cos(np.arange(len(values)))) + MOVED_SHARE * EQUAL_SHARE
+    moved = values + MOVED_SHARE * np.cos(np.arange(len(values))) * np.where(values == 0, 1.0, values)
     breaks = parts.breaks([values, moved], stated) if parts.smooth is not None else ()
     if not breaks:
         if not stated:

@@ -76,6 +76,11 @@ def test_a_breakpoint_moves_with_a_parameter():
     assert point.alpha == pytest.approx(find(Hopper("r + 0.2*sign(r + 3)")).alpha, abs=1e-12)
 
 
+def test_a_jump_grows_from_nothing():
+    family = follow(Hopper("r + d*sign(r + 2)", parameters={"d": 0.0}), "d", stop=0.1, start=0.0)
+    assert family.points[-1].alpha == pytest.approx(find(Hopper("r + 0.1*sign(r + 2)")).alpha, abs=1e-12)
+
+
 def test_jumps_that_coincide_at_some_values():
     machine = Hopper("r + d*sign(r - a) + 0.1*sign(r + 2)", parameters={"d": 0.1, "a": -2.0})
     two = find(machine)
