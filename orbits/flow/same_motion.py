@@ -15,7 +15,7 @@ from .trajectory import Trajectory
 SAME_RATES = 1e-9
 # Steps of a smaller share of the motion are not compared: where breakpoints coincide one has a length of roundings, and
 # its middle may be on the other side of a jump.
-SHORT_STEP = 1e-9
+LEAST_COMPARED = 1e-9
 
 
 def is_motion_of(path: Trajectory, phase: Phase, values: Mapping[str, ArrayLike]) -> bool:
@@ -23,7 +23,7 @@ def is_motion_of(path: Trajectory, phase: Phase, values: Mapping[str, ArrayLike]
     these values of its parameters, numbers or arrays (N,), in the middle of each of its N steps; in half of them where
     a formula has corners, which steps leap over."""
     flow, middles = flow_of(phase, tuple(values)), path.steps[:, None] / 2
-    long = path.steps > SHORT_STEP * path.steps.sum()
+    long = path.steps > LEAST_COMPARED * path.steps.sum()
     rows = path.coefficients[:, : flow.size]
     states, rates = evaluate(rows, middles), evaluate(derivative(rows), middles)
     p = np.stack([np.broadcast_to(np.asarray(x, dtype=float), len(states)) for x in values.values()], axis=1)

@@ -91,10 +91,11 @@ def in_pieces(law: Law, breakpoints: Sequence[float] = ()) -> Law:
         return replace(law, expression=_smooth(*graph), pieces=pieces)
     if stated:
         return plain
+    places = ", ".join(f"{float(x):.6g}" for x in table(law.parameters)[0][1:-1])
     raise InputError(
-        f"the law '{law.text[:60]}' jumps, and beside one of its comparisons it has no derivatives, as sqrt(r) for r > 0 "
-        "has none, or a side has no value where the other one holds: round it there, or state all places where it jumps, "
-        f"as springs.function(force, breakpoints=({float(table(law.parameters)[0][1]):.6g},))"
+        f"the law '{law.text[:60]}' jumps, and beside one of its comparisons it has no derivatives, as sqrt(r) for "
+        "r > 0 has none, or a side has no value where the other one holds: round it there, or state all places where "
+        f"it jumps, as springs.function(force, breakpoints=({places},))"
     )
 
 
