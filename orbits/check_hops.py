@@ -1,10 +1,11 @@
 """Verifies a saved proof that all hops of a period are known, from its statement alone: see `orbits.check_proof`.
 
-It is independent of the prover: that encloses hops by closed forms and by polynomials in the launch speed, and takes
-the next launch speed from the energy. Here Lagrange's equations are followed in flight and in contact, for an interval
-of launch speeds by the derivatives at all of it (`Passage`), to the first place where the gap, or the contact force,
-vanishes (`Leg`). Launch speeds outside of the intervals that the statement leaves undecided are halved until it is
-shown of each interval that no launch in it comes back, or exactly one, by the mean value theorem.
+Its motions are not those of the prover, which encloses hops by closed forms and by polynomials in the launch speed.
+Here Lagrange's equations are followed in flight and in contact, for an interval of launch speeds by the derivatives at
+all of it (`Passage`), to the first place where the gap, or the contact force, vanishes (`Leg`). Both take the next
+launch speed from the energy that the landings lose, as the place of the launch is the same; the contact is followed to
+see that the machine comes there. Launch speeds outside of the intervals that the statement leaves undecided are halved
+until it is shown of each interval that no launch in it comes back, or exactly one, by the mean value theorem.
 """
 
 from collections.abc import Mapping, Sequence
@@ -244,6 +245,7 @@ class Hops:
             if every < self.low or every > self.high:
                 return None
             centre = arb(middle.mid())
+            every = every.union(centre)  # as the derivative counts between the centre and all others
             following, own = self.hop(centre, every)
             every = following + own * (every - centre)
             middle, slope = following + own * (middle - centre), slope * own
@@ -369,3 +371,6 @@ def _check_fields(document: Mapping[str, Any], said: Bounds) -> None:
         raise Unverified("the period is no number of hops, or the launches are not numbered")
     if not (0 < low < high and left <= MOST_LEFT * (high - low) and all(a == b for a, b in exact)):
         raise Unverified("the range is empty, or too much of it is undecided, or the machine has intervals")
+    apart = sorted([*said.values(), *zip(undecided[::2], undecided[1::2], strict=True)])
+    if not (all(b < c for (_, b), (c, _) in pairwise(apart)) and all(low <= a and b <= high for a, b in said.values())):
+        raise Unverified("enclosures and undecided intervals have common launches, or enclosures leave the range")

@@ -57,6 +57,7 @@ def test_hops_are_those_of_the_map(linear):
 
 
 def test_what_the_file_says_besides(linear):
+    launch, (low, high) = linear["enclosures"]["alpha_1"], linear["machine"]["range"]
     for path, value, why in (
         (("proved",), False, "'proved'"),
         (("alpha_1", "low"), "4.5", "'alpha_1'"),
@@ -64,6 +65,8 @@ def test_what_the_file_says_besides(linear):
         (("machine", "more"), 1, "more than this program verifies"),
         (("machine", "range"), ["4.6", "4.5"], "the range is empty"),
         (("machine", "undecided"), [linear["machine"]["range"]], "too much of it is undecided"),
+        (("machine", "undecided"), [launch], "common launches"),
+        (("machine", "range"), [launch[1], high], "leave the range"),
         (("machine", "injection"), ["0.12", "0.13"], "has intervals"),
         (("machine", "period"), 0, "no number of hops"),
         (("machine", "liftoff"), ["1.1", "1.2"], "place of the launch"),
@@ -71,6 +74,8 @@ def test_what_the_file_says_besides(linear):
     ):
         with pytest.raises(Unverified, match=why):
             check_all_hops(changed(linear, *path, to=value))
+    with pytest.raises(Unverified, match="common launches"):  # also where each has one that comes back
+        check_all_hops(with_launch(linear, "alpha_2", low, high))
     assert "KeyError" in check(changed(linear, "machine", to={}))[0]
 
 
@@ -86,8 +91,8 @@ def test_hops_with_a_launch_or_a_number_that_is_wrong(linear):
         assert "comes back, and no enclosure has it" in check(false)[0]
     force = changed(linear, "machine", "springs", 0, "force", to=["r + r**3/10**7"])
     assert "place of the launch" in check(force)[0]
-    for false in (with_launch(linear, "alpha_2", low, pair[0]), with_launch(linear, "alpha_2", *pair)):
-        assert "no launch that comes back is shown to lie in the enclosure of alpha_" in check(false)[0]
+    more = with_launch(linear, "alpha_2", low, f"{float(pair[0]) - 1e-9:.17g}")
+    assert "no launch that comes back is shown to lie in the enclosure of alpha_2" in check(more)[0]
     assert "may come back after 1 hops" in check(changed(linear, "machine", "period", to=2))[0]
 
 

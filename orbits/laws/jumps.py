@@ -53,7 +53,8 @@ MOST_INSIDE = 3
 EQUAL_SHARE = 1e-9
 # The force beside a breakpoint is that at this distance, a share of its place and of 1, where roundings end.
 BESIDE_JUMP = 1e-13
-# By this share parameters are moved, to tell what holds whatever their values are.
+# By this share parameters are moved, and those that are 0 by as much, to tell what holds whatever their values are: a
+# jump of the size 0 is one.
 MOVED_SHARE = 0.1
 # Where a piece is compared with the law: shares of its length, or of this length where it has no end.
 COMPARED_SHARES = np.linspace(0.001, 0.999, 200)
@@ -74,7 +75,7 @@ def in_pieces(law: Law, breakpoints: Sequence[float] = ()) -> Law:
     if not parts.may_jump:
         return plain
     values = np.array([*law.parameters.values()], dtype=float)
-    moved = values * (1 + MOVED_SHARE * np.cos(np.arange(len(values)))) + MOVED_SHARE * EQUAL_SHARE
+    moved = values + MOVED_SHARE * np.cos(np.arange(len(values))) * np.where(values == 0, 1.0, values)
     breaks = parts.breaks([values, moved], stated) if parts.smooth is not None else ()
     if not breaks:
         if not stated:
@@ -90,9 +91,11 @@ def in_pieces(law: Law, breakpoints: Sequence[float] = ()) -> Law:
         return replace(law, expression=_smooth(*graph), pieces=pieces)
     if stated:
         return plain
+    places = ", ".join(f"{float(x):.6g}" for x in table(law.parameters)[0][1:-1])
     raise InputError(
-        f"the law '{law.text[:60]}' jumps, and on one side of the jump it has no derivatives up to the end, as sqrt(r) "
-        "for r > 0 has none: round it there"
+        f"the law '{law.text[:60]}' jumps, and beside one of its comparisons it has no derivatives, as sqrt(r) for "
+        "r > 0 has none, or a side has no value where the other one holds: round it there, or state all places where "
+        f"it jumps, as springs.function(force, breakpoints=({places},))"
     )
 
 
@@ -196,6 +199,8 @@ class _Parts:
         levels, rows = table(dict(zip(self.names, values.tolist(), strict=True)))
         ends = levels[1:-1]
         for low, high, row in zip([ends[0] - FARTHEST, *ends], [*ends, ends[-1] + FARTHEST], rows, strict=True):
+            if _equal_but_for_rounding(low, high):
+                continue  # two breakpoints coincide at these values, and no motion is between them
             inside = low + (high - low) * COMPARED_SHARES
             own, law = self._on_piece(inside[None], values, row).full(), self._law_at(inside[None], values).full()
             at_ends = self._on_piece(np.array([[x for x in (low, high) if x in ends]]), values, row).full()

@@ -186,7 +186,8 @@ class Law:
         """The values of the variable inside the range at which the slope or the value jumps."""
         if self.pieces is None:
             return []
-        levels = self.pieces.ends(np.array(self.pieces.table(self.parameters)[0], dtype=float), self.parameters)
+        breaks = np.unique(np.array(self.pieces.table(self.parameters)[0], dtype=float))
+        levels = self.pieces.ends(breaks, self.parameters)
         widths = np.minimum(np.diff(levels)[:-1], np.diff(levels)[1:])
         away, levels = SIDE * np.minimum(widths, 1 + np.abs(levels[1:-1])), levels[1:-1]
         sides = [self.with_slope(levels + side * away) for side in (-1.0, 1.0)]

@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from orbits import InputError, ReturnMap, find, follow
+from orbits.periodic.orbit import is_orbit_of
 from problems import Hopper
 from problems.laws import gravity, springs
 
@@ -75,9 +76,19 @@ def test_a_breakpoint_moves_with_a_parameter():
     assert point.alpha == pytest.approx(find(Hopper("r + 0.2*sign(r + 3)")).alpha, abs=1e-12)
 
 
+def test_a_jump_grows_from_nothing():
+    family = follow(Hopper("r + d*sign(r + 2)", parameters={"d": 0.0}), "d", stop=0.1, start=0.0)
+    assert family.points[-1].alpha == pytest.approx(find(Hopper("r + 0.1*sign(r + 2)")).alpha, abs=1e-12)
+
+
 def test_jumps_that_coincide_at_some_values():
-    two = find(Hopper("r + d*sign(r - a) + 0.1*sign(r + 2)", parameters={"d": 0.1, "a": -2.0}))
+    machine = Hopper("r + d*sign(r - a) + 0.1*sign(r + 2)", parameters={"d": 0.1, "a": -2.0})
+    two = find(machine)
+    assert is_orbit_of(two, machine)  # though there is a step between the two places
     assert two.alpha == pytest.approx(find(Hopper("r + 0.2*sign(r + 2)")).alpha, abs=1e-12)
+    both = springs.function(lambda r, a: r + 0.2 * (r > a) + 0.2 * (r > -2) - 0.2, a=-2.0)  # neither holds at -2
+    assert both.corners() == pytest.approx([-2.0])
+    assert find(Hopper(both)).alpha == pytest.approx(two.alpha, abs=1e-12)
 
 
 def test_stated_breakpoints_decide_other_comparisons():
@@ -93,6 +104,7 @@ def test_stated_breakpoints_decide_other_comparisons():
         (lambda: springs.function(lambda r: r - 0.1 * (r**2 > 1)), "by no comparison of straight lines"),
         (lambda: springs.function(lambda r: r + ca.fmod(r, 2)), "jumps at r = -?2"),
         (lambda: springs.function(lambda r: ca.if_else(r > -2, r, r - 1 - ca.sqrt(-2 - r))), "round it there"),
+        (lambda: springs.function(lambda r: ca.if_else(r > -2, ca.sqrt(r + 3), r)), r"has no value .*\(-2,\)"),
         (lambda: gravity.formula("1 + 0.1*(sign(z - 3) + 1)"), "gravity .* jumps; write it as one smooth formula of z"),
     ],
 )
