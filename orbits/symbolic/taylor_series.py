@@ -18,7 +18,7 @@ _ZERO = ca.SX(0)
 _plus, _minus, _times, _over = (partial(ca.SX.binary, op) for op in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV))
 _whole, _slice = cache(ca.SX), cache(ca.Slice)
 # From this many products on, their sum takes less time as a product of columns.
-_MANY = 6
+_MANY = 7
 
 
 def has_taylor_series(function: ca.Function) -> bool:
@@ -295,7 +295,7 @@ def _still(value: ca.SX) -> _Series:
 
 def _convolve(a: _Coefficients, b: _Coefficients, low: int, high: int, k: int) -> ca.SX:
     """Sum of a[j] b[k-j] for low <= j <= high, in this order."""
-    if high - low >= _MANY:
+    if high - low + 1 >= _MANY:
         return ca.dot(a.column(low, high), b.column_back(k - low, k - high))
     pairs = [(a[j], b[k - j]) for j in range(low, high + 1)]
     terms = [_times(x, y) for x, y in pairs if x is not _ZERO and y is not _ZERO]
