@@ -23,6 +23,7 @@ from documents import saved
 from orbits import Control, Family, Orbit, Proof, find, follow, prove, steer
 from orbits.control import Guess, Input, Stage
 from orbits.running import time_limit
+from orbits.symbolic import caches
 from problems import Driven, Hopper, hopper_in_si, steering
 from problems.command.cli import main
 
@@ -36,6 +37,9 @@ DAMPED_LEG = hopper_in_si(
 # Searches and proofs have a limit of 30 s. In the tests it is one of processor time, so that what else the machine does
 # does not decide what they find.
 time_limit.time = SimpleNamespace(monotonic=time.process_time)
+
+# Many tests are of the same machines, which a worker would build again and again with the caches of a single session.
+caches.BUDGET, caches.MOST = 4 * caches.BUDGET, 4 * caches.MOST
 
 # Shells let what they run in the background ignore keyboard interrupts, and so would all that the tests start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

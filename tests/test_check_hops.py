@@ -5,7 +5,7 @@ import json
 import pytest
 from flint import arb, ctx
 
-from orbits import ReturnMap, multiplier, prove_all_hops
+from orbits import ReturnMap, check_hops, multiplier, prove_all_hops
 from orbits.check_hops import BITS, Hops, check_all_hops, check_saved as check
 from orbits.check_proof import Unverified
 from problems import Hopper
@@ -80,7 +80,9 @@ def test_what_the_file_says_besides(linear):
 
 
 @SLOW
-def test_hops_with_a_launch_or_a_number_that_is_wrong(linear):
+def test_hops_with_a_launch_or_a_number_that_is_wrong(linear, monkeypatch):
+    assert check(linear) == []
+    monkeypatch.setattr(check_hops, "PARTS", 1)  # so short a range needs no parts
     assert check(linear) == []
     pair, low = linear["enclosures"]["alpha_1"], linear["machine"]["range"][0]
     moved = with_launch(linear, "alpha_1", *(f"{float(each) + 1e-9:.17g}" for each in pair))
@@ -97,8 +99,7 @@ def test_hops_with_a_launch_or_a_number_that_is_wrong(linear):
 
 
 @SLOW
-@pytest.mark.parametrize("spring", ["r + 0.3*r**3", "r + 0.2*r**2 + 0.1*r**3"])
-def test_hops_of_polynomials_are_verified(spring):
-    document = saved(Hopper(spring), 2e-4)
+def test_hops_of_polynomials_are_verified():
+    document = saved(Hopper("r + 0.2*r**2 + 0.1*r**3"), 2e-4)
     assert document["proved"]
     assert check(document) == []

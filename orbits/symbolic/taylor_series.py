@@ -16,7 +16,9 @@ from .calls import Instruction, single_assignment
 _ZERO = ca.SX(0)
 # The operators of `ca.SX` first try to read their operands as NumPy arrays, which takes ten times as long as these.
 _plus, _minus, _times, _over = (partial(ca.SX.binary, op) for op in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV))
-_whole = cache(ca.SX)
+_whole, _slice = cache(ca.SX), cache(ca.Slice)
+# From this many products on, their sum takes less time as a product of columns.
+_MANY = 7
 
 
 def has_taylor_series(function: ca.Function) -> bool:
@@ -34,7 +36,7 @@ def taylor_coefficients(field: ca.Function, x: ca.SX, p: ca.SX, order: int) -> c
     n, m = field.numel_out(0), field.numel_out(1)
     instructions = single_assignment(field)
     series = [_Series() for _ in instructions]
-    state, parameters = [[x[i]] for i in range(n)], [_still(p[i]) for i in range(p.numel())]
+    state, parameters = [_Series([x[i]]) for i in range(n)], [_still(p[i]) for i in range(p.numel())]
     watched: list[list[ca.SX]] = [[] for _ in range(m)]
     for k in range(order + 1):
         outputs = _advance(instructions, series, (state, parameters), k)
@@ -74,7 +76,7 @@ def driven_coefficients(field: ca.Function, x: ca.SX, p: ca.SX, order: int) -> t
 def composed_coefficients(function: ca.Function, rows: Sequence[Sequence[ca.SX]], p: ca.SX) -> ca.SX:
     """Taylor coefficients (K + 1,) of the SX function (x, p) -> value along x(t), whose elements have the coefficients
     `rows` (n of K + 1 each)."""
-    instructions, orders = single_assignment(function), len(rows[0])
+    instructions, orders, rows = single_assignment(function), len(rows[0]), [_Series(row) for row in rows]
     series, parameters = [_Series() for _ in instructions], [_still(p[i]) for i in range(p.numel())]
     found = [_advance(instructions, series, (rows, parameters), k).get((0, 0), _ZERO) for k in range(orders)]
     return ca.vertcat(*found)
@@ -96,15 +98,16 @@ def variations(field: ca.Function, varied: tuple[int, ...], columns: int, order:
     parts, extended, slopes_in, forces_in = separated_variations(field, varied)
     c = taylor_coefficients(extended, x, p, order)
     dx, dp = ca.SX.sym("dx", n, columns), ca.SX.sym("dp", len(varied), columns)
-    rows = [ca.horzsplit(row) for row in ca.vertsplit(c[n + m :, :])]
+    rows = ca.vertsplit(c[n + m :, :])
     slopes = [(i, j, row) for (i, j), row in zip(slopes_in, rows, strict=False)]
     forces = [(i, j, row) for (i, j), row in zip(forces_in, rows[len(slopes) :], strict=True)]
-    series, moved = [dx], list[list[ca.SX]]()
+    series, moved = [dx], [ca.SX.zeros(order, columns) for _ in range(parts.arguments.shape[0])]  # from the end back
     for k in range(order if columns else 0):
-        moved.append(ca.vertsplit(parts.arguments @ series[k]))
+        for each, row in zip(moved, ca.vertsplit(parts.arguments @ series[k]), strict=True):
+            each[order - 1 - k, :] = row
         changes = [ca.SX(1, columns)] * parts.multiples.shape[1]
         for i, j, slope in slopes:
-            changes[i] = _plus(changes[i], _convolve(slope, [each[j] for each in moved], 0, k, k))
+            changes[i] = _plus(changes[i], slope[: k + 1] @ moved[j][order - 1 - k :, :])
         rise = ca.densify(parts.rates @ series[k])
         if changes:
             rise += parts.multiples @ ca.vertcat(*changes)
@@ -221,14 +224,45 @@ def _degree(op: int, degrees: Sequence[int]) -> int:
     return max(degrees) if by_constant else 2
 
 
-class _Series(list):
+class _Coefficients(list):
+    """The coefficients found so far of a series. For sums of many products they are stored in columns too, one of them
+    from its end backwards, which CasADi multiplies without a call for each coefficient."""
+
+    def __init__(self, coefficients: Sequence[ca.SX] = ()):
+        super().__init__(coefficients)
+        self._columns = ca.SX(0, 1), ca.SX(0, 1)
+        self._stored = 0
+
+    def column(self, low: int, high: int) -> ca.SX:
+        """The coefficients from `low` to `high`."""
+        return self._up_to(high)[0].get_nz(False, _slice(low, high + 1))
+
+    def column_back(self, high: int, low: int) -> ca.SX:
+        """The coefficients from `high` down to `low`."""
+        column = self._up_to(high)[1]
+        end = column.numel()
+        return column.get_nz(False, _slice(end - 1 - high, end - low))
+
+    def _up_to(self, high: int) -> tuple[ca.SX, ca.SX]:
+        """Both columns, with the coefficients up to one."""
+        if high >= (room := self._columns[0].numel()):
+            self._columns, self._stored = (ca.SX.zeros(2 * room or 32), ca.SX.zeros(2 * room or 32)), 0
+            return self._up_to(high)
+        for k in range(self._stored, high + 1):
+            self._columns[0].set_nz(self[k], False, _slice(k, k + 1))
+            self._columns[1].set_nz(self[k], False, _slice(room - 1 - k, room - k))
+        self._stored = max(self._stored, high + 1)
+        return self._columns
+
+
+class _Series(_Coefficients):
     """The coefficients found so far of one result, with the other series that its recursion needs."""
 
     def __init__(self, coefficients: Sequence[ca.SX] = (), still: bool = False):
         super().__init__(coefficients)
         self.still = still  # whether it does not change with time
-        self.slopes: list[ca.SX] = []  # the multiples j a[j] found so far, stored because many sums use them
-        self.partner: list[ca.SX] = []  # the series of a second function that it needs, as the cosine beside the sine
+        self.slopes = _Coefficients()  # the multiples j a[j] found so far, stored because many sums use them
+        self.partner = _Coefficients()  # the series of a second function that it needs, as the cosine beside the sine
         self.inner: list[_Series] = []  # the series of the instructions of a composed operation
 
 
@@ -259,8 +293,10 @@ def _still(value: ca.SX) -> _Series:
     return _Series([value], still=True)
 
 
-def _convolve(a, b, low: int, high: int, k: int) -> ca.SX:
-    """Sum of a[j] b[k-j] for low <= j <= high."""
+def _convolve(a: _Coefficients, b: _Coefficients, low: int, high: int, k: int) -> ca.SX:
+    """Sum of a[j] b[k-j] for low <= j <= high, in this order."""
+    if high - low + 1 >= _MANY:
+        return ca.dot(a.column(low, high), b.column_back(k - low, k - high))
     pairs = [(a[j], b[k - j]) for j in range(low, high + 1)]
     terms = [_times(x, y) for x, y in pairs if x is not _ZERO and y is not _ZERO]
     return reduce(_plus, terms) if terms else _ZERO
@@ -292,8 +328,10 @@ def _power(a, b, out, k: int) -> ca.SX:
         return a[0] ** b[0]
     if not all(c.is_zero() for c in b[1:]):
         return _compose(_VARIABLE_POWER, (a, b), out, k)[0, 0]
-    terms = [j for j in range(1, k + 1) if not a[j].is_zero()]
-    return sum((((b[0] + 1) * j / k - 1) * a[j] * out[k - j] for j in terms), ca.SX(0)) / a[0]
+    terms, raised = [j for j in range(1, k + 1) if not a[j].is_zero()], _plus(b[0], _whole(1))
+    weights = (_minus(_over(_times(raised, _whole(j)), _whole(k)), _whole(1)) for j in terms)
+    products = (_times(_times(weight, a[j]), out[k - j]) for weight, j in zip(weights, terms, strict=True))
+    return _over(reduce(_plus, products, _ZERO), a[0])
 
 
 def _with_partner(function: Callable, partner: Callable, signs: tuple[int, int], a, b, out, k: int) -> ca.SX:
