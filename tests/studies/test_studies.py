@@ -95,8 +95,9 @@ def legible(monkeypatch):
     def saved(figure, path, *arguments, **options):
         save(figure, path, *arguments, **options)
         if options.get("format") != "rgba":  # and no frame of an animation
-            # All is where it was drawn just now, at this resolution: nothing has to be placed once more.
-            figure.dpi, figure.stale = options.get("dpi", figure.dpi), False
+            if str(path).endswith(".png"):
+                # All is where it was drawn just now, at this resolution: nothing has to be placed once more.
+                figure.dpi, figure.stale = options.get("dpi", figure.dpi), False
             found.extend(f"{path}: {fault}" for fault in faults(figure))
             if (size := smallest_text(figure, WIDTH)) < SMALLEST:
                 found.append(f"{path}: type of {size:.1f} pixels where the figure is {WIDTH} pixels wide")
