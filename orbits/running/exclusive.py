@@ -151,7 +151,8 @@ def _releasing(method: Callable[_P, _R]) -> Callable[_P, _R]:
 for _kind in _KINDS:
     _kind.__del__ = property(partial(MethodType, _DYING.append))
     _kind.__init__ = _releasing(_kind.__init__)
-ca.Function.__call__ = _releasing(ca.Function.__call__)
+    if _kind.__name__ == "Function":
+        _kind.__call__ = _releasing(_kind.__call__)
 
 if hasattr(os, "register_at_fork"):
     # A child process begins with the memory as it is, in which another thread must not be changing a graph.
