@@ -1,5 +1,6 @@
 """A lossless orbit: a frozen result that evaluates, prints, plots, saves and loads itself."""
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -38,8 +39,11 @@ from .saved_orbit import (
 # What is said of an orbit that is no motion of a machine with the same name and parameters.
 OTHER_EQUATIONS = "its motion does not satisfy these equations, as after a change of a table or a function"
 # The notes of a table on the side of a bounce.
-ATTRACTS = {"below": "   (attracts from above; {} C below)", "above": "   (attracts from above, with {} C; C below)"}
-BOUNCES = {"below": "   ({} C below)", "above": "   ({} C above)"}  # where it is not known what attracts
+ATTRACTS = {
+    "below": "   (attracts from above; {factor} C below)",
+    "above": "   (attracts launches up to about {reach} above, with {factor} C; C below)",
+}
+BOUNCES = {"below": "   ({factor} C below)", "above": "   ({factor} C above)"}  # where it is not known what attracts
 
 
 def _with_rebound(certificate: Certificate, e: float) -> str:
@@ -366,7 +370,11 @@ class Orbit(Result, what="orbit", printed_digits=15):
             yield Row("  by the table's noise", {"alpha_per_noise": c.alpha_per_noise}, (text,))
         within = f"   +- {c.loss_error:.1e} (error of the numerics)" if c.loss_error else ""
         sides = ATTRACTS if c.stable_side else BOUNCES
-        beside = sides.get(c.bounce_side or "", "").format(f"{c.bounce_factor or 10:.4g}")
+        factor = c.bounce_factor or 10.0
+        # By the leading order a launch alpha + d stays above alpha where factor C d**(4/3) < d.
+        lost = factor * (c.loss_coefficient or math.nan)
+        reach = f"{1 / lost / lost / lost:.2g}{speed}"
+        beside = sides.get(c.bounce_side or "", "").format(factor=f"{factor:.4g}", reach=reach)
         if e := self.machine.get("restitution"):
             beside = _with_rebound(c, float(e))
         after, figures = {"loss_coefficient": within + beside}, vars(c) | vars(self)

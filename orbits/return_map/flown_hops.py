@@ -59,8 +59,8 @@ def flown_hops(impacts: Impacts, alphas: np.ndarray, most: int = MOST_IMPACTS) -
     state, order, counts = starts.copy(), np.full(m, LIFTOFF_ORDER), np.zeros(m, int)
     flying = np.flatnonzero(impacts.opens(starts))
     while len(flying) and len(times) < most:
-        passed, rows, _, _ = impacts.touchings(state[flying], order[flying], np.zeros(len(flying), int))
-        down = np.isfinite(passed)
+        passed, rows, _, feet = impacts.touchings(state[flying], order[flying], np.zeros(len(flying), int))
+        down = np.isfinite(passed) & (feet < len(impacts.feet))
         flying, passed, rows = flying[down], passed[down], rows[down, : impacts.flight.size]
         times.append(np.full(m, np.nan))
         landings.append(np.full(starts.shape, np.nan))

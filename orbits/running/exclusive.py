@@ -12,7 +12,8 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from functools import cached_property, wraps
+from functools import cached_property, partial, wraps
+from types import MethodType
 from typing import Any, ParamSpec, TypeVar
 
 import casadi as ca
@@ -56,7 +57,10 @@ def exclusive(function: Callable[_P, _R]) -> Callable[_P, _R]:
                 return function(*arguments, **options)
             check(arguments, options)
             with interrupts.never_lost():
-                return function(*arguments, **options)
+                try:
+                    return function(*arguments, **options)
+                finally:
+                    _release()
 
     return alone
 
@@ -116,25 +120,39 @@ class exclusive_property(cached_property):
             return super().__get__(instance, owner)
 
 
-_DYING: deque = deque()  # References of CasADi objects that ended in threads without the lock.
-
-
-def _end(self: object, dying: deque = _DYING, lock: Any = LOCK) -> None:
-    """Release what a CasADi object refers to under the lock, or keep it until the next one ends under the lock.
-
-    The garbage collector ends objects in any thread. It must not wait there, since the thread may hold other locks.
-    """
-    dying.append(self.__dict__.pop("this", None))
-    if lock.acquire(blocking=False):
-        try:
-            dying.clear()
-        finally:
-            lock.release()
-
-
+_DYING: deque = deque()  # CasADi objects that nothing refers to any more.
+MOST_DYING = 100  # of them, until the next object is made or function is called
 _KINDS: tuple[Any, ...] = (ca.SX, ca.MX, ca.DM, ca.Sparsity, ca.Function, ca.FunctionBuffer, ca.Callback)
+
+
+def _release() -> None:
+    """Release the objects that nothing refers to, unless another thread has the lock."""
+    if LOCK.acquire(blocking=False):
+        try:
+            _DYING.clear()
+        finally:
+            LOCK.release()
+
+
+def _releasing(method: Callable[_P, _R]) -> Callable[_P, _R]:
+    """The same method, which first releases the objects that nothing refers to, if they are many."""
+
+    @wraps(method)
+    def call(*arguments: _P.args, **options: _P.kwargs) -> _R:
+        if len(_DYING) > MOST_DYING:
+            _release()
+        return method(*arguments, **options)
+
+    return call
+
+
+# The garbage collector ends objects in any thread, and drops an interrupt that is raised meanwhile in Python code. So
+# `__del__` is none: `property` makes of the object the method that appends it to those that wait for the lock.
 for _kind in _KINDS:
-    _kind.__del__ = _end
+    _kind.__del__ = property(partial(MethodType, _DYING.append))
+    _kind.__init__ = _releasing(_kind.__init__)
+    if _kind.__name__ == "Function":
+        _kind.__call__ = _releasing(_kind.__call__)
 
 if hasattr(os, "register_at_fork"):
     # A child process begins with the memory as it is, in which another thread must not be changing a graph.

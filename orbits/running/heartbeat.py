@@ -19,9 +19,9 @@ def running(name: str) -> Iterator[bool]:
     if getattr(_running, "name", None):
         yield False
         return
-    _running.name, _running.began = name, time.monotonic()
-    _running.spoke, _running.far = _running.began, ""
-    try:
+    try:  # where an interrupt comes already here, the name is removed too
+        _running.name, _running.began = name, time.monotonic()
+        _running.spoke, _running.far = _running.began, ""
         yield True
     finally:
         _running.name = None

@@ -15,16 +15,21 @@ from types import FrameType
 from . import heartbeat
 from .time_limit import check_time
 
-_noted = threading.Event()
-pending = _noted.is_set  # whether an interrupt has been noted
+# The signals that were noted. An event of `threading` has a lock, which an interrupt within the event leaves locked.
+_noted: set[int] = set()
 
 
-def _note(_: int, frame: FrameType | None) -> None:
-    _noted.set()
+def pending() -> bool:
+    """Whether an interrupt has been noted."""
+    return bool(_noted)
 
 
-def _note_and_raise(_: int, frame: FrameType | None) -> None:
-    _noted.set()
+def _note(number: int, frame: FrameType | None) -> None:
+    _noted.add(number)
+
+
+def _note_and_raise(number: int, frame: FrameType | None) -> None:
+    _noted.add(number)
     raise KeyboardInterrupt
 
 
@@ -41,8 +46,8 @@ def never_lost() -> Iterator[None]:
         yield
         return
     _noted.clear()
-    signal.signal(signal.SIGINT, _note_and_raise)
     try:
+        signal.signal(signal.SIGINT, _note_and_raise)
         yield
     except Exception:
         _raise_noted()
@@ -95,6 +100,6 @@ def heed() -> None:
 
 
 def _raise_noted() -> None:
-    if _noted.is_set():
+    if _noted:
         _noted.clear()
         raise KeyboardInterrupt

@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from ..errors import InputError
 from ..flow.flow import Flow
@@ -26,6 +27,7 @@ FALLS = "falls"  # how a flight or a contact ends where a height other than the 
 # A foot slips where it needs more than the stated friction by this share of the machine's weight, or while the contact
 # force is larger than this: both forces vanish together at a lossless lift-off, up to errors that grow step by step.
 SLIPPING = 1e-9
+TILTS = np.linspace(0.0, 2 * np.pi, 129)  # between two of these the first zero of a height within a turn is searched
 
 
 class Footing:
@@ -76,12 +78,30 @@ class Footing:
 
     @cached_property
     def heights(self) -> dict[str, Affine | StateFormula]:
-        """The heights other than the gap, of a machine that sticks, which stay above the ground."""
-        gap = self.model.gap(self.p)
-        return {name: each for name, each in self.model.heights(self.p).items() if self.sticks and each != gap}
+        """The heights that stay above the ground: of a machine that sticks all but the gap, and of one that steps that
+        which is its separation, as of the corner on which a block would lie on its side."""
+        heights, gap = self.model.heights(self.p), self.model.gap(self.p)
+        if self.model.changes_contact:
+            apart = self.model.separation(self.p)
+            return {name: each for name, each in heights.items() if each == apart}
+        return {name: each for name, each in heights.items() if self.sticks and each != gap}
+
+    @cached_property
+    def tilts(self) -> tuple[Foot, ...]:
+        """For each of the heights of a machine that steps, if it depends on one coordinate alone: what closes as that
+        coordinate comes to the first place above 0 where the height vanishes."""
+        found = list[Foot]()
+        for each in self.heights.values() if self.model.changes_contact else ():
+            if isinstance(each, StateFormula) and len(each.coordinates) == 1:
+                turned = np.eye(self.flight.size)[self.flight.phase.states.index(each.coordinates[0])]
+                above = np.asarray(each(TILTS[:, None] * turned)) > 0
+                for i in np.flatnonzero(above[:-1] & ~above[1:])[:1]:
+                    at = brentq(lambda a, f=each, way=turned: float(f(a * way)), TILTS[i], TILTS[i + 1], xtol=1e-15)
+                    found.append(Foot(self.flight, "", Affine(tuple(-turned), at)))
+        return tuple(found)
 
     def refuse_fallen(self, x: np.ndarray) -> None:
-        """Raise `InputError` for a flight state (n,) in which a height lies below the ground."""
+        """Raise `InputError` for a flight state (n,) in which one of the `heights` lies below the ground."""
         for name, each in self.heights.items():
             if (height := float(each.series(x[None, :, None])[0, 0])) < 0:
                 text = "its {name} is at the height {height:.6g} at the start, below the ground"
@@ -148,7 +168,8 @@ class FallTest:
     def __init__(self, footing: Footing, contact: bool = False):
         model = footing.model
         self.embed = model.embed if contact else np.eye(len(model.embed))
-        self.heights = [(each, Crossings()) for each in footing.heights.values()]
+        rises = not (contact and model.changes_contact)  # a machine that steps does not turn while two points stand
+        self.heights = [(each, Crossings()) for each in footing.heights.values() if rises]
 
     def __call__(self, coefficients: np.ndarray, steps: np.ndarray) -> tuple[int, float] | None:
         """The first such place, a step and the time in it; None while there is none."""

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from .footing import FALLS
 from .hand_over import landed
 from .impacts import FASTEST_LAUNCH, LIFTOFF_ORDER, STATUS, Impacts, status_of_failure
 
@@ -84,6 +85,8 @@ def _flights_and_impacts(
         status[flying[gone]] = "carried_off"
         for i, error in errors.items():
             status[flying[i]] = status_of_failure(error, "flight")
+        falls = touches == len(impacts.feet)
+        status[flying[falls]], gone = FALLS, gone | falls
         flying = flying[~gone]
         if not len(flying):
             break

@@ -48,7 +48,8 @@ STATUSES = {
     "rattles": "hand-overs lose nothing, as with small angles, and no contact ever holds: state the angle",
     "unstated": "a foot lands with a speed, and a hand-over needs masses in the plane: state their Mass(across=)",
     "slips": "the foot needs more than the stated friction, and slipping is not simulated",
-    "falls": "a stated height of a machine that sticks, as that of its body, reaches the ground",
+    "falls": "a stated height of a machine that sticks, as that of its body, reaches the ground; or a block that rocks "
+    "has fallen over and lies on its side",
     "undecided": "after many bounces rounding decides how the hop ends",
     "invalid": "the launch speed is not a number above 0, or no launch has these numbers",
 }
@@ -181,9 +182,11 @@ class Impacts:
         self, x: np.ndarray, order: np.ndarray, foot: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, dict[int, FlowError], np.ndarray]:
         """`landings` of the feet that touch first, whose numbers (m,) are returned too, on flights from states (m, n)
-        in which the gaps of feet (m,) have zeros of these orders (m,)."""
-        if len(self.feet) > 1:
-            return first_to_touch(self.feet, x, self.p, self.longest_flight(x), order, foot)
+        in which the gaps of feet (m,) have zeros of these orders (m,). A machine that falls over has the number of
+        feet."""
+        if len(touch := (*self.feet, *self.footing.tilts)) > 1:
+            times, rows, errors, which = first_to_touch(touch, x, self.p, self.longest_flight(x), order, foot)
+            return times, rows, errors, np.minimum(which, len(self.feet))
         # All that leave at once, where one point lands and opens again, do so with the same order.
         return *self.landings(x, order[0] if self.model.plain and len(order) else order), foot
 

@@ -42,7 +42,7 @@ class ContactEvent:
         "reversal" of a spring with hysteresis, whose loss is that of the energies between the events; or "lifts" and
         "slides", from which on the foot that stands in flight would have to pull, or needs more than the stated
         friction, and the simulation is of a foot that is held; or "slips", of a foot that sticks, and "falls", of a
-        height of such a machine that reaches the ground, which end it
+        height of such a machine, or of a block that rocks, that reaches the ground, which end it
     time : time since the start; for a landing by infinitely many bounces, the time when they have ended
     before, after : flight states (n,)
     energy : energy before the event, relative to the machine at rest in contact with its spring unloaded; by the mean
@@ -347,8 +347,8 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
 
     @property
     def falls(self) -> tuple[str, float] | None:
-        """The name of the height of a machine that sticks, other than its gap, which reaches the ground, and when; None
-        where none does. The simulation ends there."""
+        """The name of the height of a machine that sticks, other than its gap, or of a block that rocks, which reaches
+        the ground, and when; None where none does. The simulation ends there."""
         return next(((event.foot, event.time) for event in self.events if event.kind == FALLS), None)
 
     @property

@@ -242,7 +242,10 @@ class TestHandOverFactors:
             (14.158298218435913 * late, early / late), rel=1e-9
         )
         orbit = find(wheel())
-        assert f"with {early / late:.4g} C; C below" in str(orbit)
+        reach = (early * 14.158298218435913) ** -3
+        assert f"up to about {reach:.2g} above, with {early / late:.4g} C; C below" in str(orbit)
+        beside = ReturnMap(orbit.source)(orbit.alpha + reach * np.array([0.7, 1.5]))
+        assert (beside.next > orbit.alpha).tolist() == [True, False]
         assert orbit.document()["bounce_factor"] == c.bounce_factor
         assert find(rocker()).certificate.bounce_side == "below"
         lossless = find(linear("wheel", 1.0, 0.5)).certificate

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scripts import run
 
-from orbits import InputError, ReturnMap, find_all, trace
-from orbits.running.exclusive import _DYING, LOCK, apart, exclusive, in_threads
+from orbits import InputError, ReturnMap, find_all, multiplier, trace
+from orbits.running.exclusive import _DYING, LOCK, MOST_DYING, apart, exclusive, in_threads
 from orbits.symbolic import caches
 from problems import Hopper
 
@@ -57,8 +57,18 @@ def test_graphs_that_end_in_another_thread_are_released_under_the_lock():
     with LOCK:
         in_thread(held.clear)
         assert len(_DYING) > 0  # it waits, as this thread may be using the graph
-        del x
-        assert len(_DYING) == 0
+    multiplier(Hopper(), 4.6)
+    assert len(_DYING) == 0
+
+
+@pytest.mark.parametrize("use", [lambda f: f(1.0), lambda f: ca.SX(1.0)], ids=["call", "new object"])
+def test_a_program_of_casadi_alone_keeps_few_objects_that_ended(use):
+    x = ca.SX.sym("x")
+    f, most = ca.Function("f", [x], [ca.sin(x)]), 0
+    for _ in range(1000):
+        use(f)
+        most = max(most, len(_DYING))
+    assert most <= MOST_DYING + 9
 
 
 def test_what_an_object_refers_to_ends_while_the_lock_is_held():
@@ -71,6 +81,7 @@ def test_what_an_object_refers_to_ends_while_the_lock_is_held():
     x = ca.SX.sym("x")
     x.__dict__["this"] = Graph()
     del x
+    multiplier(Hopper(), 4.6)
     assert owned == [True]
 
 

@@ -1,5 +1,6 @@
 """Keyboard interrupts while CasADi and Ipopt compute."""
 
+import dis
 import os
 import random
 import signal
@@ -7,7 +8,10 @@ import subprocess
 import sys
 import time
 from contextlib import suppress
+from functools import cache
+from itertools import pairwise
 from pathlib import Path
+from types import CodeType
 
 import casadi as ca
 import pytest
@@ -118,6 +122,56 @@ def test_an_interrupt_just_before_the_end_is_not_left_for_the_next_call(monkeypa
         pass
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert not interrupts.pending()
+
+
+@cache
+def interruptible(code: CodeType) -> set[int]:
+    """The places of the instructions at which Python handles signals: where a function begins or goes on, behind calls,
+    and in loops."""
+    instructions = [*dis.get_instructions(code)]
+    begins = {each.offset for each in instructions if each.opname in ("RESUME", "JUMP_BACKWARD")}
+    return begins | {after.offset for each, after in pairwise(instructions) if each.opname.startswith("CALL")}
+
+
+@pytest.mark.posix
+def test_an_interrupt_at_any_instruction_of_a_call_leaves_nothing_behind():
+    """Around a public call, whichever instruction: it is raised, and the next call is as before."""
+
+    @exclusive
+    def computes():
+        return signal.getsignal(signal.SIGINT) is not signal.default_int_handler and ca.SX(1.0).is_one()
+
+    def interrupting(frame, event, _):
+        nonlocal left
+        frame.f_trace_opcodes = True
+        if event == "opcode" and frame.f_lasti in interruptible(frame.f_code):
+            left -= 1
+            if left == 0:
+                signal.raise_signal(signal.SIGINT)
+        return interrupting
+
+    def too_late(*_):
+        raise AssertionError("the call waits for ever")
+
+    traced, before, moment, left = sys.gettrace(), signal.signal(signal.SIGALRM, too_late), 0, 0
+    try:
+        while left == 0:
+            moment = left = moment + 1
+            signal.setitimer(signal.ITIMER_REAL, 60.0)
+            with suppress(KeyboardInterrupt):
+                sys.settrace(interrupting)
+                computes()
+                sys.settrace(traced)
+                assert left > 0, f"the interrupt at instruction {moment} is lost"
+            sys.settrace(traced)
+            assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+            assert not interrupts.pending()
+            assert computes()
+    finally:
+        sys.settrace(traced)
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert moment > 50
 
 
 CUBIC = Hopper("cubic", rest_length=20.0, parameters={"beta": 0.3})

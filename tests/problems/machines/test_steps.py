@@ -4,9 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 from steps import SINES, TABLE, closed_form
 
-from orbits import InputError, NoOrbit, Orbit, check, find, follow
+from orbits import InputError, NoOrbit, Orbit, ReturnMap, check, find, follow, multiplier, simulate
 from problems import rimless_wheel, rocking_block, shuttle
 
 KINDS = {"wheel": rimless_wheel, "rocker": rocking_block, "shuttle": shuttle}
@@ -191,6 +193,34 @@ def test_a_block_that_falls_on_its_side_is_no_motion():
     assert str(over.violations[0]).startswith("the block falls on its side at t = 3.3")
     wide = rocking_block(2.0, 0.3 * math.tan(1.2), 0.3, 2.0, 2.0, 2.0 * 9.81 * 0.3 / 0.5)
     assert find(wide).violations[0].startswith("the block falls on its side")
+
+
+def test_a_launch_that_turns_a_block_over_has_no_next_one():
+    """It falls when SciPy says. The spring would bring the second launch back through the ground, to the next one."""
+    mass, b, h, inertia, body, k, cubic = 1.0, 0.3, 0.5, 0.5, 0.3, 9.0, 45.0
+    spring = {"spring": "stiffness*r + c*r**3", "parameters": {"c": cubic}}
+    block, alpha = rocking_block(mass, b, h, inertia, body, k, **spring), 4.0
+    held = mass * 9.81 * b
+
+    def rates(t, state):
+        phi, theta, phi_rate, theta_rate = state
+        torque = k * (phi - theta) + cubic * (phi - theta) ** 3
+        tipping = mass * 9.81 * (h * math.sin(theta) - b * math.cos(theta))
+        return [phi_rate, theta_rate, -torque / body, (tipping + torque) / inertia]
+
+    r = float(brentq(lambda r: k * r + cubic * r**3 - held, 0.0, 1.0, xtol=1e-15))
+    on_side, stands = lambda t, x: math.cos(x[1]), lambda t, x: x[1]
+    on_side.terminal, stands.direction = 1, -1
+    events = [on_side, stands]
+    fallen = solve_ivp(rates, (0, 9), [r, 0, alpha, 0], events=events, rtol=1e-11, atol=1e-13, method="DOP853")
+    assert not len(fallen.t_events[1])
+    run, hops = simulate(block, alpha, hops=1), ReturnMap(block)([2.0, 3.10522351446571, alpha])
+    assert run.falls == ("upper corner", pytest.approx(fallen.t[-1], rel=1e-9))
+    assert run.smallest_separation == pytest.approx(0.0, abs=1e-12)
+    assert [*hops.status, run.status] == ["rests", "falls", "falls", "falls"]
+    assert np.isnan(hops.next[1:]).all()
+    with pytest.raises(NoOrbit, match="has fallen over and lies on its side"):
+        multiplier(block, alpha)
 
 
 def test_messages_and_rows_in_si_are_of_angles_and_torques():
