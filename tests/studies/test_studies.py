@@ -170,7 +170,7 @@ def test_checked_proofs():
 @pytest.mark.slow
 def test_proved_steps():
     """Motions of random wheels and rockers are proved, and no false claims."""
-    found = proved_steps.main(count=2, second=1)
+    found = proved_steps.main(count=3, second=2)
     assert found["motions proved"] == found["motions"] > 1
     assert found["false"] == found["false claims proved"] == 0
     assert found["false claims"] == found["motions"]
