@@ -60,7 +60,7 @@ def exclusive(function: Callable[_P, _R]) -> Callable[_P, _R]:
                 try:
                     return function(*arguments, **options)
                 finally:
-                    _release()
+                    _DYING.clear()
 
     return alone
 
@@ -120,18 +120,9 @@ class exclusive_property(cached_property):
             return super().__get__(instance, owner)
 
 
-_DYING: deque = deque()  # CasADi objects that nothing refers to any more.
+_DYING: deque = deque()  # CasADi objects that nothing refers to any more, which end under the lock
 MOST_DYING = 100  # of them, until the next object is made or function is called
 _KINDS: tuple[Any, ...] = (ca.SX, ca.MX, ca.DM, ca.Sparsity, ca.Function, ca.FunctionBuffer, ca.Callback)
-
-
-def _release() -> None:
-    """Release the objects that nothing refers to, unless another thread has the lock."""
-    if LOCK.acquire(blocking=False):
-        try:
-            _DYING.clear()
-        finally:
-            LOCK.release()
 
 
 def _releasing(method: Callable[_P, _R]) -> Callable[_P, _R]:
@@ -140,7 +131,8 @@ def _releasing(method: Callable[_P, _R]) -> Callable[_P, _R]:
     @wraps(method)
     def call(*arguments: _P.args, **options: _P.kwargs) -> _R:
         if len(_DYING) > MOST_DYING:
-            _release()
+            with LOCK:
+                _DYING.clear()
         return method(*arguments, **options)
 
     return call

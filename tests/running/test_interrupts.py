@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
 from itertools import pairwise
@@ -21,7 +22,7 @@ from conftest import slow_after
 from orbits import ReturnMap, find, follow, multiplier, optimize, simulate, sweep
 from orbits.errors import InputError
 from orbits.running import interrupts
-from orbits.running.exclusive import exclusive
+from orbits.running.exclusive import LOCK, exclusive
 from problems import Hopper
 
 SEARCH = "find(Hopper('r + 0.1*r**3', mass_ratio=0.5), 40, method='shooting')"
@@ -166,6 +167,9 @@ def test_an_interrupt_at_any_instruction_of_a_call_leaves_nothing_behind():
             sys.settrace(traced)
             assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
             assert not interrupts.pending()
+            with ThreadPoolExecutor(1) as pool:  # another thread, which waits for the lock if this one still has it
+                assert pool.submit(LOCK.acquire, timeout=1.0).result()
+                pool.submit(LOCK.release).result()
             assert computes()
     finally:
         sys.settrace(traced)
