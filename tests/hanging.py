@@ -48,7 +48,9 @@ def quartic_lateness(c: float, b: float, alpha: float, family: int) -> mpmath.mp
         c, b, alpha = mpmath.mpf(c), mpmath.mpf(b), mpmath.mpf(alpha)
         liftoff = mpmath.findroot(lambda r: r + c * r**2 + b * r**3 - 1, 1)
         square = alpha**2 + liftoff**2 + 2 * c * liftoff**3 / 3 + b * liftoff**4 / 2
-        roots = mpmath.polyroots([-b / 2, -2 * c / 3, -1, 0, square], maxsteps=200, extraprec=200)
+        with mpmath.workdps(4 * DIGITS):  # the turns are the roots of b r**4/2 + 2 c r**3/3 + r**2 = square
+            companion = mpmath.matrix([[-4 * c / (3 * b), -2 / b, 0, 2 * square / b], *np.eye(3, 4).tolist()])
+            roots = mpmath.eig(companion, left=False, right=False)
         if any(abs(each.imag) > mpmath.mpf(10) ** -DIGITS for each in roots):
             return mpmath.mpf(1)
         a, low, high, d = sorted(each.real for each in roots)
