@@ -17,7 +17,7 @@ from ..errors import InputError, NoOrbit, OrbitsError
 from ..flow.phase_field import OUT_OF_LAW
 from ..model.machine import Machine
 from ..model.planar import Planar
-from ..numerics.hermite import around, slopes
+from ..numerics.hermite import around
 from ..periodic.certificate import Certificate
 from ..periodic.certified import Solved, certified, orbit_from, orbit_of_solved
 from ..periodic.orbit import Orbit
@@ -34,7 +34,7 @@ from ..shooting.division import (
 )
 from ..shooting.formulations import Cycles, equations_of, iterative, method_of
 from ..shooting.newton_kernel import NewtonKernel, newton_kernel
-from ..shooting.node_places import growths_along
+from ..shooting.node_places import growths_along, steady_tangents
 from ..shooting.single_shooting import Evaluation, joined
 from ..simulation.lossless_hops import LosslessHops
 from ..units import Units
@@ -46,9 +46,6 @@ AT_A_FOLD = 1e-3
 # All states at nodes together count for the length of a curve as one unknown that is this many times as large: where
 # the duration alone changes, they change much, since the nodes move along with it.
 NODE_UNIT = 10.0
-# Tangents at nodes that are not known well enough are those of polynomials through this many points.
-# Points that are closer than a share of the mean distance are not used together.
-STEADY_POINTS, TOO_NEAR = 4, 0.1
 # Functions of an orbit whose zeros are events, by name.
 Watch = Mapping[str, Callable[[Orbit], float]]
 # Test functions (m,) at certified points of a curve, which change their sign at the event. They are NONE where they are
@@ -257,17 +254,10 @@ class Curve:
         return size
 
     def steady(self, xs: np.ndarray, tangents: np.ndarray) -> np.ndarray:
-        """The tangents (c, N + 1) at a chain of points (c, N + 1) for interpolation. Where motions pass two unstable
-        equilibria one after the other, the Jacobian has few digits for the states at nodes: their tangents are then
-        those of polynomials through the points."""
-        if self.division is None or not self.division.is_uneven or len(xs) < STEADY_POINTS:
+        """The tangents (c, N + 1) at a chain of points (c, N + 1), from which others are interpolated."""
+        if self.division is None or not self.division.is_uneven:
             return tangents
-        nodes, found, shares = self.division.nodes, tangents.copy(), np.abs(tangents / self.size(xs))
-        shares[:, nodes] = 0.0
-        for i, j in enumerate(shares.argmax(1).tolist()):  # the coordinate that changes most measures the way
-            near = _points_apart(xs[:, j], i)
-            found[i, nodes] = slopes(xs[near, j], xs[near, nodes]) * tangents[i, j]
-        return found
+        return steady_tangents(xs, tangents, self.size(xs), self.division.nodes)
 
     def bare(self, xs: np.ndarray) -> np.ndarray:
         """Points or tangents (..., N + 1) without the states at nodes."""
@@ -494,16 +484,6 @@ class Curve:
     def certify_at(self, point: CurvePoint, value: float) -> CurvePoint:
         """A point whose parameter is `value` up to rounding, certified with exactly that value."""
         return self.certify(point._replace(x=np.append(point.x[:-1], value), certified=None))
-
-
-def _points_apart(places: np.ndarray, i: int) -> list[int]:
-    """The point number i of a chain with places (c,) and up to `STEADY_POINTS` in all that are near it, but not so near
-    to one another that their differences have few digits."""
-    found, least = [i], TOO_NEAR * float(np.ptp(places)) / (len(places) - 1)
-    for k in np.argsort(np.abs(places - places[i]), kind="stable").tolist():
-        if len(found) < STEADY_POINTS and np.abs(places[found] - places[k]).min() > least:
-            found.append(k)
-    return found
 
 
 def interpolated(points: Sequence[CurvePoint | StepEnd], row: np.ndarray, levels: np.ndarray) -> np.ndarray:

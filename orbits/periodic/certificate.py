@@ -1,5 +1,6 @@
 """The certificate of an orbit: its properties computed from its motions alone, and the violated conditions."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +18,7 @@ from ..shooting.formulations import Cycles, vectors
 from .energy_changes import energy_changes
 from .loss_coefficient import (
     MOST_LEFT,
+    bounce_factors,
     by_launch_speed,
     hand_over_factors,
     jerk_jumps,
@@ -30,6 +32,12 @@ from .motion_conditions import checked_functions, contact_forces_of, families_of
 WORST_DRIFT = 1e-8
 # Rounding of the loss coefficient besides the errors that its parts share with alpha, in units of the last place.
 LOSS_ROUNDING = 16
+# The notes of a table on the side of a bounce.
+ATTRACTS = {
+    "below": "   (attracts from above; {factor} C below)",
+    "above": "   (attracts launches up to about {reach} above, with {factor} C; C below)",
+}
+BOUNCES = {"below": "   ({factor} C below)", "above": "   ({factor} C above)"}  # where it is not known what attracts
 _SIDES = np.array([None, "above", "below"], dtype=object)
 
 
@@ -103,6 +111,26 @@ class Certificate:
             # Files of version 0.1.0 name one side alone, the one without a bounce.
             object.__setattr__(self, "bounce_side", "below" if self.stable_side == "above" else "above")
             object.__setattr__(self, "stable_side", "above")
+
+    def losses_in_words(self, restitution: float, unit: str) -> str:
+        """The note of a table on what hops lose on both sides of the orbit, where impacts have this restitution and
+        launch speeds this unit; empty where it is not known to differ from 0."""
+        if restitution:
+            return self._with_rebound(restitution)
+        sides, factor = ATTRACTS if self.stable_side else BOUNCES, self.bounce_factor or 10.0
+        # By the leading order a launch alpha + d stays above alpha where factor C d**(4/3) < d.
+        lost = factor * (self.loss_coefficient or math.nan)
+        reach = f"{1 / lost / lost / lost:.2g}{unit}"
+        return sides.get(self.bounce_side or "", "").format(factor=f"{factor:.4g}", reach=reach)
+
+    def _with_rebound(self, restitution: float) -> str:
+        if self.bounce_side is None or restitution > MOST_LEFT**2:
+            return "   (of plastic landings)"
+        late, early = (f"{factor:.4g} C" for factor in bounce_factors(restitution))
+        above, below = (early, late) if self.bounce_side == "above" else (late, early)
+        attracts = "attracts from above; " if self.stable_side else ""
+        with_it = f"with the restitution {restitution:g} it is {above} above, {below} below"
+        return f"   ({attracts}of plastic landings; {with_it})"
 
     def __repr__(self) -> str:
         return fields_in_line(self, "family", "error", "clearance", "loss_coefficient", "violations")

@@ -1,6 +1,5 @@
 """A lossless orbit: a frozen result that evaluates, prints, plots, saves and loads itself."""
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -23,7 +22,6 @@ from ..tables import VIOLATED, machine_numbers
 from ..units import Units, in_units, saved_units
 from .certificate import Certificate
 from .cycle_shape import Shape, mirrored
-from .loss_coefficient import MOST_LEFT, bounce_factors
 from .quantities import OF_RUNS, QUANTITIES, dimension_of
 from .saved_orbit import (
     DOCUMENT_FIELDS,
@@ -38,22 +36,6 @@ from .saved_orbit import (
 
 # What is said of an orbit that is no motion of a machine with the same name and parameters.
 OTHER_EQUATIONS = "its motion does not satisfy these equations, as after a change of a table or a function"
-# The notes of a table on the side of a bounce.
-ATTRACTS = {
-    "below": "   (attracts from above; {factor} C below)",
-    "above": "   (attracts launches up to about {reach} above, with {factor} C; C below)",
-}
-BOUNCES = {"below": "   ({factor} C below)", "above": "   ({factor} C above)"}  # where it is not known what attracts
-
-
-def _with_rebound(certificate: Certificate, e: float) -> str:
-    """What a hop loses beside an orbit, in words, where impacts have the restitution e, above 0."""
-    if certificate.bounce_side is None or e > MOST_LEFT**2:
-        return "   (of plastic landings)"
-    late, early = (f"{factor:.4g} C" for factor in bounce_factors(e))
-    above, below = (early, late) if certificate.bounce_side == "above" else (late, early)
-    attracts = "attracts from above; " if certificate.stable_side else ""
-    return f"   ({attracts}of plastic landings; with the restitution {e:g} it is {above} above, {below} below)"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -369,14 +351,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
             text = text if c.alpha_noise is not None else f"not known: {text}"
             yield Row("  by the table's noise", {"alpha_per_noise": c.alpha_per_noise}, (text,))
         within = f"   +- {c.loss_error:.1e} (error of the numerics)" if c.loss_error else ""
-        sides = ATTRACTS if c.stable_side else BOUNCES
-        factor = c.bounce_factor or 10.0
-        # By the leading order a launch alpha + d stays above alpha where factor C d**(4/3) < d.
-        lost = factor * (c.loss_coefficient or math.nan)
-        reach = f"{1 / lost / lost / lost:.2g}{speed}"
-        beside = sides.get(c.bounce_side or "", "").format(factor=f"{factor:.4g}", reach=reach)
-        if e := self.machine.get("restitution"):
-            beside = _with_rebound(c, float(e))
+        beside = c.losses_in_words(float(self.machine.get("restitution") or 0.0), speed)
         after, figures = {"loss_coefficient": within + beside}, vars(c) | vars(self)
         for name, quantity in QUANTITIES.items():
             if name == "rises":

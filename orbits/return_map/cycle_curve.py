@@ -68,12 +68,8 @@ class CycleCurve:
 
     def __init__(self, launches: LaunchCurve, impacts: tuple[int, ...]):
         assert launches.maps.along is not None
-        self.impacts, self.hops, self.inject, self.period = (
-            impacts,
-            launches.maps.along,
-            launches.maps.inject,
-            len(impacts),
-        )
+        self.impacts, self.period = impacts, len(impacts)
+        self.hops, self.inject = launches.maps.along, launches.maps.inject
         self.maps, self.between = launches.maps, launches.between
         self.along, self.span, self.scale = launches.along, launches.span, launches.scale
         ends = np.cumsum([count + 3 for count in impacts])

@@ -29,10 +29,8 @@ from .polynomial_flight import EnclosedFlight, FlightAt, flight_of
 # Launches of intervals of twice this length are enclosed together, with so many derivatives by the launch speed.
 LENGTH_OF_LAUNCHES, DERIVATIVES = 2.0**-7, 8
 MOST_ENCLOSED_LANDINGS = 4  # of a hop; those with more stay undecided
-HALF_OF_LANDING, WIDER_LANDINGS = (
-    arb(2) ** -60,
-    (1.1, 1.5, 2.5),
-)  # half the width of a landing's enclosure; what widens it
+# Half the width of a landing's enclosure, and the factors that widen it where that is not enough.
+HALF_OF_LANDING, WIDER_LANDINGS = arb(2) ** -60, (1.1, 1.5, 2.5)
 HALVINGS_OF_STEP = 24
 ONE_ROOT = (
     "that no hops are missing is proved of springs whose force is a polynomial of an odd degree that is {at} at one "

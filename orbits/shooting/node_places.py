@@ -16,12 +16,16 @@ from typing import NamedTuple
 import numpy as np
 
 from ..flow.trajectory import Trajectories
+from ..numerics.hermite import slopes
 from ..numerics.roots import Array
 from .single_shooting import Evaluation
 
 # The growth between two nodes that is aimed at. Where a change shrinks again by a larger factor, there are no nodes on
 # the way.
 PART_GROWTH = 1e2
+# Tangents at nodes that are not known well enough are those of polynomials through this many points. Points that are
+# closer than a share of the mean distance are not used together.
+STEADY_POINTS, TOO_NEAR = 4, 0.1
 
 
 class GrowthAlong(NamedTuple):
@@ -100,3 +104,27 @@ def lengths_of_parts(along: GrowthAlong, finer: int = 1) -> tuple[float, ...]:
             nodes.append(here)
             last = here
     return tuple((np.diff([0.0, *times[nodes], times[-1]]) / times[-1]).tolist())
+
+
+def steady_tangents(xs: Array, tangents: Array, sizes: Array, nodes: slice) -> Array:
+    """The tangents (c, N + 1) at a chain of points (c, N + 1) of a curve, whose components have these units. Where
+    motions pass two unstable equilibria one after the other, the Jacobian has few digits for the states at nodes: their
+    tangents are then those of polynomials through the points, if these are enough."""
+    if len(xs) < STEADY_POINTS:
+        return tangents
+    found, shares = tangents.copy(), np.abs(tangents / sizes)
+    shares[:, nodes] = 0.0
+    for i, j in enumerate(shares.argmax(1).tolist()):  # the coordinate that changes most measures the way
+        near = _points_apart(xs[:, j], i)
+        found[i, nodes] = slopes(xs[near, j], xs[near, nodes]) * tangents[i, j]
+    return found
+
+
+def _points_apart(places: Array, i: int) -> list[int]:
+    """The point number i of a chain with places (c,) and up to `STEADY_POINTS` in all that are near it, but not so near
+    to one another that their differences have few digits."""
+    found, least = [i], TOO_NEAR * float(np.ptp(places)) / (len(places) - 1)
+    for k in np.argsort(np.abs(places - places[i]), kind="stable").tolist():
+        if len(found) < STEADY_POINTS and np.abs(places[found] - places[k]).min() > least:
+            found.append(k)
+    return found
