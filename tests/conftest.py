@@ -7,11 +7,9 @@ import shlex
 import shutil
 import signal
 import sys
-import time
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
-from types import SimpleNamespace
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # each worker has a core of its own
 
@@ -22,7 +20,6 @@ from documents import saved
 
 from orbits import Control, Family, Orbit, Proof, find, follow, prove, steer
 from orbits.control import Guess, Input, Stage
-from orbits.running import time_limit
 from orbits.symbolic import caches
 from problems import Driven, Hopper, hopper_in_si, steering
 from problems.command.cli import main
@@ -33,10 +30,6 @@ PROVED = json.loads((DATA / "proved.json").read_text(encoding="utf-8"))
 DAMPED_LEG = hopper_in_si(
     60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 1e5}, rest_length=0.8, damping=5.0
 )
-
-# Searches and proofs have a limit of 30 s. In the tests it is one of processor time, so that what else the machine does
-# does not decide what they find.
-time_limit.time = SimpleNamespace(monotonic=time.process_time)
 
 # Many tests are of the same machines, which a worker would build again and again with the caches of a single session.
 caches.BUDGET, caches.MOST = 4 * caches.BUDGET, 4 * caches.MOST

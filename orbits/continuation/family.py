@@ -34,7 +34,6 @@ from ..proof.branch_claim import BranchClaim
 from ..proof.prove import prove_branch, prove_claims
 from ..proof.theorem import Proof
 from ..result import ENDINGS, Axes, Progress, Result, Row, is_of, reported, shown
-from ..running.time_limit import LIMIT
 from ..units import saved_units, unit_text
 from .point import KNOWN, SIDES, End, Event, Point, check_points, json_line, numbers_at, point_in_units
 from .proved_curve import branch_claim
@@ -44,8 +43,6 @@ from .table import names_of_motions, numbers_of_motions
 UNFINISHED = "its file ends before it does: resume it to go on"
 # Kinds of events in files of earlier versions, with their names of today.
 OLD_KINDS = {"asked": "value"}
-# Default time limit of the proof of a curve, in seconds.
-LIMIT_OF_BRANCH = 600.0
 # Endings of the files that a family is saved to; the first is lines of JSON, which grow point by point.
 FAMILY_ENDINGS = (".jsonl", *ENDINGS)
 # The largest file and line of a saved family that are read: some 100,000 points, and far longer lines than are written.
@@ -267,7 +264,7 @@ class Family(
         workers : number of processes, for points only
         continuous : whether to prove the curve; the theorem is in `orbits.proof.branch`. The machine must be
             dimensionless, with smooth springs
-        limit : time limit in seconds for each point, or for the whole curve; None for 30 and 600
+        limit : time limit in seconds for each point, or for the whole curve; None for 30 s and 600 s of processor time
 
         Returns one `Proof` for each point, or that of the curve. Raises `InputError` without python-flint, for another
         machine, for a family of another method than the simplest, and for one that cannot be a curve.
@@ -278,10 +275,9 @@ class Family(
             )
         check_parameters(machine, *self._along)
         if continuous:
-            seconds = LIMIT_OF_BRANCH if limit is None else limit
-            return prove_branch(self._branch_claim(machine), digits, motion, seconds)
+            return prove_branch(self._branch_claim(machine), digits, motion, limit)
         claims = [self._claim(machine, point) for point in self.points]
-        return prove_claims(claims, digits, motion, workers, LIMIT if limit is None else limit)
+        return prove_claims(claims, digits, motion, workers, limit)
 
     def _branch_claim(self, machine: Machine) -> BranchClaim:
         """The claim of the family that its orbits form a curve from its first point to its last."""

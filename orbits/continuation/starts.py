@@ -128,8 +128,8 @@ def starts(
     slope : of the straight lines, in units of the slopes of the tangents; steeper lines lead to more hops of springs
         that stiffen, those with larger extensions
     progress : called with the share that is done
-    limit : time limit in seconds; None for 30, or for the limit of a `time_limit` around it. Where it is reached, the
-        starts that were found until then are returned, with the reason in `stopped`, and a warning is logged
+    limit : time limit in seconds, as in `find`. Where it is reached, the starts that were found until then are
+        returned, with the reason in `stopped`, and a warning is logged
 
     Returns the unknowns of each hop, by name. For linear springs the hops are those of `linear_hops`. For other springs
     these are followed, all together and round folds, along a homotopy from straight lines through the zero of each

@@ -66,7 +66,7 @@ def find(
     at : values of quantities of the orbit by name, in the machine's units, such as "period", "frequency", "alpha",
         "clearance" or the rise of a height
     progress : called with the completed share of the homotopy, where there is one
-    limit : time limit in seconds; None for 30, or for the limit of a `time_limit` around it
+    limit : time limit in seconds; None for 30 s of processor time, or for the limit of a `time_limit` around it
 
     Where a family has several orbits, the one of least launch speed is returned. To know it, all orbits are searched as
     by `find_all` where the laws of the machine have many or narrow bends, and where none is found otherwise. For other

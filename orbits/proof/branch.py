@@ -57,7 +57,7 @@ from ..exact.claim import Claim
 from ..exact.exact_mechanics import Scale
 from ..exact.refusal import Unproved
 from ..exact.stated import StatedMachine, stated_machine
-from ..running.time_limit import time_limit
+from ..running.time_limit import default_limit, time_limit
 from .branch_claim import BranchClaim
 from .branch_motion import MotionChecks, MotionStretch
 from .branch_piece import CurveEquations, floats_about
@@ -66,12 +66,15 @@ from .branch_words import ProvedCurve, branch_proof
 from .case import ProvedExistence, check_mirrored, existence_of, not_stated, wrong_numbers
 from .theorem import Proof
 
+# Default limit of the processor time of a proof, in seconds.
+LIMIT_OF_BRANCH = 600.0
 
-def proof_of_branch(claim: BranchClaim, digits: int | None, motion: bool, limit: float) -> Proof:
+
+def proof_of_branch(claim: BranchClaim, digits: int | None, motion: bool, limit: float | None) -> Proof:
     """The proof that a family is one curve; see `Family.prove`."""
     began = time.perf_counter()
     check_mirrored(claim.machine.model)
-    with time_limit(limit):
+    with default_limit(LIMIT_OF_BRANCH) if limit is None else time_limit(limit):
         try:
             stated = stated_machine(claim.machine, {})
         except Unproved as error:

@@ -20,7 +20,7 @@ HALVINGS_OF_INTERVALS = 4
 
 
 def proof_of(
-    claim: Claim, digits: int | None, parameters: Mapping[str, Decimals], motion: bool, loss: bool, limit: float,
+    claim: Claim, digits: int | None, parameters: Mapping[str, Decimals], motion: bool, loss: bool, limit: float | None,
     attraction: bool = False,
 ) -> Proof:  # fmt: skip
     """The proof of a claim about an orbit; see `prove`."""

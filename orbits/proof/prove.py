@@ -19,7 +19,7 @@ from ..model.machine import Machine
 from ..model.model import refuse_hysteresis
 from ..periodic.orbit import Orbit
 from ..running.exclusive import exclusive
-from ..running.time_limit import LIMIT, time_limit
+from ..running.time_limit import time_limit
 from .branch_claim import BranchClaim
 from .theorem import Proof
 
@@ -40,7 +40,7 @@ def prove(
     attraction: bool = False,
     tune: str | Iterable[str] | None = None,
     at: Mapping[str, Decimal] | None = None,
-    limit: float = LIMIT,
+    limit: float | None = None,
 ) -> Proof:
     """Prove an orbit by interval arithmetic: that it exists, that no other is nearby, that the error of its alpha is at
     most twice its bound, that the number of its family is correct, and that it is a motion.
@@ -58,7 +58,7 @@ def prove(
     tune : names of parameters that are unknowns of the theorem, which encloses them; None for those that `find` tuned,
         if all prescribed quantities have equations. Of a machine that sticks to the ground the step is an unknown too
     at : exact decimals of quantities by name, as {"speed": "0.4"}; None for what the orbit was tuned to
-    limit : time limit in seconds; a statement not proved by then is reported as not proved
+    limit : time limit in seconds, as in `find`; a statement not proved by then is reported as not proved
 
     The theorems, their lemmas and the trusted software are described in `orbits.proof`. If something is not proved, the
     result states it and why; no error is raised. The theorem about a machine in SI is in SI. Raises `InputError`
@@ -82,8 +82,9 @@ def prove(
 
 
 def prove_claims(
-    claims: Sequence[Claim], digits: int | None = None, motion: bool = True, workers: int = 1, limit: float = LIMIT
-) -> tuple[Proof, ...]:
+    claims: Sequence[Claim], digits: int | None = None, motion: bool = True, workers: int = 1,
+    limit: float | None = None,
+) -> tuple[Proof, ...]:  # fmt: skip
     """The proofs of claims about several orbits, on `workers` processes, in their order; see `prove`."""
     need_flint()
     workers = whole_number("workers", workers, most=1000)
@@ -95,7 +96,7 @@ def prove_claims(
 
 
 @exclusive
-def prove_branch(claim: BranchClaim, digits: int | None, motion: bool, limit: float) -> Proof:
+def prove_branch(claim: BranchClaim, digits: int | None, motion: bool, limit: float | None) -> Proof:
     """The proof that a family is one continuous curve of orbits; see `Family.prove`."""
     need_flint()
     from .branch import proof_of_branch
@@ -105,7 +106,7 @@ def prove_branch(claim: BranchClaim, digits: int | None, motion: bool, limit: fl
 
 
 @exclusive
-def _prove_claim(claim: Claim, digits: int | None, motion: bool, limit: float) -> Proof:
+def _prove_claim(claim: Claim, digits: int | None, motion: bool, limit: float | None) -> Proof:
     from .case import checked_digits
     from .intervals import proof_of
 
@@ -131,7 +132,7 @@ class Turning(Protocol):
 @exclusive
 def prove_fold(
     machine: Machine, fold: Turning, along: str, *, digits: int | None = None, parameters: Exact = None,
-    limit: float = LIMIT,
+    limit: float | None = None,
 ) -> Proof:  # fmt: skip
     """Prove that a family folds near a point, with an enclosure of the parameter there, and that the fold is
     nondegenerate.

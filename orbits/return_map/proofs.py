@@ -18,7 +18,7 @@ from ..model.model import refuse_steps
 from ..proof.prove import Decimal, Exact, need_flint
 from ..proof.theorem import Proof
 from ..running.exclusive import exclusive
-from ..running.time_limit import LIMIT, time_limit
+from ..running.time_limit import time_limit
 from ..simulation.multiplier import multiplier
 from ..simulation.simulation import simulate
 from .bifurcation import Bifurcation
@@ -36,7 +36,7 @@ MOST_STEPS_TO_FIXED_POINT, FIXED_TO = 20, 1e-13
 @exclusive
 def prove_fixed_point(
     machine: Machine, point: FixedPoint | Cycle | PeriodicHop | float, inject: Decimal | tuple[Decimal, Decimal], *,
-    digits: int | None = None, parameters: Exact = None, limit: float = LIMIT,
+    digits: int | None = None, parameters: Exact = None, limit: float | None = None,
 ) -> Proof:  # fmt: skip
     """Prove that the return map with an injection has a fixed point, that no other is nearby, and whether it is stable.
     The same of hops of a longer period, and that it is their least one.
@@ -89,7 +89,7 @@ def prove_fixed_point(
 
 @exclusive
 def prove_all_hops(
-    machine: Machine, hops: PeriodicHops, inject: Decimal, *, shortest: float = 1e-5, limit: float = LIMIT
+    machine: Machine, hops: PeriodicHops, inject: Decimal, *, shortest: float = 1e-5, limit: float | None = None
 ) -> Proof:
     """Prove that the hops of a period which were found in a range of launch speeds are all that there are.
 
@@ -136,8 +136,9 @@ def prove_all_hops(
 
 @exclusive
 def prove_doubling(
-    machine: Machine, flip: Bifurcation, *, digits: int | None = None, parameters: Exact = None, limit: float = LIMIT
-) -> Proof:
+    machine: Machine, flip: Bifurcation, *, digits: int | None = None, parameters: Exact = None,
+    limit: float | None = None,
+) -> Proof:  # fmt: skip
     """Prove that a fixed point of the return map loses its stability by period doubling as the injection grows, with an
     enclosure of the injection where that happens.
 

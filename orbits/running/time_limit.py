@@ -1,15 +1,20 @@
-"""The time that a computation may take; results that would come later are not waited for."""
+"""The time that a computation may take; results that would come later are not waited for.
+
+A limit that the user states is wall time, which the user waits. The default limit counts the processor time of the
+computing thread: what else the machine or other threads of the process do does not decide what a search finds.
+"""
 
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import NamedTuple
 
 from ..errors import InputError, NoOrbit
 
-# Seconds that a search or a proof may take unless more are allowed.
+# Seconds of processor time that a search or a proof may take unless another limit is stated.
 LIMIT = 30.0
-# More seconds than any computation takes: no limit.
+# Longer than any computation takes.
 FOREVER = 1e15
 
 
@@ -24,20 +29,37 @@ class TimeOver(Exception):
         return "; ".join(self.args)
 
 
-class _Limit(threading.local):
-    """When the computation of a thread has to end, and how many seconds it may take."""
+class _Deadline(NamedTuple):
+    """When a computation has to end, by the clock of this name in `time`, and the limit in words."""
 
-    until = seconds = float("inf")
+    until: float
+    clock: str
+    text: str
+
+    def left(self) -> float:
+        """The seconds until then."""
+        return self.until - _now(self.clock)
 
 
-_limit = _Limit()
+class _Limits(threading.local):
+    """The deadlines of a thread's computation, those of outer blocks first."""
+
+    deadlines: tuple[_Deadline, ...] = ()
+
+
+_limits = _Limits()
+
+
+def _now(clock: str) -> float:
+    """The time of a clock of `time`."""
+    return getattr(time, clock)()
 
 
 @contextmanager
 def time_limit(seconds: float | None) -> Iterator[None]:
     """Limit the time of all computations in the block to `seconds`, or to the limit of a block around it.
 
-    seconds : time limit; None for 30, or in another such block for the limit of that one
+    seconds : time limit; None for 30 s of processor time, or in another such block for the limit of that one
 
     Raises `NoOrbit` when the limit is reached, except that `follow` returns its family as far as it was followed;
     raises `InputError` for an invalid number of seconds.
@@ -47,41 +69,64 @@ def time_limit(seconds: float | None) -> Iterator[None]:
     >>> with time_limit(60.0):
     ...     family = follow(Hopper("cubic", rest_length=9.0), "beta", 0.3, start=0.2)
     """
-    before = _limit.until, _limit.seconds
     if seconds is None:
-        seconds = LIMIT if before[0] == float("inf") else float("inf")
+        with default_limit(LIMIT):
+            yield
+        return
     if isinstance(seconds, bool) or not isinstance(seconds, int | float) or not seconds > 0:
         raise InputError(f"limit = {seconds!r}; it is a number of seconds above 0")
-    until = time.monotonic() + (seconds if seconds < FOREVER else float("inf"))
-    if until < before[0]:
-        _limit.until, _limit.seconds = until, seconds
+    seconds = min(seconds, FOREVER)
+    with _until(seconds, "monotonic", f"{seconds:g} s"):
+        yield
+
+
+@contextmanager
+def default_limit(seconds: float) -> Iterator[None]:
+    """Limit the processor time of all computations in the block, where no block around it has a limit."""
+    if _limits.deadlines:
+        yield
+    else:
+        with _until(seconds, "thread_time", f"{seconds:g} s of processor time"):
+            yield
+
+
+@contextmanager
+def _until(seconds: float, clock: str, text: str) -> Iterator[None]:
+    """A block that ends after some seconds of a clock, or with the block around it."""
+    before = _limits.deadlines
+    _limits.deadlines = (*before, _Deadline(_now(clock) + seconds, clock, text))
     try:
         yield
     except TimeOver as over:
-        if before[0] <= until:  # the block around this one has to end too
+        if _first_over(before):  # the block around this one has to end too
             raise
         raise NoOrbit(str(over)) from None
     finally:
-        _limit.until, _limit.seconds = before
+        _limits.deadlines = before
 
 
 @contextmanager
 def time_to_finish() -> Iterator[None]:
     """No limit for what has to be done after a limit is reached, to hand back what was found; it is short."""
-    before, _limit.until = _limit.until, float("inf")
+    before, _limits.deadlines = _limits.deadlines, ()
     try:
         yield
     finally:
-        _limit.until = before
+        _limits.deadlines = before
 
 
 def time_left() -> float:
     """The seconds until the time is over, infinite without a limit."""
-    return _limit.until - time.monotonic()
+    return min((deadline.left() for deadline in _limits.deadlines), default=float("inf"))
 
 
 def check_time() -> None:
     """Raise `TimeOver` where the time is over; a computation that may be long comes here often."""
-    if time.monotonic() > _limit.until:
+    if over := _first_over(_limits.deadlines):
         more = "limit=..., with time_limit(...), or --limit in the command"
-        raise TimeOver(f"it takes more than {_limit.seconds:g} s: allow it more by its limit ({more})")
+        raise TimeOver(f"it takes more than {over.text}: allow it more by its limit ({more})")
+
+
+def _first_over(deadlines: tuple[_Deadline, ...]) -> _Deadline | None:
+    """The first of some deadlines that has passed, if any."""
+    return next((deadline for deadline in deadlines if deadline.left() < 0), None)

@@ -96,7 +96,7 @@ def orbits() -> None:
 @options.export_option
 def find_command(
     family: int, method: str | None, hop: str | None, tune: tuple[str, ...], prescribed: tuple[str, ...],
-    allow_inadmissible: bool, limit: float, as_json: bool, explain: bool, plot: str | None, animate: str | None,
+    allow_inadmissible: bool, limit: float | None, as_json: bool, explain: bool, plot: str | None, animate: str | None,
     save: str | None, export: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Find one lossless orbit and certify it. With --tune and --at, numbers of the machine are found too."""
@@ -147,7 +147,8 @@ def find_command(
 def prove_command(
     family: int, hop: str | None, intervals: tuple[str, ...], digits: int | None, loss: bool, attraction: bool,
     inject: str | None, near: float | None, along: str | None, start: float | None, stop: float | None,
-    tune: tuple[str, ...], prescribed: tuple[str, ...], limit: float, as_json: bool, save: str | None, **stated: Any,
+    tune: tuple[str, ...], prescribed: tuple[str, ...], limit: float | None, as_json: bool, save: str | None,
+    **stated: Any,
 ) -> None:  # fmt: skip
     """Prove by interval arithmetic that a lossless orbit exists, that no other is nearby, and that it is a motion.
 
@@ -176,9 +177,7 @@ def prove_command(
         if along is None or stop is None or intervals or loss or attraction or inject is not None:
             others = "--between, --loss, --attraction, --inject"
             raise InputError(f"--along NAME needs --to B, and goes with --from A and with none of {others}")
-        usual = click.get_current_context().get_parameter_source("limit") is ParameterSource.DEFAULT
-        seconds = None if usual else limit
-        proof = options.proved_curve(along, (start, stop), family, stated, digits=digits, limit=seconds)
+        proof = options.proved_curve(along, (start, stop), family, stated, digits=digits, limit=limit)
     elif inject is not None and near is not None:
         machine = options.machine_of(**options.with_middles(stated, intervals))
         proof = prove_fixed_point(machine, near, inject, digits=digits, parameters=exact, limit=limit)

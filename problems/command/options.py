@@ -72,7 +72,7 @@ start_option = click.option(
 )  # fmt: skip
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 limit_option = click.option(
-    "--limit", type=float, default=30.0, show_default=True, metavar="SECONDS", help="Time limit."
+    "--limit", type=float, metavar="SECONDS", help="Time limit; default: 30 s of processor time."
 )
 
 

@@ -106,14 +106,34 @@ class TestTimeLimit:
             find(self.SLOW, limit=limit)
 
 
+def test_the_default_limit_counts_the_processor_time_of_its_thread(monkeypatch):
+    """What other threads and programs do takes no time from it; a limit that the user states is one of the clock."""
+    now = {"monotonic": 0.0, "process_time": 0.0, "thread_time": 0.0}
+    clocks = SimpleNamespace(**{name: lambda name=name: now[name] for name in now})
+    monkeypatch.setattr("orbits.running.time_limit.time", clocks)
+
+    def work(limit: float | None, *readings: dict[str, float]):
+        with time_limit(limit), time_limit(None):
+            for each in readings:
+                check_time()
+                now.update(each)
+            check_time()
+
+    with pytest.raises(NoOrbit, match=r"it takes more than 30 s of processor time"):
+        work(None, {"monotonic": 1e4, "process_time": 1e3, "thread_time": 29.9}, {"thread_time": 30.1})
+    with pytest.raises(NoOrbit, match=r"it takes more than 60 s:"):
+        work(60.0, {"thread_time": 1e6}, {"monotonic": 1e4 + 61.0})
+
+
 @pytest.mark.parametrize(
     ("limits", "until"),
     [((None,), 30.0), ((60.0, None), 60.0), ((60.0, 10.0), 10.0), ((10.0, 60.0), 10.0), ((None, 60.0), 30.0)],
 )
 def test_the_least_of_the_limits_around_holds(limits, until, monkeypatch):
-    """A block without a limit of its own has that of the block around it, or 30 s; by a clock of its own."""
+    """A block without a limit of its own has that of the block around it, or 30 s; by clocks of the test."""
     now = [0.0]
-    monkeypatch.setattr("orbits.running.time_limit.time", SimpleNamespace(monotonic=lambda: now[0]))
+    clocks = SimpleNamespace(monotonic=lambda: now[0], thread_time=lambda: now[0])
+    monkeypatch.setattr("orbits.running.time_limit.time", clocks)
 
     def work():
         with ExitStack() as blocks:
