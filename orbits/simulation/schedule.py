@@ -53,13 +53,14 @@ class Decisions:
     """The decisions of a feedback while a simulation goes on."""
 
     def __init__(self, feedback: Feedback):
-        self.feedback, self.begun, self.now_in = feedback, np.inf, -1
+        self.feedback, self.begun = feedback, np.inf
+        self.now_in: int | None = None  # the interval whose input is in force; None before the first of a cycle is
         self.values = np.zeros(len(feedback.times) - 1)
         self.changes = list[tuple[float, float]]()
 
     def lift_off(self, now: float) -> None:
-        """Begin a cycle."""
-        self.begun, self.now_in, self.values = now, -1, np.zeros(len(self.values))
+        """Begin a cycle, in which no input is in force yet."""
+        self.begun, self.now_in, self.values = now, None, np.zeros(len(self.values))
         self._change(now, 0.0)
 
     def at(self, now: float, state: np.ndarray) -> Inputs | None:
