@@ -44,8 +44,8 @@ def simulate(
     alpha : the launch at which the simulation begins, a lift-off after sustained contact: its speed or, of a machine
         whose launch has several numbers, these by name; or an orbit, or the name of a file of one, with whose launch
         it begins
-    state : (n,), instead of alpha: a flight state with an open gap, or with a gap that is closed and at rest; then the
-        machine stays in contact if the contact force presses, and lifts off if it does not
+    state : (n,), instead of alpha: a flight state with a gap that is open or opens, as after an impact, or that is
+        closed and at rest; then the machine stays in contact if the contact force presses, and lifts off if it does not
     hops, time : the simulation ends after this many lift-offs or after this time, whichever is first; one is needed
     inject : added to the launch speed at every lift-off that is a launch, an impulse on the coordinate that is
         launched; with a damper the extension at lift-off depends on the speed, and the injection moves the machine to
@@ -156,7 +156,7 @@ def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float
             raise InputError(no_launch(alpha))
         return x[0], alpha, LIFTOFF_ORDER, 0
     x = np.array(state)
-    tolerance = TOUCHING * (1 + np.abs(x).max())
+    tolerance, order, opening = TOUCHING * (1 + np.abs(x).max()), 0, 0
     for foot, each in enumerate(impacts.feet):
         gap, speed = each.gap(x), float(x @ each.speed)
         if abs(gap) <= tolerance and abs(speed) <= tolerance:
@@ -170,10 +170,13 @@ def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float
                 return stands, None, None, 0
             way = impacts.exits[opens]
             return way.opened(stands, impacts.values), None, LIFTOFF_ORDER if lifts_off else 2, way.foot
-        if not gap > 0:
+        if -tolerance <= gap <= 0 < speed:
+            order, opening = 1, foot
+        elif not gap > 0:
             text, names = "state = {place}: its gap is {gap:.6g} and must be open", impacts.flight.phase.states
+            text += "; give the state after the impact" if gap >= -tolerance else ""
             raise InputError(Message(text, place=described(names, x), gap=Quantity(gap, LENGTH)))
-    return x, None, 0, 0
+    return x, None, order, opening
 
 
 def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:

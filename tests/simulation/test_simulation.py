@@ -83,6 +83,17 @@ def test_a_ball_on_a_rigid_hand_bounces_for_the_geometric_sum():
     assert landing.time == pytest.approx(speed + 2 * speed * e / (1 - e), rel=1e-4)
 
 
+def test_a_simulation_goes_on_from_the_state_after_an_impact():
+    machine = Hopper(restitution=0.3)
+    whole = simulate(machine, 4.6, hops=1)
+    first, *later = whole.events
+    rest = simulate(machine, state=whole(first.time), hops=1)
+    assert [event.kind for event in rest.events] == [event.kind for event in later]
+    assert [first.time + event.time for event in rest.events] == pytest.approx([event.time for event in later])
+    with pytest.raises(InputError, match="must be open; give the state after the impact"):
+        simulate(machine, state=first.before, hops=1)
+
+
 def test_injection_keeps_a_damped_hopper_going():
     assert simulate(Hopper(damping=1e-4), 4.5, hops=50).status == "rests"
     run = simulate(Hopper(damping=1e-4), 4.5, hops=50, inject=0.02)
