@@ -181,7 +181,7 @@ def test_a_push_at_a_landing_or_lift_off_comes_after_it():
         ({"push": (-1.0, {"y1'": 0.1})}, "push: time = -1"),
         ({"push": (0.0, {"y1'": 0.1})}, "push: time = 0; it comes after the start.*state="),
         ({"push": (1.0, {"y1'": np.inf})}, "not a finite number"),
-        ({"push": (12.0, {"y2'": 0.1})}, "must be open"),
+        ({"push": (12.0, {"y2'": -0.1})}, "must be open"),
     ],
 )
 def test_what_is_no_disturbance(driven_hopper, disturbance, words):
