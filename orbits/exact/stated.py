@@ -36,6 +36,14 @@ OWN_NAMES = {
     *("alpha", "liftoff", "duration", "contact_duration", "flight_time", "contact_time", "liftoff_extension"),
     *("mid_flight_extension", "loss_coefficient"),
 }
+# The definitions of quantities that may be prescribed, beside alpha and the times of flight and contact.
+DEFINED = {
+    "speed": "the rate of {centre} at lift-off",
+    "liftoff_extension": "{counts} at lift-off",
+    "period": "the sum of the flight time and the contact time",
+    "frequency": "1 over the sum of the flight time and the contact time",
+    "mean_speed": "step over the sum of the flight time and the contact time",
+}
 
 
 @dataclass(frozen=True)
@@ -103,6 +111,7 @@ class StatedMachine:
     friction : formula of the coefficient of friction, which the forces on what sticks are compared with; None without
     tuned : names of parameters that are unknowns; they have no bounds
     prescribed : names and exact values of quantities of the orbit
+    restitution : of the landings
     """
 
     name: str
@@ -130,6 +139,7 @@ class StatedMachine:
     friction: str | None = None
     tuned: tuple[str, ...] = ()
     prescribed: tuple[tuple[str, Fraction], ...] = ()
+    restitution: Fraction = Fraction(0)
 
     def with_tuned(self, tuned: Sequence[str], prescribed: Mapping[str, ExactNumber]) -> "StatedMachine":
         """The same machine with parameters that are unknowns, where quantities have these values; raises `InputError`
@@ -166,6 +176,16 @@ class StatedMachine:
         return opens, lands
 
     @property
+    def used_names(self) -> set[str]:
+        """The names in the formulas that a theorem is about."""
+        texts = [*chain(*self.masses, *self.weights, *self.inerters, *self.inertia), *self.potentials]
+        texts += [each for spring in self.springs for each in (spring.extension, *spring.force, *spring.breaks)]
+        texts += [self.surface_gravity, self.gravity, self.gap, self.counts, *filter(None, [self.separation])]
+        texts += [formula for _, formula in (*self.reversor, *self.symmetry, *self.gaps, *self.heights)]
+        texts += [self.friction] if self.sticks and self.friction is not None else []
+        return {name for text in texts for name in parse(text).names}
+
+    @property
     def wide(self) -> list[str]:
         """The names of the parameters that are intervals."""
         return [name for name, (low, high) in self.parameters.items() if low < high]
@@ -189,6 +209,7 @@ class StatedMachine:
             **({"centre": self.centre} if "speed" in dict(self.prescribed) else {}),
             **({"heights": [list(each) for each in self.heights]} if self.sticks else {}),
             **({"friction": self.friction} if self.sticks and self.friction is not None else {}),
+            **({"restitution": decimal_text(self.restitution)} if self.restitution else {}),
         }
 
     @property
@@ -222,16 +243,21 @@ class StatedMachine:
         numbers = f", with {named}" if named else ""
         launch = f"{self.launch} and its rate at lift-off are called liftoff and alpha"
         turns = f"{self.counts} is stationary between lift-off and mid-flight as often as the number of its family says"
-        if "speed" in dict(self.prescribed):
-            turns += f"; speed is the rate of {self.centre} at lift-off"
+        turns += "".join(f"; {self._meaning(name)}" for name, _ in self.prescribed if name in DEFINED)
         maps = self._maps_in_words() if self.steps else ""
         return f"Let the {self.name} have {'; '.join(parts)}{numbers}; all is {units}. {maps}{launch}; {turns}."
 
+    def _meaning(self, name: str) -> str:
+        """The definition of a quantity that is prescribed, in words."""
+        return f"{name.replace('_', ' ')} is {DEFINED[name].format(counts=self.counts, centre=self.centre)}"
+
     def _gaps_in_words(self) -> list[str]:
+        e = decimal_text(self.restitution)
+        how = f"with the restitution {e}: its rate v becomes -{e}*v" if self.restitution else "plastically"
         if not self.steps:
-            return [f"the gap {self.gap}, which lands plastically"]
+            return [f"the gap {self.gap}, which lands {how}"]
         lands = [f"the gap {gap} of the {name}" for name, gap in self.gaps[1:]] or ["its image under R"]
-        return [f"the gap {self.gap} of the {self.points[0]}, which opens", f"{lands[0]}, which lands plastically"]
+        return [f"the gap {self.gap} of the {self.points[0]}, which opens", f"{lands[0]}, which lands {how}"]
 
     def _maps_in_words(self) -> str:
         back, anew = (", ".join(f"{name} to {image}" for name, image in pairs) or "each coordinate to itself"
@@ -272,12 +298,15 @@ def exact_values(parameters: object) -> dict[str, Decimals]:
     return dict(parameters or {})
 
 
-def stated_machine(machine: Machine, parameters: Mapping[str, Decimals]) -> StatedMachine:
+def stated_machine(machine: Machine, parameters: Mapping[str, Decimals], along: str | None = None) -> StatedMachine:
     """What a theorem about a machine states, with exact values of some of its parameters; each other one stands for
-    the shortest decimal that rounds to it.
+    the shortest decimal that rounds to it. A parameter that is in no formula of the theorem is left out.
 
-    Raises `InputError` for a machine that states no mechanics and for parameters that it does not have or with invalid
-    values, and `Unproved` for laws without a formula: a Python function that formulas cannot express.
+    along : the name of a parameter that the theorem is about
+
+    Raises `InputError` for a machine that states no mechanics and for parameters that it does not have, that are in no
+    formula, or with invalid values, and `Unproved` for laws without a formula: a Python function that formulas cannot
+    express.
     """
     if not callable(getattr(machine, "stated", None)):
         raise InputError(f"a {machine.model.name} states no mechanics that a proof could read: state a Mechanism")
@@ -290,7 +319,13 @@ def stated_machine(machine: Machine, parameters: Mapping[str, Decimals]) -> Stat
     values = {name: exact_bounds(name, {**known, **parameters}[name]) for name in mechanism.names if name in known}
     for end in (0, 1):
         machine.with_values(**{name: float(values[name][end]) for name in parameters if name in values})
-    stated = _of_mechanism(mechanism, values)
+    stated = _of_mechanism(mechanism, values, exact_fraction("restitution", machine.restitution))
+    used = stated.used_names
+    for name in (*parameters, *([along] if along else [])):
+        if name not in used:
+            judged = "; friction is judged only where a coordinate sticks" if mechanism.friction is not None else ""
+            raise InputError(f"no formula of the theorem has the parameter '{name}': leave it out{judged}")
+    stated = replace(stated, parameters={name: each for name, each in stated.parameters.items() if name in used})
     _refuse_two_meanings(stated)
     return stated
 
@@ -311,7 +346,7 @@ def _refuse_two_meanings(stated: StatedMachine) -> None:
         raise Unproved(f"the name '{name}' stands for {meaning}: call the coordinate or parameter something else")
 
 
-def _of_mechanism(mechanism: Mechanism, values: Mapping[str, Bounds]) -> StatedMachine:
+def _of_mechanism(mechanism: Mechanism, values: Mapping[str, Bounds], restitution: Fraction) -> StatedMachine:
     names = tuple(values)
 
     def text(expression: Scalar) -> str:
@@ -361,6 +396,7 @@ def _of_mechanism(mechanism: Mechanism, values: Mapping[str, Bounds]) -> StatedM
         heights=tuple((name, text(each)) for name, each in (mechanism.heights or {}).items() if mechanism.sticks),
         centre=_centre_formula(masses) if masses and len(masses) == len(kinds[Mass]) else None,
         friction=None if mechanism.friction is None else text(mechanism.friction),
+        restitution=restitution,
         **maps,
     )
 

@@ -17,6 +17,9 @@ T >= (2 n + 1) t1. Hence 2 n + 1 < B.
 
 For phi = tanh(b r)/b the bound is 1/b: no orbit of family n for b >= 1/(2 n + 1).
 
+Both theorems are about restitutions e < 1. A landing with the rate v of the gap takes an energy that is proportional to
+(1 - e**2) v**2, so that all landings of a lossless orbit have v = 0, as for e = 0. With e = 1 no landing takes energy.
+
 Theorem 2. Let kappa > 0, and a phi' > 0 wherever phi = 1. Then there is no lossless orbit.
 Proof. After a launch g''' = a A'(r) r' = -a phi'(r) kappa^2 T. So g''' < 0 where T > 0: the gap closes immediately.
 (A machine may leave the contact there all the same, thrown down with T < 0; but it does not land without loss.)
@@ -61,6 +64,8 @@ def proof_of_absence(machine: Machine, family: int | None, parameters: Mapping[s
         return not_stated(machine, error)
     try:
         stated.refuse_steps("absence")
+        if stated.restitution == 1:
+            raise Unproved("with the restitution 1 no landing loses energy: a motion that bounces may be periodic")
         with ctx.workprec(BITS):
             mechanics = ExactMechanics(stated, Scale())
             lone = mechanics.lone_extension()

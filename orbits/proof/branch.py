@@ -76,7 +76,7 @@ def proof_of_branch(claim: BranchClaim, digits: int | None, motion: bool, limit:
     check_mirrored(claim.machine.model)
     with default_limit(LIMIT_OF_BRANCH) if limit is None else time_limit(limit):
         try:
-            stated = stated_machine(claim.machine, {})
+            stated = stated_machine(claim.machine, {}, claim.along)
         except Unproved as error:
             return not_stated(claim.machine, error)
         found, reasons = None, list[str]()

@@ -154,8 +154,7 @@ def whole_proof(
         root_sentence(found.unknowns, radius, bool(stated.wide), stated),
         motion_sentence(verdicts.family, verdicts.conditions, verdicts.enclosures, stated.steps),
     ]
-    # There are hops beside the orbit only if it is a motion.
-    if verdicts.loss and motion and not reasons:
+    if verdicts.loss and not reasons:
         sentences.append(loss_sentence(enclosures["loss_coefficient"], verdicts.loss.bounce_side))
     within = None
     if verdicts.attraction and not reasons:
@@ -228,7 +227,7 @@ def _verdicts(
     except Unproved as error:
         return Verdicts(conditions=dict.fromkeys(names, UNDECIDED), reasons=(*reasons, f"the flight: {error}"))
     motion = _motion_verdicts(found, flight, claim, names, digits, about_claim) if names else Verdicts()
-    lost = _loss_verdict(found, flight, claim) if loss else Verdicts()
+    lost = _loss_verdict(found, flight, claim, motion.conditions) if loss else Verdicts()
     enclosures, reasons = {**motion.enclosures, **lost.enclosures}, (*reasons, *motion.reasons, *lost.reasons)
     return Verdicts(motion.family, motion.conditions, enclosures, lost.loss, reasons=reasons)
 
@@ -250,10 +249,12 @@ def _motion_verdicts(
     return replace(counted, conditions=conditions, reasons=(*counted.reasons, *wrong, *reasons))
 
 
-def _loss_verdict(found: ProvedExistence, flight: Motion, claim: Claim) -> Verdicts:
-    """The verdict on the loss coefficient."""
+def _loss_verdict(found: ProvedExistence, flight: Motion, claim: Claim, conditions: Mapping[str, str]) -> Verdicts:
+    """The verdict on the loss coefficient: there are hops beside the orbit only if it is a motion."""
     try:
         _check_losses(found, claim, "a loss coefficient", "Cd")
+        if {*conditions.values()} != {PROVED}:
+            raise Unproved("it needs the conditions of a motion, which are not all proved")
         unknowns = flight_statement(found).unknowns
         lost = enclosed_loss(found.half, flight, {name: found.ball(each) for name, each in unknowns.items()}, ctx.prec)
         return Verdicts(enclosures={"loss_coefficient": enclosure_of(lost.coefficient)}, loss=lost)

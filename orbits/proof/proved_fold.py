@@ -37,7 +37,7 @@ def proof_of_fold(
     began, reasons, part = time.perf_counter(), list[str](), None
     check_mirrored(machine.model)
     try:
-        stated = stated_machine(machine, parameters)
+        stated = stated_machine(machine, parameters, along)
     except Unproved as error:
         return not_stated(machine, error)
     others = {name: bounds for name, bounds in stated.parameters.items() if name != along}

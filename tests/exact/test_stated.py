@@ -13,7 +13,7 @@ from orbits.exact.refusal import Unproved
 from orbits.exact.stated import stated_machine
 from orbits.mechanics import Mass, Spring
 from orbits.proof.wording import equations_words
-from problems import Hopper, springs
+from problems import Hopper, rimless_wheel, runner, springs
 
 MASSES = [Mass("body", "1"), Mass("foot", "1")]
 
@@ -134,3 +134,30 @@ def test_a_direction_at_a_fold_has_a_name_of_its_own():
     proof = prove_fold(machine, point, "dliftoff")
     assert not proof.proved
     assert "'dliftoff' stands for a direction" in proof.reasons[0]
+
+
+def test_a_parameter_of_no_formula_is_left_out():
+    """The hinges of a wheel hold it with any friction, which the theorem does not judge."""
+    wheel = rimless_wheel(inertia_ratio=1.0, gravity_ratio=0.5, angle=0.3, friction=0.9)
+    assert "friction" in wheel.values
+    stated = stated_machine(wheel, {})
+    assert "friction" not in stated.parameters
+    assert "friction" not in stated.words()
+    for parameters, along in (({"friction": "0.05"}, None), ({}, "friction")):
+        with pytest.raises(InputError, match="no formula of the theorem has the parameter 'friction'"):
+            stated_machine(wheel, parameters, along)
+    assert "friction" in stated_machine(runner(foot_mass=0.1, rest_length=3.7, friction=0.5), {}).parameters
+
+
+def test_the_restitution_of_landings_is_stated():
+    stated = stated_machine(Hopper(restitution=0.1), {})
+    assert stated.document()["restitution"] == "0.1"
+    assert "which lands with the restitution 0.1: its rate v becomes -0.1*v" in stated.words()
+    assert "restitution" not in stated_machine(Hopper(), {}).document()
+
+
+def test_prescribed_quantities_are_defined():
+    at = {"mean_speed": "0.4", "liftoff_extension": "0.1", "alpha": "1.5"}
+    words = stated_machine(runner(foot_mass=0.1, rest_length=3.7), {}).with_tuned(("inertia",), at).words()
+    mean = "mean speed is step over the sum of the flight time and the contact time"
+    assert words.endswith(f"; {mean}; liftoff extension is l - rest_length at lift-off.")

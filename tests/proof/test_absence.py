@@ -5,7 +5,7 @@ from fractions import Fraction
 import pytest
 from ball_systems import fn
 
-from orbits import InputError, NoOrbit, find, prove_absence
+from orbits import InputError, NoOrbit, find, prove_absence, simulate
 from orbits.exact.expressions import symbol
 from orbits.proof.absence import trend_of
 from problems import Chain, Hopper, Juggler
@@ -59,6 +59,22 @@ def test_no_orbit_of_a_weak_spring(spring):
     assert "lift-off from sustained contact" not in proof.statement
     with pytest.raises(NoOrbit, match="never reaches"):
         find(Hopper(spring))
+
+
+def test_absence_is_proved_where_landings_lose_energy():
+    """With the restitution 1 none does: from rest at mid-flight this machine bounces for ever."""
+    proof = prove_absence(Hopper("r - 0.5*r**3", restitution=0.5))
+    assert proof.proved
+    assert proof.stated["restitution"] == "0.5"
+    assert "the gap y2, which lands with the restitution 0.5: its rate v becomes -0.5*v" in proof.statement
+    machine, foot = Hopper("r - 0.5*r**3", restitution=1.0), 0.2269107764581993
+    run = simulate(machine, state=[foot + 1.7, 0.0, foot, 0.0], time=2.0)
+    assert abs(run(2 * run.events[0].time) - run(0.0)).max() < 1e-13
+    for family in (None, 1):
+        proof = prove_absence(machine, family)
+        assert not proof.proved
+        assert "restitution 1" in proof.reasons[0]
+        assert "no lossless orbit" not in proof.statement
 
 
 @pytest.mark.parametrize("spring", ["r", "r - 0.1*r**3", "r - 0.14*r**3", "sinh(r)"])

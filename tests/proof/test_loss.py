@@ -5,7 +5,7 @@ from conftest import REFERENCES, machine_of
 from proofs import CUBIC, meets
 
 from orbits import find, prove
-from problems import Juggler
+from problems import Hopper, Juggler
 
 
 @pytest.mark.parametrize("reference", [CUBIC, REFERENCES[5]])
@@ -28,3 +28,15 @@ def test_a_juggler():
     assert proof.family == orbit.family
     loss = proof.enclosures["loss_coefficient"]
     assert meets(loss, orbit.certificate.loss_coefficient, str(orbit.certificate.loss_error))
+
+
+def test_an_orbit_that_is_no_motion_has_no_hops_beside_it():
+    """The masses of this hopper pass through each other: with the rest length 4 the extension falls to -4.6."""
+    orbit = find(Hopper("r", rest_length=4.0))
+    assert orbit.violations
+    for motion in (True, False):
+        proof = prove(orbit, motion=motion, loss=True)
+        assert not proof.proved
+        assert "it needs the conditions of a motion" in proof.reasons[-1]
+        assert "loss_coefficient" not in proof.enclosures
+        assert proof.bounce_side is None

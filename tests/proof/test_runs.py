@@ -64,6 +64,9 @@ class TestTunedHop:
         proof = prove(tuned_hop, at={name: value}, motion=False)
         assert not proof.proved
         assert f"{name} = " not in proof.statement
+        times = "the sum of the flight time and the contact time"
+        meaning = {"period": f"; period is {times}.", "frequency": f"; frequency is 1 over {times}."}
+        assert meaning.get(name, "") in proof.statement
         assert proof.reasons[0].startswith("existence: ")
 
     def test_the_numbers_of_the_orbit_without_unknowns(self, tuned_hop):

@@ -1,6 +1,8 @@
 """That no hops of a period are missing: enclosed hops against the map, and proofs with hops that are left out."""
 
+import re
 from dataclasses import replace
+from decimal import Decimal
 
 import pytest
 
@@ -26,6 +28,9 @@ def test_the_hops_of_period_two_are_all(hops):
     assert any(a <= 4.493409457909064 <= b for a, b in undecided)  # the lossless launch
     assert sum(b - a for a, b in undecided) < 2e-4
     assert f"but for {len(undecided)} intervals" in proof.statement
+    assert Decimal(re.search(r"together (\S+)", proof.statement)[1]) >= sum(
+        Decimal(b) - Decimal(a) for a, b in proof.stated["undecided"]
+    )
 
 
 @pytest.mark.slow
