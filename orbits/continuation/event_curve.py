@@ -49,7 +49,7 @@ AT_LIMIT = 1e-8
 # The quantities that have to be positive on a motion, or negative, with the words of the violations, which are those of
 # the model or the beginning of the text; and the test function that vanishes with each.
 LIMITS = {
-    "clearance": ("grazing", ("gap", "landing gap")),
+    "clearance": ("grazing", ("gap", "landing gap", "standing gap")),
     "smallest_separation": ("masses touch", ("separation",)),
     "smallest_contact_force": ("contact pulls", ("pull", "landed pull")),
     "landing_jerk": ("landing jerk", ("the gap opens the wrong way",)),

@@ -74,17 +74,22 @@ def extreme_of(model: Model, name: str) -> tuple[tuple[str, Callable], ...]:
         back = None if model.plain else model.reversal
         return ("flight", function), *([("flight", lambda x, p, q: function(back.image(x, p), p, q))] if back else [])
 
-    def over_cycle(function: Callable) -> tuple:
-        """The same over flight and contact."""
+    def in_contact(function: Callable) -> tuple:
+        """The same over the contact."""
         embedded = lambda x: [sum((w * v for w, v in zip(row, x, strict=False) if w), 0.0) for row in model.embed]  # noqa: E731
         inside, back = lambda x, p, q: function(embedded(x), p, q), None if model.plain else model.contact_reversal
         image = [("contact", lambda x, p, q: inside(back.image(x, p), p, q))] if back else []
-        return *in_flight(function), ("contact", inside), *image
+        return ("contact", inside), *image
+
+    def over_cycle(function: Callable) -> tuple:
+        """The same over flight and contact."""
+        return *in_flight(function), *in_contact(function)
 
     def negative(functions: tuple) -> tuple:
         return tuple((phase, lambda x, p, q, of=of: -of(x, p, q)) for phase, of in functions)
 
-    gaps = [each for each in (model.gap, model.landing_gap) if each]
+    landing = model.landing_gap
+    gaps = [each for each in (model.gap, landing) if each]
     watched = [model.contact.watch.get(each) for each in (CONTACT_FORCE, LANDED_FORCE)]
     forces = tuple(("contact", force) for force in watched if force)
     tensions = over_cycle(model.tension or (lambda x, p, q: 0.0))
@@ -99,7 +104,10 @@ def extreme_of(model: Model, name: str) -> tuple[tuple[str, Callable], ...]:
     functions = {
         "longest": over_cycle(lambda x, p, q: model.extension.at(x)),
         "shortest": over_cycle(lambda x, p, q: -model.extension.at(x)),
-        "gap": tuple(("flight", lambda x, p, q, gap=gap: -gap(p).at(x)) for gap in gaps),
+        "gap": (
+            *(("flight", lambda x, p, q, gap=gap: -gap(p).at(x)) for gap in gaps),
+            *(in_contact(lambda x, p, q: -landing(p).at(x)) if landing else ()),
+        ),
         "separation": over_cycle(lambda x, p, q: -model.separation(p).at(x)),
         "force": negative(forces),
         "peak": forces,

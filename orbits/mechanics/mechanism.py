@@ -102,8 +102,8 @@ class Mechanism(Stated):
         slide. Nothing depends on the place of such a coordinate; it is 0 in contact, and a step moves it on by the
         amount "step", a number of each orbit that is not stated
     words : the name of the "liftoff" force in messages, the texts of a violated "gap", "pull", "separation" and "end",
-        of a machine that steps also those of a violated "landing gap", "landed pull" and "stance", "" for a "stance"
-        that is not judged, and the text to look after where a search finds "none"
+        of a machine that steps also those of a violated "landing gap" in flight and "standing gap" in contact, "landed
+        pull" and "stance", "" for a "stance" that is not judged, and the text to look after where a search finds "none"
 
     Raises `InputError` for an unknown name, for statements that do not describe a mechanism, and for masses, inertias,
     dampers and gravity of a wrong sign as soon as all parameters have values.

@@ -14,6 +14,7 @@ USUAL_WORDS = {
     "separation": "parts of the machine pass through each other",
     "end": "contact: it never opens again",
     "landing gap": "",
+    "standing gap": "",
     "landed pull": "",
     "stance": "",
     "none": "",
@@ -24,8 +25,8 @@ def words_of_gaps(names: Sequence[str]) -> dict[str, str]:
     """The words of a machine that steps; the point that opens and the one that lands may have names."""
     opens, lands = (f"the {name}" for name in (*names, *("point that opens", "point that lands")[len(names) :]))
     own = {"gap": f"{opens} touches in flight", "pull": f"{opens} would have to pull"} if names else {}
-    landing = {"landing gap": f"{lands} touches in flight", "landed pull": f"{lands} would have to pull"}
-    return {**own, **landing, "stance": "the standing foot lifts"}
+    landing = {"landing gap": f"{lands} touches in flight", "standing gap": f"{lands} touches in contact"}
+    return {**own, **landing, "landed pull": f"{lands} would have to pull", "stance": "the standing foot lifts"}
 
 
 class Structure(NamedTuple):

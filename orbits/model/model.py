@@ -77,8 +77,9 @@ class Model:
         of solid parts for the separation
     violations : messages for the four conditions of a motion: the "gap" closes in flight, the contact would have to
         "pull", the "separation" vanishes, the contact does not "end"; where another point lands than opens, also for
-        the "landing gap" that closes early, the landed point that would have to pull, the "landed pull", and, where
-        that is judged, a standing one that lifts, the "stance"
+        the "landing gap" that closes early in flight, the same in contact, the "standing gap", which is optional, the
+        landed point that would have to pull, the "landed pull", and, where that is judged, a standing one that lifts,
+        the "stance"
     springs : pairs of names of the heights, lower and upper, between which springs are drawn; None is the ground
     knees : p -> (lower, upper, length) of pairs of such names between which a knee joins two links of this length, in
         the unit of the heights; None where there is none
@@ -259,6 +260,15 @@ class Model:
         """Whether the extension is stationary in mid-flight, since the reversor leaves it as it is."""
         weights = self.extension.weights
         return self.reversor is None or weights == tuple(w * s for w, s in zip(weights, self.reversor, strict=True))
+
+    def standing_gap(self, p: Parameters) -> Affine | None:
+        """The `landing_gap` as a function of the contact state, which stays open in contact; None where the same gap
+        lands that opens, and where it does not move in contact."""
+        if self.landing_gap is None:
+            return None
+        gap = self.landing_gap(p)
+        weights = np.array(gap.weights) @ self.embed
+        return Affine(tuple(weights.tolist()), gap.offset) if weights.any() else None
 
     @cached_property
     def changes_contact(self) -> bool:

@@ -50,7 +50,8 @@ class Certificate:
     error : bound on |alpha - true alpha|, from an independent integration; at a fold of a family it is measured across
         the curve, and alpha itself is known to the square root of rounding only
     energy_drift : largest change of energy over flight and contact, relative to the launch's kinetic energy
-    clearance : lowest interior minimum of the contact point's height in flight, None where it has none
+    clearance : lowest interior minimum of the contact point's height in flight, and in contact of that of the point
+        that lands next if it is another one; None where there is none
     smallest_separation : least distance within the machine over the cycle, None where no length is stated
     smallest_contact_force : lowest interior minimum of the force in contact, None where it has none (at both ends the
         force is 0, and normally it has one maximum in between)

@@ -40,6 +40,9 @@ def checked_functions(model: Model, cycles: Cycles) -> dict[str, TurnsAndZeros]:
     sought = {"gap": (halves, gap, True, 2), "extension": (halves, extension, True, 0)}
     if model.landing_gap:
         sought["landing gap"] = (halves, halves.series(model.landing_gap(cycles.p_of_halves)), True, 0)
+    if contacts and (standing := model.standing_gap(cycles.p_of_contacts)):
+        for i, motions in enumerate(cycles.stood(model)):
+            sought[f"standing gap {i}"] = (motions, motions.series(standing), True, 0)
     if distance:
         for i, motions in enumerate(cycles.flown(model)):
             sought[f"separation {i}"] = (motions, motions.series(distance), True, 0)
@@ -101,17 +104,14 @@ def families_of(model: Model, extension: TurnsAndZeros, per_flight: int) -> np.n
 def gaps_of(
     model: Model, cycles: Cycles, curves: Mapping[str, TurnsAndZeros]
 ) -> tuple[np.ndarray, np.ndarray, list[Violation]]:
-    """Jerks of the gap at lift-off (m,), the lowest interior minima (m,) of the gaps, `NONE` without one, and their
-    violations."""
+    """Jerks of the gap at lift-off (m,), the lowest interior minima (m,) of the gaps in flight and, of that which lands
+    next, in contact, `NONE` without one, and their violations."""
     halves, gap = cycles.halves, curves["gap"]
     jerk = (6 * gap.series[halves.first, 3]).reshape(-1, cycles.halves_per_flight).min(1)
     if cycles.halves_per_flight == 1 and not flow_of(model.flight, tuple(cycles.p)).is_smooth:
         jerk = _jerks_at_launch(model, cycles)
         gap = _without_rounding(gap, jerk)
-    # The end of a half, mid-flight, may be a minimum too.
-    still = np.abs(gap.at_ends(1)) * halves.ends < STATIONARY * halves.largest(gap.series[:, :1])
-    middles = ((gap.at_ends(2) > 0) & still).nonzero()[0]
-    clearance, when = _least_of_halves(cycles, *gap.lowest(middles))
+    clearance, when = _least_of_halves(cycles, *gap.lowest(_lowest_middles(gap)))
     violations = list[Violation]()
     for i in (jerk <= 0).nonzero()[0].tolist():
         text = "the gap opens the wrong way at landing (landing jerk {jerk:.3g}, must be negative)"
@@ -120,12 +120,40 @@ def gaps_of(
     if landing := curves.get("landing gap"):  # which is open at the start, and is as wide as the gap in mid-flight
         lowest["landing gap"] = landing.lowest()
         clearance = np.minimum(clearance, landing.lowest(np.zeros(0, int))[0])
-    text = "{meets} at t = {time:.6g} of the flight (height {height:.3g})"
+    if "standing gap 0" in curves:
+        lowest["standing gap"] = _least_in_contact(cycles, curves, "standing gap")
+        clearance = np.minimum(clearance, _least_in_contact(cycles, curves, "standing gap", inside=True)[0])
+    text = "{meets} at t = {time:.6g} of the {phase} (height {height:.3g})"
     for name, (heights, times) in lowest.items():
+        phase, words = "contact" if name == "standing gap" else "flight", model.violations.get(name)
         for i in (heights <= 0).nonzero()[0].tolist():
-            time, height = Quantity(times[i], TIME), Quantity(heights[i], "clearance")
-            violations.append((i, Message(text, meets=model.violations[name], time=time, height=height)))
+            numbers = {"time": Quantity(times[i], TIME), "height": Quantity(heights[i], "clearance")}
+            meets = words or model.violations["landing gap"]
+            violations.append((i, Message(text, meets=meets, phase=phase, **numbers)))
     return jerk, clearance, violations
+
+
+def _lowest_middles(curve: TurnsAndZeros) -> np.ndarray:
+    """The indices (e,) of the halves whose ends, in the middle of a phase, are minima of a function too."""
+    motions = curve.motions
+    still = np.abs(curve.at_ends(1)) * motions.ends < STATIONARY * motions.largest(curve.series[:, :1])
+    return np.asarray(((curve.at_ends(2) > 0) & still).nonzero()[0])
+
+
+def _least_in_contact(
+    cycles: Cycles, curves: Mapping[str, TurnsAndZeros], of: str, inside: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
+    """The least values (m,) of a function over the contacts, or of its minima inside these, and their times (m,) in the
+    contact; `NONE` where there is none."""
+    found, when = np.full(len(cycles), NONE), np.zeros(len(cycles))
+    owners, wholes = cycles.with_contact, cycles.contact_times
+    for name, mirrored in ((f"{of} 0", False), (f"{of} 1", True)):
+        if name in curves:
+            values, times = curves[name].lowest(_lowest_middles(curves[name]) if inside else None)
+            lower = values < found[owners]
+            these, times = owners[lower], wholes[owners] - times if mirrored else times
+            found[these], when[these] = values[lower], times[lower]
+    return found, when
 
 
 def _jerks_at_launch(model: Model, cycles: Cycles) -> np.ndarray:
@@ -204,18 +232,14 @@ def _least_of_all(
     """The least values (m,) of one function over the cycles, and those that are not positive as violations in words."""
     found = np.full(len(cycles), NONE)
     least, when = _least_of_halves(cycles, *curves[f"{of} 0"].lowest())
-    where, everything = np.full(len(cycles), "flight", dtype=object), np.arange(len(cycles))
-    for name, phase, owners, wholes in (
-        (f"{of} 1", "flight", everything, cycles.flight_times),
-        (f"{of} in contact 0", "contact", cycles.with_contact, None),
-        (f"{of} in contact 1", "contact", cycles.with_contact, cycles.contact_times),
-    ):
-        if name in curves:
-            low, times = curves[name].lowest()
-            lower = low < least[owners]
-            these = owners[lower]
-            times = times if wholes is None else wholes[owners] - times
-            least[these], where[these], when[these] = low[lower], phase, times[lower]
+    where, others = np.full(len(cycles), "flight", dtype=object), []
+    if mirrored := curves.get(f"{of} 1"):
+        low, times = mirrored.lowest()
+        others.append(("flight", low, cycles.flight_times - times))
+    others.append(("contact", *_least_in_contact(cycles, curves, f"{of} in contact")))
+    for phase, low, times in others:
+        lower = low < least
+        least[lower], where[lower], when[lower] = low[lower], phase, times[lower]
     found[cycles.with_contact] = least[cycles.with_contact]
     violations = list[Violation]()
     for i in (~(least > 0)).nonzero()[0].tolist():

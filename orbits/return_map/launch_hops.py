@@ -83,6 +83,10 @@ def hops_of_launches(machine: Machine, section: LaunchSection, launch: Any, inje
         raise InputError(
             f"launch = {launches.tolist()} is none: the contact force vanishes at no '{section.dependent}'"
         )
+    states = ys @ section.impacts.model.embed.T
+    if not shape:
+        section.impacts.footing.refuse_fallen(states[0])
+    usable &= np.all([foot.gap(states) > 0 for foot in section.impacts.feet[1:]], axis=0)
     following, loss, counts = np.full(ys.shape, np.nan), np.full(len(ys), np.nan), np.zeros(len(ys), int)
     status, places = np.full(len(ys), "invalid", dtype=STATUS), np.flatnonzero(usable)
     batches = np.array_split(places, -(-len(places) // LAUNCH_BATCH)) if len(places) else []

@@ -23,7 +23,7 @@ from ..units import LENGTH, Message, Quantity, described
 from .feet import Foot
 
 SLIPS = "slips"  # how a contact ends where the friction is exceeded
-FALLS = "falls"  # how a flight or a contact ends where a height other than the gap reaches the ground
+FALLS = "falls"  # how a flight or a contact ends where a height other than the closed gap reaches the ground
 # A foot slips where it needs more than the stated friction by this share of the machine's weight, or while the contact
 # force is larger than this: both forces vanish together at a lossless lift-off, up to errors that grow step by step.
 SLIPPING = 1e-9
@@ -87,6 +87,15 @@ class Footing:
         return {name: each for name, each in heights.items() if self.sticks and each != gap}
 
     @cached_property
+    def in_contact(self) -> dict[str, Affine | StateFormula]:
+        """The heights that stay above the ground while a point stands, as functions of the flight state: those of the
+        flight, unless the machine does not turn while two points stand, and that of the point that lands next."""
+        heights = {} if self.model.changes_contact else dict(self.heights)
+        if (landing := self.model.landing_gap) and self.model.standing_gap(self.p):
+            heights[self.model.feet[-1] if self.model.feet else "next point"] = landing(self.p)
+        return heights
+
+    @cached_property
     def tilts(self) -> tuple[Foot, ...]:
         """For each of the heights of a machine that steps, if it depends on one coordinate alone: what closes as that
         coordinate comes to the first place above 0 where the height vanishes."""
@@ -101,15 +110,16 @@ class Footing:
         return tuple(found)
 
     def refuse_fallen(self, x: np.ndarray) -> None:
-        """Raise `InputError` for a flight state (n,) in which one of the `heights` lies below the ground."""
-        for name, each in self.heights.items():
+        """Raise `InputError` for a flight state (n,) in which one of the heights lies below the ground."""
+        for name, each in {**self.heights, **self.in_contact}.items():
             if (height := float(each.series(x[None, :, None])[0, 0])) < 0:
                 text = "its {name} is at the height {height:.6g} at the start, below the ground"
                 raise InputError(Message(text, name=name, height=Quantity(height, LENGTH)))
 
-    def fallen(self, x: np.ndarray) -> str:
-        """The name of the lowest height in a flight state (n,)."""
-        return min(self.heights, key=lambda name: float(self.heights[name].series(x[None, :, None])[0, 0]))
+    def fallen(self, x: np.ndarray, contact: bool = False) -> str:
+        """The name of the lowest height in a flight state (n,), in flight or in contact."""
+        heights = self.in_contact if contact else self.heights
+        return min(heights, key=lambda name: float(heights[name].series(x[None, :, None])[0, 0]))
 
     @cached_property
     def weight(self) -> float:
@@ -163,13 +173,13 @@ class SlipTest:
 
 
 class FallTest:
-    """A `stop` of a flow, flight or contact, where a height other than the gap reaches the ground."""
+    """A `stop` of a flow, flight or contact, where a height other than the closed gap reaches the ground."""
 
     def __init__(self, footing: Footing, contact: bool = False):
         model = footing.model
         self.embed = model.embed if contact else np.eye(len(model.embed))
-        rises = not (contact and model.changes_contact)  # a machine that steps does not turn while two points stand
-        self.heights = [(each, Crossings()) for each in footing.heights.values() if rises]
+        heights = footing.in_contact if contact else footing.heights
+        self.heights = [(each, Crossings()) for each in heights.values()]
 
     def __call__(self, coefficients: np.ndarray, steps: np.ndarray) -> tuple[int, float] | None:
         """The first such place, a step and the time in it; None while there is none."""

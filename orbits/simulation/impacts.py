@@ -48,8 +48,8 @@ STATUSES = {
     "rattles": "hand-overs lose nothing, as with small angles, and no contact ever holds: state the angle",
     "unstated": "a foot lands with a speed, and a hand-over needs masses in the plane: state their Mass(across=)",
     "slips": "the foot needs more than the stated friction, and slipping is not simulated",
-    "falls": "a stated height of a machine that sticks, as that of its body, reaches the ground; or a block that rocks "
-    "has fallen over and lies on its side",
+    "falls": "a stated height of a machine that sticks, as that of its body, reaches the ground; a block that rocks "
+    "has fallen over and lies on its side; or the other foot touches while one stands, and both are not simulated",
     "undecided": "after many bounces rounding decides how the hop ends",
     "invalid": "the launch speed is not a number above 0, or no launch has these numbers",
 }
@@ -314,6 +314,9 @@ class Impacts:
                 outcome[lifts], ends[lifts] = exit_.outcome, rows[lifts, : contact.size]
                 limit, never = np.where(lifts, times, limit), never & (outcome == "")
                 never &= np.isinf(times) | (np.isnan(times) & bool(contact.phase.closed_form))
+            if gap := self.model.standing_gap(self.values):
+                falls = np.isfinite(first_zeros(contact, ys, self.p, gap, limit)[0])
+                outcome[falls], never[falls], ends[falls] = FALLS, False, np.nan
             outcome[never] = over
         for i in np.flatnonzero(outcome == ""):
             path, outcome[i], _ = self.sustained_contact(ys[i])

@@ -211,10 +211,11 @@ class SimulatedRun:
         if status == FALLS and not over:
             embed, rows = self.impacts.model.embed, path.end
             x = rows[: len(embed)] if phase == "flight" else embed @ rows[: embed.shape[1]]
-            name = self.impacts.footing.fallen(x)
+            name = self.impacts.footing.fallen(x, phase == "contact")
             self.add_event(FALLS, x, x, 0.0, foot=name)
-            text = "the {name} falls to the ground at t = {time:.6g}"
-            self.reason = Message(text, name=name, time=Quantity(self.now, TIME))
+            where = "" if name in self.impacts.footing.heights else ", while another point stands"
+            text = "the {name} falls to the ground at t = {time:.6g}{where}"
+            self.reason = Message(text, name=name, time=Quantity(self.now, TIME), where=where)
         return "done" if over else status
 
     def add_event(

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from conftest import REFERENCES, machine_of
 from steps import stepping
+from two_feet import FEET, height_in_contact, slowest_step
 
-from orbits import NoOrbit, find
+from orbits import NoOrbit, find, quantities, sweep
 from orbits.flow.trajectory import Trajectories
 from orbits.model.model import as_derived
 from orbits.periodic.turns_and_zeros import TurnsAndZeros
@@ -105,6 +106,19 @@ class TestSteps:
             lift = 0.5 * (np.sin(0.3) if kind == "wheel" else np.tan(0.3))
             assert orbit.certificate.largest_contact_force == pytest.approx(2 * lift, rel=1e-12)
             assert orbit.certificate.loss_coefficient is None
+
+    def test_the_other_foot_touches_while_one_stands(self):
+        """Flight and contact force satisfy all conditions, and the other foot comes to -24 in contact."""
+        orbit = slowest_step()
+        t = np.linspace(0, orbit.contact_time, 2001)
+        height = height_in_contact(orbit, t)
+        when, lowest = t[height.argmin()], height.min()
+        assert lowest == pytest.approx(-24.15082812703635, rel=1e-6)
+        text = f"the right touches in contact at t = {when:.6g} of the contact (height {lowest:.3g})"
+        assert orbit.violations == (text,)
+        assert orbit.certificate.clearance == pytest.approx(lowest, rel=1e-6)
+        assert quantities(FEET, orbit, "clearance")["clearance"] == pytest.approx(orbit.certificate.clearance, rel=1e-9)
+        assert sweep(FEET, {"m": (1.9, 2.1)}, samples=3, start=orbit).statuses() == {"inadmissible": 3}
 
     @pytest.mark.parametrize(
         ("numbers", "law", "start", "telling"),

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from runners import rates_by_hand
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from two_feet import FEET, height_in_contact, slowest_step
 
-from orbits import Mechanism, find, multipliers, simulate
+from orbits import Mechanism, ReturnMap, find, multipliers, simulate
 from orbits.errors import InputError, NoOrbit
 from orbits.mechanics import Damper, Mass, Spring
 from orbits.simulation.impacts import STATUSES, Impacts
@@ -232,6 +234,22 @@ def test_a_body_that_falls(run, tmp_path):
     assert abs(motion(when)[2] + motion(when)[4] * np.cos(motion(when)[6])) < 1e-9
     assert f"falls at time {when:.9g}: the body falls to the ground" in str(motion)
     assert motion.animate(tmp_path / "fall.gif", frames=2).stat().st_size > 0
+
+
+def test_the_other_foot_lands_while_one_stands():
+    """It ends simulations and hops of maps where it touches in an integration by SciPy, and has no multipliers."""
+    orbit = slowest_step()
+    touches = brentq(lambda t: height_in_contact(orbit, np.array([0.0, t]))[-1], 0.1, 1.0, xtol=1e-12)
+    motion = simulate(FEET, orbit, hops=2)
+    assert (motion.status, motion.falls[0]) == ("falls", "right")
+    assert motion.end == pytest.approx(orbit.flight_time + touches, abs=2e-5)  # of the landing alone 1e-5
+    assert motion.reason == f"the right falls to the ground at t = {motion.end:.6g}, while another point stands"
+    launch = [FEET.model.launch_at(orbit(0.0))[name] for name in ReturnMap(FEET).names]
+    assert ReturnMap(FEET)([launch, launch]).status.tolist() == ["falls", "falls"]
+    with pytest.raises(NoOrbit, match="the other foot touches while one stands"):
+        multipliers(FEET, orbit)
+    with pytest.raises(InputError, match=r"its right is at the height -24\.0174 at the start, below the ground"):
+        simulate(FEET, state=orbit(orbit.flight_time + 4.0), hops=1)
 
 
 def test_in_si():
