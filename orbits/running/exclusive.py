@@ -55,9 +55,9 @@ def exclusive(function: Callable[_P, _R]) -> Callable[_P, _R]:
         with LOCK, running(function.__qualname__) as outermost:
             if not outermost:
                 return function(*arguments, **options)
-            check(arguments, options)
             with interrupts.never_lost():
                 try:
+                    check(arguments, options)  # which may build the model of a machine
                     return function(*arguments, **options)
                 finally:
                     _DYING.clear()

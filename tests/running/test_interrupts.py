@@ -108,6 +108,25 @@ def test_an_interrupt_that_is_lost_is_raised_again(end):
     interrupts.heed()  # raises nothing
 
 
+def test_an_interrupt_that_is_lost_while_arguments_are_checked_is_raised_again():
+    """The check of a machine builds its model, if it has none yet."""
+
+    class Built:
+        values, units, describe = (), None, dict
+
+        @property
+        def model(self):
+            with suppress(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)
+
+    @exclusive
+    def computes(machine: Built):
+        return machine
+
+    with pytest.raises(KeyboardInterrupt):
+        computes(Built())
+
+
 def test_an_interrupt_just_before_the_end_is_not_left_for_the_next_call(monkeypatch):
     """Python raises it from the call that would bring its own handler back."""
     install, late = signal.signal, [True]
