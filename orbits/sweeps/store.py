@@ -151,6 +151,7 @@ def question_in(path: str | Path) -> dict[str, Any]:
         raise InputError(f"{complaint}: " + ("it is a folder" if os.path.isdir(path) else "there is no such file"))
     try:
         with _database_at(path) as connection, nested():
+            _check_tables(connection)
             (check,) = connection.execute("PRAGMA quick_check(1)").fetchone()
             if check == "ok":
                 kind, text = connection.execute("SELECT format, document FROM question").fetchone()
@@ -218,6 +219,16 @@ def _read(connection: sqlite3.Connection, columns: Mapping[str, type]) -> Table:
 def _tables_of(connection: sqlite3.Connection) -> int:
     """The number of tables of a database."""
     return connection.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]
+
+
+def _check_tables(connection: sqlite3.Connection) -> None:
+    """Raise `ValueError` for a database with more than the two tables of a store: to read a view, or to write where
+    there is a trigger, runs statements of its author, which need not end."""
+    found = connection.execute("SELECT name, sql FROM sqlite_master").fetchall()
+    plain = {name for name, statement in found if str(statement).startswith(f"CREATE TABLE {name} (")}
+    if plain != {"question", "members"} or len(found) > len(plain):
+        names = ", ".join(sorted(str(name) for name, _ in found))
+        raise ValueError(f"a store has the tables members and question alone, and this one has {names}")
 
 
 def _digest_of_row(row: Sequence[object]) -> str:

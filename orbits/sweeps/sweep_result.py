@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypedDict
 import numpy as np
 
 from ..design.designs_at_once import DESIGN_STATUSES, tuned_orbit
-from ..errors import InputError, NoOrbit, list_of_names
+from ..errors import InputError, NoOrbit, list_of_names, whole_number
 from ..io import Document, conform, extra_package, named_file, to_json
 from ..model.machine import Machine
 from ..periodic.continued import continued_orbits
@@ -103,8 +103,8 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         return len(self.index)
 
     def __getitem__(self, name: str) -> np.ndarray:
-        if name not in self.columns:
-            raise InputError(f"the sweep has no column '{name}'; it has {', '.join(self.columns)}")
+        if not isinstance(name, str) or name not in self.columns:
+            raise InputError(f"the sweep has no column {name!r}; it has {', '.join(self.columns)}")
         return self.columns[name]
 
     @property
@@ -214,7 +214,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
             raise InputError("a file does not hold its machine; name it: Sweep.load(path, machine=...)")
         if self.about["outcome"] != "find":
             raise InputError(f"the members of this sweep are no orbits, but answer '{self.about['outcome']}'")
-        place = np.flatnonzero(self.index == member)
+        place = np.flatnonzero(self.index == whole_number("member", member, least=0))
         if not len(place):
             raise InputError(f"the sweep has no member {member}; it has {len(self)}, from 0")
         values = {name: float(self.columns[name][place[0]]) for name in self.parameters}

@@ -15,7 +15,7 @@ from orbits import InputError, Sweep, sweep
 from orbits.sweeps.designs import members_of
 from orbits.sweeps.members import failed_table
 from orbits.sweeps.question import Question, question_of
-from orbits.sweeps.store import STORE_FORMAT, Store, question_in, read_store
+from orbits.sweeps.store import DIGEST_OF_ROW, STORE_FORMAT, Store, question_in, read_store
 from problems import Hopper
 
 MACHINE = Hopper("cubic")
@@ -101,6 +101,30 @@ def test_a_database_of_something_else_is_refused(tmp_path):
     connection.commit()
     connection.close()
     with pytest.raises(InputError, match="is no store"):
+        Store(path, asked())
+
+
+ENDLESS = "SELECT 1 FROM (WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i FROM n)"
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        f"CREATE VIEW members AS WITH RECURSIVE n(member) AS (SELECT 1 UNION ALL SELECT member + 1 FROM n) "
+        f"SELECT member, 1 AS {DIGEST_OF_ROW} FROM n",
+        f"CREATE TRIGGER endless AFTER INSERT ON members BEGIN {ENDLESS}; END",
+    ],
+    ids=["view", "trigger"],
+)
+def test_a_store_with_statements_of_its_own_is_refused(tmp_path, statement):
+    """Neither a view nor a trigger need end when the store is read or written."""
+    path = tmp_path / "study.db"
+    Store(path, asked()).close()
+    with closing(sqlite3.connect(path)) as connection, connection:
+        if "VIEW" in statement:
+            connection.execute("DROP TABLE members")
+        connection.execute(statement)
+    with pytest.raises(InputError, match="a store has the tables members and question alone"):
         Store(path, asked())
 
 
@@ -247,6 +271,7 @@ def test_names_and_questions_that_cannot_be_read_are_refused(tmp_path):
     path = tmp_path / "deep.db"
     with closing(sqlite3.connect(path)) as store:
         store.execute("CREATE TABLE question (format TEXT, document TEXT)")
+        store.execute("CREATE TABLE members (member INTEGER PRIMARY KEY)")
         store.execute("INSERT INTO question VALUES (?, ?)", (STORE_FORMAT, "[" * 60_000))
         store.commit()
     for read in (Sweep.load, lambda path: Store(path, asked())):

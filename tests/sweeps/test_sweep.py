@@ -47,6 +47,10 @@ def test_several_families_are_members_of_their_own():
     assert found["beta"].tolist() == [0, 0, 0.1, 0.1]
     assert found.count == 4
     assert found.orbit(3).family == 2
+    with pytest.raises(InputError, match=r"has no column \[1\]"):
+        found[[1]]
+    with pytest.raises(InputError, match=r"member = \[1\]; it is a whole number from 0"):
+        found.orbit([1])
 
 
 def test_a_store_is_gone_on_with_and_read(tmp_path):
