@@ -1,6 +1,7 @@
 """What every result can do, by one table; and machines and results stand in one line, and come back from a pickle as
 they were, in another process too."""
 
+import copy
 import inspect
 import json
 import math
@@ -312,6 +313,15 @@ def test_a_family_in_one_document_and_in_lines(tmp_path):
     assert Family.load(path) == family
     path.write_text(family.save(tmp_path / "family.jsonl").read_text())  # as earlier versions wrote under that name
     assert Family.load(path) == family
+
+
+@pytest.mark.parametrize("kind", ["Orbit", "Family", "BifurcationDiagram"])
+def test_copies_have_the_machine(kind):
+    result = made(kind)
+    for again in (copy.copy(result), copy.deepcopy(result), pickle.loads(pickle.dumps(result))):
+        assert again.source.describe() == result.source.describe()
+    motion = copy.deepcopy(made("Orbit"))
+    assert np.array_equal(motion.spring_forces(1.0)["spring force"], made("Orbit").spring_forces(1.0)["spring force"])
 
 
 def test_what_comes_back_can_be_used():

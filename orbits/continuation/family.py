@@ -115,7 +115,7 @@ class Family(
     machine : the machine in words and numbers, at the first point
     settings : the arguments of `follow`
     versions : of the packages that computed the family
-    source : the machine that was followed; None for a family from a file or another process
+    source : the machine that was followed; None for a family from a file
 
     >>> from orbits import follow
     >>> from problems import Hopper
@@ -132,10 +132,6 @@ class Family(
     settings: Mapping
     versions: Mapping = field(default_factory=dict)
     source: Machine | None = field(default=None, repr=False, compare=False)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """The fields without the machine, which another process may not be able to read."""
-        return vars(self) | {"source": None}
 
     def __len__(self) -> int:
         return len(self.points)

@@ -61,7 +61,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         None where there was no search. A search is stopped after 20,000 launches, and may then miss some.
     step, speed : of a machine that moves on along the ground, by how much it does so from landing to landing, and how
         fast its centre of mass moves along the ground in flight; None for another
-    source : the machine that it was found for; None for an orbit from a file or another process, and for a copy
+    source : the machine that it was found for; None for an orbit from a file
     tuned : bounds on the errors of those of the machine's parameters that were tuned, by name
     prescribed : the values of quantities that they were tuned to, by name
 
@@ -94,10 +94,6 @@ class Orbit(Result, what="orbit", printed_digits=15):
     source: Machine | None = field(default=None, repr=False)
     tuned: Mapping[str, float] = field(default_factory=dict)
     prescribed: Mapping[str, float] = field(default_factory=dict)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """The fields without the machine, which another process may not be able to read."""
-        return vars(self) | {"source": None}
 
     def __eq__(self, other: object) -> bool:
         """Whether the files of both orbits would be the same, except for the time of the search."""

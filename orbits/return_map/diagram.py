@@ -91,7 +91,7 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
     visits : (k, 2), values of the parameter and launch speeds of the attractor there
     units : of launch speeds and parameters, by name; empty for a dimensionless machine
     inject : the injection, where that is not the parameter
-    source : the machine; None for a diagram from a file or another process
+    source : the machine; None for a diagram from a file
     """
 
     along: str
@@ -104,10 +104,6 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
     units: Mapping[str, str] = field(default_factory=dict)
     inject: float = 0.0
     source: Machine | None = field(default=None, repr=False, compare=False)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """The fields without the machine, which another process may not be able to read."""
-        return vars(self) | {"source": None}
 
     def saved(self) -> Document:
         """As in `Result`, without the machine itself."""
