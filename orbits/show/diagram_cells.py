@@ -19,8 +19,9 @@ def cells_of_diagram(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
     """For each cell of a diagram's grid its polygons, each with the status in it, and its pieces of edges, each with
     the name of its edge.
 
-    The boundaries on the sides of a cell are joined by the curves that pass it; where none does, two are joined by a
-    line, and more by lines to their middle.
+    The boundaries on the sides of a cell are joined by the curves that pass it. Where curves end in the cell or none
+    passes it, two boundaries between the same statuses are joined, along the curves as far as these go, and the others
+    at the place where their curves meet, or at their middle.
     """
     statuses = diagram.statuses.T
     x, y = diagram.grid[diagram.along].reshape(statuses.shape)[:, 0], np.array(diagram.values)
@@ -114,20 +115,68 @@ def _sides_of_rows(diagram: Any, crossings: dict[tuple[int, int], list[float]]) 
 
 
 def _along_curves(around: list[Any], arcs: list[np.ndarray], size: np.ndarray) -> tuple[list[Any], list[Any]] | None:
-    """The polygons and edges of a cell between the arcs that join its boundaries in pairs; None where they do not."""
+    """The polygons and edges of a cell between the arcs that join its boundaries in pairs, and the lines that join the
+    boundaries that no arc joins; None where statuses contradict these."""
     cuts = [k for k, (_, pair) in enumerate(around) if pair]
-    points = np.array([around[k][0] for k in cuts])
+    points, free = np.array([around[k][0] for k in cuts]), dict.fromkeys(cuts)
     partners: dict[int, tuple[int, list[Any]]] = {}
+    edges, begun = dict[int, Any](), dict[int, np.ndarray]()
     for arc in arcs:
         away = np.abs((points[:, None] - arc[[0, -1]]) / size).max(2)
         a, b = (cuts[k] for k in away.argmin(0).tolist())
-        if a != b and away.min(0).max() < SAME_BOUNDARY and a not in partners and b not in partners:
+        met = (away.min(0) < SAME_BOUNDARY).tolist()
+        if a != b and all(met) and a in free and b in free:
             inside = arc[1:-1].tolist()
             partners[a], partners[b] = (b, inside), (a, inside[::-1])
-    if len(partners) < len(cuts):
-        return None
-    polygons, left = [], dict.fromkeys(cuts)
-    following = dict(pairwise([*cuts, cuts[0]]))
+            line = [around[a][0], *inside, around[b][0]]
+            edges[min(a, b)] = _edge_of(around[a][1]), line if a < b else line[::-1]
+            del free[a], free[b]
+        else:
+            begun |= {cut: way for cut, way, at in ((a, arc, met[0]), (b, arc[::-1], met[1])) if at}
+    for group in _groups(around, [*free]):
+        if len(group) == 1:
+            return None
+        paths = _to_meeting_point(around, group, begun, size)
+        edges |= {cut: (_edge_of(around[cut][1]), [around[cut][0], *path]) for cut, path in paths.items()}
+        partners |= {
+            cut: (before, [*paths[cut], *paths[before][-2::-1]])
+            for before, cut in pairwise([group[-1], *group])
+        }  # fmt: skip
+    polygons = _polygons(around, cuts, partners)
+    return (polygons, [edge for _, edge in sorted(edges.items())]) if polygons else None
+
+
+def _groups(around: list[Any], cuts: list[int]) -> list[list[int]]:
+    """The boundaries that are joined with each other: two between the same statuses, and all others."""
+    pairs: dict[frozenset[str], list[int]] = {}
+    for cut in cuts:
+        pairs.setdefault(frozenset(around[cut][1]), []).append(cut)
+    twos = [pair for pair in pairs.values() if len(pair) == 2]
+    others = sorted(cut for pair in pairs.values() if len(pair) != 2 for cut in pair)
+    return [*twos, *([others] if others else [])]
+
+
+def _to_meeting_point(
+    around: list[Any], group: list[int], begun: dict[int, np.ndarray], size: np.ndarray
+) -> dict[int, list[Any]]:
+    """The ways from boundaries to one point, along the arcs that begin at them as far as these lead to it: where the
+    arcs come closest to each other, or else the middle of the boundaries."""
+    ways = {cut: begun.get(cut, np.array([around[cut][0]])) for cut in group}
+    arcs = [ways[cut] for cut in group if cut in begun]
+    meeting = np.mean([around[cut][0] for cut in group], axis=0)
+    if arcs:
+        places = np.concatenate(arcs)
+        apart = [np.linalg.norm((places[:, None] - arc) / size, axis=2).min(1) for arc in arcs]
+        others = [np.linalg.norm((places - around[cut][0]) / size, axis=1) for cut in group if cut not in begun]
+        meeting = places[np.max([*apart, *others], axis=0).argmin()]
+    nearest = {cut: int(np.linalg.norm((way - meeting) / size, axis=1).argmin()) for cut, way in ways.items()}
+    return {cut: [*way[1 : nearest[cut] + 1].tolist(), meeting.tolist()] for cut, way in ways.items()}
+
+
+def _polygons(around: list[Any], cuts: list[int], partners: dict[int, tuple[int, list[Any]]]) -> list[Any] | None:
+    """The polygons of a cell, each with its status, from the way inside of the cell from each boundary to the next one
+    of a polygon; None where a polygon would have several statuses."""
+    polygons, left, following = [], dict.fromkeys(cuts), dict(pairwise([*cuts, cuts[0]]))
     while left:
         start = cut = next(iter(left))
         status, polygon = around[start][1][1], []
@@ -141,10 +190,7 @@ def _along_curves(around: list[Any], arcs: list[np.ndarray], size: np.ndarray) -
             cut, inside = partners[end]
             polygon += inside
         polygons.append((status, polygon))
-    edges = [
-        (_edge_of(around[a][1]), [around[a][0], *inside, around[b][0]]) for a, (b, inside) in partners.items() if a < b
-    ]
-    return polygons, edges
+    return polygons
 
 
 def _along_lines(around: list[Any]) -> tuple[list[Any], list[Any]]:

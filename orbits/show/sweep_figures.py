@@ -125,7 +125,7 @@ def plot_existence(diagram: Any, quantity: str | None = None, axes: Axes | None 
             axes.add_collection(PolyCollection(shown, **fill, snap=False))  # cells with curved sides meet the others
     for kind, style in EDGES.items():
         if pieces := [piece for _, lines in cells for own, piece in lines if own == kind]:
-            axes.add_collection(LineCollection(pieces, **style, label=kind, capstyle="round"))
+            axes.add_collection(LineCollection(pieces, **style, label=kind, capstyle="round", snap=False))
     axes.set(xlim=diagram.between, ylim=(diagram.values[0], diagram.values[-1]))
     axes.locator_params(axis="x", nbins=6)
     return _labelled(axes, sweep, diagram.along, diagram.across)

@@ -1,6 +1,7 @@
 """Figures of sweeps and diagrams can be read: titles, names, units, legends that name what is drawn."""
 
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,9 @@ from legibility import faults, smallest_text
 from looks import check_looks
 
 from orbits import InputError, existence, sweep
+from orbits.show.diagram_cells import cells_of_diagram
+from orbits.sweeps.boundaries import Boundaries
+from orbits.sweeps.boundary_curves import BoundaryCurve
 from problems import Hopper, hopper_in_si
 
 NOTEBOOK, SMALLEST = 400, 7.0  # pixels: the width of a figure in a narrow notebook, and its smallest type there
@@ -74,6 +78,35 @@ def test_edges_are_lines(both_ways):
     assert names(axes) == edges | {"motions", "no motions", "no orbits"}
     assert edges == {each.get_label() for each in axes.collections if type(each).__name__ == "LineCollection"}
     assert names(diagram(both_ways).plot("alpha")) == edges | {"no orbits"}
+
+
+def test_curves_that_meet_in_a_cell_are_joined_where_they_meet():
+    """Orbits end at x = 0.2. They are motions right of x = 0.5 and of x = 0.5 + 2 (0.7 - y)^2, which ends there."""
+    y, low = np.linspace(1, 0, 33), np.linspace(0.2, 0.7, 33)
+    curves = (
+        BoundaryCurve("fold in x", (0.2,) * 33, tuple(y), ""),
+        BoundaryCurve("collapse", (0.5,) * 33, tuple(y), ""),
+        BoundaryCurve("masses touch", tuple(0.5 + 2 * (0.7 - low) ** 2), tuple(low), ""),
+    )
+    nodes, points = np.array([[0, 0], [1, 0], [0, 1], [0, 1]]), np.array([[0.2, 0], [1, 0.2], [0.2, 1], [0.5, 1]])
+    no, other, motion = "no orbit", "inadmissible", "certified"
+    statuses, all_of = np.array([[no, other], [other, motion], [no, other], [other, motion]]), np.ones(4, bool)
+    found = Boundaries(nodes[:, 0] == 0, all_of, all_of, nodes, points, statuses)
+    grid, corners = {"x": np.array([0.0, 0.0, 1.0, 1.0])}, np.array([[no, other], [no, motion]])
+    cell = SimpleNamespace(
+        along="x", grid=grid, values=(0.0, 1.0), statuses=corners, curves=curves, boundaries=found
+    )  # fmt: skip
+    ((polygons, edges),) = cells_of_diagram(cell)
+    areas = dict.fromkeys((no, other, motion), 0.0)
+    for status, polygon in polygons:
+        x, up = np.array(polygon).T
+        areas[status] += 0.5 * abs(x @ np.roll(up, -1) - up @ np.roll(x, -1))
+    right = 0.15 + 0.25 - 2 / 3 * 0.5**3
+    assert areas == pytest.approx({no: 0.2, other: 0.8 - right, motion: right}, abs=1e-3)
+    for kind, edge in edges:
+        x, up = np.array(edge).T
+        exact = 0.2 if kind == "edge of the orbits" else np.where(up > 0.7, 0.5, 0.5 + 2 * (0.7 - up) ** 2)
+        assert x == pytest.approx(exact + 0 * x, abs=2e-3)
 
 
 @pytest.mark.parametrize(
