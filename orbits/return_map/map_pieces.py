@@ -32,11 +32,13 @@ from ..simulation.impacts import STATUSES
 from .hops import Hops
 from .resolved_map import JUMP
 
-# Degrees of the polynomials, and the shares of the values up to which their last coefficients are rounding; a cell that
-# cannot be halved any more is accepted with the last share, if no border lies in it.
+# Degrees of the polynomials, and the shares of the values up to which their last coefficients are rounding. A hop that
+# is integrated rounds by more, up to ROUNDED_CELL: there the coefficients have come to rest at one size, up to
+# RESTING. A cell that cannot be halved any more is accepted with the last share, if no border lies in it.
 DEGREES_OF_CELLS, FITTED_CELL, NEARLY_FITTED = (16, 32), (3e-15, 1e-13), 1e-9
+ROUNDED_CELL, RESTING = 3e-12, 10.0
 SHORTEST_CELL = 1e-7  # cells shorter than this share of the range are not halved
-LAST_OF_CELL = 3
+LAST_OF_CELL, BEFORE_LAST = 3, 10
 OF_LOSSLESS = 3  # the power beside lossless launches
 LAUNCHES_BESIDE = np.array([10, 15, 6, 1]) / 32  # u^3 in Chebyshev polynomials of 2 u - 1
 SPEEDS_OF_PIECES = ("low", "high", "origin", "reach", "edges", "coefficients", "errors")
@@ -135,7 +137,10 @@ class MapPieces:
             return np.full(x.shape, np.nan), np.full(x.shape, np.nan), np.zeros(x.shape, int)
         cell = np.maximum(np.searchsorted(self.edges[:, 0], x, side="right") - 1, 0)
         u = self.place(x, cell)
-        basis, inside = polynomials(u, self.coefficients.shape[1]), (x >= self.low) & (x <= self.edges[cell, 1])
+        basis, inside = (
+            polynomials(u, self.coefficients.shape[1]),
+            (self.edges[cell, 0] <= x) & (x <= self.edges[cell, 1]),
+        )
         following, slopes = self._next(x, cell, basis), self._slope(u, cell, basis)
         if not inside.all():
             following, slopes = np.where(inside, following, np.nan), np.where(inside, slopes, np.nan)
@@ -343,11 +348,13 @@ class _Resolving:
                 if not known.any():
                     continue
                 same = bool(known.all() and (counts == counts[0]).all())
+                short = abs(cell.reach) <= self.shortest
                 coefficients, scale = table @ np.where(known, row, 0.0), np.abs(row[known]).max()
                 error = float(np.abs(coefficients[-LAST_OF_CELL:]).max())
-                short = abs(cell.reach) <= self.shortest
+                rests = float(np.abs(coefficients[-BEFORE_LAST:]).max()) <= RESTING * error
+                enough = NEARLY_FITTED if short and same else ROUNDED_CELL if rests else fitted
                 rounding = ROUNDED_LOSS * cell.origin if short and cell.power == OF_LOSSLESS else 0.0
-                if known.all() and error <= max((NEARLY_FITTED if short and same else fitted) * scale, rounding):
+                if known.all() and error <= max(enough * scale, rounding):
                     full = np.zeros(DEGREES_OF_CELLS[-1] + 1)
                     full[: degree + 1] = coefficients
                     done.append(_FittedCell(cell, full, error, int(np.median(counts))))

@@ -108,3 +108,18 @@ def test_a_law_in_pieces_is_resolved_beside_the_lossless_launch():
     following, slopes, _ = pieces.hops(x)
     assert following == pytest.approx(ReturnMap(machine)(x).next, abs=1e-12)
     assert slopes == pytest.approx([multiplier(machine, each) for each in x], abs=1e-7)
+
+
+def test_cells_end_at_the_rounding_of_the_map():
+    """The cubic hopper rounds a launch speed by some 1e-13: fewer than 100 cells, all hops up to that, and no launch
+    where the machine rests."""
+    step = ReturnMap(Hopper("r+0.3*r**3"))
+    pieces = step._pieces(2.0, 8.0, 400)
+    assert len(pieces.edges) < 100
+    assert not pieces.unresolved
+    x = np.linspace(2.0, 8.0, 701)
+    hops, (following, _, impacts) = step(x), pieces.hops(x)
+    assert following == pytest.approx(hops.next, abs=1e-11, nan_ok=True)
+    lifts = np.isfinite(hops.next)
+    assert (~lifts).any()
+    assert (impacts[lifts] == hops.impacts[lifts]).all()
