@@ -66,7 +66,8 @@ def bifurcations(
         searched for at each section by Newton's method, or results `PeriodicHop` of a period
     periods : of the hops that are searched for, all of each period at each section, see `ReturnMap.periodic_hops`
     doublings : how many times hops of twice the period are followed from flips: 1 for those of period two from flips of
-        fixed points, 2 for those of period four from flips of these, and so on
+        fixed points, 2 for those of period four from flips of these, and so on. With 1 or more, hops of period two are
+        also searched for at each section where fixed points are, since their flips may lie outside of the ranges
     progress : called with the completed share
 
     Launch speeds and the injection are in the machine's units. Folds and flips are located to some 1e-11 of the range,
@@ -116,6 +117,8 @@ def bifurcations(
         search.periodic(period)
         for _ in range(doublings):
             search.doubled(doublings)
+    if 1 in wanted and doublings and 2 not in wanted:  # those whose flip is outside of the ranges
+        search.periodic(2, depth=1)
     visits = _attractor(maps, (slow, fast), count)
     return BifurcationDiagram(*about, tuple(search.branches), search.located(), visits=visits, units=maps.units, **own)
 
@@ -136,9 +139,10 @@ class _Search:
     def _tracer(self, period: int) -> BranchTracer:
         return BranchTracer(self.maps, self.between, period, tuple(self.values), LONGEST_CHORD)
 
-    def periodic(self, period: int) -> None:
-        """Follow the hops of a period that are found in a section and lie on no branch yet. Along the injection the
-        branches of fixed points that begin at lossless hops come first."""
+    def periodic(self, period: int, depth: int = 0) -> None:
+        """Follow the hops of a period that are found in a section and lie on no branch yet, this many doublings away
+        from those that were searched for. Along the injection the branches of fixed points that begin at lossless hops
+        come first."""
         tracer = self._tracer(period)
         for alpha in self._lossless() if period == 1 else []:
             hop, beside = tracer.start_lossless(alpha)
@@ -156,7 +160,7 @@ class _Search:
             start = tracer.start(alpha, value)
             ahead = list(tracer.trace(start, 1))
             back = ahead[-1:] if _ends_as(ahead, "closed") else list(tracer.trace(start, -1))
-            self._store(period, [*reversed(back), start, *ahead])
+            self._store(period, [*reversed(back), start, *ahead], depth)
 
     def _lossless(self) -> list[float]:
         """The lossless launches that are fixed points of a map without injection."""

@@ -176,16 +176,19 @@ class LaunchTracer(Tracer):
         return certified, error
 
     def _changes_sheet(self, before: CurvePoint, behind: CurvePoint) -> bool:
-        """Whether launches change otherwise between two points than their rates say, as on another sheet of the curve,
-        where each is another one of the same hops."""
+        """Whether the curve between two points, or a launch along it, changes otherwise than the tangents say, as on
+        another sheet of the curve, where each launch is another one of the same hops, or on another curve."""
         a, b = cast(Any, before.point), cast(Any, behind.point)
+        length = float(np.linalg.norm(b.place - a.place))
+        if length <= AROUND:
+            return False
+        away = b.place - a.place - 0.5 * length * (a.tangent + b.tangent)
+        if float(np.linalg.norm(away)) > OTHER_SHEET * length:
+            return True
         if len(a.alphas) == 1 or a.rates is None or b.rates is None:
             return False
-        length = float(np.linalg.norm(b.place - a.place))
         change, expected = np.subtract(b.alphas, a.alphas), 0.5 * length * (a.rates + b.rates)
-        return bool(
-            (np.abs(change - expected) > OTHER_SHEET * (np.abs(change) + np.abs(expected))).any() and length > AROUND
-        )
+        return bool((np.abs(change - expected) > OTHER_SHEET * (np.abs(change) + np.abs(expected))).any())
 
 
 class CycleTracer(LaunchTracer):

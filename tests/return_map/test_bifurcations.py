@@ -94,6 +94,59 @@ def test_a_multiplier_that_touches_a_level_is_no_bifurcation():
     assert kinds([0, 1, 2], [1.1, 1.0, 0.9]) == ["branch point"]
 
 
+def fixed_points_along_the_injection(machine, low, high, samples=1001):
+    """Injections and slopes by differences of the map without injection, where a launch is a fixed point if the
+    injection is what it loses: launch speeds (samples,), injections, multipliers."""
+    alpha = np.linspace(low, high, samples)
+    step = 1e-6 * alpha
+    below, here, above = (ReturnMap(machine)(alpha + side * step).next for side in (-1, 0, 1))
+    return alpha, alpha - here, (above - below) / (2 * step)
+
+
+@pytest.mark.parametrize(
+    ("machine", "high", "between"),
+    [(Hopper(), 0.05, (4.2, 4.8)), (Hopper("r+r**3"), 0.05, (2.2, 2.8))],
+)
+def test_the_fixed_points_beside_a_lossless_hop_are_one_branch(machine, high, between):
+    """Brute force: the injection with which a launch comes back is what it loses. The curve of these is one branch that
+    turns round at the lossless hop; nothing is listed twice."""
+    diagram = bifurcations(machine, "inject", (0.0, high), between, attractor=0)
+    (branch,) = (each for each in diagram.branches if each.period == 1)
+    alpha, loss, slope = fixed_points_along_the_injection(machine, *between)
+    inside = (loss > 1e-4 * high) & (loss < high)
+    assert branch.alphas[:, 0].min() < alpha[inside].min() + 1e-3
+    assert branch.alphas[:, 0].max() > alpha[inside].max() - 1e-3
+    order = np.argsort(branch.alphas[:, 0])
+    assert (np.diff(branch.alphas[order, 0]) > 0).all()
+    assert branch.values == pytest.approx(branch.alphas[:, 0] - ReturnMap(machine)(branch.alphas[:, 0]).next, abs=1e-12)
+    found = np.interp(alpha[inside], branch.alphas[order, 0], branch.multipliers[order])
+    assert found == pytest.approx(slope[inside], abs=0.05)
+    lossless = find(machine).alpha
+    (fold,) = (event for event in diagram.events if event.kind == "fold")
+    assert (fold.value, fold.alpha) == (0.0, pytest.approx(lossless, abs=1e-12))
+    flips = [event.value for event in diagram.events if event.kind == "flip" and len(event.alphas) == 1]
+    passes = np.flatnonzero(inside[1:] & (slope[1:] < -1) & (slope[:-1] >= -1))
+    assert flips == pytest.approx([np.interp(1, -slope[[i, i + 1]], loss[[i, i + 1]]) for i in passes], abs=1e-5)
+    assert not [event for event in diagram.events if event.border and event.value < 1e-4]
+
+
+def test_hops_of_period_two_whose_flip_is_outside():
+    """Brute force: repeated hops settle on period two between its flips, at 0.0715874 and 0.1134292."""
+    diagram = bifurcations(Hopper(), "inject", (0.10, 0.12), (4.3, 5.0), attractor=0)
+    (double,) = (branch for branch in diagram.branches if branch.period == 2)
+    step, alpha = ReturnMap(Hopper(), inject=0.11), 4.55
+    for _ in range(200):
+        alpha = float(step(alpha).next)
+    settled = sorted([alpha, float(step(alpha).next)])
+    assert settled[1] - settled[0] > 0.05
+    order = np.argsort(double.values)
+    found = [np.interp(0.11, double.values[order], column[order]) for column in double.alphas.T]
+    assert sorted(found) == pytest.approx(settled, abs=1e-4)
+    stable, unstable = double.stretches()
+    assert (stable[-1], unstable[-1]) == (True, False)
+    assert [event.value for event in diagram.events if event.kind == "flip"] == pytest.approx([0.113429246523])
+
+
 @pytest.mark.slow
 def test_a_heavy_foot_bounces_from_throws_of_pi_on():
     """Section 9 of the paper: with a heavy foot the map falls off at pi, where bouncing begins; a branch ends there."""
