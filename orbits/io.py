@@ -2,6 +2,7 @@
 the one line that describes a result."""
 
 import csv
+import errno
 import hashlib
 import json
 import logging
@@ -31,6 +32,7 @@ Document: TypeAlias = dict[str, Any]
 MEGABYTE = 1 << 20
 # The most characters of a value in the one line that describes a result, and of that line.
 LONGEST_ENTRY, LONGEST_ONE_LINE = 100, 195
+FULL = {getattr(errno, name, None) for name in ("ENOSPC", "EDQUOT", "EFBIG")} - {None}  # Windows has no quotas
 DIGEST = "digest"  # the key of a document that has its own
 # The names, in messages, of the types that an entry of a document has to have.
 WORDS = {float: "a finite number", int: "a whole number", str: "a text", bool: "true or false"}
@@ -187,10 +189,15 @@ def refusing(what: str, path: str | Path) -> Iterator[None]:
     except InputError:
         raise
     except (OSError, ValueError, RuntimeError, CalledProcessError) as error:  # NetCDF's errors are RuntimeErrors
-        full = "No space left on device: " if _is_full(Path(path)) and "No space" not in str(error) else ""
-        raise InputError(
-            f"the {what} cannot be written to {path}: {full}{error}; make room, or name another file"
-        ) from None
+        full = _is_full(Path(path))
+        missing = "No space left on device: " if full and "No space" not in str(error) else ""
+        way = remedy("name another file", error, full)
+        raise InputError(f"the {what} cannot be written to {path}: {missing}{error}; {way}") from None
+
+
+def remedy(other: str, error: Exception, full: bool = False) -> str:
+    """What a user can do about an error of writing: the other way, and where the disk or a share of it is full, room."""
+    return f"make room, or {other}" if full or getattr(error, "errno", None) in FULL else other
 
 
 def _is_full(path: Path) -> bool:

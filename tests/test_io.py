@@ -98,7 +98,8 @@ class TestWriting:
             monkeypatch.setattr("shutil.disk_usage", lambda path, total=total: SimpleNamespace(total=total, free=0))
             with pytest.raises(InputError) as raised, writing("motion", tmp_path / "none" / "x") as target:
                 target.touch()
-            assert ("No space" in str(raised.value)) == expected
+            assert ("No space" in str(raised.value)) == ("make room" in str(raised.value)) == expected
+            assert "name another file" in str(raised.value)
 
     @pytest.mark.posix
     @pytest.mark.parametrize("name", ["orbit.json", "family.jsonl", "sweep.csv", "figure.pdf"])

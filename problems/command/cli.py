@@ -709,8 +709,10 @@ def main() -> None:
         sys.stderr.close()  # the reader of the output has closed it
         code = 0
     except OSError as error:  # of standard output: those of files are bad input
+        from orbits.io import remedy
+
         _leave_output()
-        code = _failed(f"the output cannot be written: {error}; make room, or write it elsewhere", 2)
+        code = _failed(f"the output cannot be written: {error}; {remedy('write it elsewhere', error)}", 2)
     except MemoryError:
         code = _failed("there is not enough memory for what is asked: ask for fewer launches, hops or points", 1)
     except Exception as error:
