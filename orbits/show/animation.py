@@ -12,7 +12,7 @@ from ..io import check_path
 from ..result import Axes, Progress
 from ..units import Units
 from .plane import animate_in_plane, cycles_shown, drawing_of, labelled, write_frames
-from .plot import COLOURS, SHADE, new_axes, off_screen, unit_labels
+from .plot import COLOURS, SHADE, new_axes, off_screen, phases_in_words, unit_labels
 
 if TYPE_CHECKING:
     from ..periodic.orbit import Orbit
@@ -27,7 +27,8 @@ def animate_orbit(orbit: "Orbit", path: str | Path, frames: int = 80, progress: 
     closed, drawing = orbit.contact_time is not None, drawing_of(orbit.source)
     end = (orbit.period if closed else orbit.flight_time) * cycles_shown(orbit)
     t = np.linspace(0, end, _frames(frames), endpoint=not closed)
-    words = np.where(np.mod(t, end if not closed else orbit.period) <= orbit.flight_time, "flight", "contact")
+    flying = np.mod(t, end if not closed else orbit.period) <= orbit.flight_time
+    words = np.where(flying, *phases_in_words(orbit.source)[:2])
     if drawing:
         return animate_in_plane(check_animation(path), words, orbit.source, *labelled(orbit, t), orbit.scales, progress)
     shape, floating = orbit.shape, orbit.certificate.smallest_separation is None
@@ -38,7 +39,7 @@ def animate_orbit(orbit: "Orbit", path: str | Path, frames: int = 80, progress: 
 def animate_simulation(run: "Simulation", path: str | Path, frames: int = 200, progress: Progress = None) -> Path:
     """Write a simulated motion as an animation, as `animate_orbit` does; returns the path."""
     t, machine = np.linspace(0, run.end, _frames(frames)), run.source
-    words = np.where(run.in_contact(t), "contact", "flight")
+    words = np.where(run.in_contact(t), *phases_in_words(machine)[1::-1])
     if drawing_of(machine):
         return animate_in_plane(check_animation(path), words, machine, *labelled(run, t), machine.units, progress)
     floating, joints = run.smallest_separation is None, (run.springs, run.knees, machine.model.embed)

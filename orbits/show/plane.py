@@ -12,7 +12,7 @@ from ..mechanics.drawing import LANDINGS, REPEATED, Drawing, Outline
 from ..mechanics.elements import value_of
 from ..result import Axes, Progress
 from ..units import Units
-from .plot import COLOURS, SHADE, new_axes, off_screen, plain, title, unit_labels
+from .plot import COLOURS, SHADE, new_axes, off_screen, phases_in_words, plain, title, unit_labels
 
 if TYPE_CHECKING:
     from ..periodic.orbit import Orbit
@@ -201,7 +201,8 @@ def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
     return the axes."""
     machine: Any = orbit.source
     flight = orbit.flight_time
-    instants = {0.0: "lift-off", flight / 4: "", flight / 2: "mid-flight", 0.75 * flight: "", flight: "landing"}
+    middle = phases_in_words(machine)[2]
+    instants = {0.0: "lift-off", flight / 4: "", flight / 2: middle, 0.75 * flight: "", flight: "landing"}
     if orbit.contact_time is not None:
         instants[flight + orbit.contact_time / 2] = "mid-contact"
     t = np.array([*instants])

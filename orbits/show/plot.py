@@ -128,6 +128,14 @@ def angles_shown(orbit: "Orbit", drawn: bool = False) -> tuple[str, ...]:
     return tuple(reversed(own)) if {*(own if drawn else orbit.shape.heights)} <= {*angles} else ()
 
 
+def phases_in_words(machine: Any) -> tuple[str, str, str]:
+    """The phases with an open and with a closed gap, and the middle of the first: a machine that stands on the ground
+    in both has no flight."""
+    planar = machine.model.planar if machine else None
+    stands = planar is not None and planar.stands
+    return ("single support", "double support", "mid-swing") if stands else ("flight", "contact", "mid-flight")
+
+
 def plot_orbit(orbit: "Orbit", axes: Axes | None = None) -> Axes:
     """Plot heights of the masses against time over a cycle, contact shaded, as in Fig. 3 of the paper; return the axes.
 
@@ -138,7 +146,8 @@ def plot_orbit(orbit: "Orbit", axes: Axes | None = None) -> Axes:
     for (name, height), colour in zip(orbit.shape.heights.items(), COLOURS, strict=False):
         axes.plot(t, height(states), color=colour, label=plain(name), **_style(name))
     if orbit.contact_time is not None:
-        axes.axvspan(orbit.flight_time, t[-1], fc=SHADE, ec="0.7", lw=0.5, label="contact", zorder=0)
+        closed = phases_in_words(orbit.source)[1]
+        axes.axvspan(orbit.flight_time, t[-1], fc=SHADE, ec="0.7", lw=0.5, label=closed, zorder=0)
     axes.axhline(0, color="0.4", lw=0.8)
     axes.set_title(plain(title(orbit)), fontsize="medium", wrap=True)
     label = "angle" if angles_shown(orbit) else vertical(orbit.certificate.smallest_separation) + metres
@@ -383,10 +392,10 @@ def plot_gap(run: "Simulation", axes: Axes | None = None, label: str | None = No
 
 
 def _shade_contacts(run, axes):
-    contacts = [leg for leg in run.legs if leg.phase == "contact"]
+    contacts, closed = [leg for leg in run.legs if leg.phase == "contact"], phases_in_words(run.source)[1]
     for i, leg in enumerate(contacts):
         ends = leg.start, leg.start + leg.path.times[-1]
-        axes.axvspan(*ends, fc=SHADE, zorder=0, label=None if i else "contact")
+        axes.axvspan(*ends, fc=SHADE, zorder=0, label=None if i else closed)
 
 
 def title(orbit: "Orbit") -> str:
