@@ -196,7 +196,7 @@ def refusing(what: str, path: str | Path) -> Iterator[None]:
 
 
 def remedy(other: str, error: Exception, full: bool = False) -> str:
-    """What a user can do about an error of writing: the other way, and where the disk or a share of it is full, room."""
+    """What a user can do about an error of writing: the other way, and make room where the disk or a share is full."""
     return f"make room, or {other}" if full or getattr(error, "errno", None) in FULL else other
 
 

@@ -81,7 +81,7 @@ class _Shown:
         self.value, self.digits = value, digits
 
     def __format__(self, spec: str) -> str:
-        return format(self.value, spec) if spec else number_text(self.value, digits=self.digits)
+        return format(self.value, spec) if spec and self.value is not None else number_text(self.value, "", self.digits)
 
 
 class Row(NamedTuple):
@@ -97,10 +97,10 @@ class Row(NamedTuple):
     cells: tuple[str, ...] = ("{}",)
 
     @classmethod
-    def of(cls, name: str, value: object, unit: str = "", after: str = "") -> "Row":
-        """The row of one value, with its unit and the text after it; its heading is the name in words."""
+    def of(cls, name: str, value: object, unit: str = "", after: str = "", pattern: str = "{}") -> "Row":
+        """The row of one value by a pattern, with its unit and the text after it; its heading is the name in words."""
         unit = f" {unit}" if unit and value is not None else ""
-        return cls(name.replace("_", " ").replace("liftoff", "lift-off"), {name: value}, (f"{{}}{unit}{after}",))
+        return cls(name.replace("_", " ").replace("liftoff", "lift-off"), {name: value}, (f"{pattern}{unit}{after}",))
 
     def texts(self, digits: int) -> tuple[str, ...]:
         """The row as texts; its numbers have this number of digits unless their cell says otherwise."""

@@ -19,7 +19,7 @@ from ..model.symmetry import SignedShift
 from ..numerics.polynomial_roots import lowest
 from ..result import TABLE_ROWS, Axes, Progress, Result, Row, is_of, shown
 from ..tables import VIOLATED, machine_numbers
-from ..units import Units, in_units, saved_units
+from ..units import TORQUE, Units, in_units, saved_units
 from .certificate import Certificate
 from .cycle_shape import Shape, mirrored
 from .quantities import OF_RUNS, QUANTITIES, dimension_of
@@ -34,6 +34,7 @@ from .saved_orbit import (
     with_note,
 )
 
+WHOLE = "{:.15g}"  # a number with its error has all of its digits, on a page too
 # What is said of an orbit that is no motion of a machine with the same name and parameters.
 OTHER_EQUATIONS = "its motion does not satisfy these equations, as after a change of a table or a function"
 
@@ -329,14 +330,14 @@ class Orbit(Result, what="orbit", printed_digits=15):
             yield Row("machine", {name: value for name, (value, _) in own.items()}, (", ".join(texts),))
         speed = f" {units['alpha']}" if units else ""
         numbers = {"alpha": self.alpha, "error": c.error}
-        yield Row("alpha", numbers, (f"{{}}{speed}   +- {{:.1e}} (error of the numerics)",))
+        yield Row("alpha", numbers, (f"{WHOLE}{speed}   +- {{:.1e}} (error of the numerics)",))
         for name, error in self.tuned.items():
             unit = f" {units[name]}" if units.get(name) else ""
             if (value := self.machine["parameters"].get(name, self.machine.get(name))) is not None:
                 yield Row(
                     f"tuned {name}",
                     {name: value, "error": error},
-                    (f"{{}}{unit}   +- {{:.1e}} (error of the numerics)",),
+                    (f"{WHOLE}{unit}   +- {{:.1e}} (error of the numerics)",),
                 )
         if c.alpha_noise is not None:
             text = f"+- {{:.1e}}{speed} (one standard deviation of the rows{', or less' if c.alpha_per_noise else ''})"
@@ -354,14 +355,16 @@ class Orbit(Result, what="orbit", printed_digits=15):
                 unit = units.get(name, "")
                 yield from (Row.of(f"{quantity.words} {of}", rise, unit) for of, rise in self.rises.items())
             elif quantity.words and name != "alpha":
-                row = Row.of(name, figures[name], self.unit_of(name), after.get(name, ""))
-                yield row._replace(heading=quantity.words)
+                pattern = WHOLE if name == "loss_coefficient" and c.loss_error else "{}"
+                row = Row.of(name, figures[name], self.unit_of(name), after.get(name, ""), pattern)
+                angular = self.scales is not None and self.scales.resolved(name) == (*TORQUE, 0, 0)
+                yield row._replace(heading=quantity.words.replace("force", "torque") if angular else quantity.words)
         for name, quantity in OF_RUNS.items() if self.step is not None else ():
             yield Row.of(name, getattr(self, name), self.unit_of(name))._replace(heading=quantity.words)
         if c.friction_needed is not None:
             numbers, text = (
                 {"friction_needed": c.friction_needed, "friction_error": c.friction_error or 0.0},
-                "{}   +- {:.1e}",
+                f"{WHOLE}   +- {{:.1e}}",
             )
             yield Row("friction needed", numbers, (text,))
         elif (least := c.smallest_stance_force) is not None and least <= 0 and c.stance_judged is False:

@@ -88,7 +88,8 @@ def ending(family: "Family") -> str:
     end, unit = family.end, family.units.get(family.name, "")
     if end.limit is None:
         return end.reason
-    return f"{end.reason}, {family.name} tends to {number_text(float(end.limit), unit)}"
+    off = "" if end.limit_error is None else f" (about {end.limit_error:.0e} off)"
+    return f"{end.reason}, {family.name} tends to {number_text(float(end.limit), unit, 8)}{off}"
 
 
 class FamilyFigure:

@@ -228,6 +228,7 @@ def test_messages_and_rows_in_si_are_of_angles_and_torques():
     assert "the front foot touches in flight at t = 3.64" in orbit.violations[0]
     assert orbit.violations[0].endswith("of the flight (height -4.41 rad)")
     assert orbit.units["contact force"] == "N m"
+    assert dict(orbit.rows())["largest contact torque"].endswith(" N m")
     with pytest.raises(NoOrbit, match=r"never reaches 0 \(least force 1.016 N m\)"):
         find(rimless_wheel(2.0, 0.4, 8, 0.5, 0.6, 20.0, spring="stiffness*r - 300*r**3"))
 

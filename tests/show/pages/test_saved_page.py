@@ -39,7 +39,7 @@ def test_the_page_of_an_orbit(tmp_path):
     assert path == tmp_path / "hop.html"
     text = checked(path)
     assert "<title>hopper in SI, family 1" in text or "<title>hopper, family 1" in text
-    assert f"{orbit.alpha:.7g} m/s" in text
+    assert f"{orbit.alpha:.15g} m/s" in text
     assert "admissible" in text
     assert "contact force (N)" in text
 
