@@ -50,7 +50,8 @@ machine_options = combined(
         "--spring",
         metavar="LAW",
         help="Formula of r, a law's name, potential:FORMULA, or measured rows under a header of extension and force, "
-        "table:FILE, also table:FILE?branch=loading and table:FILE?noise=SD; see the documentation.",
+        "table:FILE, also table:FILE?columns=NAME,NAME&units=mm,N&cycle=last&branch=loading&noise=SD; see the "
+        "documentation.",
     ),
     click.option("--gravity", metavar="LAW", help="Formula of z with value 1 at z = 0, or a law's name."),
     click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="Value of a parameter; repeatable."),

@@ -182,8 +182,8 @@ def _scene_of_steps(
 
 def _rows_from_file(spring: str) -> DroppedRows:
     """The rows of "table:FILE?branch=loading&noise=0.5", with the text of the file."""
-    from ..laws.measured import text_of
     from ..laws.springs import table_options
+    from ..recordings.text_rows import text_of
 
     path, options = table_options(spring.removeprefix("table:"))
     if moved := [name for name in ("scale", "shift") if name in options]:

@@ -115,6 +115,9 @@ class DroppedRows:
     text: str
     branch: str | None = None
     noise: float | None = None
+    cycle: int | str | None = None
+    columns: tuple[str | int, ...] | None = None
+    units: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         if not (isinstance(self.name, str) and isinstance(self.text, str)):
@@ -130,21 +133,25 @@ class DroppedRows:
     @property
     def spring(self) -> str:
         """The spring that names the file and the options, as the command line and machine files do."""
-        settings = {"branch": self.branch, "noise": self.noise}
+        pairs = {
+            name: own and ",".join(map(str, own)) for name, own in (("columns", self.columns), ("units", self.units))
+        }
+        settings = {"branch": self.branch, "noise": self.noise, "cycle": self.cycle, **pairs}
         options = "&".join(f"{name}={value}" for name, value in settings.items() if value is not None)
         return f"table:{self.name}" + (f"?{options}" if options else "")
 
     def law(self, in_si: bool) -> Law:
         """The law of the rows; raises `InputError` for a text that is no table."""
-        return _law_of_rows(self.name, self.text, self.branch, self.noise, in_si)
+        return _law_of_rows(self, in_si)
 
 
 @lru_cache(maxsize=8)
-def _law_of_rows(name: str, text: str, branch: str | None, noise: float | None, in_si: bool) -> Law:
+def _law_of_rows(rows: DroppedRows, in_si: bool) -> Law:
+    own = {name: getattr(rows, name) for name in ("columns", "units", "cycle", "branch", "noise")}
     with tempfile.TemporaryDirectory() as folder:  # the reader of tables reads files
-        path = Path(folder) / name
-        path.write_text(text, encoding="utf-8")
-        return springs.table(path, in_si=in_si, branch=branch, noise=noise)
+        path = Path(folder) / rows.name
+        path.write_text(rows.text, encoding="utf-8")
+        return springs.table(path, in_si=in_si, **own)
 
 
 @dataclass(frozen=True)

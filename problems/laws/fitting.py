@@ -17,8 +17,10 @@ from orbits.running.exclusive import exclusive
 from orbits.symbolic.calls import MappedFunction
 from orbits.symbolic.formula import parse
 
-from .rows import measured_columns
-from .smoothing import FEWEST_NOISY, MeasuredRows, SmoothCurves, branch_of
+from ..recordings.bench_record import BenchRecord, read_record
+from ..recordings.chosen_branch import choose
+from ..recordings.measured_rows import MeasuredRows
+from ..recordings.smoothing import FEWEST_NOISY, SmoothCurves
 
 # Parameters are not determined apart where their changes of the rows are parallel but for this share.
 SAME_DIRECTION = 1e-10
@@ -125,12 +127,15 @@ def fit(
     start: Mapping[str, float] | None = None,
     *,
     in_si: bool = False,
+    columns: Sequence[str | int] | None = None,
+    units: Sequence[str] | None = None,
+    cycle: int | str | None = None,
     branch: str | None = None,
     noise: float | ArrayLike | None = None,
 ) -> SpringFit:
     """The parameters of a spring's formula by weighted least squares to measured rows.
 
-    table, in_si, branch : as in `springs.table`
+    table, in_si, columns, units, cycle, branch : as in `springs.table`
     formula : the force as a formula of the extension r, every other name in it a parameter; or a law from a formula,
         such as `springs.air()`, whose parameters are the start
     start : values of some parameters near which to search; not needed where the formula is linear in its parameters
@@ -156,8 +161,9 @@ def fit(
     own = {name: number(name, value) for name, value in own.items()}
     if not names:
         raise InputError(f"'{text}' has no parameters to fit; name them, as in 'k*r + b*r**3'")
-    r, force, sense, label = measured_columns(table, in_si)
-    rows, deviation = _weighted_rows(r, force, sense, branch, label, noise)
+    record = read_record(table, in_si, columns, units)
+    label = record.name
+    rows, drifts, deviation, note = _weighted_rows(record, branch, cycle, noise)
     freedom = len(rows.extensions) + rows.spare - len(names)
     if freedom < (1 if deviation is None else 0):
         count = len(rows.extensions) + rows.spare
@@ -168,17 +174,19 @@ def fit(
     inverse, squares = model.inverse(slopes), float(residual @ residual) + rows.squares
     spread = np.sqrt(squares / freedom) if freedom else 0.0
     size = spread if deviation is None else deviation
+    moved = -(drifts * np.sqrt(rows.weights)) @ slopes @ inverse  # the parameters by each drift
+    named = ", ".join(filter(None, (record.columns, note)))
     return SpringFit(
         formula=text,
         parameters=dict(zip(names, values.tolist(), strict=True)),
-        covariance=size**2 * inverse,
+        covariance=size**2 * inverse + moved.T @ moved,
         extensions=rows.extensions,
         forces=rows.forces,
         weights=rows.weights,
         residuals=residual / np.sqrt(rows.weights),
         noise=float(size),
         lack=_lack_of_fit(rows, spread, freedom, deviation),
-        source_name=label,
+        source_name=label + (f" ({named})" if named else ""),
         in_si=in_si,
     )
 
@@ -196,9 +204,10 @@ def _formula_of(formula: str | Law) -> tuple[str, dict[str, float]]:
 
 
 def _weighted_rows(
-    r: np.ndarray, force: np.ndarray, sense: float, branch: str | None, label: str, noise: Any
-) -> tuple[MeasuredRows, float | None]:
-    """The rows on a branch, and the standard deviation of one of weight 1 if it is stated."""
+    record: BenchRecord, branch: str | None, cycle: int | str | None, noise: Any
+) -> tuple[MeasuredRows, np.ndarray, float | None, str]:
+    """The rows on a branch, what they drift, the standard deviation of one of weight 1 if it is stated, and which rows
+    they are in words."""
     try:
         stated = None if noise is None else np.asarray(noise, dtype=float)
     except (TypeError, ValueError, OverflowError):
@@ -206,14 +215,17 @@ def _weighted_rows(
     if stated is None or stated.ndim == 0:
         if stated is not None and not number("noise", noise, high=1e100) > 0:
             raise InputError(f"noise = {noise:g}; it is the standard deviation of a row's force, above 0")
-        return branch_of(r, force, sense, branch, label), None if stated is None else float(stated)
-    if branch is not None:
-        raise InputError("noise of each row is for tables without a branch; state one number")
+        chosen = choose(record, branch, cycle)
+        return chosen.rows, chosen.drifts, None if stated is None else float(stated), chosen.note
+    if branch is not None or cycle is not None:
+        raise InputError("noise of each row is for tables without a branch or a cycle; state one number")
+    r, force = record.extensions, record.forces
     if stated.shape != r.shape or not (np.isfinite(stated).all() and (stated > 0).all()):
         raise InputError(f"noise: {stated.size} numbers for {len(r)} rows; one above 0 is needed for each row")
     order = np.argsort(r, kind="stable")
     size = float(np.sqrt(1 / np.mean(stated**-2)))
-    return MeasuredRows(r[order], force[order], (size / stated[order]) ** 2, 0.0, 0), size
+    rows = MeasuredRows(r[order], force[order], (size / stated[order]) ** 2, 0.0, 0)
+    return rows, np.zeros((0, len(r))), size, ""
 
 
 class _Model:

@@ -7,7 +7,7 @@ from these: `beta` is 1/length**2, `delta` 1/length**4, `a` and `b` are 1/length
 """
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import lru_cache
 from keyword import iskeyword
 from pathlib import Path
@@ -23,14 +23,16 @@ from orbits.laws.law_expressions import Expression
 from orbits.laws.law_statement import LawLike
 from orbits.symbolic.formula import suggest
 
+from ..recordings.bench_record import BenchRecord, read_record
+from ..recordings.chosen_branch import choose
+from ..recordings.smoothing import SmoothCurve, curve_of, with_drifts
 from . import loops
 from .fitting import fit as fit
-from .rows import measured_columns
-from .smoothing import SmoothCurve, branch_of, curve_of
 
 # A sample to try tables with: a leg's spring in mm and N, with noise as from a bench.
 SAMPLE = Path(__file__).with_name("leg_spring.csv")
-TABLE_OPTIONS = ("branch", "noise", "scale", "shift")
+READING_OPTIONS = ("columns", "units", "cycle", "noise")  # of measured rows in text, after the file
+TABLE_OPTIONS = (*READING_OPTIONS, "branch", "scale", "shift")
 HYSTERETIC_KINDS = ("hysteretic", "lossy", "loop")  # of springs with hysteresis in text, before the colon
 
 
@@ -150,6 +152,9 @@ def table(
     source: Any,
     *,
     in_si: bool = False,
+    columns: Sequence[str | int] | None = None,
+    units: Sequence[str] | None = None,
+    cycle: int | str | None = None,
     branch: str | None = None,
     noise: float | None = None,
     scale: str | None = None,
@@ -160,36 +165,56 @@ def table(
 
     in_si : whether the law is in m and N, to which the units in the header are then converted; otherwise units in the
         header are an error, since a dimensionless machine uses the numbers as they are
-    branch : of a hysteresis loop, whose rows are in the order of the measurement: "loading", on which the measured
-        travel grows (away from rest, if the table has one side only), "unloading", or "mean", the mean of both where
-        both have been measured
+    columns : names of the columns of extension and force, or their places from 0, as for a file without a header;
+        needed where several columns may be meant
+    units : of these columns, as ("mm", "N") or ("deg", "N m"), where the header does not have them
+    cycle : of a record of several cycles, its number from 1, "last", "mean", the mean of all cycles, or "all", their
+        rows together; None for the last one, if all agree within the noise
+    branch : of a hysteresis loop: "loading", on which the measured travel grows (away from rest, if the table has one
+        side only), "unloading", or "mean", the mean of both where both have been measured
     noise : standard deviation of a row's force, in the law's unit; 0 where the rows are exact, None to estimate it
     scale, shift : names of parameters of the law, s and d, for the force s f(r - d) of a measured force f; 1 and 0
         where a machine does not say otherwise
 
-    The header names one column of `tables.EXTENSION_NAMES` and one of `tables.FORCE_NAMES`, tension and extension
-    positive; the signs of both are reversed where one says compression, unless the other says tension. Units follow the
-    names, as in `Weg [mm]`, `force_kN`, or are in the row below. Tabs, semicolons, commas or blanks separate the
-    columns; with commas a decimal comma has to be in quotes. Lines before the header and comments (#, ;, %, //) are
-    ignored. Rows that are not a loop may be in any order; forces at repeated extensions are averaged, and their
-    differences count as noise.
+    The header names one column of `header.EXTENSION_NAMES` and one of `header.FORCE_NAMES`, or an angle and a torque;
+    tension and extension are positive; the signs of both are reversed where one says compression, unless the other says
+    tension. Units follow the names, as in `Weg [mm]`, `force_kN`, or are in the row below. Tabs, semicolons, commas or
+    blanks separate the columns; with commas a decimal comma has to be in quotes. Lines before the header and comments
+    (#, ;, %, //) are ignored.
+
+    A record of cycles, whose rows are in the order of the measurement, is split where its extension turns. A cycle is
+    the half cycle that leads to an extreme of the side to which the record moves first, and the one after it. The first
+    half cycle is a virgin curve, which is left out, unless a later one repeats it. Rows without cycles may be in any
+    order; forces at repeated extensions are averaged, and their differences count as noise. The text of the law says
+    which columns, rows, cycle and branch it is of. What cycles drift counts as uncertainty of the law.
 
     The law is the C2 cubic spline, as a quintic Hermite interpolant whose slopes and curvatures are reduced where the
     spline would overshoot: between rows the force is monotone, and the law is twice differentiable. Noisy rows are
     smoothed first, see `smoothing.curve_of`; the text of the law says so, and orbits state the effect on alpha. Outside
     the table the force is not defined: an orbit that leaves it is refused, with the range that it needs. Raises
-    `InputError` for a table that cannot be read or interpolated, and for a loop where no branch is named.
+    `InputError` for a table that cannot be read or interpolated, where several columns may be meant or a unit is
+    missing, and for a loop, or cycles that differ, where none is named.
 
     >>> law = table(([-2.0, -1.0, 0.0, 1.0, 2.0], [-3.0, -1.2, 0.0, 1.2, 3.0]), noise=0)
     >>> float(law(1.0)), law.range()
     (1.2, (-2.0, 2.0))
     """
+    return _measured(read_record(source, in_si, columns, units), branch, cycle, noise, scale, shift)
+
+
+def _measured(
+    record: BenchRecord, branch: str | None, cycle: int | str | None, noise: float | None,
+    scale: str | None = None, shift: str | None = None,
+) -> Law:  # fmt: skip
+    """The law of a branch of a record."""
     if noise is not None and number("noise", noise, high=1e100) < 0:
         raise InputError(f"noise = {noise:g} is below 0; it is the standard deviation of a row's force")
-    r, force, sense, label = measured_columns(source, in_si)
-    curve = curve_of(branch_of(r, force, sense, branch, label), noise)
-    note = ", ".join(filter(None, (branch, curve.note)))
-    text = f"table:{label}" + (f" ({note})" if note else "")
+    chosen = choose(record, branch, cycle)
+    curve = curve_of(chosen.rows, noise)
+    if noise != 0:
+        curve = with_drifts(curve, chosen.rows.extensions, chosen.drifts)
+    note = ", ".join(filter(None, (record.columns, chosen.note, curve.note)))
+    text = f"table:{record.name}" + (f" ({note})" if note else "")
     named = [(scale, "scale", 1.0), (shift, "shift", 0.0)]
     own = {_name(name, what): value for name, what, value in named if name is not None}
     if scale is not None and scale == shift:
@@ -247,7 +272,10 @@ def lossy(
     return loops.of_loss(law, loss_factor)
 
 
-def loop(source: Any, *, in_si: bool = False, noise: float | None = None) -> HystereticLaw:
+def loop(
+    source: Any, *, in_si: bool = False, columns: Sequence[str | int] | None = None, units: Sequence[str] | None = None,
+    cycle: int | str | None = None, noise: float | None = None,
+) -> HystereticLaw:  # fmt: skip
     """A spring with hysteresis from a measured loop, whose rows are in the order of the measurement; see `table` for
     the arguments.
 
@@ -257,7 +285,8 @@ def loop(source: Any, *, in_si: bool = False, noise: float | None = None) -> Hys
     >>> float(law.extending(0.0)), float(law.shortening(0.0))
     (0.2, -0.2)
     """
-    branches = [table(source, branch=name, in_si=in_si, noise=noise) for name in ("loading", "unloading")]
+    record = read_record(source, in_si, columns, units)
+    branches = [_measured(record, name, cycle, noise) for name in ("loading", "unloading")]
     lows, highs = zip(*(law.range() for law in branches), strict=True)
     low, high = max(lows), min(highs)
     if not low < high:
@@ -266,8 +295,9 @@ def loop(source: Any, *, in_si: bool = False, noise: float | None = None) -> Hys
     places = np.linspace(low, high, 257)
     if float(np.mean(branches[0](places) - branches[1](places))) < 0:
         branches.reverse()
-    label = branches[0].text.removeprefix("table:").partition(" (")[0]
-    return loops.of_branches(f"loop:{label}", *branches)
+    notes = [choose(record, name, cycle).note for name in ("loading", "unloading")]
+    named = ", ".join(filter(None, (record.columns, *notes)))
+    return loops.of_branches(f"loop:{record.name}" + (f" ({named})" if named else ""), *branches)
 
 
 def _refuse_unused(parameters: Mapping[str, float], used: Collection[str]) -> None:
@@ -279,8 +309,9 @@ def _with_loss(kind: str, text: str, values: Mapping[str, float], in_si: bool) -
     """The law of "hysteretic:EXTENDING;SHORTENING", "lossy:MEAN" and "loop:FILE?noise=0.5"."""
     if kind == "loop":
         path, options = table_options(text)
-        if not path.strip() or options.keys() - {"noise"}:
-            raise InputError(f"spring 'loop:{text}': a loop is stated as loop:FILE, or loop:FILE?noise=0.5")
+        if not path.strip() or options.keys() - {*READING_OPTIONS}:
+            remedy = f"a loop is stated as loop:FILE, or loop:FILE?noise=0.5, and has {', '.join(READING_OPTIONS)}"
+            raise InputError(f"spring 'loop:{text}': {remedy}")
         return loop(path, in_si=in_si, **options)
     if kind == "lossy":
         if "loss_factor" not in values:
@@ -447,7 +478,17 @@ def table_options(text: str) -> tuple[str, dict[str, Any]]:
             options["noise"] = float(options["noise"])
         except ValueError:
             raise InputError(f"noise = {options['noise'][:40]!r} is not a number") from None
+    for name in ("columns", "units"):
+        if name in options:
+            options[name] = tuple(_whole_number(part.strip()) for part in options[name].split(","))
+    if "cycle" in options:
+        options["cycle"] = _whole_number(options["cycle"])
     return path, options
+
+
+def _whole_number(text: str) -> int | str:
+    """The number from 0 on in a text, else the text."""
+    return int(text) if text.isdecimal() else text
 
 
 def _nodes_of_table(x: np.ndarray, y: np.ndarray, slope: np.ndarray | None, curvature: np.ndarray | None) -> np.ndarray:

@@ -77,7 +77,7 @@ def test_a_measured_spring(orbits, tmp_path):
     done = orbits("find --json --spring", f"table:{path}")
     assert done.code == 0
     assert done.document["alpha"] == pytest.approx(ALPHA, rel=1e-12)
-    assert done.document["spring"] == "table:bench.csv (noise not known, rows smooth to rounding)"
+    assert done.document["spring"] == "table:bench.csv (extension and force, noise not known, rows smooth to rounding)"
 
 
 @pytest.mark.parametrize(

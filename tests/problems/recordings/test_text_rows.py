@@ -23,10 +23,11 @@ LINES = {
     "tabs and comments": "# bench 3\r\nextension_mm\tforce_kN\r\n" + "".join(f"{r}\t{0.008 * r}\r\n" for r in R),
     "a byte order mark": "\ufeffdeflection (um),load (N)\n" + "".join(f"{1000 * r},{8 * r}\n" for r in R),
     "quoted decimal commas": (
-        '"Extension (cm)","Load"\n' + "".join(f'"{r / 10}"|"{8 * r}"\n' for r in R).replace(".", ",").replace("|", ",")
+        '"Extension (cm)","Load (N)"\n'
+        + "".join(f'"{r / 10}"|"{8 * r}"\n' for r in R).replace(".", ",").replace("|", ",")
     ),
     "blanks": "; Instron\n% 2020\ntravel [mm]   force [N]\n" + "".join(f"{r}  {8 * r}\n" for r in R),
-    "a commented header": "# x f\n" + "".join(f"{r / 1000:g} {8 * r:g}\n" for r in R),
+    "a commented header": "# x[m] f[N]\n" + "".join(f"{r / 1000:g} {8 * r:g}\n" for r in R),
     "a setpoint, and times named after the columns": (
         "Travel time [s];Load time [s];Travel [mm];Force setpoint [N];Force [N]\n"
         + "".join(f"{i};{i};{r};0;{8 * r}\n" for i, r in enumerate(R))
@@ -53,15 +54,15 @@ def test_files_of_test_machines(name, encoding, tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("r,f\n0,5,1,5\n1,5,2,5\n", "4 cells, the header 2: separate the columns by ; or tab"),
-        ("r;f\n0;1.000,5\n1;2.000,5\n", "mixes decimal commas with points"),
-        ("load cell displacement\n1 2\n2 3\n", "2 cells, the header 3"),
-        ("r [furlong],f\n0,1\n1,2\n", "unknown unit 'furlong'"),
+        ("r [mm],f [N]\n0,5,1,5\n1,5,2,5\n", "4 cells, the header 2: separate the columns by ; or tab"),
+        ("r;f\nmm;N\n0;1.000,5\n1;2.0,5\n", "row 4: '1;2.0,5' mixes decimal commas with points"),
+        ("load [N] cell displacement [mm]\n1 2\n2 3\n", "2 cells, the header 3"),
+        ("r [furlong],f [N]\n0,1\n1,2\n", "unknown unit 'furlong'"),
         ("r;f\nmm;tons\n0;1\n", "unknown unit 'tons'"),
-        ("r;f\n-1;-1,234\n0;0\n1;1,234\n2;2,468\n", "decimals or thousands"),
-        ("r;f\n-1;-1,234\n0;0.5\n", "row 3: '0;0.5' mixes decimal commas with points"),
-        ("r;f\n0;0\n1;nan\n", "row 3: '1;nan' does not hold two finite numbers"),
-        ("Extension;Compressive force\n0;0\n", "'Extension' and 'Compressive force' count opposite ways"),
+        ("r;f\nmm;N\n-1;-1,234\n0;0\n1;1,234\n2;2,468\n", "decimals or thousands"),
+        ("r;f\nmm;N\n-1;-1,234\n0;0.5\n", "row 4: '0;0.5' mixes decimal commas with points"),
+        ("r;f\nmm;N\n0;0\n1;nan\n", "row 4: '1;nan' does not hold two finite numbers"),
+        ("Extension;Compressive force\nmm;N\n0;0\n", "'Extension' and 'Compressive force' count opposite ways"),
     ],
 )
 def test_files_that_cannot_be_meant(text, message, tmp_path):

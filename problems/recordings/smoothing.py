@@ -1,26 +1,16 @@
-"""Measured rows to a smooth curve: branches of a loop, repeated extensions, noise."""
+"""Measured rows to a smooth curve: noise, exact rows, and drift."""
 
 from math import comb, factorial
 from typing import NamedTuple
 
 import numpy as np
 
-from orbits.errors import InputError, one_of
+from .measured_rows import FEWEST_ROWS, MeasuredRows
 
-from .measured import FEWEST_ROWS
-
-BRANCH_NAMES = ("loading", "unloading", "mean")
-# The fewest rows on each branch of a detected loop.
-FEWEST_ON_BRANCH = 3
 # Each row between which a spline runs ends an integration step: more would cost minutes and add no digit.
 MOST_ROWS = 500
 # Smooth curves are found from at most this number of means of neighbouring rows, by eigendecompositions.
 MOST_MEANS = 256
-# An extension that comes back by this share of its range has turned.
-TURN = 0.02
-# Rows on the way up and on the way down differ where their mean difference is this many times its standard error and
-# this share of the forces' range; a narrower loop is noise.
-LOOP_SIGNIFICANCE, LOOP_WIDTH = 6.0, 5e-3
 # A curve with more degrees of freedom than this share of the rows follows them. Rows are noisy where such curves have
 # less than the second share of the probability; noise below the last share of the range is rounding.
 FREEDOM, DOUBT, EXACT_ROWS = 0.8, 0.05, 1e-9
@@ -34,8 +24,6 @@ POLYNOMIAL_TERMS, AMPLITUDES, UNRESOLVED = 4, np.geomspace(1e-2, 1e14, 81), 3
 SMALL_NOISE = 1e-4
 # Amplitudes with a smaller weight, and changes of a smaller share of the largest variance, add nothing.
 SMALLEST_WEIGHT, LEAST_VARIANCE = 1e-4, 1e-9
-# Extensions that differ by this share of their range or less are the same.
-SAME_EXTENSION = 1e-9
 # Below this number of rows noise and shape cannot be distinguished.
 FEWEST_NOISY = 12
 # The number of nodes of a smoothed curve per degree of freedom, with its bounds, and of places per node from which its
@@ -43,21 +31,6 @@ FEWEST_NOISY = 12
 NODES_PER_FREEDOM, NODES, PLACES_PER_NODE = 2, (16, 128), 8
 # The number of places at which the spread of curves is computed, twice that of their nodes, has these bounds.
 PLACES = (48, 200)
-
-
-class MeasuredRows(NamedTuple):
-    """Ascending, different extensions (n,) and the mean force (n,) of the rows at each.
-
-    weights : (n,), of how many different rows each force is the mean; copies of a row count as one
-    squares : sum of the squared differences of rows from the mean at their extension
-    spare : how many differences of these are independent, the number of repeated rows that are no copies
-    """
-
-    extensions: np.ndarray
-    forces: np.ndarray
-    weights: np.ndarray
-    squares: float
-    spare: int
 
 
 class SmoothCurve(NamedTuple):
@@ -79,70 +52,6 @@ class SmoothCurve(NamedTuple):
     changes: np.ndarray
     deviations: np.ndarray | None
     note: str
-
-
-def branch_of(r: np.ndarray, force: np.ndarray, sense: float, branch: str | None, label: str) -> MeasuredRows:
-    """The rows on a branch of a loop: "loading", where the travel grows, "unloading", or "mean", half way between both.
-
-    sense : -1.0 where the travel is a compression
-    Raises `InputError` for a loop without a named branch, and for a branch of too few rows.
-    """
-    if branch is not None:
-        one_of("branch", branch, BRANCH_NAMES)
-    direction = _directions(r)
-    if branch in ("loading", "unloading"):
-        # A table of one side alone is loaded away from rest, whichever sign it gives that side.
-        travel = sense * r
-        away = -1.0 if travel.max(initial=0.0) <= TURN * np.ptp(travel) else 1.0
-        on = direction * sense * away == (1 if branch == "loading" else -1)
-        if np.count_nonzero(on) < FEWEST_ROWS:
-            found = f"{np.count_nonzero(on)} rows on the branch '{branch}'"
-            raise InputError(f"{label}: {found}; a table needs {FEWEST_ROWS}")
-        return _rows(r[on], force[on], label)
-    up, down = ((r[direction == side], force[direction == side]) for side in (1, -1))
-    if branch == "mean" and min(len(up[0]), len(down[0])) >= FEWEST_ROWS:
-        return _mean(_rows(*up, label), _rows(*down, label), label)
-    width = _loop_width(up, down)
-    if branch is None and abs(width) > LOOP_WIDTH * np.ptp(force):
-        named = 'name one, branch="loading" or branch="unloading", or both, branch="mean"'
-        raise InputError(
-            f"{label} is a loop: loading and unloading differ by {abs(width):.3g}, "
-            f"{100 * abs(width) / np.ptp(force):.2g}% of the forces' range; {named} (table:FILE?branch=loading)"
-        )
-    return _rows(r, force, label)
-
-
-def _rows(r: np.ndarray, force: np.ndarray, label: str) -> MeasuredRows:
-    """Measured rows (N,) in order; raises `InputError` where no law goes through them."""
-    order = np.argsort(r, kind="stable")
-    r, force = r[order], force[order]
-    place = np.cumsum(np.diff(r, prepend=r[:1]) > SAME_EXTENSION * np.ptp(r)) if len(r) else np.zeros(0, int)
-    counts = np.bincount(place)
-    lowest, highest = np.full(len(counts), np.inf), np.full(len(counts), -np.inf)
-    np.minimum.at(lowest, place, force)
-    np.maximum.at(highest, place, force)
-    if len(counts) < FEWEST_ROWS:
-        raise InputError(f"{label}: {len(counts)} different extensions; a table needs at least {FEWEST_ROWS}")
-    means = np.bincount(place, force) / counts
-    squares = float(np.sum((force - means[place]) ** 2))
-    # Rows of one force to the last bit are copies, or too coarse to show their noise: they count as one measurement.
-    measured = np.where(lowest == highest, 1, counts)
-    spare = int(measured.sum()) - len(counts)
-    return MeasuredRows(np.bincount(place, r) / counts, means, measured.astype(float), squares, spare)
-
-
-def _mean(up: MeasuredRows, down: MeasuredRows, label: str) -> MeasuredRows:
-    """Half way between two branches, at the extensions of that with fewer, where there is the other one too."""
-    own, other = sorted((up, down), key=lambda rows: len(rows.extensions))
-    inside = (own.extensions >= other.extensions[0]) & (own.extensions <= other.extensions[-1])
-    if np.count_nonzero(inside) < FEWEST_ROWS:
-        raise InputError(f"{label}: loading and unloading have few extensions in common; a table needs {FEWEST_ROWS}")
-    r = own.extensions[inside]
-    force, count = (np.interp(r, other.extensions, column) for column in (other.forces, other.weights))
-    weights = 4 / (1 / own.weights[inside] + 1 / count)  # the variance of a mean of two means
-    return MeasuredRows(
-        r, (own.forces[inside] + force) / 2, weights, own.squares + other.squares, own.spare + other.spare
-    )
 
 
 def curve_of(rows: MeasuredRows, noise: float | None) -> SmoothCurve:
@@ -167,6 +76,12 @@ def curve_of(rows: MeasuredRows, noise: float | None) -> SmoothCurve:
         note = f"noise not distinguishable from the law, {curves.sigma:.2g} or less"
         return _through(rows, note, per_unit=True, curves=curves)
     return curves.mean(f"{rows.weights.sum():.0f} rows smoothed, noise {curves.sigma:.3g}", noise)
+
+
+def with_drifts(curve: SmoothCurve, r: np.ndarray, drifts: np.ndarray) -> SmoothCurve:
+    """A curve whose changes have drifts (k, n) at extensions (n,) too."""
+    more = [np.interp(curve.places, r, drift) for drift in drifts]
+    return curve._replace(changes=np.vstack([curve.changes, *more]))
 
 
 def _through(
@@ -318,44 +233,3 @@ def _wiener(order: int, s: np.ndarray, t: np.ndarray) -> np.ndarray:
         total = total * apart + comb(order - 1, j) / (order + j) * power
         power = power * first
     return total * first**order / factorial(order - 1) ** 2
-
-
-def _directions(r: np.ndarray) -> np.ndarray:
-    """For each row (n,) whether the extension is on its way up, 1, or down, -1; small wobbles do not turn it."""
-    directions, room = np.ones(len(r), int), TURN * np.ptp(r)
-    direction, extreme, turned = 0, 0, 0  # the way, and the rows of its farthest extension and of its beginning
-    low = high = 0
-    values = r.tolist()
-    for i, value in enumerate(values):
-        if direction == 0:
-            low, high = (i if value < values[low] else low), (i if value > values[high] else high)
-            if values[high] - values[low] > room:
-                direction, extreme = (1, high) if high > low else (-1, low)
-        elif direction * (value - values[extreme]) > 0:
-            extreme = i
-        elif direction * (values[extreme] - value) > room:
-            directions[turned : extreme + 1] = direction
-            direction, turned, extreme = -direction, extreme + 1, i
-    directions[turned:] = direction or 1
-    return directions
-
-
-def _loop_width(up: tuple[np.ndarray, np.ndarray], down: tuple[np.ndarray, np.ndarray]) -> float:
-    """The mean force of rows on the way up less that on the way down at the same extension; 0 where it is none."""
-
-    def above(branch, other):
-        order = np.argsort(branch[0], kind="stable")
-        inside = (other[0] >= branch[0].min()) & (other[0] <= branch[0].max())
-        return np.interp(other[0][inside], branch[0][order], branch[1][order]) - other[1][inside]
-
-    if min(len(up[0]), len(down[0])) < FEWEST_ON_BRANCH:
-        return 0.0
-    # Both ways round, the errors of straight lines between the rows of a curved law cancel.
-    a, b = above(up, down), -above(down, up)
-    widths = np.r_[a, b]
-    if len(widths) < 2 * FEWEST_ON_BRANCH:
-        return 0.0
-    # A loop may be wide on one side and narrow on the other: noise is no more than neighbouring widths differ by.
-    spread = min(widths.std(), np.r_[np.diff(a), np.diff(b)].std() / np.sqrt(2))
-    mean = float(widths.mean())
-    return mean if abs(mean) > LOOP_SIGNIFICANCE * spread / np.sqrt(len(widths)) else 0.0

@@ -40,7 +40,9 @@ class TestLoop:
     def test_is_split_when_asked(self, branch, off):
         law = springs.table((self.TRAVEL, self.FORCE), branch=branch)
         assert law(2.0) == pytest.approx(2 + 0.02 * 8 + off, abs=1e-5)
-        assert law.text == f"table:table ({branch}, noise not known, rows smooth to rounding)"
+        rows = {"loading": "rows 1 to 200 of 400, ", "unloading": "rows 201 to 400 of 400, ", "mean": ""}[branch]
+        which = f"{rows}cycle 1 of 1, " if rows else ""
+        assert law.text == f"table:table ({which}{branch}, noise not known, rows smooth to rounding)"
 
     @pytest.mark.parametrize("column", ["extension", "compression", "negative extension"])
     def test_loading_is_where_the_travel_grows(self, column, tmp_path):

@@ -1,11 +1,11 @@
-"""The rows of a measured spring from a file, a data frame or two sequences."""
+"""The record of a test stand from a file, a data frame or two sequences."""
 
 import numpy as np
 import pytest
 
 from orbits import InputError
 from problems import springs
-from problems.laws.rows import measured_columns
+from problems.recordings.bench_record import read_record
 
 R = np.linspace(-6.0, 5.0, 60)
 FORCE = R + 0.05 * R**3
@@ -28,9 +28,9 @@ class TestDataFrame:
         assert "DataFrame" in framed.text
 
     def test_may_have_the_extension_as_its_index(self, frame):
-        r, force, sense, _ = measured_columns(frame.set_index("deflection [mm]"), in_si=True)
-        assert r.tolist() == (0.001 * R).tolist()
-        assert (force.tolist(), sense) == (FORCE.tolist(), 1.0)
+        record = read_record(frame.set_index("deflection [mm]"), in_si=True)
+        assert record.extensions.tolist() == (0.001 * R).tolist()
+        assert (record.forces.tolist(), record.sense) == (FORCE.tolist(), 1.0)
 
     def test_is_fitted(self, frame):
         found = springs.fit(frame, "k*r + b*r**3", in_si=True)
@@ -38,7 +38,7 @@ class TestDataFrame:
 
     def test_of_compression(self, frame):
         turned = frame.rename(columns={"deflection [mm]": "compression [mm]"})
-        assert measured_columns(turned, in_si=True)[2] == -1.0
+        assert read_record(turned, in_si=True).sense == -1.0
 
     @pytest.mark.parametrize(
         ("columns", "message"),
@@ -58,7 +58,29 @@ class TestDataFrame:
 
 
 def test_two_sequences_are_two_columns():
-    r, force, sense, label = measured_columns((R, FORCE), in_si=False)
-    assert (r.tolist(), force.tolist(), sense, label) == (R.tolist(), FORCE.tolist(), 1.0, "table")
+    record = read_record((R, FORCE), in_si=False)
+    assert (record.extensions.tolist(), record.forces.tolist()) == (R.tolist(), FORCE.tolist())
+    assert (record.sense, record.name, record.columns, record.units) == (1.0, "table", "", ("", ""))
     with pytest.raises(InputError, match="two sequences of numbers"):
-        measured_columns(5, in_si=False)
+        read_record(5, in_si=False)
+
+
+def test_two_sequences_in_stated_units():
+    record = read_record((1e3 * R, 1e-3 * FORCE), True, units=("mm", "kN"))
+    assert (record.extensions, record.forces) == (pytest.approx(R), pytest.approx(FORCE))
+    assert (record.columns, record.units) == ("extension in mm and force in kN", ("m", "N"))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"units": ("mm", "N")}, "state in_si=True too"),
+        ({"in_si": True, "units": "mm"}, "it is two, that of extension and that of force"),
+        ({"in_si": True, "units": ("mm", "N m")}, "mm and N m belong to two kinds of springs"),
+        ({"columns": ("a", "b")}, "two sequences have none"),
+        ({"columns": (0, True)}, "it is two"),
+    ],
+)
+def test_options_that_cannot_be(options, message):
+    with pytest.raises(InputError, match=message):
+        read_record((R, FORCE), **{"in_si": False, **options})

@@ -1,0 +1,1 @@
+"""Records of test stands: their columns and rows, their cycles and branches, and the smooth curves through these."""
