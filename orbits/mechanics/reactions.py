@@ -53,6 +53,7 @@ class Reactions(NamedTuple):
     handed : the speeds after a step forward and after one back, per speed before; None without hand-overs
     travel : (1, n), the speed of the centre of mass along the ground per speed; None where nothing sticks
     weight : (1, 1), that of the machine on the ground; None where nothing sticks
+    across : (1, 1), the place of the centre of mass along the ground
     """
 
     flight: _Reaction
@@ -61,6 +62,7 @@ class Reactions(NamedTuple):
     handed: tuple[tuple[SignedShift, Coefficients], ...] | None
     travel: Coefficients | None = None
     weight: Coefficients | None = None
+    across: Coefficients | None = None
 
     def watch(self, mechanics: Mechanics, contact: bool) -> dict[str, Callable]:
         """The forces in flight, or in contact, as `Phase.watch` has them."""
@@ -94,7 +96,8 @@ class Reactions(NamedTuple):
         forward, back = (_taken_over(*each) for each in self.handed) if self.handed else (None, None)
         travel = self.travel and (lambda x, p: weighted_sum(self.travel(p, x[::2])[0], x[1::2]))
         weight = self.weight and (lambda p: self.weight(p, [])[0][0])
-        return Planar(not self.flight.vanish[0], limit, forward, back, travel, weight)
+        across = self.across and (lambda x, p: self.across(p, x[::2])[0][0])
+        return Planar(not self.flight.vanish[0], limit, forward, back, travel, weight, across)
 
 
 def _taken_over(label: SignedShift, speeds: Coefficients) -> Callable:
@@ -143,6 +146,7 @@ def reactions_of(
         _reaction(m, in_contact, inside(bent), inside, gap.s, rates), friction,
         _handed(m, masses, stated_inertia(c, inertia), steps) if steps and steps.row else None, travel,
         c.coefficients(heavy, c.symbols()) if gap.sticks else None,
+        c.coefficients(sums[1] / total, c.symbols(c.y)),
     )  # fmt: skip
 
 

@@ -389,6 +389,13 @@ class Model:
         """Whether its speed alone fixes a launch; in mid-contact `mid_contact` then first vanishes again."""
         return len(self.launch_unknowns) == 2 and not self.sticks
 
+    @property
+    def moves_on(self) -> bool:
+        """Whether each landing takes the machine on along the ground, by a foot that sticks or a next one that is no
+        mirror image of the last."""
+        steps = self.planar is not None and not self.plain and min(self.relabelling.signs) > 0
+        return bool(self.sticks) or steps
+
 
 def names_of_holding(sticks: Iterable[str]) -> list[str]:
     """The names of the forces on coordinates that stick: "holding force", of several with the name of each."""

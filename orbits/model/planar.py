@@ -20,6 +20,8 @@ class Planar:
     handed_back : the same of a landing of the point that opened last, which leads a step back
     travel : (x, p) -> the speed of the centre of mass along the ground in the flight state x; None where nothing sticks
     weight : p -> that of the machine on the ground; None where nothing sticks
+    across : (x, p) -> the place of the centre of mass along the ground in the flight state x, counted from where the
+        machine stands
     """
 
     stands: bool
@@ -28,3 +30,4 @@ class Planar:
     handed_back: Callable | None = None
     travel: Callable | None = None
     weight: Callable | None = None
+    across: Callable | None = None

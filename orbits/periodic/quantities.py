@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..laws.law import Scalars
 from ..model.model import STEP_LENGTH, Model
 from ..records import NONE, Records, numbers_or_nan
 from ..shooting.formulations import Cycles
@@ -52,14 +53,36 @@ def speed_in_flight(model: Model, u: Mapping, p: Mapping) -> Any:
     return model.planar.travel(model.launch(u, p), p)
 
 
+def _step(model: Model, cycles: Cycles) -> np.ndarray:
+    """The steps (m,): without a foot that sticks, by how much the foot that lands is ahead of the one that stood."""
+    if model.sticks:
+        return cycles.p[STEP_LENGTH]
+    landed = model.reversal.image(model.launch(cycles.u, cycles.p), cycles.p)
+    return _centre_across(model, cycles, landed) - _centre_across(
+        model, cycles, model.relabelling.image(landed, cycles.p)
+    )
+
+
 def _speed(model: Model, cycles: Cycles) -> np.ndarray:
-    return np.broadcast_to(speed_in_flight(model, cycles.u, cycles.p), len(cycles))
+    """The mean speeds (m,) of the centre of mass along the ground in flight, which are constant above a free foot."""
+    if model.sticks:
+        return np.broadcast_to(speed_in_flight(model, cycles.u, cycles.p), len(cycles))
+    launched = model.launch(cycles.u, cycles.p)
+    landed = model.reversal.image(launched, cycles.p)
+    return (_centre_across(model, cycles, landed) - _centre_across(model, cycles, launched)) / cycles.flight_times
+
+
+def _centre_across(model: Model, cycles: Cycles, x: Scalars) -> np.ndarray:
+    """The places (m,) of the centre of mass along the ground in flight states."""
+    assert model.planar is not None
+    assert model.planar.across is not None
+    return np.broadcast_to(model.planar.across(x, cycles.p), len(cycles))
 
 
 def _mean_speed(model: Model, cycles: Cycles) -> np.ndarray:
     """The steps (m,) over the periods."""
     contacts = cycles.contact_times
-    return np.where(contacts == NONE, NONE, cycles.p[STEP_LENGTH] / (cycles.flight_times + contacts))
+    return np.where(contacts == NONE, NONE, _step(model, cycles) / (cycles.flight_times + contacts))
 
 
 # In the order of every table; there is one of the "rises" for each height of the machine.
@@ -95,9 +118,9 @@ QUANTITIES: dict[str, OrbitQuantity] = {
 }
 # Those of machines that move on along the ground with each landing, whose lossless motions have no cost of transport.
 OF_RUNS: dict[str, OrbitQuantity] = {
-    "step": OrbitQuantity(lambda model, cycles: cycles.p[STEP_LENGTH], "step", "step"),
-    "speed": OrbitQuantity(lambda model, cycles: _speed(model, cycles), "speed in flight", "speed"),
-    "mean_speed": OrbitQuantity(lambda model, cycles: _mean_speed(model, cycles), "mean speed", "mean_speed"),
+    "step": OrbitQuantity(_step, "step", "step"),
+    "speed": OrbitQuantity(_speed, "speed in flight", "speed"),
+    "mean_speed": OrbitQuantity(_mean_speed, "mean speed", "mean_speed"),
 }
 PLANAR = tuple(name for name, each in QUANTITIES.items() if each.planar)
 OF_CERTIFICATE = tuple(name for name in QUANTITIES if name in Certificate.__dataclass_fields__)
@@ -122,12 +145,12 @@ def motion_numbers(model: Model, cycles: Cycles) -> dict[str, np.ndarray]:
 
 def run_numbers(model: Model, cycles: Cycles) -> dict[str, np.ndarray]:
     """The step and the speed (m,) of cycles of a machine that moves on along the ground by name, none of another."""
-    return {name: of(model, cycles) for name in ("step", "speed") if model.sticks and (of := OF_RUNS[name].of)}
+    return {name: of(model, cycles) for name in ("step", "speed") if model.moves_on and (of := OF_RUNS[name].of)}
 
 
 def names_of_many(model: Model) -> tuple[str, ...]:
     """The names of the quantities of a model's orbits that are computed for many together, besides the rises."""
-    return (*OF_MANY, *(OF_RUNS if model.sticks else ()))
+    return (*OF_MANY, *(OF_RUNS if model.moves_on else ()))
 
 
 def numbers_of(

@@ -223,6 +223,15 @@ def test_a_launch_that_turns_a_block_over_has_no_next_one():
         multiplier(block, alpha)
 
 
+def test_a_wheel_moves_on_by_the_distance_of_two_spokes():
+    orbit = find(rimless_wheel(2.0, 0.4, 8, 0.4, 0.4, 20.0))
+    assert orbit.step == pytest.approx(2 * 0.4 * np.sin(np.pi / 8), rel=1e-14)
+    assert orbit.mean_speed == pytest.approx(orbit.step / orbit.period, rel=1e-14)
+    assert orbit.speed == pytest.approx(orbit.step / orbit.flight_time, rel=1e-13)  # with two spokes down it stands
+    assert find(rimless_wheel(angle=0.3)).step == pytest.approx(2 * np.sin(0.3), rel=1e-14)
+    assert find(rocking_block()).step is None
+
+
 def test_messages_and_rows_in_si_are_of_angles_and_torques():
     orbit = find(rimless_wheel(2.0, 0.4, 8, 0.5, 6.0, 1.0), 2)
     assert "the front foot touches in flight at t = 3.64" in orbit.violations[0]
