@@ -14,6 +14,7 @@ from ..numerics.roots import Array, solve
 from ..shooting.newton_kernel import MOST_NEWTON_STEPS, Solutions
 from ..shooting.single_shooting import STALLED_RATIO, Evaluation, settles
 from .curve import Curve, CurvePoint, CurvePoints, StepEnd
+from .curve_corners import AWAY_FROM_CORNER, CurveCorner
 
 # Points of the curve that the predictor uses for a step; and how far the predicted place may be from the tangent, as a
 # share of the step: a curve that is farther from there turns by some 60 degrees.
@@ -107,14 +108,14 @@ def _onward(curve: Curve, xs: Array, directions: Array, before: Array) -> Array:
 
 
 def predict_and_correct(
-    curve: Curve, ends: Sequence[CurvePoint | StepEnd], length: float, value: float | None = None
+    curve: Curve, ends: Sequence[CurvePoint | StepEnd], length: float, to: float | CurveCorner | None = None
 ) -> tuple[StepEnd, Array, int]:
-    """A step of length `length` from the last of some points, or of about that length to a `value` of the parameter:
-    its end, its prediction (n + 1,), and the number of points that the predictor uses. Raises `NoOrbit`."""
+    """A step of length `length` from the last of some points, or of about that length `to` a value of the parameter or
+    to just before a corner: its end, its prediction (n + 1,), and the number of points that the predictor uses. Raises
+    `NoOrbit`."""
     last = ends[-1]
     row = last.tangent / curve.size(last.x) ** 2
     level = np.array([row @ last.x + length])
-    closing, target = (row, level[0]) if value is None else (np.eye(len(row))[-1], value)
     xs, tangents = np.array([point.x for point in ends]), np.array([point.tangent for point in ends])
     tangents = curve.steady(xs, tangents)
     places = np.array([len(ends)]), MEMORY, 0, row[None], level
@@ -122,9 +123,25 @@ def predict_and_correct(
     straight = last.x + length * last.tangent
     if not np.linalg.norm((guess - straight) / curve.size(last.x)) <= MOST_BENT * length:
         raise NoOrbit(f"the points before do not predict the curve over a step of {length:.1e}")
+    if isinstance(to, CurveCorner):
+        closing, target = to.border(guess, -AWAY_FROM_CORNER)
+    else:
+        closing, target = (row, float(level[0])) if to is None else (np.eye(len(row))[-1], to)
     guess += last.tangent * (target - closing @ guess) / (closing @ last.tangent)
+    found = _end_of_step(curve, guess, closing, target, last.tangent)
+    steps = MOST_NEWTON_STEPS
+    while isinstance(to, CurveCorner) and steps:  # the place of lift-off bends along the curve
+        closing, target = to.border(found.x, -AWAY_FROM_CORNER)
+        if abs(target - closing @ found.x) < 0.5 * AWAY_FROM_CORNER * abs(to.rate):
+            break
+        found, steps = _end_of_step(curve, found.x, closing, target, last.tangent), steps - 1
+    return found, guess, rests
+
+
+def _end_of_step(curve: Curve, guess: Array, closing: Array, target: float, before: Array) -> StepEnd:
+    """The curve near a guess (n + 1,) at a level of a row (n + 1,), with a tangent onward from `before` (n + 1,)."""
     # The second Newton step makes the tangent, from which the next points are predicted, as exact as the point.
     targets = closing[None], np.array([target])
     _, xs, directions, growths, _ = _solutions(curve, guess[None], *targets, least=2, with_motions=False)
-    (tangent,) = _onward(curve, xs, directions, last.tangent[None])
-    return StepEnd(xs[0], tangent, float(growths[0]), closing), guess, rests
+    (tangent,) = _onward(curve, xs, directions, before[None])
+    return StepEnd(xs[0], tangent, float(growths[0]), closing)

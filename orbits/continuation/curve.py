@@ -38,6 +38,7 @@ from ..shooting.node_places import growths_along, steady_tangents
 from ..shooting.single_shooting import Evaluation, joined
 from ..simulation.lossless_hops import LosslessHops
 from ..units import Units
+from .curve_corners import CurveCorners
 from .point import RESERVED_NAMES, Point, point_in_units
 
 # A point is at a fold where the tangent's component along the parameter is a smaller share than this. The value of the
@@ -331,6 +332,11 @@ class Curve:
     def evaluate_exactly(self, xs: np.ndarray, known: Evaluation) -> Evaluation:
         """The equations at solved points (m, n + 1), beside others where they are `known`."""
         return self.evaluate_beside(xs, known)
+
+    @property
+    def corners(self) -> CurveCorners | None:
+        """The corners of the curve; None where they are not passed."""
+        return CurveCorners(self.equations, self.along, self.parameters_at, self.size)
 
     @cached_property
     def hops(self) -> LosslessHops:

@@ -47,6 +47,7 @@ from .tuned_curve import values_of
 NOT_FOLLOWED = {
     "branch point": "two equations hold at it, so that it is isolated in two parameters; where a symmetry holds one of "
     "them, follow_branch_points follows it",
+    "corner": "the equations have other derivatives on its two sides",
     "law ends": "beyond it there is no motion on one side of which its equation could be solved",
     "family": "the number of a family is counted, and is no equation",
     "value": "the parameter has one value on it: follow(machine, second) goes along it",

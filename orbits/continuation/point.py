@@ -110,9 +110,9 @@ def point_in_units(point: Point, units: Units | None) -> Point:
 class Event:
     """An event on the curve, located to the corrector's tolerance.
 
-    kind : "fold", "branch point", "grazing", "masses touch", "contact pulls", "landing jerk", "collapse", "law ends",
-        "foot lifts", "foot slides", "family", "multiplier 1", "flip", "Neimark-Sacker", "value" (of the parameter, in
-        `at`), or the name of a function of `watch`
+    kind : "fold", "branch point", "corner", "grazing", "masses touch", "contact pulls", "landing jerk", "collapse",
+        "law ends", "foot lifts", "foot slides", "family", "multiplier 1", "flip", "Neimark-Sacker", "value" (of the
+        parameter, in `at`), or the name of a function of `watch`
     point : the orbit at the event
     after : index of the last point before the event; for "value", of the point itself
     """

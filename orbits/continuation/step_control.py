@@ -17,9 +17,10 @@ from ..shooting.division import LARGEST_ARC_GROWTH, MOST_GROWTH
 from ..simulation.lossless_hops import CROSSINGS
 from .corrector import MEMORY, correct, correct_all, predict_and_correct
 from .curve import TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints, StepEnd, Watch, interpolated
+from .curve_corners import AWAY_FROM_CORNER, CurveCorner
 
 # Events that are not among `TEST_FUNCTIONS`. The functions of a user cannot have these names.
-OTHER_EVENTS = ("fold", "branch point", "family", "value", *CROSSINGS)
+OTHER_EVENTS = ("fold", "branch point", "corner", "family", "value", *CROSSINGS)
 # The largest step is at least this many times as long as the shortest, so that step-size control has some range.
 LEAST_PLAY = 10
 Points = Sequence[CurvePoint | StepEnd]
@@ -159,7 +160,12 @@ class Stepper:
             new.append(end)
             inside = self.bounds[0] < end.value < self.bounds[1]
             folds = end.tangent[-1] * (new[-2] if len(new) > 1 else ends[-1]).tangent[-1] < 0
-            if not inside or folds or end.amplification > min(LARGEST_ARC_GROWTH, self.control.largest_amplification):
+            if (
+                not inside
+                or folds
+                or self._corner(end, 2 * AWAY_FROM_CORNER)
+                or end.amplification > min(LARGEST_ARC_GROWTH, self.control.largest_amplification)
+            ):
                 break
         return new, length, None
 
@@ -171,6 +177,8 @@ class Stepper:
         while length > self.control.shortest_step:
             left = (bound - ends[-1].value) / rate if rate else np.inf
             try:
+                if corner := self._corner(ends[-1], min(length, left) if left > 0 else length):
+                    return self._accepted(ends, length, corner.left, alone, corner)
                 if 0 < left <= length:
                     try:
                         return self._accepted(ends, length, left, alone, bound)
@@ -184,11 +192,20 @@ class Stepper:
         except OrbitsError:
             raise failure from None
 
-    def _accepted(self, ends: Points, planned: float, length: float, alone: bool, value: float | None = None):
-        """The end of a step of length `length`, or of about that length to a value of the parameter, and the length of
-        the next; `planned` is the length that step-size control allowed. Raises `NoOrbit` for a rejected step."""
+    def _corner(self, point: CurvePoint | StepEnd, longest: float) -> CurveCorner | None:
+        """The next corner of the curve within a length of a point."""
+        return self.curve.corners.ahead(point.x, point.tangent, longest) if self.curve.corners else None
+
+    def _accepted(
+        self, ends: Points, planned: float, length: float, alone: bool, to: float | CurveCorner | None = None
+    ):
+        """The end of a step of length `length`, or of about that length to a value of the parameter or to a corner, and
+        the length of the next; `planned` is the length that step-size control allowed. Raises `NoOrbit` for a rejected
+        step."""
         control = self.control
-        end, guess, rests = predict_and_correct(self.curve, ends, length, value)
+        end, guess, rests = predict_and_correct(self.curve, ends, length, to)
+        if self.curve.corners and self.curve.corners.between(ends[-1].x, end.x):
+            raise NoOrbit("the step passes a corner of the curve")
         moved = self._correction(ends[-1], end.x[None], end.tangent[None], guess[None], np.array([length]))
         parts = max(2, int(np.ceil(length / self.longest)))
         end = end._replace(length=length / parts, parts=parts)

@@ -5,6 +5,7 @@ points, `events` locates the events between them, `limits` tests for the end, an
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import chain
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ from ..shooting.division import DIVIDED_GROWTH, LARGEST_ARC_GROWTH
 from ..units import Message
 from .corrector import MEMORY, correct
 from .curve import Curve, CurvePoint, CurvePoints, StepEnd
+from .curve_corners import AWAY_FROM_CORNER, CurveCorner
 from .events import CrossingSegment, Segment
 from .limits import Endings
 from .point import End, Event
@@ -72,6 +74,13 @@ class Tracer:
         length = min(self.control.first_step, options.longest)
         self._state = TracerState(first, (first,), length, min(self._largest_batch(first), options.most))
         self._batch: Batch | None = None
+        self._first_events: Sequence[Event] = ()
+        if passed := self._beyond_first(first):
+            located, beyond = passed
+            first = curve.certify(first)
+            self._state = self._state._replace(last=beyond, ends=(beyond,))
+            # A family that begins at a corner does not pass it. One that is resumed before it does.
+            self._first_events = [Event("corner", 0, located.point)] if earlier else []
         if first.certified is None:  # the first point is certified in one call with the points that follow it
             try:
                 batch = self._next_batch(self._state)
@@ -97,6 +106,7 @@ class Tracer:
         history = [(point.alpha, point.value) for point in (*self.earlier, self.first.point)]
         way = [(point.u, point.tangent) for point in (*self.earlier, self.first.point)]
         yield self.first
+        yield from self._first_events
         if options.stop_inadmissible and not self.first.point.admissible:
             yield End("stopped", f"no motion to begin with: {self.curve.in_units(self.first.point).violations[0]}")
             return
@@ -138,16 +148,62 @@ class Tracer:
                             yield self.endings.lost(error, last, history)
                             return
                         if divided:
-                            last, short = divided, min(control.first_step, options.longest)
-                            batch, ends = Batch((), None, None, short, whole=False), [last]
+                            last = divided
+                            batch, ends = self._batch_from_here, [last]
                             break
                 ends += [point] if point.parts else []
+            located, last, batch = self._passed_corner(last, batch)
+            if located:
+                yield Event("corner", index, located.point)
+                ends = [last]
             state = self._after(state._replace(last=last, before=index), batch, ends)
             gives_up = state.length <= control.shortest_step or state.rejections > control.most_rejections
             if (why := batch.rejection or batch.failure) and (batch.failure or gives_up):
                 yield self.endings.lost(why, last, history)
                 return
             batch = None
+
+    def _passed_corner(self, last: CurvePoint, batch: Batch) -> tuple[CurvePoint | None, CurvePoint, Batch]:
+        """The corner of the curve at which a batch ends with its last point, None without one; the point from which the
+        run goes on, just beyond the corner; and the batch, which has no further rejections then."""
+        corner = self._corner(last) if len(batch.certified) else None
+        if corner is None:
+            return None, last, batch
+        try:
+            located, beyond = self._beyond(last, corner)
+        except OrbitsError as error:
+            return None, last, batch._replace(failure=error)
+        return located, beyond, self._batch_from_here
+
+    @property
+    def _batch_from_here(self) -> Batch:
+        """No points yet, where a run begins anew."""
+        return Batch((), None, None, min(self.control.first_step, self.options.longest), whole=False)
+
+    def _corner(self, point: CurvePoint) -> CurveCorner | None:
+        """The corner of the curve just ahead of a point."""
+        corners = self.curve.corners
+        return corners.ahead(point.x, point.tangent, 2 * AWAY_FROM_CORNER) if corners else None
+
+    def _beyond(self, last: CurvePoint, corner: CurveCorner) -> tuple[CurvePoint, CurvePoint]:
+        """The corner just ahead of a point, and the curve just beyond it, certified."""
+        curve = self.curve
+        at = correct(curve, last.x, *corner.border(last.x, 0.0), last.tangent)
+        row, level = corner.border(at.x, AWAY_FROM_CORNER)
+        outward = curve.size(at.x) ** 2 * row * np.sign(corner.rate)
+        beyond = correct(curve, at.x + outward * (level - row @ at.x) / (row @ outward), row, level, outward)
+        return curve.certify(at), curve.certify(beyond)
+
+    def _beyond_first(self, first: CurvePoint) -> tuple[CurvePoint, CurvePoint] | None:
+        """The corner at the first point and the curve just beyond it, where the run goes; None without one."""
+        back = first._replace(x=first.x - AWAY_FROM_CORNER * first.tangent)
+        if corner := self._corner(back):
+            for each in (corner, replace(corner, rate=-corner.rate)):
+                located, beyond = self._beyond(back, each)
+                # The parameter may turn at a corner that a resumed run passes.
+                if self.earlier or beyond.tangent[-1] * first.tangent[-1] > 0:
+                    return located, beyond
+        return None
 
     def _divided(self, last: CurvePoint) -> CurvePoint | None:
         """The last point on the same curve, whose motions are divided at nodes from now on; None where they can do

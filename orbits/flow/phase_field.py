@@ -179,6 +179,10 @@ class PhaseField:
         """The places of the parameters that the table of pieces depends on."""
         return parameters_of(self._piece_function)
 
+    def breakpoints(self, p: ca.SX) -> ca.SX:
+        """The breakpoints as expressions of the parameters, those at the ends of the range included."""
+        return self._piece_function.function(p)[0]
+
     @cached_property
     def breaks(self) -> int:
         """The number of breakpoints, those at the ends of the range included; 0 for a smooth field."""

@@ -99,6 +99,21 @@ def in_pieces(law: Law, breakpoints: Sequence[float] = ()) -> Law:
     )
 
 
+def switches(function: ca.Function, arguments: Sequence[ca.SX]) -> list[ca.SX]:
+    """The expressions in the arguments of an SX function whose signs decide its comparisons, where it has corners."""
+    values, found = list[ca.SX](), list[ca.SX]()
+    for op, places, constant in single_assignment(function):
+        if op == ca.OP_INPUT:
+            values.append(arguments[places[0]][places[1]])
+        elif op == ca.OP_OUTPUT:
+            values.append(values[places[0]])
+        else:
+            own = [values[place] for place in places]
+            found += [_DECIDED[op][0](*own)] if op in _DECIDED else []
+            values.append(applied(op, own) if constant is None else ca.SX(constant))
+    return found
+
+
 class _Parts:
     """A law taken apart at its comparisons.
 

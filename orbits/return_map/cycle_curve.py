@@ -66,6 +66,8 @@ class CycleCurve:
     Its points X are the unknowns of the hops, launch speeds in the machine's units, and the value of the parameter.
     """
 
+    corners = None  # those of the map are borders of its branches
+
     def __init__(self, launches: LaunchCurve, impacts: tuple[int, ...]):
         assert launches.maps.along is not None
         self.impacts, self.period = impacts, len(impacts)

@@ -84,7 +84,7 @@ class EventPoint:
 class EventEquations(Curve):
     """The curve of one kind of bifurcation of cycles; the last of its unknowns is the parameter `along`."""
 
-    kernel = None
+    kernel = corners = None
     takes_nodes = False
 
     def __init__(

@@ -91,6 +91,7 @@ class LaunchCurve:
     """
 
     kernel = None
+    corners = None  # those of the map are borders of its branches
     row_of_speed = np.array([1.0, 0.0])
 
     def __init__(self, maps: MapsAlong, between: tuple[float, float], period: int):

@@ -42,7 +42,7 @@ PALE = "#cfdbe6"
 # columns are; the width of a letter; and that of an entry without its letters. Axes get wider by the layout.
 BELOW, APART, LETTER, ENTRY, WIDENED = 4.4, 1.4, 0.52, 4.2, 1.15
 MARKERS = {"fold": "o", "branch point": "s", "grazing": "v", "masses touch": "X", "contact pulls": "^"}
-MARKERS |= {"landing jerk": "<", "collapse": "D", "law ends": "d", "family": "*"}
+MARKERS |= {"landing jerk": "<", "collapse": "D", "law ends": "d", "family": "*", "corner": "P"}
 NO_MOTIONS, NO_ORBITS = "no motions", "no orbits"  # entries of legends
 _OFF_SCREEN = ContextVar("off screen", default=False)
 
