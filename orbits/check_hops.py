@@ -10,19 +10,18 @@ until it is shown of each interval that no launch in it comes back, or exactly o
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from functools import reduce
 from itertools import chain, pairwise
 from typing import Any
 
 from flint import arb, arb_mat, ctx
 
 from .check_proof import (
-    FIELDS,
     Bounds,
     Field,
     Machine,
     Passage,
     Tree,
-    Unverified,
     ball,
     bounds_of,
     check,
@@ -31,6 +30,7 @@ from .check_proof import (
     number,
     solved,
 )
+from .check_statement import Unverified, check_printed, decimal
 
 # Bits, halvings to decide a sign, and the most landings of a hop.
 BITS, HALVINGS, MOST_LANDINGS = 100, 24, 4
@@ -38,8 +38,7 @@ BITS, HALVINGS, MOST_LANDINGS = 100, 24, 4
 # that comes back would be on the edge of parts at round shares.
 PARTS, LEAST, STEPS, HALF = 5, Fraction(1, 2**26), 4, Fraction(31, 64)
 MOST_LEFT = Fraction(1, 100)  # the share of the range that may be undecided
-# What the file says of the machine beside what a proof of an orbit does, and its fields that say nothing.
-OF_HOPS = {"injection", "period", "range", "undecided", "liftoff"}
+# The fields of the file that say nothing.
 EMPTY = ("alpha", "flight_time", "contact_time", "radius", "uniqueness_radius", "family", "bounce_side",
          "attraction_radius", "digits")  # fmt: skip
 
@@ -155,7 +154,7 @@ class Leg:
 
 def hulls(rows: Sequence[Sequence[arb]]) -> list[arb]:
     """For each place in rows the least ball that holds the entries there."""
-    return [first.union(*rest) if rest else first for first, *rest in zip(*rows, strict=True)]
+    return [reduce(arb.union, each) for each in zip(*rows, strict=True)]
 
 
 class Hops:
@@ -178,8 +177,8 @@ class Hops:
         if any(slope is not number(0) for of in (heavy, self.share) for slope in self.flight.gradient(of)):
             raise Unverified("this program verifies all hops of machines whose inertia is constant")
         self.along = [each.value for each in along]
-        self.inject, self.low, self.high = (ball(Fraction(text)) for text in (stated["injection"][0], *stated["range"]))
-        self.liftoff = self._liftoff(*map(Fraction, stated["liftoff"]))
+        self.inject, self.low, self.high = (ball(decimal(text)) for text in (stated["injection"][0], *stated["range"]))
+        self.liftoff = self._liftoff(*map(decimal, stated["liftoff"]))
 
     def _states(self, place: arb, rate: arb, half: int) -> list[arb]:
         """States with closed gap of the contact's coordinate and its rate, or, with half = 0, their derivatives."""
@@ -276,14 +275,15 @@ class Hops:
 
 def check_saved(document: Mapping[str, Any]) -> list[str]:
     """Why a saved proof, of an orbit or of all hops, is not verified, in words; empty where all of its theorem is."""
-    return check(document, [check_all_hops] if document.get("kind") == "all hops" else ())
+    of_hops = isinstance(document, dict) and document.get("kind") == "all hops"
+    return check(document, [check_all_hops] if of_hops else ())
 
 
 def check_all_hops(document: Mapping[str, Any]) -> None:
     """See that the launches from which hops of a period come back, all in a range and outside of the undecided
     intervals, are exactly one in each enclosure; raises `Unverified`."""
     stated, said = document["machine"], bounds_of(document["enclosures"])
-    period, low, high = stated["period"], *map(Fraction, stated["range"])
+    period, low, high = stated["period"], *map(decimal, stated["range"])
     undecided = sorted(bounds_of({str(i): pair for i, pair in enumerate(stated["undecided"])}).values())
     _check_fields(document, said)
     shortest = LEAST * (high - low)
@@ -359,15 +359,12 @@ def _check_fields(document: Mapping[str, Any], said: Bounds) -> None:
     again |= texts
     if false := [name for name, value in again.items() if document.get(name) != value]:
         raise Unverified(f"'{false[0]}' is not what the file says elsewhere, or this program does not verify it")
-    springs = [{"rows": [], **spring} for spring in stated["springs"]]
-    others = {*document} - {*again} - {"digest"}
-    if {*stated} != FIELDS[0] | OF_HOPS or any({*each} != FIELDS[1] for each in springs) or not others <= FIELDS[3]:
-        raise Unverified("the file says more than this program verifies, or less")
-    low, high = map(Fraction, stated["range"])
-    undecided, period = [*map(Fraction, chain(*stated["undecided"]))], stated["period"]
+    check_printed(document)
+    low, high = map(decimal, stated["range"])
+    undecided, period = [*map(decimal, chain(*stated["undecided"]))], stated["period"]
     left = sum(undecided[1::2]) - sum(undecided[::2])
-    exact = [*stated["parameters"].values(), stated["injection"]]
-    if [*said] != [f"alpha_{i + 1}" for i in range(len(said))] or type(period) is not int or period < 1:
+    exact = [[*map(decimal, pair)] for pair in (*stated["parameters"].values(), stated["injection"])]
+    if [*said] != [f"alpha_{i + 1}" for i in range(len(said))] or period < 1:
         raise Unverified("the period is no number of hops, or the launches are not numbered")
     if not (0 < low < high and left <= MOST_LEFT * (high - low) and all(a == b for a, b in exact)):
         raise Unverified("the range is empty, or too much of it is undecided, or the machine has intervals")

@@ -9,19 +9,22 @@ states of a set are those of its centre and the derivatives times the deviations
 Krawczyk's test (`Solution`), on the stated enclosures and on these with the radius of uniqueness around them. Signs
 along the motion are those of functions, and of their derivatives by time, on stretches of it (`signs`). Where a law
 has pieces, a step stays on one of them, or crosses to the next one in the hull of both (`in_pieces`). Nothing of the
-prover and of CasADi is used. All fields of the file are verified but `statement`, `about`, `digits`, `seconds`, `name`.
+prover and of CasADi is used. All fields of the file are verified but `about`, `digits`, `seconds` and `name`,
+its printed statement by `orbits.check_statement`. An exception other than `Unverified` is a fault of this program.
 """
 
 import ast
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
-from functools import cache, lru_cache, partial
+from functools import cache, lru_cache, partial, reduce
 from itertools import chain, groupby, pairwise, product
 from operator import add, mul, sub, truediv
 from typing import Any
 
 from flint import Ordering, arb, arb_mat, arb_poly, arb_series, ctx, fmpq, fmpq_mpoly_ctx
+
+from .check_statement import LONGEST_FORMULA, MAPS, Unverified, check_document, check_printed, decimal
 
 # The orders of Taylor polynomials per bit and of those for derivatives, and halvings of parameters.
 ORDER_PER_BIT, DERIVED_ORDER, MOST_SPLITS = 0.3, 14, 3
@@ -29,6 +32,9 @@ ORDER_PER_BIT, DERIVED_ORDER, MOST_SPLITS = 0.3, 14, 3
 FIRST, SHORTEST, MOST_POWER = Fraction(1, 8), Fraction(1, 2**14), 2**16
 # Bits beside those of the enclosures, and those for uniqueness; how long a motion is followed to where it ends.
 GUARD_BITS, BITS_OF_UNIQUENESS, LATEST = 64, 90, 64
+# The most bits of the enclosures and of a number in a formula, and the parts of formulas.
+MOST_BITS, MOST_BITS_OF_NUMBERS = 2000, 10**5
+TOKENS = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[A-Za-z_]\w*|\*\*|[-+*/()]", re.ASCII)
 # The derivatives of functions of x, and functions that these define.
 SLOPES = {"exp": "exp(x)", "log": "1/x", "sqrt": ".5/sqrt(x)", "sin": "cos(x)", "cos": "-sin(x)", "atan": "1/(1 + x*x)"}
 DEFINED = {
@@ -40,22 +46,7 @@ DEFINED = {
 Bounds = Mapping[str, tuple[Fraction, Fraction]]
 Names = Mapping[str, "Tree"]
 PHASES, ENDS = ("flight_time", "contact_time"), ("liftoff_extension", "mid_flight_extension")
-# What the file says of the machine, of a spring, of a part, and of itself; beside that it repeats what is verified.
-FIELDS = [{*names.split()} for names in (
-    "name units coordinates parameters masses weights inerters inertia springs potentials surface_gravity gravity gap "
-    "launch counts separation eliminated", "extension force breaks potential rows",
-    "parameters unknowns uniqueness_radius",
-    "format kind proved statement machine about motion parts enclosures family conditions radius digits seconds",
-)]  # fmt: skip
-# What the file says besides of a machine that steps, and the most names and terms of polynomials that are compared.
-MAPS, MOST_NAMES, MOST_TERMS = ("reversor", "symmetry", "gaps"), 60, 3000
-# What it says besides of a machine that sticks to the ground, or has parameters that are unknowns.
-MORE = {"sticks", "heights", "friction", "tuned", "prescribed", "centre"}
-
-
-class Unverified(Exception):
-    """What cannot be verified, in words."""
-
+MOST_NAMES, MOST_TERMS = 60, 3000  # of polynomials that are compared
 
 OPERATIONS: dict[Any, Callable] = {"+": add, "*": mul, "/": truediv}
 OPERATIONS |= {ast.Add: add, ast.Sub: sub, ast.Mult: mul, ast.Div: truediv, ast.Pow: pow}
@@ -97,7 +88,12 @@ class Tree:
 def tree(kind: str, *parts: Tree, value: object = None) -> Tree:
     """The one tree of this kind and these parts; a number where they are numbers."""
     if kind in OPERATIONS and parts[0].kind == parts[1].kind == "number":
-        return number(OPERATIONS[kind](parts[0].value, parts[1].value))
+        if kind == "/" and not parts[1].value:
+            raise Unverified("a formula divides by 0")
+        found = OPERATIONS[kind](parts[0].value, parts[1].value)
+        if max(abs(found.numerator), found.denominator).bit_length() > MOST_BITS_OF_NUMBERS:
+            raise Unverified("a number in a formula has too many digits")
+        return number(found)
     return Tree(kind, parts, value)
 
 
@@ -112,22 +108,24 @@ ZERO, ONE, LESS = map(number, (0, 1, -1))
 def parse(text: str, names: Names, needed: list[Tree]) -> Tree:
     """The tree of a formula, with trees in the place of its names; its numerals are the decimals that are written.
     Quotients, roots and whatever else may have no value are added to `needed`, also where they cancel."""
-    # An underscore ends each name, as Python's keywords are names like others.
-    marked = re.sub(r"(?<![\w.])[A-Za-z_]\w*", r"\g<0>_", " ".join(text.split()), flags=re.ASCII)
+    tokens = TOKENS.findall(text)
+    # Python's parser reads numerals and names as plain names: 007 is a number, and its keywords are names like others.
+    marked = " ".join(each if each[0] in "*-+/()" else f"_{i}" for i, each in enumerate(tokens))
 
     def tree_of(node: ast.AST) -> Tree:
         match node:
-            case ast.Constant():
-                return number(Fraction(marked[node.col_offset : node.end_col_offset].replace("_", "?")))
-            case ast.Name(id=name):
-                return names[name[:-1]]
+            case ast.Name(id=place):
+                token = tokens[int(place[1:])]
+                return number(decimal(token)) if token[0] in ".0123456789" else names[token]
             case ast.UnaryOp(op=ast.USub() | ast.UAdd() as op, operand=operand):
                 return (LESS if isinstance(op, ast.USub) else ONE) * tree_of(operand)
-            case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name[:-1] in DEFINED:
-                return parse(DEFINED[name[:-1]], {"x": tree_of(argument)}, needed)
-            case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name[:-1] in SLOPES:
-                needed.append(tree(name[:-1], tree_of(argument)))
-                return needed[-1]
+            case ast.Call(func=ast.Name(id=place), args=[argument], keywords=[]):
+                function, x = tokens[int(place[1:])], tree_of(argument)
+                if function in DEFINED:
+                    return parse(DEFINED[function], {"x": x}, needed)
+                if function in SLOPES:
+                    needed.append(tree(function, x))
+                    return needed[-1]
             case ast.BinOp(left=left, op=op, right=right):
                 a, b = tree_of(left), tree_of(right)
                 needed.extend([tree("/", ONE, b) if isinstance(op, ast.Div) else a, OPERATIONS[type(op)](a, b)])
@@ -135,10 +133,10 @@ def parse(text: str, names: Names, needed: list[Tree]) -> Tree:
         raise KeyError
 
     try:
-        if not re.fullmatch(r"[\w\s.+*/()-]*", marked, re.ASCII):
+        if "".join(tokens) != re.sub(r"\s", "", text, flags=re.ASCII) or len(text) > LONGEST_FORMULA:
             raise SyntaxError
         return tree_of(ast.parse(marked, mode="eval").body)
-    except (SyntaxError, ValueError, KeyError, ZeroDivisionError):
+    except (SyntaxError, KeyError):
         raise Unverified(f"'{text[:50]}' cannot be read, or has what is not stated, or is not smooth") from None
 
 
@@ -263,7 +261,7 @@ class Values(dict[Tree, Any]):
     def __missing__(self, of: Tree) -> Any:
         if of.kind == "pieces":
             x, *rest = [self[of.parts[k]] for k in self.pieces]
-            x = coefficient(x, 0).union(*(coefficient(each, 0) for each in rest)) if rest else x
+            x = reduce(arb.union, [coefficient(each, 0) for each in (x, *rest)]) if rest else x
         elif of.kind in OPERATIONS:
             x = OPERATIONS[of.kind](self[of.parts[0]], self[of.parts[1]])
         else:
@@ -288,7 +286,7 @@ def coefficient(value: Any, order: int) -> arb:
 def quintic(row: Sequence[str], other: Sequence[str], r: Tree) -> Tree:
     """The polynomial of degree 5 between two rows (r, value, slope, curvature) of a table with these: Taylor's at one
     end, and what that lacks at the other."""
-    (a, *low), (b, *high) = ([number(Fraction(each)) for each in ends] for ends in (row, other))
+    (a, *low), (b, *high) = ([number(decimal(each)) for each in ends] for ends in (row, other))
     two, three, h = number(2), number(3), b - a
     (y, v, w), (p, q, s) = ((value, rate * h, bend * h * h / two) for value, rate, bend in (low, high))
     p, q, s = p - y - v - w, q - v - two * w, s - w
@@ -305,15 +303,13 @@ def law_of(spring: Mapping[str, Any], known: Names, r: Tree, needed: list[Tree])
     def law_on(piece: int, r: Tree, needed: list[Tree]) -> Tree:
         return parse(spring["force"][piece], known if rows else {**known, "r": r}, needed)
 
-    if len(spring["force"]) != len(ends) + 1:
-        raise Unverified("a spring's force has more or fewer formulas than pieces")
     if any(law_on(k, end, []) is not law_on(k + 1, end, []) for k, end in enumerate(ends)):
         raise Unverified("a spring's force is not plainly continuous")
     lists = [list[Tree]() for _ in spring["force"]]
     laws = [law_on(k, r, each) for k, each in enumerate(lists)]
     needed.append(in_pieces([sum(each, ZERO) for each in lists]))
     if rows:
-        (scale,), beyond, ends = laws, parse("1/(r - r)", {"r": r}, []), [number(Fraction(row[0])) for row in rows]
+        (scale,), beyond, ends = laws, parse("1/(r - r)", {"r": r}, []), [number(decimal(row[0])) for row in rows]
         laws = [beyond, *(scale * quintic(*pair, r) for pair in pairwise(rows)), beyond]
     numbers = [each.value for each in ends if each.kind == "number"]
     if len(numbers) < len(ends) or numbers != sorted({*numbers}) or (ends and spring["potential"]):
@@ -388,7 +384,8 @@ class Machine:
         self.places = self.constants[len(self.tuned) :]
         one = [*names, *bounds, *self.tuned, "pi", "liftoff", "alpha", *PHASES, *ENDS]
         one += ["r"] * bool(stated["springs"]) + re.findall(r"\bz\b", stated["gravity"])[:1]
-        if len({*one}) < len(one) or not all(map(str.isidentifier, one)):
+        special = {stated["eliminated"], stated["launch"], *stated.get("sticks", ())}
+        if len({*one}) < len(one) or not all(map(str.isidentifier, one)) or not special <= {*names}:
             raise Unverified("a name stands for two things, or is none")
         known = {name: number((low + high) / 2) for name, (low, high) in bounds.items()}
         for name, place in zip(wide, self.places, strict=True):
@@ -399,7 +396,7 @@ class Machine:
         masses, weights, inerters = ([(parse(m, known, needed), parse(h, both, needed)) for h, m in stated[kind]]
                                      for kind in ("masses", "weights", "inerters"))  # fmt: skip
         rows = [[parse(entry, both, needed) for entry in row] for row in stated["inertia"]] or [[ZERO] * n] * n
-        if any(rows[i][j] is not rows[j][i] for i, j in product(range(n), repeat=2)):
+        if [*map(len, rows)] != [n] * n or any(rows[i][j] is not rows[j][i] for i, j in product(range(n), repeat=2)):
             raise Unverified("the stated inertia is not plainly symmetric")
 
         def rate(of: Tree) -> Tree:
@@ -463,7 +460,7 @@ class Machine:
         moving = [*chain(*self.inertia), *self.forces, self.counts, self.separation, *heights]
         if any(not is_zero(slope(each, x), k) for each in moving for x in sticks for k in range(len(self.edges) - 1)):
             raise Unverified("something depends on the place of what sticks")
-        self.prescribed = [self._off(name, number(Fraction(value)), stated, both)
+        self.prescribed = [self._off(name, number(decimal(value)), stated, both)
                            for name, value in stated.get("prescribed", ())]  # fmt: skip
         if self.sticks and not self.steps:
             raise Unverified("no maps are stated of a machine that sticks")
@@ -823,18 +820,19 @@ class Solution:
 def check(document: Mapping[str, object], verify: Sequence[Callable] = ()) -> list[str]:
     """Why a saved proof, of an orbit or what functions verify, is not verified, in words; else empty."""
     try:
+        check_document(document)
         for each in verify or (_check_said, _check_parts):
             each(document)
     except Unverified as error:
         return [str(error)]
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError, ArithmeticError, RecursionError) as error:
-        return [f"the file cannot be read as a proof: {type(error).__name__}: {error}"]
+    except RecursionError:
+        return ["the formulas of the file, or what follows from them, are nested too deeply"]
     return []
 
 
 def bounds_of(pairs: Mapping[str, Any]) -> Bounds:
     """The exact bounds of intervals by name."""
-    found = {name: (Fraction(low), Fraction(high)) for name, (low, high) in pairs.items()}
+    found = {name: (decimal(low), decimal(high)) for name, (low, high) in pairs.items()}
     if any(low > high for low, high in found.values()):
         raise Unverified("an interval has its bounds in the wrong order")
     return found
@@ -846,9 +844,9 @@ def within(inner: Bounds, outer: Bounds) -> bool:
 
 
 def _check_said(document: Mapping[str, Any]) -> None:
-    """See that the file holds what is verified and no more, and says the same where it repeats it."""
-    kind = [document.get(name) for name in ("format", "kind", "proved", "attraction_radius")]
-    if kind != ["persistent-orbits proof 2", "orbit", True, None]:
+    """See that the file says the same where it repeats what is verified."""
+    kind = [document[name] for name in ("format", "kind", "proved", "attraction_radius")]
+    if kind != ["persistent-orbits proof 2", "orbit", True, None] or document["radius"] is None:
         raise Unverified("this program verifies proofs of orbits, by this version, all proved, without attraction")
     machine, parts, again = document["machine"], document["parts"], dict.fromkeys(("alpha", *PHASES, "bounce_side"))
     said, parameters = ({name: {"low": low, "high": high} for name, (low, high) in pairs.items()}
@@ -858,15 +856,14 @@ def _check_said(document: Mapping[str, Any]) -> None:
     again |= {**said, "parameters": parameters, "units": machine["units"], "uniqueness_radius": radius, "reasons": []}
     if false := [name for name, value in again.items() if document.get(name) != value]:
         raise Unverified(f"'{false[0]}' is not what the file says elsewhere, or this program does not verify it")
-    springs = [{"rows": [], **spring} for spring in machine["springs"]]
-    speed, own = dict(machine.get("prescribed", ())).get("speed"), machine.keys() - {*MAPS, *MORE}
+    speed = dict(machine.get("prescribed", ())).get("speed")
     if not ("friction" in machine) == ("heights" in machine) == ("sticks" in machine) or ("centre" in machine) != (
         speed is not None
     ):
         raise Unverified("the machine states friction of nothing that sticks, or a centre of mass without its speed")
-    groups = [own], springs, parts, [document.keys() - again.keys() - {"attraction_radius", "digest"}]
-    if any({*each} != names for group, names in zip(groups, FIELDS, strict=True) for each in group):
-        raise Unverified("the file says more than this program verifies, or less")
+    if not 0 <= decimal(machine.get("restitution", "0")) <= 1:
+        raise Unverified("the restitution does not lie between 0 and 1")
+    check_printed(document)
 
 
 def _check_parts(document: Mapping[str, Any]) -> None:
@@ -883,7 +880,7 @@ def _check_parts(document: Mapping[str, Any]) -> None:
         same = {name: unknowns[name] for name in main if name in unknowns}
         if said.keys() != {*same, *(ENDS if motion else ())}:
             raise Unverified(f"other quantities are enclosed than this program verifies: {', '.join(said)}")
-        if 2 * Fraction(document["radius"]) < said["alpha"][1] - said["alpha"][0]:
+        if 2 * decimal(document["radius"]) < said["alpha"][1] - said["alpha"][0]:
             raise Unverified("the radius is less than half the width of the enclosure of alpha")
         if box.keys() != whole.keys() or not (within(box, whole) and within(same, said)):
             raise Unverified("a part has other parameters than the machine, or unknowns outside those of the whole")
@@ -892,7 +889,7 @@ def _check_parts(document: Mapping[str, Any]) -> None:
         if not any(within(dict(zip(whole, edges, strict=True)), box) for box, *_ in parts):
             raise Unverified("the parts do not cover the intervals of the parameters")
     for box, unknowns, part in parts:
-        _check_halved(document, unknowns, Fraction(part["uniqueness_radius"]), box, MOST_SPLITS)
+        _check_halved(document, unknowns, decimal(part["uniqueness_radius"]), box, MOST_SPLITS)
 
 
 def _check_halved(document: Mapping[str, object], claims: Bounds, radius: Fraction, cell: Bounds, left: int) -> None:
@@ -901,6 +898,8 @@ def _check_halved(document: Mapping[str, object], claims: Bounds, radius: Fracti
     if not narrow or radius <= 0:
         raise Unverified("an enclosure has no width, or the radius of uniqueness is not positive")
     bits = narrow.denominator.bit_length() - narrow.numerator.bit_length()
+    if bits > MOST_BITS:
+        raise Unverified("the enclosures have more digits than this program verifies")
     try:
         with ctx.workprec(max(BITS_OF_UNIQUENESS, bits + GUARD_BITS)):
             solution = _solution(document, claims, radius, cell)

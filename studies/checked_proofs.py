@@ -20,6 +20,7 @@ import numpy as np
 
 from orbits import NoOrbit, Orbit, OrbitsError, find, find_all, prove
 from orbits.check_proof import check
+from orbits.check_statement import statement_of
 from problems import Chain, Hopper, Juggler, hopper_in_si, inerter_hopper, knee_hopper
 from problems.laws import springs
 
@@ -150,6 +151,7 @@ def verdicts(machine: Any, family: int, how: dict[str, Any], number: int) -> dic
     false = deepcopy(document)
     for path in paths:
         changed(false, path, change)
+    false |= {"statement": statement_of(false)}
     return {
         "machine": repr(machine),
         "verified": not reasons,

@@ -24,6 +24,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from orbits.check_statement import statement_of
+
 ROOT = Path(__file__).parent.parent
 SECOND, THEOREMS = "orbits/check_proof.py", "theorems.json"
 # A limit that no proof here comes to, also on a busy machine.
@@ -106,7 +108,7 @@ OF_SECOND = [
     (" and all(at[each].is_finite() for each in field.needed)", "", ["quotient"]),
     ("if each > 0 or each < 0)", "if each.mid() != 0)", ["inerter", "overlap"]),
     ("sum(a != b for a, b in pairwise(rates))", "sum(a != b for a, b in pairwise(rates)) + 1", ["family"]),
-    ('.replace("_", "?")))', "and repr(node.value)))", ["exponent"]),
+    ("number(decimal(token))", "number(Fraction(float(token)))", ["exponent"]),
     ("turning = [rate(p) - slope(energy, y)", "turning = [rate(p)", ["knee"]),
     ('"cos": "-sin(x)"', '"cos": "sin(x)"', ["knee"]),
     ("box in (whole, *(box for box, *_ in parts))", "box, *_ in parts", ["uncovered"]),
@@ -157,7 +159,8 @@ def repeated(document: dict[str, Any]) -> dict[str, Any]:
     document |= {**ranges, "parameters": {name: {"low": low, "high": high} for name, (low, high) in parameters.items()}}
     low, high = map(Decimal, document["enclosures"]["alpha"])
     unique = parts[0]["uniqueness_radius"] if len(parts) == 1 else None
-    return document | {"radius": str(high - low), "uniqueness_radius": unique, "reasons": []}
+    document |= {"radius": str(high - low), "uniqueness_radius": unique, "reasons": []}
+    return document | {"statement": statement_of(document)}
 
 
 def widened(document: Mapping[str, Any], by: Decimal) -> dict[str, Any]:

@@ -1,10 +1,13 @@
-"""Shared by the tests of proofs: a reference, the conditions of a motion, enclosures, and distances tried alone."""
+"""Shared by the tests of proofs: a reference, the conditions of a motion, enclosures, distances tried alone, and saved
+proofs that are changed."""
 
+from contextlib import suppress
 from decimal import Decimal
 from fractions import Fraction
 
 from conftest import REFERENCES
 
+from orbits.check_statement import statement_of
 from orbits.proof import attraction
 
 CUBIC = REFERENCES[2]
@@ -28,3 +31,10 @@ def not_proved(proof):
 def within(monkeypatch, *distances):
     """Have these distances tried alone."""
     monkeypatch.setattr(attraction, "_distances", lambda coefficient: [Fraction(each) for each in distances])
+
+
+def restated(document):
+    """A saved proof that was changed, with the statement of its data, where these have one."""
+    with suppress(Exception):
+        return document | {"statement": statement_of(document)}
+    return document

@@ -59,7 +59,7 @@ from ..exact.expressions import (
     total,
     vanishes,
 )
-from ..exact.outward_decimals import bounds_of_fractions, enclosure_of, upper_decimal
+from ..exact.outward_decimals import bounds_of_fractions, enclosure_of, upper_fraction
 from ..exact.refusal import Unproved
 from ..exact.stated import StatedMachine, stated_machine
 from ..model.machine import Machine, machine_in_words
@@ -266,7 +266,7 @@ def _words_of_all(
     if undecided:
         ends = [(repr(a), repr(b)) for a, b in undecided]
         intervals = ", ".join(f"[{a}, {b}]" for a, b in ends)
-        length = upper_decimal(ball_of_fraction(sum((Fraction(b) - Fraction(a) for a, b in ends), Fraction(0))))
+        length = upper_fraction(sum((Fraction(b) - Fraction(a) for a, b in ends), Fraction(0)))
         many = f"{len(undecided)} intervals of together" if len(undecided) > 1 else "one interval of length"
         but = f", but for {many} {length} in which others may lie: {intervals}"
     there = (

@@ -200,22 +200,37 @@ def prove_command(
         raise click.exceptions.Exit(1)
 
 
-@orbits.command("check-proof", epilog="\b\nExit code: 0 verified, 1 not, 2 bad input.")
+@orbits.command("check-proof", epilog="\b\nExit code: 0 verified, 1 not, 2 bad input, 3 a fault of the second program.")
 @click.argument("file")
 @options.json_option
 def check_proof_command(file: str, as_json: bool) -> None:
-    """Verify a saved proof of an orbit, or of all hops, by a second program that reads only this file."""
+    """Verify a saved proof of an orbit, or of all hops, by a second program that reads only this file.
+
+    It prints the theorem that it has verified, in words that it writes from the numbers of the file.
+    """
+    import textwrap
+    from traceback import format_exc
+
     from orbits.io import read_file, read_sealed
     from orbits.proof.prove import need_flint
 
     need_flint()
     from orbits.check_hops import check_saved
+    from orbits.check_statement import statement_of
+    from orbits.proof.theorem import LINE_WIDTH
 
     document = read_file(file, f"'{file}' is no saved proof", read_sealed)
     began = time.perf_counter()
-    reasons = check_saved(document) if isinstance(document, dict) else ["the file holds no proof"]
-    verdict = {"verified": not reasons, "reasons": reasons, "seconds": time.perf_counter() - began}
+    try:
+        reasons = check_saved(document)
+        statement = None if reasons else statement_of(document)
+    except Exception:
+        click.echo(f"{format_exc()}orbits: the second program failed; please report it with the file", err=True)
+        raise click.exceptions.Exit(3) from None
+    seconds = time.perf_counter() - began
+    verdict = {"verified": not reasons, "reasons": reasons, "statement": statement, "seconds": seconds}
     words = ["NOT VERIFIED" if reasons else "verified", *(f"  not verified: {reason}" for reason in reasons)]
+    words += [f"  {line}" for line in textwrap.wrap(statement or "", LINE_WIDTH - 2, break_long_words=False)]
     click.echo(json.dumps(verdict) if as_json else "\n".join(words))
     if reasons:
         raise click.exceptions.Exit(1)

@@ -1,0 +1,282 @@
+"""The form of a saved proof, and the statement that follows from its data, for the program that verifies it.
+
+A number is text of decimal digits, never a number of JSON, which readers take as the nearest double. `check_form` sees
+that a file has the fields that are verified, each of its type, and no more. `statement_of` writes the theorem in words
+from the data alone, without the prover's own wording: it is what is verified, and the file's `statement` has to be it.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from itertools import chain, count
+from math import ceil
+from typing import Any
+
+
+class Unverified(Exception):
+    """What cannot be verified, in words."""
+
+
+# The most characters of a decimal, and its largest exponent; those of a formula, and of a name in a statement.
+LONGEST_DECIMAL, LARGEST_EXPONENT, LONGEST_FORMULA, LONGEST_NAME = 4000, 2000, 2000, 80
+DECIMAL = re.compile(r"-?(?:\d+\.?\d*|\.\d+)(?:[eE]([+-]?\d+))?", re.ASCII)
+
+
+def decimal(text: object) -> Fraction:
+    """The exact value of a decimal; raises `Unverified` for anything else, and for one that is too long."""
+    match = DECIMAL.fullmatch(text) if isinstance(text, str) and len(text) <= LONGEST_DECIMAL else None
+    if match is None or abs(int(match[1] or 0)) > LARGEST_EXPONENT:
+        raise Unverified(f"{text!r:.50} is no text of decimal digits, or of too many")
+    return Fraction(match[0])
+
+
+# Shapes of values. A type stands for its values, `decimal` for decimals, and `object` for anything; a list for lists of
+# its one shape, a tuple for lists of these, or with None first for None too; a mapping with the key `str` for mappings
+# of names, and another one for its own names, where "?" marks those that may be missing.
+PAIR, SIZED = (decimal, decimal), (str, str)
+SPRING = {"extension": str, "force": [str], "breaks": [str], "potential": bool, "rows?": [(decimal,) * 4]}
+MACHINE = {
+    **dict.fromkeys(("name", "units", "surface_gravity", "gravity", "gap", "launch", "counts", "eliminated"), str),
+    "coordinates": [str], "parameters": {str: PAIR}, "masses": [SIZED], "weights": [SIZED], "inerters": [SIZED],
+    "inertia": [[str]], "springs": [SPRING], "potentials": [str], "separation": (None, str),
+}  # fmt: skip
+MAPS = "reversor", "symmetry", "gaps"
+OF_ORBIT = {
+    **MACHINE, **{f"{name}?": [SIZED] for name in (*MAPS, "heights")}, "sticks?": [str], "tuned?": [str],
+    "prescribed?": [(str, decimal)], "centre?": str, "friction?": str, "restitution?": decimal,
+}  # fmt: skip
+OF_HOPS = {**MACHINE, **dict.fromkeys(("injection", "range", "liftoff"), PAIR), "period": int, "undecided": [PAIR]}
+PART = {"parameters": {str: PAIR}, "unknowns": {str: PAIR}, "uniqueness_radius": decimal}
+DOCUMENT = {
+    **dict.fromkeys(("format", "kind", "statement"), str), "proved": bool, "motion": bool, "parts": [PART],
+    "enclosures": {str: PAIR}, "conditions": {str: str}, "family": (None, int), "radius": (None, decimal),
+    **dict.fromkeys(("about", "digits", "seconds", "digest?", "alpha", "flight_time", "contact_time"), object),
+    **dict.fromkeys(("units", "parameters", "uniqueness_radius", "bounce_side", "attraction_radius"), object),
+    "reasons": object,
+}  # fmt: skip
+
+
+def check_document(document: Any) -> None:
+    """See that a document has the fields that are verified, and no more; raises `Unverified`."""
+    kind, said = (document.get(name) if isinstance(document, dict) else None for name in ("kind", "enclosures"))
+    again = {f"{name}?": object for name in said} if isinstance(said, dict) else {}
+    check_form(document, again | DOCUMENT | {"machine": OF_HOPS if kind == "all hops" else OF_ORBIT}, "the file")
+    names = {name.rstrip("?") for name in DOCUMENT}
+    if more := [name for name in document["machine"].get("tuned", ()) if name in document and name not in names]:
+        raise Unverified(f"the file says more than this program verifies, or less: '{more[0]:.40}' of the file")
+
+
+def check_form(value: Any, shape: Any, name: str) -> None:
+    """See that a value, which has this name, has a shape; raises `Unverified`."""
+    if shape is decimal:
+        decimal(value)
+    elif isinstance(shape, tuple) and shape[0] is None:
+        if value is not None:
+            check_form(value, shape[1], name)
+    elif isinstance(shape, list | tuple) and isinstance(value, list):
+        shapes = shape * len(value) if isinstance(shape, list) else shape
+        if len(shapes) != len(value):
+            raise Unverified(f"{name} has {len(value)} entries instead of {len(shapes)}")
+        for i, pair in enumerate(zip(value, shapes, strict=True)):
+            check_form(*pair, f"{name}, {i + 1}")
+    elif isinstance(shape, dict) and isinstance(value, dict):
+        known = dict.fromkeys(value, shape[str]) if str in shape else {n.rstrip("?"): each for n, each in shape.items()}
+        missing = [each for each in shape if each is not str and each.rstrip("?") == each and each not in value]
+        if beside := [*missing, *(each for each in value if each not in known)]:
+            raise Unverified(f"the file says more than this program verifies, or less: '{beside[0]!s:.40}' of {name}")
+        for each in value:
+            check_form(value[each], known[each], f"{each!s:.40} of {name}")
+    elif not (shape is object or type(value) is shape):
+        raise Unverified(f"{name} is not of the type that this program reads: {value!r:.40}")
+
+
+def check_printed(document: Mapping[str, Any]) -> None:
+    """See that the statement that is printed in a file is that of its data; raises `Unverified`."""
+    said, true = document["statement"], statement_of(document)
+    if said != true:
+        k = next(k for k in range(len(said) + 1) if said[: k + 1] != true[: k + 1])
+        here = [f"'{text[max(k - 30, 0) : k + 40]}'" for text in (said, true)]
+        raise Unverified(f"the printed statement has {here[0]}, where the data of the file say {here[1]}")
+
+
+def statement_of(document: Mapping[str, Any]) -> str:
+    """The theorem of a saved proof in words, as its data say it."""
+    machine = document["machine"]
+    words = _all_hops(document) if document["kind"] == "all hops" else _orbit(document)
+    return f"{_machine(machine)} {words}"
+
+
+def _label(name: str) -> str:
+    """A name in a statement that nothing depends on; raises `Unverified` for one that might be read as a sentence."""
+    if not re.fullmatch(rf"[\w '()#/.+-]{{1,{LONGEST_NAME}}}", name) or ". " in name:
+        raise Unverified(f"the name {name!r:.50} might be read as a part of the statement")
+    return name
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _interval(low: str, high: str) -> str:
+    return f"[{low}, {high}]"
+
+
+def _spring(spring: Mapping[str, Any]) -> str:
+    if len(spring["force"]) != len(spring["breaks"]) + 1 or (spring.get("rows") and spring["breaks"]):
+        raise Unverified("a spring's force has more or fewer formulas than pieces")
+    along, (force, *others), breaks = f"along r = {spring['extension']}", spring["force"], spring["breaks"]
+    if rows := spring.get("rows"):
+        scale = "f" if force == "1" else f"({force})*f"
+        each = "; ".join(f"({', '.join(row)})" for row in rows)
+        between = "where f is, from each of these extensions r to the next, the polynomial of degree 5 with the value"
+        return f"a spring with the force {scale} {along}, {between}, slope and curvature in (r, f, f', f''): {each}"
+    if spring["potential"]:
+        return f"a spring with the energy {force} {along}"
+    if not breaks:
+        return f"a spring with the force {force} {along}"
+    pieces = [f"{force} below {breaks[0]}", *(f"{f} from r = {low} on" for f, low in zip(others, breaks, strict=True))]
+    return f"a spring with the force {', '.join(pieces)}, {along}"
+
+
+def _machine(m: Mapping[str, Any]) -> str:
+    """The machine in words."""
+    steps, sticks, prescribed = any(m.get(kind) for kind in MAPS), m.get("sticks", ()), m.get("prescribed", ())
+    points = [_label(name) for name, _ in m.get("gaps", ())]
+    parts = [f"the coordinates {', '.join(m['coordinates'])}"]
+    parts += [f"a mass {mass} at the height {height}" for height, mass in m["masses"]]
+    parts += [f"the weight of a mass {mass} at the height {height}" for height, mass in m["weights"]]
+    parts += [f"an inerter {mass} along {extension}" for extension, mass in m["inerters"]]
+    parts += [f"the inertia [{'; '.join(', '.join(row) for row in m['inertia'])}]"] if m["inertia"] else []
+    parts += [*map(_spring, m["springs"]), *(f"the potential energy {each}" for each in m["potentials"])]
+    parts += [f"the acceleration of gravity ({m['surface_gravity']})*({m['gravity']}) at the height z"]
+    e = m.get("restitution", "0")
+    how = "lands plastically" if decimal(e) == 0 else f"lands with the restitution {e}: its rate v becomes -{e}*v"
+    lands = [f"the gap {gap} of the {name}" for (_, gap), name in zip(m.get("gaps", ())[1:], points[1:], strict=True)]
+    opens = f" of the {(points or ['point that opens'])[0]}, which opens" if steps else f", which {how}"
+    parts += [f"the gap {m['gap']}{opens}"]
+    parts += [f"{(lands or ['its image under R'])[0]}, which {how}"] if steps else []
+    parts += [f"the coordinate {x}, which sticks: it is 0 in contact, held by a force of the ground" for x in sticks]
+    parts += [f"the height {height} of the {_label(name)}" for name, height in m.get("heights", ())]
+    parts += [f"the coefficient of friction {m['friction']}"] if "friction" in m else []
+    parts += [f"the separation {m['separation']}"] if m["separation"] is not None else []
+    numbers = [f"{name} = {low}" if low == high else f"{name} in {_interval(low, high)}"
+               for name, (low, high) in sorted(m["parameters"].items())]  # fmt: skip
+    numbers += [f"{name} to be found" for name in m.get("tuned", ())]
+    units = {"SI": "in SI", "dimensionless": "dimensionless"}.get(m["units"])
+    if units is None:
+        raise Unverified("the units are neither SI nor dimensionless")
+    given = f", with {', '.join(numbers)}" if numbers else ""
+    called = f"{m['launch']} and its rate at lift-off are called liftoff and alpha"
+    turns = f"{m['counts']} is stationary between lift-off and mid-flight as often as the number of its family says"
+    return (
+        f"Let the {_label(m['name'])} have {'; '.join(parts)}{given}; all is {units}. "
+        f"{_maps(m, sticks) if steps else ''}{called}; {turns}{_defined(m, prescribed)}."
+    )
+
+
+def _defined(m: Mapping[str, Any], prescribed: Sequence[tuple[str, str]]) -> str:
+    """The definitions of the quantities that are prescribed, but for alpha, the step and the times."""
+    cycle = "the sum of the flight time and the contact time"
+    meanings = {
+        "speed": f"the rate of {m.get('centre')} at lift-off", "liftoff_extension": f"{m['counts']} at lift-off",
+        "period": cycle, "frequency": f"1 over {cycle}", "mean_speed": f"step over {cycle}",
+    }  # fmt: skip
+    return "".join(f"; {_words(name)} is {meanings[name]}" for name, _ in prescribed if name in meanings)
+
+
+def _maps(m: Mapping[str, Any], sticks: Sequence[str]) -> str:
+    """What the maps of a machine that steps are, and how its orbits follow from them."""
+    back, anew = (", ".join(f"{name} to {image}" for name, image in m.get(kind, ())) or "each coordinate to itself"
+                  for kind in MAPS[:2])  # fmt: skip
+    letters = chain(("x", "q", "X", "Q", "state"), map("state_{}".format, count()))
+    x = next(each for each in letters if each not in {*m["coordinates"], *m["parameters"], *m.get("tuned", ())})
+    vanish = ", in which all forces of the ground vanish," if sticks else ""
+    return (
+        f"Let R reverse time and take {back}, and let S take {anew}; coordinates without a formula stay. A lossless "
+        f"orbit is launched in a state {x}{vanish} and lands in R {x}; its contact, whose coordinates are counted anew "
+        f"by S, leads from S R {x} to {x}. "
+    )
+
+
+CONDITIONS = {
+    "clearance": "the contact point is above what it lands on throughout the open flight",
+    "separation": "the separation stays positive over the whole cycle",
+    "contact_force": "the contact pushes throughout the open contact",
+    "contact_end": "the contact comes to rest, and ends in a lift-off that is the mirror image of the landing",
+    "heights": "each height, but for that of the contact point, stays positive over the whole cycle",
+    "friction": "the force on what sticks is below the coefficient of friction times the contact force throughout the "
+    "open contact, and so are their derivatives where both vanish, at its two ends",
+}
+CONDITIONS_OF_STEPS = CONDITIONS | {
+    "clearance": "both gaps are open throughout the open flight, and the one that lands, if it is not the one that "
+    "opens, throughout the contact",
+    "contact_force": "each point that stands in contact pushes throughout the open contact",
+    "contact_end": "the contact comes to its middle, and ends in a lift-off that is the image of the landing",
+}
+
+
+def _orbit(document: Mapping[str, Any]) -> str:
+    """What is said of an orbit: it exists, no other is nearby, and it is a motion."""
+    m, parts, said = document["machine"], document["parts"], document["enclosures"]
+    places = [each for name in m["coordinates"] for each in (name, f"{name}'")]
+    order = ["liftoff", "alpha", *places, *m.get("tuned", ()), "flight_time", "contact_time"]
+    if not parts or any(part["unknowns"].keys() != parts[0]["unknowns"].keys() for part in parts):
+        raise Unverified("there is no part, or parts have different unknowns")
+    if other := [name for name in parts[0]["unknowns"] if order.count(name) != 1]:
+        raise Unverified(f"'{other[0]:.40}' is no unknown of the equations of an orbit")
+    unknowns = [(name, _hull([part["unknowns"][name] for part in parts]))
+                for name in order if name in parts[0]["unknowns"]]  # fmt: skip
+    enclosed = "; ".join(f"{_words(name)} in {pair}" for name, pair in unknowns)
+    each = "each value of the parameters in their intervals"
+    wide = any(decimal(low) != decimal(high) for low, high in m["parameters"].values())
+    names = ", ".join(_words(name) for name, _ in unknowns)
+    equations = f"equations of {'' if 'contact_time' in dict(unknowns) else 'the flight of '}a lossless orbit"
+    first = f"For {each} the" if wide else "The"
+    if tuned := [*map(_words, m.get("tuned", ()))]:
+        exact = " and ".join(f"{_words(name)} = {value}" for name, value in m.get("prescribed", ()))
+        there = f"are numbers {', '.join(tuned)}" if len(tuned) > 1 else f"is a number {tuned[0]}"
+        first = f"{f'For {each} there' if wide else 'There'} {there} for which the"
+        equations += f" with {exact}, exactly," if exact else ""
+    radius = min((part["uniqueness_radius"] for part in parts), key=decimal)
+    alone = f"No other solution has all of these ({names}) within {radius} of these enclosures"
+    if len(parts) > 1:
+        alone = (
+            f"In each of {len(parts)} parts of the intervals no other solution has all unknowns within {radius} of the "
+            f"enclosures that hold in that part"
+        )
+    motion = ""
+    if document["motion"]:
+        conditions = CONDITIONS_OF_STEPS if any(m.get(kind) for kind in MAPS) else CONDITIONS
+        words = [f"it is of family {document['family']}"]
+        ends = [name for name in ("liftoff_extension", "mid_flight_extension") if name in said]
+        words += [f"{_words(name)} in {_interval(*said[name])}" for name in ends]
+        words += [text for name, text in conditions.items() if name in document["conditions"]]
+        motion = f" It is a motion: {'; '.join(words)}."
+    return f"{first} {equations} have a solution with {enclosed}. {alone}.{motion}"
+
+
+def _hull(pairs: Sequence[Sequence[str]]) -> str:
+    """The least interval that holds intervals."""
+    lows, highs = zip(*pairs, strict=True)
+    return _interval(min(lows, key=decimal), max(highs, key=decimal))
+
+
+def _all_hops(document: Mapping[str, Any]) -> str:
+    """What is said of the hops of a period."""
+    m, n, but = document["machine"], document["machine"]["period"], ""
+    if undecided := m["undecided"]:
+        length = ceil(sum(decimal(high) - decimal(low) for low, high in undecided) * 10**12)
+        digits = f"{length // 10**12}.{length % 10**12:012}".rstrip("0").rstrip(".")
+        many = f"{len(undecided)} intervals of together" if len(undecided) > 1 else "one interval of length"
+        each = ", ".join(_interval(*pair) for pair in undecided)
+        but = f", but for {many} {digits} in which others may lie: {each}"
+    launches = ", ".join(_interval(*document["enclosures"][name]) for name in document["enclosures"])
+    there = f"exactly one in each of {launches}, and no others" if launches else "none"
+    return (
+        "A hop flies from a lift-off, with the launch speed alpha, until the gap closes, and lands plastically; where "
+        "the contact would have to pull it leaves at once and flies on, else it stays until the contact force "
+        "vanishes, and lifts off. The return map takes alpha to the speed there, with inject added to it. "
+        f"With inject = {m['injection'][0]}: of the launches from which {n} hop{'s' * (n > 1)}, all of them with "
+        f"launch speeds between {m['range'][0]} and {m['range'][1]}, come back, and not fewer hops, there is "
+        f"{there}{but}."
+    )
