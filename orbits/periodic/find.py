@@ -21,7 +21,7 @@ from ..units import Message, in_own_units, without_units
 from .certified import Solved, certified_orbit, solve_from
 from .family_orbits import another_family, family_number, lowest_of_family, orbits_of_family, same_orbit
 from .orbit import Orbit, orbit_of, start_in_file
-from .run_start import SLOW_SHARE, run_start
+from .run_start import SLOW_SHARE, run_along_speeds, run_start
 from .stated_start import StartLike, check_start, stated_unknowns
 from .tuned import (
     OF_STEPS,
@@ -154,13 +154,18 @@ def _solved_from(machine: Machine, tuning: Tuning, known: Any) -> Solved:
     """The solution with tuned parameters to which an orbit or a start leads, or the first of several starts that does;
     raises the error of the first where none does."""
     first: NoOrbit | FlowError | None = None
+    begins = []
     for start in known if isinstance(known, Iterator) else [known]:
         bare = machine.units.dimensionless("start", start) if machine.units else start
+        begins.append(stated_unknowns(machine.model, bare))
         try:
-            return solve_tuned(machine, tuning, stated_unknowns(machine.model, bare))
+            return solve_tuned(machine, tuning, begins[-1])
         except (NoOrbit, FlowError) as error:
             first = first or error
     assert first is not None
+    prescribes_speed = tuning.values.keys() & OF_STEPS.keys()
+    if isinstance(known, Iterator) and not prescribes_speed and any(tuning.values.values()):
+        return run_along_speeds(machine, tuning, begins[0])
     raise first
 
 

@@ -7,15 +7,17 @@ change vanishes.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from ..errors import NoOrbit
+from ..errors import FlowError, NoOrbit
 from ..model.model import STEP_LENGTH
 from ..shooting.formulations import vector
 from ..shooting.single_shooting import Shooting
-from .tuned import OF_STEPS
+from .certified import Solved
+from .tuned import OF_STEPS, Tuning, prescribed_value, solve_tuned
 
 # The share of the launch speed at which a run begins where no quantity says how fast it is.
 SLOW_SHARE = 0.1
@@ -23,6 +25,35 @@ SLOW_SHARE = 0.1
 UNMOVED_SHARE = 1e-9
 # The multiple of the direction is found by at most this number of steps, to this share of it.
 MOST_SHARES_OF_RUN, SAME_SHARE_OF_RUN = 30, 1e-14
+# The ratio of two speeds at which runs are searched for one with a prescribed quantity, and the number of speeds.
+FASTER, MOST_SPEEDS = 1.25, 40
+
+
+def run_along_speeds(machine: Any, tuning: Tuning, start: Mapping[str, float]) -> Solved:
+    """The run with prescribed quantities, none of which says how fast it is: on the family of runs that begins near a
+    start, the unknowns of a half orbit by name, the first one, as they get faster, that leads to it; raises `NoOrbit`
+    where there is none.
+
+    Beside the vertical hop the speed determines the runs, while other quantities hardly change with it.
+    """
+    name, value = next((name, value) for name, value in tuning.values.items() if value is not None)
+    stand, speed = (prescribed_value(machine, each, start) for each in (name, "speed"))
+    rest, last, fastest = {each: None for each in tuning.values if each != name}, stand, 0.0
+    for _ in range(MOST_SPEEDS):
+        try:
+            found = solve_tuned(machine, replace(tuning, values={"speed": speed, **rest}), start)
+        except (NoOrbit, FlowError) as error:
+            reason: object = error
+            break
+        start = dict(zip(found.equations.statement.unknowns, found.us[0].tolist(), strict=True))
+        here = prescribed_value(machine, name, start)
+        if (here - value) * (last - value) <= 0:
+            return solve_tuned(machine, tuning, start)
+        last, fastest, speed = here, speed, FASTER * speed
+    else:
+        reason = "faster ones are not searched"
+    went = f"{name} goes from {stand:.6g} to {last:.6g} as the speed goes from 0 to {fastest:.6g}"
+    raise NoOrbit(f"no run with {name} = {value:.6g} is found beside the vertical hop: {went}; {reason}")
 
 
 def run_start(machine: Any, equations: Shooting, hop: Mapping[str, float], at: Mapping[str, float]) -> dict[str, float]:

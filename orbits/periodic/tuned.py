@@ -36,6 +36,8 @@ SHORTEST_WAY = 1e-4
 FARTHEST_CORRECTED = 0.03
 # A tuned parameter that may be off by more than this share of its value is not determined.
 WORST_TUNED = 0.01
+# Equations with a smaller share of their largest singular value have lost their rank but for rounding.
+RANK_OF_TUNED = 1e-9
 # Smaller values are compared with this one.
 SMALLEST = 1e-3
 
@@ -243,11 +245,7 @@ def _along_way(
     try:
         found = solved_with_nodes(equations, x, p_at(0.0))
     except NoOrbit as error:
-        unused, all_of = ", ".join(_unused(equations, x, p_at(0.0))), ", ".join(names)
-        tuned = unused or ", ".join(_without_step(equations.statement.tuned))
-        remedy = "tune another number" if unused else "tune another number, or begin elsewhere"
-        reason = f"no equation of half an orbit has {unused}" if unused else error
-        raise NoOrbit(f"{all_of or 'the orbit'} may not depend on {tuned}: {remedy} ({reason})") from None
+        raise _no_beginning(equations, x, p_at(0.0), names, error) from None
     while reached < 1:
         x, jacobian = found.x, found.equations.evaluate(found.x, p_at(reached), tuple(names)).jacobian
         tangent = -solve(jacobian[:, : len(x)], jacobian[:, len(x) :] @ (there - here))
@@ -266,6 +264,25 @@ def _along_way(
                     raise _no_way(equations, found.u, at, wanted, tangent[len(x) - len(found.u) :], error) from None
         reached, step = share, 2 * step
     return replace(found, p=equations.with_tuned(found.u[None], p_at(1.0)[None])[0])
+
+
+def _no_beginning(equations: Shooting, x: np.ndarray, p: np.ndarray, names: Sequence[str], error: NoOrbit) -> NoOrbit:
+    """The error of a search that does not converge where it begins, at unknowns (n,) with parameters (np,): whether the
+    prescribed quantities depend on the tuned parameters at all says the rank of the equations."""
+    all_of, tuned = ", ".join(names) or "the orbit", ", ".join(_without_step(equations.statement.tuned))
+    if unused := ", ".join(_unused(equations, x, p)):
+        reason = f"no equation of half an orbit has {unused}"
+        return NoOrbit(f"{all_of} does not depend on {unused}: tune another number ({reason})")
+    try:
+        jacobian = equations.evaluate(x, p).jacobian * np.maximum(np.abs(x), SMALLEST)
+        sizes = np.linalg.svd(jacobian / np.abs(jacobian).max(1, keepdims=True))[1]
+        if sizes[-1] <= RANK_OF_TUNED * sizes[0]:
+            return NoOrbit(f"{all_of} does not depend on {tuned}: tune another number")
+    except (FlowError, np.linalg.LinAlgError):
+        pass
+    return NoOrbit(
+        f"the search for {all_of} by tuning {tuned} does not converge where it begins: give a start ({error})"
+    )
 
 
 def _unused(equations: Shooting, x: np.ndarray, p: np.ndarray) -> list[str]:

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from runners import FAST
+from runners import FAST, rates_by_hand
+from scipy.integrate import solve_ivp
 
-from orbits import find
+from orbits import NoOrbit, find
 from orbits.periodic.find import start_of_run, unknowns_of_hop, vertical_hop
 from orbits.periodic.tuned import tuning_of
 from problems import runner
@@ -45,6 +46,35 @@ def test_a_run_without_speed_in_its_question_is_begun_slowly():
     start = begun(runner(), {"period": 7.0})
     speed = runner().model.planar.travel(runner().model.launch(start, runner().values), runner().values)
     assert abs(speed) == pytest.approx(0.1 * start["alpha"], rel=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("machine", "at", "speed"),
+    [
+        (runner(0.1, 3.7, 5.7, 5.4), {"flight_time": 2.65}, 0.8122225),
+        (runner(0.1, 3.7, 5.7, 5.4), {"alpha": 1.6}, 0.876178),
+        (runner(8.0, 1.0, 33.0, 1144.0, body_mass=80.0, stiffness=2903.0, in_si=True), {"flight_time": 0.44}, None),
+    ],
+)
+def test_a_run_with_a_prescribed_time_is_found_along_the_speed(machine, at, speed):
+    """Far from the vertical hop; another integrator returns to its launch after the flight and the contact."""
+    run = find(machine, tune=TUNE, at=at)
+    (name, value), p = next(iter(at.items())), run.source.values
+    assert getattr(run, name) == pytest.approx(value, rel=1e-12)
+    assert speed is None or run.speed == pytest.approx(speed, abs=1e-7)
+    begun, accurate = run(0.0), {"method": "DOP853", "rtol": 1e-13, "atol": 1e-14}
+    flight = solve_ivp(lambda t, x: rates_by_hand(x, p, False)[0], (0, run.flight_time), begun, **accurate).y[:, -1]
+    assert flight[1:4] == pytest.approx([0.0, 0.0, 0.0], abs=1e-10)
+    contact = solve_ivp(lambda t, x: rates_by_hand(x, p, True)[0], (0, run.contact_time), flight[4:], **accurate)
+    assert contact.y[:, -1] == pytest.approx(begun[4:], abs=1e-9)
+
+
+@pytest.mark.slow
+def test_a_flight_that_no_run_has_is_refused_with_those_that_they_have():
+    """The flight of the vertical hop lasts 2.70963, and those of its runs are shorter."""
+    with pytest.raises(NoOrbit, match=r"no run with flight_time = 3.5 .* goes from 2.70963 to "):
+        find(runner(0.1, 3.7, 5.7, 5.4), tune=TUNE, at={"flight_time": 3.5})
 
 
 def test_runs_forward_and_back_are_mirror_images():
