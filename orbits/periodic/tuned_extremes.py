@@ -22,8 +22,9 @@ from .quantities import numbers_of
 from .tuned import METHOD, SHORTEST_WAY, SMALLEST, Tuning
 
 # Newton's method with differences: the share of a parameter by which it is changed for them, the largest step, steps
-# below which the slopes stay, the smallest step, and the number of steps; each relative to the parameters.
-CHANGED_BY, LARGEST_TUNING, SAME_SLOPES, SMALLEST_MOVE, MOST_MOVES = 1e-6, 0.5, 1e-4, 1e-14, 40
+# below which the slopes stay, and the smallest step; each relative to the parameters. The number of steps lets a
+# parameter grow by 30 decades.
+CHANGED_BY, LARGEST_TUNING, SAME_SLOPES, SMALLEST_MOVE, MOST_MOVES = 1e-6, 0.5, 1e-4, 1e-14, 200
 # The rounding of a quantity of the motion, relative to it.
 ROUNDING_OF_EXTREMES = 1e-14
 
@@ -101,6 +102,8 @@ def _by_moving(machine, moved, rest, targets, first, near) -> tuple[Orbit, dict[
             share /= 2
         else:
             break
+    else:
+        reason = f"{MOST_MOVES} steps do not lead there"
     ran, here = reached()
     raise NoOrbit(f"no orbit with {at} is reached: {ran.replace(' =', ' ran to')}, where {here}, and {reason}")
 

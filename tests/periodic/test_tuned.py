@@ -6,6 +6,8 @@ from math import atan, pi, sqrt
 import numpy as np
 import pytest
 from hanging import excess_over_barrier
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from orbits import InputError, NoOrbit, Orbit, find, follow, quantities, starts
 from orbits.periodic import tuned, tuned_extremes
@@ -184,6 +186,26 @@ def test_a_machine_with_a_damper_is_not_tuned():
 def test_a_mass_in_si_that_follows_from_others_is_not_tuned():
     with pytest.raises(InputError, match="no parameter 'mass_ratio'"):
         find(LEG, tune="mass_ratio", at={"frequency": 2.5})
+
+
+@pytest.mark.slow
+def test_a_tuned_number_may_go_far():
+    """Over four decades, to where the clearance of another integrator's flight is the prescribed one."""
+    law = "r + be*r**3 + de*r**5"
+    machine = Hopper(law, rest_length=15, mass_ratio=0.6, parameters={"be": 0.2, "de": 0.01})
+    orbit = find(machine, 2, tune="be", at={"clearance": 0.2})
+    be = orbit.machine["parameters"]["be"]
+    assert be == pytest.approx(5455.8393, abs=1e-3)
+    force = lambda r: r + be * r**3 + 0.01 * r**5  # noqa: E731
+    liftoff = brentq(lambda r: force(r) - 1, 0.0, 1.0, xtol=1e-15)
+    rates = lambda t, x: [x[1], -force(x[0]), x[3], (force(x[0]) - 1) / 1.6]  # noqa: E731
+    lowest = lambda t, x: x[3]  # noqa: E731
+    lowest.direction = 1.0
+    begun, accurate = [liftoff, orbit.alpha, 0.0, 0.0], {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+    flight = solve_ivp(rates, (0, 2 * orbit.alpha), begun, events=lowest, **accurate)
+    assert flight.y[2:, -1] == pytest.approx([0.0, 0.0], abs=1e-10)
+    (between,) = [y for t, (*_, y, _) in zip(flight.t_events[0], flight.y_events[0], strict=True) if y > 0.01]
+    assert between == pytest.approx(0.2, abs=1e-10)
 
 
 @pytest.mark.parametrize(
