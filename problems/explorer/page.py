@@ -26,7 +26,7 @@ from .fields import changed
 from .page_state import Computed, Requested, kind_of, tab_state
 from .results import DialsResult, FamilyResult, HopResult, same_family
 from .scene import Scene
-from .worker import Done, Failure, Task, Worker
+from .worker import Done, Failure, Pools, Task, Worker, pools_of
 
 FOLDER = Path(__file__).parent
 CALM = 300  # milliseconds without a change, after which the law is drawn, and the family and the map are computed
@@ -61,13 +61,16 @@ class Explorer:
 
     document : Bokeh's, which shows it
     scene : the scene shown first
+    pools : the processes that compute hops, and in the background families and maps; those of a page alone by default
     python_machine : the machine of the page, where no statement makes it
     problem : the fault of the link that was followed, in words; "" if there is none
     """
 
-    def __init__(self, document: Document, scene: Scene, python_machine: object = None, problem: str = ""):
-        self._document, self._python_machine = document, python_machine
-        # The processes that compute hops, families and maps.
+    def __init__(
+        self, document: Document, scene: Scene, pools: Pools | None = None, python_machine: object = None,
+        problem: str = "",
+    ):  # fmt: skip
+        self._document, self._pools, self._python_machine = document, pools or pools_of(python_machine), python_machine
         self._workers = {
             "hop": self._worker(self._receive_hop),
             "family": self._worker(self._receive_family, calm=True),
@@ -84,6 +87,7 @@ class Explorer:
         self._tasks: dict[str, Task] = {}
         # The callback that will request the family and the map; None while neither is to be requested.
         self._pending: TimeoutCallback | None = None
+        self._closed = False  # once a message has come that no page sends
         self._fill_document()
         document.on_session_destroyed(lambda _: self.close())
         self._request_hop()
@@ -91,7 +95,7 @@ class Explorer:
     def close(self) -> None:
         """End the workers."""
         for worker in self._workers.values():
-            worker.stop()
+            worker.close()
 
     def _worker(self, receive: Callable[[Task, object], None], calm: bool = False) -> Worker:
         """A worker whose results are passed to a method in order, in the thread of the document."""
@@ -104,7 +108,7 @@ class Explorer:
             results.put((task, result))
             self._document.add_next_tick_callback(lambda: receive(*results.get()))
 
-        return Worker(deliver, self._python_machine, calm)
+        return Worker(deliver, self._pools.calm if calm else self._pools.urgent)
 
     def _fill_document(self) -> None:
         """Put the figures, the template and the events into the document."""
@@ -134,11 +138,16 @@ class Explorer:
     # ---- requests
 
     def _receive(self, text: str) -> None:
-        """A field was changed: {"n": number of the change, "act": name, ...}, none of which is trusted."""
+        """A field was changed: {"n": number of the change, "act": name, ...}, none of which is trusted. What the page
+        never sends ends the computations of the tab for good."""
+        if self._closed:
+            return
         try:
             message = json.loads(text)
             act, number = str(message["act"]), int(message["n"])
         except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
+            self._closed = True
+            self._leave()
             return
         self._requested = replace(self._requested, message=number)
         if act == "leave":

@@ -25,7 +25,7 @@ HOSTS = (LOOPBACK, "localhost")  # the names under which a browser requests the 
 # Bytes of one message from a page: measured rows as JSON, in which a letter may take six characters.
 LARGEST_MESSAGE = 8 << 20
 SHOWN_ELSEWHERE = ("document", "iframe")  # what a page of another site may make of this one: it reads neither
-MOST_TABS = 40  # each has a process of its own
+MOST_TABS = 40  # each has figures of its own, which the server keeps
 LIFETIME = 5000  # milliseconds after which the session of a closed tab ends
 
 
@@ -111,7 +111,9 @@ def _bound(port: int) -> list[socket.socket]:
 
 def _page_of(scene: "Scene", python_machine: object) -> Callable[[Any], None]:
     """The function that fills the document of a tab."""
-    tabs = set[str]()
+    from .worker import pools_of
+
+    tabs, pools = set[str](), pools_of(python_machine)
 
     def fill(document: Any) -> None:
         from .forms import scene_of_link
@@ -127,7 +129,7 @@ def _page_of(scene: "Scene", python_machine: object) -> Callable[[Any], None]:
             begun, problem = scene, f"The link cannot be followed: {error}"
         tabs.add(document.session_context.id)
         document.on_session_destroyed(lambda context: tabs.discard(context.id))
-        Explorer(document, begun, python_machine, problem)
+        Explorer(document, begun, pools, python_machine, problem)
 
     return fill
 

@@ -1,19 +1,20 @@
-"""Processes that compute for a page: each computes the newest task, and can be stopped at any moment.
+"""Processes that compute for the pages: each computes the newest task, and can be stopped at any moment.
 
-A page is drawn by a server that never computes, so that ten of them do not disturb each other. A task requested while
+A page is drawn by a server that never computes, and the tabs share a few processes. A task requested while
 a worker computes replaces the one before, so that the moves of a slider never queue; a computation that takes long is
 ended by killing its process, since compiled code responds to nothing else.
 """
 
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import count
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from orbits import time_limit
 from orbits.errors import OrbitsError
@@ -29,6 +30,9 @@ LOST = (
     "the process that computed this has ended: there may be too little memory, or a script has called explore without"
     "  if __name__ == '__main__':"
 )
+# The most processes for hops and for what is computed in the background, and the memory of a process (bytes) from which
+# on it is replaced: all of them have less than 1 GB.
+MOST_FOR_HOPS, MOST_CALM, LARGEST_PROCESS = 4, 2, 160 << 20
 # A computation that has taken this long (s) is ended when a newer task is requested.
 IMPATIENT = 3.0
 # Nothing takes longer (s): a visitor can stop what he waits for, and a slow computer draws its map in the end.
@@ -46,100 +50,214 @@ class Task:
 
 @dataclass(frozen=True)
 class Failure:
-    """Why there is no result, in words."""
+    """Why there is no result, in words, and the memory of the process in bytes."""
 
     reason: str
+    memory: int = 0
 
 
 @dataclass(frozen=True)
 class Done:
-    """The end of the results of a task."""
+    """The end of the results of a task, and the memory of the process in bytes."""
+
+    memory: int = 0
+
+
+class Pool:
+    """The processes that compute for the pages of all tabs: a few, however many tabs are open.
+
+    python_machine : the machine of the pages, where no statement makes it
+    size : the largest number of processes
+    calm : whether they run at low priority, for computations in the background
+
+    A process computes the tasks of one `Worker` at a time, and workers take turns. There are never more processes than
+    workers, and none is left once all pages are closed.
+    """
+
+    def __init__(self, python_machine: object = None, size: int = MOST_FOR_HOPS, calm: bool = False):
+        self.lock = threading.Lock()
+        self._arguments, self._size = (python_machine, calm), size
+        self._open, self._waiting = set[Worker](), list[Worker]()
+        self._processes = list[_Process]()
+
+    def enter(self, worker: "Worker") -> None:
+        """Queue a worker, and begin its task where a process is free; called with the lock."""
+        self._open.add(worker)
+        if worker not in self._waiting:
+            self._waiting.append(worker)
+        self._serve()
+
+    def leave(self, worker: "Worker", for_good: bool = False) -> None:
+        """End what is computed for a worker; called with the lock."""
+        if worker in self._waiting:
+            self._waiting.remove(worker)
+        if (process := worker.process) is not None:
+            worker.process = None
+            self._end(process)
+        if for_good:
+            self._open.discard(worker)
+            for idle in [each for each in self._processes if each.worker is None]:
+                if len(self._processes) > len(self._open):
+                    self._end(idle)
+        self._serve()
+
+    def free(self, process: "_Process", memory: int) -> None:
+        """Take back a process that has completed its task with so much memory in bytes; called with the lock."""
+        process.worker = None
+        if memory > LARGEST_PROCESS or len(self._processes) > len(self._open):
+            self._end(process)
+        self._serve()
+
+    def drop(self, process: "_Process") -> None:
+        """Forget a process that has ended; called with the lock."""
+        if process in self._processes:
+            self._processes.remove(process)
+            self._serve()
+
+    def _end(self, process: "_Process") -> None:
+        self._processes.remove(process)
+        process.end()
+
+    def _serve(self) -> None:
+        """Give the free processes to the workers that wait, first come, first served."""
+        while self._waiting:
+            idle = next((each for each in self._processes if each.worker is None), None)
+            if idle is None and len(self._processes) >= min(self._size, len(self._open)):
+                return
+            if idle is None:
+                idle = _Process(self, *self._arguments)
+                self._processes.append(idle)
+            worker = self._waiting.pop(0)
+            idle.worker, worker.process = worker, idle
+            worker.begin()
+
+
+class Pools(NamedTuple):
+    """The processes that compute hops, and those that compute families and maps in the background."""
+
+    urgent: Pool
+    calm: Pool
+
+
+def pools_of(python_machine: object = None) -> Pools:
+    """The pools of pages; `python_machine` is their machine, where no statement makes it."""
+    return Pools(Pool(python_machine), Pool(python_machine, MOST_CALM, calm=True))
+
+
+class _Process:
+    """A process of a pool, with the worker for which it computes; None while it is idle."""
+
+    def __init__(self, pool: Pool, python_machine: object, calm: bool):
+        context = process_context()
+        self.pool, self.worker = pool, cast("Worker | None", None)
+        self.pipe, theirs = context.Pipe()
+        self.process: BaseProcess = context.Process(
+            target=compute_tasks, args=(theirs, python_machine, calm), daemon=True
+        )
+        self.process.start()
+        theirs.close()
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def send(self, task: Task) -> None:
+        """Send a task, in place of the one before."""
+        with suppress(OSError):  # of a process that has just died, which its reader reports
+            self.pipe.send(task)
+
+    def end(self) -> None:
+        """Kill the process."""
+        self.worker = None
+        self.process.kill()
+        self.process.join()
+
+    def _read(self) -> None:
+        """Deliver the results that the process sends, until it ends."""
+        while True:
+            try:
+                task, result = self.pipe.recv()
+            except (EOFError, OSError):
+                break
+            with self.pool.lock:
+                worker = self.worker
+                awaited = worker is not None and worker.awaits(task, result)
+                if worker is not None and worker.process is None:  # it has its last result
+                    self.pool.free(self, result.memory if isinstance(result, Done | Failure) else 0)
+            if worker is not None and awaited:
+                worker.deliver(task, result)
+        self.pipe.close()
+        with self.pool.lock:
+            worker, lost = self.worker, None
+            if worker is not None:
+                lost = worker.lose()
+            self.pool.drop(self)
+        if worker is not None and lost is not None:
+            worker.deliver(lost, Failure(LOST))
 
 
 class Worker:
-    """A process that computes tasks.
+    """What computes one kind of tasks of one page: the newest of them, by a process of a pool.
 
     deliver : called with a task and each of its results, the last of them `Done` or a `Failure`, in a thread of its
         own; a task that a newer one has replaced may have no results
-    calm : whether it runs at low priority, for computations in the background
-    python_machine : the machine of the page, where no statement makes it
     """
 
-    def __init__(self, deliver: Callable[[Task, object], None], python_machine: object = None, calm: bool = False):
-        self._deliver, self._machine, self._calm = deliver, python_machine, calm
-        self._lock = threading.Lock()
-        self._process: BaseProcess | None = None
-        self._pipe: Any = None
+    def __init__(self, deliver: Callable[[Task, object], None], pool: Pool):
+        self.deliver, self._pool = deliver, pool
+        self.process: _Process | None = None  # that which computes now; None while it waits for one
         self._current: Task | None = None  # the newest, until its last result has come
         self._since = 0.0
 
     @property
     def busy(self) -> float:
-        """The seconds for which it has been computing; 0.0 while it waits."""
+        """The seconds for which it has been computing or waiting for a process; 0.0 without a task."""
         return time.monotonic() - self._since if self._current is not None else 0.0
 
     def ask(self, task: Task) -> None:
         """Request the results of a task, in place of the task before."""
-        with self._lock:
-            if self._current is not None and self.busy > IMPATIENT:
-                self._end()
-            if self._process is None or not self._process.is_alive():
-                self._begin()
+        with self._pool.lock:
+            if self.process is not None and self.busy > IMPATIENT:
+                self._pool.leave(self)
+                self._current = None
             if self._current is None:
                 self._since = time.monotonic()
             self._current = task
-            with suppress(OSError):  # of a process that has just died, which its reader reports
-                self._pipe.send(task)
+            if self.process is None:
+                self._pool.enter(self)
+            else:
+                self.process.send(task)
 
     def stop(self) -> None:
-        """End the computation immediately; the next task begins a new process."""
-        with self._lock:
-            self._end()
+        """End the computation immediately."""
+        with self._pool.lock:
+            self._current = None
+            self._pool.leave(self)
 
-    def _begin(self) -> None:
-        context = process_context()
-        self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=compute_tasks, args=(theirs, self._machine, self._calm), daemon=True)
-        self._process.start()
-        theirs.close()
-        threading.Thread(target=self._read, args=(self._process, self._pipe), daemon=True).start()
+    def close(self) -> None:
+        """End the computation of a page that is closed; a later task begins anew."""
+        with self._pool.lock:
+            self._current = None
+            self._pool.leave(self, for_good=True)
 
-    def _end(self) -> None:
-        """Kill the process; called with the lock."""
-        process, self._process, self._current = self._process, None, None
-        if process is not None:
-            process.kill()
-            process.join()
+    def begin(self) -> None:
+        """Send the newest task to the process that computes now; called with the pool's lock."""
+        assert self.process is not None
+        assert self._current is not None
+        self._since = time.monotonic()
+        self.process.send(self._current)
 
-    def _read(self, process: "BaseProcess", pipe: "Connection") -> None:
-        """Deliver the results that the process sends, until it ends."""
-        while True:
-            try:
-                task, result = pipe.recv()
-            except (EOFError, OSError):
-                break
-            if self._is_awaited(process, task, result):
-                self._deliver(task, result)
-        pipe.close()
-        with self._lock:
-            lost = self._current if process is self._process else None
-            if lost is not None:
-                self._current = self._process = None
-        if lost is not None:
-            self._deliver(lost, Failure(LOST))
+    def lose(self) -> Task | None:
+        """The task that was lost with its process; called with the pool's lock."""
+        lost, self._current, self.process = self._current, None, None
+        return lost
 
-    def _is_awaited(self, process: "BaseProcess", task: Task, result: object) -> bool:
-        """Whether a result is to be delivered; the last one completes its task."""
+    def awaits(self, task: Task, result: object) -> bool:
+        """Whether a result is to be delivered; the last one completes its task. Called with the pool's lock."""
         last = isinstance(result, Done | Failure)
-        with self._lock:
-            if process is not self._process:
-                return False
-            if self._current is None or task.number != self._current.number:
-                self._since = time.monotonic()
-                return not last  # an older hop is shown too, so that a dragged slider shows the hops that it passes
-            if last:
-                self._current = None
-            return True
+        if self._current is None or task.number != self._current.number:
+            self._since = time.monotonic()
+            return not last  # an older hop is shown too, so that a dragged slider shows the hops that it passes
+        if last:
+            self._current = self.process = None
+        return True
 
 
 class _Newest:
@@ -191,10 +309,19 @@ def _results_of(task: Task, python_machine: object) -> Iterator[object]:
         with time_limit(LONGEST_TASK):
             yield from COMPUTATIONS[task.name](python_machine, *task.arguments)
     except OrbitsError as error:
-        yield Failure(str(error))
+        yield Failure(str(error), _memory())
     except MemoryError:
-        yield Failure("there is not enough memory for this")
+        yield Failure("there is not enough memory for this", _memory())
     except Exception as error:
-        yield Failure(f"internal error, please report it: {type(error).__name__}: {error}")
+        yield Failure(f"internal error, please report it: {type(error).__name__}: {error}", _memory())
     else:
-        yield Done()
+        yield Done(_memory())
+
+
+def _memory() -> int:
+    """The most memory that this process has had, in bytes; 0 where the system does not count it."""
+    try:
+        import resource
+    except ImportError:
+        return 0
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)

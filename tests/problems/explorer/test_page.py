@@ -52,6 +52,8 @@ class Inline:
     def stop(self):
         self.kept = []
 
+    close = stop
+
 
 class Tab:
     """A page and what its tab sends and sees."""
@@ -176,6 +178,15 @@ def test_what_comes_after_a_page_was_left_is_not_shown(tab):
         worker.came(question, answer)
     assert (page.alpha, page.page._pending) == (kept, None)
     assert {name: each.asked for name, each in page.workers.items()} == asked
+
+
+@pytest.mark.parametrize("text", ["nonsense", "[]", '{"act": "stop"}', '{"n": 1e999, "act": "stop"}', "[" * 100_000])
+def test_a_tab_that_sends_what_no_page_sends_computes_nothing_more(tab, text):
+    page = tab(SOFTENING)
+    asked = page.workers["hop"].asked
+    page.page._receive(text)
+    page.ask("number", name="beta", value=-0.004)
+    assert page.workers["hop"].asked == asked
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ pytest.importorskip("bokeh")
 
 from problems.explorer.results import HopResult
 from problems.explorer.scene import Scene, beginning
-from problems.explorer.worker import Done, Failure, Task, Worker
+from problems.explorer.worker import MOST_FOR_HOPS, Done, Failure, Pool, Task, Worker
 from tests.browser import PATIENCE, wait_for
 
 pytestmark = pytest.mark.extra("bokeh")
@@ -34,14 +34,14 @@ def made():
     """Makes workers with the queue of their answers, and closes them."""
     workers = []
 
-    def new(**options):
+    def new(pool=None):
         answers = Queue()
-        workers.append(Worker(lambda question, answer: answers.put((question, answer)), **options))
+        workers.append(Worker(lambda question, answer: answers.put((question, answer)), pool or Pool()))
         return workers[-1], answers
 
     yield new
     for worker in workers:
-        worker.stop()
+        worker.close()
 
 
 def hop(scene: Scene, with_dials: bool = False) -> Task:
@@ -113,7 +113,7 @@ def test_a_stop_kills_at_once_and_the_next_question_is_answered(made):
     worker.ask(hop(ENDLESS))
     time.sleep(2)
     assert worker.busy > 1
-    process = worker._process
+    process = worker.process.process
     worker.stop()
     assert not is_alive(process.pid)
     assert worker.busy == 0.0
@@ -135,7 +135,7 @@ def test_a_process_that_dies_is_told_and_replaced(made):
     worker, answers = made()
     worker.ask(question := hop(ENDLESS))
     time.sleep(1)
-    os.kill(worker._process.pid, signal.SIGKILL)
+    os.kill(worker.process.process.pid, signal.SIGKILL)
     (failure,) = answered(answers, question)
     assert "has ended" in failure.reason
     worker.ask(question := hop(CUBIC))
@@ -144,9 +144,10 @@ def test_a_process_that_dies_is_told_and_replaced(made):
 
 @pytest.mark.slow
 def test_ten_do_not_disturb_each_other(made):
-    """One computes for minutes, the others answer alike."""
-    made()[0].ask(hop(ENDLESS))
-    pairs = [made() for _ in range(9)]
+    """One computes for minutes, the others share the other processes and answer alike."""
+    pool = Pool()
+    made(pool)[0].ask(hop(ENDLESS))
+    pairs = [made(pool) for _ in range(9)]
     questions = [hop(CUBIC.with_numbers(beta=0.1 + k / 10)) for k in range(9)]
     for (worker, _), question in zip(pairs, questions, strict=True):
         worker.ask(question)
@@ -154,6 +155,34 @@ def test_ten_do_not_disturb_each_other(made):
         answer, _ = answered(answers, question)
         orbit = find(Hopper("cubic", rest_length=8.0, parameters={"beta": 0.1 + k / 10}))
         assert answer.alpha == orbit.alpha
+    assert len(pool._processes) == MOST_FOR_HOPS
+
+
+def test_no_process_is_left_without_workers(made):
+    pool = Pool(size=2)
+    pairs = [made(pool) for _ in range(3)]
+    questions = [hop(CUBIC.with_numbers(beta=0.1 + k / 10)) for k in range(3)]
+    for (worker, _), question in zip(pairs, questions, strict=True):
+        worker.ask(question)
+    assert len(pool._processes) == 2
+    for (_, answers), question in zip(pairs, questions, strict=True):
+        answered(answers, question)
+    processes = [each.process for each in pool._processes]
+    pairs[0][0].close()
+    assert len(pool._processes) == 2
+    for worker, _ in pairs[1:]:
+        worker.close()
+    assert not pool._processes
+    assert not any(is_alive(process.pid) for process in processes)
+
+
+def test_a_process_that_has_grown_is_replaced(made, monkeypatch):
+    monkeypatch.setattr("problems.explorer.worker.LARGEST_PROCESS", 1 << 20)
+    worker, answers = made(pool := Pool())
+    for _ in range(2):
+        worker.ask(question := hop(CUBIC))
+        assert len(answered(answers, question)) == 2
+        wait_for(lambda: not pool._processes, "the process ends")
 
 
 @pytest.mark.slow
@@ -163,14 +192,14 @@ def test_workers_end_with_the_program_that_started_them(tmp_path):
     lines = """
         import os, signal, time
         from problems.explorer.scene import Scene
-        from problems.explorer.worker import Task, Worker
+        from problems.explorer.worker import Pool, Task, Worker
 
         if __name__ == "__main__":
-            worker = Worker(print)
+            worker = Worker(print, Pool())
             scene = Scene(spring="r + 0.02*sin(60*r)", numbers={"rest_length": 30.0}, family=40).complete()
             worker.ask(Task("hop", (scene, False)))
             time.sleep(1)
-            print(worker._process.pid, flush=True)
+            print(worker.process.process.pid, flush=True)
             os.kill(os.getpid(), signal.SIGKILL)
     """
     script.write_text(textwrap.dedent(lines), encoding="utf-8")
