@@ -102,13 +102,18 @@ def find_command(
     """Find one lossless orbit and certify it. With --tune and --at, numbers of the machine are found too."""
     from orbits.periodic.find import find
 
+    from ..machines.files import build, search
+
     stated_family = click.get_current_context().get_parameter_source("family") is not ParameterSource.DEFAULT
     stated, tuned = options.with_tuned(stated, tune)
-    requested, machine = family if hop is None or stated_family else None, options.machine_of(**stated)
+    statement, where = options.statement_of(**stated)
+    requested, machine = family if hop is None or stated_family else None, build(statement, where)
+    own = search(statement, where)
     with options.progress() as report:
         orbit = find(
-            machine, requested, method=method, progress=report, limit=limit, start=options.started(machine, hop),
-            tune=tuned, at=options.named_values(prescribed, "--at") or None,
+            machine, requested, method=method, progress=report, limit=limit,
+            start=options.started(machine, hop) or own.get("start"), tune=tuned or own.get("tune"),
+            at=options.named_values(prescribed, "--at") or own.get("at"),
         )  # fmt: skip
     options.write(orbit, as_json, plot, animate, save, export)
     if explain and not as_json:

@@ -199,14 +199,20 @@ def machine_file(scene: Scene) -> str:
     stated = scene.statement()
     tables = {name: stated.pop(name) for name in ("si", "parameters") if name in stated}
     lines = [f"{name} = {_toml(value)}" for name, value in stated.items()]
+    if scene.tuned:
+        tables["find"] = {"tune": [*scene.tuned], "at": dict(scene.prescribed)}
+        if scene.start is not None:
+            tables["find"]["start"] = dict(zip(scene.start_names, scene.start, strict=True))
     for name, values in tables.items():
         lines += ["", f"[{name}]", *(f"{each} = {_toml(value)}" for each, value in values.items())]
     return "\n".join(lines) + "\n"
 
 
 def _toml(value: Any) -> str:
-    """A string or a number as TOML; a JSON string is a TOML string too."""
-    return json.dumps(value) if isinstance(value, str) else repr(value)
+    """A text, a number, a list of texts, or numbers by name as TOML; texts of JSON are texts of TOML too."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{json.dumps(name)} = {number!r}" for name, number in value.items()) + "}"
+    return json.dumps(value) if isinstance(value, str | list) else repr(value)
 
 
 def python_lines(scene: Scene) -> str:

@@ -26,6 +26,13 @@ angle = 0.3                     inertia = 0.5
 beta = 1.0                      body_inertia = 0.5
                                 stiffness = 20.0
 
+how `orbits find` finds a hop of a machine of which numbers are tuned, unless its options say otherwise:
+
+[find]
+tune = ["inertia", "hip_stiffness"]
+at = {speed = 0.4}
+start = {alpha = 1.5, theta = 0.07}   # unknowns and tuned numbers, or left out
+
 and what to design of it, in the machine's units or in SI:
 
 [design]
@@ -77,14 +84,22 @@ COMMON_KEYS = ("gravity", "restitution", "damping", "drag", "parameters", "groun
 GROUND_KEYS = ("mass", "stiffness", "spring")
 # The parameters of compliant ground, by the keys of [ground] that state them.
 GROUND_PARAMETERS = {GROUND_MASS: "mass", "ground_stiffness": "stiffness"}
-KEYS = ("machine", *OWN_KEYS, *COMMON_KEYS, "si", "design")
-KEYS_OF_STEPS = ("machine", "spring", "parameters", "si", "design")
+KEYS = ("machine", *OWN_KEYS, *COMMON_KEYS, "si", "find", "design")
+KEYS_OF_STEPS = ("machine", "spring", "parameters", "si", "find", "design")
 SI_KEYS = ("surface_gravity", "stiffness", "rest_length", "body_radius")
 # The parameters of a machine in SI that its file states in [si].
 SI_PARAMETERS = {*SI_KEYS, *(name for names in (*MASSES.values(), *SI_KEYS_OF_STEPS.values()) for name in names)}
 # A spring of a file, which may be the mean or a branch of one with hysteresis.
 OF_A_FILE = re.compile(r"((?:^|[:;]\s*)(?:table|loop):)([^;]+)")
 LARGEST_MACHINE_FILE = 1 << 14  # of a machine file: reading a longer one may take its length squared
+
+
+class FindTable(TypedDict, total=False):
+    """The table [find] of a file."""
+
+    tune: list[str]
+    at: dict[str, float]
+    start: dict[str, float]
 
 
 class DesignTable(TypedDict, total=False):
@@ -107,13 +122,21 @@ def read(path: str | Path) -> dict[str, Any]:
     path = Path(path)
     data = read_file(path, f"the machine file {str(path)!r} cannot be read", tomllib.load, LARGEST_MACHINE_FILE)
     _check_keys(path, data, KEYS)
-    for table in ("parameters", "si", "design", "ground"):
+    for table in ("parameters", "si", "find", "design", "ground"):
         if not isinstance(data.get(table, {}), dict):
             raise InputError(f"{path}: '{table}' is a table: write [{table}]")
     for owner in (data, data.get("ground", {})):
         if isinstance(spring := owner.get("spring"), str):  # a table's path counts from the file that names it
             owner["spring"] = OF_A_FILE.sub(lambda found: found[1] + str(path.parent / found[2]), spring)
     return data
+
+
+def search(statement: dict[str, Any], where: str) -> FindTable:
+    """What a statement states of the search for a hop, as arguments of `orbits.find`; raises `InputError` for unknown
+    keys and other types."""
+    table = statement.get("find", {})
+    _check_keys(f"{where}, [find]", table, FindTable.__annotations__)
+    return conform(table, FindTable, f"{where}: [find]")
 
 
 def design(statement: dict[str, Any], where: str) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """The forms of a scene: link, machine file, lines of Python; and what a hostile link can do."""
 
 import base64
+import json
 import os
 import runpy
 import time
@@ -8,15 +9,17 @@ import zlib
 from dataclasses import replace
 
 import pytest
+from click.testing import CliRunner
 
 from orbits import InputError, find
 from orbits.errors import LONGEST_MESSAGE
 from problems import inerter_hopper
+from problems.command.cli import orbits
 from problems.command.options import machine_of
 from problems.explorer.forms import link_of, machine_file, python_lines, scene_of_link, scene_of_statement
 from problems.explorer.scene import LARGEST_ROWS, DroppedRows, beginning
 from problems.laws.springs import SAMPLE
-from problems.machines.files import read
+from problems.machines.files import read, search
 from tests.problems.explorer.scenes import SCENES, SHORT_ROWS, arguments, given
 
 
@@ -36,6 +39,18 @@ def test_a_machine_file_makes_the_same_machine(scene, tmp_path):
     assert machine_of(machine=str(path)).describe() == scene.build().describe()
     again = scene_of_statement(read(path))
     assert again.complete().build().describe() == scene.build().describe()
+
+
+def test_the_machine_file_of_a_runner_finds_its_run(tmp_path):
+    path = tmp_path / "machine.toml"
+    path.write_text(machine_file(beginning("runner")), encoding="utf-8")
+    done = CliRunner().invoke(orbits, ["find", "--machine", str(path), "--json"])
+    run = json.loads(done.output)
+    assert run["speed"] == pytest.approx(0.4, rel=1e-12)
+    assert run["parameters"]["inertia"] == pytest.approx(5.6540484222, rel=1e-9)  # of two programs
+    path.write_text(path.read_text(encoding="utf-8").replace("tune =", "tuned ="), encoding="utf-8")
+    with pytest.raises(InputError, match=r"\[find\]: unknown key 'tuned'; did you mean 'tune'"):
+        search(read(path), str(path))
 
 
 @given
