@@ -309,16 +309,16 @@ def _results_of(task: Task, python_machine: object) -> Iterator[object]:
         with time_limit(LONGEST_TASK):
             yield from COMPUTATIONS[task.name](python_machine, *task.arguments)
     except OrbitsError as error:
-        yield Failure(str(error), _memory())
+        yield Failure(str(error), _peak_memory())
     except MemoryError:
-        yield Failure("there is not enough memory for this", _memory())
+        yield Failure("there is not enough memory for this", _peak_memory())
     except Exception as error:
-        yield Failure(f"internal error, please report it: {type(error).__name__}: {error}", _memory())
+        yield Failure(f"internal error, please report it: {type(error).__name__}: {error}", _peak_memory())
     else:
-        yield Done(_memory())
+        yield Done(_peak_memory())
 
 
-def _memory() -> int:
+def _peak_memory() -> int:
     """The most memory that this process has had, in bytes; 0 where the system does not count it."""
     try:
         import resource
