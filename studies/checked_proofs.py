@@ -1,5 +1,6 @@
 """Do the two programs that prove orbits agree? The second verifies 200 proofs of the first, of different machines.
-Each theorem is then falsified in one place, and both have to refuse it.
+Each theorem is then falsified in one place, and both have to refuse it. The second one also has to refuse a true file
+whose statement has another digit, and one with a number of JSON, which readers take as the nearest double.
 
 The machines are hoppers with springs of all laws, in SI and under gravity that varies, jugglers, hoppers with an
 inerter or with a knee, and chains; some proofs are of higher families, of intervals of parameters, of many digits, or
@@ -137,6 +138,16 @@ def falsehoods(orbit: Orbit, document: dict[str, Any]) -> list[tuple[str, Orbit,
     return found
 
 
+def miswritten(document: dict[str, Any], number: int) -> list[dict[str, Any]]:
+    """The file of a theorem with another digit in its statement, and with the double nearest to a decimal of it."""
+    statement, as_double = document["statement"], deepcopy(document)
+    places = [place for place, letter in enumerate(statement) if letter.isdigit()]
+    place = places[7 * number % len(places)]
+    digit = str((int(statement[place]) + 1) % 10)
+    changed(as_double, ("parts", 0, "unknowns", "alpha"), lambda pair: [float(pair[0]), pair[1]])
+    return [document | {"statement": statement[:place] + digit + statement[place + 1 :]}, as_double]
+
+
 def verdicts(machine: Any, family: int, how: dict[str, Any], number: int) -> dict[str, Any]:
     """Whether the proof of a machine's orbit is verified, and whether each program refuses a false theorem of it."""
     orbit = orbit_of(machine, family)
@@ -159,12 +170,13 @@ def verdicts(machine: Any, family: int, how: dict[str, Any], number: int) -> dic
         "false": what,
         "first_refuses": not prove(liar, **how, limit=LIMIT).proved,
         "second_refuses": bool(check(false)),
+        "miswritten_refused": all(map(check, miswritten(document, number))),
         "seconds": (proved - began, done - proved),
     }
 
 
 def main(quick: bool = False, count: int = 200, first: int = 0) -> dict[str, int]:
-    """How many proofs are verified, and how many false theorems the first and the second program refuse."""
+    """How many proofs are verified, how many false theorems both programs refuse, and how many miswritten files."""
     drawn, found, number = machines(np.random.default_rng(0)), list[dict[str, Any]](), 0
     while len(found) < (2 if quick else count):
         machine, family, how = next(drawn)
@@ -181,7 +193,8 @@ def main(quick: bool = False, count: int = 200, first: int = 0) -> dict[str, int
         refused = [f"{program} refuses" for program in ("first", "second") if each[f"{program}_refuses"]]
         seconds = ", ".join(f"{each:.1f}" for each in each["seconds"])
         print(f"{number}: {words} ({seconds} s); false {each['false']}: {', '.join(refused)}; {machine!r}", flush=True)
-    totals = {name: sum(each[name] for each in found) for name in ("verified", "first_refuses", "second_refuses")}
+    names = "verified", "first_refuses", "second_refuses", "miswritten_refused"
+    totals = {name: sum(each[name] for each in found) for name in names}
     print(f"of {len(found)} proofs {totals}")
     return {"count": len(found), **totals}
 

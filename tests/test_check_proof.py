@@ -18,6 +18,7 @@ from orbits.check_proof import (
     Unverified,
     Values,
     check,
+    in_pieces,
     is_zero,
     number,
     parse,
@@ -206,6 +207,16 @@ def test_false_rows_are_not_verified(table, name):
     else:
         spring["rows"][row][column] = value
     assert check(restated(document))
+
+
+def test_states_that_may_be_on_three_pieces():
+    """Their hull holds the function on each of them."""
+    r = tree("name", value="r")
+    law = in_pieces([r, r + number(1), r + number(3)])
+    for pieces, width in (((0,), 0), ((0, 1), 0.5), ((0, 1, 2), 1.5)):
+        value = Values({r: arb(1)}, pieces)[law]
+        assert all(value.contains(each) for each in (1, 2, 4)[: len(pieces)])
+        assert abs(float(value.rad()) - width) < 1e-6
 
 
 @pytest.mark.parametrize("share", ["0", "0.3", "1"])

@@ -37,7 +37,7 @@ ROWS = [-8, -4, 0, 4, 8], [-9, -4.2, 0, 4, 8]
 PROOFS = {
     "restitution": lambda: prove(find(CUBIC)),
     "interval": lambda: with_interval(CUBIC, b=("0.2999", "0.3001")),
-    "parts": lambda: with_interval(CUBIC, b=("0.28", "0.32")),
+    "two parts": lambda: with_interval(inerter_hopper(), inertance=("0.198", "0.202")),
     "many digits": lambda: prove(find(CUBIC), 40, motion=False),
     "pieces": lambda: prove(find(Hopper(springs.bilinear(gap=0.5, ratio=2.0))), motion=False),
     "energy": lambda: prove(find(Hopper(springs.potential("r**2/2 + r**4/20"))), motion=False),
