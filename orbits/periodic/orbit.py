@@ -30,6 +30,7 @@ from .saved_orbit import (
     SavedOrbit,
     check_consistent,
     machine_in_document,
+    saved_tuned_errors,
     stated_fields,
     with_note,
 )
@@ -63,7 +64,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
     step, speed : of a machine that moves on along the ground, by how much it does so from landing to landing, and how
         fast its centre of mass moves along the ground in flight; None for another
     source : the machine that it was found for; None for an orbit from a file
-    tuned : bounds on the errors of those of the machine's parameters that were tuned, by name
+    tuned_errors : bounds on the errors of those of the machine's parameters that were tuned, by name; `tuned` are their
+        values
     prescribed : the values of quantities that they were tuned to, by name
 
     >>> from orbits import find
@@ -93,7 +95,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
     step: float | None = None
     speed: float | None = None
     source: Machine | None = field(default=None, repr=False)
-    tuned: Mapping[str, float] = field(default_factory=dict)
+    tuned_errors: Mapping[str, float] = field(default_factory=dict)
     prescribed: Mapping[str, float] = field(default_factory=dict)
 
     def __eq__(self, other: object) -> bool:
@@ -116,14 +118,20 @@ class Orbit(Result, what="orbit", printed_digits=15):
         """The same orbit, whose parameters of these names were tuned, with these bounds on their errors, so that
         quantities have prescribed values; without units, parameters that are not numbers of that machine are left out.
         """
-        tuned: dict[str, Any] = {"tuned": dict(errors), "prescribed": dict(prescribed)}
+        tuned: dict[str, Any] = {"tuned_errors": dict(errors), "prescribed": dict(prescribed)}
         if not (self.bare and self.scales):
             return replace(self, **tuned)
         own = {name: x / self.scales.of(dimension_of(name)) for name, x in prescribed.items()}
         numbers = {name: (self.bare._number(name), self._number(name)) for name in errors}
         shares = {name: each / x if x else 1.0 for name, (each, x) in numbers.items() if None not in (each, x)}
-        bare = replace(self.bare, tuned={name: errors[name] * x for name, x in shares.items()}, prescribed=own)
+        bare = replace(self.bare, tuned_errors={name: errors[name] * x for name, x in shares.items()}, prescribed=own)
         return replace(self, **tuned, bare=bare)
+
+    @property
+    def tuned(self) -> dict[str, float]:
+        """The values of those of the machine's parameters that were tuned, by name."""
+        values = {name: self._number(name) for name in self.tuned_errors}
+        return {name: value for name, value in values.items() if value is not None}
 
     def _number(self, name: str) -> Any:
         """The number of its machine of this name, None where there is none; the step is one of the orbit."""
@@ -260,7 +268,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
         document = {**self.machine, **{name: figures[name] for name in DOCUMENT_FIELDS}}
         document |= {name: figures[name] for name in FIELDS_OF_STEPS} if self.shape.steps else {}
         document |= {} if self.step is None else {name: getattr(self, name) for name in FIELDS_OF_RUNS}
-        document |= {"tuned": dict(self.tuned), "prescribed": dict(self.prescribed)} if self.tuned else {}
+        tuned = {"tuned": self.tuned, "tuned_errors": dict(self.tuned_errors), "prescribed": dict(self.prescribed)}
+        document |= tuned if self.tuned_errors else {}
         if not self.scales:
             return document
         units = {name: unit for name, unit in self.scales.texts().items() if name in document}
@@ -331,14 +340,13 @@ class Orbit(Result, what="orbit", printed_digits=15):
         speed = f" {units['alpha']}" if units else ""
         numbers = {"alpha": self.alpha, "error": c.error}
         yield Row("alpha", numbers, (f"{WHOLE}{speed}   +- {{:.1e}} (error of the numerics)",))
-        for name, error in self.tuned.items():
-            unit = f" {units[name]}" if units.get(name) else ""
-            if (value := self.machine["parameters"].get(name, self.machine.get(name))) is not None:
-                yield Row(
-                    f"tuned {name}",
-                    {name: value, "error": error},
-                    (f"{WHOLE}{unit}   +- {{:.1e}} (error of the numerics)",),
+        for name, value in self.tuned.items():
+            if name != STEP_LENGTH:
+                unit, numbers = (
+                    f" {units[name]}" if units.get(name) else "",
+                    {name: value, "error": self.tuned_errors[name]},
                 )
+                yield Row(f"tuned {name}", numbers, (f"{WHOLE}{unit}   +- {{:.1e}} (error of the numerics)",))
         if c.alpha_noise is not None:
             text = f"+- {{:.1e}}{speed} (one standard deviation of the rows{', or less' if c.alpha_per_noise else ''})"
             yield Row("  by the table's noise", {"alpha_noise": c.alpha_noise}, (text,))
@@ -457,7 +465,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         orbit = orbit_in_units(cls(**stated_fields(bare)), units, machine_in_document(data))
         if len(data["violations"]) != len(orbit.violations):
             raise ValueError("its violations in SI and without units are not as many")
-        own = {"tuned": data.get("tuned", {}), "prescribed": data.get("prescribed", {})}
+        own = {"tuned_errors": saved_tuned_errors(data), "prescribed": data.get("prescribed", {})}
         return replace(orbit, certificate=replace(orbit.certificate, violations=tuple(data["violations"])), **own)
 
 

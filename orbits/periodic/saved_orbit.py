@@ -31,7 +31,7 @@ FIELDS_OF_RUNS = (*OF_RUNS, "cost_of_transport")
 # The fields of an orbit's file besides those of the machine.
 OTHER_FIELDS = {
     *(*DOCUMENT_FIELDS, *FIELDS_OF_STEPS, *FIELDS_OF_RUNS),
-    *("format", "motion", "units", "si", "bare", "tuned", "prescribed"),
+    *("format", "motion", "units", "si", "bare", "tuned", "tuned_errors", "prescribed"),
 }
 
 
@@ -67,6 +67,7 @@ class SavedOrbit(SavedLaws):
     step: NotRequired[float]
     speed: NotRequired[float]
     tuned: NotRequired[Mapping[str, float]]
+    tuned_errors: NotRequired[Mapping[str, float]]
     prescribed: NotRequired[Mapping[str, float]]
     units: NotRequired[Mapping[str, str]]
     bare: NotRequired[Mapping[str, Any]]
@@ -89,9 +90,14 @@ def stated_fields(data: Mapping[str, Any]) -> dict[str, Any]:
         skipped=data["skipped"],
         seconds=data["seconds"],
         **{name: data.get(name) for name in ("known_in_family", "step", "speed")},
-        tuned=data.get("tuned", {}),
+        tuned_errors=saved_tuned_errors(data),
         prescribed=data.get("prescribed", {}),
     )
+
+
+def saved_tuned_errors(data: Mapping[str, Any]) -> Mapping[str, float]:
+    """The errors of the tuned parameters in an orbit's document; until version 0.2.0 they were called "tuned"."""
+    return data.get("tuned_errors", data.get("tuned", {}))
 
 
 def machine_in_document(data: Mapping[str, Any]) -> dict[str, object]:

@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from orbits import InputError, NoOrbit, Orbit, find, follow, quantities, starts
+from orbits.io import to_json
 from orbits.periodic import tuned, tuned_extremes
 from orbits.periodic.tuned import tuned_equations
 from orbits.running.time_limit import TimeOver
@@ -33,7 +34,7 @@ def test_stiffness_for_a_launch_speed_is_known_in_closed_form():
     orbit = find(LINEAR, tune="k", at={"alpha": 5.0})
     k = orbit.machine["parameters"]["k"]
     assert k == pytest.approx((B / 5.0) ** 2, rel=1e-14)
-    assert abs(k - (B / 5.0) ** 2) <= orbit.tuned["k"]
+    assert abs(k - (B / 5.0) ** 2) <= orbit.tuned_errors["k"]
 
 
 def test_mass_ratio_for_a_contact_time_is_known_in_closed_form():
@@ -53,10 +54,15 @@ def test_without_units_prescribed_values_have_none():
     bare = orbit.dimensionless()
     own = {"frequency": 1 / bare.period, "centre_of_mass_rise": bare.rises["centre of mass"]}
     assert bare.prescribed == pytest.approx(own, rel=1e-12)
-    assert bare.tuned == orbit.tuned
+    assert bare.tuned == pytest.approx(orbit.tuned, rel=1e-14)
+    assert bare.tuned_errors == orbit.tuned_errors
     long = find(LEG, tune="rest_length", at={"smallest_separation": 0.7})
     ratio = long.dimensionless().source.values["rest_length"] / long.source.values["rest_length"]
-    assert long.dimensionless().tuned["rest_length"] == pytest.approx(long.tuned["rest_length"] * ratio, rel=1e-14)
+    for of_si, own in (
+        (long.tuned, long.dimensionless().tuned),
+        (long.tuned_errors, long.dimensionless().tuned_errors),
+    ):
+        assert own["rest_length"] == pytest.approx(of_si["rest_length"] * ratio, rel=1e-14)
 
 
 @pytest.mark.parametrize(("slow", "name"), [("solved_near", "period"), ("quantity_of", "body_rise")])
@@ -98,7 +104,7 @@ def test_rises_are_prescribed_too(name, family):
     known = find(CUBIC.with_values(beta=0.41), family)
     found = find(CUBIC, family, tune="beta", at={f"{name.replace(' ', '_')}_rise": known.rises[name]})
     assert found.source.values["beta"] == pytest.approx(0.41, rel=1e-11)
-    assert abs(found.source.values["beta"] - 0.41) <= 100 * found.tuned["beta"]
+    assert abs(found.source.values["beta"] - 0.41) <= 100 * found.tuned_errors["beta"]
 
 
 @pytest.mark.parametrize("name", ["clearance", "stroke", "largest_contact_force", "landing_jerk"])
@@ -148,12 +154,22 @@ def test_derivatives_by_tuned_parameters_are_those_of_the_equations():
 def test_tuned_numbers_are_in_the_table_and_in_files(tmp_path):
     orbit = find(LEG, tune="k", at={"frequency": 2.5})
     assert "tuned k" in str(orbit)
+    assert orbit.tuned == {"k": orbit.source.values["k"]}
     assert orbit.document()["tuned"] == orbit.tuned
+    assert orbit.document()["tuned_errors"] == orbit.tuned_errors
     loaded = Orbit.load(orbit.save(tmp_path / "hop.json"))
     assert loaded == orbit
-    assert loaded.tuned == orbit.tuned
+    assert (loaded.tuned, loaded.tuned_errors) == (orbit.tuned, orbit.tuned_errors)
     assert loaded.prescribed == orbit.prescribed == {"frequency": 2.5}
     assert "tuned" not in json.loads(json.dumps(find(CUBIC).document()))
+
+
+def test_a_file_that_calls_the_errors_of_tuned_numbers_tuned_is_read():
+    orbit = find(LEG, tune="k", at={"frequency": 2.5})
+    document = json.loads(to_json(orbit.saved()))
+    document["tuned"] = document.pop("tuned_errors")
+    document["bare"]["tuned"] = document["bare"].pop("tuned_errors")
+    assert Orbit.of_saved(document) == orbit
 
 
 @pytest.mark.parametrize(
@@ -270,7 +286,7 @@ def test_a_contact_that_hangs():
     assert excess_over_barrier(orbit.alpha, orbit.liftoff_extension, beta) == pytest.approx(0.0, abs=1e-11)
     assert orbit.contact_time == pytest.approx(60.0, rel=1e-15)
     assert orbit.certificate.energy_drift < 1e-13
-    assert max(orbit.error, orbit.tuned["beta"]) < 1e-13
+    assert max(orbit.error, orbit.tuned_errors["beta"]) < 1e-13
 
 
 @pytest.mark.slow

@@ -651,7 +651,8 @@ def test_the_help_names_the_shells_completion(orbits):
 def test_the_stiffness_for_a_launch_speed_is_found(orbits):
     done = orbits("find --spring k*r --tune k=1 --at alpha=5 --json")
     assert done.document["parameters"]["k"] == pytest.approx((ALPHA / 5) ** 2, rel=1e-13)
-    assert done.document["tuned"]["k"] < 1e-13
+    assert done.document["tuned"] == {"k": done.document["parameters"]["k"]}
+    assert done.document["tuned_errors"]["k"] < 1e-13
 
 
 def test_a_family_goes_along_a_quantity(orbits):
