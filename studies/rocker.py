@@ -22,9 +22,10 @@ from orbits import Orbit, find, follow
 from orbits.result import Axes
 from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
 from problems import rocking_block
+from problems.machines.parameters import STANDARD_GRAVITY
 from studies.disturbed_steps import draw_disturbed
 
-MASS, HALF_WIDTH, HALF_HEIGHT, GRAVITY = 3.0, 0.05, 0.2, 9.81
+MASS, HALF_WIDTH, HALF_HEIGHT, GRAVITY = 3.0, 0.05, 0.2, STANDARD_GRAVITY
 RADIUS, ANGLE = hypot(HALF_WIDTH, HALF_HEIGHT), atan2(HALF_WIDTH, HALF_HEIGHT)
 INERTIA = 4 / 3 * MASS * RADIUS**2  # of a solid block about an edge
 LEFT = 1 - 1.5 * sin(ANGLE) ** 2  # of the rate at a landing

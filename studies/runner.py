@@ -29,6 +29,7 @@ from orbits import (
 )
 from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
 from problems import runner
+from problems.machines.parameters import STANDARD_GRAVITY
 from studies.walker import in_few_colours
 
 TUNED = ("inertia", "hip_stiffness")
@@ -38,7 +39,7 @@ REST_LENGTHS = (3.7, 4.3, 5.2)
 SPEED, FIRST, FASTEST = 0.4, 0.05, 2.0
 # Of a runner in SI: 60 kg on a leg of 1 m, a foot of 6 kg, and the leg's stiffness that makes it the one of the paper's
 # units with the rest length 3.7.
-BODY, LEG, EARTH = 60.0, 1.0, 9.81
+BODY, LEG, EARTH = 60.0, 1.0, STANDARD_GRAVITY
 
 
 def feet(quick: bool) -> tuple[float, ...]:

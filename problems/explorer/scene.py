@@ -22,6 +22,7 @@ from orbits.symbolic.formula import parse, suggest
 from ..laws import gravity as gravities, springs
 from ..machines.files import KINDS, MASSES, SI_KEYS, SI_KEYS_OF_STEPS, SI_PARAMETERS, STEPPING, build
 from ..machines.in_si import AnyMachine, MachineInSI
+from ..machines.parameters import STANDARD_GRAVITY
 
 # A machine passed to `explore` that no statement makes.
 PYTHON_MACHINE = "given"
@@ -52,13 +53,13 @@ BEGINNINGS: dict[tuple[str, bool], dict[str, Any]] = {
     ("hopper", True): {
         "spring": "k*r + b*r**3",
         "along": "b",
-        "numbers": {"body_mass": 60.0, "foot_mass": 3.0, "surface_gravity": 9.80665, "rest_length": 0.8}
+        "numbers": {"body_mass": 60.0, "foot_mass": 3.0, "surface_gravity": STANDARD_GRAVITY, "rest_length": 0.8}
         | {"k": 8000.0, "b": 2e6},
     },
     ("juggler", True): {
         "spring": LINEAR_IN_SI,
         "along": "ball_mass",
-        "numbers": {"ball_mass": 0.1, "hand_mass": 0.2, "surface_gravity": 9.80665, "stiffness": 50.0},
+        "numbers": {"ball_mass": 0.1, "hand_mass": 0.2, "surface_gravity": STANDARD_GRAVITY, "stiffness": 50.0},
     },
     ("wheel", False): {
         "spring": "r",
@@ -79,19 +80,19 @@ BEGINNINGS: dict[tuple[str, bool], dict[str, Any]] = {
         "spring": LINEAR_IN_SI,
         "along": "body_inertia",
         "numbers": {"mass": 2.0, "length": 0.4, "spokes": 8.0, "inertia": 0.5, "body_inertia": 0.5, "stiffness": 20.0}
-        | {"surface_gravity": 9.81, "friction": 0.5},
+        | {"surface_gravity": STANDARD_GRAVITY, "friction": 0.5},
     },
     ("rocker", True): {
         "spring": LINEAR_IN_SI,
         "along": "stiffness",
         "numbers": {"mass": 2.0, "half_width": 0.1, "half_height": 0.2, "inertia": 0.15, "body_inertia": 0.15}
-        | {"stiffness": 20.0, "surface_gravity": 9.81, "friction": 0.8},
+        | {"stiffness": 20.0, "surface_gravity": STANDARD_GRAVITY, "friction": 0.8},
     },
     ("shuttle", True): {
         "spring": LINEAR_IN_SI,
         "along": "body_inertia",
         "numbers": {"inertia": 0.5, "body_inertia": 0.5, "stiffness": 20.0, "angle": 0.3, "mass": 2.0, "length": 0.4}
-        | {"surface_gravity": 9.81},
+        | {"surface_gravity": STANDARD_GRAVITY},
     },
     (RUNNER, False): {
         "spring": LINEAR_IN_SI,
@@ -102,7 +103,7 @@ BEGINNINGS: dict[tuple[str, bool], dict[str, Any]] = {
         "spring": LINEAR_IN_SI,
         "along": SPEED_OF_RUN,
         "numbers": {"body_mass": 70.0, "foot_mass": 7.0, "rest_length": 0.9, "stiffness": 2800.0, "inertia": 24.0}
-        | {"hip_stiffness": 900.0, "surface_gravity": 9.81, SPEED_OF_RUN: 0.7},
+        | {"hip_stiffness": 900.0, "surface_gravity": STANDARD_GRAVITY, SPEED_OF_RUN: 0.7},
     },
 }
 

@@ -6,7 +6,7 @@ rest_length = 10                [si]
 spring = "r + beta*r**3"        body_mass = 60.0
 gravity = "constant"            foot_mass = 3.0
 [parameters]                    rest_length = 0.8
-beta = 0.3                      surface_gravity = 9.81
+beta = 0.3                      surface_gravity = 9.80665
 
 on compliant ground, by its mass (over the foot's, or in kg) and its stiffness or the spring of a formula,
 

@@ -29,10 +29,9 @@ from ..laws.gravity import as_gravity
 from ..laws.springs import as_spring
 from .hopper import Hopper
 from .juggler import Juggler
-from .parameters import refuse_taken, stated_numbers
+from .parameters import STANDARD_GRAVITY, refuse_taken, stated_numbers
 from .two_masses import DAMPERS, GROUND_MASS, TwoMasses, TwoMassMachine, checked_ground
 
-STANDARD_GRAVITY = 9.80665
 # The parameter that sets the units beside a force law, and changes no motion.
 GAUGE, BODY_RADIUS = "unit_stiffness", "body_radius"
 # Beyond these, results that have powers of the units overflow.

@@ -6,12 +6,12 @@ from typing import Any
 from orbits.errors import InputError
 from orbits.laws.law import number
 
-GRAVITY_OF_EARTH = 9.81  # m/s^2
+STANDARD_GRAVITY = 9.80665  # m/s^2
 
 
 def gravity_in_si(stated: float | None) -> float:
-    """The acceleration of gravity that is stated, in m/s^2, or that of the Earth."""
-    return GRAVITY_OF_EARTH if stated is None else number("surface_gravity", stated)
+    """The acceleration of gravity that is stated, in m/s^2, or the standard one."""
+    return STANDARD_GRAVITY if stated is None else number("surface_gravity", stated)
 
 
 def checked_numbers(parameters: object) -> dict[str, float]:

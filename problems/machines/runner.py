@@ -30,6 +30,14 @@ from ..laws.springs import as_spring
 from .parameters import gravity_in_si, refuse_taken, stated_numbers, with_parameters
 
 HIP = ("x + l*sin(theta)", "z + l*cos(theta)")
+# The numbers of a runner without units where they are not stated, and the units of those in SI.
+WITHOUT_UNITS = {
+    "body_mass": 1.0, "foot_mass": 0.1, "inertia": 5.7, "stiffness": 1.0, "hip_stiffness": 5.4, "rest_length": 3.7,
+}  # fmt: skip
+UNITS_OF_RUNNER = {
+    "body_mass": "kg", "foot_mass": "kg", "inertia": "kg m^2", "stiffness": "N/m", "hip_stiffness": "N m/rad",
+    "rest_length": "m",
+}  # fmt: skip
 WORDS_OF_RUNNERS = {
     "liftoff": "the foot's weight",
     "gap": "the foot touches the ground in flight",
@@ -42,8 +50,9 @@ WORDS_OF_RUNNERS = {
 
 
 def runner(
-    foot_mass: float = 0.1, rest_length: float = 3.7, inertia: float = 5.7, hip_stiffness: float = 5.4, *,
-    body_mass: float = 1.0, stiffness: float = 1.0, surface_gravity: float | None = None,
+    foot_mass: float | None = None, rest_length: float | None = None, inertia: float | None = None,
+    hip_stiffness: float | None = None, *,
+    body_mass: float | None = None, stiffness: float | None = None, surface_gravity: float | None = None,
     spring: LawLike = "stiffness*r", hip_spring: LawLike = "hip_stiffness*r", friction: float | None = None,
     in_si: bool = False, parameters: Mapping[str, float] | None = None,
 ) -> Mechanism:  # fmt: skip
@@ -52,8 +61,9 @@ def runner(
     foot_mass, body_mass : in kg where all is in SI; the foot is on the leg's lower end, the body's mass at the hip
     rest_length : of the leg
     inertia : of the body about the hip
-    stiffness, hip_stiffness : of the leg's and of the hip's spring
-    surface_gravity : 1, or in SI 9.81 m/s^2, where it is None
+    stiffness, hip_stiffness : of the leg's and of the hip's spring, where its law has them. Without units the defaults
+        of these numbers are 0.1 and 1, 3.7, 5.7, 1 and 5.4; in SI each is stated
+    surface_gravity : 1, or in SI 9.80665 m/s^2, where it is None
     spring : the force of the leg, a law of its extension r: one of `problems.springs`, or a formula whose names other
         than the stiffness are `parameters`
     hip_spring : the torque of the hip, an odd law of r = phi - theta
@@ -62,7 +72,8 @@ def runner(
     parameters : values of the names in both springs' laws
 
     The launch speed is that at which the leg extends at lift-off. An orbit is one up to a move along the ground, and
-    goes on by its `step`. Raises `InputError` for numbers that no runner has, and for a hip whose spring is not odd.
+    goes on by its `step`. Raises `InputError` for numbers that no runner has, for those that are missing in SI, and for
+    a hip whose spring is not odd.
 
     >>> from problems import runner
     >>> machine = runner(foot_mass=0.1, rest_length=3.7)
@@ -71,11 +82,11 @@ def runner(
     """
     in_si = true_or_false("in_si", in_si)
     gravity = 1.0 if surface_gravity is None and not in_si else gravity_in_si(surface_gravity)
-    own = {
+    stated = {
         "body_mass": body_mass, "foot_mass": foot_mass, "inertia": inertia, "stiffness": stiffness,
         "hip_stiffness": hip_stiffness, "rest_length": rest_length, "surface_gravity": gravity,
     }  # fmt: skip
-    own = {name: number(name, value) for name, value in own.items()}
+    own = {name: number(name, WITHOUT_UNITS[name] if value is None else value) for name, value in stated.items()}
     if friction is not None:
         own["friction"] = number("friction", friction)
     for name, value in own.items():
@@ -86,6 +97,9 @@ def runner(
     known = with_parameters(own, values)
     leg, hip = (as_spring(law, known, shared=True) for law in (spring, hip_spring))
     used = {*own} - {"stiffness", "hip_stiffness"} | {*leg.key.names, *hip.key.names, *values}
+    if in_si and (missing := [name for name in UNITS_OF_RUNNER if name in used and stated[name] is None]):
+        needed = ", ".join(f"{name} ({UNITS_OF_RUNNER[name]})" for name in missing)
+        raise InputError(f"a runner in SI needs {needed}: numbers that are left out have defaults without units alone")
     return Mechanism(
         name="runner",
         coordinates=("x", "z", "l", "theta", "phi"),

@@ -99,7 +99,7 @@ def rimless_wheel(
         lifts is no violation, since it does not in a wheel of a small share
     friction : the coefficient of friction, where one that is needed above it violates an orbit; None for any. Of a
         wheel without units and small angles that which is needed is in units of a
-    surface_gravity : of a wheel in SI, in m/s^2; None for 9.81
+    surface_gravity : of a wheel in SI, in m/s^2; None for 9.80665
     parameters : values of the spring's names
 
     The launch speed is that of the inner body at lift-off. Raises `InputError` for numbers that no wheel has.

@@ -41,7 +41,7 @@ def test_any_other_machine_keeps_its_laws(machine):
 
 
 def test_a_runner_made_in_python_is_tuned_on_the_page():
-    machine = runner(0.12, in_si=True, body_mass=2.0, friction=0.7)
+    machine = runner(0.12, 3.7, 5.7, 5.4, in_si=True, body_mass=2.0, stiffness=1.0, friction=0.7)
     scene = scene_of_machine(machine)
     assert (scene.machine, scene.si, scene.along, scene.tuned) == (
         "runner",

@@ -162,7 +162,7 @@ class KneeByHand:
     link: float = 0.25
     stiffness: float = 20.0
     rest_angle: float = 1.8
-    surface_gravity: float = 9.81
+    surface_gravity: float = 9.80665
     units: Units | None = SI
 
     model = MODEL

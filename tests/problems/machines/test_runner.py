@@ -173,8 +173,8 @@ def test_the_step_is_no_number_of_the_machine():
 
 
 def test_in_si_the_same_run(fast):
-    """Lengths in 1/3.7 m, masses in 60 kg, gravity 9.81 m/s^2."""
-    length, mass, g = 1 / 3.7, 60.0, 9.81
+    """Lengths in 1/3.7 m, masses in 60 kg, standard gravity."""
+    length, mass, g = 1 / 3.7, 60.0, 9.80665
     time, force = np.sqrt(length / g), mass * g
     machine = runner(
         in_si=True, foot_mass=6.0, body_mass=mass, rest_length=1.0, stiffness=force / length,
@@ -207,9 +207,12 @@ def test_files_state_runners(tmp_path):
     (tmp_path / "runner.toml").write_text('machine = "runner"\n[parameters]\nfoot_mass = 0.2\nrest_length = 3.0\n')
     machine = build(read(tmp_path / "runner.toml"))
     assert {name: machine.values[name] for name in NAMES} == {name: runner(0.2, 3.0).values[name] for name in NAMES}
-    si = build({"machine": "runner", "si": {"foot_mass": 6.0, "body_mass": 60.0, "rest_length": 1.0}})
+    own = {"foot_mass": 6.0, "body_mass": 60.0, "rest_length": 1.0, "inertia": 20.0}
+    si = build({"machine": "runner", "si": {**own, "stiffness": 2e4, "hip_stiffness": 900.0}})
     assert si.in_si
-    assert si.values["surface_gravity"] == 9.81
+    assert si.values["surface_gravity"] == 9.80665
+    with pytest.raises(InputError, match=r"in SI needs stiffness \(N/m\), hip_stiffness \(N m/rad\): numbers that"):
+        build({"machine": "runner", "si": own})
     with pytest.raises(InputError, match="'mass_ratio' is of machines that hop: a runner has foot_mass, rest_length"):
         build({"machine": "runner", "mass_ratio": 2.0})
 
