@@ -76,7 +76,8 @@ def hysteretic_law(text: str, extending: Law, shortening: Law, mean: Law | None 
             apart = f"{values[name]:g} and {value:g}"
             raise InputError(f"parameter '{name}' has two values in the branches, {apart}: give both the same")
     mean = mean or mean_of(extending, shortening)
-    return HystereticLaw(text, mean.variable, mean.expression, values, mean.pieces, None, extending, shortening, mean)
+    own = {"extending": extending, "shortening": shortening, "mean": mean, "in_si": extending.in_si}
+    return HystereticLaw(text, mean.variable, mean.expression, values, mean.pieces, **own)
 
 
 def mean_of(extending: Law, shortening: Law) -> Law:

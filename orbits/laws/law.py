@@ -129,6 +129,8 @@ class Law:
     parameters : values of the parameters
     pieces : `LawPieces`, or a tuple of the first of their entries; None for a smooth law
     written : the law in formulas; None where it cannot be written in formulas
+    in_si : whether its numbers are in m and N, or, if False, those of a machine without units, as of a law with the
+        slope 1 at rest; None where the machine decides
     """
 
     text: str
@@ -137,6 +139,7 @@ class Law:
     parameters: Mapping[str, float] = field(default_factory=dict)
     pieces: LawPieces | None = None
     written: Written | None = None
+    in_si: bool | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         checked = {name: number(name, value) for name, value in self.parameters.items()}
@@ -144,7 +147,8 @@ class Law:
         object.__setattr__(self, "pieces", self.pieces and LawPieces(*self.pieces))
 
     def __reduce__(self) -> tuple[type, tuple]:
-        return Law, (self.text, self.variable, self.expression, dict(self.parameters), self.pieces, self.written)
+        own = self.text, self.variable, self.expression, dict(self.parameters), self.pieces, self.written, self.in_si
+        return Law, own
 
     @cached_property
     def key(self) -> Key:
@@ -213,9 +217,21 @@ class Law:
         expression = scaled_expression(self.expression, force is not None)
         pieces = self.pieces and self.pieces._replace(unit=UNIT_LENGTH)
         units = {UNIT_LENGTH: length} | ({} if force is None else {UNIT_FORCE: force})
-        return replace(
-            self, expression=expression, pieces=pieces, parameters={**self.parameters, **units}, written=None
-        )
+        own = {**self.parameters, **units}
+        return replace(self, expression=expression, pieces=pieces, parameters=own, written=None, in_si=None)
+
+    def refuse_units(self, in_si: bool) -> None:
+        """Raise `InputError` where a machine, in SI or without units, would take the law's numbers for others."""
+        if self.in_si is None or self.in_si == in_si:
+            return
+        if self.in_si:
+            numbers = "is in m and N, and this machine has no units"
+            remedy = "state the machine in SI, as hopper_in_si(body_mass, foot_mass, force=law)"
+        else:
+            numbers = "has the slope 1 at rest of a machine without units, and this machine is in SI"
+            remedy = f"write it in N of m, as 'k*({self.text})' with its stiffness k in N/m and its lengths in m"
+            remedy = remedy if self.pieces is None else "state its rows in m and N as a table, springs.table(rows)"
+        raise InputError(f"the spring '{self.text}' {numbers}: {remedy}")
 
     def __repr__(self) -> str:
         return f"Law({', '.join([repr(self.text), *in_words(self.parameters)])})"

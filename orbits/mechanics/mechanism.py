@@ -177,6 +177,8 @@ class Mechanism(Stated):
         laws, elements = [self._law(self.gravity, "z", numbers)], list[Element]()
         for element in self.elements:
             if isinstance(element, Spring):
+                if isinstance(element.force, Law):
+                    element.force.refuse_units(self.in_si)
                 laws.append(self._law(element.force, "r", numbers))
                 element = replace(element, force=laws[-1][0])
             elements.append(element)

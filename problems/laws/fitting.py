@@ -1,7 +1,7 @@
 """The parameters of a formula fitted to measured force against extension."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -68,7 +68,7 @@ class SpringFit(Result, what="spring fit", in_line=("formula", "parameters", "no
     @cached_property
     def law(self) -> Law:
         """The formula with these parameters, as a spring like any other."""
-        return laws.from_formula(self.formula, "r", self.parameters)
+        return replace(laws.from_formula(self.formula, "r", self.parameters), in_si=self.in_si or None)
 
     @property
     def deviations(self) -> dict[str, float]:

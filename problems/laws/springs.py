@@ -1,13 +1,14 @@
 """Spring laws: force phi(r) against extension r, tension positive, stiffness 1 at rest where nothing else is said.
 
 Lengths are in units of the foot's weight over the stiffness, forces in the foot's weight (hopper), or of the hand's
-(juggler); of a machine stated in SI, in m and N. Each named law is a function of its parameters, whose units follow
-from these: `beta` is 1/length**2, `delta` 1/length**4, `a` and `b` are 1/length, `gap`, `length`, `height` and
-`thickness` lengths, `k`, `ratio` and `stop` stiffnesses. `NAMED` lists the laws for the command line.
+(juggler); formulas and tables of a machine stated in SI are in m and N. Each named law is a function of its parameters,
+whose units follow from these: `beta` is 1/length**2, `delta` 1/length**4, `a` and `b` are 1/length, `gap`, `length`,
+`height` and `thickness` lengths, `k`, `ratio` and `stop` stiffnesses. `NAMED` lists the laws for the command line.
 """
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from keyword import iskeyword
 from pathlib import Path
@@ -67,6 +68,11 @@ def function(force: Callable, /, breakpoints: tuple[float, ...] = (), **paramete
     return laws.from_function(force, "r", parameters, breakpoints)
 
 
+def _normalised(text: str, **parameters: float) -> Law:
+    """A formula with the slope 1 at rest, which is that of a machine without units."""
+    return replace(formula(text, **parameters), in_si=False)
+
+
 def linear(*, k: float = 1.0) -> Law:
     """Hooke's law k r: metal springs in small strain (Hooke 1678)."""
     number("k", k, low=0)
@@ -75,50 +81,48 @@ def linear(*, k: float = 1.0) -> Law:
 
 def cubic(*, beta: float = 0.3) -> Law:
     """Duffing's spring r + beta r**3: hardening for beta > 0, softening for beta < 0 (Duffing 1918)."""
-    return formula("r + beta*r**3", beta=beta)
+    return _normalised("r + beta*r**3", beta=beta)
 
 
 def quintic(*, beta: float = 0.0, delta: float = 0.1) -> Law:
     """Spring r + beta r**3 + delta r**5, softening first and hardening then, or inversely (Nayfeh and Mook 1979)."""
-    return formula("r + beta*r**3 + delta*r**5", beta=beta, delta=delta)
+    return _normalised("r + beta*r**3 + delta*r**5", beta=beta, delta=delta)
 
 
 def tanh(*, b: float = 0.2) -> Law:
     """Saturating spring tanh(b r)/b: at most 1/b, a smooth elastic, perfectly plastic curve (Hill 1950)."""
-    return formula("tanh(b*r)/b", **positive(b=b))
+    return _normalised("tanh(b*r)/b", **positive(b=b))
 
 
 def sinh(*, b: float = 0.5) -> Law:
     """Hardening spring sinh(b r)/b, exponentially stiff both ways, as in Eyring's theory of flow (1936)."""
-    return formula("sinh(b*r)/b", **positive(b=b))
+    return _normalised("sinh(b*r)/b", **positive(b=b))
 
 
 def toda(*, b: float = 0.2) -> Law:
     """Toda's lattice spring (1 - exp(-b r))/b (1967): hard in compression, at most 1/b in tension; b < 0 reverses."""
     if number("b", b) == 0:
         raise InputError("b = 0 makes the Toda spring linear; use the law 'linear'")
-    return formula("(1 - exp(-b*r))/b", b=b)
+    return _normalised("(1 - exp(-b*r))/b", b=b)
 
 
 def morse(*, a: float = 0.05) -> Law:
     """Morse's bond (1 - exp(-a r)) exp(-a r)/a: the tension has its maximum 1/(4 a) and then falls (Morse 1929)."""
-    return formula("(1 - exp(-a*r))*exp(-a*r)/a", **positive(a=a))
+    return _normalised("(1 - exp(-a*r))*exp(-a*r)/a", **positive(a=a))
 
 
 def bilinear(*, ratio: float = 3.0, gap: float = 0.5) -> Law:
     """Stiffness 1 up to the extension `gap`, `ratio` beyond: a second spring engages (Shaw and Holmes 1983)."""
     written = Written(("r", "gap + ratio*(r - gap)"), ("gap",))
-    return Law(
-        "bilinear", "r", _line_expression, positive(ratio=ratio, gap=gap), LawPieces(3, _bilinear_pieces), written
-    )
+    pieces = LawPieces(3, _bilinear_pieces)
+    return Law("bilinear", "r", _line_expression, positive(ratio=ratio, gap=gap), pieces, written, in_si=False)
 
 
 def end_stops(*, gap: float = 3.0, stop: float = 20.0) -> Law:
     """Stiffness 1 between extensions -gap and gap, `stop` beyond: bump stop and strap (Shaw and Holmes 1983)."""
     written = Written(("-gap + stop*(r + gap)", "r", "gap + stop*(r - gap)"), ("-gap", "gap"))
-    return Law(
-        "end_stops", "r", _line_expression, positive(gap=gap, stop=stop), LawPieces(3, _end_stop_pieces), written
-    )
+    pieces = LawPieces(3, _end_stop_pieces)
+    return Law("end_stops", "r", _line_expression, positive(gap=gap, stop=stop), pieces, written, in_si=False)
 
 
 def air(*, length: float = 5.0, exponent: float = 1.4) -> Law:
@@ -127,7 +131,9 @@ def air(*, length: float = 5.0, exponent: float = 1.4) -> Law:
     (length/exponent) (1 - (1 + r/length)**-exponent), the change of the force p A (V0/V)**n from rest (Bachrach and
     Rivin 1983); exponent 1 is slow (isothermal), 1.4 fast (adiabatic) air. Tension stays below length/exponent.
     """
-    return formula("length/exponent*(1 - (1 + r/length)**(-exponent))", **positive(length=length, exponent=exponent))
+    return _normalised(
+        "length/exponent*(1 - (1 + r/length)**(-exponent))", **positive(length=length, exponent=exponent)
+    )
 
 
 def belleville(*, height: float = 4.0, thickness: float = 4.0) -> Law:
@@ -137,7 +143,7 @@ def belleville(*, height: float = 4.0, thickness: float = 4.0) -> Law:
     Where h/t exceeds sqrt(2) the washer snaps through in compression.
     """
     text = "r*((height + r)*(height + r/2) + thickness**2)/(height**2 + thickness**2)"
-    return formula(text, **positive(height=height, thickness=thickness))
+    return _normalised(text, **positive(height=height, thickness=thickness))
 
 
 def rubber(*, length: float = 10.0) -> Law:
@@ -145,7 +151,7 @@ def rubber(*, length: float = 10.0) -> Law:
 
     (length/3) (s - s**-2) with stretch s = 1 + r/length; stiffness 1 at rest, singular where the strip has no length.
     """
-    return formula("length/3*((1 + r/length) - (1 + r/length)**(-2))", **positive(length=length))
+    return _normalised("length/3*((1 + r/length) - (1 + r/length)**(-2))", **positive(length=length))
 
 
 def table(
@@ -223,7 +229,7 @@ def _measured(
     text = (f"{scale}*" if scale else "") + text + (f" moved by {shift}" if shift else "")
     nodes, pieces = _table_pieces(curve)
     written = Written((scale or "1",), rows=_rows_of_table(nodes), shift=shift)
-    return Law(text, "r", moved, own, pieces._replace(origin=shift), written)
+    return Law(text, "r", moved, own, pieces._replace(origin=shift), written, any(record.units) or None)
 
 
 def hysteretic(extending: LawLike, shortening: LawLike, /, **parameters: float) -> HystereticLaw:

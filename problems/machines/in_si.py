@@ -358,6 +358,7 @@ def _spring(force: LawLike | None, stiffness: float | None, values: Mapping[str,
             raise InputError("a spring in SI needs its stiffness (N/m) or its force law")
         return None, number("stiffness", stiffness, low=0)
     law = as_spring(force, values, in_si=True, shared=True)
+    law.refuse_units(in_si=True)
     slope = float(law.with_slope(law.rest())[1])
     if stiffness is not None:
         k = number("stiffness", stiffness, low=0)

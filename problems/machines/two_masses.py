@@ -42,7 +42,9 @@ def checked_ground(ground: object, parameters: Mapping[str, float], kind: str, i
     spring = ground.spring
     if isinstance(spring, Real) and not isinstance(spring, bool):
         spring = formula("ground_stiffness*r", ground_stiffness=number("ground's spring", spring, low=0))
-    return Ground(number("ground's mass", ground.mass, low=0), as_spring(spring, parameters, in_si, shared=True))
+    law = as_spring(spring, parameters, in_si, shared=True)
+    law.refuse_units(in_si)
+    return Ground(number("ground's mass", ground.mass, low=0), law)
 
 
 class TwoMasses(Stated):
@@ -149,6 +151,7 @@ class TwoMassMachine(TwoMasses):
         reserved names."""
         values = checked_numbers(self.parameters)
         spring, gravity = as_spring(self.spring, values, shared=True), as_gravity(self.gravity, values, shared=True)
+        spring.refuse_units(in_si=False)
         ground = checked_ground(self.ground, values, self.kind)
         known = {**spring.parameters, **gravity.parameters, **(ground.spring.parameters if ground else {})}
         refuse_taken((*OWN_PARAMETERS, GROUND_MASS, "gravity_share"), [*known, *values], "the machine's own name")

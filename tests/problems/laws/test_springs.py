@@ -1,13 +1,14 @@
 """Named springs by other means, and tables: smoothness where it is promised, refusals where it is due."""
 
 import itertools
+import pickle
 
 import numpy as np
 import pytest
 
 from orbits import InputError, find
 from orbits.errors import OutOfRange
-from problems import Hopper
+from problems import Hopper, hopper_in_si, rimless_wheel
 from problems.laws import springs
 
 R = np.linspace(-2.5, 2.5, 41)
@@ -108,3 +109,26 @@ class TestTable:
         (tmp_path / "bench.csv").write_text(text)
         with pytest.raises(InputError, match=message):
             springs.table(tmp_path / "bench.csv")
+
+
+SI_ROWS = springs.table(springs.SAMPLE, in_si=True)
+
+
+@pytest.mark.parametrize(
+    ("build", "words"),
+    [
+        (lambda: Hopper(SI_ROWS), r"is in m and N, and this machine has no units: .*hopper_in_si"),
+        (lambda: rimless_wheel(spring=SI_ROWS), r"is in m and N, and this machine has no units"),
+        (
+            lambda: hopper_in_si(60.0, 3.0, force=springs.air()),
+            r"slope 1 at rest .* in SI: write it in N of m, as 'k\*",
+        ),
+        (lambda: hopper_in_si(60.0, 3.0, force="tanh"), r"write it in N of m, as 'k\*\(tanh\(b\*r\)/b\)'"),
+        (lambda: hopper_in_si(60.0, 3.0, force=springs.bilinear()), r"in SI: state its rows in m and N as a table"),
+    ],
+)
+def test_a_law_of_other_units_is_refused(build, words):
+    with pytest.raises(InputError, match=words):
+        build()
+    again = pickle.loads(pickle.dumps(hopper_in_si(3.0, 1.5, force=SI_ROWS, rest_length=0.3)))
+    assert again.with_values(body_mass=4.0).spring.in_si
