@@ -73,7 +73,7 @@ def _solve_step_by_step(
             near = (moved * evaluation.amplification < LARGEST_CHORD_STEP).all()
             evaluation = curve.evaluate_beside(xs, evaluation) if near else curve.evaluate(xs)
         steps, directions = newton_steps(evaluation, xs, rows, levels)
-        xs, moved = xs + steps, (np.abs(steps) / sizes).max(1)
+        xs, moved = xs + steps, (np.abs(steps) / curve.units_of_changes(sizes, evaluation)).max(1)
         settled, shrinks = settles(moved, last, evaluation.amplification), moved < STALLED_RATIO * last
         if taken >= least and settled.all():
             evaluation = curve.evaluate_exactly(xs, evaluation) if with_motions else evaluation

@@ -254,6 +254,13 @@ class Curve:
         size[..., -1] = self.span
         return size
 
+    def units_of_changes(self, sizes: np.ndarray, evaluation: Evaluation) -> np.ndarray:
+        """The units (m, N + 1) of small changes at points (m, N + 1) of these sizes: where parameters determine the
+        motions more sharply than by their sizes, those that move them by their own size."""
+        units, places = sizes.copy(), self.equations.moving((self.along,))
+        units[:, places] = np.minimum(units[:, places], evaluation.parameter_units)
+        return units
+
     def steady(self, xs: np.ndarray, tangents: np.ndarray) -> np.ndarray:
         """The tangents (c, N + 1) at a chain of points (c, N + 1), from which others are interpolated."""
         if self.division is None or not self.division.is_uneven:
@@ -415,7 +422,8 @@ class Curve:
         equations for the measurement of errors."""
         xs = points.xs
         across, ps = points.tangents / self.size(xs) ** 2, self.parameters_at(xs)
-        folds = np.abs(across[:, -1]) * self.span < AT_A_FOLD
+        units = self.units_of_changes(self.size(xs), points.own_evaluation)
+        folds = np.abs(points.tangents[:, -1]) < AT_A_FOLD * units[:, -1]
         closing = np.where(folds[:, None], across, np.eye(xs.shape[1])[-1])
         return self._solved(self.division, xs[:, :-1], ps, points.own_evaluation), closing
 

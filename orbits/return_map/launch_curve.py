@@ -112,6 +112,10 @@ class LaunchCurve:
         """The tangents (c, 2) at points (c, 2), which are as exact as the points."""
         return tangents
 
+    def units_of_changes(self, sizes: np.ndarray, evaluation: MapEquations) -> np.ndarray:
+        """The units (m, 2) of small changes at points of these sizes (m, 2)."""
+        return sizes
+
     def possible(self, values: Any) -> Any:
         """Values of the parameter inside of its range, beyond which there may be no machine; any injection is one."""
         return values if self.along == INJECT else np.clip(values, self.maps.low, self.maps.high)

@@ -163,7 +163,12 @@ class NewtonKernel:
         residual, jacobian, *_ = closing(x[:-1], p, end, transition, speed, q, ca.SX(*slopes.shape))
         sides = ca.vertcat(ca.horzcat(-residual, ca.SX(self.size - 1, 1)), ca.horzcat(level - ca.dot(row, x), 1))
         found = _solved(ca.densify(ca.horzcat(ca.vertcat(jacobian, row.T), sides)))
-        size, growth = ca.mmax(ca.fabs(found[:, 0] / unit)), ca.mmax(ca.fabs(transition[:, : end.numel()]))
+        n, units = end.numel(), ca.SX(unit)
+        growth = ca.mmax(ca.fabs(transition[:, :n]))
+        for column, place in enumerate(self.equations.moving((self.along,)), start=n):
+            own = growth * ca.mmax(ca.fabs(end)) / ca.mmax(ca.fabs(transition[:, column]))  # as `parameter_units`
+            units[place] = ca.fmin(unit[place], own)
+        size = ca.mmax(ca.fabs(found[:, 0] / units))
         settled = settles(size, last, growth)
         failed = ca.logic_or(ca.logic_not(size < STALLED_RATIO * last), taken >= MOST_NEWTON_STEPS)
         does = ca.if_else(settled, ca.if_else(with_motions, RECORDING, DONE), ca.if_else(failed, FAILED, SOLVING))

@@ -75,6 +75,18 @@ class Evaluation:
         return np.max([np.abs(square).max((-2, -1)) for square in squares], axis=0)
 
     @cached_property
+    def parameter_units(self) -> np.ndarray:
+        """Of m points, the changes (m, t) of parameters that move the end of an arc as far as a change of the state at
+        its start by its own size does."""
+        units = list[np.ndarray]()
+        for motions, transition in zip(self.trajectories, self.transitions, strict=True):
+            n, changes = transition.shape[1], np.abs(transition)
+            reach = changes[:, :, :n].max((1, 2)) * np.abs(motions.finals[:, :n]).max(1)
+            with np.errstate(divide="ignore"):  # where a parameter does not move the end
+                units.append(reach[:, None] / changes[:, :, n:].max(1))
+        return np.min(units, axis=0)
+
+    @cached_property
     def growths_on_the_way(self) -> np.ndarray:
         """Of m points, the largest growths (m, arcs) of a small change of the state from the start of each arc to the
         start of a step, and at least 1: a motion that passes two unstable equilibria brings changes closer together

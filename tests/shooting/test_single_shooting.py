@@ -50,6 +50,18 @@ def test_a_phase_sequence_across_lift_off(reference, solver):
     assert flight(0.0)[1] == pytest.approx(float(reference["alpha"]), rel=1e-12)
 
 
+def test_the_unit_of_a_parameter_moves_the_end_as_a_state_does():
+    """Of the linear spring k r, in closed form: r = cos(w t) + a/w sin(w t) with w**2 = k."""
+    machine = Hopper("k*r + 0*r**3", parameters={"k": 2.25})
+    equations, alpha, w = equations_of(machine.model, "relative", tuple(machine.values)), 5.0, 1.5
+    found = equations.evaluate_all(np.array([[1.0, alpha]]), np.array([[*machine.values.values()]]), ("k",))
+    c, s, t = np.cos(w * alpha), np.sin(w * alpha), alpha
+    end, growth = np.array([c + alpha / w * s, alpha * c - w * s]), max(abs(c), abs(s) / w, w * abs(s))
+    by_w = np.array([t * (alpha / w * c - s) - alpha / w**2 * s, -alpha * t * s - s - w * t * c])
+    unit = growth * np.abs(end).max() / np.abs(by_w / (2 * w)).max()
+    assert found.parameter_units == pytest.approx(np.array([[unit]]), rel=1e-10)
+
+
 def test_the_fewest_derivatives_are_enough():
     """Of a contact that starts at rest and a flight that starts on the ground, neither by its speed nor by its gap."""
     machine = machine_of(REFERENCES[4])
