@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from ..errors import InputError, OrbitsError
+from ..numerics.roots import bracketed_root
 from ..shooting.division import LARGEST_ARC_GROWTH
 from ..units import LIFTOFF_SPEED, TIME, Message, Quantity, in_units
 from .curve import Curve, CurvePoint, CurvePoints
@@ -22,6 +23,9 @@ WIDTHS = (2.0, 4.0, 16.0)
 CLEAR, ARRIVED = 0.1, 1e-6
 # Powers of the scale in the series of a parameter: some curves have a first power of 1/alpha and some have none.
 POWERS = ([0, 1, 2, 3, 4, 5], [0, 2, 3, 4, 5, 6])
+# Bounds of the power by which a parameter tends to its limit, where its values show it: a spring r - d r**n, whose
+# barrier lies at d**(-1/(n - 1)), has the power n - 1.
+SLOWEST_POWER, FASTEST_POWER = 0.5, 16.0
 # A parameter has settled where it will change by less than this share of its range.
 SETTLED_SHARE = 1e-4
 # The error is taken as this many times the change by the last term, since the terms left out may be larger.
@@ -39,7 +43,8 @@ def limit(history: History, bounds: tuple[float, float], power: int) -> tuple[fl
     """The value that the parameter tends to as alpha grows (power -1) or vanishes (1), and its error; None where that
     is not clear or lies behind or beyond a bound. `history` are alpha and value of the points of a curve, in order.
 
-    It is extrapolated by powers of alpha, with the first or without, by the series whose last term matters less.
+    It is extrapolated by powers of alpha, with the first or without, by the series whose last term matters less. Where
+    both fail, the values show a single power.
     """
     alpha, value = np.array(history).T
     # Where a launch has several speeds, this one may have changed its sign along the curve.
@@ -50,12 +55,14 @@ def limit(history: History, bounds: tuple[float, float], power: int) -> tuple[fl
         found = [pair for powers in POWERS if (pair := _extrapolated(scale, value, powers, widest))]
         if len(found) < len(POWERS):
             continue
-        error, end = min(found)
-        ahead, behind = end - value[-1], value[-1] - value[int(np.abs(np.log(scale / widest)).argmin())]
-        towards = error < CLEAR * abs(ahead) and ahead * behind >= 0
-        arrived = abs(ahead) + error < ARRIVED * np.ptp(value)  # rounding then decides on which side the limit lies
-        inside = bounds[0] - error <= end <= bounds[1] + error
-        return (end, error) if inside and (towards or arrived) else None
+        behind = value[-1] - value[int(np.abs(np.log(scale / widest)).argmin())]
+        for error, end in (min(found), *_by_own_power(scale, value, widest)):
+            ahead = end - value[-1]
+            towards = error < CLEAR * abs(ahead) and ahead * behind >= 0
+            arrived = abs(ahead) + error < ARRIVED * np.ptp(value)  # rounding then decides on which side the limit lies
+            if towards or arrived:
+                return (end, error) if bounds[0] - error <= end <= bounds[1] + error else None
+        return None
     # Few points are left where long steps lead to a limit by which the parameter hardly changes any more.
     near = (scale >= 1) & (scale <= WIDTHS[-1])
     error = CAUTION * float(np.ptp(value[near]))
@@ -72,6 +79,25 @@ def _extrapolated(scale, value, powers: list[int], widest: float) -> tuple[float
             return None
         limits.append(float(np.linalg.solve(scale[chosen][:, None] ** np.array(powers[:count]), value[chosen])[0]))
     return CAUTION * abs(limits[0] - limits[1]), limits[0]
+
+
+def _by_own_power(scale, value, widest: float) -> list[tuple[float, float]]:
+    """The error and the limit of `value` by one power of the scale, over scales up to `widest` and up to its root; none
+    where no such power fits."""
+    limits = []
+    for factor in (widest, widest**0.5):
+        chosen = [int(np.abs(np.log(scale / ratio)).argmin()) for ratio in (factor**0.5, factor)]
+        (middle, far), logs = value[chosen] - value[-1], np.log(scale[chosen])
+
+        def excess(power: float, gaps=(-far, middle), logs=logs) -> float:
+            return float(np.expm1(power * logs) @ gaps)
+
+        ends = [excess(power) for power in (SLOWEST_POWER, FASTEST_POWER)]
+        if ends[0] * ends[1] >= 0:
+            return []
+        power = bracketed_root(excess, SLOWEST_POWER, FASTEST_POWER, *ends)
+        limits.append(float(value[-1] - middle / np.expm1(power * logs[0])))
+    return [(CAUTION * abs(limits[0] - limits[1]), limits[0])]
 
 
 class Endings:
