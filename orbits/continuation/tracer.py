@@ -273,7 +273,9 @@ class Tracer:
         families = certified.orbits.column("family")
         before = families[0] if state.last.certified is None else state.last.point.family
         changes = np.append(before, families[:-1]) != families
-        for i in (changes & (certified.lengths > RESOLVED * self.control.shortest_step)).nonzero()[0][:1].tolist():
+        # Where the extension moves alone, turns neither begin nor end along a curve: another number is another curve.
+        resolved = 0.0 if self.curve.machine.model.reduction else RESOLVED * self.control.shortest_step
+        for i in (changes & (certified.lengths > resolved)).nonzero()[0][:1].tolist():
             family = families[i - 1] if i else before
             return certified[:i], AnotherFamily(f"the orbit changes from family {family} to another one")
         return certified, error

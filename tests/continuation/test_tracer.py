@@ -8,7 +8,7 @@ from orbits import follow
 from orbits.flow.vector_field import FlowControl
 from orbits.shooting.newton_kernel import NewtonKernel
 from problems import Hopper
-from studies.random_families import differences, random_springs, twice
+from studies.random_families import differences, faults_at_the_barrier, random_springs, share_of_error, twice
 
 SINH = Hopper("sinh", "1/(1 + z/R)**2", rest_length=12, parameters={"b": 0.1, "R": 80.0})
 
@@ -68,6 +68,23 @@ def test_motions_of_many_steps_are_followed_one_by_one(monkeypatch):
 def test_random_families_keep_to_their_curve(text, parameters, family):
     curves = twice(text, parameters, family)
     assert curves is None or not differences(*curves, family)
+
+
+def test_launch_speeds_are_within_their_errors_where_the_range_is_wide():
+    """The range is two million times as wide as the parameter; quadrature in 40 digits is the truth."""
+    machine = Hopper("r + d*r**5", rest_length=90.0, parameters={"d": -5e-8})
+    family = follow(machine, "d", -0.1, family=10, longest=0.1)
+    assert [event.kind for event in family.events] == ["collapse", "fold"]
+    assert family.end.reason == "d = -5e-08 again, on another sheet"
+    assert {point.family for point in family} == {10}
+    for point in family[-8:]:
+        assert share_of_error(5, 10, point.value, point.alpha, point.error) < 1
+        assert point.error < 1e-11 * point.alpha
+
+
+@pytest.mark.slow
+def test_a_family_keeps_its_number_up_to_the_barrier():
+    assert faults_at_the_barrier({7: (1, 10)}, every=50) == 0
 
 
 @pytest.mark.slow
