@@ -115,7 +115,7 @@ def interval_phase(stage: Stage) -> Phase:
     watch = {name: lambda x, p, q, of=of: of(*with_inputs(x, p), q) for name, of in stage.path.items()}
     states, pieces = (*stage.phase.states, "clock", "cost"), stage.phase.pieces
     pieces = pieces and replace(pieces, coordinate=(*pieces.coordinate, 0.0, 0.0))
-    return Phase(stage.phase.name, states, rates, watch, pieces, reaches=stage.phase.reaches)
+    return Phase(stage.phase.name, states, rates, watch, pieces)
 
 
 def stage_flow(stage: Stage, names: tuple[str, ...]) -> Flow:

@@ -154,7 +154,7 @@ def variational_arc(model: Model, tuned: Statement | None = None) -> Arc:
 
     states = (*phase.states, *(f"d{name}" for name in phase.states), *(f"gap by {name}" for name in phase.states))
     pieces = phase.pieces and replace(phase.pieces, coordinate=(*phase.pieces.coordinate, *[0.0] * (2 * n)))
-    longer = Phase(phase.name, states, field, pieces=pieces, reaches=phase.reaches)
+    longer = Phase(phase.name, states, field, pieces=pieces)
     return Arc(longer, start, arc.duration, lambda u, x, p: [])
 
 

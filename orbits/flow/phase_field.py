@@ -45,9 +45,9 @@ class PhaseField:
         watched = ca.SX(ca.vertcat(*[quantity(*arguments) for quantity in self.phase.watch.values()]))
         field, pieces = ca.Function("field", [x, p], ca.cse([rates, watched])), self.phase.pieces
         if pieces is None:
-            return VectorField(field, x, p, self.phase.reaches)
+            return VectorField(field, x, p)
         unit, origin = (ca.SX(function(arguments[1])) for function in (pieces.unit, pieces.origin))
-        return VectorField(field, x, p, self.phase.reaches, pieces.coordinate, unit, origin, count)
+        return VectorField(field, x, p, pieces.coordinate, unit, origin, count)
 
     def symbols(self, x: ca.SX, p: ca.SX) -> tuple[list, dict, list]:
         """The arguments (x, p, q) of a phase's expressions from vectors of states and of parameters with piece data."""

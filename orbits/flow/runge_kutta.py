@@ -14,6 +14,8 @@ from .vector_field import FLOW_CONTROL, VectorField, runge_kutta
 FIRST_STEP, GROWTH = 0.1, 4.0
 # Largest error of a step of double length, relative to the state. That of the step taken is 2^9 times smaller.
 DOUBLE_STEP_ERROR = 2e-14
+# A step of this length may lead across a kink of the field: what it then misses of the state is below rounding.
+ACROSS_KINK = 1e-12
 # States smaller than this are measured against it, since the error of a state near 0 cannot be relative.
 SMALLEST_SCALE = 1e-3
 
@@ -46,6 +48,7 @@ class RungeKuttaStepper:
         node = ca.Function("node", [x, h, p], [end, ca.densify(field(end, p)[1])])
         self.nodes = BufferedFunction(node.map("nodes", "serial", len(self.NODES), [0, 2], []))
         self.powers = np.vander(self.NODES, increasing=True)
+        self.guarded = BufferedFunction(_guarded(graph))
         self.watched = BufferedFunction(ca.Function("watched", [x, p], [ca.densify(field(x, p)[1])]))
 
     def step_from(self, x: Array, p: Array, dx: Array, dp: Array, longest: float) -> tuple[float, Array]:
@@ -66,15 +69,36 @@ class RungeKuttaStepper:
         return np.column_stack([start, (rising / h ** np.arange(1, len(self.NODES) + 1)[:, None]).T])
 
     def _length(self, x, p, dx, dp, h: float) -> float:
-        """The longest step up to `h` whose error is below rounding, by step doubling."""
+        """The longest step up to `h` whose error is below rounding, by step doubling, and which leads across nothing that
+        its stages may not see."""
+        room, closing, bends, kinks = (each[:, 0] for each in self.guarded(x, p))
+        with np.errstate(all="ignore"):
+            times = 2 * room / (closing + np.sqrt(closing**2 + 4 * bends * room))
+        h = min(h, max(np.nanmin(times, initial=np.inf), ACROSS_KINK))
         while h > FLOW_CONTROL.shortest_step:
-            whole, half = (self.step(x, length, p, dx, dp)[0] for length in (2 * h, h))
-            error = np.abs(whole - self.step(half, h, p, dx, dp)[0]).max()
+            whole, half = (self.step(x, length, p, dx, dp)[0].ravel() for length in (2 * h, h))
+            error = np.abs(whole - self.step(half, h, p, dx, dp)[0].ravel()).max()
             bound = DOUBLE_STEP_ERROR * max(SMALLEST_SCALE, np.abs(x).max())
             if error <= bound:
-                return h
+                if h <= ACROSS_KINK or (self.guarded(half, p)[3][:, 0] * kinks >= 0).all():
+                    return h
+                error = bound  # the step before this one comes nearer to the kink
             h *= min(0.5, max(0.1, 0.9 * (bound / error) ** (1 / 9))) if np.isfinite(error) else 0.1
         return np.nan
+
+
+def _guarded(graph: VectorField) -> ca.Function:
+    """(x, p) -> how far each coordinate of `reaches` may go and each argument of a kink is from it, how fast they close
+    in, bounds of their accelerations, and the arguments of the kinks. Kinks of a field in pieces are at its breakpoints.
+    """
+    x, p, kinks = graph.x, graph.p, ca.SX(0, 1) if graph.coordinate else ca.SX(graph.kinks)
+    rates = graph.field(x, p)[0]
+    places = ca.vertcat(*(weights @ x for weights, _ in graph.reaches), kinks)
+    speeds = ca.jtimes(places, x, rates)
+    toward = ca.vertcat(*(ca.fabs(speed) for speed in ca.vertsplit(speeds[: len(graph.reaches)])), -ca.sign(kinks) * speeds[len(graph.reaches) :])
+    room = ca.vertcat(*(distance for _, distance in graph.reaches), ca.fabs(kinks))
+    results = room, toward, ca.fabs(ca.jtimes(speeds, x, rates)), kinks
+    return ca.Function("guarded", [x, p], [ca.densify(ca.SX(each)) for each in results])
 
 
 class RungeKuttaMotion:

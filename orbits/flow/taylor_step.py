@@ -23,6 +23,9 @@ TRUNCATION = 1e-17
 LARGEST_DEFECT = 1e-10
 # No step is longer than this. A state at rest needs the bound, since its series has no last terms to choose a step by.
 LONGEST_STEP = 1e9
+# No bound is set for a coordinate that may go farther than this, and none that makes a step shorter than this: places
+# and times are rounded to as much.
+FARTHEST, SHORTEST_BOUND = 1e30, 1e-14
 # Where less than this many steps are left of the duration, the last two share it evenly, so that none is tiny.
 SHARED_STEPS = 1.5
 # The lengths of a step on a piece that are tried, each half of the one before; the steps of Newton's method to the end
@@ -186,9 +189,9 @@ def length_function(
     # a symmetry makes simple.
     if varied or (columns and graph.in_loops):
         length = ca.fmin(length, _truncated_length(dc, ca.norm_inf(dp) if varied else 0))
-    for weights, reach in graph.reaches:
-        length = ca.fmin(length, _time_within(c, weights, reach))
     h = ca.fmin(longest, length)
+    for weights, distance in graph.reaches:
+        h = _within(weights @ c.T, distance, h)
     h = ca.if_else(h >= left, left, ca.if_else(SHARED_STEPS * h >= left, 0.5 * left, h))
     within, side = ca.SX(1), ca.SX(0)
     if graph.coordinate:
@@ -254,10 +257,14 @@ def _truncated_length(c: ca.SX, size: ca.SX | float) -> ca.SX:
     return (bound / ca.if_else(sooner, before, last)) ** ca.if_else(sooner, 1 / (order - 1), 1 / order)
 
 
-def _time_within(c: ca.SX, weights: tuple[float, ...], reach: float) -> ca.SX:
-    """The time in which the speed and the acceleration at the start of series (K + 1, rows) lead as far as `reach`."""
-    speed, half_rate = (ca.fabs(c[order, : len(weights)] @ ca.DM(list(weights))) for order in (1, 2))
-    return 2 * reach / (speed + ca.sqrt(speed**2 + 4 * half_rate * reach))
+def _within(coordinate: ca.SX, distance: ca.SX, h: ca.SX) -> ca.SX:
+    """The length of a step, at most h, in which a coordinate with these coefficients (1, K + 1) stays within a distance
+    from its start."""
+    sizes, distance = ca.fabs(ca.densify(coordinate)[1:]), ca.fmin(distance, FARTHEST)
+    # By the speed and the acceleration alone, and by the sum of all terms, which are convex functions of the length.
+    longest, h = h, ca.fmin(h, 2 * distance / (sizes[0] + ca.sqrt(sizes[0] ** 2 + 4 * sizes[1] * distance)))
+    change = h * ca.polyval(sizes.T[::-1], h)
+    return ca.fmax(h * ca.if_else(change > distance, distance / change, 1), ca.fmin(longest, SHORTEST_BOUND))
 
 
 def _defect(graph: VectorField, ends: ca.SX, free: ca.SX, terms: ca.SX, shares: ca.SX, h: ca.SX) -> ca.SX:

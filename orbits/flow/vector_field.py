@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from ..numerics.roots import Array
+from ..symbolic.local_scales import Reach, kinks_of, reaches_of
 from ..symbolic.taylor_series import has_taylor_series, taylor_coefficients
 
 # A high order makes few and long steps, and each step costs a fixed amount besides its series.
@@ -46,15 +47,13 @@ def rows_used(seeds: Array) -> tuple[int, ...]:
 
 @dataclass(frozen=True, eq=False)
 class VectorField:
-    """A vector field as an SX function (x, p) -> (x', watched quantities), the two symbols x and p, and the `reaches`
-    of its phase; p are the parameters, followed by the data of a smooth piece. `coordinate`, `unit` and `origin` are
-    those of `Pieces`.
+    """A vector field as an SX function (x, p) -> (x', watched quantities), and the two symbols x and p; p are the
+    parameters, followed by the data of a smooth piece. `coordinate`, `unit` and `origin` are those of `Pieces`.
     """
 
     field: ca.Function
     x: ca.SX
     p: ca.SX
-    reaches: tuple[tuple[tuple[float, ...], float], ...] = ()
     coordinate: tuple[float, ...] = ()
     unit: ca.SX | float = 1.0
     origin: ca.SX | float = 0.0
@@ -64,6 +63,16 @@ class VectorField:
     def size(self) -> int:
         """Number of states n."""
         return self.x.numel()
+
+    @cached_property
+    def reaches(self) -> list[Reach]:
+        """How far a step may lead along coordinates of the state, as functions of the symbols x and p."""
+        return reaches_of(ca.Function("rates", [self.x, self.p], [self.field(self.x, self.p)[0]]), self.x, self.p)
+
+    @cached_property
+    def kinks(self) -> ca.SX:
+        """What vanishes where a kink of the field is, functions of the symbols x and p."""
+        return kinks_of(ca.Function("rates", [self.x, self.p], [self.field(self.x, self.p)[0]]), self.x, self.p)
 
     @cached_property
     def place(self) -> ca.Function:

@@ -12,8 +12,11 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from ..errors import NoOrbit
+from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction, Kernel
-from .law import Algebraic, Key, Parameters, from_key, values_and_slopes
+from ..symbolic.local_scales import kinks_of, reaches_of
+from .law import Algebraic, Key, Law, Parameters, evaluated, from_key, symbols_of, values_and_slopes
 
 # The number of sampled slopes, up to this distance from rest in units of length, and up to twice the height. A hop of
 # the linear spring's third family stays within it.
@@ -22,17 +25,15 @@ SAMPLED_SHARES = np.linspace(0.0, 1.0, LAW_SAMPLES)
 BLOCK = 16  # laws whose slopes are sampled together, so that these stay in the processor's cache
 # Slopes below this, or above its inverse, set no unit of length.
 SOFTEST = 1e-12
-# Functions that vanish, or come to a limit, as fast as an exponential: a series far from where they vary shows nothing.
-HIDING = {getattr(ca, f"OP_{name}") for name in ("EXP", "EXPM1", "TANH", "COSH", "SINH", "ERF")}
-# Quotients and powers hide bumps, where a law bends there and back; where it only steepens, there is a pole ahead.
-HIDING_BUMPS = {getattr(ca, f"OP_{name}") for name in ("DIV", "INV", "POW", "CONSTPOW")}
-# A step goes at most this many times the length over which the law varies, which is 0.3 widths of a Gaussian bump: a
-# series sees one from nine widths away, and from six its force is below rounding. No bound is set for lengths above
-# this share of the unit: the steps are as short without one.
-STEP_LENGTHS, NARROW_SHARE = 10.0, 0.2
 # Differences of slopes below this multiple of their rounding are rounding. Where a slope is this many times 1 over the
 # unit of length, the law has a singularity, and beyond it another branch.
 SLOPE_ROUNDING, SINGULAR_SLOPE = 1e3 * float(np.finfo(float).eps), 1e6
+
+
+# Where a law may vary unseen its force is sampled at this share of the distance that a series sees, an eighth of the
+# width of a bump, with its kinks, which one secant finds where they are those of straight lines; in at most so many
+# halvings, which a width of 1e-12 takes, and places.
+SAMPLED_SCALE, TURNS_TO_KINK, HALVINGS, MOST_PLACES = 0.125, 3, 60, 100_000
 
 
 class Features(NamedTuple):
@@ -56,7 +57,7 @@ def features(key: Key, unit: float, p: Mapping[str, float]) -> Features:
         return NO_FEATURES
     low, high = ends_of_features(key, p, unit)
     values = tuple(p[name] for name in key.names)
-    return _features(key._replace(reach=math.inf), values, low, high, unit)
+    return _features(key, values, low, high, unit)
 
 
 def ends_of_features(key: Key, p: Parameters, unit: Algebraic) -> tuple[Algebraic, Algebraic]:
@@ -64,33 +65,6 @@ def ends_of_features(key: Key, p: Parameters, unit: Algebraic) -> tuple[Algebrai
     if key.variable == "r":
         return -FARTHEST * unit, FARTHEST * unit
     return 0.0 * unit, p.get("rest_length", 0.0) + 2 * FARTHEST * unit
-
-
-def with_reach(key: Key, spring: Key, p: Mapping[str, float]) -> Key:
-    """The key of a law with how far an integration step may go along its variable.
-
-    That is infinite for one that hides nothing. Else it is rounded to a power of two, so that machines share models.
-    """
-    hides, hides_bumps = hiding(key)
-    if not (hides or hides_bumps):
-        return key
-    unit = unit_of_length(spring, p)
-    length, bends = features(key, unit, p)
-    narrow = length < NARROW_SHARE * unit and (hides or bends > 1)
-    return key._replace(reach=STEP_LENGTHS * 2.0 ** math.floor(math.log2(length))) if narrow else key
-
-
-def hiding(key: Key) -> tuple[bool, bool]:
-    """Whether a law may hide features, and whether it may hide bumps."""
-    hides, hides_bumps = (not functions.isdisjoint(_operations(key)) for functions in (HIDING, HIDING_BUMPS))
-    return hides, hides_bumps
-
-
-def reaches_of_many(key: Key, lengths: np.ndarray, bends: np.ndarray, units: np.ndarray) -> np.ndarray:
-    """How far (m,) `with_reach` lets steps go along laws with these features and units of length (m,)."""
-    hides, hides_bumps = hiding(key)
-    narrow = (lengths < NARROW_SHARE * units) & (hides | (hides_bumps & (bends > 1)))
-    return np.where(narrow, STEP_LENGTHS * 2.0 ** np.floor(np.log2(np.where(narrow, lengths, 1.0))), math.inf)
 
 
 def units_of_length(spring: Key, p: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -106,15 +80,6 @@ def unit_of_length(spring: Key, p: Mapping[str, float]) -> float:
     law = from_key(spring, p)
     slope = float(law.with_slope(law.rest())[1])
     return 1 / slope if SOFTEST < slope < 1 / SOFTEST else 1.0
-
-
-@lru_cache(maxsize=256)
-def _operations(key: Key) -> frozenset[int]:
-    """The operations that compute the slope of a law; none for a law in which no features are searched for."""
-    if key.pieces is not None or key.degree() < 2:
-        return frozenset()
-    slope = _slopes(key).function
-    return frozenset(slope.instruction_id(i) for i in range(slope.n_instructions()))
 
 
 @lru_cache(maxsize=256)
@@ -153,13 +118,11 @@ def features_of_many(key: Key, spring: Key, p: Mapping[str, np.ndarray]) -> tupl
         lengths[:], bends[:] = NO_FEATURES
         return lengths, bends
     values = np.column_stack([p[name] for name in key.names]) if key.names else np.zeros((len(units), 0))
-    (low, high), hides = ends_of_features(key, p, units), hiding(key)[0]
-    steady = np.zeros(len(units), bool)
-    if not hides:  # a law that bends at most once needs no more of its samples unless it may hide something
-        start = np.array([[0.0, 0.0, 0.0, 0.0, 1.0]])
-        *_, turns, plain = _turns(key)(start, np.column_stack([low, high, SINGULAR_SLOPE / units, values])).z.T
-        steady = (plain == 1) & (turns <= 1)
-        lengths[steady], bends[steady] = math.inf, turns[steady]
+    low, high = ends_of_features(key, p, units)
+    start = np.array([[0.0, 0.0, 0.0, 0.0, 1.0]])
+    *_, turns, plain = _turns(key)(start, np.column_stack([low, high, SINGULAR_SLOPE / units, values])).z.T
+    steady = (plain == 1) & (turns <= 1)  # a law that bends at most once needs no more of its samples
+    lengths[steady], bends[steady] = math.inf, turns[steady]
     others = (~steady).nonzero()[0]
     for first in range(0, len(others), BLOCK):
         block = others[first : first + BLOCK]
@@ -211,3 +174,50 @@ def _lengths_and_bends(slopes: np.ndarray, units: np.ndarray, spacing: np.ndarra
     peak = (second >= around[:, :-2]) & (second >= around[:, 2:]) & (fourth > floor[:, 2:-2])
     ratio = np.divide(fourth, second, out=np.zeros(second.shape), where=peak).max(axis=1, initial=0.0)
     return np.divide(spacing, np.sqrt(ratio), out=np.full(len(ratio), np.inf), where=ratio > 0), bends
+
+
+def resolved(law: Law, places: np.ndarray) -> np.ndarray:
+    """Places (n,), ascending or descending, with further ones between them where the law may vary unseen, and at its
+    kinks.
+
+    Raises `NoOrbit` for a law that would take more than `MOST_PLACES`.
+    """
+    if not (scales := _scales(law.key)):
+        return places
+    p = {name: np.array([value]) for name, value in law.parameters.items()}
+    for turn in range(HALVINGS):
+        distances, *kinks = (each[0] for each in evaluated(_scales, law.key, p, places[None]))  # type: ignore[arg-type]
+        low, high = places[:-1], places[1:]
+        with np.errstate(all="ignore"):
+            unseen = np.abs(high - low) > SAMPLED_SCALE * np.fmax(distances[:-1], distances[1:])
+            new = [0.5 * (low + high)[unseen]]
+            for kink in kinks if turn < TURNS_TO_KINK else ():
+                crossed = (kink[:-1] * kink[1:] < 0).nonzero()[0]
+                share = kink[crossed] / (kink[crossed] - kink[crossed + 1])
+                new.append(places[crossed] + share * (places[crossed + 1] - places[crossed]))
+        found = np.unique(np.concatenate([places, *new]))
+        if len(found) == len(places):
+            break
+        if len(found) > MOST_PLACES:
+            fine = np.abs(np.diff(found)).min()
+            raise NoOrbit(f"'{law.text[:60]}' varies within {fine:.1g} of {law.variable} over a long way: smooth it")
+        places = found if places[-1] > places[0] else found[::-1]
+    return places
+
+
+@cached
+def _scales(key: Key) -> ElementwiseFunction | None:
+    """The function (x, p, q) -> how far from a place a law does not change by more than a series shows, and what
+    vanishes at its kinks; None where there is neither."""
+    x, p = symbols_of(key.variable, key.names)
+    q = ca.SX.sym("q", key.pieces.size if key.pieces else 0)
+    own = ca.vertcat(*p.values(), q)
+    law = ca.Function("law", [x, own], [ca.SX(key.expression(x, p, ca.vertsplit(q)))])
+    reaches, kinks = reaches_of(law, x, own, waves=True), kinks_of(law, x, own)
+    if not (reaches or kinks.numel()):
+        return None
+    distance = ca.SX(np.inf)
+    for weights, farthest in reaches:
+        distance = ca.fmin(distance, farthest / ca.fabs(weights))
+    results = [distance, *ca.vertsplit(kinks)]
+    return ElementwiseFunction(ca.Function("scales", [x, ca.vertcat(*p.values()), q], results))

@@ -92,7 +92,6 @@ class Key(NamedTuple):
     """A law without its parameters' values; laws with equal keys share everything that is built from them.
 
     written : the law as it is written; None for a function that formulas cannot say
-    reach : how far an integration step may go along the variable, see `features.reach`
     branches : of a spring with hysteresis, the keys of its laws while the extension grows and while it shrinks; this
         key is then that of their mean
     """
@@ -102,7 +101,6 @@ class Key(NamedTuple):
     expression: Callable
     names: tuple[str, ...]
     pieces: LawPieces | None
-    reach: float = math.inf
     written: Written | None = None
     branches: "tuple[Key, Key] | None" = None
 
@@ -278,9 +276,18 @@ def from_key(key: Key, p: Mapping[str, float]) -> Law:
     return Law(key.text, key.variable, key.expression, values, key.pieces, key.written)
 
 
-@exclusive
 def values_and_slopes(key: Key, p: Mapping[str, np.ndarray], x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Values and slopes (m, k) of laws with parameters (m,) by name at places (m, k), NaN outside their ranges."""
+    value, slope = evaluated(_many, key, p, x)
+    return value, slope
+
+
+@exclusive
+def evaluated(
+    function: Callable[[Key], ElementwiseFunction], key: Key, p: Mapping[str, np.ndarray], x: np.ndarray
+) -> list[np.ndarray]:
+    """Results (m, k) of a function of keys, whose value takes (x, parameters, data of a piece) to numbers, for laws
+    with parameters (m,) by name at places (m, k); NaN outside their ranges."""
     columns = [np.broadcast_to(p[name], len(x)) for name in key.names]
     values, data, inside = np.column_stack(columns) if columns else np.zeros((len(x), 0)), np.zeros((1, 0)), None
     if (table := pieces_of(key)) and key.pieces:
@@ -295,9 +302,9 @@ def values_and_slopes(key: Key, p: Mapping[str, np.ndarray], x: np.ndarray) -> t
         inside = (breaks[:, :1] <= places) & (places <= breaks[:, -1:])
         first = pieces * np.arange(count)[:, None]
         data = rows.reshape(-1, size)[(first + np.clip(index, 0, pieces - 1)).ravel()]
-    found = _many(key)(x.reshape(-1, 1), np.repeat(values, x.shape[1], axis=0), data)
-    value, slope = (each.reshape(x.shape) for each in found)
-    return (value, slope) if inside is None else (np.where(inside, value, np.nan), np.where(inside, slope, np.nan))
+    found = function(key)(x.reshape(-1, 1), np.repeat(values, x.shape[1], axis=0), data)
+    results = [each.reshape(x.shape) for each in found]
+    return results if inside is None else [np.where(inside, each, np.nan) for each in results]
 
 
 @cached

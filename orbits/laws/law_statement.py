@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ..errors import InputError
+from ..io import in_words
 from ..running.exclusive import exclusive
 from ..symbolic.formula import CONSTANTS, parse, suggest
 from ..symbolic.tracing import traced
@@ -75,6 +76,10 @@ def from_formula(text: str, variable: str, parameters: Values = None) -> Law:
         raise InputError(f"'{text}' does not use {', '.join(map(repr, unused))}{hint}")
     values = {name: parameters[name] for name in sorted(names)}
     law = Law(text, variable, formula_expression(text, variable), values, written=Written((text,)))
+    if part := parse(text).without_value(variable, law.parameters):
+        used = parse(part).names & law.parameters.keys()
+        given = f" for {', '.join(in_words({name: law.parameters[name] for name in sorted(used)}))}" if used else ""
+        raise InputError(f"'{text[:60]}' has no finite value: {part} in it has none{given}")
     values = {name: np.float64(value) for name, value in law.parameters.items()}
     _refuse_removable(law, lambda x: law.expression(x, values, []))
     return in_pieces(law) if "sign" in parse(text).pieces else law

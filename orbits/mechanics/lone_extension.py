@@ -169,8 +169,7 @@ class Alone:
             return sum(forces, self.load(p))
 
         texts, names = [law.text for law in laws], tuple(mechanics.coordinates.p)
-        reach = min(law.reach / abs(float(factor)) for law, (_, factor, _) in zip(laws, self.springs, strict=True))
-        return Key(" + ".join(texts), "r", expression, names, law.pieces, reach), 0.0
+        return Key(" + ".join(texts), "r", expression, names, law.pieces), 0.0
 
     def complete(self, times: np.ndarray, coefficients: np.ndarray, u: Parameters, p: Parameters) -> np.ndarray:
         """The Taylor coefficients of all flight states, see `Reduction`."""

@@ -24,7 +24,6 @@ import numpy as np
 
 from ..errors import InputError, true_or_false
 from ..io import one_line
-from ..laws.features import with_reach
 from ..laws.law import Key, Law, coefficient_of_restitution, number
 from ..laws.law_statement import key_of
 from ..model.machine import Stated
@@ -302,10 +301,6 @@ class Mechanism(Stated):
         """The mechanism without its numbers; mechanisms that differ in numbers only share objects built from it."""
         elements, gravity = self.elements, self.gravity
         springs = [element for element in elements if isinstance(element, Spring)]
-        if springs and self.parameters.keys() >= set(self.names):
-            first, p = springs[0].force, self.parameters
-            elements = tuple(replace(e, force=with_reach(e.force, first, p)) if e in springs else e for e in elements)
-            gravity = with_reach(gravity, first, p) if gravity.degree() > 0 else gravity
         counts = springs[0].extension if self.counts is None and springs else self.counts
         if counts is None:
             raise InputError("a mechanism without a spring says what its families are counted by: counts=")

@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..laws.law import Algebraic, Key, Parameters, Scalars
 from ..model.model import LANDED_FORCE, Knee
 from ..model.phase import Affine, Phase, Pieces, weighted_sum
-from ..model.relative import Reach, pieces_along, reach_along
+from ..model.relative import pieces_along
 from ..model.state_formula import StateFormula
 from .coefficients import Coefficients
 from .coordinates import Coordinates
@@ -136,20 +136,20 @@ class Parts:
 
     def flight(self, closed_form: Callable | None) -> Phase:
         """The flight."""
-        m, (pieces, reaches) = self.mechanics, self._along(contact=False)
+        m, pieces = self.mechanics, self._pieces(contact=False)
         watch = self.reactions.watch(m, contact=False) if self.reactions and self.reactions.planar.stands else {}
-        return Phase("flight", _states(m.coordinates), m.flight, watch, pieces, closed_form, reaches)
+        return Phase("flight", _states(m.coordinates), m.flight, watch, pieces, closed_form)
 
     def contact(self, closed_form: Callable | None) -> Phase:
         """The contact."""
-        forces, (pieces, reaches) = enumerate(self.mechanics.names_of_forces), self._along(contact=True)
+        forces, pieces = enumerate(self.mechanics.names_of_forces), self._pieces(contact=True)
         watch: dict[str, Callable] = {name: partial(self.mechanics.contact_force, held=i) for i, name in forces}
         if self.steps and self.steps.row:
             watch[LANDED_FORCE] = self.steps.landed_force(self.mechanics)
         if self.reactions:
             watch |= self.reactions.watch(self.mechanics, contact=True)
         states = (*self._states_in_contact, *(name for name, _ in self.structure.actuators))
-        return Phase("contact", states, self.mechanics.contact, watch, pieces, closed_form, reaches)
+        return Phase("contact", states, self.mechanics.contact, watch, pieces, closed_form)
 
     @property
     def hysteretic(self) -> tuple[float, ...] | None:
@@ -167,9 +167,9 @@ class Parts:
             raise InputError(f"the spring with hysteresis along '{text}': {rate}; give it its law's `.mean`")
         return _interleaved(list(map(float, weights[: self.mechanics.size])), self._ends, 1)
 
-    def _along(self, contact: bool) -> tuple[Pieces | None, tuple[Reach, ...]]:
-        """The `pieces` and the `reaches` of the contact, or of the flight."""
-        mechanics, pieces, reaches = self.mechanics, None, list[Reach]()
+    def _pieces(self, contact: bool) -> Pieces | None:
+        """The `pieces` of the contact, or of the flight."""
+        mechanics, pieces = self.mechanics, None
         for spring in springs_of(self.structure):
             weights = self._weights(spring.extension, contact)
             law = mechanics.law_of(spring)
@@ -183,11 +183,7 @@ class Parts:
                 )
             if weights:
                 pieces = pieces or pieces_along(law, weights, self._offset(spring.extension))
-                reaches += reach_along(law, weights)
-        for term in mechanics.in_flight.terms:
-            if term.what == "gravity" and (weights := self._weights(term.place, contact)) and any(weights):
-                reaches += reach_along(mechanics.gravity.key, weights)
-        return pieces, tuple(dict.fromkeys(reaches))
+        return pieces
 
     def _weights(self, expression: Scalar, contact: bool) -> tuple[float, ...] | None:
         """The weights of the states of a phase in an expression that is a sum of coordinates; None for another."""

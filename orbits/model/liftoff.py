@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit
+from ..laws.features import resolved
 from ..laws.law import WRONG_SIGN, Key, Law, values_and_slopes
 from ..units import EXTENSION, Message, Quantity
 
@@ -55,7 +56,7 @@ class Liftoff:
         low, high = law.range()
         rest, level = law.rest(), 1.0 - self.load
         rises = float(law(rest)) < level
-        extensions, forces = _sampled_from_rest(law, rest, away=1.0 if rises else -1.0)
+        extensions, forces = _sampled_from_rest(law, rest, 1.0 if rises else -1.0, level)
         if float(forces[0]) == level:
             return self._checked(law, rest)
         beyond = ((forces >= level) == rises).nonzero()[0]
@@ -146,6 +147,11 @@ class Liftoff:
         if slope > FLATTEST_LIFTOFF:
             return liftoff
         unit, _, place = self.scale(law.parameters)
+        if np.isnan(slope):
+            text = self.named + " has no slope that is a number at extension {liftoff:.6g}, where it reaches {level}: "
+            text += "a part of it overflows, as exp(x) does for x > 709; 1/(1 + exp(x)) is (1 - tanh(x/2))/2"
+            at = Quantity(place + liftoff, EXTENSION)
+            raise NoOrbit(Message(text, law=law.text, level=self.name, liftoff=at))
         reaches = self.named + " only just reaches {level} at extension {liftoff:.6g}, with slope {slope:.1e}"
         numbers = {
             "liftoff": Quantity(place + liftoff, EXTENSION),
@@ -154,8 +160,9 @@ class Liftoff:
         raise NoOrbit(Message(reaches + ": nothing lifts off cleanly", law=law.text, level=self.name, **numbers))
 
 
-def _sampled_from_rest(law: Law, rest: float, away: float) -> tuple[np.ndarray, np.ndarray]:
-    """Extensions (n,) away from rest, as far as the force is finite, with its turning points, and the forces there."""
+def _sampled_from_rest(law: Law, rest: float, away: float, level: float) -> tuple[np.ndarray, np.ndarray]:
+    """Extensions (n,) away from rest, as far as the force is finite, with its turning points, and the forces there. Up
+    to where the force has come to a level they are so close that nothing in the law is between them."""
     extensions = np.clip(rest + away * SAMPLED_DISTANCES, *law.range())
     if law.pieces and law.pieces.jumps:  # on both sides of which the force may be its largest
         ends = np.array(law.pieces.ends(np.array(law.pieces.table(law.parameters)[0]), law.parameters))[1:-1]
@@ -166,7 +173,17 @@ def _sampled_from_rest(law: Law, rest: float, away: float) -> tuple[np.ndarray, 
     count = int(np.argmin(np.append(np.isfinite(forces), False)))
     if count == 0:
         raise InputError(f"no force at rest (r = {rest:g}): '{law.text}' is no number there")
+    ends = extensions[count - 1 : count + 1]
     extensions, forces, slopes = extensions[:count], forces[:count], slopes[:count]
+    if len(ends) > 1 and not (away * (forces - level) >= 0).any():
+        last = _last(lambda r: np.isfinite(law(r)), *ends[:, None])
+        extensions = np.append(extensions, last)
+        forces, slopes = law.with_slope(extensions)
+    until = int(np.argmax(np.append(away * (forces - level) >= 0, True))) + 1
+    closer = resolved(law, extensions[:until])
+    if len(closer) > min(until, count):
+        extensions = np.concatenate([closer, extensions[until:]])
+        forces, slopes = law.with_slope(extensions)
     cells = ((slopes[:-1] > 0) & (slopes[1:] <= 0)).nonzero()[0]
     if not len(cells):
         return extensions, forces
@@ -191,12 +208,20 @@ def _rising_branch(law: Law, static: float, up: bool) -> tuple[np.ndarray, np.nd
 
 def _end_of_rise(law: Law, inner: ArrayLike, outer: ArrayLike) -> np.ndarray:
     """The last extensions (m,) with a finite, rising force between `inner` (m,), where it rises, and `outer` (m,)."""
-    inner, outer = np.asarray(inner), np.asarray(outer)
+
+    def rises(r: np.ndarray) -> np.ndarray:
+        force, slope = law.with_slope(r)
+        return (slope > 0) & np.isfinite(force)
+
+    return _last(rises, np.asarray(inner), np.asarray(outer))
+
+
+def _last(true: Callable, inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
+    """The last extensions (m,) where something is true between `inner` (m,), where it is, and `outer` (m,)."""
     for _ in range(BISECTIONS):
         middle = 0.5 * (inner + outer)
-        force, slope = law.with_slope(middle)
-        rises = (slope > 0) & np.isfinite(force)
-        inner, outer = np.where(rises, middle, inner), np.where(rises, outer, middle)
+        here = true(middle)
+        inner, outer = np.where(here, middle, inner), np.where(here, outer, middle)
     return inner
 
 
@@ -205,13 +230,15 @@ def _level_crossings(force_and_slope: Callable, level: np.ndarray, low: np.ndarr
     method safeguarded by bisection, each ended by its own step or bracket, which rounding alone determines where the
     force is flat."""
     r = 0.5 * (low + high)
-    for _ in range(200):
+    for turn in range(3 * BISECTIONS):
         force, slope = force_and_slope(r)
         low, high = np.where(force < level, r, low), np.where(force < level, high, r)
-        new = np.divide(level - force, slope, out=low - r, where=slope != 0) + r
+        new = np.divide(level - force, slope, out=np.full(r.shape, np.inf), where=slope != 0) + r
         settled = np.minimum(np.abs(new - r), high - low) <= 4e-16 * np.abs(r)
         if settled.all():
             break
-        following = np.where((low < new) & (new < high), new, 0.5 * (low + high))
+        # Along a steep power Newton's method hardly moves.
+        inside = (low < new) & (new < high) & (turn < BISECTIONS)
+        following = np.where(inside, new, 0.5 * (low + high))
         r = np.where(settled, r, following)
     return np.clip(new, low, high)

@@ -121,8 +121,6 @@ class Phase:
     watch : quantities whose Taylor series are computed with those of the states, by name, each (x, p, q) -> expression
     pieces : where the vector field is smooth; None where it is smooth everywhere
     closed_form : parameters -> the exact flow of the phase, which is then used instead of integration
-    reaches : coordinates, each by its weights of the first states, with the largest distance that an integration step
-        may go along it, since a Taylor series does not detect a narrow bump of a law ahead of it
 
     Phases and statements compare by identity, since objects built from them are stored as long as they exist.
     """
@@ -133,7 +131,6 @@ class Phase:
     watch: Mapping[str, Callable] = field(default_factory=dict)
     pieces: Pieces | None = None
     closed_form: Callable[[Mapping[str, float]], Modes] | None = None
-    reaches: tuple[tuple[tuple[float, ...], float], ...] = ()
 
     def __repr__(self) -> str:
         return fields_in_line(self, "name", "states")

@@ -7,17 +7,16 @@ there: a problem in two states. For the hopper and the juggler in their own unit
 for a linear spring).
 """
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..laws.features import NO_FEATURES, features, features_of_many, reaches_of_many, unit_of_length, units_of_length
+from ..laws.features import NO_FEATURES, features, features_of_many, unit_of_length, units_of_length
 from ..laws.law import WRONG_SIGN, Algebraic, Key, Parameters, from_key, number
 from .liftoff import Liftoff
 from .modes import Modes, single_mode
@@ -35,10 +34,6 @@ FASTEST, FASTEST_IN_DETAIL = 1e4, 30.0
 # A spring that bends the other way more often may have several orbits in a family; a hardening spring that softens
 # first does it three times. So may one that bends there and back within a length below this share of the unit.
 MOST_BENDS, UNBENT = 3, 0.4
-
-
-# Weights of states, with how far an integration step may go along this sum of them.
-Reach: TypeAlias = tuple[tuple[float, ...], float]
 
 
 class Search(NamedTuple):
@@ -130,30 +125,26 @@ class Relative:
         """How to search for all orbits of a family."""
         if self.by_speed is not None:
             p = {**p, self.by_speed: 0.0}
-        law, gravity, unit = self.law, self.gravity, unit_of_length(self.law, p)
-        in_spring, around = features(law, unit, p), features(gravity, unit, p) if gravity else NO_FEATURES
+        gravity, unit = self.gravity, unit_of_length(self.law, p)
+        in_spring, around = features(self.law, unit, p), features(gravity, unit, p) if gravity else NO_FEATURES
         finest = min(in_spring.length, AT_SPEED * around.length) / unit
         wavy = in_spring.bends > MOST_BENDS or around.bends > 1
         bump = in_spring.bends > 1 and in_spring.length < UNBENT * unit
         single = not (wavy or bump)
-        # Where gravity varies or steps are short, the fastest flights would take most of the search's time.
-        fastest = FASTEST if single and not gravity and law.reach == math.inf else FASTEST_IN_DETAIL
+        # Where gravity varies or a law bends often, the fastest flights would take most of the search's time.
+        fastest = FASTEST if single and not gravity else FASTEST_IN_DETAIL
         spacing = float(np.clip(finest, *SPACINGS))
         scale = number("the scale of launch speeds", float(self.scale(1 / unit, p)), low=0)
         return Search(scale, spacing, fastest, single, float(self.time(p)), self.by_speed is not None)
 
-    def own_and_single(self, p: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """Which of many machines (m,) take integration steps as far as this model lets them, and which have no feature
-        for which `search` looks for several orbits."""
+    def single(self, p: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Which of many machines (m,) have no feature for which `search` looks for several orbits."""
         units = units_of_length(self.law, p)
         lengths, bends = features_of_many(self.law, self.law, p)
         single = (bends <= MOST_BENDS) & ((bends <= 1) | (lengths >= UNBENT * units))
-        own = reaches_of_many(self.law, lengths, bends, units) == self.law.reach
         if self.gravity:
-            lengths, bends = features_of_many(self.gravity, self.law, p)
-            single &= bends <= 1
-            own &= reaches_of_many(self.gravity, lengths, bends, units) == self.gravity.reach
-        return own, single
+            single &= features_of_many(self.gravity, self.law, p)[1] <= 1
+        return single
 
     def reduction(self, complete: Callable, gap_slope: Callable) -> Reduction:
         """The smaller statement of an orbit under constant gravity; `complete` and `gap_slope` as in `Reduction`."""
@@ -193,7 +184,7 @@ def relative_phase(law: Key, load: float, rate: Callable | None) -> Phase:
         return [x[1], -rate(p) * force if rate else -force]
 
     pieces, closed = pieces_along(law, (1.0, 0.0)), oscillator if law.degree() == 1 else None
-    return Phase("flight", ("r", "r'"), rates, pieces=pieces, closed_form=closed, reaches=reach_along(law, (1.0,)))
+    return Phase("flight", ("r", "r'"), rates, pieces=pieces, closed_form=closed)
 
 
 def pieces_along(key: Key, coordinate: tuple[float, ...], offset: Callable | None = None) -> Pieces | None:
@@ -203,11 +194,6 @@ def pieces_along(key: Key, coordinate: tuple[float, ...], offset: Callable | Non
         return None
     origin = (lambda p: pieces.origins(p) - offset(p) * pieces.units(p)) if offset else pieces.origins
     return Pieces(coordinate, *pieces[:2], "extension", pieces.units, origin, pieces.noise, pieces.jumps)
-
-
-def reach_along(key: Key, coordinate: tuple[float, ...]) -> tuple[Reach, ...]:
-    """How far an integration step may go along a key's variable, which has these weights, as a phase's `reaches`."""
-    return ((coordinate, key.reach),) if key.reach < math.inf else ()
 
 
 def straight_line(key: Key, p: Mapping[str, float]) -> tuple[float, float]:

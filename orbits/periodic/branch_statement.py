@@ -83,8 +83,7 @@ class Beside:
             rates = self.first_order(phase, lambda whole: [phase.field(whole, p, q)[i] for i in lateral], x)
             return [*hop.field(x[: len(hop.states)], p, q), *rates]
 
-        reaches = tuple(((*weights, *[0.0] * len(lateral)), farthest) for weights, farthest in hop.reaches)
-        return Phase(phase.name, (*hop.states, *(phase.states[i] for i in lateral)), field, reaches=reaches)
+        return Phase(phase.name, (*hop.states, *(phase.states[i] for i in lateral)), field)
 
     def first_order(self, phase: Phase, function: Callable, x: Scalars) -> list[Algebraic]:
         """The values, to first order, of functions of a phase's state that the mirror turns over."""

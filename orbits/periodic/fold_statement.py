@@ -46,7 +46,7 @@ def _doubled_phase(phase: Phase, along: str) -> Phase:
     states, pieces = (*phase.states, *(f"d{name}" for name in phase.states), along), phase.pieces
     if pieces:
         pieces = replace(pieces, coordinate=(*pieces.coordinate, *[0.0] * (n + 1)))
-    return Phase(phase.name, states, field, pieces=pieces, reaches=phase.reaches)
+    return Phase(phase.name, states, field, pieces=pieces)
 
 
 def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: Arc | None) -> Arc:

@@ -94,8 +94,7 @@ def guesses(relative: Relative, family: int, p: Mapping[str, np.ndarray]) -> Gue
     p = relative.own(p)
     alpha = np.full(len(next(iter(p.values()))), np.nan)
     extension = relative.liftoff.extensions(relative.law, p)
-    own, single = relative.own_and_single(p)
-    own &= np.isfinite(extension)
+    own, single = np.isfinite(extension), relative.single(p)
     law, refused = relative.law, dict[int, NoOrbit]()
     if len(rows := np.flatnonzero(own)):
         those, places = {name: values[rows] for name, values in p.items()}, extension[rows]

@@ -130,7 +130,7 @@ def whole_flight(model: Model) -> Statement:
 
     pieces = flight.pieces and replace(flight.pieces, coordinate=(*flight.pieces.coordinate, 0.0))
     arc = Arc(
-        Phase(flight.name, (*flight.states, "unfolding"), field, pieces=pieces, reaches=flight.reaches),
+        Phase(flight.name, (*flight.states, "unfolding"), field, pieces=pieces),
         start=lambda u, before, p: [*model.launch(u, p), u["unfolding"]],
         duration=lambda u, p: u["duration"],
         conditions=lambda u, x, p: model.landing(u, x[:-1], p),

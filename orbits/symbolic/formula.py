@@ -71,6 +71,34 @@ class Formula:
         """The functions in it that have no second derivative somewhere, whatever their argument."""
         return sorted({node[1] for node in _nodes(self.tree) if node[0] == "call" and node[1] in ("abs", "sign")})
 
+    def without_value(self, variable: str, values: Mapping[str, float]) -> str | None:
+        """The first part of the formula that does not depend on a variable and has no finite value, as text; None where
+        each has one."""
+        stack: list[tuple[str, Any]] = []  # of each branch its text and its value, None where it varies
+        for node in _nodes(self.folded):
+            parts = [stack.pop() for part in node[1:] if isinstance(part, tuple)][::-1]
+            texts = [text if text.isalnum() else f"({text})" for text, _ in parts]
+            match node[0]:
+                case "number" | "name":
+                    text = node[-1] if node[0] == "name" else node[2]
+                case "call":
+                    text = f"{node[1]}({parts[0][0]})"
+                case "negative":
+                    text = f"-{texts[0]}"
+                case operation:
+                    text = operation.join(texts)
+            value = None
+            if node != ("name", variable) and all(known is not None for _, known in parts):
+                operands = [("number", known, text) for text, known in parts]
+                called = node[1:2] if node[0] == "call" else ()
+                with np.errstate(all="ignore"):
+                    own = (node[0], *called, *operands) if operands else node
+                    value = _evaluate(own, values, np.float64, np)
+                if not np.isfinite(value):
+                    return text
+            stack.append((text, value))
+        return None
+
     @property
     def terms(self) -> "list[Formula]":
         """The terms of the formula as a sum, up to their signs; the formula itself where it is no sum."""

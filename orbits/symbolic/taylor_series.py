@@ -168,7 +168,7 @@ def separated(rates: ca.SX, x: ca.SX, p: ca.SX) -> Separated:
         if op == ca.OP_INPUT:
             value, degree = (x, p)[inputs[0]][inputs[1]], 1 - inputs[0]
         elif op != ca.OP_OUTPUT and constant is None:
-            value, degree = applied(op, [values[i] for i in inputs]), _degree(op, [degrees[i] for i in inputs])
+            value, degree = applied(op, [values[i] for i in inputs]), affine_degree(op, [degrees[i] for i in inputs])
         own = (arguments[i] if degrees[i] == 2 else {i} for i in (inputs if degree == 2 else ()) if degrees[i])
         values.append(value)
         degrees.append(degree)
@@ -182,7 +182,7 @@ def separated(rates: ca.SX, x: ca.SX, p: ca.SX) -> Separated:
         varying = [j for j in inputs if degrees[j]] if degrees[i] else []
         if degrees[i] < 2:
             return values[i]
-        linear = _degree(op, [min(degrees[j], 1) for j in inputs]) == 1
+        linear = affine_degree(op, [min(degrees[j], 1) for j in inputs]) == 1
         if linear and (len(varying) == 1 or len(arguments[i]) > 1):
             return applied(op, [affine(j) for j in inputs])
         return functions.setdefault(i, ca.SX.sym("f"))
@@ -214,7 +214,7 @@ def applied(op: int, inputs: Sequence[ca.SX]) -> ca.SX:
     return ca.SX.unary(op, inputs[0]) if len(inputs) == 1 else ca.SX.binary(op, *inputs)
 
 
-def _degree(op: int, degrees: Sequence[int]) -> int:
+def affine_degree(op: int, degrees: Sequence[int]) -> int:
     """The degree of an operation's result as a function of the state, 2 for whatever is not affine."""
     if not any(degrees):
         return 0

@@ -7,7 +7,6 @@ from typing import Any, ClassVar, Self
 
 from orbits.errors import InputError
 from orbits.io import one_line
-from orbits.laws.features import with_reach
 from orbits.laws.law import Key, Law, coefficient_of_restitution, number
 from orbits.mechanics.ground import Ground
 from orbits.mechanics.mechanism import Mechanism
@@ -167,10 +166,7 @@ class TwoMassMachine(TwoMasses):
     @property
     def ground_keys(self) -> tuple[Any, ...]:
         """The further arguments of `mechanism` on compliant ground."""
-        if self.ground is None:
-            return ()
-        key = self.ground.spring.key
-        return (with_reach(key, key, self.parameters),)
+        return () if self.ground is None else (self.ground.spring.key,)
 
     @classmethod
     def build(cls, *laws: Any) -> Model:
@@ -185,10 +181,8 @@ class TwoMassMachine(TwoMasses):
 
     @property
     def keys(self) -> tuple[Key, Key | None]:
-        """The keys of the spring and of `varying_gravity`, each with how far an integration step may go along it."""
-        spring, gravity = self.spring.key, self.varying_gravity
-        p = {**self.parameters, "rest_length": self.rest_length or 0.0}
-        return with_reach(spring, spring, p), gravity and with_reach(gravity, spring, p)
+        """The keys of the spring and of `varying_gravity`."""
+        return self.spring.key, self.varying_gravity
 
     @staticmethod
     def mechanism(

@@ -7,6 +7,7 @@ from oscillators import BILINEAR, START, TIME, bilinear, duffing, duffing_by_cas
 
 from orbits.errors import FlowError
 from orbits.flow.flow import Flow
+from orbits.flow.vector_field import VectorField
 from orbits.flow.zero_crossing import first_zero
 from orbits.model import Affine, Phase, linear_modes
 
@@ -76,9 +77,12 @@ def test_first_zero_divides_out_the_start():
 @pytest.mark.parametrize(
     ("force", "word"), [(lambda r, p, q: -r * r, "runs away"), (lambda r, p, q: ca.log(r - 3), "breaks down")]
 )
-def test_blow_up_and_nan_are_named(force, word):
+def test_blow_up_and_nan_are_named(force, word, monkeypatch):
     with pytest.raises(FlowError, match=word):
         oscillator(force).run(START, [0.0], 100.0)
+    with pytest.raises(FlowError, match="breaks down at time 3.87679, at r = [0-9.]*e-1"):
+        oscillator(lambda r, p, q: ca.sqrt(r)).run(START, [0.0], 100.0)
+    monkeypatch.setattr(VectorField, "reaches", [])  # so that a step leads beyond the singularity
     with pytest.raises(FlowError, match="where a law or the motion is no number"):
         oscillator(lambda r, p, q: ca.sqrt(r)).run(START, [0.0], 100.0)
 

@@ -1,12 +1,14 @@
 """Taylor steps: what does not move, motions of many steps, and steps that are halved in vain."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from orbits.flow.flow import flow_of
 from orbits.flow.taylor import _may_change_sign
-from orbits.flow.vector_field import TAYLOR_ORDER
+from orbits.flow.vector_field import TAYLOR_ORDER, VectorField
 from orbits.flow.zero_crossing import first_zero, until_zero
 from orbits.model.phase import Affine
 from orbits.symbolic.calls import BufferedFunction
@@ -26,9 +28,11 @@ def test_motions_at_rest_and_of_many_steps():
         assert path.steps.min() > 1e-3
 
 
-def test_steps_share_the_time_and_are_halved_in_vain():
+def test_steps_share_the_time_and_are_halved_in_vain(monkeypatch):
     """A saturated spring, flat to the last digit where the motion starts: the series does not know what comes after."""
-    along = flow_of(Hopper("tanh", parameters={"b": 1.0}).model.reduction.statement.arcs[0].phase, ("b",))
+    monkeypatch.setattr(VectorField, "reaches", [])  # the scale of the law is not used
+    phase = Hopper("tanh", parameters={"b": 1.0}).model.reduction.statement.arcs[0].phase
+    along = flow_of(replace(phase), ("b",))
     start, p, duration, count = np.array([-30.0, 4.0]), np.array([1.0]), 12.0, 60
     end, _, (taken, tried) = BufferedFunction(along.stepper(0).step_function.mapaccum(count))(
         [*start, duration, 1e9, 0.0], np.ones((count, 1))

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from orbits import NoOrbit, find
-from orbits.laws.features import features, features_of_many, unit_of_length
+from orbits.laws.features import features, features_of_many, resolved, unit_of_length
 from problems import Hopper
 from studies.search import Case
 
@@ -45,12 +45,9 @@ def test_the_length_over_which_a_law_varies(law, parameters, length):
     assert features(machine.spring.key, unit, machine.values).length == pytest.approx(length, rel=1e-2)
 
 
-def test_smooth_laws_keep_their_model():
-    cubic, fine = Hopper("cubic"), Hopper("r + exp(-((r - c)/w)**2)", parameters={"c": -3.0, "w": 0.1})
-    assert cubic.with_values(beta=0.1).model is cubic.model
-    assert not cubic.model.flight.reaches
-    assert fine.model.flight.reaches == (((1.0, 0.0, -1.0, 0.0), fine.keys[0].reach),)
-    assert fine.with_values(w=1.0).model.flight.reaches == ()
+def test_the_model_does_not_depend_on_the_width_of_a_feature():
+    fine = Hopper("r + exp(-((r - c)/w)**2)", parameters={"c": -3.0, "w": 1e-6})
+    assert fine.with_values(w=1.0).model is fine.model
 
 
 @pytest.mark.parametrize(
@@ -75,17 +72,6 @@ def test_what_is_narrower_than_a_step_is_not_missed_silently(spring, gravity):
 
 
 @pytest.mark.slow
-def test_a_bump_that_the_steps_leap_over_is_noticed():
-    """A bump of height 0.5 shifts alpha a little: found right, or refused."""
-    law, shift = "r + 0.5*exp(-((r - 1.3)/1e-3)**2)", -2.6e-5
-    try:
-        alpha = find(Hopper(law)).alpha
-    except NoOrbit:
-        return
-    assert alpha - 4.493409457909064 == pytest.approx(shift, rel=0.1)
-
-
-@pytest.mark.slow
 def test_a_narrow_quotient_is_not_leapt_over():
     """Half the flight takes the time alpha, and ends where the extension turns: by SciPy in steps that see the bump."""
     force = lambda r: r + 0.5 / (1 + ((r + 3) / 0.1) ** 40)  # noqa: E731
@@ -97,10 +83,25 @@ def test_a_narrow_quotient_is_not_leapt_over():
 
 
 @pytest.mark.parametrize(
-    "machine", [Hopper("air", rest_length=20), Hopper("rubber"), Hopper("r", "inverse_square", rest_length=9)]
+    ("law", "places", "most"),
+    [
+        ("r + exp(-((r - 0.3)/1e-7)**2)", [0.3], 1000),
+        ("r + abs(r - 0.3) - abs(r - 0.3 - 1e-9)", [0.3, 0.3 + 1e-9], 8),
+        ("r + r**3", [], 3),
+        ("tanh(r)", [], 3),
+    ],
 )
-def test_steps_along_laws_with_a_pole_are_not_bounded(machine):
-    assert {key.reach for key in machine.keys if key} == {np.inf}
+def test_samples_of_a_law_come_to_where_it_varies(law, places, most):
+    found = resolved(Hopper(law).spring, np.array([0.0, 0.5, 1.0]))
+    assert len(found) <= most
+    for place in places:
+        assert np.abs(found - place).min() < 2e-8
+    assert (np.diff(found) > 0).all()
+
+
+def test_a_law_that_varies_finely_all_the_way_is_refused():
+    with pytest.raises(NoOrbit, match="varies within .* of r over a long way"):
+        find(Hopper("1e-3*r + 0.01*exp(sin(1e9*r))"))
 
 
 @pytest.mark.parametrize(

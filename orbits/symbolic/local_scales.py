@@ -1,0 +1,238 @@
+"""How far the state of a vector field may go until one of the functions in it changes by more than its series shows.
+
+A Taylor series at one place does not see a bump, a step or a bend at another, where that has decayed below rounding. A
+formula states where: each function that decays or bends has arguments between which it does not vary, and arguments
+about which it does. So its argument may change up to the nearest of these, or by the scale of the function if it is
+there. The operations between lead such a change back to one of the state, by bounds that hold for all changes up to it
+(interval arithmetic, solved for the width of the interval).
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import casadi as ca
+
+from .calls import single_assignment
+from .taylor_series import affine_degree, applied
+
+# Below this share of 1 an exponential, or what is left of 1 in a saturated function, cannot be seen beside a force, even
+# multiplied by 1e10: exp(-60) = 9e-27. There its argument may go until the exponential is this large.
+HIDDEN_EXPONENT = 60.0
+# Where they can be seen, arguments of exponentials and of saturated functions may change this much in a step: more than
+# series of order 28 ever allow, and little enough that a step cannot pass from one side to the other.
+VISIBLE_EXPONENT, VISIBLE_TURN = 12.0, 6.0
+# What is divided by, or under a root, may come this near to 0, relative to it. A term that is below rounding at the
+# beginning of a step is then at most 100 times as large at its end.
+NEARER = 0.99
+
+
+class Reach(NamedTuple):
+    """A coordinate of the state with `weights` (1, n), functions of the parameters, and how far a step may lead along
+    it, a function of the state and the parameters."""
+
+    weights: ca.SX
+    distance: ca.SX
+
+
+def reaches_of(field: ca.Function, x: ca.SX, p: ca.SX, waves: bool = False) -> list[Reach]:
+    """How far a step of a field (x, p) -> x' may lead along coordinates, none where nothing in it hides, as functions of
+    the symbols x and p; an operation without a bound, as a comparison, sets none.
+
+    waves : whether sines count, which hide from samples but not from series
+    """
+    hiding = _HIDING | _WAVES if waves else _HIDING
+    tape = single_assignment(field)
+    values, degrees, origins = list[ca.SX](), list[int](), list[frozenset[int]]()
+    for i, (op, inputs, constant) in enumerate(tape):
+        value, degree, varying = ca.SX() if constant is None else ca.SX(constant), 0, list[int]()
+        if op == ca.OP_INPUT:
+            value, degree = (x, p)[inputs[0]][inputs[1]], 1 - inputs[0]
+        elif op != ca.OP_OUTPUT and constant is None:
+            value, varying = applied(op, [values[j] for j in inputs]), [j for j in inputs if degrees[j]]
+            degree = affine_degree(op, [degrees[j] for j in inputs])
+        # A sum of several states is a coordinate of its own; what follows from one alone leads back to that.
+        begins = degree == 1 and len({*varying}) != 1
+        values.append(value)
+        degrees.append(degree)
+        origins.append(frozenset({i}) if begins else frozenset().union(*(origins[j] for j in varying)))
+    allowed: dict[int, ca.SX] = {}
+    for i, (op, inputs, _) in reversed(list(enumerate(tape))):
+        if op in (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST) or degrees[i] == 0:
+            continue
+        arguments, varies = [values[j] for j in inputs], [degrees[j] > 0 for j in inputs]
+        if op in hiding and (len(origins[i]) == 1 or op in _DECAYING):
+            for j, change in zip(inputs, hiding[op](arguments, varies), strict=True):
+                _allow(allowed, j, change)
+        if i in allowed and i not in origins[i] and op in _BACK:
+            for j, change in zip(inputs, _BACK[op](arguments, varies, values[i], allowed[i]), strict=True):
+                _allow(allowed, j, change)
+    coordinates = [i for i in sorted(frozenset().union(*origins)) if i in allowed]
+    return [Reach(ca.jacobian(values[i], x), allowed[i]) for i in coordinates]
+
+
+def kinks_of(field: ca.Function, x: ca.SX, p: ca.SX) -> ca.SX:
+    """What vanishes where an absolute value, a sign or a comparison of the state in a field (x, p) -> x' changes its
+    branch, functions of the symbols x and p."""
+    values, found = list[ca.SX](), list[ca.SX]()
+    for op, inputs, constant in single_assignment(field):
+        value = ca.SX() if constant is None else ca.SX(constant)
+        if op == ca.OP_INPUT:
+            value = (x, p)[inputs[0]][inputs[1]]
+        elif op != ca.OP_OUTPUT and constant is None:
+            value = applied(op, arguments := [values[j] for j in inputs])
+            if op in _KINKED and ca.depends_on(kink := _KINKED[op](arguments), x):
+                found.append(kink)
+        values.append(value)
+    return ca.SX(ca.vertcat(*found))
+
+
+def _allow(allowed: dict[int, ca.SX], instruction: int, change: ca.SX | None) -> None:
+    """Let the result of an instruction change no more than this."""
+    if change is not None:
+        allowed[instruction] = ca.fmin(allowed[instruction], change) if instruction in allowed else change
+
+
+_WAVES: dict[int, Callable] = dict.fromkeys((ca.OP_SIN, ca.OP_COS, ca.OP_TAN), lambda a, varies: [ca.SX(VISIBLE_TURN)])
+_KINKED: dict[int, Callable] = {
+    **dict.fromkeys((ca.OP_FABS, ca.OP_SIGN), lambda a: a[0]),
+    **dict.fromkeys((ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE), lambda a: a[0] - a[1]),
+}
+
+# Each entry gives, from the arguments (a, b) of an operation and whether each varies, how much each may change; None
+# where that is not bounded.
+
+
+def _of_quotient(a, varies):
+    hidden = ca.fabs(a[1]) - ca.fabs(a[0]) * math.exp(HIDDEN_EXPONENT)  # the quotient stays out of sight
+    return [None, ca.fmax(NEARER * ca.fabs(a[1]), hidden) if varies[1] else None]
+
+
+def _of_power(a, varies):
+    whole = ca.logic_and(a[1] >= 1, ca.floor(a[1]) == a[1])  # a polynomial hides nothing
+    polynomial = float(whole) if whole.is_constant() else 0.0
+    return [None if polynomial else ca.if_else(whole, ca.inf, NEARER * ca.fabs(a[0])), None]
+
+
+def _saturated(turn: float, hidden: float) -> Callable:
+    return lambda a, varies: [ca.fmax(turn, ca.fabs(a[0]) - hidden)]
+
+
+def _exponential(a, varies):
+    return [ca.fmax(VISIBLE_EXPONENT + ca.fmax(a[0], 0), -HIDDEN_EXPONENT - a[0])]  # a large one hides nothing
+
+
+def _near(distance: Callable) -> Callable:
+    """To the singularity at this distance from an argument."""
+    return lambda a, varies: [NEARER * distance(a[0])]
+
+
+_DECAYING = {
+    ca.OP_EXP: _exponential,
+    ca.OP_EXPM1: _exponential,
+    ca.OP_TANH: _saturated(VISIBLE_TURN, HIDDEN_EXPONENT / 2),
+    ca.OP_ERF: _saturated(math.sqrt(VISIBLE_TURN), math.sqrt(HIDDEN_EXPONENT)),
+}
+_HIDING: dict[int, Callable] = {
+    **_DECAYING,
+    ca.OP_DIV: _of_quotient,
+    ca.OP_INV: lambda a, varies: _of_quotient([ca.SX(1), a[0]], [False, True])[1:],
+    **dict.fromkeys((ca.OP_POW, ca.OP_CONSTPOW), _of_power),
+    **dict.fromkeys((ca.OP_SQRT, ca.OP_LOG), _near(ca.fabs)),
+    ca.OP_LOG1P: _near(lambda a: ca.fabs(1 + a)),
+    **dict.fromkeys((ca.OP_ASIN, ca.OP_ACOS, ca.OP_ATANH), _near(lambda a: ca.fabs(1 - ca.fabs(a)))),
+    ca.OP_ACOSH: _near(lambda a: ca.fabs(a - 1)),
+    **dict.fromkeys((ca.OP_ATAN, ca.OP_ASINH), _near(lambda a: ca.sqrt(1 + a**2))),
+}
+
+# Each entry gives, from the arguments of an operation, whether each varies, its result and how much this may change,
+# how much each argument may change.
+
+
+def _through_sum(a, varies, result, change):
+    return [change / sum(varies) if each else None for each in varies]
+
+
+def _through_product(a, varies, result, change):
+    if not all(varies):
+        return [change / ca.fabs(a[1 - i]) if varies[i] else None for i in (0, 1)]
+    # A third of the change for each term of (a + da)(b + db) - a b. Where the product is smaller than that, the larger
+    # factor may double.
+    first, second = map(ca.fabs, a)
+    larger, least = ca.fmax(ca.fmax(first, second), 1e-3 * ca.sqrt(change)), 3 * first * second >= change
+    small, large = change / (3 * larger), larger
+    by_first = ca.if_else(first > second, large, small), ca.if_else(first > second, small, large)
+    return [ca.if_else(least, change / (3 * other), by) for other, by in zip((second, first), by_first, strict=True)]
+
+
+def _through_quotient(a, varies, result, change):
+    below, size = ca.fabs(a[1]), ca.fabs(result)
+    if not varies[1]:
+        return [change * below, None]
+    if not varies[0]:
+        return [None, below * change / (size + change)]
+    return [change * below / 4, ca.fmin(below / 2, change * below / (4 * size))]
+
+
+def _through_power(a, varies, result, change):
+    base, exponent, size = ca.fabs(a[0]), ca.fabs(a[1]), ca.fabs(result)
+    if not varies[1]:
+        # The size grows by the change, and shrinks by less, as the slope is steeper on the outer side.
+        little = base * ca.expm1(ca.log1p(change / size) / exponent)
+        polynomial = ca.if_else(change < size, little, (size + change) ** (1 / exponent) - base)
+        other = base * ca.fmin(0.5, change / (size * exponent * 2.0**exponent))
+        return [ca.if_else(a[1] >= 1, polynomial, other), None]
+    inner = 0.25 * ca.log1p(change / size)  # of b log a in exp(b log a), half by each factor
+    by_base = base * ca.fmin(0.5, inner / exponent) if varies[0] else None
+    return [by_base, inner / (1 + ca.fabs(ca.log(base)))]
+
+
+def _through_exponential(a, varies, result, change):
+    # Far below 0 the exponential of -a overflows, and elsewhere a small change is lost beside it in the first logarithm.
+    return [ca.if_else(a[0] < -HIDDEN_EXPONENT, ca.log(change + ca.exp(a[0])) - a[0], ca.log1p(change * ca.exp(-a[0])))]
+
+
+def _through_growth(a, varies, result, change):
+    return [ca.log1p(change * ca.exp(-ca.fabs(a[0])))]
+
+
+def _through_saturated(hidden: float) -> Callable:
+    """Slopes are at most 1, or hardly more; out of sight the argument is free."""
+    return lambda a, varies, result, change: [ca.fmax(0.8 * change, ca.fabs(a[0]) - hidden)]
+
+
+def _through_slope(slope: Callable, room: Callable, everywhere: float = 0.0) -> Callable:
+    """Of a function with this bound of its slope while its argument changes by less than `room`; whatever the argument
+    is, this share of the change is allowed too."""
+
+    def back(a, varies, result, change):
+        return [ca.fmax(everywhere * change, ca.fmin(room(a[0]), change / slope(a[0])))]
+
+    return back
+
+
+_HALF_WAY = lambda a: (1 - ca.fabs(a)) / 2  # noqa: E731 -- to the singularity
+_BACK: dict[int, Callable] = {
+    **dict.fromkeys((ca.OP_ADD, ca.OP_SUB, ca.OP_FMIN, ca.OP_FMAX), _through_sum),
+    **dict.fromkeys((ca.OP_ASSIGN, ca.OP_NEG, ca.OP_FABS), lambda a, varies, result, change: [change]),
+    ca.OP_TWICE: lambda a, varies, result, change: [change / 2],
+    ca.OP_MUL: _through_product,
+    ca.OP_SQ: lambda a, varies, result, change: [change / (ca.fabs(a[0]) + ca.sqrt(result + change))],
+    ca.OP_DIV: _through_quotient,
+    ca.OP_INV: lambda a, varies, result, change: [ca.fabs(a[0]) * change / (ca.fabs(result) + change)],
+    **dict.fromkeys((ca.OP_POW, ca.OP_CONSTPOW), _through_power),
+    ca.OP_SQRT: lambda a, varies, result, change: [ca.fmin(change, result) * result],
+    **dict.fromkeys((ca.OP_EXP, ca.OP_EXPM1), _through_exponential),
+    ca.OP_LOG: lambda a, varies, result, change: [-ca.fabs(a[0]) * ca.expm1(-change)],
+    ca.OP_LOG1P: lambda a, varies, result, change: [-ca.fabs(1 + a[0]) * ca.expm1(-change)],
+    **dict.fromkeys((ca.OP_SINH, ca.OP_COSH), _through_growth),
+    **dict.fromkeys((ca.OP_SIN, ca.OP_COS), lambda a, varies, result, change: [change]),
+    ca.OP_TAN: lambda a, varies, result, change: [change / (1 + (ca.fabs(result) + change) ** 2)],
+    ca.OP_TANH: _through_saturated(HIDDEN_EXPONENT / 2),
+    ca.OP_ERF: _through_saturated(math.sqrt(HIDDEN_EXPONENT)),
+    ca.OP_ATAN: _through_slope(lambda a: 1 / (1 + a**2 / 4), lambda a: ca.fabs(a) / 2, 1.0),
+    ca.OP_ASINH: _through_slope(lambda a: 1 / ca.sqrt(1 + a**2 / 4), lambda a: ca.fabs(a) / 2, 1.0),
+    ca.OP_ACOSH: _through_slope(lambda a: 1 / ca.sqrt(a - 1), lambda a: (a - 1) / 2),
+    **dict.fromkeys((ca.OP_ASIN, ca.OP_ACOS), _through_slope(lambda a: ca.sqrt(2 / (1 - ca.fabs(a))), _HALF_WAY)),
+    ca.OP_ATANH: _through_slope(lambda a: 2 / (1 - ca.fabs(a)), _HALF_WAY),
+}
