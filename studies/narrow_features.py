@@ -11,6 +11,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import mpmath as mp
 import numpy as np
@@ -119,7 +120,7 @@ class Case:
         inside = [mp.sqrt(side * (end - r)) for r in self.places() if side * (end - r) > 0 and side * (r - start) > 0]
         ends = sorted([mp.mpf(0), *inside, mp.sqrt(side * (end - start))])
         found = mp.mpf(0)
-        for low, high in zip(ends, ends[1:], strict=False):
+        for low, high in pairwise(ends):
             for node, weight in NODES:
                 u = low + (high - low) * (1 + node) / 2
                 speed = mp.sqrt(2 * (total - energy(end - side * u**2)))

@@ -69,8 +69,8 @@ class RungeKuttaStepper:
         return np.column_stack([start, (rising / h ** np.arange(1, len(self.NODES) + 1)[:, None]).T])
 
     def _length(self, x, p, dx, dp, h: float) -> float:
-        """The longest step up to `h` whose error is below rounding, by step doubling, and which leads across nothing that
-        its stages may not see."""
+        """The longest step up to `h` whose error is below rounding, by step doubling, and which leads across nothing
+        that its stages may not see."""
         room, closing, bends, kinks = (each[:, 0] for each in self.guarded(x, p))
         with np.errstate(all="ignore"):
             times = 2 * room / (closing + np.sqrt(closing**2 + 4 * bends * room))
@@ -89,15 +89,15 @@ class RungeKuttaStepper:
 
 def _guarded(graph: VectorField) -> ca.Function:
     """(x, p) -> how far each coordinate of `reaches` may go and each argument of a kink is from it, how fast they close
-    in, bounds of their accelerations, and the arguments of the kinks. Kinks of a field in pieces are at its breakpoints.
+    in, bounds of their accelerations, and the arguments of the kinks, which in a field in pieces are its breakpoints.
     """
-    x, p, kinks = graph.x, graph.p, ca.SX(0, 1) if graph.coordinate else ca.SX(graph.kinks)
-    rates = graph.field(x, p)[0]
+    x, p, kinks = graph.x, graph.p, ca.SX(0, 1) if graph.coordinate else graph.kinks
+    rates, count = graph.field(x, p)[0], len(graph.reaches)
     places = ca.vertcat(*(weights @ x for weights, _ in graph.reaches), kinks)
     speeds = ca.jtimes(places, x, rates)
-    toward = ca.vertcat(*(ca.fabs(speed) for speed in ca.vertsplit(speeds[: len(graph.reaches)])), -ca.sign(kinks) * speeds[len(graph.reaches) :])
+    closing = ca.vertcat(ca.fabs(speeds[:count]), -ca.sign(kinks) * speeds[count:])
     room = ca.vertcat(*(distance for _, distance in graph.reaches), ca.fabs(kinks))
-    results = room, toward, ca.fabs(ca.jtimes(speeds, x, rates)), kinks
+    results = room, closing, ca.fabs(ca.jtimes(speeds, x, rates)), kinks
     return ca.Function("guarded", [x, p], [ca.densify(ca.SX(each)) for each in results])
 
 

@@ -25,7 +25,7 @@ LARGEST_DEFECT = 1e-10
 LONGEST_STEP = 1e9
 # No bound is set for a coordinate that may go farther than this, and none that makes a step shorter than this: places
 # and times are rounded to as much.
-FARTHEST, SHORTEST_BOUND = 1e30, 1e-14
+UNBOUNDED, SHORTEST_BOUND = 1e30, 1e-14
 # Where less than this many steps are left of the duration, the last two share it evenly, so that none is tiny.
 SHARED_STEPS = 1.5
 # The lengths of a step on a piece that are tried, each half of the one before; the steps of Newton's method to the end
@@ -191,7 +191,7 @@ def length_function(
         length = ca.fmin(length, _truncated_length(dc, ca.norm_inf(dp) if varied else 0))
     h = ca.fmin(longest, length)
     for weights, distance in graph.reaches:
-        h = _within(weights @ c.T, distance, h)
+        h = _within_reach(weights @ c.T, distance, h)
     h = ca.if_else(h >= left, left, ca.if_else(SHARED_STEPS * h >= left, 0.5 * left, h))
     within, side = ca.SX(1), ca.SX(0)
     if graph.coordinate:
@@ -257,10 +257,10 @@ def _truncated_length(c: ca.SX, size: ca.SX | float) -> ca.SX:
     return (bound / ca.if_else(sooner, before, last)) ** ca.if_else(sooner, 1 / (order - 1), 1 / order)
 
 
-def _within(coordinate: ca.SX, distance: ca.SX, h: ca.SX) -> ca.SX:
+def _within_reach(coordinate: ca.SX, distance: ca.SX, h: ca.SX) -> ca.SX:
     """The length of a step, at most h, in which a coordinate with these coefficients (1, K + 1) stays within a distance
     from its start."""
-    sizes, distance = ca.fabs(ca.densify(coordinate)[1:]), ca.fmin(distance, FARTHEST)
+    sizes, distance = ca.fabs(ca.densify(coordinate)[1:]), ca.fmin(distance, UNBOUNDED)
     # By the speed and the acceleration alone, and by the sum of all terms, which are convex functions of the length.
     longest, h = h, ca.fmin(h, 2 * distance / (sizes[0] + ca.sqrt(sizes[0] ** 2 + 4 * sizes[1] * distance)))
     change = h * ca.polyval(sizes.T[::-1], h)

@@ -33,7 +33,7 @@ SLOPE_ROUNDING, SINGULAR_SLOPE = 1e3 * float(np.finfo(float).eps), 1e6
 # Where a law may vary unseen its force is sampled at this share of the distance that a series sees, an eighth of the
 # width of a bump, with its kinks, which one secant finds where they are those of straight lines; in at most so many
 # halvings, which a width of 1e-12 takes, and places.
-SAMPLED_SCALE, TURNS_TO_KINK, HALVINGS, MOST_PLACES = 0.125, 3, 60, 100_000
+SAMPLED_SCALE, SECANTS_TO_KINK, HALVED_SAMPLES, MOST_CLOSER = 0.125, 3, 60, 100_000
 
 
 class Features(NamedTuple):
@@ -176,29 +176,29 @@ def _lengths_and_bends(slopes: np.ndarray, units: np.ndarray, spacing: np.ndarra
     return np.divide(spacing, np.sqrt(ratio), out=np.full(len(ratio), np.inf), where=ratio > 0), bends
 
 
-def resolved(law: Law, places: np.ndarray) -> np.ndarray:
+def sampled_closely(law: Law, places: np.ndarray) -> np.ndarray:
     """Places (n,), ascending or descending, with further ones between them where the law may vary unseen, and at its
     kinks.
 
-    Raises `NoOrbit` for a law that would take more than `MOST_PLACES`.
+    Raises `NoOrbit` for a law that would take more than `MOST_CLOSER`.
     """
-    if not (scales := _scales(law.key)):
+    if _scale_of_law(law.key) is None:
         return places
     p = {name: np.array([value]) for name, value in law.parameters.items()}
-    for turn in range(HALVINGS):
-        distances, *kinks = (each[0] for each in evaluated(_scales, law.key, p, places[None]))  # type: ignore[arg-type]
+    for turn in range(HALVED_SAMPLES):
+        distances, *kinks = (each[0] for each in evaluated(_scale_of_law, law.key, p, places[None]))  # type: ignore[arg-type]
         low, high = places[:-1], places[1:]
         with np.errstate(all="ignore"):
             unseen = np.abs(high - low) > SAMPLED_SCALE * np.fmax(distances[:-1], distances[1:])
             new = [0.5 * (low + high)[unseen]]
-            for kink in kinks if turn < TURNS_TO_KINK else ():
+            for kink in kinks if turn < SECANTS_TO_KINK else ():
                 crossed = (kink[:-1] * kink[1:] < 0).nonzero()[0]
                 share = kink[crossed] / (kink[crossed] - kink[crossed + 1])
                 new.append(places[crossed] + share * (places[crossed + 1] - places[crossed]))
         found = np.unique(np.concatenate([places, *new]))
         if len(found) == len(places):
             break
-        if len(found) > MOST_PLACES:
+        if len(found) > MOST_CLOSER:
             fine = np.abs(np.diff(found)).min()
             raise NoOrbit(f"'{law.text[:60]}' varies within {fine:.1g} of {law.variable} over a long way: smooth it")
         places = found if places[-1] > places[0] else found[::-1]
@@ -206,7 +206,7 @@ def resolved(law: Law, places: np.ndarray) -> np.ndarray:
 
 
 @cached
-def _scales(key: Key) -> ElementwiseFunction | None:
+def _scale_of_law(key: Key) -> ElementwiseFunction | None:
     """The function (x, p, q) -> how far from a place a law does not change by more than a series shows, and what
     vanishes at its kinks; None where there is neither."""
     x, p = symbols_of(key.variable, key.names)

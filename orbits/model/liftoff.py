@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit
-from ..laws.features import resolved
+from ..laws.features import sampled_closely
 from ..laws.law import WRONG_SIGN, Key, Law, values_and_slopes
 from ..units import EXTENSION, Message, Quantity
 
@@ -176,11 +176,11 @@ def _sampled_from_rest(law: Law, rest: float, away: float, level: float) -> tupl
     ends = extensions[count - 1 : count + 1]
     extensions, forces, slopes = extensions[:count], forces[:count], slopes[:count]
     if len(ends) > 1 and not (away * (forces - level) >= 0).any():
-        last = _last(lambda r: np.isfinite(law(r)), *ends[:, None])
+        last = _last_where(lambda r: np.isfinite(law(r)), *ends[:, None])
         extensions = np.append(extensions, last)
         forces, slopes = law.with_slope(extensions)
     until = int(np.argmax(np.append(away * (forces - level) >= 0, True))) + 1
-    closer = resolved(law, extensions[:until])
+    closer = sampled_closely(law, extensions[:until])
     if len(closer) > min(until, count):
         extensions = np.concatenate([closer, extensions[until:]])
         forces, slopes = law.with_slope(extensions)
@@ -213,10 +213,10 @@ def _end_of_rise(law: Law, inner: ArrayLike, outer: ArrayLike) -> np.ndarray:
         force, slope = law.with_slope(r)
         return (slope > 0) & np.isfinite(force)
 
-    return _last(rises, np.asarray(inner), np.asarray(outer))
+    return _last_where(rises, np.asarray(inner), np.asarray(outer))
 
 
-def _last(true: Callable, inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
+def _last_where(true: Callable, inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
     """The last extensions (m,) where something is true between `inner` (m,), where it is, and `outer` (m,)."""
     for _ in range(BISECTIONS):
         middle = 0.5 * (inner + outer)

@@ -28,8 +28,8 @@ STIFFNESSES = (1e-12, 1e12)
 # finer of the lengths over which the spring and, passed several times as fast, gravity vary.
 SPACINGS, AT_SPEED = (0.02, 0.1), 0.2
 # The fastest launch speed of a search, per family and in multiples of the machine's own scale of speed: a hop is then
-# 5e7 lengths high and more, which is no machine. The second holds where gravity, a narrow feature or many bends make
-# fast flights long to integrate.
+# 5e7 lengths high and more, which is no machine. The second holds where gravity or many bends make fast flights
+# long to integrate.
 FASTEST, FASTEST_IN_DETAIL = 1e4, 30.0
 # A spring that bends the other way more often may have several orbits in a family; a hardening spring that softens
 # first does it three times. So may one that bends there and back within a length below this share of the unit.

@@ -204,7 +204,7 @@ def find_all(
     family : as in `find`, where there are no starts
     fastest : the largest launch speed that is searched for a family, in the machine's units. None is 1e4 times the
         number of the family, in multiples of the inverse root of the spring's slope at rest, or 30 times where gravity
-        varies and where the spring has narrow features or many bends. The slowest launch is 1e-3 of these multiples.
+        varies and where the spring has many bends. The slowest launch is 1e-3 of these multiples.
     progress : called with the completed share of the launches near an orbit, or of the starts
     limit : time limit in seconds of the search, or of each start, as in `find`
 

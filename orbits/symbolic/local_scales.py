@@ -16,15 +16,15 @@ import casadi as ca
 from .calls import single_assignment
 from .taylor_series import affine_degree, applied
 
-# Below this share of 1 an exponential, or what is left of 1 in a saturated function, cannot be seen beside a force, even
-# multiplied by 1e10: exp(-60) = 9e-27. There its argument may go until the exponential is this large.
+# An exponential of less than minus this, 9e-27, cannot be seen beside a force, even multiplied by 1e10, nor what is
+# left of 1 in a saturated function. There the argument may go until the exponential is this large.
 HIDDEN_EXPONENT = 60.0
 # Where they can be seen, arguments of exponentials and of saturated functions may change this much in a step: more than
 # series of order 28 ever allow, and little enough that a step cannot pass from one side to the other.
 VISIBLE_EXPONENT, VISIBLE_TURN = 12.0, 6.0
 # What is divided by, or under a root, may come this near to 0, relative to it. A term that is below rounding at the
 # beginning of a step is then at most 100 times as large at its end.
-NEARER = 0.99
+NEAR_SINGULAR = 0.99
 
 
 class Reach(NamedTuple):
@@ -36,8 +36,8 @@ class Reach(NamedTuple):
 
 
 def reaches_of(field: ca.Function, x: ca.SX, p: ca.SX, waves: bool = False) -> list[Reach]:
-    """How far a step of a field (x, p) -> x' may lead along coordinates, none where nothing in it hides, as functions of
-    the symbols x and p; an operation without a bound, as a comparison, sets none.
+    """How far a step of a field (x, p) -> x' may lead along coordinates, none where nothing in it hides, as functions
+    of the symbols x and p; an operation without a bound, as a comparison, sets none.
 
     waves : whether sines count, which hide from samples but not from series
     """
@@ -105,13 +105,13 @@ _KINKED: dict[int, Callable] = {
 
 def _of_quotient(a, varies):
     hidden = ca.fabs(a[1]) - ca.fabs(a[0]) * math.exp(HIDDEN_EXPONENT)  # the quotient stays out of sight
-    return [None, ca.fmax(NEARER * ca.fabs(a[1]), hidden) if varies[1] else None]
+    return [None, ca.fmax(NEAR_SINGULAR * ca.fabs(a[1]), hidden) if varies[1] else None]
 
 
-def _of_power(a, varies):
+def _of_powers(a, varies):
     whole = ca.logic_and(a[1] >= 1, ca.floor(a[1]) == a[1])  # a polynomial hides nothing
     polynomial = float(whole) if whole.is_constant() else 0.0
-    return [None if polynomial else ca.if_else(whole, ca.inf, NEARER * ca.fabs(a[0])), None]
+    return [None if polynomial else ca.if_else(whole, ca.inf, NEAR_SINGULAR * ca.fabs(a[0])), None]
 
 
 def _saturated(turn: float, hidden: float) -> Callable:
@@ -124,7 +124,7 @@ def _exponential(a, varies):
 
 def _near(distance: Callable) -> Callable:
     """To the singularity at this distance from an argument."""
-    return lambda a, varies: [NEARER * distance(a[0])]
+    return lambda a, varies: [NEAR_SINGULAR * distance(a[0])]
 
 
 _DECAYING = {
@@ -137,7 +137,7 @@ _HIDING: dict[int, Callable] = {
     **_DECAYING,
     ca.OP_DIV: _of_quotient,
     ca.OP_INV: lambda a, varies: _of_quotient([ca.SX(1), a[0]], [False, True])[1:],
-    **dict.fromkeys((ca.OP_POW, ca.OP_CONSTPOW), _of_power),
+    **dict.fromkeys((ca.OP_POW, ca.OP_CONSTPOW), _of_powers),
     **dict.fromkeys((ca.OP_SQRT, ca.OP_LOG), _near(ca.fabs)),
     ca.OP_LOG1P: _near(lambda a: ca.fabs(1 + a)),
     **dict.fromkeys((ca.OP_ASIN, ca.OP_ACOS, ca.OP_ATANH), _near(lambda a: ca.fabs(1 - ca.fabs(a)))),
@@ -188,7 +188,7 @@ def _through_power(a, varies, result, change):
 
 
 def _through_exponential(a, varies, result, change):
-    # Far below 0 the exponential of -a overflows, and elsewhere a small change is lost beside it in the first logarithm.
+    # Far below 0 the exponential of -a overflows; elsewhere a small change is lost beside it in the first logarithm.
     return [ca.if_else(a[0] < -HIDDEN_EXPONENT, ca.log(change + ca.exp(a[0])) - a[0], ca.log1p(change * ca.exp(-a[0])))]
 
 

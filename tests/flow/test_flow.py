@@ -80,7 +80,7 @@ def test_first_zero_divides_out_the_start():
 def test_blow_up_and_nan_are_named(force, word, monkeypatch):
     with pytest.raises(FlowError, match=word):
         oscillator(force).run(START, [0.0], 100.0)
-    with pytest.raises(FlowError, match="breaks down at time 3.87679, at r = [0-9.]*e-1"):
+    with pytest.raises(FlowError, match=r"breaks down at time 3\.87679, at r = [0-9.]*e-1"):
         oscillator(lambda r, p, q: ca.sqrt(r)).run(START, [0.0], 100.0)
     monkeypatch.setattr(VectorField, "reaches", [])  # so that a step leads beyond the singularity
     with pytest.raises(FlowError, match="where a law or the motion is no number"):

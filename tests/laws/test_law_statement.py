@@ -95,3 +95,20 @@ def test_what_has_no_limit_at_zero_is_no_removable_division(text):
     """A jump, however small, a logarithm, a division by nothing, and a pole on one side."""
     law = springs.formula(text)
     assert np.isnan(law(0.0)) or np.isinf(law(0.0))
+
+
+@pytest.mark.parametrize(
+    ("law", "parameters", "part"),
+    [
+        ("0/0", {}, "0/0"),
+        ("log(-1)", {}, r"log\(-1\)"),
+        ("a/b", {"a": 0.0, "b": 0.0}, "a/b in it has none for a=0.0, b=0.0"),
+        ("r + 0/0", {}, "0/0"),
+        ("1/0", {}, "1/0"),
+        ("r + c*exp(k)", {"c": 1e-9, "k": 710.0}, r"exp\(k\)"),
+        ("(r - 1)*sqrt(2*(1 - 3))", {}, r"sqrt\(-4\)"),
+    ],
+)
+def test_a_part_of_a_formula_without_a_value_is_named(law, parameters, part):
+    with pytest.raises(InputError, match=f"has no finite value: {part}"):
+        Hopper(law, parameters=parameters)

@@ -43,6 +43,7 @@ from studies import (
     inerter,
     knee,
     mutations,
+    narrow_features,
     period_four,
     plate,
     proved_steps,
@@ -426,6 +427,13 @@ def test_stress(fill):
     (row,) = stress.main(rows=[fill])
     assert not row.wrong
     assert (row.certified, row.refused) == STRESS[fill]
+
+
+@pytest.mark.slow
+def test_narrow_features():
+    """Bumps and steps of random widths from 1e-2 to 1e-9, against integrals of the energy in 40 digits."""
+    found = narrow_features.main(narrow_features.cases(5, 1))
+    assert found == {"right": 5}
 
 
 @pytest.mark.parametrize("change", ["alpha", "flight_time", "contact_time", "liftoff_extension", "family"])
