@@ -44,6 +44,7 @@ def reaches_of(field: ca.Function, x: ca.SX, p: ca.SX, waves: bool = False) -> l
     hiding = _HIDING | _WAVES if waves else _HIDING
     tape = single_assignment(field)
     values, degrees, origins = list[ca.SX](), list[int](), list[frozenset[int]]()
+    waving = list[bool]()  # whether a result is by sines
     for i, (op, inputs, constant) in enumerate(tape):
         value, degree, varying = ca.SX() if constant is None else ca.SX(constant), 0, list[int]()
         if op == ca.OP_INPUT:
@@ -55,20 +56,26 @@ def reaches_of(field: ca.Function, x: ca.SX, p: ca.SX, waves: bool = False) -> l
         begins = degree == 1 and len({*varying}) != 1
         values.append(value)
         degrees.append(degree)
+        waving.append(op in _WAVES or any(waving[j] for j in varying))
         origins.append(frozenset({i}) if begins else frozenset().union(*(origins[j] for j in varying)))
-    allowed: dict[int, ca.SX] = {}
+    allowed: dict[int, ca.SX] = {}  # changes of the results of instructions
+    weights = {i: ca.jacobian(values[i], x) for i in frozenset().union(*origins)}
     for i, (op, inputs, _) in reversed(list(enumerate(tape))):
         if op in (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST) or degrees[i] == 0:
             continue
         arguments, varies = [values[j] for j in inputs], [degrees[j] > 0 for j in inputs]
         if op in hiding and (len(origins[i]) == 1 or op in _DECAYING):
             for j, change in zip(inputs, hiding[op](arguments, varies), strict=True):
-                _allow(allowed, j, change)
+                if change is not None and waving[j] and op not in _DECAYING:
+                    (origin,) = origins[i]
+                    _allow(allowed, origin, _by_slopes(values[j], x, weights[origin], change))
+                else:
+                    _allow(allowed, j, change)
         if i in allowed and i not in origins[i] and op in _BACK:
             for j, change in zip(inputs, _BACK[op](arguments, varies, values[i], allowed[i]), strict=True):
                 _allow(allowed, j, change)
     coordinates = [i for i in sorted(frozenset().union(*origins)) if i in allowed]
-    return [Reach(ca.jacobian(values[i], x), allowed[i]) for i in coordinates]
+    return [Reach(weights[i], allowed[i]) for i in coordinates]
 
 
 def kinks_of(field: ca.Function, x: ca.SX, p: ca.SX) -> ca.SX:
@@ -85,6 +92,16 @@ def kinks_of(field: ca.Function, x: ca.SX, p: ca.SX) -> ca.SX:
                 found.append(kink)
         values.append(value)
     return ca.SX(ca.vertcat(*found))
+
+
+def _by_slopes(value: ca.SX, x: ca.SX, weights: ca.SX, change: ca.SX) -> ca.SX:
+    """How far a value of one coordinate, with these weights, changes no more than this by its first and second
+    derivative. So are sines bounded, since their intervals are so wide that a step toward a double root of a sum of
+    them, as of the inertia of a straight knee, would shrink with the square of the distance."""
+    direction = weights.T / (weights @ weights.T)
+    slope = ca.jacobian(value, x) @ direction
+    first, second = ca.fabs(slope) / change, ca.fabs(ca.jacobian(slope, x) @ direction) / change
+    return 2 / (first + ca.sqrt(first**2 + 2 * second))
 
 
 def _allow(allowed: dict[int, ca.SX], instruction: int, change: ca.SX | None) -> None:
