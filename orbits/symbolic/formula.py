@@ -77,7 +77,7 @@ class Formula:
         stack: list[tuple[str, Any]] = []  # of each branch its text and its value, None where it varies
         for node in _nodes(self.folded):
             parts = [stack.pop() for part in node[1:] if isinstance(part, tuple)][::-1]
-            texts = [text if text.isalnum() else f"({text})" for text, _ in parts]
+            texts = [text if re.fullmatch(r"[-+.\w]+|\w+\(.*\)", text) else f"({text})" for text, _ in parts]
             match node[0]:
                 case "number" | "name":
                     text = node[-1] if node[0] == "name" else node[2]

@@ -90,9 +90,9 @@ def test_laws_are_not_mixed_up():
             make()
 
 
-@pytest.mark.parametrize("text", ["1e-3*abs(r)/r", "r + log(abs(r))*r/r", "r + 1e-6/(r - r)", "sqrt(r)/r*1e-9"])
+@pytest.mark.parametrize("text", ["1e-3*abs(r)/r", "r + log(abs(r))*r/r", "sqrt(r)/r*1e-9"])
 def test_what_has_no_limit_at_zero_is_no_removable_division(text):
-    """A jump, however small, a logarithm, a division by nothing, and a pole on one side."""
+    """A jump, however small, a logarithm, and a pole on one side."""
     law = springs.formula(text)
     assert np.isnan(law(0.0)) or np.isinf(law(0.0))
 
@@ -105,6 +105,7 @@ def test_what_has_no_limit_at_zero_is_no_removable_division(text):
         ("a/b", {"a": 0.0, "b": 0.0}, "a/b in it has none for a=0.0, b=0.0"),
         ("r + 0/0", {}, "0/0"),
         ("1/0", {}, "1/0"),
+        ("r + 1e-6/(r - r)", {}, "1e-6/0"),
         ("r + c*exp(k)", {"c": 1e-9, "k": 710.0}, r"exp\(k\)"),
         ("(r - 1)*sqrt(2*(1 - 3))", {}, r"sqrt\(-4\)"),
     ],
