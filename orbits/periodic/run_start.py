@@ -52,6 +52,8 @@ def run_along_speeds(machine: Any, tuning: Tuning, start: Mapping[str, float]) -
         last, fastest, speed = here, speed, FASTER * speed
     else:
         reason = "faster ones are not searched"
+    if not fastest:
+        raise NoOrbit(f"no run with {name} = {value:.6g} is found beside the vertical hop: {reason}")
     went = f"{name} goes from {stand:.6g} to {last:.6g} as the speed goes from 0 to {fastest:.6g}"
     raise NoOrbit(f"no run with {name} = {value:.6g} is found beside the vertical hop: {went}; {reason}")
 

@@ -280,9 +280,9 @@ def _no_beginning(equations: Shooting, x: np.ndarray, p: np.ndarray, names: Sequ
             return NoOrbit(f"{all_of} does not depend on {tuned}: tune another number")
     except (FlowError, np.linalg.LinAlgError):
         pass
-    return NoOrbit(
-        f"the search for {all_of} by tuning {tuned} does not converge where it begins: give a start ({error})"
-    )
+    runs = STEP_LENGTH in equations.parameters
+    remedy = "begin near a design at which runs begin, by find_branch_points" if runs else "give a start"
+    return NoOrbit(f"the search for {all_of} by tuning {tuned} does not converge where it begins: {remedy} ({error})")
 
 
 def _unused(equations: Shooting, x: np.ndarray, p: np.ndarray) -> list[str]:

@@ -83,3 +83,9 @@ def test_runs_forward_and_back_are_mirror_images():
     t = np.linspace(0, forward.period, 7)
     signs = np.where([name[0] in "xtp" for name in forward.source.model.flight.states], -1, 1)
     assert back(t) == pytest.approx(forward(t) * signs, abs=1e-10)
+
+
+@pytest.mark.slow
+def test_a_design_far_from_where_runs_begin_is_no_lack_of_dependence():
+    with pytest.raises(NoOrbit, match="does not converge where it begins: begin near a design at which runs begin"):
+        find(runner(0.25, 4.2, 5.7, 5.4), tune=TUNE, at={"speed": 0.4})
