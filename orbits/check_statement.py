@@ -138,8 +138,19 @@ def _spring(spring: Mapping[str, Any]) -> str:
     return f"a spring with the force {', '.join(pieces)}, {along}"
 
 
+def _names(m: Mapping[str, Any]) -> set[str]:
+    """The names in the formulas of a machine."""
+    texts = [*m["potentials"], *(m[name] for name in ("surface_gravity", "gravity", "gap", "counts"))]
+    texts += [m["separation"] or "", m.get("friction", ""), *chain(*m["masses"], *m["weights"], *m["inerters"])]
+    texts += [*chain(*m["inertia"]), *(formula for kind in (*MAPS, "heights") for _, formula in m.get(kind, ()))]
+    texts += [text for spring in m["springs"] for text in (spring["extension"], *spring["force"], *spring["breaks"])]
+    return {*re.findall(r"(?<![\w.])[A-Za-z_]\w*", " ".join(texts), re.ASCII)}
+
+
 def _machine(m: Mapping[str, Any]) -> str:
-    """The machine in words."""
+    """The machine in words; raises `Unverified` for a parameter that is in no formula, of which nothing is proved."""
+    if unused := [name for name in m["parameters"] if name not in _names(m)]:
+        raise Unverified(f"no formula has the parameter '{unused[0]:.40}'")
     steps, sticks, prescribed = any(m.get(kind) for kind in MAPS), m.get("sticks", ()), m.get("prescribed", ())
     points = [_label(name) for name, _ in m.get("gaps", ())]
     parts = [f"the coordinates {', '.join(m['coordinates'])}"]

@@ -117,6 +117,14 @@ def test_a_name_that_reads_like_a_statement_is_refused(document, name):
     assert "might be read as a part" in check_saved(changed(document, ("machine", "name"), name))[0]
 
 
+def test_a_parameter_of_no_formula_is_refused(document):
+    """Nothing is proved for its value."""
+    false = deepcopy(document)
+    false["machine"]["parameters"]["friction"] = false["parts"][0]["parameters"]["friction"] = ["0.05", "0.05"]
+    false["parameters"]["friction"] = {"low": "0.05", "high": "0.05"}
+    assert check_saved(false) == ["no formula has the parameter 'friction'"]
+
+
 @pytest.mark.parametrize("saved", [None, [], 3, "proof", {}, {"kind": "all hops"}, {"enclosures": {"machine": []}}])
 def test_what_is_no_proof_is_refused(saved):
     assert len(check_saved(saved)) == 1
