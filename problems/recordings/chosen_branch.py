@@ -161,22 +161,16 @@ class _Cycles:
             raise InputError(_differ(self.record, "cycles", len(numbers), offsets, numbers))
 
     def why_missing(self, branch: str | None, side: int) -> str:
-        """Why a branch cannot be had, with what the record has of it, in words."""
+        """Why a branch cannot be had, and what can be chosen instead, in words."""
         name = branch or "loading and unloading"
-        own = [half for half in self.halves if half.direction == side]
-        parts = ", ".join(
-            f"rows {half.start + 1} to {half.stop} from {half.low:.4g} to {half.high:.4g}" for half in own
-        )
         choices = ["cycle=1 for the first curve as it is"]
         if (branch is None and self.group(-side, None)) or branch in BRANCH_NAMES[:2]:
             other = next(each for each in BRANCH_NAMES[:2] if _directions(self.record, each) == (-side,))
             choices.insert(0, f'branch="{other}"')
-        first = (
-            "the first rows are a virgin curve, which the record does not repeat, and the others are part of a branch"
-        )
+        virgin = f"rows 1 to {self.halves[0].stop} are a virgin curve, others a part"
         return (
-            f"{self.record.name}: no cycle has the whole branch of {name}: it has {parts or 'no rows'}; {first}: "
-            f"choose {', or '.join(choices)} (table:FILE?cycle=1), or record one more cycle"
+            f"{self.record.name}: no cycle has the whole branch of {name}: {virgin}: choose {', or '.join(choices)} "
+            "(table:FILE?cycle=1), or record one more cycle"
         )
 
     def choice(
@@ -189,24 +183,33 @@ class _Cycles:
         else:
             curves = list(found.values())
         rate, drift = self.drift(list(found), [half for groups in found.values() for group in groups for half in group])
-        r = self.record.extensions
-        rows, times = (
-            self._mean_of([self._curve(groups, cycle, values) for groups in curves])
-            for values in (self.record.forces, np.arange(len(r), dtype=float))
-        )
-        middle = float(times.forces.mean())
-        drifts = rate * np.array([times.forces - middle, np.full(len(times.forces), middle)])
+        try:
+            rows = self._mean_of([self._curve(groups, cycle) for groups in curves])
+        except InputError as error:
+            remedy = "" if cycle == "all" else 'choose cycle="all" for those of all cycles (table:FILE?cycle=all), or '
+            raise InputError(f"{error}: {remedy}record more rows of a cycle") from None
+        times = self._times(rows.extensions, [group for groups in found.values() for group in groups])
+        drifts = rate * np.array([times - times.mean(), np.full(len(times), times.mean())])
         parts = [self.note(found, cycle), branch, drift]
         return Choice(rows, drifts if rate else drifts[:0], ", ".join(filter(None, parts)))
 
     def _mean_of(self, curves: list[MeasuredRows]) -> MeasuredRows:
         return curves[0] if len(curves) == 1 else mean_of_curves(curves, self.record.name)
 
-    def _curve(self, groups: list[tuple[HalfCycle, ...]], cycle: int | str | None, values: np.ndarray) -> MeasuredRows:
-        """Values of the rows of groups of half cycles, by extension: the mean of the groups, or all rows together."""
+    def _times(self, r: np.ndarray, groups: Sequence[tuple[HalfCycle, ...]]) -> np.ndarray:
+        """The mean number of the rows of groups of half cycles at extensions (n,)."""
+        found = []
+        for rows in map(_numbers_of, ([group] for group in groups)):
+            order = rows[np.argsort(self.record.extensions[rows], kind="stable")]
+            found.append(np.interp(r, self.record.extensions[order], order))
+        return np.mean(found, axis=0)
+
+    def _curve(self, groups: list[tuple[HalfCycle, ...]], cycle: int | str | None) -> MeasuredRows:
+        """The rows of groups of half cycles: the mean of the groups, or all rows together."""
         each = [_numbers_of([group]) for group in groups]
         joined = each if cycle == "mean" else [np.concatenate(each)]
-        return self._mean_of([rows_at(self.record.extensions[rows], values[rows], self.record.name) for rows in joined])
+        r, force, label = self.record.extensions, self.record.forces, self.record.name
+        return self._mean_of([rows_at(r[rows], force[rows], label) for rows in joined])
 
     def note(self, found: dict[int, list[tuple[HalfCycle, ...]]], cycle: int | str | None) -> str:
         """Which rows and cycles are used and which are left out, in words."""
@@ -249,10 +252,8 @@ class _Cycles:
                     # The variance of a median of normal numbers is pi/2 times that of their mean.
                     errors.append(float(np.median(offset.errors)) * np.sqrt(np.pi / 2 / len(offset.errors)) / rows)
         if not rates:
-            gap = self.joint.gap
-            words = (
-                "" if self.joint.skip is not None or not gap else f"drift not known, ends {abs(gap):.2g}{unit} apart"
-            )
+            gap, skip = self.joint
+            words = "" if skip == 0 or not gap else f"drift not known, ends {abs(gap):.2g}{unit} apart"
             return abs(gap) / (2 * len(self.record.extensions)), words
         i = int(np.argmax(np.abs(rates)))
         rows = 2 * float(np.mean([half.length for half in used]))
@@ -268,19 +269,18 @@ def _of_sweeps(record: BenchRecord, halves: list[HalfCycle], branch: str | None,
     sweeps = [half for half in halves if half.direction == side]
     are_sweeps = len(halves) == 1 or np.median([half.length for half in sweeps]) >= FEWEST_ROWS
     wanted = _directions(record, branch)
-    if len(wanted) == 1 and (not are_sweeps or wanted != (side,)):
-        found = f"{counts[wanted[0]] if are_sweeps else 0} rows on the branch '{branch}'"
-        raise InputError(
-            f"{label}: {found}; a table needs {FEWEST_ROWS}, in the order of the measurement: leave branch out"
-        )
+    if branch is not None and not are_sweeps:
+        turns = f"its {len(r)} rows turn {len(halves) - 1} times, with too few between two turns for a branch"
+        raise InputError(f"{label}: {turns}: leave branch= out, or record more rows")
+    if len(wanted) == 1 and wanted != (side,):
+        found = f"{counts[wanted[0]]} rows on the branch '{branch}'"
+        raise InputError(f"{label}: {found}; a table needs {FEWEST_ROWS}: leave branch= out, or record more rows")
     if not are_sweeps:
         if cycle is not None:
             raise InputError(f"cycle = {cycle!r}: {label} has no cycles, its rows are in no order: leave cycle out")
-        if branch is None:
-            _refuse_loop(
-                record, *(_numbers_of([[half for half in halves if half.direction == each]]) for each in (1, -1))
-            )
-        return _all_rows(record, branch or "")
+        ways = ([half for half in halves if half.direction == each] for each in (1, -1))
+        _refuse_loop(record, *(_numbers_of([way]) for way in ways))
+        return _all_rows(record, "")
     if isinstance(cycle, int) or cycle == "last":
         number = _number_of(cycle, len(sweeps), label)
         own = sweeps[number - 1]

@@ -21,8 +21,14 @@ class Splitting:
     significance, tails, tail_power : offsets differ from 0 where they are `significance` standard errors, times
         1 + tails/freedom**tail_power, which is the 1e-4 quantile of Student's distribution to 10 %
     rows_apart, apart : so many rows in succession that are so many standard deviations of the noise apart differ too
-    joint_share, joint_rows, first_rows : where a record closes, this share of the rows of the last half cycle, within
-        bounds, is compared with so many first rows
+    joint_share, fewest_at_joint, first_rows : where a record closes, this share of the rows of the last half cycle, and
+        at least so many, are compared with so many first rows
+    largest_spread : with more of them where their variance by the last rows is at most so many times that of a row
+    skipped_share, stays : of the first half cycle at most this share may be before a branch; it then has to stay on it
+        for so many times the rows up to the end of that share
+    open_loop : a loop is open where its width is so many times what the noise explains
+    without_force, slipping : a force below this share of the width of a loop is none; that of friction which begins to
+        slip is between these shares
     jump : ideal friction jumps at every turn; jumps at two turns agree to this factor
     rounding : differences below this share of the range of force are rounding
     """
@@ -38,9 +44,15 @@ class Splitting:
     tail_power: float = 1.4
     rows_apart: int = 2
     apart: float = 5.0
-    joint_share: float = 1 / 6
-    joint_rows: tuple[int, int] = (4, 40)
+    joint_share: float = 1 / 3
+    fewest_at_joint: int = 4
     first_rows: int = 3
+    largest_spread: float = 6.0
+    skipped_share: float = 0.04
+    stays: int = 3
+    open_loop: float = 2.0
+    without_force: float = 0.15
+    slipping: tuple[float, float] = (0.3, 0.7)
     jump: float = 1.5
     rounding: float = 1e-9
 
@@ -75,7 +87,7 @@ class HalfCycle(NamedTuple):
 class Closure(NamedTuple):
     """How the beginning of a record is joined to its end.
 
-    gap : by how much the end is above the beginning
+    gap : by how much the end is above the first rows
     skip : the number of first rows after which the gap is within the noise; None where it nowhere is
     """
 
@@ -246,32 +258,57 @@ def joint(r: np.ndarray, force: np.ndarray, halves: Sequence[HalfCycle], noise: 
     """
     first, last = halves[0], halves[-1]
     goes_on = first.direction == last.direction
-    count = int(np.clip(SPLITTING.joint_share * last.length, *SPLITTING.joint_rows))
+    count = max(int(SPLITTING.joint_share * last.length), SPLITTING.fewest_at_joint)
     ending = last.start + np.sort(np.argsort(np.abs(r[last.rows] - r[0]), kind="stable")[:count])
     if len(ending) < SPLITTING.first_rows:
         return Closure(0.0, 0)
     # Where the record turns between its end and its beginning, only the first row is on both branches.
-    tried = max(int(SPLITTING.joint_share * first.length), 1) if goes_on else 0
-    beginning = np.arange(
-        first.start, min(first.start + tried + SPLITTING.first_rows, first.stop) if goes_on else first.start + 1
-    )
+    tried = max(int(SPLITTING.skipped_share * first.length), 1) if goes_on else 0
+    used = min(SPLITTING.first_rows + SPLITTING.stays * tried, first.length) if goes_on else 1
+    beginning = np.arange(first.start, first.start + used)
     middle, span = float(r[ending].mean()), float(np.ptp(r[ending])) or 1.0
     terms = 3 if len(ending) >= 2 * SPLITTING.first_rows else 2
     matrix, ahead = (np.vander((r[rows] - middle) / span, terms) for rows in (ending, beginning))
     values = np.linalg.lstsq(matrix, force[ending], rcond=None)[0]
     residual, freedom = force[ending] - matrix @ values, len(ending) - terms
-    size = max(noise, float(np.sqrt(residual @ residual / freedom)))
+    size = float(np.sqrt(residual @ residual / freedom))
     spread = np.einsum("ij,jk,ik->i", ahead, np.linalg.pinv(matrix.T @ matrix), ahead)
-    bound = significant(freedom) * size * np.sqrt(1 + spread) + _floor(force)
+    # The noise of all rows has many degrees of freedom, unless the last rows have more than that.
+    size = max(SPLITTING.significance * noise, significant(freedom) * size if size > 2 * noise else 0.0)
+    bound = size * np.sqrt(1 + spread) + _floor(force)
     gaps, jump = ahead @ values - force[beginning], 0.0
     if not goes_on:
         turn, slope = first.stop - 1, abs(float(values[-2])) / span
         jump = max(0.0, abs(float(force[turn + 1] - force[turn])) - slope * abs(float(r[turn + 1] - r[turn])))
     is_near = np.abs(gaps) <= bound + SPLITTING.jump * jump
-    own = [slice(skip, skip + SPLITTING.first_rows) for skip in range(tried + 1)]
-    skip = next((k for k, rows in enumerate(own) if is_near[rows].all()), None)
-    gap = float(gaps[0 if skip is None else own[skip]].mean())
+    # A curve that only passes the branch leaves it again on as long a way as it came.
+    ends = [min(SPLITTING.first_rows + SPLITTING.stays * skip, used) for skip in range(tried + 1)]
+    own = [slice(skip, end) for skip, end in enumerate(ends)]
+    is_known = spread <= SPLITTING.largest_spread
+    skip = next((k for k, rows in enumerate(own) if is_near[rows].all() and (k == 0 or is_known[rows].all())), None)
+    if goes_on and skip is not None and not _may_be_steady(r, force, halves, gaps[0], skip, float(bound[0])):
+        skip = None
+    gap = float(gaps[: SPLITTING.first_rows].mean())
     return Closure(float(np.sign(gap) * max(0.0, abs(gap) - jump)), skip)
+
+
+def _may_be_steady(
+    r: np.ndarray, force: np.ndarray, halves: Sequence[HalfCycle], gap: float, skip: int, bound: float
+) -> bool:
+    """Whether a record of a loop is steady where its end and its beginning, which is `gap` below, are joined.
+
+    A loop that begins without force is not, even if it comes back to that: a steady one has its friction there. Dry
+    friction is steady once it slips, and has half the width of the loop before it.
+    """
+    second = halves[1]
+    order = second.start + np.argsort(r[second.rows], kind="stable")
+    width = gap + float(force[0]) - float(np.interp(r[0], r[order], force[order]))
+    if abs(width) <= SPLITTING.open_loop * bound:
+        return True
+    if skip == 0:
+        return abs(float(force[0])) > SPLITTING.without_force * abs(width)
+    low, high = SPLITTING.slipping
+    return low <= gap / width <= high
 
 
 def _floor(force: np.ndarray) -> float:

@@ -10,6 +10,9 @@ from orbits.errors import InputError
 FEWEST_ROWS = 4
 # Extensions that differ by this share of their range or less are the same.
 SAME_EXTENSION = 1e-9
+# Forces are stairs where the median number of rows on a step is this large, of at least so many steps; a step of this
+# many times the median is a level part of the law.
+ROWS_OF_STEP, FEWEST_STEPS, LEVEL = 2, 24, 6
 
 
 class MeasuredRows(NamedTuple):
@@ -30,7 +33,7 @@ class MeasuredRows(NamedTuple):
 def rows_at(r: np.ndarray, force: np.ndarray, label: str) -> MeasuredRows:
     """Measured rows (N,) in order; raises `InputError` where no law goes through them."""
     order = np.argsort(r, kind="stable")
-    r, force = r[order], force[order]
+    r, force = _middles_of_steps(r[order], force[order])
     place = np.cumsum(np.diff(r, prepend=r[:1]) > SAME_EXTENSION * np.ptp(r)) if len(r) else np.zeros(0, int)
     counts = np.bincount(place)
     lowest, highest = np.full(len(counts), np.inf), np.full(len(counts), -np.inf)
@@ -44,6 +47,24 @@ def rows_at(r: np.ndarray, force: np.ndarray, label: str) -> MeasuredRows:
     measured = np.where(lowest == highest, 1, counts)
     spare = int(measured.sum()) - len(counts)
     return MeasuredRows(np.bincount(place, r) / counts, means, measured.astype(float), squares, spare)
+
+
+def _middles_of_steps(r: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of rows whose forces are the stairs of a coarse rounding, the middle of each step: the force is there what the
+    step says, while along it the error of rounding is no noise that differs from row to row. Other rows as they are."""
+    if len(r) < FEWEST_STEPS or not np.ptp(r) > 0:
+        return r, force
+    begins = np.flatnonzero(np.diff(force, prepend=np.nan) != 0)
+    counts = np.diff(np.r_[begins, len(r)])
+    typical = np.median(counts)
+    different = np.diff(r) > SAME_EXTENSION * np.ptp(r)
+    if typical < ROWS_OF_STEP or len(begins) < FEWEST_STEPS or not np.mean(different) > 0.9:  # copies are no steps
+        return r, force
+    level = np.repeat(counts > LEVEL * typical, counts)
+    step = np.repeat(np.arange(len(begins)), counts)
+    group = np.cumsum(np.diff(step, prepend=-1).astype(bool) | level) - 1
+    sizes = np.bincount(group)
+    return np.bincount(group, r) / sizes, np.bincount(group, force) / sizes
 
 
 def mean_of_curves(curves: Sequence[MeasuredRows], label: str) -> MeasuredRows:

@@ -65,7 +65,9 @@ def curve_of(rows: MeasuredRows, noise: float | None) -> SmoothCurve:
         return _through(rows)
     count, exact = len(rows.extensions) + rows.spare, EXACT_ROWS * np.ptp(rows.forces)
     if noise is None and count < FEWEST_NOISY:
-        return _through(rows, f"noise not known, {count} rows are too few", per_unit=True)
+        # What the law may do between few rows is uncertain, whatever their noise is.
+        few = None if _are_exact(rows, exact) else SmoothCurves(rows, None)
+        return _through(rows, f"noise not known, {count} rows are too few", per_unit=True, curves=few)
     repeated = rows.squares > rows.spare * exact**2
     if noise is None and not repeated and _are_exact(rows, exact):
         return _through(rows, EXACT_NOTE, per_unit=True)
@@ -74,8 +76,13 @@ def curve_of(rows: MeasuredRows, noise: float | None) -> SmoothCurve:
         return _through(rows, EXACT_NOTE, per_unit=True)
     if noise is None and not repeated and curves.interpolating > DOUBT:
         note = f"noise not distinguishable from the law, {curves.sigma:.2g} or less"
+        if (
+            count > MOST_MEANS
+        ):  # the means of neighbouring rows have less of the noise than rows of which some are left out
+            return curves.mean(f"{rows.weights.sum():.0f} rows smoothed, {note}")
         return _through(rows, note, per_unit=True, curves=curves)
-    return curves.mean(f"{rows.weights.sum():.0f} rows smoothed, noise {curves.sigma:.3g}", noise)
+    known = "estimated" if noise is None else "stated"
+    return curves.mean(f"{rows.weights.sum():.0f} rows smoothed, noise {curves.sigma:.3g} {known}")
 
 
 def with_drifts(curve: SmoothCurve, r: np.ndarray, drifts: np.ndarray) -> SmoothCurve:
@@ -103,7 +110,7 @@ def _are_exact(rows: MeasuredRows, exact: float) -> bool:
     """Whether most rows lie on polynomials through their neighbours but for rounding, of low order where a law has
     kinks: the pseudo-residuals of Gasser, Sroka and Jennen-Steinmetz (1986), whose deviation is that of a row."""
     r, count = rows.extensions / np.ptp(rows.extensions), len(rows.extensions)
-    for order in EXACT_ORDERS:
+    for order in (each for each in EXACT_ORDERS if each < count):
         first = np.unique(np.linspace(0, count - order - 1, MOST_ROWS).astype(int))
         windows = first[:, None] + np.arange(order + 1)
         weights = 1 / (r[windows][:, :, None] - r[windows][:, None, :] + np.eye(order + 1)).prod(2)
@@ -164,7 +171,7 @@ class SmoothCurves:
         self.unresolved = float(self.weights[:, -UNRESOLVED:].sum())
         self.sigma = float(np.sqrt(sum(w @ part[-1] for w, part in zip(self.weights, self.parts, strict=True))))
 
-    def mean(self, note: str, noise: float | None) -> SmoothCurve:
+    def mean(self, note: str) -> SmoothCurve:
         """The mean of the curves, at evenly spaced nodes where they are smooth, else at the rows."""
         from scipy.interpolate import CubicSpline  # only a table needs it, and it takes half a second to import
 
@@ -177,7 +184,6 @@ class SmoothCurves:
         else:
             nodes = np.r_[low, self.low + self.length * self.places[1:-1], high]
             forces = self._means(nodes)[0]
-        note = f"{note} {'estimated' if noise is None else 'stated'}"
         return SmoothCurve(nodes, forces, slopes, curvatures, *self.changes(nodes, forces), None, note)
 
     def changes(self, r: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -26,3 +26,21 @@ def test_the_mean_of_three_lines():
     assert mean.weights == pytest.approx(3.0)
     with pytest.raises(InputError, match="few extensions in common"):
         mean_of_curves([curves[2], rows_at(grids[2] + 3.0, grids[2], "bench")], "bench")
+
+
+def test_the_middles_of_the_steps_of_a_coarse_rounding_lie_on_the_law():
+    """2,000 rows rounded to 0.1, ten of them on a step; those of a level part stay as they are."""
+    r = np.linspace(-10.0, 10.0, 2000)
+    rows = rows_at(r, np.round(np.minimum(r, 5.0), 1), "bench")
+    level = rows.extensions > 4.94
+    assert np.count_nonzero(level) == pytest.approx(506, abs=2)
+    off = (rows.forces - rows.extensions)[~level]
+    assert np.count_nonzero(~level) == 150  # from -10.0 to 4.9
+    assert np.abs(off[1:]).max() < 0.0051  # half the distance of two rows
+
+
+def test_forces_that_are_not_stairs_stay():
+    r = np.linspace(-1.0, 1.0, 60)
+    for force in (np.round(r, 2), np.repeat([0.0, 1.0], 30), r + 0.0):
+        assert len(rows_at(r, force, "bench").extensions) == 60
+    assert len(rows_at(np.repeat(r, 2), np.repeat(r, 2), "bench").extensions) == 60
