@@ -26,7 +26,7 @@ from .bifurcation import name_of_hops
 from .border_events import AROUND, COLLISION, BordersOfCurve, FoundEvent
 from .cycle_curve import CycleCurve, OtherImpacts
 from .cycle_statement import MULTIPLIER_AT
-from .cycles import MapsAlong
+from .cycles import INJECT, MapsAlong
 from .launch_curve import LaunchCurve, PeriodicLaunch, place_in_words
 
 # Fixed points beside a lossless hop are searched for at this distance, as a share of the range.
@@ -180,12 +180,13 @@ class LaunchTracer(Tracer):
         another sheet of the curve, where each launch is another one of the same hops, or on another curve."""
         a, b = cast(Any, before.point), cast(Any, behind.point)
         length = float(np.linalg.norm(b.place - a.place))
-        if length <= AROUND:
+        if length <= AROUND and cast(Any, self.curve).maps.pieces is None:  # differences reach as far
             return False
         away = b.place - a.place - 0.5 * length * (a.tangent + b.tangent)
         if float(np.linalg.norm(away)) > OTHER_SHEET * length:
             return True
-        if len(a.alphas) == 1 or a.rates is None or b.rates is None:
+        # A fixed point along the injection never turns round in the launch speed, as along other parameters.
+        if (len(a.alphas) == 1 and self.curve.along != INJECT) or a.rates is None or b.rates is None:
             return False
         change, expected = np.subtract(b.alphas, a.alphas), 0.5 * length * (a.rates + b.rates)
         return bool((np.abs(change - expected) > OTHER_SHEET * (np.abs(change) + np.abs(expected))).any())

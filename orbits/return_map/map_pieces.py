@@ -13,10 +13,12 @@ The map without injection is smooth between borders:
 Beside a border the map is analytic in a power of the distance: its third root at a lossless hop, its square root at a
 graze and where the next launch speed falls to 0, else the distance itself. In that variable a Chebyshev polynomial of
 moderate degree is the map up to rounding, on cells that are halved until it is. Borders that the grid does not show are
-found where no polynomial fits. Cells that are too short to be halved, as where borders accumulate, stay unresolved.
+found where no polynomial fits. Cells that are too short to be halved, as where borders accumulate, stay unresolved, and
+so does what is left when the search has followed very many impacts.
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import pairwise
@@ -37,6 +39,8 @@ from .resolved_map import JUMP
 # RESTING. A cell that cannot be halved any more is accepted with the last share, if no border lies in it.
 DEGREES_OF_CELLS, FITTED_CELL, NEARLY_FITTED = (16, 32), (3e-15, 1e-13), 1e-9
 ROUNDED_CELL, RESTING = 3e-12, 10.0
+# The search ends after this effort: the impacts of all launches, and so many for each impact of launches together.
+MOST_EFFORT, EFFORT_TOGETHER, EFFORT_OF_BORDERS = 2e6, 100, 0.25
 SHORTEST_CELL = 1e-7  # cells shorter than this share of the range are not halved
 LAST_OF_CELL, BEFORE_LAST = 3, 10
 OF_LOSSLESS = 3  # the power beside lossless launches
@@ -44,6 +48,7 @@ LAUNCHES_BESIDE = np.array([10, 15, 6, 1]) / 32  # u^3 in Chebyshev polynomials 
 SPEEDS_OF_PIECES = ("low", "high", "origin", "reach", "edges", "coefficients", "errors")
 CONTINUOUS = ("lossless", "graze", "bounce")  # the kinds of borders at which the map does not jump
 SAME_EDGE = 1e-15  # the edge of a cell and a border that differ by a smaller share are the same
+CROWDED = 0.125  # borders between neighbouring launches of a row, as a share of these, that are very many
 BORDERS_IN_A_ROW = 12  # between two neighbouring launches, before their cell is fitted and halved
 SAME_EXTREMUM = 1e-9  # roots of a polynomial are real, and inside of its cell, up to this
 AT_BORDER = 1e-3  # roots closer to a lossless launch belong to the variable, whose power 3 has a slope of 0 there
@@ -220,6 +225,10 @@ class _FittedCell(NamedTuple):
     impacts: int
 
 
+class _EffortSpent(Exception):
+    """The search has followed as many impacts as it may."""
+
+
 class _Resolving:
     """The search for the pieces of a map without injection.
 
@@ -227,12 +236,21 @@ class _Resolving:
     """
 
     def __init__(self, hops_from: Callable[[np.ndarray], Hops], lossless: list[float], low: float, high: float):
-        self.hops_from, self.low, self.high = hops_from, low, high
+        self._hops_from, self.low, self.high = hops_from, low, high
+        self.effort, self.most_effort = 0.0, EFFORT_OF_BORDERS * MOST_EFFORT
         self.shortest = SHORTEST_CELL * (high - low)
         self.lossless = {each for each in lossless if low <= each <= high}
         self.cuts = set(self.lossless) - {low, high}
         self.powers = {(each, side): OF_LOSSLESS for each in self.lossless for side in (-1, 1)}
         self.fitted, self.unresolved = list[_FittedCell](), list[tuple[float, float]]()
+
+    def hops_from(self, x: np.ndarray) -> Hops:
+        """The hops from launch speeds; raises `_EffortSpent`."""
+        if self.effort > self.most_effort:
+            raise _EffortSpent
+        hops = self._hops_from(x)
+        self.effort += float(EFFORT_TOGETHER * hops.impacts.max(initial=0) + hops.impacts.sum())
+        return hops
 
     def labels(self, x: np.ndarray) -> np.ndarray:
         """The number of impacts of the hops from launch speeds, or minus a number for each status without a next."""
@@ -243,26 +261,31 @@ class _Resolving:
 
     def borders(self, rows: Sequence[np.ndarray]) -> None:
         """Add the borders between neighbouring launch speeds, ascending in each of the rows, from the first to the last
-        label."""
-        x = np.concatenate(rows)
+        label. In rows with very many only those beyond which there is no next launch: after many bounces a polynomial
+        may fit through the others, which change the map by less than it rounds."""
+        x, sizes = np.concatenate(rows), [len(row) for row in rows]
         labels, inside = self.labels(x), np.ones(len(x), bool)
-        inside[np.cumsum([len(row) for row in rows]) - 1] = False  # the last of each row has no neighbour above
-        a, left = x[inside], labels[inside]
-        b, right = x[1:][inside[:-1]], labels[1:][inside[:-1]]
+        inside[np.cumsum(sizes) - 1] = False  # the last of each row has no neighbour above
+        inside = inside[:-1]
+        row = np.repeat(np.arange(len(rows)), sizes)[:-1][inside]
+        changes = np.bincount(row, (labels[1:] != labels[:-1])[inside], len(rows))
+        crowded = (changes > CROWDED * np.array(sizes))[row]
+        a, b, left, right = (each[inside] for each in (x[:-1], x[1:], labels[:-1], labels[1:]))
         known = np.array(sorted(self.lossless) or [np.inf])
         # Beside lossless launches rounding decides on the number of impacts.
         least = np.abs(known[:, None] - 0.5 * (a + b)).min(0)
         which = np.flatnonzero(least > np.maximum(0.5 * (b - a), self.shortest))
-        a, b, left, right = (each[which] for each in (a, b, left, right))
+        left, right = _coarse(left, crowded), _coarse(right, crowded)
+        a, b, left, right, crowded = (each[which] for each in (a, b, left, right, crowded))
         for _ in range(BORDERS_IN_A_ROW):
             which = np.flatnonzero((left != right) & ((left > 0) | (right > 0)) & (b > a))
-            a, b, left, right = (each[which] for each in (a, b, left, right))
+            a, b, left, right, crowded = (each[which] for each in (a, b, left, right, crowded))
             if not len(a):
                 return
-            same = lambda at, i, left=left: self.labels(at) == left[i]  # noqa: E731
+            same = lambda at, i, left=left, crowded=crowded: _coarse(self.labels(at), crowded[i]) == left[i]  # noqa: E731
             _, a = enclosed_ends(same, a, b)
             self.cuts |= set(a.tolist())
-            left = self.labels(a)
+            left = _coarse(self.labels(a), crowded)
 
     def cells(self, rows: Sequence[Sequence[float]]) -> list[_Cell]:
         """Two cells for each interval between neighbouring ends in rows, which meet in its middle."""
@@ -294,21 +317,32 @@ class _Resolving:
         for star in stars:
             grid = np.append(grid[np.abs(grid - star) > self.shortest], [star - self.shortest, star + self.shortest])
         grid = np.unique(grid[(grid >= self.low) & (grid <= self.high)])
-        self.borders([grid])
-        waiting = self.cells([sorted({self.low, self.high, *self.cuts})])
-        while waiting:
-            interrupts.heed()
-            done, refused = self.fits(waiting)
-            self.fitted += done
-            waiting = self.parts(refused)
-            share = 1.0 - sum(abs(cell.reach) for cell in waiting) / (self.high - self.low)
-            given_up = sum(b - a for a, b in self.unresolved) / (self.high - self.low)
-            if progress:
-                progress(min(max(share, 0.0), 1.0))
-            resolved = (
-                f"{100 * (share - given_up):.4g} % of the launch speeds from {self.low:g} to {self.high:g} are resolved"
-            )
-            heartbeat.remark(f"{resolved}: a narrower range takes less time")
+        with suppress(_EffortSpent):
+            self.borders([grid])
+        self.most_effort = MOST_EFFORT
+        pending = [_Cell(self.low, self.high - self.low, 1)]
+        try:
+            pending = self.cells([sorted({self.low, self.high, *self.cuts})])
+            while pending:
+                interrupts.heed()
+                done, refused = self.fits(pending)
+                self.fitted += done
+                pending = [cell for cell, _ in refused]
+                pending = self.parts(refused)
+                self.report(pending, progress)
+        except _EffortSpent:
+            self.unresolved += _without_seams([cell.ends for cell in pending])
+
+    def report(self, waiting: Sequence[_Cell], progress: Progress) -> None:
+        """Report how much of the range is resolved, while cells wait."""
+        share = 1.0 - sum(abs(cell.reach) for cell in waiting) / (self.high - self.low)
+        given_up = sum(b - a for a, b in self.unresolved) / (self.high - self.low)
+        if progress:
+            progress(min(max(share, self.effort / MOST_EFFORT, 0.0), 1.0))
+        resolved = (
+            f"{100 * (share - given_up):.4g} % of the launch speeds from {self.low:g} to {self.high:g} are resolved"
+        )
+        heartbeat.remark(f"{resolved}: a narrower range takes less time")
 
     def parts(self, refused: Sequence[tuple[_Cell, np.ndarray | None]]) -> list[_Cell]:
         """Parts of cells that no polynomial fits, cut at borders between their launches or in the middle; none of those
@@ -380,26 +414,45 @@ class _Resolving:
             np.array([fit.error for fit in fitted]), np.array([fit.impacts for fit in fitted], int), pieces,
             tuple(sorted(self.unresolved)),
         )  # fmt: skip
-        return replace(found, borders=tuple(self.border(found, each) for each in cuts.tolist()))
+        return replace(found, borders=self.borders_of(found, cuts))
 
-    def border(self, pieces: MapPieces, alpha: float) -> MapBorder:
-        """A border with its kind."""
-        nothing = MapBorder(alpha, "", (1, 1), (np.nan, np.nan))
-        below, above = pieces._beside(nothing)
-        ends = (pieces.next(np.array([alpha]), cell) for cell in (below, above))
-        left, right = (float(each[0]) if len(each) else np.nan for each in ends)
-        powers = self.powers.get((alpha, -1), 1), self.powers.get((alpha, 1), 1)
-        if alpha in self.lossless:
-            kind = "lossless"
-        elif not (len(below) and len(above)):
-            side = -1 if not len(below) else 1
-            kind = str(self.hops_from(np.array([alpha + 0.1 * side * self.shortest])).status[0])
-            kind = "unresolved" if kind == LIFTS_OFF else kind
-        elif abs(right - left) > JUMP * alpha:
-            kind = "jump"
+    def borders_of(self, pieces: MapPieces, cuts: np.ndarray) -> tuple[MapBorder, ...]:
+        """The borders at launch speeds with their kinds."""
+        beside = [pieces._beside(MapBorder(alpha, "", (1, 1), (np.nan, np.nan))) for alpha in cuts.tolist()]
+        open_to = np.array([0 if len(a) and len(b) else -1 if not len(a) else 1 for a, b in beside], int)
+        ends = self._hops_from(cuts[open_to != 0] + 0.1 * self.shortest * open_to[open_to != 0]).status.tolist()
+        statuses, found = iter(ends), list[MapBorder]()
+        for alpha, pair, side in zip(cuts.tolist(), beside, open_to.tolist(), strict=True):
+            at = (pieces.next(np.array([alpha]), cell) for cell in pair)
+            left, right = (float(each[0]) if len(each) else np.nan for each in at)
+            powers = self.powers.get((alpha, -1), 1), self.powers.get((alpha, 1), 1)
+            status = next(statuses) if side else LIFTS_OFF
+            if alpha in self.lossless:
+                kind = "lossless"
+            elif side:
+                kind = "unresolved" if status == LIFTS_OFF else status
+            elif abs(right - left) > JUMP * alpha:
+                kind = "jump"
+            else:
+                kind = "graze" if max(powers) > 1 else "bounce"
+            found.append(MapBorder(alpha, kind, powers, (left, right)))
+        return tuple(found)
+
+
+def _coarse(labels: np.ndarray, crowded: np.ndarray) -> np.ndarray:
+    """The labels (m,), where impacts are `crowded` (m,) without their number."""
+    return np.minimum(labels, np.where(crowded, 1, labels))
+
+
+def _without_seams(intervals: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Intervals, of which those that touch are one."""
+    found = list[tuple[float, float]]()
+    for a, b in sorted(intervals):
+        if found and a <= found[-1][1] * (1 + SAME_EDGE):
+            found[-1] = found[-1][0], max(b, found[-1][1])
         else:
-            kind = "graze" if max(powers) > 1 else "bounce"
-        return MapBorder(alpha, kind, powers, (left, right))
+            found.append((a, b))
+    return found
 
 
 @cache

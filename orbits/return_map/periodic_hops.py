@@ -78,7 +78,8 @@ class PeriodicHops(Result, Sequence[Cycle], what="periodic hops", dimension="lau
     itineraries : how many itineraries belong to launches
     error_of_map : how far the polynomials that represent the map in the search are from it
     unresolved : intervals of launch speeds in which the map is not resolved, as where its borders accumulate after many
-        bounces. The hops are all that there are but for those with a launch in one of these
+        bounces, or the search has ended as hops have very many impacts. The hops are all that there are but for those
+        with a launch in one of these
     """
 
     machine: Mapping[str, Any]
@@ -159,11 +160,13 @@ class PeriodicHops(Result, Sequence[Cycle], what="periodic hops", dimension="lau
             none = "complete: no launch has a next one there, or hops lose nothing and an injection adds to each"
             found = "without injection or damping only lossless hops come back: those that a search finds, as that of"
             notes = [none if self.inject else f"{found} find_all, which does not prove that there are no others"]
+            notes = ["not complete: the map is not resolved"] if self.unresolved else notes
         if self.unresolved:
             length = sum(b - a for a, b in self.unresolved)
             near = ", ".join(f"{a:.9g}" for a, _ in self.unresolved[:4])
-            text = f"{len(self.unresolved)} intervals of together {length:.2g}{unit}, where its borders accumulate"
-            notes.append(f"but for hops with a launch in {text}: near {near}")
+            text = f"{len(self.unresolved)} intervals of together {length:.2g}{unit}: near {near}"
+            why = "its borders accumulate there, or the search ended as hops have very many impacts"
+            notes.append(f"but for hops with a launch in {text}; {why}: a narrower range is resolved farther")
         return notes
 
     def table(self) -> dict[str, list[Any]]:

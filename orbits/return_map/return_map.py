@@ -21,6 +21,7 @@ from ..numerics.roots import enclosed_ends
 from ..periodic.find import find
 from ..result import Axes, Progress, cell, shown
 from ..running.exclusive import exclusive, in_threads
+from ..running.time_limit import TimeOver, time_limit
 from ..simulation.hysteresis import Branches
 from ..simulation.impact_sequences import decided_impacts
 from ..simulation.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, injected
@@ -174,13 +175,21 @@ class ReturnMap:
         identity line: next - alpha changes its sign between neighbours of a grid of `samples` launches, refined near
         lossless ones and near extrema.
         `progress` is called with the completed share of the starts, and with 0 while the grid is refined.
+
+        Raises `NoOrbit` where the search takes more than 30 s, as where hops have thousands of impacts, unless
+        `time_limit` allows more; a smaller `cap` of the map ends such hops earlier.
         """
         if starts is not None:
             return different_hops(self._periodic, starts, progress)
         self._check_one_speed("fixed_points(low, high)")
         if low is None or high is None:
             raise InputError("fixed points are searched for between two launch speeds, low and high, or from starts")
-        return self._fixed_points(low, high, samples, progress)
+        with time_limit(None):
+            try:
+                return self._fixed_points(low, high, samples, progress)
+            except TimeOver as over:
+                remedy = f"hops are followed up to {self.cap} impacts: a smaller cap of the map ends them earlier"
+                raise over.reached(remedy) from None
 
     @exclusive
     def periodic_hop(self, start: Any, period: int = 1) -> PeriodicHop:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from orbits import ReturnMap, find, multiplier
+from orbits.return_map import map_pieces as map_pieces_of
 from orbits.return_map.hops import Hops
 from orbits.return_map.map_pieces import map_pieces, polynomials
 from problems import Hopper
@@ -123,3 +124,23 @@ def test_cells_end_at_the_rounding_of_the_map():
     lifts = np.isfinite(hops.next)
     assert (~lifts).any()
     assert (impacts[lifts] == hops.impacts[lifts]).all()
+
+
+def test_the_search_ends_where_borders_are_dust(monkeypatch):
+    """A map with a border at each 2^-k, on both sides of which there is a next launch or none: what is left after the
+    last impact that the search may follow is unresolved, and the rest is the map."""
+    monkeypatch.setattr(map_pieces_of, "MOST_EFFORT", 2e5)
+    launches = []
+
+    def rests(x):
+        launches.append(len(x))
+        return np.floor(-np.log2(np.maximum(x - 1.0, 1e-300)) * 40) % 2 == 1
+
+    step = hops_of(lambda x: 2.0 + np.sin(x), lambda x: np.where(x < 1.5, 50, 1), rests)
+    pieces = map_pieces(step, [], 1.0, 2.0, 50)
+    assert sum(launches) < 1e5
+    assert sum(b - a for a, b in pieces.unresolved) > 0.01
+    x = np.random.default_rng(2).uniform(1.0, 2.0, 300)
+    inside = np.any([(a <= x) & (x <= b) for a, b in pieces.unresolved], axis=0)
+    following = np.where(rests(x), np.nan, 2.0 + np.sin(x))
+    assert pieces.hops(x)[0][~inside] == pytest.approx(following[~inside], abs=1e-12, nan_ok=True)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from orbits import InputError, ReturnMap, find, multiplier
+from orbits.return_map import map_pieces
 from orbits.return_map.periodic_hops import PeriodicHops
 from problems import Hopper, hopper_in_si
 
@@ -99,3 +100,11 @@ def test_the_result_says_what_it_rests_on(tmp_path):
     assert len(hops.plot().get_legend().get_texts()) == 2
     with pytest.raises(InputError, match="0 < low < high"):
         ReturnMap(Hopper()).periodic_hops(2, 3.0, 2.0)
+
+
+def test_a_map_that_is_not_resolved_is_not_complete(monkeypatch):
+    monkeypatch.setattr(map_pieces, "MOST_EFFORT", 0.0)
+    hops = ReturnMap(Hopper(), inject=0.1).periodic_hops(1, LOW, HIGH)
+    assert (len(hops), hops.unresolved) == (0, ((LOW, HIGH),))
+    assert "not complete" in str(hops)
+    assert "no launch has a next one" not in str(hops)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from conftest import DATA
 
-from orbits import InputError, NoOrbit, ReturnMap, find, find_all, multiplier, simulate
-from problems import Hopper, Juggler, hopper_in_si
+from orbits import InputError, NoOrbit, ReturnMap, find, find_all, multiplier, simulate, time_limit
+from problems import Hopper, Juggler, hopper_in_si, rimless_wheel
 from studies.oracle import landed
 
 STORED = json.loads((DATA / "return_map.json").read_text(encoding="utf-8"))
@@ -259,3 +259,10 @@ def test_the_smallest_separation_of_a_hop():
     assert ReturnMap(metre).smallest_separation(speed) == pytest.approx(5.0 + lowest, rel=1e-9)
     for point in ReturnMap(machine, inject=0.03).fixed_points(4, 5):
         assert point.smallest_separation == pytest.approx(4 - np.sqrt(4 + 2 * (point.alpha - 0.03) ** 2), rel=1e-9)
+
+
+def test_a_search_among_hops_without_end_says_so():
+    """A wheel rolls down a slope of 0.08: each hop has as many impacts as the map allows, 10,000."""
+    wheel = rimless_wheel(1.0, 1.0, 8, inertia=1.5, body_inertia=1.0, stiffness=50.0, slope=0.08)
+    with pytest.raises(NoOrbit, match=r"more than 0.3 s.*10000 impacts: a smaller cap"), time_limit(0.3):
+        ReturnMap(wheel).fixed_points(0.2, 4.0)

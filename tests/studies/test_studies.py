@@ -391,6 +391,13 @@ def test_bifurcations(tmp_path, capsys):
 
 
 @pytest.mark.slow
+def test_a_diagram_against_brute_force(capsys):
+    """Of 30 diagrams the one whose flips were listed twice."""
+    assert bifurcations.compare(bifurcations.CASES[1:2]) == []
+    assert "1 diagrams against brute force: 0 branches wrong, missing or double" in capsys.readouterr().out
+
+
+@pytest.mark.slow
 def test_design(tmp_path):
     """The first family cannot hop 0.2 m with 0.25 m of stroke; the second can, with C = 1.857 (m/s)**(-1/3)."""
     numbers = design.main(tmp_path, quick=True)
