@@ -23,7 +23,7 @@ from ..symbolic.formula import suggest
 from ..symbolic.kernels import ElementwiseFunction
 from ..symbolic.taylor_series import has_taylor_series
 from ..units import LENGTH, Message, Quantity
-from .law_expressions import UNIT_FORCE, UNIT_LENGTH, scaled_expression, symbols_of
+from .law_expressions import UNIT_FORCE, UNIT_LENGTH, Expression, scaled_expression, symbols_of
 
 # Arguments of formulas, in sequences and by name: numbers, arrays (m,) of numbers, or CasADi expressions.
 Algebraic: TypeAlias = Any
@@ -32,6 +32,7 @@ Parameters: TypeAlias = Mapping[str, Algebraic]
 # On both sides of a breakpoint, at this share of the pieces, value and slope differ by the second share if they jump.
 SIDE, CORNER = 1e-6, 1e-4
 # The message about a spring whose force falls as it is stretched from rest.
+ONE_SIDED = "it was measured in compression alone, and the foot is lifted in tension: measure extensions above 0 too"
 WRONG_SIGN = "is tension positive? A force acts against the extension, as in k*r, and the sign is that of r"
 
 
@@ -129,6 +130,7 @@ class Law:
     written : the law in formulas; None where it cannot be written in formulas
     in_si : whether its numbers are in m and N, or, if False, those of a machine without units, as of a law with the
         slope 1 at rest; None where the machine decides
+    loop : of a branch of a measured loop, the function that returns the law of both branches; None for any other law
     """
 
     text: str
@@ -138,6 +140,7 @@ class Law:
     pieces: LawPieces | None = None
     written: Written | None = None
     in_si: bool | None = field(default=None, compare=False)
+    loop: Callable[[], Any] | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         checked = {name: number(name, value) for name, value in self.parameters.items()}
@@ -145,8 +148,8 @@ class Law:
         object.__setattr__(self, "pieces", self.pieces and LawPieces(*self.pieces))
 
     def __reduce__(self) -> tuple[type, tuple]:
-        own = self.text, self.variable, self.expression, dict(self.parameters), self.pieces, self.written, self.in_si
-        return Law, own
+        own = self.text, self.variable, self.expression, dict(self.parameters), self.pieces, self.written
+        return Law, (*own, self.in_si, self.loop)
 
     @cached_property
     def key(self) -> Key:
@@ -216,7 +219,19 @@ class Law:
         pieces = self.pieces and self.pieces._replace(unit=UNIT_LENGTH)
         units = {UNIT_LENGTH: length} | ({} if force is None else {UNIT_FORCE: force})
         own = {**self.parameters, **units}
-        return replace(self, expression=expression, pieces=pieces, parameters=own, written=None, in_si=None)
+        return replace(self, expression=expression, pieces=pieces, parameters=own, written=None, in_si=None, loop=None)
+
+    def continued(self) -> "Law":
+        """The law of a finite range with straight lines beyond its ends, of its slopes there."""
+        places = np.array(self.range())
+        if self.pieces is None or not np.isfinite(places).all():
+            return self
+        values, slopes = self.with_slope(places)
+        lines = tuple(zip(places.tolist(), values.tolist(), slopes.tolist(), strict=True))
+        table = _continued_table(self.pieces.table, lines)
+        pieces = self.pieces._replace(size=self.pieces.size + 4, table=table, noise=None)
+        expression = _continued_expression(self.expression, self.pieces.size)
+        return replace(self, expression=expression, pieces=pieces, written=None, in_si=None, loop=None)
 
     def refuse_units(self, in_si: bool) -> None:
         """Raise `InputError` where a machine, in SI or without units, would take the law's numbers for others."""
@@ -233,6 +248,29 @@ class Law:
 
     def __repr__(self) -> str:
         return f"Law({', '.join([repr(self.text), *in_words(self.parameters)])})"
+
+
+@lru_cache(maxsize=64)
+def _continued_table(table: Callable, lines: tuple[tuple[float, float, float], ...]) -> Callable:
+    """The pieces of a law between two lines through (place, value, slope): after the data of a piece stand those of its
+    line, and 1 where the piece is that line."""
+
+    def continued(p: Parameters) -> tuple[list, list]:
+        breaks, data = table(p)
+        inner = [[*row, 0.0, 0.0, 0.0, 0.0] for row in data]
+        low, high = ([*row, *line, 1.0] for row, line in zip((data[0], data[-1]), lines, strict=True))
+        return [-math.inf, *breaks, math.inf], [low, *inner, high]
+
+    return Expression(continued, _continued_table, table, lines)
+
+
+@lru_cache(maxsize=64)
+def _continued_expression(expression: Callable, size: int) -> Callable:
+    def continued(x: Algebraic, p: Parameters, q: Scalars) -> Algebraic:
+        place, value, slope, straight = q[size:]
+        return (1 - straight) * expression(x, p, q[:size]) + straight * (value + slope * (x - place))
+
+    return Expression(continued, _continued_expression, expression, size)
 
 
 def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf) -> float:

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit
 from ..laws.features import sampled_closely
-from ..laws.law import WRONG_SIGN, Key, Law, values_and_slopes
+from ..laws.law import ONE_SIDED, WRONG_SIGN, Key, Law, values_and_slopes
 from ..units import EXTENSION, Message, Quantity
 
 # Below this slope, rounding cannot distinguish a force that passes the level of lift-off from one that only touches it.
@@ -67,7 +67,9 @@ class Liftoff:
             bounds = {"low": Quantity(low, EXTENSION), "high": Quantity(high, EXTENSION)}
             within = Message(" within [{low:g}, {high:g}]", **bounds) if np.isfinite([low, high]).any() else ""
             text = self.named + " never reaches {level} ({extreme} {force:.4g}{within}): {why}"
-            why = WRONG_SIGN if extreme == "largest tension" and force.value <= 0 else "nothing leaves the ground"
+            why = "nothing leaves the ground"
+            if extreme == "largest tension" and force.value <= 0:
+                why = ONE_SIDED if high <= 0 else WRONG_SIGN
             parts = {"level": self.name, "extreme": extreme, "force": force, "within": within, "why": why}
             raise NoOrbit(Message(text, law=law.text, **parts))
         low, high = np.sort(extensions[beyond[0] - 1 : beyond[0] + 1])[:, None]

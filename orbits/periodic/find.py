@@ -20,6 +20,7 @@ from ..shooting.formulations import equations_of, iterative, method_of
 from ..units import Message, in_own_units, without_units
 from .certified import Solved, certified_orbit, solve_from
 from .family_orbits import another_family, family_number, lowest_of_family, orbits_of_family, same_orbit
+from .needed_range import with_needed_range
 from .orbit import Orbit, orbit_of, start_in_file
 from .run_start import SLOW_SHARE, run_along_speeds, run_start
 from .stated_start import StartLike, check_start, stated_unknowns
@@ -97,7 +98,7 @@ def find(
 def _found_from(machine: Machine, family: int | None, start: Any, method: str, progress: Progress) -> Orbit:
     """The orbit of a family, or the orbit found from a start."""
     if start is None:
-        return lowest_of_family(machine, family or 1, method, progress)
+        return with_needed_range(machine, lambda known: lowest_of_family(known, family or 1, method, progress))
     began = time.perf_counter()
     orbit = certified_orbit(machine, solve_near(machine, start, method), began=began)
     if family not in (None, orbit.family):

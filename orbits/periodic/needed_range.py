@@ -1,0 +1,51 @@
+"""The range of extensions that an orbit needs of a measured law whose range it leaves.
+
+The law is continued by straight lines beyond its ends, with its slopes there. An orbit of that spring says how far to
+measure; it is never returned, since nobody knows the force there.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..errors import NoOrbit
+from ..flow.phase_field import OUT_OF_LAW
+from ..laws.law import Law
+from ..units import EXTENSION, Message, Quantity
+from .orbit import Orbit
+
+INSTANTS = 2001  # of a cycle at which its extension is measured: a message states it with a few digits
+
+
+def with_needed_range(machine: Any, search: Callable[[Any], Orbit]) -> Orbit:
+    """The orbit that a search finds for a dimensionless machine; where it leaves the range of the machine's law, or
+    none is found in it, the reason also states the range that it needs."""
+    law = getattr(machine, "spring", None)
+    if not isinstance(law, Law) or law.key.branches or not np.isfinite(law.range()).all():
+        return search(machine)
+    try:
+        orbit = search(machine)
+    except NoOrbit as error:
+        if (needed := _needed(machine, law, search)) is None:
+            raise
+        raise NoOrbit(Message("{error}; {needed}", error=error.args[0], needed=needed)) from None
+    outside = [OUT_OF_LAW in violation for violation in orbit.violations]
+    if not any(outside) or (needed := _needed(machine, law, search)) is None:
+        return orbit
+    each = zip(orbit.violations, outside, strict=True)
+    reasons = tuple(Message("{why}; {needed}", why=why, needed=needed) if left else why for why, left in each)
+    return replace(orbit, certificate=replace(orbit.certificate, violations=reasons))
+
+
+def _needed(machine: Any, law: Law, search: Callable[[Any], Orbit]) -> Message | None:
+    """The extensions of the orbit with the law continued, in words; None where there is no orbit then either."""
+    try:
+        orbit = search(replace(machine, spring=law.continued()))
+    except NoOrbit:
+        return None
+    end = orbit.flight_time if orbit.contact_time is None else orbit.period
+    extensions = orbit(np.linspace(0.0, end, INSTANTS)) @ np.array(machine.model.extension.weights)
+    low, high = (Quantity(float(each), EXTENSION) for each in (extensions.min(), extensions.max()))
+    return Message("an orbit needs about [{low:.3g}, {high:.3g}], by the slopes at the ends", low=low, high=high)
