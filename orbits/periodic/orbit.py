@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError, finite_times
+from ..errors import InputError, OrbitsError, finite_times
 from ..flow.forces import spring_forces, units_of_springs
 from ..flow.same_motion import is_motion_of
 from ..flow.trajectory import Trajectory
@@ -19,7 +20,7 @@ from ..model.symmetry import SignedShift
 from ..numerics.polynomial_roots import lowest
 from ..result import TABLE_ROWS, Axes, Progress, Result, Row, is_of, shown
 from ..tables import VIOLATED, machine_numbers
-from ..units import TORQUE, Units, in_units, saved_units
+from ..units import ENERGY, LIFTOFF_SPEED, TORQUE, Units, in_units, saved_units
 from .certificate import Certificate
 from .cycle_shape import Shape, mirrored
 from .quantities import OF_RUNS, QUANTITIES, dimension_of
@@ -379,6 +380,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
             remedy = "; state share=" if "share" in self.machine.get("parameters", {}) else ""
             text = f"not judged (smallest force {{:.3g}}){remedy}"
             yield Row("standing foot", {"smallest_stance_force": least}, (text,))
+        yield from self._rows_on_loop
         if self.known_in_family is not None:
             yield Row("known in its family", {"known_in_family": self.known_in_family})
         yield Row("residual", {"residual": c.residual}, ("{:.1e}",))
@@ -387,6 +389,21 @@ class Orbit(Result, what="orbit", printed_digits=15):
         yield Row("found by", found, (f"{{}}, {1e3 * self.seconds:.1f} ms",))
         yield Row("admissible", {"admissible": self.admissible}, ("yes" if self.admissible else "NO",))
         yield from (Row(VIOLATED, {VIOLATED: violation}) for violation in c.violations)
+
+    @cached_property
+    def _rows_on_loop(self) -> tuple[Row, ...]:
+        """What the hop loses on the measured loop of which the spring is one branch."""
+        try:
+            upkeep = self.source.on_loop(self.alpha) if hasattr(self.source, "on_loop") else None
+        except OrbitsError as error:
+            return (Row("on the measured loop", {"on the measured loop": str(error)}),)
+        if upkeep is None:
+            return ()
+        speed, joule = (f" {self.scales.text(each)}" if self.scales else "" for each in (LIFTOFF_SPEED, ENERGY))
+        numbers = {"next launch on the loop": self.alpha - upkeep.inject, "energy that keeps it hopping": upkeep.energy}
+        return (
+            Row("on the measured loop", numbers, (f"next launch {{:.6g}}{speed}; {{:.4g}}{joule} keep it hopping",)),
+        )
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot heights against time as in Fig. 3 of the paper, or instants of a machine that states its drawing in the

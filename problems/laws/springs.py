@@ -9,7 +9,7 @@ whose units follow from these: `beta` is 1/length**2, `delta` 1/length**4, `a` a
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from keyword import iskeyword
 from pathlib import Path
 from typing import Any
@@ -205,7 +205,10 @@ def table(
     >>> float(law(1.0)), law.range()
     (1.2, (-2.0, 2.0))
     """
-    return _measured(read_record(source, in_si, columns, units), branch, cycle, noise, scale, shift)
+    record = read_record(source, in_si, columns, units)
+    law = _measured(record, branch, cycle, noise, scale, shift)
+    whole = branch is None or scale or shift
+    return law if whole else replace(law, loop=partial(_loop_of, record, cycle, noise))
 
 
 def _measured(
@@ -291,7 +294,11 @@ def loop(
     >>> float(law.extending(0.0)), float(law.shortening(0.0))
     (0.2, -0.2)
     """
-    record = read_record(source, in_si, columns, units)
+    return _loop_of(read_record(source, in_si, columns, units), cycle, noise)
+
+
+def _loop_of(record: BenchRecord, cycle: int | str | None, noise: float | None) -> HystereticLaw:
+    """The loop of a record."""
     branches = [_measured(record, name, cycle, noise) for name in ("loading", "unloading")]
     lows, highs = zip(*(law.range() for law in branches), strict=True)
     low, high = max(lows), min(highs)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from numbers import Real
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from orbits.errors import InputError
 from orbits.io import one_line
@@ -19,6 +19,9 @@ from orbits.symbolic.formula import suggest
 from ..laws.gravity import as_gravity
 from ..laws.springs import as_spring, formula
 from .parameters import checked_numbers, refuse_taken
+
+if TYPE_CHECKING:
+    from orbits.return_map.hops import Upkeep
 
 # Beyond these bounds one of the two masses is lost in rounding.
 MASS_RATIOS = (1e-12, 1e12)
@@ -61,6 +64,15 @@ class TwoMasses(Stated):
     def damped(self) -> bool:
         """Whether the machine loses energy otherwise than by impacts."""
         return self.damping > 0 or self.drag > 0
+
+    def on_loop(self: Any, alpha: float) -> "Upkeep | None":
+        """What keeps the machine hopping with a launch speed on the measured loop of which its spring is one branch;
+        None where the spring is no branch of a loop. Raises `NoOrbit` where the hop has no next launch."""
+        if self.spring is None or self.spring.loop is None:
+            return None
+        from orbits.return_map.return_map import ReturnMap  # most machines need none
+
+        return ReturnMap(replace(self, spring=self.spring.loop())).upkeep(alpha)
 
     def _store_common(self) -> None:
         """Store length and losses as numbers; raises `InputError` that names an invalid one."""

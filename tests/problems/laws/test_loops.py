@@ -1,11 +1,13 @@
 """Springs with hysteresis: what a loop loses, by closed forms and by SciPy's quadrature, and how they are stated."""
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from orbits import InputError, simulate
-from problems import Hopper, springs
+from orbits import InputError, ReturnMap, find, simulate
+from problems import Hopper, hopper_in_si, springs
 from problems.machines import files
 
 MEASURED = np.concatenate([np.linspace(-6.0, 6.0, 41), np.linspace(6.0, -6.0, 41)])
@@ -92,3 +94,18 @@ def test_they_are_stated_in_text_and_in_files(tmp_path):
 def test_what_is_no_loop_is_refused(stated, message):
     with pytest.raises(InputError, match=message):
         stated()
+
+
+def test_an_orbit_of_one_branch_states_what_the_loop_loses():
+    """The record of a spring with dry friction; its next launch is that of the same loop stated by two formulas."""
+    turns = np.concatenate([np.linspace(a, b, 21)[1:] for a, b in itertools.pairwise((0, 0.12, -0.12, 0.12, -0.12))])
+    rubbing = 6.0 * np.sign(np.diff(turns, prepend=0.0))
+    law = springs.table((turns, 1500.0 * turns + rubbing), in_si=True, branch="mean", cycle="last", noise=0)
+    orbit = find(hopper_in_si(3.0, 1.5, force=law, rest_length=0.3))
+    spring = springs.hysteretic("k*r + friction", "k*r - friction", k=1500.0, friction=6.0)
+    stated = hopper_in_si(3.0, 1.5, force=spring, stiffness=1500.0, rest_length=0.3)
+    following = float(ReturnMap(stated)(orbit.alpha).next)
+    found = orbit.summary()
+    assert found["next launch on the loop"] == pytest.approx(following, rel=1e-6)
+    assert found["energy that keeps it hopping"] == pytest.approx(ReturnMap(stated).upkeep(orbit.alpha).energy, rel=1e-6)
+    assert "on the measured loop" not in str(find(hopper_in_si(3.0, 1.5, stiffness=1500.0, rest_length=0.3)))
