@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from numbers import Real
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 from orbits.errors import InputError
 from orbits.io import one_line
@@ -19,9 +19,6 @@ from orbits.symbolic.formula import suggest
 from ..laws.gravity import as_gravity
 from ..laws.springs import as_spring, formula
 from .parameters import checked_numbers, refuse_taken
-
-if TYPE_CHECKING:
-    from orbits.return_map.hops import Upkeep
 
 # Beyond these bounds one of the two masses is lost in rounding.
 MASS_RATIOS = (1e-12, 1e12)
@@ -65,8 +62,8 @@ class TwoMasses(Stated):
         """Whether the machine loses energy otherwise than by impacts."""
         return self.damping > 0 or self.drag > 0
 
-    def on_loop(self: Any, alpha: float) -> "Upkeep | None":
-        """What keeps the machine hopping with a launch speed on the measured loop of which its spring is one branch;
+    def on_loop(self: Any, alpha: float) -> Any:
+        """The `Upkeep` of a hop with a launch speed on the measured loop of which the machine's spring is one branch;
         None where the spring is no branch of a loop. Raises `NoOrbit` where the hop has no next launch."""
         if self.spring is None or self.spring.loop is None:
             return None
