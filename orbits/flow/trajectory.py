@@ -235,6 +235,12 @@ class Trajectories:
         """The largest absolute value (m,) of any of `values` (N, ...) on each motion."""
         return np.maximum.reduceat(np.abs(values).ravel(), self.first * (values.size // len(values)))
 
+    def sizes(self, count: int) -> np.ndarray:
+        """The largest term (m, count) of each of the first rows in any step of each motion. Places and rates have
+        different dimensions, and each is measured in its own size; that of a row is 0 only where it is 0 throughout."""
+        terms = np.abs(self.coefficients[:, :count]) * self.of_steps[:, None]
+        return np.maximum.reduceat(terms.max(2), self.first)
+
     @cached_property
     def of_steps(self) -> np.ndarray:
         """Powers (N, K + 1) of the step lengths."""

@@ -261,6 +261,10 @@ class Model:
         weights = self.extension.weights
         return self.reversor is None or weights == tuple(w * s for w, s in zip(weights, self.reversor, strict=True))
 
+    def landing_gap_of(self, p: Parameters) -> Affine:
+        """The gap that closes at landing."""
+        return (self.landing_gap or self.gap)(p)
+
     def standing_gap(self, p: Parameters) -> Affine | None:
         """The `landing_gap` as a function of the contact state, which stays open in contact; None where the same gap
         lands that opens, and where it does not move in contact."""

@@ -39,14 +39,16 @@ def energy_changes(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray
 
 @cached
 def _works(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> ElementwiseFunction:
-    """The work of an energy gradient on straight lines and its largest component there, (start, end, parameters with
-    the data of a piece)."""
+    """The work of an energy gradient on straight lines, and the largest terms of the energy there, each state by its
+    component, (start, end, parameters with the data of a piece)."""
     at = gradients(phase, gradient, parameters).function
     start, p = at.sx_in()
     end = ca.SX.sym("end", start.numel())
     rates = ca.horzcat(*[at(start + place * (end - start), p) for place in GAUSS_PLACES.tolist()])
     work = ca.dot(rates @ ca.DM(GAUSS_WEIGHTS), end - start)
-    return ElementwiseFunction(ca.Function("works", [start, end, p], [work, ca.mmax(ca.fabs(rates))]))
+    largest = ca.vertcat(*(ca.mmax(ca.fabs(row)) for row in ca.vertsplit(rates)))
+    terms = ca.dot(largest, ca.fmax(ca.fabs(start), ca.fabs(end)))
+    return ElementwiseFunction(ca.Function("works", [start, end, p], [work, terms]))
 
 
 def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -> tuple[np.ndarray, ...]:
@@ -54,9 +56,8 @@ def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -
     part of it that is rounding (m,); and the gradient at its start (m, n)."""
     flow, names, first = flow_of(phase, tuple(p)), tuple(p), motions.first
     data, states = flow.mesh_data(motions, vectors(p, len(motions))), motions.coefficients[:, : flow.size, 0]
-    works, rates = _works(phase, gradient, names)(states, motions.step_ends[:, : flow.size], data)
+    works, terms = _works(phase, gradient, names)(states, motions.step_ends[:, : flow.size], data)
     changes = np.cumsum(works)
     before = np.where(first > 0, changes[first - 1], 0.0)
     largest = motions.largest(changes - np.repeat(before, motions.counts))
-    floors = EPS * motions.largest(states) * motions.largest(rates)
-    return largest, floors, gradients(phase, gradient, names)(states[first], data[first])[0]
+    return largest, EPS * motions.largest(terms), gradients(phase, gradient, names)(states[first], data[first])[0]

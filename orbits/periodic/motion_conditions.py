@@ -3,13 +3,14 @@
 They are checked on functions of the motions, by their lowest values and their zeros; the family is counted there too.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories
+from ..laws.law import Algebraic
 from ..model.model import CONTACT_FORCE, LANDED_FORCE, Model
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
@@ -22,7 +23,7 @@ from .turns_and_zeros import MIDDLE, TurnsAndZeros, turns_and_zeros
 
 # Rounding moves the middle by at most this share, where small changes grow ten million times on the way there.
 LARGEST_MIDDLE = 0.1
-# What rounding makes of a state, in last digits of the largest one of its motion.
+# What rounding makes of a gap, in last digits of the largest term of its motion.
 ROUNDED_STATE = 256.0
 # The gap is stationary at the end of a half flight when its rate there, times the time of that half, is below this
 # share of the largest gap: in a mirrored motion the rate vanishes but for rounding, which is far smaller.
@@ -110,7 +111,7 @@ def gaps_of(
     jerk = (6 * gap.series[halves.first, 3]).reshape(-1, cycles.halves_per_flight).min(1)
     if cycles.halves_per_flight == 1 and not flow_of(model.flight, tuple(cycles.p)).is_smooth:
         jerk = _jerks_at_launch(model, cycles)
-        gap = _without_rounding(gap, jerk)
+        gap = _without_rounding(gap, jerk, model.gap(cycles.p).weights)
     clearance, when = _least_of_halves(cycles, *gap.lowest(_lowest_middles(gap)))
     violations = list[Violation]()
     for i in (jerk <= 0).nonzero()[0].tolist():
@@ -163,10 +164,11 @@ def _jerks_at_launch(model: Model, cycles: Cycles) -> np.ndarray:
     return jerks(flow, model.gap(cycles.p).weights, x, vectors(cycles.p_of_halves, len(halves)))
 
 
-def _without_rounding(gap: TurnsAndZeros, jerk: np.ndarray) -> TurnsAndZeros:
-    """The gaps without stationary points at which rounding decides on their signs: so soon after lift-off that gaps
-    with these jerks (m,) are less than what rounding makes of the states."""
-    rounding = ROUNDED_STATE * EPS * gap.motions.largest(gap.motions.coefficients[:, :, 0])
+def _without_rounding(gap: TurnsAndZeros, jerk: np.ndarray, weights: Sequence[Algebraic]) -> TurnsAndZeros:
+    """The gaps, sums of states with these weights, without stationary points at which rounding decides on their signs:
+    so soon after lift-off that gaps with these jerks (m,) are less than what rounding makes of the states."""
+    terms = np.abs(np.array(weights)) * gap.motions.sizes(len(weights))
+    rounding = ROUNDED_STATE * EPS * terms.max(1)
     opened = np.cbrt(6 * rounding / np.maximum(jerk, rounding))
     later = gap.times > opened[gap.owner]
     owner, times, rising, values = (each[later] for each in (gap.owner, gap.times, gap.rising, gap.values))

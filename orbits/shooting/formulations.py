@@ -20,7 +20,7 @@ from ..model.symmetry import SignedShift
 from ..numerics.roots import solve
 from ..records import NONE
 from ..units import Message
-from .single_shooting import Evaluation, Shooting, shooting_equations
+from .single_shooting import Evaluation, Shooting, relative, shooting_equations
 
 METHODS = ("closed form", "relative", "half orbit", "shooting")  # the simplest first
 # When the unfolding changes the energy over a flight by more than this share, the unfolded equations have no orbit but
@@ -225,8 +225,9 @@ def interpret(
     u = dict(zip(equations.statement.unknowns, us.T, strict=True))
     p = dict(zip(equations.parameters, ps.T, strict=True))
     flight, halves, gap_slope, growth = _flights(model, method, u, p, evaluation)
+    gap = flight.with_rows(flight.series(model.landing_gap_of(p))[:, None], ("gap",)).sizes(1)[:, 0]
     # The derivatives change with the error of alpha.
-    slope_error = SLOPE_CHANGE * growth * evaluation.amplification**2 * errors / np.abs(u["alpha"])
+    slope_error = SLOPE_CHANGE * gap * growth * evaluation.relative_growth**2 * errors / np.abs(u["alpha"])
     # Where the launch has several speeds, the contact up to its middle is a part of the equations.
     if len(evaluation.trajectories) > 1:
         contacts: Any = np.arange(len(us)), evaluation.trajectories[1].only(evaluation.trajectories[1].names), {}
@@ -247,28 +248,30 @@ def refused_by_unfolding(equations: Shooting, us: ndarray) -> dict[int, NoOrbit]
 
 
 def _flights(model: Model, method: str, u: Mapping, p: Mapping, evaluation: Evaluation):
-    """The `flight`, the `halves` and the `gap_slope` of `Cycles`, and the largest derivative (m,) of the state."""
+    """The `flight`, the `halves` and the `gap_slope` of `Cycles`, and the largest derivative (m,) of a state at landing
+    by alpha, relative to its size."""
     motions, alpha = evaluation.trajectories[0], list(u).index("alpha")
+    sizes = motions.sizes(evaluation.transitions[0].shape[1])
+    grown = lambda change: relative(change[:, :, None], sizes, np.ones((len(sizes), 1))).max((1, 2))  # noqa: E731
     if reduction := reduction_of(model, method):
         of_steps = ({name: values[motions.owner] for name, values in each.items()} for each in (u, p))
         coefficients = reduction.complete(motions.starts, motions.coefficients, *of_steps)
         flight = motions.with_rows(coefficients, model.flight.states)
         landing = _landing_by(alpha, evaluation, reduction.reversor)
-        return flight, flight, reduction.gap_slope(2 * flight.ends, landing.T, p), np.abs(landing).max(1)
+        return flight, flight, reduction.gap_slope(2 * flight.ends, landing.T, p), grown(landing)
     flight = motions.only(model.flight.states)
     if model.reversor:
         flight = motions.only((*flight.names, *model.flight.watch))
         slope = model.liftoff_slope(u, p) if model.liftoff_slope else None
         landing = _landing_by(alpha, evaluation, model.reversor, list(u).index("liftoff"), slope)
-        return flight, flight, landing_gap_slope(model, landing.T, p), np.abs(landing).max(1)
+        return flight, flight, landing_gap_slope(model, landing.T, p), grown(landing)
     landing = (evaluation.transitions[0] @ evaluation.starts[0])[:, :, alpha]
-    return flight, halved(flight), landing_gap_slope(model, landing.T, p), np.abs(landing).max(1)
+    return flight, halved(flight), landing_gap_slope(model, landing.T, p), grown(landing)
 
 
 def landing_gap_slope(model: Model, change: Iterable, p: Mapping) -> Algebraic:
     """Derivative by alpha of the gap at the orbit's landing time, from that of the flight state there, by component."""
-    gap = model.landing_gap(p) if model.landing_gap else model.gap(p)
-    return sum(weight * d for weight, d in zip(gap.weights, change, strict=False))
+    return sum(weight * d for weight, d in zip(model.landing_gap_of(p).weights, change, strict=False))
 
 
 def halved(flights: Trajectories) -> Trajectories:

@@ -87,6 +87,14 @@ class Evaluation:
         return np.min(units, axis=0)
 
     @cached_property
+    def relative_growth(self) -> np.ndarray:
+        """Of m points, the `amplification` (m,) of changes relative to the sizes of the states, in any units."""
+        changes = self.parts or tuple(each[:, None, :, : each.shape[1]] for each in self.transitions)
+        sizes = (motions.sizes(each.shape[-1]) for motions, each in zip(self.trajectories, changes, strict=True))
+        grown = (relative(each, size[:, None], size[:, None]) for each, size in zip(changes, sizes, strict=True))
+        return np.max([each.max((1, 2, 3)) for each in grown], axis=0)
+
+    @cached_property
     def growths_on_the_way(self) -> np.ndarray:
         """Of m points, the largest growths (m, arcs) of a small change of the state from the start of each arc to the
         start of a step, and at least 1: a motion that passes two unstable equilibria brings changes closer together
@@ -101,6 +109,13 @@ class Evaluation:
     def largest_growth(self) -> np.ndarray:
         """Of m points, the largest growth (m,) of a small change of the state to any place of the motion."""
         return np.maximum(self.amplification, self.growths_on_the_way.max(1))
+
+
+def relative(change: np.ndarray, sizes: np.ndarray, by: np.ndarray) -> np.ndarray:
+    """The sizes (..., n, c) of derivatives of states of the sizes (..., n) by numbers of the sizes `by` (..., c), both
+    relative; 0 for a state that is 0 throughout."""
+    of_sizes = sizes[..., None] + np.zeros_like(change)
+    return np.divide(np.abs(change) * by[..., None, :], of_sizes, out=np.zeros_like(change), where=of_sizes > 0)
 
 
 def joined(evaluations: Sequence[Evaluation]) -> Evaluation:

@@ -1,10 +1,12 @@
 """What certificates say of real motions, and of orbits that are no motion."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import REFERENCES, machine_of
+from conftest import REFERENCES, machine_of, slow_after
+from scalings import MACHINES, UNITS, in_units, unit_of
 from steps import stepping
 from two_feet import FEET, height_in_contact, slowest_step
 
@@ -94,6 +96,31 @@ def test_derivatives_at_the_end_of_a_short_step():
     curve = TurnsAndZeros(piece, np.array([[1.0, 2.0, 3.0, c, d]]), *np.zeros((4, 0)), np.ones(1))
     assert curve.at_ends(2) == pytest.approx([6 + 6 * (c * h)], rel=1e-15)
     assert curve.at_ends(1) == pytest.approx([2.0], rel=1e-15)
+
+
+def without_numbers(text):
+    return re.sub(r"-?[\d.]+(e[+-]\d+)?", "#", str(text))
+
+
+@pytest.mark.parametrize("name", slow_after(1, MACHINES))
+def test_certificates_in_other_units(name):
+    """All numbers are the same in their units, errors as far as rounding is the same, and so are all words."""
+    first, known = in_units(name, UNITS[0]), None
+    for units in UNITS:
+        orbit = in_units(name, units)
+        c = orbit.certificate
+        speed, length = (unit_of("'", units), units[0]) if name != "wheel" else (1 / units[1], 1.0)
+        coefficient = c.loss_coefficient * speed ** (1 / 3)
+        numbers = [orbit.alpha / speed, orbit.flight_time / units[1], orbit.contact_time / units[1], coefficient]
+        numbers += [each / length for each in (c.clearance, orbit.liftoff_extension) if each is not None]
+        words = c.family, c.stable_side, c.bounce_side, [*map(without_numbers, c.violations)]
+        known = known or (numbers, words)
+        assert numbers == pytest.approx(known[0], rel=1e-12)
+        assert words == known[1]
+        errors = orbit.error / speed, c.loss_error / abs(c.loss_coefficient)
+        own = first.error, first.certificate.loss_error / abs(first.certificate.loss_coefficient)
+        assert all(each / 8 < error < 8 * each for error, each in zip(errors, own, strict=True))
+        assert c.energy_drift < 1e-12
 
 
 class TestSteps:
