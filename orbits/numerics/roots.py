@@ -18,6 +18,9 @@ UNIT, CLOSED = 2.3e-16, 4.5e-16
 SHARES_AT_ONCE = np.arange(1, 16) / 16
 # Bisection alone takes some 60 steps to close a bracket, so that no safeguarded iteration takes this many.
 MOST_ITERATIONS = 200
+# Newton's method has settled when a step that is a smaller share of the largest place than the first number shrinks by
+# no more than the second one: what is left is the rounding of the function, which may cancel digits, at any scale.
+SETTLING, STALLED = 1e-6, 0.7
 _Place = TypeVar("_Place")
 _Value = TypeVar("_Value")
 _Found = TypeVar("_Found")
@@ -31,6 +34,22 @@ def run_search(search: Generator[_Place, _Value, _Found], function: Callable[[_P
             place = search.send(function(place))
     except StopIteration as end:
         return end.value
+
+
+def newton_root(step: Callable[[float], float], place: float) -> float | None:
+    """The root of a function to which Newton's method, with these steps, leads from a place, up to the rounding of the
+    function; None where it does not settle."""
+    largest, before = abs(place), np.inf
+    for _ in range(MOST_ITERATIONS):
+        move = step(place)
+        if not np.isfinite(move):
+            return None
+        place += move
+        largest, size = max(largest, abs(place)), abs(move)
+        if size <= UNIT * largest or SETTLING * largest > size > STALLED * before:
+            return place
+        before = size
+    return None
 
 
 def bracketed_root(

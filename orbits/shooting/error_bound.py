@@ -54,10 +54,10 @@ def error_bounds(
     by_nodes : whether arcs are parts between nodes, so that rounding errors on each move its own end alone
 
     These residuals are multiplied by the inverse Jacobian. The rounding that both integrations may share is added: half
-    a unit in the last place of each state per step, accumulated at random, through the same inverse, and amplified where
-    the flow amplifies differences (in a long flight a nonlinear spring turns a change of amplitude into one of phase);
-    or a whole unit carried from each step by the flow, where that is more. Of a law in pieces both have the same
-    rounded coefficients, see `_rounded_pieces`.
+    a unit in the last place of each state per step, accumulated at random, through the same inverse, and amplified
+    where the flow amplifies differences (in a long flight a nonlinear spring turns a change of amplitude into one of
+    phase); or a whole unit carried from each step by the flow, where that is more. Of a law in pieces both have the
+    same rounded coefficients, see `_rounded_pieces`.
     """
     ps = equations.with_tuned(us, ps)
     n, index, jacobian = equations.size, equations.statement.unknowns.index(unknown), evaluation.jacobian

@@ -12,12 +12,10 @@ import numpy as np
 
 from ..errors import InputError
 from ..model.model import STEP_LENGTH
+from ..numerics.roots import newton_root
 from ..periodic.orbit import start_in_file
 from ..units import UNKNOWNS, Dimension, Message, Units, described, dimension_of_state
 from .impacts import Impacts
-
-# Newton's method for the unknown that follows from the others has converged at this change, as a share of the launch.
-LAUNCH_SETTLED, MOST_LAUNCH_STEPS = 1e-15, 60
 
 
 class LaunchSection:
@@ -85,19 +83,16 @@ class LaunchSection:
 
     def _solved(self, y: np.ndarray) -> float:
         """The dependent unknown of a launch whose contact state is otherwise (k,); NaN where it is not found."""
-        contact, before = self.impacts.contact, np.inf
-        y = y.copy()
-        for _ in range(MOST_LAUNCH_STEPS):
+        contact, y = self.impacts.contact, y.copy()
+
+        def step(place: float) -> float:
+            y[self._bound] = place
             gradient, force = self.impacts.force_slope(y, contact.data(y[None], self.impacts.p)[0])
-            slope, force = float(gradient[self._bound]), float(force)
-            if not (np.isfinite(force) and slope != 0):
-                break
-            step = -force / slope
-            y[self._bound] += step
-            if abs(step) <= LAUNCH_SETTLED * (1 + np.abs(y).max()) or (abs(step) >= before and before < 1e-12):
-                return float(y[self._bound])
-            before = abs(step)
-        return np.nan
+            slope = float(gradient[self._bound])
+            return -float(force) / slope if slope != 0 else np.nan
+
+        found = newton_root(step, float(y[self._bound]))
+        return np.nan if found is None else found
 
     def parsed(self, launch: Any) -> tuple[np.ndarray, np.ndarray | None]:
         """Launches (..., d), and values (...) of the dependent unknown if they are stated: from an array (..., d) of

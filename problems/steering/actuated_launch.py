@@ -4,16 +4,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from orbits.errors import InputError
+from orbits.numerics.roots import newton_root
 from orbits.running.exclusive import exclusive
 from orbits.units import LIFTOFF_SPEED, Message, Quantity
 
 from .actuated import Actuated
-
-LIFTOFF_STEPS = 50
-LIFTOFF_CONVERGED = 1e-15  # of a step, relative to the coordinate and to one
 
 
 def is_one_speed(driven: Actuated) -> bool:
@@ -40,13 +37,8 @@ def launched_at(driven: Actuated, like: Mapping[str, float], alpha: float) -> di
     q = model.contact.data([state[name] for name in model.contact.states], p)
     force = ca.SX(model.liftoff(unknowns, p, q)[0])
     step = ca.Function("step", [y], [-force / ca.jacobian(force, y)])
-    place = like["liftoff"]
-    for _ in range(LIFTOFF_STEPS):
-        move = float(step(place))
-        if not np.isfinite(move):
-            break
-        place += move
-        if abs(move) <= LIFTOFF_CONVERGED * (1 + abs(place)):
-            return {**like, "liftoff": place}
+    place = newton_root(lambda y: float(step(y)), like["liftoff"])
+    if place is not None:
+        return {**like, "liftoff": place}
     text = "at a launch speed of {alpha:.6g} the contact force vanishes nowhere near: take a launch nearer to the hop's"
     raise InputError(Message(text, alpha=Quantity(float(alpha), LIFTOFF_SPEED)))

@@ -8,6 +8,7 @@ from typing import Any, NotRequired, TypedDict, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import minimize_scalar
 
 from orbits import Control, InputError, Simulation, simulate
 from orbits.control.control import ControlledLeg
@@ -30,8 +31,9 @@ from .actuator_bounds import POWER
 from .disturbed import Disturbed, disturbed
 
 OF_OTHER_EQUATIONS = "its motion does not satisfy the equations of this machine, as after a change of a table"
-# Gauss points of a control interval at which the actuator's power is taken.
-POWER_SAMPLES = 40
+# Gauss points of a control interval at which the actuator's power is taken; a peak between two of as many samples is
+# higher than both by less than this share, and is found to that share of the time between them, whose square is left.
+POWER_SAMPLES, BETWEEN_SAMPLES, SAME_PLACE = 40, 0.1, 1e-8
 # And those between two rows of a table, which are near each other.
 PART_SAMPLES = 8
 PERIODIC = 1e-6  # states that differ by less, relative to their size, are the same: the tolerance of a solve is finer
@@ -170,10 +172,15 @@ class Driven(Control, what="motion of a driven machine"):
         since = t if units is None else np.minimum(t / units.time, bare.end)
         states, rates = bare(since), bare.inputs_at(since)[..., 0]
         found = bare.actuated.effects(states.reshape(-1, states.shape[-1]), rates.ravel())
-        kinds = self.actuated.dimensions["actuator force"], POWER
-        sizes = [1.0 if units is None else units.of(kind) for kind in kinds]
-        force, power = (size * each.reshape(t.shape) for size, each in zip(sizes, found, strict=True))
+        force, power = (size * each.reshape(t.shape) for size, each in zip(self._units_of_effects, found, strict=True))
         return force, power
+
+    @property
+    def _units_of_effects(self) -> tuple[float, float]:
+        """The units of the actuator's force and of its power."""
+        if (units := self.actuated.units) is None:
+            return 1.0, 1.0
+        return units.of(self.actuated.dimensions["actuator force"]), units.of(POWER)
 
     @cached_property
     def work(self) -> tuple[float, float]:
@@ -188,9 +195,10 @@ class Driven(Control, what="motion of a driven machine"):
 
     @cached_property
     def largest(self) -> tuple[float, float]:
-        """The largest size of the actuator's force and of its power, at the samples of the work."""
-        force, power = (np.abs(each).max() for each in self._effects(_power_samples(self)[0].ravel()))
-        return float(force), float(power)
+        """The largest size of the actuator's force and of its power, which may jump between two control intervals."""
+        force, power = largest_effects(self.actuated.dimensionless(), self.dimensionless())
+        of_force, of_power = self._units_of_effects
+        return force * of_force, power * of_power
 
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
         """The columns of `Control.table`, with flight states, the actuator's "power" and "actuator force", its "work"
@@ -271,12 +279,31 @@ def is_driven_motion_of(control: Control, actuated: Actuated) -> bool:
     return True
 
 
-def _power_samples(control: Control) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss points (k, m) within all intervals of a control, and their weights (k, m)."""
-    places, weights = np.polynomial.legendre.leggauss(POWER_SAMPLES)
-    starts = np.concatenate([leg.start + leg.inputs.times[:-1] for leg in control.legs])
-    lengths = np.diff(np.append(starts, control.end))[:, None]
-    return starts[:, None] + lengths * (0.5 + 0.5 * places), weights * lengths / 2
+def largest_effects(driven: Actuated, control: Control) -> tuple[float, float]:
+    """The largest size of an actuator's force and of its power, both without units: over each control interval with
+    both of its ends, by Brent's method beside the samples that may be the largest."""
+    largest, shares = [0.0, 0.0], 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, POWER_SAMPLES + 1))
+    for leg in control.legs:
+        marks = leg.inputs.times
+        t = np.minimum(marks[:-1, None] + np.diff(marks)[:, None] * shares, marks[1:, None])
+        rates = leg.inputs(marks[:-1] + np.diff(marks) / 2)[:, :1]
+        samples = driven.effects(flight_states(driven, leg, t.ravel()), np.broadcast_to(rates, t.shape).ravel())
+        for kind, each in enumerate(samples):
+            sizes = np.abs(each).reshape(t.shape)
+            largest[kind] = max(largest[kind], float(sizes.max()))
+            inside, beside = sizes[:, 1:-1], np.maximum(sizes[:, :-2], sizes[:, 2:])
+            likely = inside >= np.maximum(beside, (1 - BETWEEN_SAMPLES) * largest[kind])
+            for i, k in np.argwhere(likely).tolist():
+                bounds, of = t[i, [k, k + 2]], (driven, leg, rates[i], kind)
+                options = {"xatol": SAME_PLACE * (bounds[1] - bounds[0])}
+                peak = minimize_scalar(_size_below_0, args=of, bounds=bounds, method="bounded", options=options)
+                largest[kind] = max(largest[kind], -float(peak.fun))
+    return largest[0], largest[1]
+
+
+def _size_below_0(t: float, driven: Actuated, leg: ControlledLeg, rate: np.ndarray, kind: int) -> float:
+    """Minus the size of the force, kind 0, or the power at a time of a leg, at a rate (1,) of the actuator's state."""
+    return -abs(float(driven.effects(flight_states(driven, leg, [t]), rate)[kind][0]))
 
 
 def work_done(driven: Actuated, control: Control) -> tuple[float, float]:

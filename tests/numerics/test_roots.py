@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orbits.numerics.roots import bracketed_root, enclosed_ends, enclosed_sign_changes, resolved, solve
+from orbits.numerics.roots import bracketed_root, enclosed_ends, enclosed_sign_changes, newton_root, resolved, solve
 
 
 @pytest.mark.parametrize("share", [0.05, 0.3, -0.05, -0.45])
@@ -19,6 +19,17 @@ def test_a_root_that_rounding_hides(grain, share):
     root = bracketed_root(function, 0.0, 1.0, -0.5, 0.34, width=1e-13)
     assert abs(root - np.pi / 6) < 1e-13 + grain
     assert len(asked) < 15
+
+
+def test_newtons_method_ends_at_the_rounding_of_the_function():
+    """Of simple and double roots, at 0, far away and under noise; without a root there is none."""
+    assert newton_root(lambda x: -(x - 3e9), 0.0) == 3e9
+    assert newton_root(lambda x: -0.5 * (x - 1.0), 0.0) == pytest.approx(1.0, abs=1e-7)
+    assert newton_root(lambda x: -np.sin(x) / np.cos(x), 0.5) == pytest.approx(0.0, abs=1e-16)
+    noisy = newton_root(lambda x: -((1e8 + x) - (1e8 + 0.3)), 0.7)
+    assert noisy == pytest.approx(0.3, abs=3e-8)
+    assert newton_root(lambda x: -(x * x + 1) / (2 * x), 0.7) is None
+    assert newton_root(lambda x: np.nan, 0.7) is None
 
 
 @pytest.mark.parametrize("place", [4.7, 5.3])

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 from orbits import InputError
-from problems import Actuated, Actuator, Chain, Hopper
+from problems import Actuated, Actuator, Chain, Hopper, springs
 from problems.steering.actuated_launch import launch_argument, launched_at
 
 
@@ -26,6 +26,16 @@ def test_of_a_launch_that_is_more_than_a_speed_the_rest_stays():
     like = {"liftoff": 0.9, "alpha": 3.0, "y1": 2.0, "y1'": 0.5}
     found = launched_at(Actuated(Chain(masses=(1, 1, 1)), Actuator("y2 - y3")), like, 3.5)
     assert found == {**like, "alpha": 3.5, "liftoff": pytest.approx(1.0, abs=1e-14)}
+
+
+@pytest.mark.parametrize("length", [20.0, 1e4, 1e7])
+def test_rounding_of_the_force_does_not_hide_the_launch(length):
+    """An air spring cancels digits: its force 1 - c alpha lies at a length that its formula states."""
+    driven = Actuated(Hopper(springs.air(length=length, exponent=1.3), damping=0.05), Actuator(kind="force"))
+    for alpha in (3.0, 4.4, 4.456, 4.544):
+        found = launched_at(driven, {"liftoff": 0.8, "alpha": 4.5}, alpha)["liftoff"]
+        expected = length * np.expm1(-np.log1p(-1.3 * (1 - 0.05 * alpha) / length) / 1.3)
+        assert found == pytest.approx(expected, abs=4e-16 * length)
 
 
 def test_where_nothing_lifts_off():

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import fields, replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -54,6 +55,19 @@ def test_the_table_tells_the_work(driven_hopper, started_hopper):
         assert table["actuator force"] == pytest.approx(-table["spring force"], abs=1e-12)
     names = ["time", "stage", "y1", "y1'", "y2", "y2'", "u", "w", "running cost", "power", "actuator force"]
     assert list(driven_hopper.table()) == [*names, "work", "positive work", "spring force", "contact force"]
+
+
+def test_the_largest_force_and_power_are_exact(driven_hopper):
+    """The spring pulls as it is long, and the power jumps between intervals: dense samples of each, with its ends."""
+    forces, powers = list[float](), list[float]()
+    for leg in driven_hopper.legs:
+        for start, end in pairwise(leg.inputs.times):
+            rows = leg.path(np.linspace(start, end, 2001))
+            pulls = rows[:, 0] - rows[:, 2] - rows[:, 4] if leg.phase == "flight" else rows[:, 0] - rows[:, 2]
+            forces.append(np.abs(pulls).max())
+            powers.append(forces[-1] * abs(float(leg.inputs(0.5 * (start + end))[0])))
+    for largest, sampled in zip(driven_hopper.largest, (max(forces), max(powers)), strict=True):
+        assert sampled * (1 - 1e-14) <= largest < sampled * (1 + 1e-6)
 
 
 @pytest.mark.slow
