@@ -357,7 +357,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
             text = text if c.alpha_noise is not None else f"not known: {text}"
             yield Row("  by the table's noise", {"alpha_per_noise": c.alpha_per_noise}, (text,))
         within = f"   +- {c.loss_error:.1e} (error of the numerics)" if c.loss_error else ""
-        beside = c.losses_in_words(float(self.machine.get("restitution") or 0.0), speed)
+        beside = c.losses_in_words(self.alpha, float(self.machine.get("restitution") or 0.0), speed)
         after, figures = {"loss_coefficient": within + beside}, vars(c) | vars(self)
         for name, quantity in QUANTITIES.items():
             if name == "rises":

@@ -5,6 +5,7 @@ import mpmath
 import numpy as np
 import pytest
 from plane import linear, rocker, wheel
+from scipy.optimize import brentq
 from thirty_digits import exact_alpha, series
 
 from orbits import (
@@ -30,7 +31,7 @@ from orbits.periodic.loss_coefficient import (
     launch_power,
 )
 from orbits.shooting.formulations import landing_gap_slope
-from problems import Hopper, Juggler, springs
+from problems import HeavyHand, Hopper, Juggler, springs
 
 mpmath.mp.dps = 30
 
@@ -79,6 +80,35 @@ class TestLossCoefficient:
         assert not orbit.admissible
         assert orbit.certificate.loss_coefficient
         assert "attracts" not in str(orbit)
+
+    def test_how_far_it_attracts(self):
+        """Beside a linear hop, whose landing is in closed form, the next launch comes back to alpha at the width."""
+        shares = []
+        for family, expected in ((1, 0.0159187), (2, 0.0033230), (3, 0.0011999581)):
+            orbit = find(Hopper(), family)
+            alpha, c = orbit.alpha, orbit.certificate
+
+            def excess(launch, alpha=alpha):
+                """The square of the next launch speed less that of alpha: the landing takes v^2 of it."""
+                gap = lambda t: 0.5 * (1 + launch * t - t * t / 2 - np.cos(t) - launch * np.sin(t))  # noqa: E731
+                t = brentq(gap, 2 * alpha - 0.5, 2 * alpha + 1.0, xtol=1e-14)
+                return launch**2 - alpha**2 - 0.25 * (launch - t + np.sin(t) - launch * np.cos(t)) ** 2
+
+            leading = c.loss_coefficient**-3
+            width = brentq(lambda d, alpha=alpha, excess=excess: excess(alpha + d), 1e-4, 1.1 * leading, xtol=1e-14)
+            assert width == pytest.approx(expected, rel=1e-3)
+            ((_, end), *_) = ReturnMap(Hopper()).basin(0.99 * alpha, 1.02 * alpha, hops=0)
+            assert end - alpha == pytest.approx(width, rel=1e-6)
+            assert c.attraction_width() == pytest.approx(c.loss_coefficient**-3, rel=1e-14)
+            assert f"(attracts launches within {c.attraction_width():.2g} above, to leading order; 10 C below)" in str(
+                orbit
+            )
+            shares.append(width / c.attraction_width())
+        assert 0.75 < shares[0] < shares[1] < shares[2] < 1
+        light = find(Hopper(mass_ratio=0.01))
+        assert light.certificate.attraction_width() > 100
+        assert "(attracts from above; 10 C below)" in str(light)
+        assert find(HeavyHand()).certificate.attraction_width() is None
 
     def test_impacts_that_rebound(self):
         """With a restitution all bounces count: what hops of the map lose beside the orbit, late and early."""
