@@ -16,6 +16,8 @@ from ..shooting.single_shooting import STALLED_RATIO, Evaluation, settles
 from .curve import Curve, CurvePoint, CurvePoints, StepEnd
 from .curve_corners import AWAY_FROM_CORNER, CurveCorner
 
+# The bounds of a determinant, which is a product of as many numbers as there are unknowns.
+FINITE = -1e300, 1e300
 # Points of the curve that the predictor uses for a step; and how far the predicted place may be from the tangent, as a
 # share of the step: a curve that is farther from there turns by some 60 degrees.
 MEMORY, MOST_BENT = 4, 0.5
@@ -44,7 +46,9 @@ def correct_all(
     sizes = curve.size(xs)
     bordered = np.concatenate([evaluation.jacobian * sizes[:, None], (tangents / sizes)[:, None]], axis=1)
     others = np.arange(len(xs)), np.broadcast_to(gaps, len(xs)), np.broadcast_to(parts, len(xs))
-    return CurvePoints(xs, tangents, np.linalg.det(bordered), evaluation, *others)
+    with np.errstate(over="ignore"):  # with many nodes, where the sign is what counts
+        determinants = np.clip(np.linalg.det(bordered), *FINITE)
+    return CurvePoints(xs, tangents, determinants, evaluation, *others)
 
 
 def _solutions(
