@@ -20,7 +20,7 @@ SHARES_AT_ONCE = np.arange(1, 16) / 16
 MOST_ITERATIONS = 200
 # Newton's method has settled when a step that is a smaller share of the largest place than the first number shrinks by
 # no more than the second one: what is left is the rounding of the function, which may cancel digits, at any scale.
-SETTLING, STALLED = 1e-6, 0.7
+SETTLING, NO_LONGER_SHRINKS = 1e-6, 0.7
 _Place = TypeVar("_Place")
 _Value = TypeVar("_Value")
 _Found = TypeVar("_Found")
@@ -46,7 +46,7 @@ def newton_root(step: Callable[[float], float], place: float) -> float | None:
             return None
         place += move
         largest, size = max(largest, abs(place)), abs(move)
-        if size <= UNIT * largest or SETTLING * largest > size > STALLED * before:
+        if size <= UNIT * largest or SETTLING * largest > size > NO_LONGER_SHRINKS * before:
             return place
         before = size
     return None

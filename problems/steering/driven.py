@@ -33,7 +33,7 @@ from .disturbed import Disturbed, disturbed
 OF_OTHER_EQUATIONS = "its motion does not satisfy the equations of this machine, as after a change of a table"
 # Gauss points of a control interval at which the actuator's power is taken; a peak between two of as many samples is
 # higher than both by less than this share, and is found to that share of the time between them, whose square is left.
-POWER_SAMPLES, BETWEEN_SAMPLES, SAME_PLACE = 40, 0.1, 1e-8
+POWER_SAMPLES, BETWEEN_SAMPLES, SAME_PEAK = 40, 0.1, 1e-8
 # And those between two rows of a table, which are near each other.
 PART_SAMPLES = 8
 PERIODIC = 1e-6  # states that differ by less, relative to their size, are the same: the tolerance of a solve is finer
@@ -295,7 +295,7 @@ def largest_effects(driven: Actuated, control: Control) -> tuple[float, float]:
             likely = inside >= np.maximum(beside, (1 - BETWEEN_SAMPLES) * largest[kind])
             for i, k in np.argwhere(likely).tolist():
                 bounds, of = t[i, [k, k + 2]], (driven, leg, rates[i], kind)
-                options = {"xatol": SAME_PLACE * (bounds[1] - bounds[0])}
+                options = {"xatol": SAME_PEAK * (bounds[1] - bounds[0])}
                 peak = minimize_scalar(_size_below_0, args=of, bounds=bounds, method="bounded", options=options)
                 largest[kind] = max(largest[kind], -float(peak.fun))
     return largest[0], largest[1]
