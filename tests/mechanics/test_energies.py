@@ -108,7 +108,7 @@ def test_a_wheel():
         kinetic((about, theta), (body, phi)),
         k * (phi - theta) ** 2 / 2 + mass * g * length * sympy.cos(theta - angle),
         [phi, theta], {"rear foot": theta, "front foot": 2 * angle - theta},
-        {mass: 2.0, length: 0.4, about: 0.4, body: 0.4, k: 20.0, angle: pi / 8, g: 9.81},
+        {mass: 2.0, length: 0.4, about: 0.4, body: 0.4, k: 20.0, angle: pi / 8, g: 9.80665},
         reversor={theta: 2 * angle - theta, phi: 2 * angle - phi}, in_si=True, angles=[phi, theta],
         symmetry={theta: theta - 2 * angle, phi: phi - 2 * angle},
     )  # fmt: skip

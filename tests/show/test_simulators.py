@@ -178,7 +178,7 @@ def test_mujoco_replays(name, tmp_path):
     if name == "downhill":  # the heights are those of gravity, and the model's those above the slope
         c, s = np.cos(0.02), np.sin(0.02)
         expected = places_of_masses_on_slope(result, t)
-        assert model.opt.gravity == pytest.approx([9.81 * s, 0, -9.81 * c])
+        assert model.opt.gravity == pytest.approx([9.80665 * s, 0, -9.80665 * c])
     else:
         assert np.ptp(energies) < 1e-11 * max(np.abs(energies))
     bodies = [0] if len(expected[0]) == 1 else range(len(found[0]))
