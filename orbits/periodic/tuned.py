@@ -48,11 +48,13 @@ class Prescribed(NamedTuple):
     of : (model, u, p) -> its value as an expression, without dimensions
     dimension : of it
     with_contact : whether it depends on the time of the contact
+    positive : whether it lies above 0 in every orbit
     """
 
     of: Callable
     dimension: Dimension
     with_contact: bool = False
+    positive: bool = False
 
 
 def _period(model: Model, u: Mapping, p: Mapping) -> Any:
@@ -62,10 +64,10 @@ def _period(model: Model, u: Mapping, p: Mapping) -> Any:
 PRESCRIBED: dict[str, Prescribed] = {
     "alpha": Prescribed(lambda model, u, p: u["alpha"], DIMENSIONS["alpha"]),
     "liftoff_extension": Prescribed(lambda model, u, p: model.liftoff_extension(u, p), DIMENSIONS["liftoff_extension"]),
-    "flight_time": Prescribed(lambda model, u, p: 2 * u["duration"], DIMENSIONS["flight_time"]),
-    "contact_time": Prescribed(lambda model, u, p: 2 * u["contact_duration"], DIMENSIONS["contact_time"], True),
-    "period": Prescribed(_period, DIMENSIONS["period"], True),
-    "frequency": Prescribed(lambda model, u, p: 1 / _period(model, u, p), FREQUENCY, True),
+    "flight_time": Prescribed(lambda model, u, p: 2 * u["duration"], DIMENSIONS["flight_time"], positive=True),
+    "contact_time": Prescribed(lambda model, u, p: 2 * u["contact_duration"], DIMENSIONS["contact_time"], True, True),
+    "period": Prescribed(_period, DIMENSIONS["period"], True, True),
+    "frequency": Prescribed(lambda model, u, p: 1 / _period(model, u, p), FREQUENCY, True, True),
 }
 # Those of machines that go forward: the step is a parameter, which is tuned unless it is prescribed.
 OF_STEPS: dict[str, Prescribed] = {
@@ -75,6 +77,8 @@ OF_STEPS: dict[str, Prescribed] = {
 }
 # Those of these that are no parameters.
 QUANTITIES_ALONG = {*PRESCRIBED, *OF_STEPS} - {STEP_LENGTH}
+# Quantities of the whole motion that are ranges, or maxima of what is 0 at lift-off.
+NEVER_NEGATIVE = ("stroke", "largest_contact_force", "friction_needed")
 
 
 def prescribable(model: Model) -> dict[str, Prescribed]:
@@ -116,9 +120,20 @@ def tuning_of(machine: Machine, tune: str | Iterable[str] | None, at: Mapping[st
             raise InputError(f"at '{name}': that is a number of the machine; state it there, or tune it")
         if name not in (*known, *others):
             raise InputError(f"at '{name}': the orbits have no such quantity{suggest(name, [*known, *others])}")
+        _check_value(machine, name, values[name])
     check_count(machine, names, values)
     smooth = {name: value for name, value in values.items() if name in known}
     return Tuning(names, smooth, {name: value for name, value in values.items() if name not in smooth})
+
+
+def _check_value(machine: Machine, name: str, value: float) -> None:
+    """Raise `InputError` where no orbit has this value of a quantity, so that no search begins."""
+    model, known = machine.model, PRESCRIBED.get(name)
+    positive = bool(known and known.positive) or (name == "alpha" and model.relative is not None)
+    never_negative = positive or name in NEVER_NEGATIVE or name in model.rises(machine.values)
+    if (value < 0 and never_negative) or (value == 0 and positive):
+        bound = "above 0" if positive else "at least 0"
+        raise InputError(f"at '{name}' = {value:g}: it is {bound} in every orbit; prescribe such a value")
 
 
 def tuned_names(machine: Machine, tune: str | Iterable[str] | None) -> tuple[str, ...]:

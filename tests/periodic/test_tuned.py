@@ -186,6 +186,10 @@ def test_a_file_that_calls_the_errors_of_tuned_numbers_tuned_is_read():
         ({"tune": {"k": 2.0}, "at": {"alpha": 5.0}}, "whose search begins at their values in the machine"),
         ({"tune": "k", "at": {"alpha": float("nan")}}, "at 'alpha' = nan"),
         ({"tune": "k", "at": ["alpha"]}, "a mapping of quantities to values"),
+        ({"tune": "k", "at": {"frequency": -2.0}}, "'frequency' = -2: it is above 0 in every orbit"),
+        ({"tune": "k", "at": {"contact_time": 0.0}}, "'contact_time' = 0: it is above 0 in every orbit"),
+        ({"tune": "k", "at": {"alpha": -1.0}}, "'alpha' = -1: it is above 0 in every orbit"),
+        ({"tune": "k", "at": {"stroke": -1.0}}, "'stroke' = -1: it is at least 0 in every orbit"),
         ({"tune": "k", "at": {"alpha": 5.0}, "method": "shooting"}, "tunes no parameters"),
     ],
 )
@@ -228,7 +232,11 @@ def test_a_tuned_number_may_go_far():
     ("machine", "arguments", "text"),
     [
         (LINEAR, {"tune": "mass_ratio", "at": {"alpha": 5.0}}, "alpha does not depend on mass_ratio: tune another"),
-        (LINEAR, {"tune": "k", "at": {"alpha": -1.0}}, r"no orbit with alpha = -1 .* k = .* and rising"),
+        (
+            LINEAR,
+            {"tune": "k", "at": {"liftoff_extension": -1.0}},
+            r"no orbit with liftoff_extension = -1 .* k = .* and rising",
+        ),
         (LINEAR, {"tune": "k", "at": {"clearance": 1.0}}, "has no clearance: in family 1"),
         (CUBIC, {"tune": "mass_ratio", "at": {"contact_time": 0.5}}, "no orbit with contact_time = 0.5"),
     ],
