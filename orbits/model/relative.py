@@ -21,6 +21,7 @@ from ..laws.law import WRONG_SIGN, Algebraic, Key, Parameters, from_key, number
 from .liftoff import Liftoff
 from .modes import Modes, single_mode
 from .phase import Arc, Phase, Pieces, Statement
+from .turning_speeds import turning_speeds
 
 # Beyond these bounds one of the two masses is lost in rounding, or the lengths of lift-off overflow or vanish.
 STIFFNESSES = (1e-12, 1e12)
@@ -45,6 +46,8 @@ class Search(NamedTuple):
     single : whether the laws bend so seldom that the orbit to which the guess leads is taken for the lowest
     pace : the scale of times over that of launch speeds
     by_speed : whether the extension at lift-off depends on the launch speed
+    turning : (fastest, most) -> the launch speeds that resolve the turning points of the extension, at most so many
+        for each of two sides, and the speed up to which they do; None where these do not depend on the speed alone
     """
 
     scale: float
@@ -53,6 +56,7 @@ class Search(NamedTuple):
     single: bool
     pace: float = 1.0
     by_speed: bool = False
+    turning: Callable[[float, int], tuple[np.ndarray, float]] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +139,21 @@ class Relative:
         fastest = FASTEST if single and not gravity else FASTEST_IN_DETAIL
         spacing = float(np.clip(finest, *SPACINGS))
         scale = number("the scale of launch speeds", float(self.scale(1 / unit, p)), low=0)
-        return Search(scale, spacing, fastest, single, float(self.time(p)), self.by_speed is not None)
+        turning = None if self.by_speed else lambda fastest, most: self.turning_speeds(p, fastest, most)
+        return Search(scale, spacing, fastest, single, float(self.time(p)), self.by_speed is not None, turning)
+
+    def turning_speeds(self, p: Parameters, fastest: float, most: int) -> tuple[np.ndarray, float]:
+        """The launch speeds (k,) that resolve the turning points of the extension under constant gravity, and the speed
+        up to which they do, as in `turning_speeds`."""
+        law = from_key(self.law, p)
+        unit, pace = unit_of_length(self.law, p), float(np.sqrt(self.rate(p))) if self.rate else 1.0
+
+        def force(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            values, slopes = law.with_slope(x)
+            return values + self.liftoff.load, slopes
+
+        speeds, last = turning_speeds(force, self.liftoff.extension(law), law.range(), unit, fastest / pace, most)
+        return pace * speeds, pace * last
 
     def single(self, p: Mapping[str, np.ndarray]) -> np.ndarray:
         """Which of many machines (m,) have no feature for which `search` looks for several orbits."""

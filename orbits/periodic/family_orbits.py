@@ -9,6 +9,7 @@ from ..errors import InputError, NoOrbit
 from ..model.machine import Machine
 from ..model.model import Model
 from ..result import Progress
+from ..running.heartbeat import LOGGER
 from ..shooting.division import NodedSolution
 from ..shooting.formulations import equations_of, vector
 from ..units import LIFTOFF_SPEED, Message, Quantity, in_own_units, in_units
@@ -37,15 +38,17 @@ def lowest_of_family(machine: Machine, family: int, method: str, progress: Progr
         if orbits and (search is None or search.single or orbits[0].method == "closed form"):
             return orbits[0]
         progress = None  # the search follows after progress was reported
+    complete = False
     try:
         reported = "" if refusal is None else str(in_units(refusal, None))
         others = _all_of_family(machine, family, method, None, progress, reported)
+        complete = others[0].known_in_family is not None
         orbits += tuple(other for other in others if not any(same_orbit(orbit, other) for orbit in orbits))
     except NoOrbit as none:
         if not orbits:
             raise (with_search(refusal, none) if refusal else none) from None
-    lowest = min(orbits, key=lambda one: one.alpha)
-    return replace(lowest, known_in_family=len(orbits), seconds=time.perf_counter() - began)
+    lowest, known = min(orbits, key=lambda one: one.alpha), len(orbits) if complete else None
+    return replace(lowest, known_in_family=known, seconds=time.perf_counter() - began)
 
 
 def _solved_for(machine: Machine, family: int, method: str, progress: Progress = None) -> Orbit:
@@ -91,7 +94,11 @@ def _all_of_family(
             refused = Message(text, about=Quantity(float(about), LIFTOFF_SPEED), error=error)
     if not found:
         raise none_found(model, cells, refused)
-    return tuple(replace(orbit, known_in_family=len(found)) for orbit in found)
+    if cells.stopped or refused:
+        why = f"the search was stopped after {cells.launches} launches" if cells.stopped else "one cannot be certified"
+        LOGGER.warning("family %d may have more orbits than the %d that are found: %s", family, len(found), why)
+    known = None if refused or incomplete(model, cells) else len(found)
+    return tuple(replace(orbit, known_in_family=known) for orbit in found)
 
 
 # The orbits of a machine that may have units.
@@ -102,13 +109,22 @@ orbits_of_family = in_own_units(
 
 def none_found(model: Model, cells: Cells, refused: str = "") -> NoOrbit:
     """The error of a search that finds no orbit; `refused` is the part of its message on refused orbits."""
-    text = "a search from launch speed {low:.3g} to {high:.4g}{stopped} finds none{refused}"
-    if not model.plain:
-        text += "; it is not complete, since orbits of machines that step may lie between falls, in narrow ranges"
-    text += f"; {hint}" if (hint := model.violations.get("none")) else ""
-    stopped = f", stopped after {cells.launches} launches," if cells.stopped else ""
+    reason = incomplete(model, cells)
+    text = "a search from launch speed {low:.3g} to {high:.4g} " + ("has found none so far" if reason else "finds none")
+    text += "{refused}" + (f"; {hint}" if (hint := model.violations.get("none")) else "")
+    text += "; it is not complete: {reason}" if reason else ""
     low, high = (Quantity(speed, LIFTOFF_SPEED) for speed in cells.searched)
-    return NoOrbit(Message(text, low=low, high=high, stopped=stopped, refused=refused))
+    return NoOrbit(Message(text, low=low, high=high, refused=refused, reason=reason))
+
+
+def incomplete(model: Model, cells: Cells) -> str | Message:
+    """Why a search may have missed orbits; "" for one that is complete."""
+    if cells.stopped:
+        text = "it was stopped after {launches} launches, up to launch speed {high:.4g}"
+        return Message(text, launches=cells.launches, high=Quantity(cells.searched[1], LIFTOFF_SPEED))
+    if not model.plain:
+        return "orbits of machines that step may lie between falls, in narrow ranges"
+    return ""
 
 
 def with_search(error: NoOrbit, none: NoOrbit) -> NoOrbit:

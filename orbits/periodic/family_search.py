@@ -32,14 +32,20 @@ UNIFORM_TO, MOST_UNIFORM, SPEED_RATIO, SLOW_LAUNCHES = 2.5, 2000, 1.05, 20
 # A cell that is narrower than this share of its speed is not halved: there the lateness jumps, or it touches zero, and
 # then it is below this share of scale and speed.
 NARROWEST_CELL, TOUCHING_ZERO = 1e-6, 1e-9
+# Where falls begin or end the lateness grows without bounds, as a logarithm: a cell there is halved to this share.
+NARROWEST_AT_FALLS = 1e-13
 # The cell in which the extension begins to escape is narrower than this share of its speed before it is classified.
 NARROW_ESCAPE = 1e-3
 # Towards launches without a turn the lateness may grow without bounds: as a logarithm by at most 50 times its change in
 # the previous cell, down to neighbouring numbers, and as a fourth root by at most 1e4 times that change.
 STEEPEST_END = 1e4
 # After this many launches no more cells are halved. Machines that step fall over in many ways, each with a bound of its
-# own, about which there is nothing to find.
+# own.
 MOST_SEARCHED, MOST_STEPS_SEARCHED = 20_000, 1_000
+# At most this share of them resolves the turning points on each side.
+RESOLVING_SHARE = 0.25
+# Where orbits are sought below a launch speed, cells beyond it, up to this multiple, show how the lateness bends.
+BEYOND_SOUGHT = 1.2
 # The lateness of a turn that does not occur within this time, in multiples of the sum of scale and launch speed.
 LATEST_TURN = 10.0
 # Nothing throws up a machine that steps, so that the time from one turn to the next does not grow with the speed. One
@@ -60,6 +66,16 @@ class Cells(NamedTuple):
     searched: tuple[float, float]
     launches: int
     stopped: bool
+
+
+class _Launches(NamedTuple):
+    """Launches of machines, one machine after the other and ascending: the machine (N,), speed, lateness and number of
+    turns of each."""
+
+    owners: np.ndarray
+    speeds: np.ndarray
+    late: np.ndarray
+    turns: np.ndarray
 
 
 class Lateness:
@@ -93,10 +109,12 @@ class Lateness:
     def __call__(self, alphas: np.ndarray, which: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """The lateness (k,) at launch speeds (k,) of the machines `which` (k,), the first one for None, and the times
         (k,) of the family's turn, NaN where there is none."""
-        return self._followed(alphas, np.zeros(len(alphas), int) if which is None else which)[:2]
+        late, times, *_ = self._followed(alphas, np.zeros(len(alphas), int) if which is None else which)
+        return late, times
 
-    def _followed(self, alphas: np.ndarray, which: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Lateness and times (k,), and whether each motion (k,) breaks off: it runs away or reaches a singularity."""
+    def _followed(self, alphas: np.ndarray, which: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Lateness and times (k,), whether each motion (k,) breaks off, as it runs away or reaches a singularity, and
+        the numbers of turns (k,) that were found, of those that are needed."""
         u, p = self._unknowns(alphas, which), self._parameters(which)
         limit = LATEST_TURN * self.paces[which] * (self.scales[which] + alphas)
         states = columns(self.arc.start(u, np.zeros(0), p))
@@ -119,7 +137,8 @@ class Lateness:
         else:
             late = np.sum(self.arc.conditions(u, list(states.T), p), axis=0)
             late = -late if self.turns_midway else late / self.paces[which]
-        return np.where(np.isfinite(times), late, limit / self.paces[which]), times, broken
+        turns = np.isfinite(spans).sum(axis=0) + np.isfinite(times)
+        return np.where(np.isfinite(times), late, limit / self.paces[which]), times, broken, turns
 
     def start(self, alphas: np.ndarray, which: np.ndarray | None = None) -> np.ndarray:
         """The unknowns (k, n) of the statement near orbits with launch speeds (k,) of the machines `which` (k,)."""
@@ -127,15 +146,30 @@ class Lateness:
         u = {**self._unknowns(alphas, which), "duration": self(alphas, which)[1]}
         return np.column_stack([u[name] for name in self.statement.unknowns])
 
-    def speeds(self, search: Search, fastest: float | None = None) -> np.ndarray:
-        """The launch speeds at which a search begins; `fastest` replaces the default of the last one."""
+    def last_speed(self, search: Search, fastest: float | None = None) -> float:
+        """The fastest launch of a search; `fastest` replaces its default."""
+        return fastest or search.scale * self.family * search.fastest
+
+    def speeds(self, search: Search, fastest: float | None = None, below: float = np.inf) -> np.ndarray:
+        """The launch speeds at which a search begins, up to the last one, or as far as they resolve the turning points
+        of the extension; those are resolved as far as orbits are sought, `below` a speed."""
         scale, family = search.scale, self.family
         top = UNIFORM_TO * (family + 0.5) * np.pi * scale
         step = max(search.spacing * scale, top / MOST_UNIFORM)
-        last = fastest or scale * family * search.fastest
+        last, turning = self.last_speed(search, fastest), np.zeros(0)
+        if search.turning and not self.steps:
+            needed = min(last, BEYOND_SOUGHT * below)
+            turning, resolved = search.turning(needed, int(RESOLVING_SHARE * self.most))
+            last = last if resolved >= needed else resolved
         far = np.zeros(0) if last <= top else np.geomspace(top, last, 2 + int(np.log(last / top) / np.log(SPEED_RATIO)))
         slow = np.geomspace(SLOWEST_LAUNCH * scale, step, SLOW_LAUNCHES)
-        return _well_apart(np.concatenate([slow[:-1], np.arange(step, min(top, last), step), far, [last]]))
+        speeds = np.concatenate([slow[:-1], np.arange(step, min(top, last), step), far, [last]])
+        # Between two of these, those are added that are closer to each other.
+        apart = np.gradient(turning) if len(turning) > 1 else np.zeros(len(turning))
+        place = np.searchsorted(speeds, turning)
+        inside = (place > 0) & (place < len(speeds))
+        wide = np.diff(speeds)[np.clip(place - 1, 0, len(speeds) - 2)] > apart
+        return _well_apart(np.sort(np.concatenate([speeds, turning[inside & wide]])))
 
     def _with_speeds_near_guess(self, speeds: np.ndarray, p: Sequence[float]) -> np.ndarray:
         """The launch speeds at which the search of a machine that steps begins, with parameters (np,)."""
@@ -154,27 +188,30 @@ class Lateness:
     def cells(self, fastest: float | None = None, below: np.ndarray | None = None) -> list[Cells]:
         """The cells of each machine's orbits; only `below` launch speeds (m,) where these are stated, since faster
         orbits are then not requested."""
-        count, first = len(self.searches), [self.speeds(search, fastest) for search in self.searches]
-        if self.steps:
-            first = list(map(self._with_speeds_near_guess, first, self.ps.tolist()))
+        count = len(self.searches)
+        bounds = [np.inf] * count if below is None else below.tolist()
+        every = [self.speeds(search, fastest, end) for search, end in zip(self.searches, bounds, strict=True)]
+        first = list(map(self._with_speeds_near_guess, every, self.ps.tolist())) if self.steps else every
         if below is not None:  # the classification of a cell needs its neighbours too
             first = [speeds[: np.searchsorted(speeds, end) + 2] for speeds, end in zip(first, below, strict=True)]
-        owners, speeds, late = self._first_values(first)
-        launches, stopped = np.bincount(owners, minlength=count), np.zeros(count, bool)
-        while len(cells := _open_cells(owners, speeds, late)):
-            stopped[owners[cells]] |= launches[owners[cells]] > self.most
-            cells = cells[~stopped[owners[cells]]]
+        sampled = self._first_values(first)
+        launches = np.bincount(sampled.owners, minlength=count)
+        ends = [(end[-1], self.last_speed(search, fastest)) for end, search in zip(every, self.searches, strict=True)]
+        stopped = np.array([end < last for end, last in ends])
+        while len(cells := _open_cells(sampled)):
+            full = launches[sampled.owners[cells]] > self.most
+            stopped[sampled.owners[cells[full]]] = True
+            cells = cells[~stopped[sampled.owners[cells]]]
             if not len(cells):
                 break
-            which, middles = owners[cells], 0.5 * (speeds[cells] + speeds[cells + 1])
-            new = which, middles, self._values(middles, which)
-            owners, speeds, late = map(np.insert, (owners, speeds, late), [cells + 1] * 3, new)
+            which, middles = sampled.owners[cells], 0.5 * (sampled.speeds[cells] + sampled.speeds[cells + 1])
+            new = which, middles, *self._values(middles, which)
+            sampled = _Launches(*map(np.insert, sampled, [cells + 1] * len(new), new))
             launches += np.bincount(which, minlength=count)
-        return _cells_of(owners, speeds, late, self.scales, launches, stopped)
+        return _cells_of(sampled, self.scales, launches, stopped)
 
-    def _first_values(self, each: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The machines (N,), launch speeds and lateness of the first launches, whose speeds are those of `each` machine
-        one after the other.
+    def _first_values(self, each: Sequence[np.ndarray]) -> "_Launches":
+        """The first launches, whose speeds are those of `each` machine one after the other.
 
         In reduced coordinates the energy grows with the speed, so that an extension which escapes at one speed does so
         at every faster one: where that begins is found by halving.
@@ -189,16 +226,18 @@ class Lateness:
                 escapes = self._followed(speeds[middle], i)[2]
                 low[i[~escapes]], high[i[escapes]] = middle[~escapes], middle[escapes]
             returns = np.arange(len(speeds)) < high[owners]
-        late[returns] = self._values(speeds[returns], owners[returns])
-        return owners, speeds, late
+        turns = np.zeros(len(speeds), int)
+        late[returns], turns[returns] = self._values(speeds[returns], owners[returns])
+        return _Launches(owners, speeds, late, turns)
 
-    def _values(self, alphas: np.ndarray, which: np.ndarray) -> np.ndarray:
+    def _values(self, alphas: np.ndarray, which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The lateness (k,) at launch speeds (k,) of the machines `which` (k,), infinite where the extension escapes in
-        reduced coordinates, and NaN where a machine that steps falls over without the family's turn."""
-        late, times, escapes = self._followed(alphas, which)
+        reduced coordinates, and NaN where a machine that steps falls over without the family's turn; and the numbers of
+        turns (k,)."""
+        late, times, escapes, turns = self._followed(alphas, which)
         if self.steps:
-            return np.where(np.isfinite(times), late, np.nan)
-        return np.where(escapes, np.inf, late) if self.reduction else late
+            return np.where(np.isfinite(times), late, np.nan), turns
+        return (np.where(escapes, np.inf, late) if self.reduction else late), turns
 
     def _parameters(self, which: np.ndarray) -> dict[str, object]:
         """The parameters (k,) of some machines by name; numbers where there is but one machine."""
@@ -241,18 +280,23 @@ def _well_apart(speeds: np.ndarray) -> np.ndarray:
     return speeds[np.append(np.diff(speeds) > NARROWEST_CELL * speeds[1:], True)]
 
 
-def _open_cells(owners: np.ndarray, speeds: np.ndarray, late: np.ndarray) -> np.ndarray:
+def _open_cells(sampled: _Launches) -> np.ndarray:
     """The cells between launches (N,) in which the number of zeros of the lateness is not settled."""
-    _, settled = _judged(owners, speeds, late)
-    return np.flatnonzero(~settled & (np.diff(speeds) > NARROWEST_CELL * speeds[1:]))
+    _, settled = _judged(sampled)
+    narrowest = np.where(_other_falls(sampled), NARROWEST_AT_FALLS, NARROWEST_CELL)
+    return np.flatnonzero(~settled & (np.diff(sampled.speeds) > narrowest * sampled.speeds[1:]))
 
 
-def _cells_of(
-    owners: np.ndarray, speeds: np.ndarray, late: np.ndarray,
-    scales: np.ndarray, launches: np.ndarray, stopped: np.ndarray,
-) -> list[Cells]:  # fmt: skip
+def _other_falls(sampled: _Launches) -> np.ndarray:
+    """Whether one of two neighbouring launches (N,) falls over and the other one does not, or after other turns."""
+    falls = np.isnan(sampled.late)
+    return (falls[1:] | falls[:-1]) & (sampled.turns[1:] != sampled.turns[:-1])
+
+
+def _cells_of(sampled: _Launches, scales: np.ndarray, launches: np.ndarray, stopped: np.ndarray) -> list[Cells]:
     """The cells of machines (m,) whose searches have ended, with launches (N,)."""
-    changes, _ = _judged(owners, speeds, late)
+    owners, speeds, late, _ = sampled
+    changes, _ = _judged(sampled)
     least = np.minimum(np.abs(late[1:]), np.abs(late[:-1]))
     touches = (least < TOUCHING_ZERO * (scales[owners[1:]] + speeds[1:])) & (owners[1:] == owners[:-1])
     i = np.flatnonzero((changes & ~_breaks_off(owners, speeds, late, scales)) | touches)
@@ -277,15 +321,17 @@ def _breaks_off(owners: np.ndarray, speeds: np.ndarray, late: np.ndarray, scales
     return near & within & ~never[:-1] & never[1:] & (late[:-1] < -STEEPEST_END * change[:-1])
 
 
-def _judged(owners: np.ndarray, speeds: np.ndarray, late: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _judged(sampled: _Launches) -> tuple[np.ndarray, np.ndarray]:
     """Whether the lateness changes its sign in each cell between launches (N,), and whether it is settled to do so
     once, else not at all; between launches of two machines there is no cell, and no change.
 
     Where the extension escapes, and at all faster launches, the lateness is infinite. Towards these it grows without
     bounds as a logarithm: in a narrow cell where the escape begins, it does not vanish if it rises before, and its
-    curvature is too small to bring it to zero. Where a machine that steps falls over, the lateness is NaN, and a narrow
-    cell where falls begin or end has no change.
+    curvature is too small to bring it to zero. Where a machine that steps falls over, the lateness is NaN. Launches at
+    which falls begin or end, or the number of turns before them changes, lead to an unstable equilibrium, after which
+    more turns may follow: a cell about one has no change once it is narrow.
     """
+    owners, speeds, late, _ = sampled
     same, escapes = owners[1:] == owners[:-1], ~np.isfinite(late)
     inside, widths = same & ~escapes[1:] & ~escapes[:-1], np.where(same, np.diff(speeds), 1.0)
     changes, slopes = same & ((late[1:] >= 0) != (late[:-1] >= 0)), np.diff(np.where(escapes, 0.0, late)) / widths
@@ -304,5 +350,6 @@ def _judged(owners: np.ndarray, speeds: np.ndarray, late: np.ndarray) -> tuple[n
     settled[begins] = (slopes[begins - 1] >= 0) & (late[begins] > fall) & narrow[begins]
     if (falls := np.isnan(late)).any():
         falling = falls[1:] | falls[:-1]
-        changes, settled = changes & ~falling, np.where(falling, narrow, settled)
-    return changes, settled | ~same | (escapes[1:] & escapes[:-1])
+        narrowest = np.diff(speeds) < NARROWEST_AT_FALLS * speeds[1:]
+        changes, settled = changes & ~falling, np.where(falling, narrowest | ~_other_falls(sampled), settled)
+    return changes, settled | ~same | (np.isinf(late[1:]) & np.isinf(late[:-1]))

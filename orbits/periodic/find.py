@@ -209,12 +209,15 @@ def find_all(
     progress : called with the completed share of the launches near an orbit, or of the starts
     limit : time limit in seconds of the search, or of each start, as in `find`
 
-    The orbits of a family are the zeros of one function of the launch speed (see `family_search`). Between sampled
-    speeds its curvature is assumed to be at most four times what its second differences show. This is not a proof, but
-    the samples are refined where it matters. A search is stopped after 20,000 launches and may then miss some; one of
-    a machine that steps, after 1,000, and it may miss orbits in narrow ranges of launch speeds between falls. Starts
-    that lead to no orbit are left out. Raises `NoOrbit` where there is none, with the range that was searched or the
-    last reason, and `InputError` for invalid arguments, and for a family of a model that has no such search.
+    The orbits of a family are the zeros of one function of the launch speed (see `family_search`). It is sampled so
+    that the turning points of the extension move over no feature of the spring's law from one speed to the next, and
+    its curvature between them is assumed to be at most four times what its second differences show. This is not a
+    proof, but the samples are refined where it matters. A search is stopped after 20,000 launches, or after 1,000 of a
+    machine that steps, whose orbits may lie between falls, in narrow ranges of launch speeds. Where a search may have
+    missed orbits, their `known_in_family` is None. Where it was stopped, or where an orbit could not be certified, a
+    warning is logged too. Starts that lead to no orbit are left out. Raises `NoOrbit` where there is none, with the
+    range that was searched or the last reason, and `InputError` for invalid arguments, and for a family of a model that
+    has no such search.
 
     >>> from orbits import find_all
     >>> from problems import Hopper

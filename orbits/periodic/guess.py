@@ -13,7 +13,7 @@ from ..laws.law import from_key, values_and_slopes
 from ..model.linear_guess import linear_guess
 from ..model.model import Model, refuse_hysteresis
 from ..model.phase import Affine
-from ..model.relative import FASTEST, Relative, half_angle
+from ..model.relative import FASTEST, FASTEST_IN_DETAIL, Relative, half_angle
 from ..numerics.polynomial_roots import Crossings
 from ..numerics.roots import root_search
 from ..shooting.formulations import vectors
@@ -76,7 +76,8 @@ def guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]
     extension, rest = relative.liftoff.extension(law), np.array([law.rest()])
     relative.liftoff.refuse_jump(law, extension)
     slopes = lambda x: law.with_slope(np.clip(x, *law.range()))[1]  # noqa: E731
-    (alpha,), refused = lowest_launch_speeds(relative, ps, np.array([extension]), family, rest, slopes)
+    single = np.array([relative.search(p).single])
+    (alpha,), refused = lowest_launch_speeds(relative, ps, np.array([extension]), family, rest, slopes, single)
     if refused:
         raise refused[0]
     return {"liftoff": extension, "alpha": float(alpha), "duration": float(alpha) * float(relative.time(p))}
@@ -103,7 +104,7 @@ def guesses(relative: Relative, family: int, p: Mapping[str, np.ndarray]) -> Gue
             alpha[rows] = half_angle(family) * relative.scale(slopes(places[:, None])[:, 0], those)
         else:
             rests = np.zeros(len(rows))
-            alpha[rows], none = lowest_launch_speeds(relative, those, places, family, rests, slopes)
+            alpha[rows], none = lowest_launch_speeds(relative, those, places, family, rests, slopes, single[rows])
             refused = {int(rows[i]): error for i, error in none.items()}
     found = {"liftoff": extension, "alpha": alpha, "duration": alpha * relative.time(p)}
     return Guesses(found, own, single, refused)
@@ -128,7 +129,7 @@ class _End(NamedTuple):
 
 def lowest_launch_speeds(
     relative: Relative, p: Mapping[str, np.ndarray], liftoffs: np.ndarray, family: int, rests: np.ndarray,
-    slopes: Callable[[np.ndarray], np.ndarray],
+    slopes: Callable[[np.ndarray], np.ndarray], single: np.ndarray,
 ) -> tuple[np.ndarray, dict[int, NoOrbit]]:  # fmt: skip
     """The lowest launch speeds (m,) whose half flight ends on the family's turn: time alpha = first turn + family half
     periods; NaN where there is none, and the reasons by index.
@@ -139,14 +140,16 @@ def lowest_launch_speeds(
     p : parameters (m,) by name
     liftoffs, rests : the extensions (m,) at lift-off and at rest
     slopes : extensions (m, k) -> the slopes (m, k) of the springs there
+    single : whether the springs (m,) bend seldom; the fast flights of others take long, and a search follows anyway
     """
     flow, ps = flow_of(relative.phase, tuple(p)), vectors(p, len(liftoffs))
     times, near = np.broadcast_to(relative.time(p), len(ps)), slopes(np.column_stack([liftoffs, rests]))
     steepest = np.where(np.isfinite(near), near, -np.inf).max(axis=1)  # a law has a slope at lift-off, if not at rest
     barriers = crossable_barriers(slopes(np.outer(family / steepest, BARRIER_EXTENSIONS)))
     scales, ends = relative.scale(steepest, p), dict[int, _End]()
-    each = zip(scales.tolist(), barriers.tolist(), strict=True)
-    searches = [_search(family, scale, barrier) for scale, barrier in each]
+    fastest = np.where(single, FASTEST, FASTEST_IN_DETAIL) * family * scales
+    each = zip(scales.tolist(), fastest.tolist(), barriers.tolist(), strict=True)
+    searches = [_search(family, *one) for one in each]
     wanted = {i: next(search) for i, search in enumerate(searches)}
     oscillations = half_oscillation if len(ps) == 1 else half_oscillations
     while wanted:
@@ -164,7 +167,7 @@ def lowest_launch_speeds(
     found = np.array([ends[i].alpha for i in range(len(scales))])
     none = np.flatnonzero(np.isnan(found))
     those = {name: values[none] for name, values in p.items()}
-    refused = _refusals(relative, those, family, liftoffs[none], [ends[i] for i in none.tolist()], scales[none])
+    refused = _refusals(relative, those, family, liftoffs[none], [ends[i] for i in none.tolist()], fastest[none])
     return found, dict(zip(none.tolist(), refused, strict=True))
 
 
@@ -219,7 +222,7 @@ def times_of_turns(
 
 def _refusals(
     relative: Relative, p: Mapping[str, np.ndarray], family: int, liftoffs: np.ndarray, ends: list[_End],
-    scales: np.ndarray,
+    fastest: np.ndarray,
 ) -> list[NoOrbit]:  # fmt: skip
     """The errors of springs with parameters (m,) by name that have no orbit, from the ends of their searches."""
     lost, errors = np.array([end.lost for end in ends]), dict[int, FlowError]()
@@ -231,8 +234,8 @@ def _refusals(
         *_, failed = first_zeros(flow, starts, ps, SPEED_OF_EXTENSION, longest, rising=True)
         errors = {int(known[i]): error for i, error in failed.items()}
     refused = list[NoOrbit]()
-    for i, (alpha, scale) in enumerate(zip(lost.tolist(), scales.tolist(), strict=True)):
-        parts = {"alpha": Quantity(alpha, SPEED), "fastest": Quantity(FASTEST * family * scale, SPEED)}
+    for i, (alpha, last) in enumerate(zip(lost.tolist(), fastest.tolist(), strict=True)):
+        parts = {"alpha": Quantity(alpha, SPEED), "fastest": Quantity(last, SPEED)}
         if np.isnan(alpha):
             text = "none up to launch speed {fastest:g}"
         elif isinstance(error := errors.get(i), OutOfRange):
@@ -245,10 +248,10 @@ def _refusals(
     return refused
 
 
-def _search(family: int, scale: float, barrier: bool) -> Generator[float, _Sample, _End]:
+def _search(family: int, scale: float, fastest: float, barrier: bool) -> Generator[float, _Sample, _End]:
     """A search of `lowest_launch_speeds`, which yields launch speeds and is sent samples there."""
     samples = [_Sample(0.0, 1.0)]
-    fastest, slowest = FASTEST * family * scale, SLOWEST_LAUNCH * scale
+    slowest = SLOWEST_LAUNCH * scale
     no_return = np.inf  # the lowest speed from which the extension does not come back
     alpha, lost = 2 * family * scale, np.nan  # low for most springs; if too fast, the search starts at the slowest
     while alpha < fastest and samples[-1].alpha < (1 - 1e-4) * no_return:

@@ -60,8 +60,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
     scales : the units of the dimensionless numbers; None for a machine that is stated without units. The numbers of
         an orbit with scales are in SI, except `residual`, `energy_drift` and `unfolding`, which are dimensionless
     bare : the same orbit without units, None where there are none
-    known_in_family : the number of orbits of its family that a search over launch speeds has found, this one included;
-        None where there was no search. A search is stopped after 20,000 launches, and may then miss some.
+    known_in_family : the number of orbits of its family in the launch speeds of a search, this one included; None where
+        there was no search, or where it may have missed some
     step, speed : of a machine that moves on along the ground, by how much it does so from landing to landing, and how
         fast its centre of mass moves along the ground in flight; None for another
     source : the machine that it was found for; None for an orbit from a file

@@ -63,7 +63,7 @@ def test_with_gravity_that_bends_the_lowest_orbit_is_searched_for():
     assert find(stepping("wheel", 1.0, 0.5)).known_in_family is None
     machine = stepping("rocker", 1.0, 0.5, 0.3)
     assert not machine.model.search(machine.values).single
-    assert find(machine).known_in_family == 1
+    assert [orbit.alpha for orbit in find_all(machine)] == pytest.approx([find(machine).alpha], rel=1e-14)
 
 
 def test_a_launch_speed_below_0_is_no_guess():
