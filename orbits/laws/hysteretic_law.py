@@ -76,8 +76,10 @@ def hysteretic_law(text: str, extending: Law, shortening: Law, mean: Law | None 
             apart = f"{values[name]:g} and {value:g}"
             raise InputError(f"parameter '{name}' has two values in the branches, {apart}: give both the same")
     mean = mean or mean_of(extending, shortening)
-    own = {"extending": extending, "shortening": shortening, "mean": mean, "in_si": extending.in_si}
-    return HystereticLaw(text, mean.variable, mean.expression, values, mean.pieces, **own)
+    return HystereticLaw(
+        text, mean.variable, mean.expression, values, mean.pieces, in_si=extending.in_si,
+        extending=extending, shortening=shortening, mean=mean,
+    )  # fmt: skip
 
 
 def mean_of(extending: Law, shortening: Law) -> Law:

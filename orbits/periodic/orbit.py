@@ -394,7 +394,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
     def _rows_on_loop(self) -> tuple[Row, ...]:
         """What the hop loses on the measured loop of which the spring is one branch."""
         try:
-            upkeep = self.source.on_loop(self.alpha) if hasattr(self.source, "on_loop") else None
+            upkeep = getattr(self.source, "on_loop", lambda alpha: None)(self.alpha)
         except OrbitsError as error:
             return (Row("on the measured loop", {"on the measured loop": str(error)}),)
         if upkeep is None:

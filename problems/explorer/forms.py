@@ -197,7 +197,7 @@ def machine_file(scene: Scene) -> str:
     if scene.fixed_laws:
         raise InputError("a machine that is made in Python has no machine file; the Python lines make it")
     stated = scene.statement()
-    tables = {name: stated.pop(name) for name in ("si", "parameters") if name in stated}
+    tables: dict[str, dict[str, Any]] = {name: stated.pop(name) for name in ("si", "parameters") if name in stated}
     lines = [f"{name} = {_toml(value)}" for name, value in stated.items()]
     if scene.tuned:
         tables["find"] = {"tune": [*scene.tuned], "at": dict(scene.prescribed)}
