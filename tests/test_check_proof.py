@@ -172,6 +172,7 @@ FALSE_PIECES = {
     "a breakpoint less": {"force": ["r"], "breaks": []},
     "a breakpoint more": {"breaks": ["gap", "9"]},
     "an order": {"force": ["r", "gap + ratio*(r - gap)", "r"], "breaks": ["gap", "0.4"]},
+    "no order": {"force": ["r", *["gap + ratio*(r - gap)"] * 2], "breaks": ["gap", "gap - 0.1"]},
     "a potential": {"potential": True},
     "rows too": {"rows": [["-9", "-9", "1", "0"], ["9", "9", "1", "0"]]},
 }

@@ -83,7 +83,7 @@ class BallLeg:
         self.condition_slopes = OfLaws(lambda law: _dense_program(each_law[law], inputs))
         self.count = len(each_law[0])
         self.variation = self._variation()
-        self._breaks = BallProgram(intervals, arc.breaks)
+        self._breaks = BallProgram([*arc.constants, *intervals], arc.breaks)
         self._domains = OfLaws(lambda law: BallProgram(self.state, [each.place for each in arc.domains[law]]))
 
     def _variation(self) -> Variation:
@@ -118,9 +118,9 @@ class BallLeg:
         acts[m:] = False
         return acts
 
-    def breakpoints(self, intervals: Sequence[arb]) -> Breakpoints:
-        """The breakpoints of the law, for enclosures of the interval parameters."""
-        values = self._breaks(intervals)
+    def breakpoints(self, states: Sequence[arb]) -> Breakpoints:
+        """The breakpoints of the law, for enclosures (n,) of the states, whose constants they depend on."""
+        values = self._breaks(states[len(self.moving) + 1 :])
         if not all(low < high for low, high in itertools.pairwise(values)):
             raise Unproved("the breakpoints of the spring's law are not proved to be apart and in order")
         return Breakpoints(tuple(map(ball_of_fraction, self.arc.weights)), values)
@@ -233,7 +233,7 @@ class Equations:
             by_unknowns = columns_of(slopes, 0, columns)
             if last_slopes is not None:
                 by_unknowns = by_unknowns + columns_of(slopes, columns, len(last)) * last_slopes
-            breakpoints = leg.breakpoints(box[len(self.unknowns) :])
+            breakpoints = leg.breakpoints(leg.start([*box, *last_box]))
             passage = follow_set(leg.variation, start, by_unknowns, deviations, bits, fineness, breakpoints)
             m = leg.variation.moving
             end, end_slopes = passage.end[:m], _first_rows(passage.slopes, m)

@@ -96,7 +96,7 @@ class HalfOrbit:
         if mechanics.tuned:
             self.lone = None
         places = (each.place for own in (mechanics.domains, *mechanics.law_domains) for each in own)
-        used = [*mechanics.functions, *places]
+        used = [*mechanics.functions, *places, *(mechanics.pieces.breaks if mechanics.pieces else ())]
         self.constants = tuple(each for each in mechanics.tuned.values() if depends_on(used, [each]))
 
     def unit_of(self, name: str) -> Fraction:

@@ -101,6 +101,6 @@ def _transition(leg: BallLeg, start: Sequence[arb], bits: int) -> arb_mat:
     """The derivatives (m, m) of the state in mid-flight by the state at lift-off, over fixed times."""
     n, m = len(start), len(leg.moving)
     radii = arb_mat(n, 1, [arb(0, value.rad()) for value in start])
-    middles, breakpoints = [value.mid() for value in start], leg.breakpoints(start[m + 1 :])
+    middles, breakpoints = [value.mid() for value in start], leg.breakpoints(start)
     passage = follow_set(leg.variation, middles, unit_matrix(n), radii, bits, FINE, breakpoints)
     return arb_mat([row[:m] for row in passage.slopes.tolist()[:m]])

@@ -11,6 +11,7 @@ from flint import arb
 
 from orbits import find, find_all, prove
 from orbits.balls.crossing import Breakpoints
+from orbits.check_proof import check
 from orbits.exact.claim import claim_of
 from orbits.exact.refusal import Unproved
 from orbits.laws.law import Written
@@ -70,9 +71,28 @@ def test_an_interval_of_gaps():
     machine = Hopper(springs.bilinear(gap=0.5, ratio=2.0))
     proof = prove(find(machine), parameters={"gap": ("0.4999", "0.5001")}, motion=False)
     assert proof.proved, proof.reasons
+    assert not check(proof.document())
     for gap in (0.4999, 0.5, 0.5001):
         alpha = find(machine.with_values(gap=gap)).alpha
         assert float(proof.alpha.low) < alpha < float(proof.alpha.high)
+
+
+def softly_late(alpha, gap, ratio):
+    """As `lateness`, where the launch, at 1, is on the soft piece: up to the gap, above it, and down to the bottom."""
+    pace, w = mp.sqrt(1 + alpha**2 - gap**2), mp.sqrt(ratio)
+    up, down = mp.atan(alpha) - mp.atan2(pace, gap), mp.pi - mp.atan2(pace, gap)
+    return up + 2 * mp.atan2(w * pace, gap) / w + down - alpha
+
+
+def test_a_tuned_gap():
+    """The breakpoint is an unknown of the theorem."""
+    proof = prove(find(Hopper(springs.bilinear(ratio=3, gap=1.5), rest_length=20), tune="gap", at={"alpha": 3.7}))
+    assert proof.proved, proof.reasons
+    with mp.workdps(40):
+        gap = mp.findroot(lambda gap: softly_late(mp.mpf("3.7"), gap, 3), 1.65)
+        assert mp.nstr(gap, 35) in proof.enclosures["gap"]
+    assert proof.enclosures["gap"].width < 1e-20
+    assert not check(proof.document())
 
 
 @pytest.mark.slow
