@@ -13,7 +13,7 @@ from ..exact.stated import Bounds, Decimals, StatedMachine
 from ..running.time_limit import time_limit
 from .case import CONDITIONS, REFUTED, UNDECIDED, check_mirrored, not_stated, whole_proof
 from .theorem import Proof
-from .wording import motion_sentence, solved_words
+from .wording import loss_sentence, motion_sentence, solved_words
 
 # Intervals are halved at most this many times where they are too wide for one proof.
 HALVINGS_OF_INTERVALS = 4
@@ -102,14 +102,17 @@ def _joined(parts: Sequence[Proof], stated: StatedMachine) -> Proof:
     family = first.family if len(same) == 1 else None
     conditions = first.conditions if family is not None else {}
     motion = motion_sentence(family, conditions, enclosures, stated.steps)
-    statement = " ".join(filter(None, (stated.words(), f"{solved}. {unique}.", motion)))
-    reasons = () if family is not None or not first.conditions else ("family: the parts are of several families",)
+    reasons = ["family: the parts are of several families"] if family is None and first.conditions else []
     side = first.bounce_side if len({part.bounce_side for part in parts}) == 1 else None
+    if side is None and "loss_coefficient" in enclosures:
+        reasons.append("the loss coefficient: landings have a bounce above alpha in some parts, and below it in others")
+    loss = loss_sentence(enclosures["loss_coefficient"], side) if side else ""
+    statement = " ".join(filter(None, (stated.words(), f"{solved}. {unique}.", motion, loss)))
     return replace(
         first, proved=not reasons, statement=statement, stated={**first.stated, **stated.document()}, family=family,
         bounce_side=side,
         enclosures=enclosures, conditions=conditions, radius=radius_of(enclosures["alpha"]), uniqueness_radius=None,
-        parts=tuple(each for part in parts for each in part.parts), reasons=reasons,
+        parts=tuple(each for part in parts for each in part.parts), reasons=tuple(reasons),
     )  # fmt: skip
 
 

@@ -62,6 +62,8 @@ def enclosed_loss(half: HalfOrbit, flight: Motion, unknowns: Mapping[str, arb], 
         raise Unproved("the signs of the jerk at landing and of the gap's change with alpha are not decided")
     delay = 6 * abs(change) / jerk
     loss = mass_ball * jerk**2 / 8 * delay ** (arb(4) / 3) / power_ball
+    if not 2 * loss.rad() < loss.lower():  # it would not even say how large the losses are
+        raise Unproved("its enclosure is wider than its least value: state narrower intervals of the parameters")
     # C takes a speed to the power 4/3 to a speed.
     unit = ball_of_fraction(m.scale.speed) ** (arb(-1) / 3)
     return Loss(loss * unit, "below" if change > 0 else "above", delay)

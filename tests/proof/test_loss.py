@@ -5,6 +5,7 @@ from conftest import REFERENCES, machine_of
 from proofs import CUBIC, meets
 
 from orbits import find, prove
+from orbits.proof import intervals
 from problems import Hopper, Juggler
 
 
@@ -40,3 +41,23 @@ def test_an_orbit_that_is_no_motion_has_no_hops_beside_it():
         assert "it needs the conditions of a motion" in proof.reasons[-1]
         assert "loss_coefficient" not in proof.enclosures
         assert proof.bounce_side is None
+
+
+@pytest.mark.slow
+def test_a_parameter_in_an_interval(monkeypatch):
+    """As a whole the coefficient would be enclosed to [3.3, 7.3], and of the wider interval to [0, 27]."""
+    hopper = Hopper("r + beta*r**3", rest_length=8.0, parameters={"beta": 0.3})
+    proof = prove(find(hopper), loss=True, parameters={"beta": ("0.29999", "0.30001")})
+    assert proof.proved, proof.reasons
+    loss = proof.enclosures["loss_coefficient"]
+    assert f"with C in {loss}, and ten times as much on the side below" in proof.statement
+    assert len(proof.parts) == 2
+    assert float(loss.high) < 2 * float(loss.low)
+    for beta in (0.29999, 0.3, 0.30001):
+        certificate = find(hopper.with_values(beta=beta)).certificate
+        assert meets(loss, certificate.loss_coefficient, str(certificate.loss_error))
+    monkeypatch.setattr(intervals, "HALVINGS_OF_INTERVALS", 1)
+    wide = prove(find(hopper), loss=True, parameters={"beta": ("0.2999", "0.3001")})
+    assert not wide.proved
+    assert all(each.startswith("the loss coefficient: ") for each in wide.reasons), wide.reasons
+    assert "loss_coefficient" not in wide.enclosures
