@@ -65,7 +65,8 @@ def bits_of_digits(digits: int | None) -> int:
 def check_mirrored(model: Any) -> None:
     """Raise `InputError` for a model whose orbits are not their own mirror images."""
     if model.reversor is None:
-        raise InputError(f"a {model.name} is not its own mirror image in time: its orbits cannot be proved")
+        why = "loses energy, as by a damper, or states no reversor, and so is not its own mirror image in time"
+        raise InputError(f"this {model.name} {why}: nothing is proved of its orbits")
 
 
 def not_stated(machine: Machine, reason: Unproved, conditions: Mapping[str, str] | None = None) -> Proof:
