@@ -98,7 +98,8 @@ def find(
 def _found_from(machine: Machine, family: int | None, start: Any, method: str, progress: Progress) -> Orbit:
     """The orbit of a family, or the orbit found from a start."""
     if start is None:
-        return with_needed_range(machine, lambda known: lowest_of_family(known, family or 1, method, progress))
+        number = family or 1
+        return with_needed_range(machine, number, lambda known: lowest_of_family(known, number, method, progress))
     began = time.perf_counter()
     orbit = certified_orbit(machine, solve_near(machine, start, method), began=began)
     if family not in (None, orbit.family):

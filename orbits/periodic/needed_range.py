@@ -19,9 +19,9 @@ from .orbit import Orbit
 INSTANTS = 2001  # of a cycle at which its extension is measured: a message states it with a few digits
 
 
-def with_needed_range(machine: Any, search: Callable[[Any], Orbit]) -> Orbit:
-    """The orbit that a search finds for a dimensionless machine; where it leaves the range of the machine's law, or
-    none is found in it, the reason also states the range that it needs."""
+def with_needed_range(machine: Any, family: int, search: Callable[[Any], Orbit]) -> Orbit:
+    """The orbit of a family that a search finds for a dimensionless machine. Where it leaves the range of the machine's
+    law, or none is found in it, the reason also states the range that it needs."""
     law = getattr(machine, "spring", None)
     if not isinstance(law, Law) or law.key.branches or not np.isfinite(law.range()).all():
         return search(machine)
@@ -30,7 +30,10 @@ def with_needed_range(machine: Any, search: Callable[[Any], Orbit]) -> Orbit:
     except NoOrbit as error:
         if (needed := _needed(machine, law, search)) is None:
             raise
-        raise NoOrbit(Message("{error}; {needed}", error=error.args[0], needed=needed)) from None
+        low, high = (Quantity(end, EXTENSION) for end in law.range())
+        parts = {"law": law.text, "family": family, "low": low, "high": high, "needed": needed, "error": error.args[0]}
+        text = f"spring '{{law}}': a motion of family {{family}} {OUT_OF_LAW}, [{{low:.6g}}, {{high:.6g}}]; {{needed}}"
+        raise NoOrbit(Message(text if OUT_OF_LAW in error.args[0] else "{error}; {needed}", **parts)) from None
     outside = [OUT_OF_LAW in violation for violation in orbit.violations]
     if not any(outside) or (needed := _needed(machine, law, search)) is None:
         return orbit
@@ -48,4 +51,4 @@ def _needed(machine: Any, law: Law, search: Callable[[Any], Orbit]) -> Message |
     end = orbit.flight_time if orbit.contact_time is None else orbit.period
     extensions = orbit(np.linspace(0.0, end, INSTANTS)) @ np.array(machine.model.extension.weights)
     low, high = (Quantity(float(each), EXTENSION) for each in (extensions.min(), extensions.max()))
-    return Message("an orbit needs about [{low:.3g}, {high:.3g}], by the slopes at the ends", low=low, high=high)
+    return Message("an orbit needs about [{low:.3g}, {high:.3g}]", low=low, high=high)

@@ -227,7 +227,8 @@ def interpret(
     flight, halves, gap_slope, growth = _flights(model, method, u, p, evaluation)
     gap = flight.with_rows(flight.series(model.landing_gap_of(p))[:, None], ("gap",)).sizes(1)[:, 0]
     # The derivatives change with the error of alpha.
-    slope_error = SLOPE_CHANGE * gap * growth * evaluation.relative_growth**2 * errors / np.abs(u["alpha"])
+    with np.errstate(over="ignore"):  # nothing is known of a slope that may change without bound
+        slope_error = SLOPE_CHANGE * gap * growth * evaluation.relative_growth**2 * errors / np.abs(u["alpha"])
     # Where the launch has several speeds, the contact up to its middle is a part of the equations.
     if len(evaluation.trajectories) > 1:
         contacts: Any = np.arange(len(us)), evaluation.trajectories[1].only(evaluation.trajectories[1].names), {}

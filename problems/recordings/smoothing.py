@@ -156,8 +156,8 @@ class SmoothCurves:
             amplitudes = AMPLITUDES / sizes[-1]
             spreads = 1 + amplitudes[:, None] * sizes
             squares = (z**2 / spreads).sum(1) + rows.squares
-            with np.errstate(divide="ignore"):  # rows on a polynomial leave nothing
-                size = freedom * np.log(squares) if noise is None else squares / noise**2
+            least = np.maximum(squares, np.finfo(float).tiny)  # rows on a polynomial leave nothing
+            size = freedom * np.log(least) if noise is None else squares / noise**2
             logs.append(-0.5 * (np.log(spreads).sum(1) + size))
             variances = squares / max(freedom - 2, 1) if noise is None else np.full(len(squares), noise**2)
             if noise is None:  # the noise itself is uniform where it is small, its logarithm where it is large

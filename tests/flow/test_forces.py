@@ -108,7 +108,7 @@ class TestBalance:
         weights = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / (12 * step**2)
         a = sum(w * hip(t + k * step) for w, k in zip(weights, (-2, -1, 0, 1, 2), strict=True))
         pull = forces["spring force"] / (link * np.cos(theta / 2))
-        assert pull == pytest.approx(-60.0 * (a + 9.81), abs=0.05)
+        assert pull == pytest.approx(-60.0 * (a + 9.80665), abs=0.05)
         assert orbit.heading("spring force") == "spring force (N m)"
 
     def test_a_simulation_with_losses(self):

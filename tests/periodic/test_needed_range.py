@@ -19,7 +19,7 @@ def straight(low: float, high: float, **options):
 
 
 def needed(reason: str) -> list[float]:
-    found = re.search(r"an orbit needs about \[(.*) m, (.*) m\], by the slopes at the ends$", reason)
+    found = re.search(r"an orbit needs about \[(.*) m, (.*) m\]$", reason)
     assert found, reason
     return [float(each) for each in found.groups()]
 
