@@ -81,6 +81,11 @@ def order_for(bits: int) -> int:
     return max(COARSE[0], round(ORDER_PER_BIT * bits))
 
 
+def fineness_for(bits: int) -> Fineness:
+    """How derivatives are enclosed to a number of bits."""
+    return order_for(bits), 2.0**-bits, bits + COARSE[2]
+
+
 def follow_centre(
     systems: OfLaws[System], breakpoints: Breakpoints, law: int, start: Sequence[arb],
     length: arb, bits: int,

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from flint import arb
+from flint import arb, ctx
 
 from ..errors import OrbitsError
 from ..exact.expressions import ExactExpression, along
@@ -12,8 +12,9 @@ from .enclosure import Passage, Piece
 from .equations import BallLeg
 from .programs import BallProgram, OfLaws
 from .rigorous_step import between
+from .root import FIRST_BITS
 
-# Halvings of a step's time after which a sign is left undecided.
+# Halvings of a step's time after which a sign is left undecided, in the precision of the first proof.
 MOST_BISECTIONS = 14
 # Times of a step at which an undecided sign is checked again.
 SAMPLES_OF_STEP = 8
@@ -100,13 +101,13 @@ class Motion:
             if i == len(pieces) - 1 and zero_at_end:
                 high = self._ending(each, piece, low)
             if low < high:
-                self._check_between(each, piece, low, high, MOST_BISECTIONS)
+                self._check_between(each, piece, low, high, _most_halvings())
 
     def _beginning(self, each: Derivatives, order: int, piece: Piece, is_first: bool) -> arb:
         """A time up to which the first derivative that is not zero at the start is positive, and so the function; after
         the first piece it may be 0."""
         until = piece.step.h
-        for _ in range(MOST_BISECTIONS):
+        for _ in range(_most_halvings()):
             derivative = self.value(each, order, piece, between(arb(0), until))
             if derivative > 0:
                 return until
@@ -120,7 +121,7 @@ class Motion:
     def _ending(self, each: Derivatives, piece: Piece, low: arb) -> arb:
         """A time from which the function falls to its zero at the end."""
         since = low
-        for _ in range(MOST_BISECTIONS):
+        for _ in range(_most_halvings()):
             if self.value(each, 1, piece, between(since, piece.step.h)) < 0:
                 return since
             if self.value(each, 1, piece, piece.step.h) > 0:
@@ -152,7 +153,7 @@ class Motion:
         """
         marks = list[tuple[int, int]]()  # sign of the rate, 0 where it has none, and of the rate's derivative
         for piece in self.passage.pieces:
-            self._mark(each, piece, arb(0), piece.step.h, MOST_BISECTIONS, marks)
+            self._mark(each, piece, arb(0), piece.step.h, _most_halvings(), marks)
         if marks[0][0] == 0:
             marks.insert(0, (_sign(self.first(each, 1)), 0))
         if not turns_at_end and marks[-1][0] == 0:
@@ -184,6 +185,12 @@ class Motion:
             middle = (low + high) / 2
             self._mark(each, piece, low, middle, left - 1, marks)
             self._mark(each, piece, middle, high, left - 1, marks)
+
+
+def _most_halvings() -> int:
+    """Halvings after which a sign is left undecided: two further bits of a value at a minimum, which is flat, need one
+    further halving of the time."""
+    return MOST_BISECTIONS + max(ctx.prec - FIRST_BITS, 0) // 2
 
 
 def _sign(value: arb) -> int:

@@ -14,6 +14,7 @@ on [0, h] and lies in the tube (an argument by continuity; Moore, Kearfott, Clou
 """
 
 import itertools
+import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,7 +22,7 @@ import numpy as np
 from flint import arb, arb_poly, arb_series, ctx
 
 from ..exact.refusal import Unproved
-from .programs import UNDEFINED, BallProgram, coefficient
+from .programs import UNDEFINED, BallProgram, Value, coefficient
 
 SPREADING = "the set of motions spreads too far to be enclosed; narrower intervals of parameters would help"
 # The step is chosen so that the tube grows at most by about this share of itself.
@@ -33,6 +34,8 @@ MOST_TRIES = 60
 MOST_OFF, LEAST_SHARE = 16.0, 0.4
 # A state this much smaller than the largest is small.
 SMALL = 1e-2
+# Series of at most this order are found by Picard's iteration: it is quicker there than Newton's, which needs slopes.
+MOST_BY_PICARD = 40
 # The least length of a step relative to the longest, and its bits.
 SHORTEST, STEP_BITS = 1e-6, 16
 
@@ -123,13 +126,55 @@ def picard_coefficients(system: System, centre: Sequence[arb], order: int) -> li
     return [row if i in moving else row + [arb(0)] * order for i, row in enumerate(found)]
 
 
+def ball_coefficients(system: System, centre: Sequence[arb], order: int) -> list[list[arb]]:
+    """Taylor coefficients (n, order + 1) of the solution from a centre (n,): the first ones by Picard's iteration,
+    further ones by Newton's, which doubles their number."""
+    rows = picard_coefficients(system, centre, min(order, MOST_BY_PICARD))
+    while len(rows[0]) <= order:
+        rows = _newton_coefficients(system, rows, min(2 * len(rows[0]), order + 1))
+    return rows
+
+
+def _newton_coefficients(system: System, rows: list[list[arb]], count: int) -> list[list[arb]]:
+    """Taylor coefficients (n, count) from the first k of them, for at most 2 k. The solution is p + t**k e with the
+    polynomial p of these, and up to t**(2 k - 1) its rates are those of p and Df(p) t**k e: what they lack is
+    quadratic in t**k e. So (k + q) e[q] is the coefficient of t**(k + q - 1) in f(p), and of t**(q - 1) in Df(p) e
+    (R. P. Brent, H. T. Kung, Journal of the ACM 25, 1978)."""
+    known, cap = len(rows[0]), ctx.cap
+    moving = [i for part in system.parts for i in part.states]
+
+    def on_series(program: BallProgram, length: int) -> list[Value]:
+        ctx.cap = length
+        return program([arb_series(row[:length], length) if i in moving else row[0] for i, row in enumerate(rows)])
+
+    try:
+        rates, slopes = on_series(system.rates, count - 1), on_series(system.slopes, known)
+    except UNDEFINED:
+        raise Unproved("the motion comes to where a law has no value") from None
+    finally:
+        ctx.cap = cap
+    by_state = [
+        (i, j, [coefficient(slope, q) for q in range(known)] if isinstance(slope, arb_series) else [slope])
+        for (i, j), slope in zip(system.places, slopes, strict=True)
+        if i in moving and j in moving
+    ]
+    further: list[list[arb]] = [[] for _ in rows]
+    for q in range(count - known):
+        sums = [coefficient(rate, known + q - 1) for rate in rates]
+        for i, j, slope in by_state if q else ():
+            sums[i] = sum(map(operator.mul, slope, further[j][::-1]), sums[i])
+        for i, row in enumerate(further):
+            row.append(sums[i] / (known + q) if i in moving else arb(0))
+    return [[*row, *more] for row, more in zip(rows, further, strict=True)]
+
+
 def take_step(
     system: System, centre: Sequence[arb], spread: Sequence[arb], longest: arb,
     order: int, accuracy: float,
 ) -> Step:  # fmt: skip
     """A step of at most the longest length from the states within a spread (n,) of a centre (n,), of a polynomial of
     this order whose last term is about the accuracy; raises `Unproved` where no step is short enough."""
-    rows = picard_coefficients(system, centre, order)
+    rows = ball_coefficients(system, centre, order)
     h = _suggested(system, rows, longest, order, accuracy)
     polynomials = [arb_poly(row) for row in rows]
     sizes = _sizes(rows)
@@ -152,9 +197,10 @@ def _suggested(system: System, rows: list[list[arb]], longest: arb, order: int, 
     """A guess of the length of a step, such that a few about equal ones fill the longest. It has so few digits that
     sums of steps are exact."""
     sizes = _sizes(rows)
-    lasts = [max(abs(float(row[k].mid())) for k in (order - 1, order)) for row in rows]
-    last = max(each / size for each, size in zip(lasts, sizes, strict=True))
-    length = (accuracy / last) ** (1 / order) if last > 0 else np.inf
+    # As balls: the last of many coefficients is above the largest float.
+    lasts = [max(abs(row[k].mid()) for k in (order - 1, order)) for row in rows]
+    last = max((each / size).mid() for each, size in zip(lasts, sizes, strict=True))
+    length = accuracy ** (1 / order) / float(last.root(order)) if last > 0 else np.inf
     reach = arb(min(length, float(longest)))
     for t in (arb(0), reach):  # laws stiffen along the step
         places = [arb_poly(row)(t).mid() for row in rows]

@@ -17,7 +17,7 @@ from flint import arb, arb_mat, ctx
 
 from ..exact.claim import CONTACT_DURATION, FLIGHT_DURATION
 from ..exact.refusal import TooLong, Unproved
-from .enclosure import COARSE, Fineness, unit_matrix
+from .enclosure import COARSE, Fineness, fineness_for, unit_matrix
 from .equations import Equations, Evaluated, columns_of
 from .programs import UNDEFINED
 
@@ -45,13 +45,14 @@ class ProvedRoot:
 
     box : enclosures (unknowns,) of the root
     centre, radii : the box (unknowns,) in which there is no other root
-    evaluated : the equations on a box that holds the root
+    evaluated : the equations on a box that holds the root, with derivatives of this fineness
     """
 
     box: list[arb]
     centre: list[arb]
     radii: list[arb]
     evaluated: Evaluated
+    fineness: Fineness = COARSE
 
     def unique_within(self, units: Sequence[arb]) -> arb:
         """A distance from every point of the enclosures within which there is no other root, in any unknown; the
@@ -179,8 +180,9 @@ def _image(equations: Equations, evaluated: Evaluated, centre: Sequence[arb], de
 
 
 def _narrowed(equations: Equations, root: ProvedRoot, bits: int) -> ProvedRoot:
-    """The root enclosed more narrowly: by the derivatives on a smaller box, then by values in growing precision."""
-    box, evaluated = root.box, root.evaluated
+    """The root enclosed more narrowly: by the derivatives on a smaller box, then by values in growing precision. Where
+    many bits are requested the derivatives follow, so that each refinement doubles the bits (Newton's method)."""
+    box, evaluated, fineness = root.box, root.evaluated, COARSE
     if equations.intervals:
         for _ in range(2):
             centre, radii = [value.mid() for value in box], [value.rad() for value in box]
@@ -194,11 +196,14 @@ def _narrowed(equations: Equations, root: ProvedRoot, bits: int) -> ProvedRoot:
     box = _by_values(equations, evaluated, evaluated, centre, box)
     for _ in range(MOST_REFINEMENTS + bits // BITS_OF_REFINEMENT):
         if all(_bits_of(value) >= bits for value in box):
-            return replace(root, box=box, evaluated=evaluated)
+            return replace(root, box=box, evaluated=evaluated, fineness=fineness)
         reached = max(FIRST_BITS, min(_bits_of(value) for value in box))
         with ctx.workprec(min(2 * reached, bits) + GUARD_BITS):
-            centre = [value.mid() for value in box]
-            values = evaluated_on(equations, centre, [arb(0)] * len(centre))
+            centre, radii = [value.mid() for value in box], [arb(0)] * len(box)
+            if bits > FIRST_BITS:
+                fineness, radii = fineness_for(min(reached, bits // 2)), [2 * value.rad() for value in box]
+            values = evaluated_on(equations, centre, radii, fineness=fineness)
+            evaluated = values if bits > FIRST_BITS else evaluated
             before, box = box, _by_values(equations, evaluated, values, centre, box)
         if not any(new.rad() < old.rad() / 2 for new, old in zip(box, before, strict=True)):
             break

@@ -134,7 +134,8 @@ def whole_proof(
             verdicts = Verdicts(conditions=undecided, reasons=(f"existence: {error}",))
         if found is not None:
             with_loss = loss or (attraction and not claim.machine.restitution)
-            verdicts = _verdicts(found, claim, names if motion else [], with_loss, digits, about_claim)
+            with ctx.workprec(max(FIRST_BITS, bits_of_digits(digits))):
+                verdicts = _verdicts(found, claim, names if motion else [], with_loss, digits, about_claim)
             if attraction:
                 verdicts = _with_attraction(found, claim, verdicts)
     parameters = {name: bounds_of_fractions(bounds) for name, bounds in stated.parameters.items()}
@@ -339,7 +340,8 @@ def _flight(found: ProvedExistence) -> Motion:
     statement = flight_statement(found)
     equations = Equations(statement, found.equations.intervals)
     box = [found.root.box[found.equations.unknowns.index(name)] for name in statement.unknowns]
-    passages = evaluated_on(equations, [value.mid() for value in box], [value.rad() for value in box]).passages
+    middles, radii = [value.mid() for value in box], [value.rad() for value in box]
+    passages = evaluated_on(equations, middles, radii, fineness=found.root.fineness).passages
     equations.check_domains(passages)
     flight = Motion(equations.legs[0], passages[0])
     rates = passages[0].finish[1 : 2 * len(found.half.mechanics.v) : 2]

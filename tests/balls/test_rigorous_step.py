@@ -12,7 +12,7 @@ from flint import arb, ctx
 from orbits.balls.crossing import NO_BREAKPOINTS
 from orbits.balls.enclosure import follow_centre
 from orbits.balls.programs import ball_of_fraction
-from orbits.balls.rigorous_step import between, picard_coefficients, take_step
+from orbits.balls.rigorous_step import MOST_BY_PICARD, ball_coefficients, between, picard_coefficients, take_step
 from orbits.exact.refusal import Unproved
 
 GROWTH = system_of(1, lambda x: [x[0]])
@@ -165,6 +165,30 @@ def test_coefficients_of_states_in_parts_are_those_of_the_solution(name):
             with ctx.workprec(300):
                 assert ball.contains(ball_of_fraction(Fraction(value)))
             assert float(ball.rad()) < 1e-20
+
+
+@pytest.mark.parametrize("name", CLOSED_FORMS)
+def test_coefficients_beyond_those_of_picard(name):
+    """Newton's iteration doubles their number, more than once; the exact ones are rational."""
+    system, _, start = CLOSED_FORMS[name]
+    order = 4 * MOST_BY_PICARD + 3
+    found = ball_coefficients(system, [arb(value) for value in start], order)
+    x, *speed = map(Fraction, start)
+    for k in range(order + 1):
+        exact = {"square": x, "growth": x / math.factorial(k)}.get(name)
+        if exact is None:
+            exact = (-1) ** (k // 2) * (speed[0] if k % 2 else x) / math.factorial(k)
+        assert len(found[0]) == order + 1
+        with ctx.workprec(2000):
+            assert found[0][k].contains(ball_of_fraction(exact))
+        assert float(found[0][k].rad() / abs(found[0][k].mid())) < 1e-18
+
+
+def test_the_step_does_not_shrink_where_coefficients_exceed_floats():
+    """Those of x' = 10 x**2 from 1 are 10**k."""
+    with ctx.workprec(1045):
+        step = stepped(system_of(1, lambda x: [10 * x[0] ** 2]), [1.0], order=376, accuracy=2.0**-1045)
+    assert 0.005 < float(step.h) < 0.1
 
 
 def test_a_division_by_a_constant_that_may_be_0_has_no_coefficients():

@@ -143,3 +143,13 @@ def test_the_values_that_other_tests_take(beta):
     for name, kept in PROVED["cubic"][beta].items():
         assert Decimal(proof.enclosures[name].low) <= Decimal(kept["high"])
         assert Decimal(kept["low"]) <= Decimal(proof.enclosures[name].high)
+
+
+@pytest.mark.parametrize("room", ["1e-9", "-1e-9", "1e-14"])
+def test_tubes_that_follow_the_digits(room):
+    """The linear hopper is compressed by 1 + sqrt(4 + 2 alpha**2) in contact, where tan(alpha) = alpha."""
+    with mp.workdps(50):
+        alpha = mp.findroot(lambda x: mp.tan(x) - x, 4.4934)
+        length = mp.nstr(1 + mp.sqrt(4 + 2 * alpha**2) + mp.mpf(room), 45)
+    proof = prove(find(Hopper("r", rest_length=float(length))), 30, parameters={"rest_length": length})
+    assert proof.conditions["separation"] == ("refuted" if room.startswith("-") else "proved")
