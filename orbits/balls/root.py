@@ -193,20 +193,22 @@ def _narrowed(equations: Equations, root: ProvedRoot, bits: int) -> ProvedRoot:
     # Twice the radius, so that roundings of later centres stay in the box of the derivatives.
     centre, radii = [value.mid() for value in box], [2 * value.rad() for value in box]
     evaluated = evaluated_on(equations, centre, radii)
-    box = _by_values(equations, evaluated, evaluated, centre, box)
+    box, follows = _by_values(equations, evaluated, evaluated, centre, box), bits > FIRST_BITS
     for _ in range(MOST_REFINEMENTS + bits // BITS_OF_REFINEMENT):
         if all(_bits_of(value) >= bits for value in box):
             return replace(root, box=box, evaluated=evaluated, fineness=fineness)
         reached = max(FIRST_BITS, min(_bits_of(value) for value in box))
         with ctx.workprec(min(2 * reached, bits) + GUARD_BITS):
             centre, radii = [value.mid() for value in box], [arb(0)] * len(box)
-            if bits > FIRST_BITS:
+            if follows:
                 fineness, radii = fineness_for(min(reached, bits // 2)), [2 * value.rad() for value in box]
             values = evaluated_on(equations, centre, radii, fineness=fineness)
-            evaluated = values if bits > FIRST_BITS else evaluated
+            evaluated = values if follows else evaluated
             before, box = box, _by_values(equations, evaluated, values, centre, box)
         if not any(new.rad() < old.rad() / 2 for new, old in zip(box, before, strict=True)):
-            break
+            if follows:
+                break
+            follows = True  # the first box may hold a breakpoint of a law, where derivatives jump
     raise Unproved(f"the root is not enclosed to {bits} bits")
 
 

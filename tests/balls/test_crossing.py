@@ -65,6 +65,23 @@ def test_other_laws_in_pieces(machine):
     assert orbit.alpha + orbit.error >= float(proof.alpha.low)
 
 
+def test_a_breakpoint_beside_lift_off():
+    """The first box holds it. Half the flight is on soft pieces, up to the gap and between both gaps, and on stiff
+    ones, to a turn, back, and to the bottom."""
+    gap = 1 + 1e-6
+    proof = prove(find(Hopper(springs.end_stops(gap=gap, stop=3.0), rest_length=20.0)))
+    assert proof.proved, proof.reasons
+
+    def late(alpha):
+        pace, w = mp.sqrt(1 + alpha**2 - gap**2), mp.sqrt(3)
+        soft = mp.atan(alpha) - mp.atan2(pace, gap) + 2 * mp.atan2(gap, pace)
+        return soft + 3 * mp.atan2(w * pace, gap) / w - alpha
+
+    with mp.workdps(40):
+        gap = mp.mpf("1.000001")
+        assert mp.nstr(mp.findroot(late, float(proof.alpha.low)), 30) in proof.alpha
+
+
 @pytest.mark.slow
 def test_an_interval_of_gaps():
     """The breakpoint itself is known to an interval only."""
