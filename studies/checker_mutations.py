@@ -96,8 +96,8 @@ OF_SECOND = [
     ("rounded * seeds + frame * (error * seeds)", "rounded * seeds", ["unique"]),
     ("(whole - rounded) + (back * turned) * error", "(whole - rounded)", ["unique"], SHORT_LAST),
     (
-        "error * seeds), reach)\n            self",
-        "error * seeds), [arb(0)] * len(reach))\n            self",
+        "error * seeds), reach)\n            left",
+        "error * seeds), [arb(0)] * len(reach))\n            left",
         ["unique"],
     ),
     ("1) - inverse * by_all", "1) + inverse * by_all", ["inerter"]),
