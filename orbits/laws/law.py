@@ -243,7 +243,9 @@ class Law:
         else:
             numbers = "has the slope 1 at rest of a machine without units, and this machine is in SI"
             remedy = f"write it in N of m, as 'k*({self.text})' with its stiffness k in N/m and its lengths in m"
-            remedy = remedy if self.pieces is None else "state its rows in m and N as a table, springs.table(rows)"
+            remedy = (
+                remedy if self.pieces is None else f"state its stiffness in N/m, as springs.{self.text}(k=8000.0, ...)"
+            )
         raise InputError(f"the spring '{self.text}' {numbers}: {remedy}")
 
     def __repr__(self) -> str:
@@ -339,7 +341,7 @@ def evaluated(
             index = (breaks[:, None] <= places[:, :, None]).sum(2) - 1
         inside = (breaks[:, :1] <= places) & (places <= breaks[:, -1:])
         first = pieces * np.arange(count)[:, None]
-        data = rows.reshape(-1, size)[(first + np.clip(index, 0, pieces - 1)).ravel()]
+        data = rows.reshape(count * pieces, size)[(first + np.clip(index, 0, pieces - 1)).ravel()]
     found = function(key)(x.reshape(-1, 1), np.repeat(values, x.shape[1], axis=0), data)
     results = [each.reshape(x.shape) for each in found]
     return results if inside is None else [np.where(inside, each, np.nan) for each in results]

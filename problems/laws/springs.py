@@ -111,18 +111,37 @@ def morse(*, a: float = 0.05) -> Law:
     return _normalised("(1 - exp(-a*r))*exp(-a*r)/a", **positive(a=a))
 
 
-def bilinear(*, ratio: float = 3.0, gap: float = 0.5) -> Law:
-    """Stiffness 1 up to the extension `gap`, `ratio` beyond: a second spring engages (Shaw and Holmes 1983)."""
-    written = Written(("r", "gap + ratio*(r - gap)"), ("gap",))
-    pieces = LawPieces(3, _bilinear_pieces)
-    return Law("bilinear", "r", _line_expression, positive(ratio=ratio, gap=gap), pieces, written, in_si=False)
+def bilinear(*, ratio: float = 3.0, gap: float = 0.5, k: float | None = None) -> Law:
+    """Stiffness k up to the extension `gap`, `ratio` times that beyond: a second spring engages (Shaw and Holmes 1983).
+    None is the stiffness 1 of a machine without units."""
+    formulas = "r", "gap + ratio*(r - gap)"
+    return _of_lines("bilinear", formulas, ("gap",), _bilinear_pieces, k, ratio=ratio, gap=gap)
 
 
-def end_stops(*, gap: float = 3.0, stop: float = 20.0) -> Law:
-    """Stiffness 1 between extensions -gap and gap, `stop` beyond: bump stop and strap (Shaw and Holmes 1983)."""
-    written = Written(("-gap + stop*(r + gap)", "r", "gap + stop*(r - gap)"), ("-gap", "gap"))
-    pieces = LawPieces(3, _end_stop_pieces)
-    return Law("end_stops", "r", _line_expression, positive(gap=gap, stop=stop), pieces, written, in_si=False)
+def end_stops(*, gap: float = 3.0, stop: float = 20.0, k: float | None = None) -> Law:
+    """Stiffness k between extensions -gap and gap, `stop` times that beyond: stop and strap (Shaw and Holmes 1983).
+    None is the stiffness 1 of a machine without units."""
+    formulas = "-gap + stop*(r + gap)", "r", "gap + stop*(r - gap)"
+    return _of_lines("end_stops", formulas, ("-gap", "gap"), _end_stop_pieces, k, gap=gap, stop=stop)
+
+
+def _of_lines(
+    name: str, formulas: tuple[str, ...], places: tuple[str, ...], pieces: Callable, k: float | None, **values: float
+) -> Law:
+    """A law of straight lines, each a formula up to one of the places; a stated stiffness k multiplies it."""
+    if k is None:
+        return Law(
+            name,
+            "r",
+            _line_expression,
+            positive(**values),
+            LawPieces(3, pieces),
+            Written(formulas, places),
+            in_si=False,
+        )
+    written = Written(tuple(f"k*({formula})" for formula in formulas), places)
+    expression = _moved_expression(_line_expression, "k", None)
+    return Law(name, "r", expression, positive(k=k, **values), LawPieces(3, pieces), written)
 
 
 def air(*, length: float = 5.0, exponent: float = 1.4) -> Law:

@@ -90,7 +90,7 @@ def test_an_inertia_that_varies():
     foot, knee = dynamicsymbols("foot knee")
     link, straight = sympy.symbols("link straight")
     hip = foot + 2 * link * sympy.sin(knee / 2)
-    numbers = {m1: 60.0, m2: 3.0, k: 600.0, link: 0.45, straight: 2.6, g: 9.81}
+    numbers = {m1: 60.0, m2: 3.0, k: 600.0, link: 0.45, straight: 2.6, g: 9.80665}
     machine = Mechanism.from_lagrangian(
         kinetic((m1, hip), (m2, foot)), k * (knee - straight) ** 2 / 2 + g * (m1 * hip + m2 * foot), (foot, knee), foot,
         numbers, rest={knee: straight}, angles=[knee], launch=knee, separation=hip - foot, in_si=True,

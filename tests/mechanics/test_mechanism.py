@@ -28,7 +28,7 @@ class TestTheSameMachine:
 
     @pytest.mark.slow
     def test_with_a_law_in_pieces(self):
-        law = springs.end_stops(gap=1.5, stop=20.0)
+        law = springs.end_stops(k=1.0, gap=1.5, stop=20.0)
         derived = leg(Spring("body - foot", law), parameters={"m1": 1.0, "m2": 1.0})
         same(find(derived), find(hopper_in_si(1.0, 1.0, force=law, surface_gravity=1.0)), rel=1e-12)
 

@@ -124,7 +124,10 @@ SI_ROWS = springs.table(springs.SAMPLE, in_si=True)
             r"slope 1 at rest .* in SI: write it in N of m, as 'k\*",
         ),
         (lambda: hopper_in_si(60.0, 3.0, force="tanh"), r"write it in N of m, as 'k\*\(tanh\(b\*r\)/b\)'"),
-        (lambda: hopper_in_si(60.0, 3.0, force=springs.bilinear()), r"in SI: state its rows in m and N as a table"),
+        (
+            lambda: hopper_in_si(60.0, 3.0, force=springs.bilinear()),
+            r"in SI: state its stiffness in N/m, as springs.bilinear\(k=",
+        ),
     ],
 )
 def test_a_law_of_other_units_is_refused(build, words):

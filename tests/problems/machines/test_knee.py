@@ -439,7 +439,7 @@ def test_a_measured_torque_is_that_of_its_formula():
 @pytest.mark.slow
 def test_a_torque_with_a_corner_that_the_knee_passes():
     """The corner lies at an angle from rest; derivatives by the angle of rest, which moves it, are differences."""
-    machine = knee_hopper(springs.bilinear(ratio=2.0, gap=0.003), **SMALL)
+    machine = knee_hopper(springs.bilinear(k=1.0, ratio=2.0, gap=0.003), **SMALL)
     orbit = find(machine)
     assert by_another_integrator(machine, 1)(orbit) is None
     assert check(machine)
