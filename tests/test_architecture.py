@@ -313,8 +313,9 @@ def loaded_by(*scenes: str) -> list[set[str]]:
 def test_what_a_scene_does_not_need_is_not_loaded():
     find = "from orbits import find; from problems import Hopper; find(Hopper({}, {}, 1.0, 20.0, parameters={}))"
     linear, varying = find.format("'r'", "'1'", {}), find.format("'cubic'", "'exp(-z/H)'", {"H": 90.0})
-    loaded = loaded_by("import problems.command.cli", linear, varying)
-    assert loaded == [set(), {"casadi", "numpy"}, {"casadi", "numpy"}]
+    hops = "from orbits import ReturnMap, simulate; ReturnMap(Hopper('r'))([4.4]); simulate(Hopper('r'), 4.3, hops=2)"
+    loaded = loaded_by("import problems.command.cli", linear, varying, hops)
+    assert loaded == [set(), *[{"casadi", "numpy"}] * 3]
 
 
 def test_names_of_the_package_are_loaded_when_they_are_used_and_only_proofs_need_flint():

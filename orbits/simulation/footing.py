@@ -5,11 +5,10 @@ is counted, the foothold. A landing stops the speed of the gap and that along th
 coefficient of friction is stated, the foot slips as soon as it needs more.
 """
 
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ..errors import InputError
 from ..flow.flow import Flow
@@ -19,6 +18,7 @@ from ..model.phase import Affine
 from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
 from ..model.state_formula import StateFormula
 from ..numerics.polynomial_roots import Crossings, evaluate
+from ..numerics.roots import bracketed_root
 from ..units import LENGTH, Message, Quantity, described
 from .feet import Foot
 
@@ -103,9 +103,11 @@ class Footing:
         for each in self.heights.values() if self.model.changes_contact else ():
             if isinstance(each, StateFormula) and len(each.coordinates) == 1:
                 turned = np.eye(self.flight.size)[self.flight.phase.states.index(each.coordinates[0])]
-                above = np.asarray(each(TILTS[:, None] * turned)) > 0
+                values = np.asarray(each(TILTS[:, None] * turned))
+                above = values > 0
                 for i in np.flatnonzero(above[:-1] & ~above[1:])[:1]:
-                    at = brentq(lambda a, f=each, way=turned: float(f(a * way)), TILTS[i], TILTS[i + 1], xtol=1e-15)
+                    ends = *TILTS[i : i + 2].tolist(), *values[i : i + 2].tolist()
+                    at = bracketed_root(partial(_turned_height, each, turned), *ends)
                     found.append(Foot(self.flight, "", Affine(tuple(-turned), at)))
         return tuple(found)
 
@@ -187,3 +189,7 @@ class FallTest:
             return None
         states = self.embed @ coefficients[:, : self.embed.shape[1]]
         return min((place for each, zeros in self.heights for place in zeros(each.series(states), steps)), default=None)
+
+
+def _turned_height(height: StateFormula, turned: np.ndarray, tilt: float) -> float:
+    return float(height(tilt * turned))

@@ -11,7 +11,6 @@ from itertools import accumulate, pairwise
 from typing import Any, NamedTuple, cast
 
 import numpy as np
-from scipy.optimize import brentq
 
 from orbits import Control, NoOrbit, steer
 from orbits.control import Guess, Stage
@@ -132,6 +131,8 @@ def _during(guess: Guess, passage: OnOnePiece) -> Guess:
 
 def passages_of(phase: Phase, parameters: Mapping[str, float], guess: Guess) -> list[OnOnePiece]:
     """The passages of a guess through the pieces of a phase's law."""
+    from scipy.optimize import brentq  # takes long to import
+
     pieces = cast(Pieces, phase.pieces)
     levels = np.array(pieces.table(parameters)[0], dtype=float)[1:-1]
     times = guess.duration * (np.arange(SAMPLES_OF_GUESS) + 0.5) / SAMPLES_OF_GUESS

@@ -8,7 +8,6 @@ from typing import Any, NotRequired, TypedDict, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import minimize_scalar
 
 from orbits import Control, InputError, Simulation, simulate
 from orbits.control.control import ControlledLeg
@@ -282,6 +281,8 @@ def is_driven_motion_of(control: Control, actuated: Actuated) -> bool:
 def largest_effects(driven: Actuated, control: Control) -> tuple[float, float]:
     """The largest size of an actuator's force and of its power, both without units: over each control interval with
     both of its ends, by Brent's method beside the samples that may be the largest."""
+    from scipy.optimize import minimize_scalar  # takes long to import
+
     largest, shares = [0.0, 0.0], 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, POWER_SAMPLES + 1))
     for leg in control.legs:
         marks = leg.inputs.times

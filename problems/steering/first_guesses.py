@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
-from scipy.optimize import root
 
 from orbits import NoOrbit, Orbit, simulate
 from orbits.control import Guess
@@ -74,6 +73,8 @@ def rest_in_contact(driven: Actuated, orbit: Orbit) -> dict[str, float]:
                 lambda y: float(acceleration(y)[0]), *ends, *(float(acceleration(y)[0]) for y in ends)
             )
         }
+    from scipy.optimize import root  # takes long to import
+
     found = root(acceleration, (low + high)[: 2 * len(names) : 2] / 2, tol=1e-14)
     # At a tolerance of rounding the method may say that it makes no progress where it has arrived.
     if not np.abs(found.fun).max() <= AT_REST:
