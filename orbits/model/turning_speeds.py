@@ -80,6 +80,9 @@ def _speeds_of_side(
             line = slopes[cells] + SPLIT * (slopes[cells + 1] - slopes[cells])
             bent = np.abs((found[1] - line) * lengths[cells])
             chosen = coarse[cells] | ~(bent <= CHANGE_OF_SLOPE * size[cells])
+            # Where a force fades away, its work changes no launch speed.
+            work = np.maximum(size[cells], np.abs(found[0])) * np.abs(lengths[cells])
+            chosen &= ~(work <= np.finfo(float).eps * highest[cells])
         if not chosen.any():
             break
         cells, new = cells[chosen], new[chosen]

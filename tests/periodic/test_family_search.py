@@ -121,7 +121,7 @@ def test_the_fallback_is_a_search():
     p = {"a": 0.3, "R": 20.0}
     machine = Hopper("r*exp(a*r)", "1/(1 + z/R)**2", rest_length=10, parameters=p)
     orbit = find(machine)
-    assert orbit.known_in_family == 2
+    assert orbit.known_in_family == 2  # of 29,000 launches up to 30 the lateness changes its sign between no others
     case = Case(machine, 1, lambda r: r * np.exp(0.3 * r), lambda z: 1 / (1 + z / 20) ** 2, 1.0)
     assert case.holds(orbit.alpha, orbit.flight_time / 2)
 
