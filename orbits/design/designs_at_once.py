@@ -195,10 +195,11 @@ def _tune_alone(
         orbits, refused = certified(solved)
         if orbits is None:
             raise refused[0]
+        errors = errors_of_tuned(solved)
     except OrbitsError as error:
         designs.statuses[i], designs.reasons[i] = "failed" if isinstance(error, InputError) else "no orbit", str(error)
         return
-    for name, bound in errors_of_tuned(solved).items():
+    for name, bound in errors.items():
         if name in tuning.names:
             designs.numbers[f"{name}_error"][i] = bound
     fill_in_tuned(machine, designs, np.array([i]), orbits, tuning, formulas)

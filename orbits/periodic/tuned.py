@@ -38,6 +38,8 @@ FARTHEST_CORRECTED = 0.03
 WORST_TUNED = 0.01
 # Equations with a smaller share of their largest singular value have lost their rank but for rounding.
 RANK_OF_TUNED = 1e-9
+# A Jacobian that a step of Newton's method takes below this share of itself in some direction may have no full rank.
+RANK_IN_STEP = 0.5
 # Smaller values are compared with this one.
 SMALLEST = 1e-3
 
@@ -357,13 +359,36 @@ def errors_of_tuned(solved: Solved, closing: np.ndarray | None = None) -> dict[s
     run without speed, which is the hop of any inertia."""
     nodes, solved = solved.by_nodes is not None, solved.by_nodes or solved
     equations, found = solved.equations, dict[str, float]()
-    for name, value in tuned_values(equations, solved.us[0]).items():
+    tuned, remedy = tuned_values(equations, solved.us[0]), "tune another number"
+    if solved.model.sticks:
+        remedy += ", or prescribe a speed farther from 0: the vertical hop runs at no speed, whatever its inertia"
+        if _may_be_singular(solved, closing):
+            values = ", ".join(f"{name} = {tuned[name]:.6g}" for name in _without_step(tuned) or tuned)
+            raise NoOrbit(f"the orbit does not determine {values}: {remedy}")
+    for name, value in tuned.items():
         bounds, _ = error_bounds(equations, solved.us, solved.ps, solved.evaluation, closing, False, name, nodes)
         found[name] = float(bounds[0])
         if not found[name] <= WORST_TUNED * max(abs(value), SMALLEST):
-            slow = ", or prescribe a speed farther from 0: the vertical hop runs at no speed, whatever its inertia"
-            raise NoOrbit(
-                f"the orbit does not determine {name} = {value:.6g}, which may be off by {found[name]:.1e}: tune "
-                f"another number{slow if solved.model.sticks else ''}"
-            )
+            off = f"which may be off by {found[name]:.1e}"
+            raise NoOrbit(f"the orbit does not determine {name} = {value:.6g}, {off}: {remedy}")
     return found
+
+
+def _may_be_singular(solved: Solved, closing: np.ndarray | None) -> bool:
+    """Whether the Jacobian of one solution loses its rank within a step of Newton's method from there; `closing` as in
+    `errors_of_tuned`.
+
+    Beside a vertical hop the derivatives by tuned parameters are proportional to the lateral motion. In a run without
+    speed that is rounding: it is not 0, so that the Jacobian seems to have full rank, but the step takes it there.
+    """
+    (jacobian,), n = solved.evaluation.jacobian, solved.equations.size
+    rows = np.zeros((0, n)) if closing is None else closing
+    square = np.vstack([jacobian, rows])
+    x = solved.us[0] - solve(square, np.append(solved.evaluation.residual[0], np.zeros(len(rows))))[:n]
+    try:
+        there = np.hstack([solved.equations.evaluate(x, solved.ps[0]).jacobian, jacobian[:, n:]])
+    except FlowError:
+        return True
+    # Whatever the units of unknowns and equations are, these are all 1 where the Jacobian does not change.
+    change = solve(square, np.vstack([there, rows]))
+    return not (np.isfinite(change).all() and np.abs(np.linalg.eigvals(change)).min() > RANK_IN_STEP)

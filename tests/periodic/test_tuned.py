@@ -9,7 +9,7 @@ from hanging import excess_over_barrier
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from orbits import InputError, NoOrbit, Orbit, find, follow, quantities, starts
+from orbits import InputError, NoOrbit, Orbit, find, find_branch_points, follow, quantities, starts
 from orbits.io import to_json
 from orbits.periodic import tuned, tuned_extremes
 from orbits.periodic.tuned import tuned_equations
@@ -284,6 +284,19 @@ def test_where_no_run_is_found_the_reason_is_said(family, speed, text):
     machine = runner(foot_mass=0.1, rest_length=3.7, inertia=5.7, hip_stiffness=5.4)
     with pytest.raises(NoOrbit, match=text):
         find(machine, family, tune=RUN, at={"speed": speed})
+
+
+@pytest.mark.slow
+def test_a_run_without_speed_differs_from_a_slow_one():
+    """Numbers of slow runs go to those of the branch point; from a run, rounding remains of its lateral motion."""
+    machine = runner(foot_mass=0.1, rest_length=3.7, inertia=5.7, hip_stiffness=5.4)
+    (point,) = find_branch_points(machine, {"inertia": (7.0, 7.5), "hip_stiffness": (5.4, 5.6)}, designs=4)
+    slow = find(machine, tune=RUN, at={"speed": 1e-20})
+    assert {name: slow.source.values[name] for name in RUN} == pytest.approx(point.values, rel=1e-11)
+    run = find(machine, tune=RUN, at={"speed": 0.1})
+    for at in ({"speed": 0.0}, {"mean_speed": 0.0}, {"step": 0.0}, {"speed": 1e-40}):
+        with pytest.raises(NoOrbit, match=r"does not determine inertia .* hip_stiffness .* a speed farther from 0"):
+            find(machine, tune=RUN, at=at, start=run)
 
 
 def test_a_contact_that_hangs():
