@@ -7,6 +7,7 @@ import numpy as np
 
 from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories
+from ..flow.vector_field import TAYLOR_ORDER
 from ..model.model import Model
 from ..model.phase import Phase
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
@@ -27,7 +28,7 @@ def gradients(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> 
 
 def energy_changes(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The largest changes of energy on each half of a flight and on its contact, (m, halves + 1); the part of them that
-    the rounding of the states explains, of the same shape; and the energy's gradients (m, n) at launch."""
+    the errors of the states explain, of the same shape; and the energy's gradients (m, n) at launch."""
     changes, floors = np.zeros((2, len(cycles), cycles.halves_per_flight + 1))
     *flown, starts = _work(model.flight, model.flight_gradient, cycles.halves, cycles.p_of_halves)
     changes[:, :-1], floors[:, :-1] = (values.reshape(len(cycles), -1) for values in flown)
@@ -39,25 +40,29 @@ def energy_changes(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray
 
 @cached
 def _works(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> ElementwiseFunction:
-    """The work of an energy gradient on straight lines, and the largest terms of the energy there, each state by its
-    component, (start, end, parameters with the data of a piece)."""
+    """The work of an energy gradient on straight lines, and the largest values (n,) of its components there, (start,
+    end, parameters with the data of a piece)."""
     at = gradients(phase, gradient, parameters).function
     start, p = at.sx_in()
     end = ca.SX.sym("end", start.numel())
     rates = ca.horzcat(*[at(start + place * (end - start), p) for place in GAUSS_PLACES.tolist()])
     work = ca.dot(rates @ ca.DM(GAUSS_WEIGHTS), end - start)
     largest = ca.vertcat(*(ca.mmax(ca.fabs(row)) for row in ca.vertsplit(rates)))
-    terms = ca.dot(largest, ca.fmax(ca.fabs(start), ca.fabs(end)))
-    return ElementwiseFunction(ca.Function("works", [start, end, p], [work, terms]))
+    return ElementwiseFunction(ca.Function("works", [start, end, p], [work, largest]))
 
 
 def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -> tuple[np.ndarray, ...]:
     """The largest work (m,) of the gradient along each motion, on the straight lines between the ends of its steps; the
-    part of it that is rounding (m,); and the gradient at its start (m, n)."""
+    part of it that rounding and the truncation of series explain (m,); and the gradient at its start (m, n)."""
     flow, names, first = flow_of(phase, tuple(p)), tuple(p), motions.first
     data, states = flow.mesh_data(motions, vectors(p, len(motions))), motions.coefficients[:, : flow.size, 0]
-    works, terms = _works(phase, gradient, names)(states, motions.step_ends[:, : flow.size], data)
+    ends = motions.step_ends[:, : flow.size]
+    works, rates = _works(phase, gradient, names)(states, ends, data)
+    off = EPS * np.maximum(np.abs(states), np.abs(ends))
+    if motions.coefficients.shape[2] > TAYLOR_ORDER:  # the last term of a series is as large as those left out
+        off += np.abs(motions.coefficients[:, : flow.size, -1]) * motions.of_steps[:, -1:]
     changes = np.cumsum(works)
     before = np.where(first > 0, changes[first - 1], 0.0)
     largest = motions.largest(changes - np.repeat(before, motions.counts))
-    return largest, EPS * motions.largest(terms), gradients(phase, gradient, names)(states[first], data[first])[0]
+    starts = gradients(phase, gradient, names)(states[first], data[first])[0]
+    return largest, motions.largest(np.einsum("mi,mi->m", rates, off)), starts
