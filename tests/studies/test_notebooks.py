@@ -40,7 +40,8 @@ def test_a_notebook_runs(path, tmp_path, monkeypatch):
     nbformat.validate(book)
     nbclient.NotebookClient(book, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()
     outputs = [output for cell in book.cells if cell.cell_type == "code" for output in cell.outputs]
-    assert not [output for output in outputs if output.get("name") == "stderr"]
+    written = "".join(output["text"] for output in outputs if output.get("name") == "stderr")
+    assert not re.sub(r"^\w+ has been computing for \d+ s$", "", written, flags=re.M).strip()  # on a busy machine
     pages = [output.data["text/html"] for output in outputs if "text/html" in output.get("data", {})]
     assert any("<img " in page for page in pages)
     assert not any("no picture" in page for page in pages)
