@@ -150,7 +150,7 @@ class _Search:
                 continue  # nothing is lost beside it either, and every launch returns
             below, above = ([side, *tracer.trace(side, 1, BESIDE_LOSSLESS)] for side in beside)
             self._store(1, [*reversed(below), FoundEvent("fold", hop), *above])
-        starts = list(self._starts(period))
+        starts = list(self._starts(period, sampled=depth > 0))
         near = SAME_PLACE * (self.between[1] - self.between[0])
         for i, (value, alpha) in enumerate(starts):
             self._report(0.5 + 0.5 * i / len(starts))
@@ -169,12 +169,16 @@ class _Search:
             return []
         return [point.alpha for point in maps.at(0.0).fixed_points(*self.between, self.samples)]
 
-    def _starts(self, period: int) -> Iterator[tuple[float, float]]:
-        """Periodic launches (value, launch speed) at the sections, except lossless hops."""
+    def _starts(self, period: int, sampled: bool = False) -> Iterator[tuple[float, float]]:
+        """Periodic launches (value, launch speed) at the sections, except lossless hops.
+
+        sampled : whether to pass over a section whose sampled launches all become faster, or all slower: a hop of a
+            period has both
+        """
         for i, value in enumerate(self.values):
             interrupts.heed()
             self._report(0.5 * i / len(self.values))
-            if self.maps.lossless(value):
+            if self.maps.lossless(value) or (sampled and not self._step_both_ways(value)):
                 continue
             if period == 1 and self.maps.pieces is None:
                 for point in self.maps.at(value).fixed_points(*self.between, self.samples):
@@ -182,6 +186,12 @@ class _Search:
             else:
                 for launches in self.maps.all_cycles(value, self.between, period):
                     yield value, float(launches[0])
+
+    def _step_both_ways(self, value: float) -> bool:
+        """Whether some sampled launches become faster, and others slower."""
+        hops = self.maps.at(value)(np.linspace(*self.between, self.samples))
+        change = hops.next - hops.alpha  # NaN without a next launch
+        return bool((change > 0).any() and (change < 0).any())
 
     def _report(self, share: float) -> None:
         """Report the completed share: half of it is the search at the sections."""
