@@ -96,10 +96,11 @@ def late(power: int, d: float, family: int, alpha: mp.mpf) -> mp.mpf:
     # From this side of the square of the amplitude Newton's method comes to it without a step beyond.
     excess, slope = lambda s: s + c * s**m - energy, lambda s: 1 + m * c * s ** (m - 1)
     square = mp.findroot(excess, energy, solver="newton", df=slope, maxsteps=200)
-    powers = [square**i for i in range(m)]
+    # With s = sin(x)**2, (1 - s**m)/(1 - s) is a sum of powers.
+    size = c * square ** (m - 1)
 
     def time(begin: mp.mpf, end: mp.mpf) -> mp.mpf:
-        q = lambda x: 1 + c * mp.polyval(powers, square * mp.sin(x) ** 2)  # noqa: E731
+        q = lambda x: 1 + size * mp.fsum(mp.sin(x) ** (2 * i) for i in range(m))  # noqa: E731
         return mp.quad(lambda x: 1 / mp.sqrt(q(x)), [begin, end])
 
     begun = mp.asin(liftoff / mp.sqrt(square))
