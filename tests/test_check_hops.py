@@ -42,6 +42,7 @@ def with_launch(document, name, low, high):
     return restated(changed(document, "enclosures", name, to=[low, high]) | {name: {"low": low, "high": high}})
 
 
+@pytest.mark.slow
 def test_hops_are_those_of_the_map(linear):
     """One with a bounce, and one without it."""
     machine = Hopper(mass_ratio=0.5)

@@ -6,6 +6,7 @@ from decimal import Decimal
 from fractions import Fraction
 
 import pytest
+from conftest import slow_after
 from flint import arb, arb_series
 from proofs import restated
 from steps import TABLE, stepping
@@ -236,8 +237,9 @@ def step(kind, angle=None, law="r", family=1):
 
 
 @pytest.mark.parametrize("case", [
-    *((kind,) for kind in TABLE), ("wheel", 0.3, "r + r**3"), *(pytest.param(case, marks=SLOW)
-        for case in (("shuttle", 0.3), ("wheel", 0.3, "tanh(3*r)/3"), ("rocker", 0.3, "r + asinh(r)"),
+    *((kind,) for kind in TABLE), *(pytest.param(case, marks=SLOW)
+        for case in (("wheel", 0.3, "r + r**3"), ("wheel", 0.3, "tanh(3*r)/3"), ("rocker", 0.3, "r + asinh(r)"),
+        ("shuttle", 0.3),
         ("rocker", 0.3, springs.end_stops(gap=0.2, stop=2.0)), ("wheel", None, "r", 2))),
 ])  # fmt: skip
 def test_true_theorems_about_steps_are_verified(case):
@@ -349,7 +351,9 @@ def test_what_cannot_be_read_is_not_verified(inerter):
         assert check({name: value for name, value in inerter.items() if name != key})
 
 
-@pytest.mark.parametrize("name", ["r", "pi", "alpha", "liftoff", "flight_time", "mid_flight_extension", "foot"])
+@pytest.mark.parametrize(
+    "name", slow_after(3, ["r", "pi", "alpha", "liftoff", "flight_time", "mid_flight_extension", "foot"])
+)
 def test_a_name_that_stands_for_two_things_is_not_verified(inerter, name):
     """A parameter of the theorem, which is true of it with any other name."""
     renamed = [restated(json.loads(json.dumps(inerter).replace("inertance", each))) for each in (name, "other")]

@@ -29,9 +29,18 @@ PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
 BLOCK = re.compile(r"^```(python|toml|text|output|console|\{drawn\}[^\n]*)\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
 # The pages whose code takes more than some seconds, or draws figures, which the site shows as they are drawn here.
 LONG = (
-    *("README.md", "chain.md", "command_line.md", "control.md", "design.md", "families.md", "gallery.md", "machine.md"),
-    *("measured_spring.md", "pages.md", "proof.md", "return_map.md", "running.md", "si_leg.md", "start.md", "steps.md"),
-    *("theory.md", "thousand_orbits.md"),
+    *(
+        "README.md",
+        "asteroid.md",
+        "chain.md",
+        "command_line.md",
+        "control.md",
+        "design.md",
+        "families.md",
+        "gallery.md",
+    ),
+    *("machine.md", "measured_spring.md", "pages.md", "proof.md", "return_map.md", "running.md", "si_leg.md"),
+    *("spring.md", "start.md", "steps.md", "theory.md", "thousand_orbits.md"),
 )
 PYTHON = ("python", "{drawn}")
 # What waits for a reader at the browser, or for a machine that a page only speaks of.

@@ -75,8 +75,11 @@ EFFORTS = {
 }  # fmt: skip
 
 
+LONG = ("follow to a limit", "prove an interval")
+
+
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow if name == "follow to a limit" else ()) for name in EFFORTS]
+    "name", [pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in EFFORTS]
 )
 def test_efforts(name, counts):
     EFFORTS[name]()  # what is known of laws and machines from before is not counted

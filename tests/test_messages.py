@@ -123,6 +123,7 @@ def leaving():
     return follow(TABLE, "surface_gravity", start=GRAVITY, stop=40.0, at=[15.0])
 
 
+@pytest.mark.slow
 def test_an_orbit_of_a_point_beyond_a_table_says_so_with_the_units_there(leaving):
     """Half the table holds the orbits up to half the gravity; the unit of length is proportional to it."""
     (point,) = leaving.at(15.0)
@@ -170,6 +171,7 @@ def test_a_family_tells_its_numbers_with_the_units_of_where_it_is():
         assert any(told in violation for violation in point.violations) == (not point.admissible)
 
 
+@pytest.mark.slow
 def test_a_family_that_leaves_its_table_says_where_in_metres(leaving):
     end = leaving.end
     assert end.kind == "stuck"

@@ -5,6 +5,7 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
+from conftest import slow_after
 from machines_in_si import LEG, ROVER, THROWER
 
 from orbits import (
@@ -207,9 +208,9 @@ def test_energy_in_joules():
     assert impact.loss == pytest.approx(lost, rel=1e-12)
 
 
-@pytest.mark.parametrize(("along", "stop"), [
+@pytest.mark.parametrize(("along", "stop"), slow_after(3, [
     ("body_mass", 45.0), ("foot_mass", 4.5), ("surface_gravity", 3.7), ("rest_length", 0.7), ("b", 3e5), ("k", 7e3),
-])  # fmt: skip
+]))  # fmt: skip
 def test_families_along_every_parameter(along, stop, tmp_path):
     """Each point against the machine stated anew, whose units are its own."""
     start = LEG.values[along]

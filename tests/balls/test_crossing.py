@@ -101,6 +101,7 @@ def softly_late(alpha, gap, ratio):
     return up + 2 * mp.atan2(w * pace, gap) / w + down - alpha
 
 
+@pytest.mark.slow
 def test_a_tuned_gap():
     """The breakpoint is an unknown of the theorem."""
     proof = prove(find(Hopper(springs.bilinear(ratio=3, gap=1.5), rest_length=20), tune="gap", at={"alpha": 3.7}))

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import slow_after
 
 from tests.consistency.checked_machines import MACHINES, at, named
 
@@ -30,7 +31,7 @@ def of_reduction(reduction):
         yield {"exact": lambda family, p: (reduction.exact(family, p)[0], -1.0)}
 
 
-@pytest.mark.parametrize("kind", ["hopper", "cubic", "juggler"])
+@pytest.mark.parametrize("kind", slow_after(2, ["hopper", "cubic", "juggler"]))
 def test_wrong_short_cuts_are_named(kind):
     machine = MACHINES[kind]
     model = machine.model

@@ -33,6 +33,7 @@ def test_it_ends(point):
     assert follow_branch_points(point, "rest_length", [1e308]) == ()
 
 
+@pytest.mark.slow
 def test_names_are_refused(point):
     with pytest.raises(InputError, match="'inertia' is a number of the branch point"):
         follow_branch_points(point, "inertia", [7.0])

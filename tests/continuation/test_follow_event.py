@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from conftest import slow_after
 from scipy.optimize import brentq
 
 from orbits import Family, InputError, NoOrbit, find, follow, follow_event, follow_fold, multipliers, quantities
@@ -80,7 +81,9 @@ def test_a_collapse_is_where_the_energy_is_that_of_the_barrier(quintic):
         assert point.admissible
 
 
-@pytest.mark.parametrize(("name", "value"), [("period", 9.0), ("stroke", 9.0), ("loss_coefficient", 4.0)])
+@pytest.mark.parametrize(
+    ("name", "value"), slow_after(1, [("period", 9.0), ("stroke", 9.0), ("loss_coefficient", 4.0)])
+)
 def test_a_quantity_at_a_value_is_that_of_single_orbits(low, name, value):
     curve = follow_event(low, {name: value}, "delta", 1e-4, **LONG)
     machine, beta = low.source, curve[-1].also["beta"]

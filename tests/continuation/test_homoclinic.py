@@ -41,6 +41,7 @@ def test_a_contact_that_stays_near_a_barrier(contacts):
     assert end.limit is None  # the contact time itself has none
 
 
+@pytest.mark.slow
 def test_points_beyond_what_a_launch_determines(contacts):
     """Small changes grow 1e11-fold on the way to the middle of the contact, and the error stays small."""
     (point,) = contacts.at(60.0)

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from conftest import slow_after
 from families import FOLD, FOLD_ALPHA, events
 
 from orbits import InputError, NoOrbit, follow, orbit_at
@@ -60,11 +61,14 @@ def test_a_stop_beside_a_fold_is_not_passed_over(before, longest):
 
 @pytest.mark.parametrize(
     ("machine", "along", "stop", "limit"),
-    [  # the tide's frequencies as 3 to 1; the barrier of r + c r^2 at -1/c
-        (Hopper("r", "1 + a*z", rest_length=2.0, parameters={"a": 0.0}), "a", 3.0, 0.25),
-        (Hopper("r + c*r**2", parameters={"c": 0.0}), "c", 1.0, 0.0),
-        (Hopper("toda", parameters={"b": 0.01}), "b", 0.9, 0.5),
-    ],
+    slow_after(
+        2,
+        [  # the tide's frequencies as 3 to 1; the barrier of r + c r^2 at -1/c
+            (Hopper("r", "1 + a*z", rest_length=2.0, parameters={"a": 0.0}), "a", 3.0, 0.25),
+            (Hopper("r + c*r**2", parameters={"c": 0.0}), "c", 1.0, 0.0),
+            (Hopper("toda", parameters={"b": 0.01}), "b", 0.9, 0.5),
+        ],
+    ),
 )
 def test_a_limit_is_as_good_as_it_says(machine, along, stop, limit):
     family = follow(machine, along, stop)

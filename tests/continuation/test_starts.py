@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from conftest import slow_after
 from scipy.integrate import solve_ivp
 
 import orbits.continuation.starts as room
@@ -34,7 +35,7 @@ def same(one: list, other: list) -> None:
         assert a == pytest.approx(b, rel=1e-8)
 
 
-@pytest.mark.parametrize("law", ["k*r", CUBIC])
+@pytest.mark.parametrize("law", slow_after(1, ["k*r", CUBIC]))
 def test_a_law_with_a_length_at_rest(law):
     """k (r - 0.8) is k r of an extension that is less by 0.8."""
     moved = law.replace("r", "(r - 0.8)")

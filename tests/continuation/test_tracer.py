@@ -50,6 +50,7 @@ def test_points_between_are_solved_together(monkeypatch):
     assert sum(sizes) < 3 * len(family.points)
 
 
+@pytest.mark.slow
 def test_motions_of_many_steps_are_followed_one_by_one(monkeypatch):
     values = [0.2, 0.3, 0.4]
     together = follow(SINH, "b", 0.5, at=values)
@@ -70,6 +71,7 @@ def test_random_families_keep_to_their_curve(text, parameters, family):
     assert curves is None or not differences(*curves, family)
 
 
+@pytest.mark.slow
 def test_launch_speeds_are_within_their_errors_where_the_range_is_wide():
     """The range is two million times as wide as the parameter; quadrature in 40 digits is the truth."""
     machine = Hopper("r + d*r**5", rest_length=90.0, parameters={"d": -5e-8})

@@ -40,6 +40,7 @@ def test_columns_are_those_of_the_orbits(by_period):
     assert by_period.column("beta")[0] == pytest.approx(0.3)
 
 
+@pytest.mark.slow
 def test_a_fold_of_a_family_is_a_plain_point_along_the_launch_speed():
     """Along beta the family turns back at a value of the reference data; along alpha, beta has a least value there."""
     family = follow(Hopper("cubic", rest_length=30.0, parameters={"beta": 0.0}), "alpha", 8.0, tune="beta")

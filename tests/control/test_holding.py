@@ -125,6 +125,7 @@ def test_a_run_in_si_is_held_as_the_dimensionless_one(held):
     )
 
 
+@pytest.mark.slow
 def test_a_run_that_is_held_goes_on(run, held):
     """On the orbit the force is that of roundings, for many more steps than it stays without."""
     motion = simulate(held.machine, run, hops=20, feedback=held)
@@ -144,6 +145,7 @@ def test_a_chain_is_held():
     assert simulated_multipliers(hop, held) == pytest.approx(np.abs(held.held_multipliers), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_words(held):
     assert "feedback along phi - theta that holds an orbit of a runner" in str(held)
     assert f"modulus {abs(held.multipliers[0]):.6g}, with the feedback" in str(held)
@@ -151,6 +153,7 @@ def test_words(held):
     assert "phi - theta" in repr(held)
 
 
+@pytest.mark.slow
 def test_what_is_not_held(run, held):
     with pytest.raises(
         InputError,

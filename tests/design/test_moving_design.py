@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import slow_after
 from designs import CUBIC, LEG, OVER, RANGE
 from scipy.optimize import brentq
 
@@ -96,11 +97,14 @@ def test_a_bound_is_followed_with_its_price(linear):
 
 @pytest.mark.parametrize(
     ("what", "to", "over"),
-    [
-        ("foot_mass", 4.0, {}),
-        ("body_mass <= 100", 12.0, {"body_mass": (1.0, 12.0)}),
-        ("k <= 8800", 6500.0, {"k": (2000.0, 6500.0)}),
-    ],
+    slow_after(
+        1,
+        [
+            ("foot_mass", 4.0, {}),
+            ("body_mass <= 100", 12.0, {"body_mass": (1.0, 12.0)}),
+            ("k <= 8800", 6500.0, {"k": (2000.0, 6500.0)}),
+        ],
+    ),
 )
 def test_points_of_a_curve_are_those_that_a_search_finds(linear, what, to, over):
     curve = linear.follow(what, to, points=3)

@@ -40,11 +40,18 @@ def test_the_share_of_the_starts_that_have_ended():
 
 @pytest.mark.parametrize(
     ("verb", "text", "value"),
-    [
-        ("maximise", "largest_contact_force + 3*alpha", lambda o: o.certificate.largest_contact_force + 3 * o.alpha),
-        ("minimise", "loss_coefficient + alpha", lambda o: o.certificate.loss_coefficient + o.alpha),
-        ("minimise", "-alpha*landing_jerk", lambda o: -o.alpha * o.certificate.landing_jerk),
-    ],
+    slow_after(
+        1,
+        [
+            (
+                "maximise",
+                "largest_contact_force + 3*alpha",
+                lambda o: o.certificate.largest_contact_force + 3 * o.alpha,
+            ),
+            ("minimise", "loss_coefficient + alpha", lambda o: o.certificate.loss_coefficient + o.alpha),
+            ("minimise", "-alpha*landing_jerk", lambda o: -o.alpha * o.certificate.landing_jerk),
+        ],
+    ),
 )
 def test_one_parameter_against_a_scan_of_the_family(verb, text, value):
     sign = 1 if verb == "minimise" else -1
@@ -263,6 +270,7 @@ class TestSteps:
         assert [*best.parameters.values()] == pytest.approx(other.x, rel=1e-5)
         assert best.kkt < 1e-9
 
+    @pytest.mark.slow
     def test_the_foot_that_lands_has_to_press(self):
         """Its force is least at a turn of the spring's torque, where it vanishes at the largest c."""
         wheel = stepping("wheel", 0.26, 1.19, 0.52, "r - c*sin(8*r)", c=0.7)

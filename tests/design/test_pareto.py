@@ -99,6 +99,7 @@ def front() -> Front:
     return pareto(LEG, minimise=both, over=OVER, subject_to=["stroke <= 0.25"], points=3)
 
 
+@pytest.mark.slow
 def test_a_front_comes_back(front, tmp_path):
     path = front.save(tmp_path / "front.json")
     again = Front.load(path, LEG)
@@ -112,6 +113,7 @@ def test_a_front_comes_back(front, tmp_path):
         Front.load(path, ANOTHER)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("any_digest")
 @pytest.mark.parametrize("damage", [{"points": []}, {"points": [3]}, {"objectives": ["-alpha"]}, {"refused": [1]}])
 def test_a_damaged_front_is_refused(front, tmp_path, damage):
@@ -121,6 +123,7 @@ def test_a_damaged_front_is_refused(front, tmp_path, damage):
         Front.load(tmp_path / "front.json", LEG)
 
 
+@pytest.mark.slow
 def test_the_figure_of_a_front(front):
     axes = front.plot()
     assert axes.lines[0].get_xydata() == pytest.approx(front.values * [-1, 1])

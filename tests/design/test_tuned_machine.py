@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from conftest import slow_after
 from scipy.optimize import brentq, minimize_scalar
 
 from orbits import (
@@ -101,6 +102,7 @@ def test_the_best_of_a_sample_is_that_of_the_closed_form():
     assert 0.5 < best.share < 1
 
 
+@pytest.mark.slow
 def test_a_front_of_tuned_designs(tmp_path):
     """Along the closed form, at evenly spaced levels; one end is where the stiffness of the first objective is met."""
     front = pareto(LINEAR, minimise=("(k - 2)**2", "mass_ratio"), over=RANGE, points=3, **WITH_FREQUENCY)
@@ -170,7 +172,7 @@ def test_an_orbit_of_casadi_is_tuned():
         orbit_function(RUNNER, "rest_length", **AT_SPEED)
 
 
-@pytest.mark.parametrize(("what", "to"), [("frequency", 0.12), ("mass_ratio <= 0.6", 0.5)])
+@pytest.mark.parametrize(("what", "to"), slow_after(1, [("mass_ratio <= 0.6", 0.5), ("frequency", 0.12)]))
 def test_designs_are_followed(what, to, tmp_path):
     """Along a prescribed quantity and along a bound, against searches; the slope is that of differences."""
     over = {"mass_ratio": (0.4, 3.0 if what == "frequency" else 0.6)}

@@ -5,6 +5,7 @@ import re
 import mpmath
 import numpy as np
 import pytest
+from conftest import slow_after
 from lagrange import DIGITS, Machine, equations
 
 from orbits import Mechanism, find
@@ -235,7 +236,7 @@ def largest_error(seed: int) -> float:
     return max(float(abs(a - b) / size) if size else abs(a) for a, b, size in zip(found, truth, sizes, strict=True))
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", slow_after(5, range(8)))
 def test_random_mechanisms(seed):
     assert largest_error(seed) < TOLERANCE
 

@@ -5,6 +5,7 @@ from math import pi
 
 import numpy
 import pytest
+from conftest import slow_after
 
 from orbits import InputError, Mechanism, find, find_all, prove, simulate, starts
 from orbits.check_proof import check
@@ -32,7 +33,9 @@ LEG = find(hopper_in_si(60.0, 3.0, force="8000*r + 2e6*r**3", rest_length=0.8, s
 CUBIC = k * (y1 - y2) ** 2 / 2 + c * (y1 - y2) ** 4 / 4 + g * (m1 * (y1 + length) + m2 * y2)
 
 
-@pytest.mark.parametrize("V", [CUBIC, CUBIC.expand(), CUBIC.subs(y1, y1 - length)], ids=["sums", "products", "length"])
+@pytest.mark.parametrize(
+    "V", slow_after(1, [CUBIC, CUBIC.expand(), CUBIC.subs(y1, y1 - length)]), ids=["sums", "products", "length"]
+)
 def test_a_leg_in_si(V):
     """However its energy is written, it is that of one spring and two weights."""
     numbers = {m1: 60.0, m2: 3.0, k: 8000.0, c: 2e6, g: 9.81, length: 0.8}
@@ -100,6 +103,7 @@ def test_an_inertia_that_varies():
     assert orbit.certificate.smallest_separation == pytest.approx(expected.certificate.smallest_separation, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_wheel():
     """A machine that steps, with two gaps by name and with maps in SymPy's expressions."""
     phi, theta = dynamicsymbols("phi theta")

@@ -50,6 +50,7 @@ class TestRigidLimits:
         assert (np.abs(times) < 100 / masses).all()
         assert abs(hops[-1].contact_time / self.rigid.contact_time - 1) < 1e-3
 
+    @pytest.mark.slow
     def test_stiff_ground(self):
         """Where the phases of the ground's own vibration stay the same, the hop comes nearer like the root of the
         stiffness."""

@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from conftest import slow_after
 from scipy.optimize import brentq
 from scipy.special import ellipj, ellipk
 from steps import SINES, TABLE, by_hand, start_of, stepping
@@ -224,7 +225,7 @@ def test_springs_that_take_each_others_places_are_alike():
         _ = legs(["r + r**3", "r"]).model
 
 
-@pytest.mark.parametrize("law", ["r", "r + r**3"])
+@pytest.mark.parametrize("law", slow_after(1, ["r", "r + r**3"]))
 def test_decimals_in_maps_and_forces_are_exact(law):
     """An inner angle that is counted from 0.1 beside its rest, and gravity about an angle that is a decimal."""
     shifted = walker(

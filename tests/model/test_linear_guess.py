@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from conftest import slow_after
 from steps import SINES, TABLE, closed_form, rates, stepping
 
 from orbits import InputError, NoOrbit, find, find_all
@@ -26,7 +27,7 @@ def test_straight_lines_are_their_own_guess(kind):
             assert (turns > family) == (kind == "rocker")
 
 
-@pytest.mark.parametrize(("kind", "law", "family"), SINES)
+@pytest.mark.parametrize(("kind", "law", "family"), slow_after(2, SINES))
 def test_other_forces_have_an_orbit_nearby(kind, law, family):
     machine = stepping(kind, 1.0, 0.5, 0.3, law)
     guessed, (speed, half, _) = linear_guess(machine.model, family, machine.values), SINES[kind, law, family]

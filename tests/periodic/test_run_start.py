@@ -77,6 +77,7 @@ def test_a_flight_that_no_run_has_is_refused_with_those_that_they_have():
         find(runner(0.1, 3.7, 5.7, 5.4), tune=TUNE, at={"flight_time": 3.5})
 
 
+@pytest.mark.slow
 def test_runs_forward_and_back_are_mirror_images():
     forward, back = (find(runner(), tune=TUNE, at={"speed": speed}) for speed in (0.3, -0.3))
     assert back.step == pytest.approx(-forward.step, rel=1e-11)

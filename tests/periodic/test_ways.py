@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from conftest import slow_after
 from hanging import quadratic_lateness
 
 from orbits import find
@@ -30,7 +31,9 @@ def test_flights_that_hang_stay_in_their_family(c, alpha):
         assert early * late < 0
 
 
-@pytest.mark.parametrize(("family", "values"), [(6, (0.02, 0.1425, 0.265)), (20, (0.4723751598189375,)), (70, (0.03,))])
+@pytest.mark.parametrize(
+    ("family", "values"), slow_after(2, [(6, (0.02, 0.1425, 0.265)), (20, (0.4723751598189375,)), (70, (0.03,))])
+)
 def test_long_flights_stay_in_their_family(family, values):
     """From a linear spring to hardening ones, whose families are guessed by quadrature. The second one is such that the
     tangent at the start leads to within 4e-4 of an orbit of family 18, which has another tangent; of the last one the

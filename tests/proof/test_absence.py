@@ -4,6 +4,7 @@ from fractions import Fraction
 
 import pytest
 from ball_systems import fn
+from conftest import slow_after
 
 from orbits import InputError, NoOrbit, find, prove_absence, simulate
 from orbits.exact.expressions import symbol
@@ -11,7 +12,7 @@ from orbits.proof.absence import trend_of
 from problems import Chain, Hopper, Juggler
 
 
-@pytest.mark.parametrize(("b", "family"), [(0.3333334, 1), (5.0, 1), (0.2, 2), (0.15, 3)])
+@pytest.mark.parametrize(("b", "family"), slow_after(1, [(0.3333334, 1), (5.0, 1), (0.2, 2), (0.15, 3)]))
 def test_no_orbit_of_a_tanh_spring(b, family):
     machine = Hopper("tanh", parameters={"b": b})
     proof = prove_absence(machine, family)

@@ -7,7 +7,7 @@ from fractions import Fraction
 from functools import cache
 
 import pytest
-from conftest import REFERENCES, machine_of, name_of
+from conftest import REFERENCES, machine_of, name_of, slow_after
 from proofs import CONDITIONS, CUBIC, meets, not_proved, restated
 from steps import SINES, TABLE, closed_form, stepping
 
@@ -37,7 +37,7 @@ class TestWrongClaims:
         assert not proof.proved
         assert proof.alpha is None or meets(proof.alpha, reference["alpha"], "1e-18")
 
-    @pytest.mark.parametrize("index", [0, 2, 4])
+    @pytest.mark.parametrize("index", slow_after(2, [0, 2, 4]))
     def test_another_family(self, index):
         reference = REFERENCES[index]
         orbit = find(machine_of(reference), reference["family"])
@@ -74,7 +74,7 @@ class TestWrongClaims:
         assert not proof.proved
         assert not_proved(proof) == CONDITIONS - {"clearance"}
 
-    @pytest.mark.parametrize("beta", [0.3 + 1e-12, 0.31])
+    @pytest.mark.parametrize("beta", slow_after(1, [0.3 + 1e-12, 0.31]))
     def test_another_machine(self, cubic_hop, beta):
         machine = Hopper(CUBIC["spring"], rest_length=8, parameters={"beta": beta})
         assert not prove(cubic_hop, machine=machine).proved
@@ -82,13 +82,16 @@ class TestWrongClaims:
 
     @pytest.mark.parametrize(
         "machine",
-        [
-            Hopper(CUBIC["spring"], mass_ratio=1.001, rest_length=8, parameters=CUBIC["parameters"]),
-            Hopper(CUBIC["spring"], "1/(1 + z/R)**2", rest_length=8, parameters={"beta": 0.3, "R": 50.0}),
-            Hopper(CUBIC["spring"], rest_length=2, parameters=CUBIC["parameters"]),
-            Hopper("r", rest_length=8),
-        ],
-        ids=["mass ratio", "gravity", "rest length", "spring"],
+        slow_after(
+            3,
+            [
+                Hopper(CUBIC["spring"], mass_ratio=1.001, rest_length=8, parameters=CUBIC["parameters"]),
+                Hopper(CUBIC["spring"], rest_length=2, parameters=CUBIC["parameters"]),
+                Hopper("r", rest_length=8),
+                Hopper(CUBIC["spring"], "1/(1 + z/R)**2", rest_length=8, parameters={"beta": 0.3, "R": 50.0}),
+            ],
+        ),
+        ids=["mass ratio", "rest length", "spring", "gravity"],
     )
     def test_a_machine_of_another_kind(self, cubic_hop, machine):
         assert not prove(cubic_hop, machine=machine).proved
@@ -97,7 +100,7 @@ class TestWrongClaims:
         with pytest.raises(InputError, match="orbit of another machine"):
             prove(cubic_hop, machine=Juggler(CUBIC["spring"], parameters=CUBIC["parameters"]))
 
-    @pytest.mark.parametrize("spring", ["r + 0.1*abs(r)*r", "r + 0.1*sign(r)*r**2"])
+    @pytest.mark.parametrize("spring", slow_after(1, ["r + 0.1*abs(r)*r", "r + 0.1*sign(r)*r**2"]))
     def test_a_law_with_corners_is_told(self, spring):
         proof = prove(find(Hopper(spring, rest_length=10)))
         assert not proof.proved
@@ -137,7 +140,7 @@ class TestSteps:
             assert meets(enclosure, value, "5e-15")
             assert Fraction(enclosure.high) - Fraction(enclosure.low) < Fraction("1e-20")
 
-    @pytest.mark.parametrize(("kind", "law", "family"), SINES)
+    @pytest.mark.parametrize(("kind", "law", "family"), slow_after(2, SINES))
     def test_the_sine_and_a_cubic_spring(self, kind, law, family):
         speed, half, contact = SINES[kind, law, family]
         proof = prove(step_of(kind, 1.0, 0.5, 0.3, law, family))
@@ -147,7 +150,7 @@ class TestSteps:
         assert half is None or meets(proof.flight_time, 2 * half, "1e-13")
         assert "each point that stands in contact pushes" in proof.statement
 
-    @pytest.mark.parametrize("kind", TABLE)
+    @pytest.mark.parametrize("kind", slow_after(1, TABLE))
     def test_wrong_numbers(self, kind):
         own = claim_of_step(kind)
         proof = prove_claims([replace(own, family=2)])[0]
@@ -158,7 +161,7 @@ class TestSteps:
         assert not wrong.proved
         assert "contact_time: the orbit says" in wrong.reasons[0]
 
-    @pytest.mark.parametrize("kind", TABLE)
+    @pytest.mark.parametrize("kind", slow_after(1, TABLE))
     def test_another_machine(self, kind):
         others = stepping(kind, 1.0, 0.5, 0.3 + 1e-9), stepping(kind, 1.0 + 1e-9, 0.5, 0.3)
         for other in (*others, stepping(kind, 1.0, 0.5, 0.3, "r + 1e-8*r**3")):

@@ -44,6 +44,7 @@ def test_under_gravity_that_varies():
     assert all(proof.proved for proof in dataclasses.replace(family, points=family.points[:2]).prove(machine))
 
 
+@pytest.mark.slow
 def test_another_machine_is_not_proved(family):
     other = Hopper("r + 1.001*beta*r**3", rest_length=8.0, parameters={"beta": 0.0})
     points = [point for point in family.points if point.value > 0.01][:2]

@@ -123,6 +123,7 @@ def test_what_an_orbit_says_is_held_against_parts_of_intervals(cubic_hop, right,
     assert len(proof.parts) == (2 if right else 1)
 
 
+@pytest.mark.slow
 def test_a_proof_in_parts_has_the_reasons_of_the_part_that_fails(cubic_hop, monkeypatch):
     """Those that the whole has too, with more words between, are not repeated."""
     spreads, late = "the set spreads too far", "it takes more than 30 s"

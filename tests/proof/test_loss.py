@@ -1,7 +1,7 @@
 """Enclosures of the loss coefficient, against that of the certificate."""
 
 import pytest
-from conftest import REFERENCES, machine_of
+from conftest import REFERENCES, machine_of, slow_after
 from proofs import CUBIC, meets
 
 from orbits import find, prove
@@ -9,7 +9,7 @@ from orbits.proof import intervals
 from problems import Hopper, Juggler
 
 
-@pytest.mark.parametrize("reference", [CUBIC, REFERENCES[5]])
+@pytest.mark.parametrize("reference", slow_after(1, [CUBIC, REFERENCES[5]]))
 def test_the_loss_coefficient(reference):
     """The second has gravity by an inverse square, under which all of the launch and flight change."""
     orbit = find(machine_of(reference))

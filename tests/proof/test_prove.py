@@ -5,7 +5,7 @@ from decimal import Decimal
 
 import mpmath as mp
 import pytest
-from conftest import PROVED, machine_of
+from conftest import PROVED, machine_of, slow_after
 from proofs import CONDITIONS, CUBIC, meets, not_proved
 
 from orbits import InputError, Orbit, find, prove
@@ -134,7 +134,7 @@ class TestErrors:
         assert prove(loaded, machine=machine_of(CUBIC)).proved
 
 
-@pytest.mark.parametrize("beta", PROVED["cubic"])
+@pytest.mark.parametrize("beta", slow_after(2, PROVED["cubic"]))
 def test_the_values_that_other_tests_take(beta):
     """They are proved anew, in decimals."""
     orbit = find(Hopper("cubic", parameters={"beta": float(beta)}))

@@ -51,6 +51,7 @@ def test_more_digits_of_a_fold(machine, fold):
     assert Decimal(place.high) - Decimal(place.low) < Decimal("1e-30")
 
 
+@pytest.mark.slow
 def test_a_point_beside_the_fold_is_no_fold(machine):
     """A tangent along which the parameter changes leads to no zero of the fold's equations, or to the fold itself."""
     point = follow(machine, "beta", stop=0.5).points[-1]

@@ -8,6 +8,7 @@ from fractions import Fraction
 import mpmath as mp
 import numpy as np
 import pytest
+from conftest import slow_after
 from flint import arb
 from proofs import CONDITIONS, meets, restated
 from runners import FAST, NAMES, fast_runner, rates_by_hand
@@ -58,7 +59,7 @@ class TestTunedHop:
 
     @pytest.mark.parametrize(
         ("name", "value"),
-        [("period", "9.5"), ("frequency", "0.1"), ("contact_time", "3.25")],
+        slow_after(1, [("period", "9.5"), ("frequency", "0.1"), ("contact_time", "3.25")]),
     )
     def test_a_time_that_is_not_that_of_the_orbit(self, tuned_hop, name, value):
         proof = prove(tuned_hop, at={name: value}, motion=False)

@@ -67,8 +67,8 @@ def absence_proof():
 @pytest.mark.parametrize(
     "name",
     [
-        *("cubic_proof", CURVE, "interval_proof", "flight_proof", "refused_proof", "collapse_proof"),
-        "absence_proof",
+        *("cubic_proof", "flight_proof", "refused_proof", "absence_proof", CURVE),
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("interval_proof", "collapse_proof")),
     ],
 )
 def test_theorems_are_stated_as_before(name, request):

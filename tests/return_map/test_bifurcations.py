@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from conftest import slow_after
 from return_maps import KnownMaps, of_the_paper
 
 from orbits import InputError, ReturnMap, bifurcations, find, multiplier, simulate
@@ -105,7 +106,9 @@ def fixed_points_along_the_injection(machine, low, high, samples=1001):
 
 @pytest.mark.parametrize(
     ("machine", "high", "between"),
-    [(Hopper(), 0.05, (4.2, 4.8)), (Hopper("r+r**3"), 0.05, (2.2, 2.8)), (Hopper("r+0.3*r**3"), 0.1, (4.0, 5.0))],
+    slow_after(
+        1, [(Hopper(), 0.05, (4.2, 4.8)), (Hopper("r+r**3"), 0.05, (2.2, 2.8)), (Hopper("r+0.3*r**3"), 0.1, (4.0, 5.0))]
+    ),
 )
 def test_the_fixed_points_beside_a_lossless_hop_are_one_branch(machine, high, between):
     """Brute force: the injection with which a launch comes back is what it loses. The curve of these is one branch that
@@ -183,6 +186,7 @@ def test_points_come_back():
                 assert multiplier(Hopper(), float(alphas[0])) == pytest.approx(slope, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_local_law_beside_the_lossless_hop():
     """eps = C d^(4/3) above and 10 C |d|^(4/3) below, to a relative error that vanishes like d^(1/3)."""
     branch = of_the_paper().branches[0]
@@ -316,6 +320,7 @@ def test_along_the_mass_ratio_with_an_injection():
         bifurcations(Hopper(), "inject", (0.0, 0.1), (4.45, 4.6), inject=0.03)
 
 
+@pytest.mark.slow
 def test_impacts_that_lose_nothing_have_no_fixed_points_with_injection():
     """Every launch from a heavy hand comes back faster by the injection."""
     assert bifurcations(HeavyHand(), "inject", (0.01, 0.05), (3.6, 4.9), attractor=0).branches == ()
@@ -323,7 +328,7 @@ def test_impacts_that_lose_nothing_have_no_fixed_points_with_injection():
     assert len(ReturnMap(HeavyHand(), inject=0.01).periodic_hops(2, 3.6, 4.9)) == 0
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.3])
+@pytest.mark.parametrize("restitution", slow_after(1, [0.0, 0.3]))
 def test_impacts_that_lose_nothing_have_no_attractor_with_injection(restitution):
     """Launches from a heavy hand become faster for ever; without an injection all that end in contact come back."""
     diagram = bifurcations(HeavyHand(restitution=restitution), "inject", (0.0, 0.15), (3.8, 4.9), samples=20)

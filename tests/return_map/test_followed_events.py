@@ -4,6 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
+from conftest import slow_after
 
 from orbits import Bifurcation, BifurcationCurve, BifurcationDiagram, InputError, NoOrbit, ReturnMap, find, multiplier
 from orbits.model.machine import machine_in_words
@@ -61,7 +62,7 @@ def test_with_a_damper():
         assert multiplier(last, alpha) == pytest.approx(slope, abs=1e-10)
 
 
-@pytest.mark.parametrize(("second", "stop"), [("mass_ratio", 1.1), ("gap", 0.55)])
+@pytest.mark.parametrize(("second", "stop"), slow_after(1, [("mass_ratio", 1.1), ("gap", 0.55)]))
 def test_flips_of_a_law_in_pieces(second, stop):
     """Motions pass the corner of a bilinear spring, which moves with the gap."""
     flip = Bifurcation("flip", 0.117402577457623, (3.462843548966,))
@@ -97,7 +98,7 @@ def graze(mass_ratio: float, low: float, high: float) -> float:
     return by_bisection(lambda alpha: 1.0 if int(step(alpha).impacts) == first else -1.0, low, high)
 
 
-@pytest.mark.parametrize(("low", "high"), [(7.07615, 7.0761), (6.93, 6.9315), (6.9315, 6.93)])
+@pytest.mark.parametrize(("low", "high"), slow_after(1, [(7.07615, 7.0761), (6.93, 6.9315), (6.9315, 6.93)]))
 def test_borders_where_the_foot_grazes_the_ground(low, high):
     """From either side of the border: with the impact that vanishes, and without it."""
     alpha = graze(10.0, low, high)

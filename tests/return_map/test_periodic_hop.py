@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 from columns import CUBIC, column, hop_of
+from conftest import slow_after
 
 from orbits import InputError, NoOrbit, ReturnMap, multipliers
 from problems import Hopper
 
 
-@pytest.mark.parametrize("kind", ["column", "cubic column", "chain_hand"])
+@pytest.mark.parametrize("kind", slow_after(2, ["column", "chain_hand", "cubic column"]))
 def test_fixed_points_beside_a_lossless_hop(kind):
     """One has more energy, and one less; hops lose there what the injection adds."""
     machine, orbit = hop_of(kind)

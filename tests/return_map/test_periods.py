@@ -39,6 +39,7 @@ def test_two_periods_attract_side_by_side():
     assert "different periods" in str(found)
 
 
+@pytest.mark.slow
 def test_a_slow_hop_is_outside_of_the_range():
     """Beyond the crisis some launches come to a slow hop, and not to rest."""
     over = {"inject": (0.16, 0.165), "mass_ratio": (1.0, 1.01)}

@@ -44,6 +44,7 @@ def test_under_varying_gravity_the_orbits_of_find():
     assert [point.alpha for point in found] == pytest.approx([find(machine, n).alpha for n in (1, 2)], rel=1e-14)
 
 
+@pytest.mark.slow
 def test_under_varying_gravity_both_of_a_family_that_folds():
     """A planet so large that gravity is as good as constant has the orbits of constant gravity."""
     options = {"mass_ratio": 20.0, "rest_length": 60.0, "parameters": {"beta": -0.0102}}

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from conftest import DATA
+from conftest import DATA, slow_after
 
 from orbits import InputError, NoOrbit, ReturnMap, find, find_all, multiplier, simulate, time_limit
 from problems import Hopper, Juggler, hopper_in_si, rimless_wheel
@@ -26,7 +26,7 @@ def test_stored_values(stored):
         assert np.isnan(hops.next)
 
 
-@pytest.mark.parametrize("mass_ratio", [1e-3, 0.1, 1.0, 10.0, 1e3])
+@pytest.mark.parametrize("mass_ratio", slow_after(3, [1e-3, 0.1, 1.0, 10.0, 1e3]))
 def test_the_loss_beside_a_lossless_orbit(mass_ratio):
     """Relative accuracy falls with the distance only as rounding of the launch speed makes it."""
     distances = np.array([side * 10.0**-k for side in (1, -1) for k in range(1, 13)])
@@ -67,12 +67,15 @@ def test_the_local_law(machine):
 
 @pytest.mark.parametrize(
     ("machine", "number", "bounce"),
-    [
-        (Hopper("cubic", mass_ratio=20.0, parameters={"beta": -0.0105}), 0, "below"),
-        (Hopper("cubic", mass_ratio=20.0, parameters={"beta": -0.0105}), 1, "above"),
-        (Hopper("r - 0.0102*r**3", mass_ratio=12.0), 1, "above"),
-        (Juggler("r + 0.1*r**3"), 0, "below"),
-    ],
+    slow_after(
+        2,
+        [
+            (Hopper("cubic", mass_ratio=20.0, parameters={"beta": -0.0105}), 0, "below"),
+            (Hopper("cubic", mass_ratio=20.0, parameters={"beta": -0.0105}), 1, "above"),
+            (Hopper("r - 0.0102*r**3", mass_ratio=12.0), 1, "above"),
+            (Juggler("r + 0.1*r**3"), 0, "below"),
+        ],
+    ),
 )
 def test_it_attracts_from_above_on_both_sides_of_a_fold(machine, number, bounce):
     """A plastic landing only loses, and the energy rises with the launch speed: the next speed is never above the last.

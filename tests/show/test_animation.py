@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from conftest import slow_after
 from looks import check_looks
 from PIL import Image
 
@@ -58,14 +59,17 @@ def lifts(heights, orbit):
 
 @pytest.mark.parametrize(
     ("motion", "rooms"),
-    [
-        (lambda: find(Hopper()), {"body": 1, "foot": 0}),
-        (lambda: find(Juggler()), {"ball": 1, "hand": 1}),
-        (lambda: first_motion(Chain().mechanism), {"mass 1": 2, "mass 2": 1, "mass 3": 0}),
-        (lambda: first_motion(plate_hopper()), {"body": 2, "foot": 1, "plate": 1}),
-        (lambda: first_motion(chain_hand()), {"ball": 2, "hand": 2, "y3": 1}),
-        (lambda: find(lever()), {"a": 1, "b": 0}),
-    ],
+    slow_after(
+        3,
+        [
+            (lambda: find(Hopper()), {"body": 1, "foot": 0}),
+            (lambda: find(Juggler()), {"ball": 1, "hand": 1}),
+            (lambda: first_motion(Chain().mechanism), {"mass 1": 2, "mass 2": 1, "mass 3": 0}),
+            (lambda: first_motion(plate_hopper()), {"body": 2, "foot": 1, "plate": 1}),
+            (lambda: first_motion(chain_hand()), {"ball": 2, "hand": 2, "y3": 1}),
+            (lambda: find(lever()), {"a": 1, "b": 0}),
+        ],
+    ),
 )
 def test_what_lands_on_a_mass_is_drawn_on_it(motion, rooms, drawn):
     """Each spring has a room of its own, and the two sides of the gap have the same room below them, so that they touch

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from conftest import slow_after
 from scipy.integrate import solve_ivp
 
 from orbits import InputError, NoOrbit, ReturnMap, multiplier, simulate
@@ -94,10 +95,10 @@ def test_a_contact_may_end_where_no_launch_does(machine, alpha):
 
 @pytest.mark.parametrize(
     "machine",
-    [
+    slow_after(3, [
         Hopper("r - 0.1*r**3 + 0.001*r**5"), Hopper("r - 0.05*r**3"), Juggler("r - 0.05*r**3", damping=0.3, drag=0.1),
         Juggler("r - 0.02*r**3"), Hopper("r + 0.1*r**3", damping=0.2), Hopper("sinh(0.3*r)/0.3", drag=0.05),
-    ],
+    ]),
 )  # fmt: skip
 def test_contacts_end_as_integrated_independently(machine):
     for alpha in np.random.default_rng(5).uniform(1.0, 4.0, 3):
@@ -203,7 +204,7 @@ class TestStatuses:
         assert "too many steps" in run.reason
         assert ReturnMap(Hopper())(2e3).status == "lifts_off"
 
-    @pytest.mark.parametrize("cap", [1, 2, 3])
+    @pytest.mark.parametrize("cap", slow_after(1, [1, 2, 3]))
     def test_the_cap_counts_impacts_that_do_not_end_in_contact(self, cap):
         found = {self.same(Hopper(mass_ratio=20.0), alpha, cap=cap) for alpha in np.linspace(2.5, 9.0, 40)}
         assert "lifts_off" in found

@@ -185,6 +185,7 @@ def test_the_flight_of_a_block_that_has_fallen_over_does_not_end():
     assert found.status.tolist() == ["rests", "carried_off"]
 
 
+@pytest.mark.slow
 def test_a_slope_pays_for_the_losses_of_a_walk():
     steps = ReturnMap(downhill(1e-6, 0.8))
     lossless = find(wheel(MU, KAPPA, A, share=0.8)).alpha

@@ -4,6 +4,7 @@ from itertools import pairwise, takewhile
 
 import numpy as np
 import pytest
+from conftest import slow_after
 from scipy.integrate import quad, solve_ivp
 
 from orbits import (
@@ -30,9 +31,9 @@ from problems import Chain, Hopper, Juggler, hopper_in_si, springs
 TIGHT = {"rtol": 1e-13, "atol": 1e-13, "method": "DOP853"}
 CUBIC = {"beta": 0.3}
 SPRINGS = {
-    "lossy": springs.lossy("r + beta*r**3", loss_factor=0.02, **CUBIC),
     "friction": springs.hysteretic("r + 0.05", "r - 0.05"),
     "one side": springs.hysteretic("r + 0.3*r**2/(1 + r**2)", "r"),
+    "lossy": springs.lossy("r + beta*r**3", loss_factor=0.02, **CUBIC),
 }
 
 
@@ -89,7 +90,7 @@ def find_liftoff(law) -> float:
     return brentq(lambda r: float(law.extending(r)) - 1, 0.0, 3.0, xtol=1e-15)
 
 
-@pytest.mark.parametrize("name", SPRINGS)
+@pytest.mark.parametrize("name", slow_after(2, SPRINGS))
 def test_a_hop_is_that_of_another_integrator_and_loses_the_area_between_the_branches(name):
     law, alpha, M = SPRINGS[name], 4.7, 0.5
     following, turns, landed = integrated_hop(law, alpha, M)

@@ -86,6 +86,7 @@ def test_three_statuses_between_two_neighbours():
     assert found[1][0] == pytest.approx(FOLD, abs=TO_ACCURACY)
 
 
+@pytest.mark.slow
 def test_the_grid_has_the_quantities(diagram):
     machine = MACHINE.with_values(beta=BETWEEN[1], delta=0.0)
     orbit = find(machine)

@@ -202,6 +202,7 @@ def test_a_member_that_is_not_certified_alone_lacks_the_numbers_that_need_it(mon
 class TestTuned:
     """Sweeps with tuned parameters."""
 
+    @pytest.mark.slow
     def test_members_have_the_frequency(self, tmp_path):
         """Of a linear spring the period is that of stiffness 1 over the root of the stiffness."""
         machine, ratios, path = Hopper("k*r", parameters={"k": 1.0}), [0.3, 1.0, 4.0], tmp_path / "study.db"

@@ -42,6 +42,7 @@ def test_uncertainty_of_a_saturating_spring():
     assert found.linear["alpha"] < 0.97 * deviation
 
 
+@pytest.mark.slow
 def test_members_that_are_no_motions_do_not_count():
     found = uncertainty(Hopper("cubic", rest_length=8.0, parameters={"beta": 0.02}), {"beta": norm(0.02, 0.02)})
     motions = found.sweep["status"] == "certified"

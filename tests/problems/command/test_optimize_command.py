@@ -107,6 +107,7 @@ def test_command_line_failures(orbits, tmp_path, old, new, code, words):
     assert words in run.err
 
 
+@pytest.mark.slow
 def test_a_design_with_a_tuned_parameter(orbits, tmp_path):
     """In SI; the best orbit is the one that `orbits find` tunes on that machine."""
     path = tmp_path / "leg.toml"

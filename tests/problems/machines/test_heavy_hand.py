@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from conftest import slow_after
 
 from orbits import InputError, ReturnMap, find, follow, sensitivities, simulate
 from orbits.model.machine import free_parameters
@@ -15,7 +16,7 @@ def test_launches_come_back_or_bounce_for_ever():
     np.testing.assert_array_equal(hops.next, np.where(hops.status == "cap", np.nan, alpha))
 
 
-@pytest.mark.parametrize("alpha", [3.2, 3.4, 3.55, 3.65])
+@pytest.mark.parametrize("alpha", slow_after(1, [3.2, 3.4, 3.55, 3.65]))
 def test_period_one_bouncing_is_stable_up_to_the_bound(alpha):
     """A deviation is multiplied by 1 + w'' at each bounce, w'' the hand's acceleration when its speed is pi."""
     run = simulate(HeavyHand(), alpha, hops=1, cap=400)

@@ -305,6 +305,7 @@ def orbit():
     return find(MACHINE)
 
 
+@pytest.mark.slow
 def test_the_orbit_solves_lagranges_equations(orbit):
     p, t = MACHINE.values, np.linspace(0.0, 1.0, 41)
     flight = travelled(lagrange_in_flight, [0.0, 0.0, orbit.liftoff_extension, orbit.alpha], orbit.flight_time, p)

@@ -183,6 +183,7 @@ def test_no_wheel_is_lighter_than_its_mass():
         rocking_block(2.0, 0.1, 0.3, 0.1, 1.0, 1.0)
 
 
+@pytest.mark.slow
 def test_a_block_that_falls_on_its_side_is_no_motion():
     """Family 1 of a block with tan(a) = b/h: at a = 1.1 it tilts by less than a right angle, at 1.2 by more."""
     near, over = (find(rocking_block(angle=angle)) for angle in (1.1, 1.2))

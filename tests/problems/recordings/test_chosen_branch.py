@@ -93,6 +93,7 @@ class TestDrift:
         with pytest.raises(InputError, match=r'its 3 cycles differ by up to .* choose one, cycle="last"'):
             springs.table(self.RECORD, in_si=True, branch="unloading", cycle=cycle)
 
+    @pytest.mark.slow
     def test_it_is_reported_and_counts(self):
         orbit = hop(self.RECORD, branch="unloading", cycle="last")
         assert "drift 0.58 N a cycle" in str(orbit)  # 2 N in 3.5 cycles, and the noise

@@ -3,6 +3,7 @@ linearised growth."""
 
 import numpy as np
 import pytest
+from conftest import slow_after
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
@@ -64,14 +65,17 @@ def by_hand(times, rates, hops, c, alpha=None, push=None):
 
 @pytest.mark.parametrize(
     "disturbance",
-    [
-        {"launch_error": 0.02},
-        {"launch_error": -0.02},
-        {"damping": 1.1 * C},
-        {"damping": 0.9 * C, "launch_error": 0.05},
-        {"push": (3.0, {"y1'": 0.05})},
-        {"push": (12.0, {"y1'": -0.05})},
-    ],
+    slow_after(
+        3,
+        [
+            {"launch_error": 0.02},
+            {"launch_error": -0.02},
+            {"damping": 1.1 * C},
+            {"damping": 0.9 * C, "launch_error": 0.05},
+            {"push": (3.0, {"y1'": 0.05})},
+            {"push": (12.0, {"y1'": -0.05})},
+        ],
+    ),
     ids=str,
 )
 def test_a_disturbed_motion_by_another_integrator(driven_hopper, disturbance):
@@ -189,6 +193,7 @@ def test_what_is_no_disturbance(driven_hopper, disturbance, words):
         driven_hopper.simulate(**{"hops": 1, **disturbance})
 
 
+@pytest.mark.slow
 def test_a_motion_that_begins_in_contact_has_no_launch(started_hopper):
     with pytest.raises(InputError, match="begins in contact"):
         started_hopper.simulate(1, launch_error=0.1)

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from conftest import DAMPED_LEG
+from conftest import DAMPED_LEG, slow_after
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
 from orbits import Control, InputError
@@ -19,6 +19,7 @@ from problems.steering.driven import WithMovedEnd
 C = 0.01
 
 
+@pytest.mark.slow
 def test_a_driven_motion_is_a_control_with_its_machine(driven_hopper, started_hopper):
     assert isinstance(driven_hopper, Control)
     assert driven_hopper.source == Hopper(damping=C)
@@ -94,7 +95,9 @@ def test_si(driven_leg, tmp_path):
     assert "launch speed (m/s)" in str(off)
 
 
-@pytest.mark.parametrize("name", ["driven_hopper", "started_hopper", "driven_leg"], ids=["kept", "started", "leg"])
+@pytest.mark.parametrize(
+    "name", slow_after(1, ["driven_hopper", "started_hopper", "driven_leg"]), ids=["kept", "started", "leg"]
+)
 def test_files(name, tmp_path, request):
     """Motion and machine come back to the last bit, and can be used."""
     driven = request.getfixturevalue(name)
@@ -143,6 +146,7 @@ def test_a_damaged_file_is_refused(driven_hopper, tmp_path, damage, words):
     assert "is not a saved motion of a driven machine" in str(error.value)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("any_digest")
 def test_stages_of_another_machine_are_refused(driven_hopper, driven_leg, tmp_path):
     document = json.loads(driven_hopper.save(tmp_path / "driven.json").read_text())
@@ -181,6 +185,7 @@ def test_an_animation_shows_the_end_that_moves(machine):
     assert np.abs(states[:, -1]).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_an_animation(driven_leg, tmp_path):
     from PIL import Image
 
@@ -221,6 +226,7 @@ def test_a_mechanism_in_si(kind, tmp_path):
     assert abs(off.launch_errors[-1]) < 1e-3  # it draws nearer
 
 
+@pytest.mark.slow
 def test_a_motion_is_not_taken_for_that_of_another_machine(tmp_path):
     """The springs r + r^3/10 and r + r^3/2 have one name."""
     own, other = (Hopper(springs.function(lambda r, c=c: r + c * r**3), damping=0.02) for c in (0.1, 0.5))

@@ -207,12 +207,15 @@ def test_a_start_from_rest():
 
 @pytest.mark.parametrize(
     ("question", "words"),
-    [
-        (lambda: steering.keep_hopping(Hopper(damping=0.05), stroke=0.05), "'room to pull' of stage 1"),
-        (lambda: steering.start_up(Hopper(), 1, stroke=0.5), "'room to push' of stage 1"),
-        (lambda: steering.keep_hopping(Hopper(damping=0.01), intervals=2), "more conditions than inputs can meet"),
-        (lambda: steering.keep_hopping(Hopper(damping=0.01), intervals=3), "no convergence|no motion"),
-    ],
+    slow_after(
+        3,
+        [
+            (lambda: steering.keep_hopping(Hopper(damping=0.05), stroke=0.05), "'room to pull' of stage 1"),
+            (lambda: steering.start_up(Hopper(), 1, stroke=0.5), "'room to push' of stage 1"),
+            (lambda: steering.keep_hopping(Hopper(damping=0.01), intervals=2), "more conditions than inputs can meet"),
+            (lambda: steering.keep_hopping(Hopper(damping=0.01), intervals=3), "no convergence|no motion"),
+        ],
+    ),
 )
 def test_what_an_actuator_cannot_do(question, words):
     with pytest.raises(NoOrbit, match=words):
@@ -233,7 +236,7 @@ def test_landing_as_it_likes_costs_no_more(short):
     assert steering.missed(machine, free) <= 1e-8
 
 
-@pytest.mark.parametrize("lossless", [True, False])
+@pytest.mark.parametrize("lossless", slow_after(1, [True, False]))
 def test_a_short_launch_is_brought_back(lossless):
     machine, short = Hopper(), 0.1
     found = steering.recover(machine, short, lossless=lossless)

@@ -87,6 +87,7 @@ def test_the_height_is_the_rise_of_the_centre_of_mass():
     assert family.costs[-1] == pytest.approx(steering.keep_hopping(Hopper(), speed=launch, intervals=20).cost, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_a_speed_and_then_a_height_are_followed():
     """The height is v^2/(2 g), with the speed alpha/2 and gravity 1/2."""
     machine = Hopper(damping=0.02)
