@@ -269,7 +269,7 @@ def test_folds_and_diagrams():
     assert diagram.plot().get_ylabel() == "body mass (kg)"
 
 
-@pytest.mark.parametrize("name", ["leg", "thrower", pytest.param("rover", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", slow_after(1, ["leg", "thrower", "rover"]))
 def test_quantities_and_sensitivities(name):
     machine, bare_machine, sizes = MACHINES[name], MACHINES[name].dimensionless(), sizes_of(name)
     orbit, bare = find(machine), find(bare_machine)

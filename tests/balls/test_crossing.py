@@ -7,6 +7,7 @@ from functools import cache
 import mpmath as mp
 import numpy as np
 import pytest
+from conftest import slow_after
 from flint import arb
 
 from orbits import find, find_all, prove
@@ -38,7 +39,7 @@ def lateness(alpha, gap, ratio):
 
 
 # In the last one the launch is at the breakpoint.
-@pytest.mark.parametrize(("gap", "ratio"), [(0.5, 2.0), (1.0, 2.0)])
+@pytest.mark.parametrize(("gap", "ratio"), slow_after(1, [(0.5, 2.0), (1.0, 2.0)]))
 def test_a_bilinear_spring(gap, ratio):
     proof = prove(find(Hopper(springs.bilinear(gap=gap, ratio=ratio), rest_length=20.0)))
     assert proof.proved, proof.reasons

@@ -51,7 +51,9 @@ def linear():
 
 @pytest.mark.parametrize(
     ("what", "to"),
-    [("stroke <= 0.25", 0.1), ("centre_of_mass_rise == 0.2", 0.1), ("body_mass", 70.0), ("b <= 1e+07", 5e6)],
+    slow_after(
+        2, [("stroke <= 0.25", 0.1), ("centre_of_mass_rise == 0.2", 0.1), ("body_mass", 70.0), ("b <= 1e+07", 5e6)]
+    ),
 )
 def test_derivatives_are_those_by_differences(what, to):
     """Slopes are exact, and bends nearly so, whatever moves."""

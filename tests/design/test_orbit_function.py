@@ -4,6 +4,7 @@ optima that `optimize` finds."""
 import casadi as ca
 import numpy as np
 import pytest
+from conftest import slow_after
 
 from orbits import InputError, NoOrbit, find, find_all, optimize, orbit_function, sensitivities, starts
 from problems import (
@@ -77,7 +78,7 @@ KINDS = [
 ]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", slow_after(4, KINDS))
 def test_derivatives_are_those_of_neighbouring_orbits(kind):
     machine, over, find_one = MACHINES[kind]
     orbit = find_one(machine)

@@ -72,6 +72,7 @@ def test_letters_of_machines_that_step_and_of_tables(name):
             stated_machine(machine, {})
 
 
+@pytest.mark.slow
 def test_a_parameter_whose_name_is_a_number_in_the_law_of_the_losses():
     hop = find(two_masses("r + d*r**3", parameters={"d": 0.3}))
     assert prove(hop).proved

@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from conftest import slow_after
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -46,14 +47,17 @@ def test_the_loss_beside_an_orbit_is_that_of_the_map():
 
 @pytest.mark.parametrize(
     "force",
-    [
-        lambda r, a: r + 0.1 * (r > a),
-        lambda r, a: r + np.where(r > a, 0.1, 0.0),
-        lambda r, a: ca.if_else(r > a, r + 0.1, r),
-        lambda r, a: r + 0.1 * ca.logic_not(r <= a),
-        lambda r, a: r + 0.05 * ca.fabs(1 + ca.sign(r - a)),
-        lambda r, a: r + 0.1 * ca.logic_and(r > a, ca.fmax(r, 3 * a) > a),
-    ],
+    slow_after(
+        2,
+        [
+            lambda r, a: r + 0.1 * (r > a),
+            lambda r, a: r + np.where(r > a, 0.1, 0.0),
+            lambda r, a: ca.if_else(r > a, r + 0.1, r),
+            lambda r, a: r + 0.1 * ca.logic_not(r <= a),
+            lambda r, a: r + 0.05 * ca.fabs(1 + ca.sign(r - a)),
+            lambda r, a: r + 0.1 * ca.logic_and(r > a, ca.fmax(r, 3 * a) > a),
+        ],
+    ),
 )
 def test_one_law_with_many_comparisons(force):
     law = springs.function(force, a=-2.0)

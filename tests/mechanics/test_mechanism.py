@@ -15,7 +15,7 @@ from problems.laws import springs
 
 
 class TestTheSameMachine:
-    @pytest.mark.parametrize("force", slow_after(2, ["k*r", "k*r + c*r**3", "k*sinh(r)"]))
+    @pytest.mark.parametrize("force", slow_after(1, ["k*r", "k*r + c*r**3", "k*sinh(r)"]))
     def test_in_si_and_by_its_mechanics(self, force):
         own = {"k": 3.0} | ({"c": 0.4} if "c*" in force else {})
         stated = hopper_in_si(2.0, 0.5, force=force, parameters=own, surface_gravity=1.7)

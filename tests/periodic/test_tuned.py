@@ -5,6 +5,7 @@ from math import atan, pi, sqrt
 
 import numpy as np
 import pytest
+from conftest import slow_after
 from hanging import excess_over_barrier
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
@@ -107,7 +108,7 @@ def test_rises_are_prescribed_too(name, family):
     assert abs(found.source.values["beta"] - 0.41) <= 100 * found.tuned_errors["beta"]
 
 
-@pytest.mark.parametrize("name", ["clearance", "stroke", "largest_contact_force", "landing_jerk"])
+@pytest.mark.parametrize("name", slow_after(2, ["clearance", "stroke", "largest_contact_force", "landing_jerk"]))
 def test_extremes_and_equations_are_prescribed_together(name):
     machine = CUBIC.with_values(beta=0.35, mass_ratio=1.2)
     known = find(machine, 2)

@@ -129,7 +129,9 @@ PULLING = [
 
 
 class TestSteps:
-    @pytest.mark.parametrize(("kind", "case"), [(kind, case) for kind, cases in TABLE.items() for case in cases])
+    @pytest.mark.parametrize(
+        ("kind", "case"), slow_after(3, [(kind, case) for kind, cases in TABLE.items() for case in cases])
+    )
     def test_straight_lines_have_the_closed_form(self, kind, case):
         mu, kappa, family = case
         half, speed, contact = closed_form(kind, mu, kappa, family)

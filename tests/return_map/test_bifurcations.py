@@ -133,6 +133,7 @@ def test_the_fixed_points_beside_a_lossless_hop_are_one_branch(machine, high, be
     assert not [event for event in diagram.events if event.border and event.value < 1e-4]
 
 
+@pytest.mark.slow
 def test_hops_of_period_two_whose_flip_is_outside():
     """Brute force: repeated hops settle on period two between its flips, at 0.0715874 and 0.1134292."""
     diagram = bifurcations(Hopper(), "inject", (0.10, 0.12), (4.3, 5.0), attractor=0)

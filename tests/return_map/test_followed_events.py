@@ -62,6 +62,7 @@ def test_with_a_damper():
         assert multiplier(last, alpha) == pytest.approx(slope, abs=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("second", "stop"), slow_after(1, [("mass_ratio", 1.1), ("gap", 0.55)]))
 def test_flips_of_a_law_in_pieces(second, stop):
     """Motions pass the corner of a bilinear spring, which moves with the gap."""

@@ -87,7 +87,8 @@ def test_preimages_are_all_there():
     np.testing.assert_array_equal(within(alpha, wide), inside)
 
 
-@pytest.mark.parametrize("machine", [Hopper(), pytest.param(Hopper(mass_ratio=2.0), marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("machine", [Hopper(), Hopper(mass_ratio=2.0)])
 def test_the_basin_is_what_comes_to_a_lossless_hop(machine):
     step, high = ReturnMap(machine), 5.6
     shares: list[float] = []

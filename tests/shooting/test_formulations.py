@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from columns import column
-from conftest import REFERENCES, machine_of
+from conftest import REFERENCES, machine_of, slow_after
 
 from orbits import InputError, NoOrbit, find
 from orbits.shooting.formulations import contact_force_row, half_orbit, whole_flight
@@ -15,11 +15,14 @@ from problems.laws import springs
 
 @pytest.mark.parametrize(
     "machine",
-    [
-        Hopper("r", rest_length=20.0),
-        machine_of(REFERENCES[4]),
-        Hopper(springs.bilinear(ratio=2.0), rest_length=20.0),
-    ],
+    slow_after(
+        1,
+        [
+            Hopper("r", rest_length=20.0),
+            machine_of(REFERENCES[4]),
+            Hopper(springs.bilinear(ratio=2.0), rest_length=20.0),
+        ],
+    ),
     ids=["linear", "varying", "in pieces"],
 )
 def test_a_model_without_a_reversor_is_unfolded(machine):

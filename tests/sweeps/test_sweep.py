@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from conftest import slow_after
 
 from orbits import InputError, Mechanism, NoOrbit, Sweep, find, find_all, quantities, sensitivities, starts, sweep
 from orbits.mechanics import Mass, Spring
@@ -13,7 +14,7 @@ from tests.runners import FAST
 from tests.sweeps.swept import CASES
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", slow_after(4, CASES))
 def test_every_member_is_what_find_finds(case):
     machine, over, family = CASES[case]
     names = ["loss_coefficient", "smallest_separation", "contact_time/flight_time"]

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from conftest import slow_after
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from steps import SINES, TABLE, closed_form
@@ -25,7 +26,7 @@ def test_small_angles_have_their_closed_form(kind, values):
     assert orbit.admissible
 
 
-@pytest.mark.parametrize(("kind", "law", "family"), SINES)
+@pytest.mark.parametrize(("kind", "law", "family"), slow_after(2, SINES))
 def test_other_angles_have_the_values_of_other_integrators(kind, law, family):
     orbit = find(KINDS[kind](inertia_ratio=1.0, gravity_ratio=0.5, angle=0.3, spring=law), family)
     speed, half, contact = SINES[kind, law, family]
@@ -34,7 +35,7 @@ def test_other_angles_have_the_values_of_other_integrators(kind, law, family):
     assert orbit.admissible
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", slow_after(1, KINDS))
 def test_random_machines_have_their_closed_form(kind):
     """mu from 0.05 to 20 and kappa from 0.05 to 5."""
     rng = np.random.default_rng(7)

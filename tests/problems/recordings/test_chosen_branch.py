@@ -45,7 +45,7 @@ def hop(record, **options):
 @pytest.mark.parametrize(
     ("turns", "branch"),
     slow_after(
-        4,
+        2,
         [
             *[(EQUAL, "loading"), (GROWING, "mean"), (ONE, "loading"), (PART, "loading"), (EQUAL, "unloading")],
             *[(EQUAL, "mean"), (GROWING, "loading"), (GROWING, "unloading"), (ONE, "mean"), (PART, "mean")],
