@@ -10,6 +10,7 @@ from proofs import within
 
 from orbits import ReturnMap, find, find_all, prove
 from orbits.check_proof import check
+from orbits.running.time_limit import default_limit
 from problems import Chain, Hopper, Juggler, hopper_in_si, inerter_hopper, knee_hopper
 
 SLOW = pytest.mark.slow
@@ -116,7 +117,8 @@ def test_simulated_hops(machine, radius, monkeypatch):
     orbit = find(machine)
     if not isinstance(machine, Juggler):
         within(monkeypatch, radius)
-    proof = prove(orbit, attraction=True, limit=120)
+    with default_limit(120):  # of processor time
+        proof = prove(orbit, attraction=True)
     reached, losses = float(proof.attraction_radius), proof.enclosures["attraction_loss"]
     assert reached >= float(radius)
     hop = ReturnMap(machine)

@@ -5,6 +5,7 @@ import pytest
 from proofs import within
 
 from orbits import ReturnMap, find_all, prove
+from orbits.running.time_limit import default_limit
 from problems import Hopper
 
 SLOW = pytest.mark.slow
@@ -16,7 +17,8 @@ def test_simulated_hops_with_a_bounce(distance, monkeypatch):
     machine = Hopper("cubic", mass_ratio=20.0, parameters={"beta": -0.0105})
     orbit = find_all(machine, family=1)[1]
     within(monkeypatch, distance)
-    proof = prove(orbit, attraction=True, limit=120)
+    with default_limit(120):  # of processor time
+        proof = prove(orbit, attraction=True)
     reached, losses = float(proof.attraction_radius), proof.enclosures["attraction_loss"]
     assert reached == float(distance)
     assert "bounces once" in proof.statement

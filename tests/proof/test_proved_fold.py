@@ -6,6 +6,7 @@ import pytest
 from steps import stepping
 
 from orbits import InputError, follow, prove_fold
+from orbits.running.time_limit import default_limit
 from problems import Hopper
 
 # The fold of family 1 of the cubic spring, by continuation in another program.
@@ -39,7 +40,8 @@ def test_a_fold_of_a_wheel():
     """Continuation comes to it from either side."""
     wheel = stepping("wheel", 1.0, 0.5, 0.3, "r - c*r**3", c=3.0)
     family = follow(wheel, "c", 3.56, start=3.0)
-    proof = prove_fold(wheel, next(event.point for event in family.events if event.kind == "fold"), "c", limit=300)
+    with default_limit(300):  # of processor time
+        proof = prove_fold(wheel, next(event.point for event in family.events if event.kind == "fold"), "c")
     assert proof.proved, proof.reasons
     place = proof.enclosures["c"]
     assert round(Decimal(place.low), 14) == round(Decimal(place.high), 14) == Decimal("3.55428452087394")

@@ -23,6 +23,7 @@ from orbits.exact.refusal import Unproved
 from orbits.exact.stated import stated_machine
 from orbits.exact.statement import HalfOrbit
 from orbits.proof.case import existence_of, motion_conditions
+from orbits.running.time_limit import default_limit
 from problems import Hopper, runner
 
 SLOW = pytest.mark.slow
@@ -208,7 +209,8 @@ def run():
 
 @pytest.fixture(scope="module")
 def proof(run):
-    return prove(run, limit=120)
+    with default_limit(120):  # of processor time
+        return prove(run)
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ import pytest
 
 from orbits import InputError, ReturnMap, prove_all_hops
 from orbits.model.machine import machine_in_words
+from orbits.running.time_limit import default_limit
 from problems import Hopper, hopper_in_si, springs
 
 
@@ -47,7 +48,8 @@ def test_hops_that_are_missing_or_elsewhere(hops):
 def test_longer_hops_are_all():
     """Of the hops of period five one lands next to the lossless launch, closer than other intervals are halved."""
     found = ReturnMap(Hopper(), inject=0.135).periodic_hops(5, 4.46, 4.64)
-    proof = prove_all_hops(Hopper(), found, "0.135", limit=300)
+    with default_limit(300):  # of processor time
+        proof = prove_all_hops(Hopper(), found, "0.135")
     assert proof.proved
     assert len(proof.enclosures) == 10
 

@@ -13,6 +13,7 @@ from orbits.return_map.bifurcation import Bifurcation
 from orbits.return_map.hops import FixedPoint
 from orbits.return_map.periodic_hops import Cycle
 from orbits.return_map.proofs import guess_at
+from orbits.running.time_limit import default_limit
 from problems import Hopper, Juggler, hopper_in_si, inerter_hopper
 
 # Of the linear hopper with equal masses: launch speeds of fixed points, and the times of their flights.
@@ -108,7 +109,8 @@ def test_hops_of_a_longer_period_in_closed_form(inject, first, impacts):
         return mp.fprod(slope(each, own) for each, own in zip(launches(alpha), flights, strict=False))
 
     alpha = root(lambda a: launches(a)[-1] - a, lambda a: rate(a) - 1, mp.mpf(first))
-    proof = prove_fixed_point(Hopper(), cycle, inject, limit=300)
+    with default_limit(300):  # of processor time
+        proof = prove_fixed_point(Hopper(), cycle, inject)
     assert proof.proved
     assert proof.kind == "periodic hops"
     for name, value in zip(("alpha", "alpha_2", "alpha_3", "alpha_4"), launches(alpha)[:-1], strict=False):
@@ -157,7 +159,8 @@ def test_hops_of_period_two_of_other_machines(machine, inject):
     found = step.periodic_hops(2, 0.9 * alpha, 1.1 * alpha)
     assert found
     for cycle in found:
-        proof = prove_fixed_point(machine, step.periodic_hop(cycle.alpha, 2), str(inject), limit=300)
+        with default_limit(300):  # of processor time
+            proof = prove_fixed_point(machine, step.periodic_hop(cycle.alpha, 2), str(inject))
         assert proof.proved
         assert [float(proof.enclosures[name].low) for name in ("alpha", "alpha_2")] == pytest.approx(cycle.launches)
         multiplier = proof.enclosures["multiplier"]
@@ -171,7 +174,8 @@ def test_the_period_doubling_in_closed_form():
     alpha = mp.findroot(lambda a: slope(a, flights) + 1, (4.541, 4.542), tol=1e-35)
     first, second, third = (slope(alpha, flights, order) for order in (1, 2, 3))
     assert abs(first + 1) < mp.mpf(10) ** -30
-    proof = prove_doubling(Hopper(), FLIP, limit=300)
+    with default_limit(300):  # of processor time
+        proof = prove_doubling(Hopper(), FLIP)
     assert proof.proved
     assert holds(proof.alpha, alpha)
     assert holds(proof.enclosures["inject"], alpha - next_speed(alpha, flights))
@@ -189,7 +193,8 @@ def test_the_period_doubling_in_closed_form():
 def test_the_doubling_of_a_cubic_spring():
     """How fast the multiplier passes through -1, by differences along the fixed points."""
     machine, d = Hopper("r + 0.3*r**3", mass_ratio=0.5, rest_length=8.0), 1e-6
-    proof = prove_doubling(machine, Bifurcation("flip", 0.0329952471, (2.962045693,), -1.0, 0), limit=300)
+    with default_limit(300):  # of processor time
+        proof = prove_doubling(machine, Bifurcation("flip", 0.0329952471, (2.962045693,), -1.0, 0))
     assert proof.proved
     inject, rate = (float(proof.enclosures[name].low) for name in ("inject", "multiplier_rate"))
     ends = [ReturnMap(machine, inject + side).fixed_points(2.95, 2.97)[-1].multiplier for side in (-d, d)]
@@ -200,7 +205,8 @@ def test_the_doubling_of_a_cubic_spring():
 @pytest.mark.slow
 def test_a_doubling_that_is_said_elsewhere_or_of_other_laws():
     moved = replace(FLIP, value=FLIP.value + 1e-8)
-    proof = prove_doubling(Hopper(), moved, limit=300)
+    with default_limit(300):  # of processor time
+        proof = prove_doubling(Hopper(), moved)
     assert not proof.proved
     assert proof.reasons[0].startswith("inject: the flip says")
     with pytest.raises(InputError, match="across the breakpoints of a law in pieces"):
@@ -231,7 +237,8 @@ def test_one_of_the_pairs_of_other_machines(machine, which):
     points = ReturnMap(machine, inject).fixed_points(0.9 * alpha, 1.1 * alpha)
     assert len(points) == 2
     point = points[which]
-    proof = prove_fixed_point(machine, point, inject, limit=300)
+    with default_limit(300):  # of processor time
+        proof = prove_fixed_point(machine, point, inject)
     assert proof.proved
     low, high = proof.alpha.low, proof.alpha.high
     assert float(low) - 1e-13 * alpha <= point.alpha <= float(high) + 1e-13 * alpha
