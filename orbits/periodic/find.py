@@ -35,8 +35,8 @@ from .tuned import (
 )
 from .tuned_extremes import with_extremes
 
-# Where nothing says how fast a run is, its search begins at these multiples of the slowest start.
-FASTER_STARTS = (1.0, 2.0, 3.0, 5.0)
+# The search for a run begins at these multiples of the slowest start, at the later ones where the others lead nowhere.
+FASTER_STARTS = (1.0, 2.0, 3.0, 5.0, 1.5, 2.5, 4.0)
 
 
 @exclusive
@@ -164,10 +164,9 @@ def _solved_from(machine: Machine, tuning: Tuning, known: Any) -> Solved:
             return solve_tuned(machine, tuning, begins[-1])
         except (NoOrbit, FlowError) as error:
             first = first or error
+    if isinstance(known, Iterator) and not tuning.values.keys() & OF_STEPS.keys() and any(tuning.values.values()):
+        return run_along_speeds(machine, tuning, begins)
     assert first is not None
-    prescribes_speed = tuning.values.keys() & OF_STEPS.keys()
-    if isinstance(known, Iterator) and not prescribes_speed and any(tuning.values.values()):
-        return run_along_speeds(machine, tuning, begins[0])
     raise first
 
 
@@ -268,15 +267,17 @@ def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str
 
 
 def _starts_of_run(machine: Any, family: int, tuning: Tuning) -> Iterator[dict[str, float]]:
-    """The starts of a run, slow ones first: from there the way to a faster run stays on its sheet, and one whose speed
-    is not prescribed may begin at any of them."""
+    """The starts of a run, slow ones first: from there the way to a faster run stays on its sheet. A design may be so
+    far from where its runs begin that only fast ones are near it."""
     hop = unknowns_of_hop(vertical_hop(dimensionless(machine).upright(), family))
     direct = start_of_run(machine, hop, tuning)
     stated = any(tuning.values.get(name) for name in OF_STEPS)
-    for faster in FASTER_STARTS[: 1 if stated else None]:
+    for faster in FASTER_STARTS:
         slow = start_of_run(machine, hop, tuning, np.copysign(faster, direct[STEP_LENGTH]))
-        yield min(slow, direct, key=lambda start: abs(start[STEP_LENGTH])) if stated else slow
-    yield direct
+        if stated and faster == FASTER_STARTS[0]:
+            yield from sorted((slow, direct), key=lambda start: abs(start[STEP_LENGTH]))
+        else:
+            yield slow
 
 
 def start_of_run(
@@ -302,7 +303,10 @@ def vertical_hop(upright: Machine, family: int) -> Orbit:
     which no run begins."""
     hop = lowest_of_family(upright, family, method_of(upright.model))
     if (least := hop.certificate.smallest_separation) is not None and not least > 0:
-        raise NoOrbit(f"in the vertical hop of family {family} parts pass through each other ({least:.3g})")
+        raise NoOrbit(
+            f"in the vertical hop of family {family} parts pass through each other ({least:.3g}): "
+            "no run begins there; give a start"
+        )
     if hop.contact_time is None:
         raise NoOrbit(f"the contact of the vertical hop of family {family} does not end")
     return hop

@@ -6,7 +6,7 @@ least is nearly that of the runs; it is scaled to the prescribed quantity. Runs 
 change vanishes.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -29,33 +29,45 @@ MOST_SHARES_OF_RUN, SAME_SHARE_OF_RUN = 30, 1e-14
 FASTER, MOST_SPEEDS = 1.25, 40
 
 
-def run_along_speeds(machine: Any, tuning: Tuning, start: Mapping[str, float]) -> Solved:
-    """The run with prescribed quantities, none of which says how fast it is: on the family of runs that begins near a
-    start, the unknowns of a half orbit by name, the first one, as they get faster, that leads to it; raises `NoOrbit`
-    where there is none.
+def run_along_speeds(machine: Any, tuning: Tuning, starts: Sequence[Mapping[str, float]]) -> Solved:
+    """The run with prescribed quantities, none of which says how fast it is: on the family of runs that begins near the
+    first start that leads to a run, the first one that has the quantities as the speed grows; raises `NoOrbit` where
+    there is none. The starts are unknowns of half orbits by name.
 
     Beside the vertical hop the speed determines the runs, while other quantities hardly change with it.
     """
     name, value = next((name, value) for name, value in tuning.values.items() if value is not None)
-    stand, speed = (prescribed_value(machine, each, start) for each in (name, "speed"))
-    rest, last, fastest = {each: None for each in tuning.values if each != name}, stand, 0.0
-    for _ in range(MOST_SPEEDS):
+    rest = {each: None for each in tuning.values if each != name}
+
+    def run(speed: float, known: Mapping[str, float]) -> dict[str, float]:
+        """The unknowns of the run of a speed to which a known one leads, by name."""
+        found = solve_tuned(machine, replace(tuning, values={"speed": speed, **rest}), known)
+        return dict(zip(found.equations.statement.unknowns, found.us[0].tolist(), strict=True))
+
+    no_run, reason = f"no run with {name} = {value:.6g} is found beside the vertical hop", None
+    for start in starts:
+        stand, speed = (prescribed_value(machine, each, start) for each in (name, "speed"))
         try:
-            found = solve_tuned(machine, replace(tuning, values={"speed": speed, **rest}), start)
-        except (NoOrbit, FlowError) as error:
-            reason: object = error
+            known = run(speed, start)
             break
-        start = dict(zip(found.equations.statement.unknowns, found.us[0].tolist(), strict=True))
-        here = prescribed_value(machine, name, start)
-        if (here - value) * (last - value) <= 0:
-            return solve_tuned(machine, tuning, start)
-        last, fastest, speed = here, speed, FASTER * speed
+        except (NoOrbit, FlowError) as error:
+            reason = reason or error
     else:
-        reason = "faster ones are not searched"
-    if not fastest:
-        raise NoOrbit(f"no run with {name} = {value:.6g} is found beside the vertical hop: {reason}")
-    went = f"{name} goes from {stand:.6g} to {last:.6g} as the speed goes from 0 to {fastest:.6g}"
-    raise NoOrbit(f"no run with {name} = {value:.6g} is found beside the vertical hop: {went}; {reason}")
+        raise NoOrbit(f"{no_run}: {reason}")
+    last, ended = stand, "faster ones are not searched"
+    for _ in range(MOST_SPEEDS):
+        here = prescribed_value(machine, name, known)
+        if (here - value) * (last - value) <= 0:
+            return solve_tuned(machine, tuning, known)
+        last = here
+        try:
+            known = run(FASTER * speed, known)
+        except (NoOrbit, FlowError) as error:
+            ended = str(error)
+            break
+        speed *= FASTER
+    went = f"{name} goes from {stand:.6g} to {last:.6g} as the speed goes from 0 to {speed:.6g}"
+    raise NoOrbit(f"{no_run}: {went}; {ended}")
 
 
 def run_start(machine: Any, equations: Shooting, hop: Mapping[str, float], at: Mapping[str, float]) -> dict[str, float]:
