@@ -83,6 +83,7 @@ TESTED_WITH = {
     "proof/branch_piece": "proof/test_branch",
     "proof/branch_words": "proof/test_branch",
     "proof/launches": "proof/test_attraction",
+    "proof/sticking_friction": "proof/test_runs",
     "proof/wording": "proof/test_attraction",
     "return_map/bifurcation": "return_map/test_diagram",
     "return_map/cycles": "return_map/test_bifurcations",

@@ -7,7 +7,7 @@ from flint import arb, ctx
 
 from ..errors import OrbitsError
 from ..exact.expressions import ExactExpression, along
-from ..exact.refusal import Unproved
+from ..exact.refusal import Undecided, Unproved
 from .enclosure import Passage, Piece
 from .equations import BallLeg
 from .programs import BallProgram, OfLaws
@@ -116,7 +116,7 @@ class Motion:
             if self.value(each, order, piece, arb(0)) < 0:
                 raise Refuted("it has the wrong sign as soon as the motion begins")
             until = until / 2
-        raise Unproved("its sign at the beginning is not decided")
+        raise Undecided("its sign at the beginning is not decided")
 
     def _ending(self, each: Derivatives, piece: Piece, low: arb) -> arb:
         """A time from which the function falls to its zero at the end."""
@@ -127,7 +127,7 @@ class Motion:
             if self.value(each, 1, piece, piece.step.h) > 0:
                 raise Refuted("it has the wrong sign just before the motion ends")
             since = (since + piece.step.h) / 2
-        raise Unproved("its sign at the end is not decided")
+        raise Undecided("its sign at the end is not decided")
 
     def _check_between(self, each: Derivatives, piece: Piece, low: arb, high: arb, left: int) -> None:
         times, middle = between(low, high), (low + high) / 2
@@ -139,7 +139,7 @@ class Motion:
         if at_middle + self.value(each, 1, piece, times) * (times - middle) > 0:
             return
         if left == 0:
-            raise Unproved("its sign is not decided: it comes very near to 0")
+            raise Undecided("its sign is not decided: it comes very near to 0")
         self._check_between(each, piece, low, middle, left - 1)
         self._check_between(each, piece, middle, high, left - 1)
 
@@ -164,7 +164,7 @@ class Motion:
         for sign, slope_here in marks:
             if sign == 0:
                 if slope not in (0, slope_here):
-                    raise Unproved("two turns of the extension come very near to each other")
+                    raise Undecided("two turns of the extension come very near to each other")
                 slope = slope_here
             else:
                 turns += sign != before
@@ -180,7 +180,7 @@ class Motion:
         elif slope := _sign(self.value(each, 2, piece, times)):
             marks.append((0, slope))
         elif left == 0:
-            raise Unproved("the turns of the extension cannot be told apart")
+            raise Undecided("the turns of the extension cannot be told apart")
         else:
             middle = (low + high) / 2
             self._mark(each, piece, low, middle, left - 1, marks)

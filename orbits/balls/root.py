@@ -16,7 +16,7 @@ import numpy as np
 from flint import arb, arb_mat, ctx
 
 from ..exact.claim import CONTACT_DURATION, FLIGHT_DURATION
-from ..exact.refusal import TooLong, Unproved
+from ..exact.refusal import TooLong, Undecided, Unproved
 from .enclosure import COARSE, Fineness, fineness_for, unit_matrix
 from .equations import Equations, Evaluated, columns_of
 from .programs import UNDEFINED
@@ -28,9 +28,9 @@ BOXES = (2.0**-20, 2.0**-27, 2.0**-34, 2.0**-40)
 ROOM = (1.5, 2.5, 6.0)
 # Bits beyond those requested, since motions amplify roundings.
 GUARD_BITS = 40
-MOST_REFINEMENTS = 6
-# The least number of bits that each refinement adds.
-BITS_OF_REFINEMENT = 24
+# A box is contracted while a radius falls below this share of itself. Where a slope in it jumps from 1 to k, as at a
+# breakpoint of a law, a contraction leaves the share (k - 1)/(k + 1).
+SHRINKING = 0.99
 # The most Newton steps, and the size relative to the unknowns of the last one.
 MOST_POLISHES, POLISHED = 6, 1e-6
 # The bits of a number that is known exactly, and the distance of its decimals from it, relative to it.
@@ -98,7 +98,7 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int, boxes: S
             continue
         if inner is None:
             continue
-        root = _narrowed(equations, ProvedRoot(inner, centre, radii, evaluated), bits)
+        root = narrowed_root(equations, ProvedRoot(inner, centre, radii, evaluated), bits)
         if root.unique_within([arb(1)] * len(centre)) > 0:
             break
         reason = ": rounded outward, its enclosure reaches beyond where it is proved to be the only one"
@@ -179,9 +179,10 @@ def _image(equations: Equations, evaluated: Evaluated, centre: Sequence[arb], de
     return [value + change[i, 0] for i, value in enumerate(centre)]
 
 
-def _narrowed(equations: Equations, root: ProvedRoot, bits: int) -> ProvedRoot:
+def narrowed_root(equations: Equations, root: ProvedRoot, bits: int) -> ProvedRoot:
     """The root enclosed more narrowly: by the derivatives on a smaller box, then by values in growing precision. Where
-    many bits are requested the derivatives follow, so that each refinement doubles the bits (Newton's method)."""
+    many bits are requested the derivatives follow, so that each refinement doubles the bits (Newton's method). Raises
+    `Undecided` where it is not enclosed to these bits."""
     box, evaluated, fineness = root.box, root.evaluated, COARSE
     if equations.intervals:
         for _ in range(2):
@@ -194,7 +195,7 @@ def _narrowed(equations: Equations, root: ProvedRoot, bits: int) -> ProvedRoot:
     centre, radii = [value.mid() for value in box], [2 * value.rad() for value in box]
     evaluated = evaluated_on(equations, centre, radii)
     box, follows = _by_values(equations, evaluated, evaluated, centre, box), bits > FIRST_BITS
-    for _ in range(MOST_REFINEMENTS + bits // BITS_OF_REFINEMENT):
+    for _ in range(bits):
         if all(_bits_of(value) >= bits for value in box):
             return replace(root, box=box, evaluated=evaluated, fineness=fineness)
         reached = max(FIRST_BITS, min(_bits_of(value) for value in box))
@@ -205,11 +206,11 @@ def _narrowed(equations: Equations, root: ProvedRoot, bits: int) -> ProvedRoot:
             values = evaluated_on(equations, centre, radii, fineness=fineness)
             evaluated = values if follows else evaluated
             before, box = box, _by_values(equations, evaluated, values, centre, box)
-        if not any(new.rad() < old.rad() / 2 for new, old in zip(box, before, strict=True)):
+        if not _shrinks(before, box, SHRINKING if follows else 0.5):
             if follows:
                 break
             follows = True  # the first box may hold a breakpoint of a law, where derivatives jump
-    raise Unproved(f"the root is not enclosed to {bits} bits")
+    raise Undecided(f"the root is not enclosed to {bits} bits")
 
 
 def _by_values(
@@ -217,14 +218,16 @@ def _by_values(
 ) -> list[arb]:
     """The box by Krawczyk's operator with the values at a centre, and derivatives that hold on a box with both."""
     merged = Evaluated(values.values, slopes.slopes, slopes.passages)
-    for _ in range(8):
+    while True:
         image = _image(equations, merged, centre, [value - c for value, c in zip(box, centre, strict=True)])
-        new = [_common(value, narrower) for value, narrower in zip(box, image, strict=True)]
-        done = not any(a.rad() < b.rad() / 2 for a, b in zip(new, box, strict=True))
-        box = new
-        if done:
-            break
-    return box
+        before, box = box, [_common(value, narrower) for value, narrower in zip(box, image, strict=True)]
+        if not _shrinks(before, box, SHRINKING):
+            return box
+
+
+def _shrinks(before: Sequence[arb], box: Sequence[arb], share: float) -> bool:
+    """Whether a radius of a box is below this share of that before."""
+    return any(new.rad() < share * old.rad() for new, old in zip(box, before, strict=True))
 
 
 def _bits_of(value: arb) -> int:

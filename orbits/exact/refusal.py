@@ -10,6 +10,10 @@ class Unproved(Exception):
     """Something could not be proved; the message states it and the reason. It never leaves the package."""
 
 
+class Undecided(Unproved):
+    """Something is left open by enclosures that are too wide: more digits may decide it."""
+
+
 class TooLong(Unproved):
     """The time limit of a proof is reached."""
 

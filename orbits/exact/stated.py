@@ -186,6 +186,12 @@ class StatedMachine:
         return {name for text in texts for name in parse(text).names}
 
     @property
+    def of_motion(self) -> dict[str, Bounds]:
+        """The parameters that the motion depends on: not a coefficient of friction that is in no other formula."""
+        others = replace(self, friction=None).used_names
+        return {name: each for name, each in self.parameters.items() if name != self.friction or name in others}
+
+    @property
     def wide(self) -> list[str]:
         """The names of the parameters that are intervals."""
         return [name for name, (low, high) in self.parameters.items() if low < high]

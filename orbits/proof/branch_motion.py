@@ -5,7 +5,7 @@ this package decide the signs for all of its orbits. Where one stays undecided, 
 to the orbits of a piece by a tube for half its time, the other unknowns being known within theirs.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,7 +41,7 @@ class MotionStretch:
     low: float
     high: float
     family: int | None
-    conditions: dict[str, str]
+    conditions: Mapping[str, str]
     reasons: tuple[str, ...]
 
     @property
@@ -159,12 +159,13 @@ class MotionChecks:
             for motion in filter(None, (flight, contacts)):
                 motion.leg.check_domains(motion.passage)
             counted = counted_family(half, flight, None)
-            conditions, reasons = motion_conditions(half, flight, contacts, self.names)
+            verdicts = motion_conditions(half, flight, contacts, self.names)
         except TooLong:
             raise
         except Unproved as error:
             return MotionStretch(piece, low, high, None, undecided, (str(error),))
-        return MotionStretch(piece, low, high, counted.family, conditions, (*counted.reasons, *reasons))
+        reasons = *counted.reasons, *verdicts.reasons
+        return MotionStretch(piece, low, high, counted.family, verdicts.conditions, reasons)
 
 
 def _is_final(stretch: MotionStretch) -> bool:

@@ -12,7 +12,7 @@ from flint import arb, ctx
 from ..balls.equations import Equations, IntervalParameters
 from ..balls.motion import Motion, Refuted
 from ..balls.programs import BallProgram, ball_of_fraction
-from ..balls.root import FIRST_BITS, ProvedRoot, evaluated_on, prove_root
+from ..balls.root import FIRST_BITS, ProvedRoot, evaluated_on, narrowed_root, prove_root
 from ..errors import InputError
 from ..exact.bounds import Enclosure
 from ..exact.claim import CONTACT_DURATION, FLIGHT_DURATION, Claim
@@ -20,19 +20,17 @@ from ..exact.decimals import decimal_text
 from ..exact.exact_mechanics import ExactMechanics, Scale, nearest_power_of_two
 from ..exact.expressions import ExactExpression, substitute, vanishes
 from ..exact.outward_decimals import bounds_of_fractions, enclosure_of, lower_decimal, radius_of
-from ..exact.refusal import Unproved
+from ..exact.refusal import Undecided, Unproved
 from ..exact.stated import StatedMachine
 from ..exact.statement import ExactStatement, HalfOrbit
 from ..model.machine import Machine, machine_in_words
 from .attraction import Attraction, Hop, attraction_of
+from .digits import DEFAULT_BITS, bits_of_digits, with_enough_digits
 from .loss import Loss, enclosed_loss
+from .sticking_friction import check_friction
 from .theorem import Part, Proof
 from .wording import attraction_sentence, loss_sentence, motion_sentence, root_sentence
 
-BITS_PER_DIGIT = 3.33
-# The bits of an enclosure by default.
-DEFAULT_BITS = 60
-MOST_DIGITS = 300
 # An orbit's alpha is correct if it is within this multiple of its own error plus a few units of the last place.
 ERRORS_OF_ALPHA, CLAIM_ROUNDINGS = 2.0, 8 * 2.0**-52
 # Its other numbers are correct to this share of them plus this multiple of its error: the orbit bounds no errors of
@@ -46,20 +44,6 @@ MAIN_UNKNOWNS = ("alpha", "flight_time", "contact_time")
 CONDITIONS = ("clearance", "separation", "contact_force", "contact_end")
 # Those of machines that stick besides.
 CONDITIONS_OF_RUNS = ("heights", "friction")
-
-
-def checked_digits(digits: int | None) -> int | None:
-    """A valid number of digits; raises `InputError` for another."""
-    if digits is not None and (
-        isinstance(digits, bool) or not (isinstance(digits, int) and 1 <= digits <= MOST_DIGITS)
-    ):
-        raise InputError(f"digits = {digits!r}; it is a whole number from 1 to {MOST_DIGITS}")
-    return digits
-
-
-def bits_of_digits(digits: int | None) -> int:
-    """The number of bits that enclose a number of decimal digits; the default for None."""
-    return DEFAULT_BITS if digits is None else int(BITS_PER_DIGIT * (digits + 2))
 
 
 def check_mirrored(model: Any) -> None:
@@ -107,7 +91,8 @@ def ball_of(each: ExactExpression, statement: ExactStatement, equations: Equatio
 
 @dataclass(frozen=True)
 class Verdicts:
-    """The verdicts on the motion of a solution: family, conditions, enclosures, and reasons for what is not proved."""
+    """The verdicts on the motion of a solution: family, conditions, enclosures, reasons for what is not proved, and how
+    many of these more digits may remove."""
 
     family: int | None = None
     conditions: Mapping[str, str] = field(default_factory=dict)
@@ -115,6 +100,30 @@ class Verdicts:
     loss: Loss | None = None
     attraction: Attraction | None = None
     reasons: tuple[str, ...] = ()
+    undecided: int = 0
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """What is to be proved of a solution: the names of the conditions of a motion, and what `whole_proof` describes."""
+
+    conditions: tuple[str, ...]
+    loss: bool
+    attraction: bool
+    about_claim: bool
+
+
+@dataclass(frozen=True)
+class _Proved:
+    """A solution, None where none is proved, and the verdicts on its motion."""
+
+    found: ProvedExistence | None
+    verdicts: Verdicts
+
+    @property
+    def undecided(self) -> bool:
+        """Whether more digits may prove all that is not proved."""
+        return 0 < self.verdicts.undecided == len(self.verdicts.reasons)
 
 
 def whole_proof(
@@ -123,21 +132,17 @@ def whole_proof(
 ) -> Proof:  # fmt: skip
     """The proof for all values of the parameters together; `about_claim` : whether it checks the orbit's own numbers,
     which hold only for the part of an interval with the machine's own values."""
-    began, found, verdicts = time.perf_counter(), None, Verdicts()
+    began = time.perf_counter()
     names = [name for name in CONDITIONS if name != "separation" or stated.separation is not None]
     names += CONDITIONS_OF_RUNS if stated.sticks else ()
-    undecided = dict.fromkeys(names if motion else (), UNDECIDED)
-    with ctx.workprec(FIRST_BITS):
-        try:
-            found = existence_of(claim, stated, motion and CONTACT_DURATION in claim.unknowns, digits)
-        except Unproved as error:
-            verdicts = Verdicts(conditions=undecided, reasons=(f"existence: {error}",))
-        if found is not None:
-            with_loss = loss or (attraction and not claim.machine.restitution)
-            with ctx.workprec(max(FIRST_BITS, bits_of_digits(digits))):
-                verdicts = _verdicts(found, claim, names if motion else [], with_loss, digits, about_claim)
-            if attraction:
-                verdicts = _with_attraction(found, claim, verdicts)
+
+    def attempt(digits: int | None, before: _Proved | None) -> _Proved:
+        wanted = _Wanted(tuple(names) if motion else (), loss, attraction, about_claim)
+        return _verdicts_with(claim, stated, wanted, digits, before.found if before else None)
+
+    hopeless = bool(stated.of_motion.keys() & {*stated.wide} or (about_claim and claim.contradictions))
+    proved, digits, over = with_enough_digits(attempt, lambda each: not hopeless and each.undecided, digits)
+    found, verdicts = proved.found, replace(proved.verdicts, reasons=(*proved.verdicts.reasons, *over))
     parameters = {name: bounds_of_fractions(bounds) for name, bounds in stated.parameters.items()}
     words = machine_in_words(claim.machine)
     if found is None:
@@ -182,6 +187,35 @@ def whole_proof(
     )
 
 
+def _verdicts_with(
+    claim: Claim, stated: StatedMachine, wanted: _Wanted, digits: int | None, before: ProvedExistence | None
+) -> _Proved:
+    """What is proved with a number of digits, from the solution with fewer digits if there is one;
+    raises `Unproved` where that is not enclosed more narrowly."""
+    with ctx.workprec(FIRST_BITS):
+        try:
+            with_contact = bool(wanted.conditions) and CONTACT_DURATION in claim.unknowns
+            found = narrowed_existence(before, digits) if before else existence_of(claim, stated, with_contact, digits)
+        except Unproved as error:
+            if before:
+                raise
+            undecided = isinstance(error, Undecided)
+            conditions = dict.fromkeys(wanted.conditions, UNDECIDED)
+            return _Proved(None, Verdicts(None, conditions, reasons=(f"existence: {error}",), undecided=undecided))
+        with_loss = wanted.loss or (wanted.attraction and not claim.machine.restitution)
+        with ctx.workprec(max(FIRST_BITS, bits_of_digits(digits))):
+            verdicts = _verdicts(found, claim, wanted.conditions, with_loss, digits, wanted.about_claim)
+        if wanted.attraction:
+            verdicts = _with_attraction(found, claim, verdicts)
+    return _Proved(found, verdicts)
+
+
+def narrowed_existence(found: ProvedExistence, digits: int | None) -> ProvedExistence:
+    """The same solution, enclosed to a number of digits; raises `Unproved`."""
+    root = narrowed_root(found.equations, found.root, bits_of_digits(digits))
+    return _existence(found.half, found.statement, found.equations, root, digits)
+
+
 def existence_of(claim: Claim, stated: StatedMachine, with_contact: bool, digits: int | None) -> ProvedExistence:
     """The proved solution near an orbit's claim; raises `Unproved`."""
     scale = Scale.of(claim.alpha, claim.flight_time / 2, max(claim.family, 1))
@@ -190,10 +224,17 @@ def existence_of(claim: Claim, stated: StatedMachine, with_contact: bool, digits
     statement = half.statement(with_contact)
     if missing := [name for name in statement.unknowns if name not in claim.unknowns]:
         raise Unproved(f"the orbit has no {missing[0]}")
-    equations = Equations(statement, IntervalParameters(stated.parameters))
+    equations = Equations(statement, IntervalParameters(stated.of_motion))
     guess = [claim.unknowns[name] / float(half.unit_of(name)) for name in statement.unknowns]
     boxes = [[arb(SHARE_OF_RUNS) * (1 + abs(each)) for each in guess]] if stated.sticks else []
     root = prove_root(equations, guess, bits_of_digits(digits), boxes)
+    return _existence(half, statement, equations, root, digits)
+
+
+def _existence(
+    half: HalfOrbit, statement: ExactStatement, equations: Equations, root: ProvedRoot, digits: int | None
+) -> ProvedExistence:
+    """The solution with this root of its equations; raises `Unproved`."""
     equations.check_domains(root.evaluated.passages)
     with ctx.workprec(bits_of_digits(digits) + FIRST_BITS):
         units = [ball_of_fraction(half.unit_of(name)) for name in statement.unknowns]
@@ -218,7 +259,7 @@ def _widened_enclosure(ball: arb, digits: int | None) -> Enclosure:
 
 
 def _verdicts(
-    found: ProvedExistence, claim: Claim, names: list[str], loss: bool, digits: int | None, about_claim: bool
+    found: ProvedExistence, claim: Claim, names: Sequence[str], loss: bool, digits: int | None, about_claim: bool
 ) -> Verdicts:
     """The verdicts on the motion, for these conditions, and on the orbit's claims."""
     reasons = tuple(wrong_numbers(found, claim)) if about_claim else ()
@@ -227,15 +268,17 @@ def _verdicts(
     try:
         flight = _flight(found)
     except Unproved as error:
-        return Verdicts(conditions=dict.fromkeys(names, UNDECIDED), reasons=(*reasons, f"the flight: {error}"))
+        said = *reasons, f"the flight: {error}"
+        return Verdicts(None, dict.fromkeys(names, UNDECIDED), reasons=said, undecided=isinstance(error, Undecided))
     motion = _motion_verdicts(found, flight, claim, names, digits, about_claim) if names else Verdicts()
     lost = _loss_verdict(found, flight, claim, motion.conditions) if loss else Verdicts()
     enclosures, reasons = {**motion.enclosures, **lost.enclosures}, (*reasons, *motion.reasons, *lost.reasons)
-    return Verdicts(motion.family, motion.conditions, enclosures, lost.loss, reasons=reasons)
+    undecided = motion.undecided + lost.undecided
+    return Verdicts(motion.family, motion.conditions, enclosures, lost.loss, reasons=reasons, undecided=undecided)
 
 
 def _motion_verdicts(
-    found: ProvedExistence, flight: Motion, claim: Claim, names: list[str], digits: int | None, about_claim: bool
+    found: ProvedExistence, flight: Motion, claim: Claim, names: Sequence[str], digits: int | None, about_claim: bool
 ) -> Verdicts:
     """The verdicts on the family and these conditions, and on the orbit's claims about both."""
     counted, wrong = counted_family(found.half, flight, digits), list[str]()
@@ -247,8 +290,9 @@ def _motion_verdicts(
         wrong += _wrong_places(found, flight, claim)
     ends = CONTACT_DURATION in found.statement.unknowns
     contact = Motion(found.equations.legs[-1], found.root.evaluated.passages[-1]) if ends else None
-    conditions, reasons = motion_conditions(found.half, flight, contact, names)
-    return replace(counted, conditions=conditions, reasons=(*counted.reasons, *wrong, *reasons))
+    verdicts = motion_conditions(found.half, flight, contact, names)
+    reasons, undecided = (*counted.reasons, *wrong, *verdicts.reasons), counted.undecided + verdicts.undecided
+    return replace(counted, conditions=verdicts.conditions, reasons=reasons, undecided=undecided)
 
 
 def _loss_verdict(found: ProvedExistence, flight: Motion, claim: Claim, conditions: Mapping[str, str]) -> Verdicts:
@@ -256,12 +300,12 @@ def _loss_verdict(found: ProvedExistence, flight: Motion, claim: Claim, conditio
     try:
         _check_losses(found, claim, "a loss coefficient", "Cd")
         if {*conditions.values()} != {PROVED}:
-            raise Unproved("it needs the conditions of a motion, which are not all proved")
+            raise Undecided("it needs the conditions of a motion, which are not all proved")
         unknowns = flight_statement(found).unknowns
         lost = enclosed_loss(found.half, flight, {name: found.ball(each) for name, each in unknowns.items()}, ctx.prec)
         return Verdicts(enclosures={"loss_coefficient": enclosure_of(lost.coefficient)}, loss=lost)
     except Unproved as error:
-        return Verdicts(reasons=(f"the loss coefficient: {error}",))
+        return Verdicts(reasons=(f"the loss coefficient: {error}",), undecided=isinstance(error, Undecided))
 
 
 def _with_attraction(found: ProvedExistence, claim: Claim, verdicts: Verdicts) -> Verdicts:
@@ -269,14 +313,15 @@ def _with_attraction(found: ProvedExistence, claim: Claim, verdicts: Verdicts) -
     try:
         _check_losses(found, claim, "attraction", "cdn")
         if verdicts.loss is None or {*verdicts.conditions.values()} != {PROVED}:
-            raise Unproved("it needs the conditions of a motion and the loss coefficient, which are not all proved")
+            raise Undecided("it needs the conditions of a motion and the loss coefficient, which are not all proved")
         half, half_contact = found.half, found.ball(found.statement.unknowns[CONTACT_DURATION])
         launch = {name: found.ball(each) for name, each in half.launch_unknowns.items()}
         contact = found.statement.arcs[-1]
         hop = Hop(half, launch, found.ball(half.half_flight), half_contact, contact, verdicts.loss)
         attraction = attraction_of(hop)
     except Unproved as error:
-        return replace(verdicts, reasons=(*verdicts.reasons, f"attraction: {error}"))
+        undecided = verdicts.undecided + isinstance(error, Undecided)
+        return replace(verdicts, reasons=(*verdicts.reasons, f"attraction: {error}"), undecided=undecided)
     enclosures = {**verdicts.enclosures, "attraction_loss": attraction.losses}
     return replace(verdicts, attraction=attraction, enclosures=enclosures)
 
@@ -358,36 +403,35 @@ def counted_family(half: HalfOrbit, flight: Motion, digits: int | None) -> Verdi
     try:
         family = flight.count_turns(counted, turns_at_end=vanishes(image - m.counts))
     except Unproved as error:
-        return Verdicts(reasons=(f"family: {error}",))
+        return Verdicts(reasons=(f"family: {error}",), undecided=isinstance(error, Undecided))
     places = {"liftoff_extension": flight.first(counted, 0), "mid_flight_extension": flight.last(counted, 0)}
     return Verdicts(family, enclosures={name: _widened_enclosure(ball, digits) for name, ball in places.items()})
 
 
-def motion_conditions(
-    half: HalfOrbit, flight: Motion, contact: Motion | None, names: Sequence[str]
-) -> tuple[dict[str, str], list[str]]:
-    """The verdict of each condition of a motion, and the reasons for those that are not proved."""
+def motion_conditions(half: HalfOrbit, flight: Motion, contact: Motion | None, names: Sequence[str]) -> Verdicts:
+    """The verdicts on the conditions of a motion."""
     checks = {
         "clearance": lambda: _check_gaps(half, flight, contact),
         "separation": lambda: _check_separation(half, flight, contact),
         "contact_force": lambda: _check_force(half, _contact_that_ends(contact)),
         "contact_end": lambda: _check_end(half, _contact_that_ends(contact)),
         "heights": lambda: _check_heights(half, flight, contact),
-        "friction": lambda: _check_friction(half, _contact_that_ends(contact)),
+        "friction": lambda: check_friction(half, _contact_that_ends(contact)),
     }
     return verdicts_of({name: checks[name] for name in names})
 
 
-def verdicts_of(checks: Mapping[str, Callable[[], None]]) -> tuple[dict[str, str], list[str]]:
-    """The verdict of each check of a condition by name, and the reasons for those that are not proved."""
-    verdicts, reasons = dict.fromkeys(checks, PROVED), list[str]()
+def verdicts_of(checks: Mapping[str, Callable[[], None]]) -> Verdicts:
+    """The verdicts of checks of conditions by name."""
+    verdicts, reasons, undecided = dict.fromkeys(checks, PROVED), list[str](), 0
     for name, check in checks.items():
         try:
             check()
         except (Unproved, Refuted) as error:
             verdicts[name] = UNDECIDED if isinstance(error, Unproved) else REFUTED
+            undecided += isinstance(error, Undecided)
             reasons.append(f"{name}: {error}")
-    return verdicts, reasons
+    return Verdicts(conditions=verdicts, reasons=tuple(reasons), undecided=undecided)
 
 
 def _contact_that_ends(contact: Motion | None) -> Motion:
@@ -462,30 +506,6 @@ def _check_force(half: HalfOrbit, contact: Motion) -> None:
     if not all(vanishes(a - b) for a, b in zip(m.landed_force, m.contact_force, strict=True)):
         with _about(opens):
             contact.check_positive(contact.chain(m.contact_force, 1))
-
-
-def _check_friction(half: HalfOrbit, contact: Motion) -> None:
-    """The forces F_x on what sticks are below mu F_z in magnitude, F_z the contact force. The reversor of the contact
-    takes F_z to itself and F_x to itself or its negative: so mu F_z + F_x and mu F_z - F_x, which vanish at landing as
-    they do at lift-off, are positive in the other half where they are in this one; and where their derivatives are
-    positive at landing, so is the limit of mu - |F_x|/F_z there."""
-    m = half.mechanics
-    if m.stated.friction is None:
-        raise Unproved("no coefficient of friction is stated, and the orbit needs none that is known")
-    (mu,) = substitute([m.formula(m.stated.friction)], dict(zip(m.y, m.embedded(m.s), strict=True)))
-    if not all(vanishes(a - b) for a, b in zip(m.landed_force, m.contact_force, strict=True)):
-        raise Unproved("the contact force is not the same at the mirror image of a state")
-    for i, name in enumerate(m.stated.sticks):
-        along = [held[i] for held in m.holding_forces]
-        images = m.contact_reversor.turned(along[:: m.contact_order], m.s, m.w)
-        if not any(all(vanishes(a - sign * b) for a, b in zip(images, along, strict=True)) for sign in (1, -1)):
-            raise Unproved(f"the force on {name} is not the same, or the negative, at the mirror image of a state")
-        for sign in (1, -1):
-            left = [mu * force + sign * each for force, each in zip(m.contact_force, along, strict=True)]
-            room = contact.chain(left, 1)
-            if not contact.first(room, 0).contains(0):
-                raise Unproved(f"the force on {name} does not vanish at landing")
-            contact.check_positive(room, zero_at_start=1)
 
 
 def _check_end(half: HalfOrbit, contact: Motion) -> None:

@@ -17,7 +17,7 @@ from ..balls.motion import Motion
 from ..balls.programs import UNDEFINED, BallProgram, ball_of_fraction
 from ..exact.exact_linear import inner_product, solved
 from ..exact.expressions import ExactExpression, derivative_by, expression, substitute
-from ..exact.refusal import Unproved
+from ..exact.refusal import Undecided, Unproved
 from ..exact.statement import HalfOrbit
 
 
@@ -39,7 +39,7 @@ def enclosed_loss(half: HalfOrbit, flight: Motion, unknowns: Mapping[str, arb], 
     `Unproved` where the signs that it requires are not decided."""
     m, leg, (law, *others) = half.mechanics, flight.leg, flight.passage.pieces[0].laws
     if others:
-        raise Unproved("the flight begins at a breakpoint of the spring's law, where its jerk may jump")
+        raise Undecided("the flight begins at a breakpoint of the spring's law, where its jerk may jump")
     if m.size != 2:
         raise Unproved("a launch is more than a speed: no map of launch speeds tells what is lost")
     mass, power, *by_alpha = launch_expressions(half, law)
@@ -59,7 +59,7 @@ def enclosed_loss(half: HalfOrbit, flight: Motion, unknowns: Mapping[str, arb], 
     third = flight.chain([half.gap] * len(leg.rates), 3)
     jerk = third.programs[law][3](start)[0] / start[len(leg.moving)] ** 3
     if not (jerk > 0 and (change > 0 or change < 0) and mass_ball > 0 and power_ball > 0):
-        raise Unproved("the signs of the jerk at landing and of the gap's change with alpha are not decided")
+        raise Undecided("the signs of the jerk at landing and of the gap's change with alpha are not decided")
     delay = 6 * abs(change) / jerk
     loss = mass_ball * jerk**2 / 8 * delay ** (arb(4) / 3) / power_ball
     if not 2 * loss.rad() < loss.lower():  # it would not even say how large the losses are

@@ -46,7 +46,8 @@ def prove(
     most twice its bound, that the number of its family is correct, and that it is a motion.
 
     orbit : as `find` returns it
-    digits : number of decimal digits of the unknowns to enclose; None for about 18
+    digits : number of decimal digits of the unknowns to enclose; None for about 18. Where enclosures are too wide to
+        decide a condition, they are doubled once or twice, to at least 30; the result's `digits` states them
     machine : the machine of the orbit; None for the one that it was found for
     parameters : exact decimals, as {"beta": "0.3"}, or intervals, as {"beta": ("0.299", "0.301")}, instead of the
         machine's floats; by default a float stands for the shortest decimal that rounds to it. A theorem with
@@ -75,7 +76,7 @@ def prove(
     claim = claim_of(orbit, machine, list(exact_values(parameters)), tune, at)
     check_machine(claim.machine)
     refuse_hysteresis(claim.machine.model)
-    from .case import checked_digits
+    from .digits import checked_digits
     from .intervals import proof_of
 
     return proof_of(claim, checked_digits(digits), exact_values(parameters), motion, loss, limit, attraction)
@@ -100,14 +101,14 @@ def prove_branch(claim: BranchClaim, digits: int | None, motion: bool, limit: fl
     """The proof that a family is one continuous curve of orbits; see `Family.prove`."""
     need_flint()
     from .branch import proof_of_branch
-    from .case import checked_digits
+    from .digits import checked_digits
 
     return proof_of_branch(claim, checked_digits(digits), motion, limit)
 
 
 @exclusive
 def _prove_claim(claim: Claim, digits: int | None, motion: bool, limit: float | None) -> Proof:
-    from .case import checked_digits
+    from .digits import checked_digits
     from .intervals import proof_of
 
     return proof_of(claim, checked_digits(digits), {}, motion, False, limit)
@@ -161,7 +162,7 @@ def prove_fold(
         raise InputError(f"'{along}' is what folds: it has no value of its own")
     if machine.units is not None:
         raise InputError("a fold is proved of a dimensionless machine: follow and prove machine.dimensionless()")
-    from .case import checked_digits
+    from .digits import checked_digits
     from .proved_fold import proof_of_fold
 
     names = machine.model.reduction.statement.unknowns if machine.model.reduction else machine.model.half_unknowns

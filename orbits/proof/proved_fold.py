@@ -20,7 +20,8 @@ from ..exact.refusal import NOT_ACROSS, Unproved
 from ..exact.stated import Decimals, StatedMachine, stated_machine
 from ..exact.statement import HalfOrbit, statement_of_folds
 from ..model.machine import Machine, machine_in_words
-from .case import ball_of, bits_of_digits, check_mirrored, not_stated
+from .case import ball_of, check_mirrored, not_stated
+from .digits import bits_of_digits
 from .theorem import Part, Proof
 from .wording import enclosed_words
 

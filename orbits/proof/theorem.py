@@ -81,7 +81,7 @@ class Proof(Result, what="proof", document_is_whole=True, undrawn="a theorem has
     attraction_radius : each launch that is faster than alpha by at most this decimal converges to alpha by hopping;
         None where that is not proved
     reasons : for each statement that is not proved, the reason in words
-    digits : number of digits requested; None for the default
+    digits : number of digits that were requested, or more where these left a condition undecided; None for the default
     seconds : wall time
     """
 
@@ -190,6 +190,8 @@ class Proof(Result, what="proof", document_is_whole=True, undrawn="a theorem has
         if self.attraction_radius is not None:
             yield Row.of("attraction_radius", self.attraction_radius)
         yield from (Row.of(name, verdict) for name, verdict in self.conditions.items())
+        if self.digits is not None:
+            yield Row.of("digits", self.digits)
         yield Row("time", {"seconds": self.seconds}, (f"{1e3 * self.seconds:.0f} ms",))
 
     def _notes(self) -> list[str]:

@@ -62,7 +62,7 @@ def prove_fixed_point(
     """
     _check_plastic(machine)
     from ..exact.stated import exact_bounds
-    from ..proof.case import checked_digits
+    from ..proof.digits import checked_digits
     from .proved_map import SaidHops, proof_of_fixed_point
 
     digits, values = checked_digits(digits), exact_values(parameters)
@@ -159,7 +159,7 @@ def prove_doubling(
     _check_plastic(machine)
     if not (isinstance(flip, Bifurcation) and flip.kind == "flip" and len(flip.alphas) == 1):
         raise InputError('a doubling is a "flip" event of fixed points along "inject", see `bifurcations`')
-    from ..proof.case import checked_digits
+    from ..proof.digits import checked_digits
     from .proved_map import proof_of_doubling
 
     digits, values = checked_digits(digits), exact_values(parameters)

@@ -16,7 +16,8 @@ from ..exact.expressions import ExactExpression, depends_on, substitute
 from ..exact.outward_decimals import enclosure_of, lower_decimal
 from ..exact.refusal import Unproved
 from ..exact.statement import ExactStatement
-from ..proof.case import bits_of_digits, verdicts_of
+from ..proof.case import Verdicts, verdicts_of
+from ..proof.digits import bits_of_digits
 from ..proof.theorem import Part
 from .fixed_point_statement import HopStatement, Jet, levels_of, next_jet, pace_of, statement_of_jets
 
@@ -106,9 +107,8 @@ def proved_hop(
     return found
 
 
-def conditions_of_hop(found: ProvedHop, inject: arb) -> tuple[dict[str, str], list[str]]:
-    """The verdict of each condition of theorem 1 of `proved_map`, for an injection, and the reasons for those that are
-    not proved."""
+def conditions_of_hop(found: ProvedHop, inject: arb) -> Verdicts:
+    """The verdicts on the conditions of theorem 1 of `proved_map`, for an injection."""
     checks: dict[str, Callable[[], None]] = {"clearance": lambda: _check_flights_of_hop(found)}
     if any(len(own) > 1 for own in found.base.flights):
         checks["bounces"] = lambda: _check_bounces(found)

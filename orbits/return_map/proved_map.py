@@ -41,7 +41,7 @@ speed, and these equations are singular.
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from flint import arb, ctx
@@ -55,11 +55,12 @@ from ..exact.bounds import Enclosure
 from ..exact.decimals import decimal_text
 from ..exact.exact_mechanics import ExactMechanics, Scale, parameter_of
 from ..exact.outward_decimals import bounds_of_fractions, enclosure_of, radius_of
-from ..exact.refusal import NOT_ACROSS, Unproved
+from ..exact.refusal import NOT_ACROSS, Undecided, Unproved
 from ..exact.stated import Bounds, Decimals, StatedMachine, exact_bounds, range_text, stated_machine
 from ..exact.statement import unknown
 from ..model.machine import Machine, machine_in_words
 from ..proof.case import PROVED, not_stated
+from ..proof.digits import with_enough_digits
 from ..proof.theorem import Part, Proof
 from ..proof.wording import enclosed_words
 from .fixed_point_statement import INJECTION, HopStatement, Jet, doubling_statement, hop_statement, next_jet, pace_of
@@ -177,36 +178,45 @@ class _Case:
 
 @dataclass(frozen=True)
 class _Result:
-    """The results of a proof: the zero, further enclosures and sentences, verdicts, and reasons for the rest."""
+    """The results of a proof: the zero, further enclosures and sentences, verdicts, reasons for the rest, and how many
+    of these more digits may remove."""
 
-    found: ProvedHop
-    enclosures: dict[str, Enclosure]
-    sentences: list[str]
-    conditions: dict[str, str]
-    reasons: list[str]
+    found: ProvedHop | None = None
+    enclosures: dict[str, Enclosure] = field(default_factory=dict)
+    sentences: list[str] = field(default_factory=list)
+    conditions: Mapping[str, str] = field(default_factory=dict)
+    reasons: list[str] = field(default_factory=list)
+    undecided: int = 0
 
 
 def _proof(
     kind: str, machine: Machine, inject: Bounds | None, parameters: Mapping[str, Decimals], digits: int | None,
     prove_case: Callable[[_Case], _Result],
 ) -> Proof:  # fmt: skip
-    began, result, reasons = time.perf_counter(), None, list[str]()
+    began = time.perf_counter()
     try:
         stated = stated_machine(machine, parameters)
     except Unproved as error:
         return replace(not_stated(machine, error), kind=kind)
     if INJECTION in stated.parameters:
         raise InputError(f"a parameter called '{INJECTION}' cannot be told from the injection; give it another name")
+
+    def attempt(digits: int | None, _: _Result | None) -> _Result:
+        try:
+            with ctx.workprec(FIRST_BITS):
+                return prove_case(_Case(stated, inject, digits))
+        except Unproved as error:
+            return _Result(reasons=[f"the {kind}: {error}"], undecided=isinstance(error, Undecided))
+
+    def undecided(each: _Result) -> bool:
+        return not case.intervals and 0 < each.undecided == len(each.reasons)
+
     case = _Case(stated, inject, digits)
-    try:
-        with ctx.workprec(FIRST_BITS):
-            result = prove_case(case)
-            reasons = result.reasons
-    except Unproved as error:
-        reasons = [f"the {kind}: {error}"]
+    result, digits, over = with_enough_digits(attempt, undecided, digits)
+    reasons = *result.reasons, *over
     bounds = {name: bounds_of_fractions(each) for name, each in case.bounds.items()}
     enclosures, part = dict[str, Enclosure](), None
-    if result:
+    if result.found:
         part = result.found.part(bounds)
         main = (*result.found.further, *result.found.base.statement.unknowns)
         enclosures = {**{name: part.unknowns[name] for name in main}, **result.enclosures}
@@ -221,8 +231,8 @@ def _proof(
         parts=(part,) if part else (),
         radius=radius_of(part.unknowns["alpha"]) if part else None,
         uniqueness_radius=part.uniqueness_radius if part else None,
-        conditions=result.conditions if result else {},
-        reasons=tuple(reasons),
+        conditions=result.conditions,
+        reasons=reasons,
         digits=digits,
         seconds=time.perf_counter() - began,
     )
@@ -235,7 +245,8 @@ def _of_fixed_point(case: _Case, guess: HopGuess, said: SaidHops | None) -> _Res
     equations = Equations(hop.statement, case.intervals)
     found = proved_hop(hop, {}, equations, guess.unknowns(hop), case.digits)
     inject = between(*map(ball_of_fraction, case.inject))
-    conditions, reasons = conditions_of_hop(found, inject)
+    motion = conditions_of_hop(found, inject)
+    reasons = [*motion.reasons]
     multiplier = 1 + found.jet(0, found.balls).last
     enclosures = {"multiplier": enclosure_of(multiplier)}
     stable = abs(multiplier) < 1
@@ -247,7 +258,7 @@ def _of_fixed_point(case: _Case, guess: HopGuess, said: SaidHops | None) -> _Res
     words = f"The multiplier, which is the derivative of the {of} there, is in {enclosures['multiplier']}"
     if stable or abs(multiplier) > 1:
         words += f": the {what} {'asymptotically stable' if stable else 'unstable'}"
-    return _Result(found, enclosures, [f"{words}."], conditions, reasons)
+    return _Result(found, enclosures, [f"{words}."], motion.conditions, reasons, motion.undecided)
 
 
 def _wrong_claims(found: ProvedHop, multiplier: arb, said: SaidHops | None) -> list[str]:
@@ -281,7 +292,8 @@ def _of_doubling(case: _Case, guess: HopGuess, said: tuple[float, float]) -> _Re
     }
     equations = Equations(doubling_statement(hop, further[INJECTION]), case.intervals)
     found = proved_hop(hop, further, equations, guess.unknowns(hop) | directions, case.digits)
-    conditions, reasons = conditions_of_hop(found, found.ball(INJECTION))
+    motion = conditions_of_hop(found, found.ball(INJECTION))
+    reasons = [*motion.reasons]
     second = found.jet(1, found.jets)
     third = found.jet(2, {**found.jets, **second.unknowns})
     speed = ball_of_fraction(hop.half.mechanics.scale.speed)
@@ -300,7 +312,7 @@ def _of_doubling(case: _Case, guess: HopGuess, said: tuple[float, float]) -> _Re
     for name, value in zip((INJECTION, "alpha"), said, strict=True):
         if not (found.ball(name) + arb(0, FLIP_FOUND_TO * (1 + abs(value)))).overlaps(arb(value)):
             reasons.append(f"{name}: the flip says {value!r}, outside the enclosure {enclosure_of(found.ball(name))}")
-    return _Result(found, enclosures, words, conditions, reasons)
+    return _Result(found, enclosures, words, motion.conditions, reasons, motion.undecided)
 
 
 def _guessed_jet(case: _Case, guess: HopGuess) -> Jet:
@@ -314,10 +326,10 @@ def _guessed_jet(case: _Case, guess: HopGuess) -> Jet:
     return next_jet(hop.statement, 0, point.slopes, {})
 
 
-def _sentences(case: _Case, result: _Result | None, part: Part | None) -> list[str]:
+def _sentences(case: _Case, result: _Result, part: Part | None) -> list[str]:
     """The sentences on the results of a proof."""
     inject = "an unknown inject" if case.inject is None else f"inject {range_text(case.inject)}"
-    if result is None or part is None:
+    if result.found is None or part is None:
         return [f"Nothing is proved of hops that come back with {inject}."]
     each = "For each value in these intervals the" if case.intervals else "The"
     first, *more = (len(own) for own in result.found.base.flights)

@@ -23,6 +23,7 @@ from orbits.exact.refusal import Unproved
 from orbits.exact.stated import stated_machine
 from orbits.exact.statement import HalfOrbit
 from orbits.proof.case import existence_of, motion_conditions
+from orbits.proof.sticking_friction import needed_friction
 from orbits.running.time_limit import default_limit
 from problems import Hopper, runner
 
@@ -264,6 +265,8 @@ class TestRun:
             ("friction", {"friction": "0.254"}, "refuted"),
             ("friction", {"friction": "0.248"}, "refuted"),  # below the limit at landing
             ("friction", {"friction": "-0.3"}, "refuted"),
+            ("friction", {"friction": ("0.2541", "0.3")}, "proved"),
+            ("friction", {"friction": ("0.2540", "0.3")}, "refuted"),
             ("clearance", {"gap": [Fraction(0), Fraction(-1), *[Fraction(0)] * 3]}, "refuted"),
             ("contact_force", {"contact_force": -1}, "refuted"),
             ("friction", {"holding_forces": 2}, "refuted"),
@@ -277,7 +280,10 @@ class TestRun:
         half = copy.copy(found.half)
         half.mechanics = m = copy.copy(half.mechanics)
         (name, value), *_ = changes.items()
-        if name == "friction":
+        if name == "friction" and isinstance(value, tuple):
+            bounds = {"mu": tuple(map(Fraction, value))}
+            m.stated = replace(m.stated, friction="mu", parameters={**m.stated.parameters, **bounds})
+        elif name == "friction":
             m.stated = replace(m.stated, friction=value)
         elif name == "gap":
             m.gap = value
@@ -290,4 +296,15 @@ class TestRun:
         else:
             m.holding_forces = [[value * each for each in law] for law in m.holding_forces]
         flight, contact = map(Motion, found.equations.legs, found.root.evaluated.passages)
-        assert motion_conditions(half, flight, contact, [condition])[0] == {condition: verdict}
+        verdicts = motion_conditions(half, flight, contact, [condition])
+        assert verdicts.conditions == {condition: verdict}
+        if name == "friction" and verdict == "refuted":
+            assert "x needs a coefficient in [0.2540" in verdicts.reasons[0]
+
+    def test_the_needed_friction(self, found):
+        """It is that of SciPy's integration."""
+        m, contact = found.half.mechanics, Motion(found.equations.legs[1], found.root.evaluated.passages[1])
+        along = [held[0] for held in m.holding_forces]
+        needed = needed_friction(contact, contact.chain(m.contact_force, 1), contact.chain(along, 1))
+        assert needed.contains(arb(FAST["friction"]))
+        assert needed.rad() < 2e-4
