@@ -96,7 +96,7 @@ def _guarded(graph: VectorField) -> ca.Function:
     places = ca.vertcat(*(weights @ x for weights, _ in graph.reaches), kinks)
     speeds = ca.jtimes(places, x, rates)
     closing = ca.vertcat(ca.fabs(speeds[:count]), -ca.sign(kinks) * speeds[count:])
-    room = ca.vertcat(*(distance for _, distance in graph.reaches), ca.fabs(kinks))
+    room = ca.vertcat(*(change.least for _, change in graph.reaches), ca.fabs(kinks))
     results = room, closing, ca.fabs(ca.jtimes(speeds, x, rates)), kinks
     return ca.Function("guarded", [x, p], [ca.densify(ca.SX(each)) for each in results])
 

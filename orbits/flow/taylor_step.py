@@ -14,6 +14,7 @@ import numpy as np
 from ..numerics.polynomial_roots import TINY
 from ..numerics.roots import Array
 from ..symbolic.caches import cached
+from ..symbolic.local_scales import Room
 from ..symbolic.taylor_series import driven_coefficients, tangent, variations
 from .vector_field import SHORTEST_CUT, TAYLOR_ORDER, VectorField, symbolic_powers
 
@@ -190,8 +191,8 @@ def length_function(
     if varied or (columns and graph.in_loops):
         length = ca.fmin(length, _truncated_length(dc, ca.norm_inf(dp) if varied else 0))
     h = ca.fmin(longest, length)
-    for weights, distance in graph.reaches:
-        h = _within_reach(weights @ c.T, distance, h)
+    for weights, change in graph.reaches:
+        h = _within_reach(weights @ c.T, change, h)
     h = ca.if_else(h >= left, left, ca.if_else(SHARED_STEPS * h >= left, 0.5 * left, h))
     within, side = ca.SX(1), ca.SX(0)
     if graph.coordinate:
@@ -257,14 +258,18 @@ def _truncated_length(c: ca.SX, size: ca.SX | float) -> ca.SX:
     return (bound / ca.if_else(sooner, before, last)) ** ca.if_else(sooner, 1 / (order - 1), 1 / order)
 
 
-def _within_reach(coordinate: ca.SX, distance: ca.SX, h: ca.SX) -> ca.SX:
-    """The length of a step, at most h, in which a coordinate with these coefficients (1, K + 1) stays within a distance
-    from its start."""
-    sizes, distance = ca.fabs(ca.densify(coordinate)[1:]), ca.fmin(distance, UNBOUNDED)
-    # By the speed and the acceleration alone, and by the sum of all terms, which are convex functions of the length.
-    longest, h = h, ca.fmin(h, 2 * distance / (sizes[0] + ca.sqrt(sizes[0] ** 2 + 4 * sizes[1] * distance)))
-    change = h * ca.polyval(sizes.T[::-1], h)
-    return ca.fmax(h * ca.if_else(change > distance, distance / change, 1), ca.fmin(longest, SHORTEST_BOUND))
+def _within_reach(coordinate: ca.SX, change: Room, h: ca.SX) -> ca.SX:
+    """The length of a step, at most h, in which a coordinate with these coefficients (1, K + 1) changes no more than
+    this from its start."""
+    terms, longest = ca.densify(coordinate)[1:], h
+    for farthest, each in zip(change, (-terms, terms), strict=True):
+        # The terms after the first that lead to this side bound the change: it is a convex function of the length, by
+        # the speed and the acceleration alone and by all terms.
+        speed, later, distance = each[0], ca.fmax(each[1:], 0), ca.fmin(farthest, UNBOUNDED)
+        h = ca.fmin(h, 2 * distance / (speed + ca.sqrt(speed**2 + 4 * later[0] * distance)))
+        moved = h * ca.polyval(ca.vertcat(speed, later.T)[::-1], h)
+        h = h * ca.if_else(moved > distance, distance / moved, 1)
+    return ca.fmax(h, ca.fmin(longest, SHORTEST_BOUND))
 
 
 def _defect(graph: VectorField, ends: ca.SX, free: ca.SX, terms: ca.SX, shares: ca.SX, h: ca.SX) -> ca.SX:

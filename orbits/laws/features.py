@@ -217,7 +217,7 @@ def _scale_of_law(key: Key) -> ElementwiseFunction | None:
     if not (reaches or kinks.numel()):
         return None
     distance = ca.SX(np.inf)
-    for weights, farthest in reaches:
-        distance = ca.fmin(distance, farthest / ca.fabs(weights))
+    for weights, change in reaches:
+        distance = ca.fmin(distance, change.least / ca.fabs(weights))
     results = [distance, *ca.vertsplit(kinks)]
     return ElementwiseFunction(ca.Function("scales", [x, ca.vertcat(*p.values()), q], results))

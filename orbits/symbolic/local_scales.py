@@ -27,12 +27,34 @@ VISIBLE_EXPONENT, VISIBLE_TURN = 12.0, 6.0
 NEAR_SINGULAR = 0.99
 
 
+class Room(NamedTuple):
+    """By how much a value may fall and rise."""
+
+    down: ca.SX
+    up: ca.SX
+
+    @classmethod
+    def to_both_sides(cls, change: ca.SX) -> "Room":
+        """The same on both sides."""
+        return cls(change, change)
+
+    @property
+    def least(self) -> ca.SX:
+        """The lesser of both."""
+        return ca.fmin(*self)
+
+    def over(self, factor: ca.SX) -> "Room":
+        """The change of a value whose product with a factor changes by this."""
+        sides = (self, self[::-1])
+        return Room(*(ca.if_else(factor < 0, other, own) / ca.fabs(factor) for own, other in zip(*sides, strict=True)))
+
+
 class Reach(NamedTuple):
     """A coordinate of the state with `weights` (1, n), functions of the parameters, and how far a step may lead along
     it, a function of the state and the parameters."""
 
     weights: ca.SX
-    distance: ca.SX
+    change: Room
 
 
 def reaches_of(field: ca.Function, x: ca.SX, p: ca.SX, waves: bool = False) -> list[Reach]:
@@ -58,7 +80,7 @@ def reaches_of(field: ca.Function, x: ca.SX, p: ca.SX, waves: bool = False) -> l
         degrees.append(degree)
         waving.append(op in _WAVES or any(waving[j] for j in varying))
         origins.append(frozenset({i}) if begins else frozenset().union(*(origins[j] for j in varying)))
-    allowed: dict[int, ca.SX] = {}  # changes of the results of instructions
+    allowed: dict[int, Room] = {}  # changes of the results of instructions
     weights = {i: ca.jacobian(values[i], x) for i in frozenset().union(*origins)}
     for i, (op, inputs, _) in reversed(list(enumerate(tape))):
         if op in (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST) or degrees[i] == 0:
@@ -71,8 +93,12 @@ def reaches_of(field: ca.Function, x: ca.SX, p: ca.SX, waves: bool = False) -> l
                     _allow(allowed, origin, _by_slopes(values[j], x, weights[origin], change))
                 else:
                     _allow(allowed, j, change)
-        if i in allowed and i not in origins[i] and op in _BACK:
-            for j, change in zip(inputs, _BACK[op](arguments, varies, values[i], allowed[i]), strict=True):
+        if i in allowed and i not in origins[i]:
+            linear = op in _LINEAR_BACK and affine_degree(op, varies) == 1
+            back = _LINEAR_BACK[op](arguments, varies, allowed[i]) if linear else ()
+            if op in _BACK and not linear:
+                back = _BACK[op](arguments, varies, values[i], allowed[i].least)
+            for j, change in zip(inputs, back, strict=bool(back)):
                 _allow(allowed, j, change)
     coordinates = [i for i in sorted(frozenset().union(*origins)) if i in allowed]
     return [Reach(weights[i], allowed[i]) for i in coordinates]
@@ -104,10 +130,11 @@ def _by_slopes(value: ca.SX, x: ca.SX, weights: ca.SX, change: ca.SX) -> ca.SX:
     return 2 / (first + ca.sqrt(first**2 + 2 * second))
 
 
-def _allow(allowed: dict[int, ca.SX], instruction: int, change: ca.SX | None) -> None:
+def _allow(allowed: dict[int, Room], instruction: int, change: Room | ca.SX | None) -> None:
     """Let the result of an instruction change no more than this."""
     if change is not None:
-        allowed[instruction] = ca.fmin(allowed[instruction], change) if instruction in allowed else change
+        new = change if isinstance(change, Room) else Room.to_both_sides(change)
+        allowed[instruction] = Room(*map(ca.fmin, allowed[instruction], new)) if instruction in allowed else new
 
 
 _WAVES: dict[int, Callable] = dict.fromkeys((ca.OP_SIN, ca.OP_COS, ca.OP_TAN), lambda a, varies: [ca.SX(VISIBLE_TURN)])
@@ -132,11 +159,17 @@ def _of_powers(a, varies):
 
 
 def _saturated(turn: float, hidden: float) -> Callable:
-    return lambda a, varies: [ca.fmax(turn, ca.fabs(a[0]) - hidden)]
+    def changes(a, varies):
+        # Away from 0 the function saturates, and hides nothing.
+        down, up = (ca.if_else(side < 0, ca.inf, ca.fmax(turn, side - hidden)) for side in (a[0], -a[0]))
+        return [Room(down, up)]
+
+    return changes
 
 
 def _exponential(a, varies):
-    return [ca.fmax(VISIBLE_EXPONENT + ca.fmax(a[0], 0), -HIDDEN_EXPONENT - a[0])]  # a large one hides nothing
+    # One that decreases hides nothing, nor does a large one.
+    return [Room(ca.SX(ca.inf), ca.fmax(VISIBLE_EXPONENT + ca.fmax(a[0], 0), -HIDDEN_EXPONENT - a[0]))]
 
 
 def _near(distance: Callable) -> Callable:
@@ -162,8 +195,22 @@ _HIDING: dict[int, Callable] = {
     **dict.fromkeys((ca.OP_ATAN, ca.OP_ASINH), _near(lambda a: ca.sqrt(1 + a**2))),
 }
 
-# Each entry gives, from the arguments of an operation, whether each varies, its result and how much this may change,
-# how much each argument may change.
+# Each entry gives, from the arguments of an operation that is linear in the varying ones, whether each varies, and how
+# much its result may change, how much each argument may change; of a product and a quotient with one varying argument.
+_LINEAR_BACK: dict[int, Callable] = {
+    ca.OP_ASSIGN: lambda a, varies, change: [change],
+    ca.OP_NEG: lambda a, varies, change: [change.over(ca.SX(-1))],
+    ca.OP_TWICE: lambda a, varies, change: [change.over(ca.SX(2))],
+    ca.OP_ADD: lambda a, varies, change: [change.over(ca.SX(sum(varies))) if each else None for each in varies],
+    ca.OP_SUB: lambda a, varies, change: [
+        change.over(ca.SX(sign * sum(varies))) if each else None for sign, each in zip((1, -1), varies, strict=True)
+    ],
+    ca.OP_MUL: lambda a, varies, change: [change.over(a[1 - i]) if varies[i] else None for i in (0, 1)],
+    ca.OP_DIV: lambda a, varies, change: [change.over(1 / a[1]), None],
+}
+
+# Each entry gives, from the arguments of another operation, whether each varies, its result and how much this may
+# change on either side, how much each argument may change.
 
 
 def _through_sum(a, varies, result, change):
@@ -171,8 +218,6 @@ def _through_sum(a, varies, result, change):
 
 
 def _through_product(a, varies, result, change):
-    if not all(varies):
-        return [change / ca.fabs(a[1 - i]) if varies[i] else None for i in (0, 1)]
     # A third of the change for each term of (a + da)(b + db) - a b. Where the product is smaller than that, the larger
     # factor may double.
     first, second = map(ca.fabs, a)
@@ -184,8 +229,6 @@ def _through_product(a, varies, result, change):
 
 def _through_quotient(a, varies, result, change):
     below, size = ca.fabs(a[1]), ca.fabs(result)
-    if not varies[1]:
-        return [change * below, None]
     if not varies[0]:
         return [None, below * change / (size + change)]
     return [change * below / 4, ca.fmin(below / 2, change * below / (4 * size))]
@@ -230,9 +273,8 @@ def _through_slope(slope: Callable, room: Callable, everywhere: float = 0.0) -> 
 
 _HALF_WAY = lambda a: (1 - ca.fabs(a)) / 2  # noqa: E731 -- to the singularity
 _BACK: dict[int, Callable] = {
-    **dict.fromkeys((ca.OP_ADD, ca.OP_SUB, ca.OP_FMIN, ca.OP_FMAX), _through_sum),
-    **dict.fromkeys((ca.OP_ASSIGN, ca.OP_NEG, ca.OP_FABS), lambda a, varies, result, change: [change]),
-    ca.OP_TWICE: lambda a, varies, result, change: [change / 2],
+    **dict.fromkeys((ca.OP_FMIN, ca.OP_FMAX), _through_sum),
+    ca.OP_FABS: lambda a, varies, result, change: [change],
     ca.OP_MUL: _through_product,
     ca.OP_SQ: lambda a, varies, result, change: [change / (ca.fabs(a[0]) + ca.sqrt(result + change))],
     ca.OP_DIV: _through_quotient,

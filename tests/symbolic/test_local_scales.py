@@ -13,8 +13,8 @@ def reach_of(function, waves=False):
     value = function(x, p)
     found = reaches_of(ca.Function("field", [x, p], [value]), x, p, waves)
     distance = ca.SX(np.inf)
-    for weights, farthest in found:
-        distance = ca.fmin(distance, farthest / ca.fabs(weights))
+    for weights, change in found:
+        distance = ca.fmin(distance, change.least / ca.fabs(weights))
     return ca.Function("reach", [x, p], [distance, value])
 
 
@@ -72,6 +72,21 @@ def test_a_step_leads_to_a_feature_and_not_across(feature, least, scale):
     assert 0.01 < float(reach(2.0, scale)[0]) / scale < 7
 
 
+@pytest.mark.parametrize("turned", [1.0, -1.0])
+def test_away_from_a_feature_there_is_no_bound(turned):
+    """A coordinate may fall and rise as far as the feature allows, also where a factor turns its direction."""
+    x, p = ca.SX.sym("x", 1), ca.SX.sym("p", 1)
+    for function, places in ((ca.tanh, (50.0, -50.0)), (ca.erf, (50.0, -50.0)), (ca.exp, (-100.0,))):
+        law = 3 - 2 * function((2 - x) / -p) if turned > 0 else function((4 * (2 - x)) / (4 * p)) - 1
+        ((_, change),) = reaches_of(ca.Function("field", [x, p], [law]), x, p)
+        changes = ca.Function("changes", [x, p], [*change])
+        for s in places:
+            down, up = map(float, changes(2 + turned * s, 1.0))
+            away, towards = (down, up) if turned * s < 0 else (up, down)
+            assert away == np.inf
+            assert 0.3 * abs(s) < towards < abs(s)
+
+
 def test_polynomials_and_straight_lines_hide_nothing():
     for function in (lambda r, p: r + p * r**3, lambda r, p: (r - p) / 7, lambda r, p: r**p, ca.sin):
         call = (lambda r, p: ca.sin(r)) if function is ca.sin else function
@@ -83,7 +98,7 @@ def test_polynomials_and_straight_lines_hide_nothing():
 def test_the_coordinate_of_a_reach_is_a_sum_of_states():
     x, p = ca.SX.sym("x", 4), ca.SX.sym("p", 1)
     field = ca.Function("field", [x, p], [ca.vertcat(x[1], ca.exp((x[0] - x[2] - p) / p), x[3], -x[2])])
-    ((weights, distance),) = reaches_of(field, x, p)
+    ((weights, (_, distance)),) = reaches_of(field, x, p)
     assert ca.Function("w", [x, p], [weights])(0, 0.5).full().tolist() == [[1.0, 0.0, -1.0, 0.0]]
     assert float(ca.Function("d", [x, p], [distance])([1.0, 0, 1.0, 0], 0.5)) == pytest.approx(0.5 * VISIBLE_EXPONENT)
 
