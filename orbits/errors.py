@@ -57,6 +57,10 @@ class NoOrbit(OrbitsError):
     """The machine has no such orbit, or none could be certified; the message gives the reason."""
 
 
+class NoStep(NoOrbit):
+    """No step along a curve of orbits leads on from an orbit."""
+
+
 class FlowError(NoOrbit):
     """A trajectory cannot be integrated further: it grows without bound, or its state is no longer a number."""
 

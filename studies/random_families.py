@@ -111,7 +111,8 @@ def late(power: int, d: float, family: int, alpha: mp.mpf) -> mp.mpf:
 def share_of_error(power: int, family: int, d: float, alpha: float, error: float) -> float:
     """How far the launch speed of an orbit is off, as a share of its stated error."""
     with mp.workdps(DIGITS):
-        here, beside = (late(power, d, family, mp.mpf(alpha) + step) for step in (0.0, error))
+        # A faster launch may pass the barrier.
+        here, beside = (late(power, d, family, mp.mpf(alpha) - step) for step in (0.0, error))
         return float(abs(here / (beside - here)))
 
 

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import NoOrbit
+from ..errors import NoStep
 from ..numerics.hermite import around
 from ..numerics.roots import Array, solve
+from ..shooting.error_bound import rounding_of_unknowns
 from ..shooting.newton_kernel import MOST_NEWTON_STEPS, Solutions
 from ..shooting.single_shooting import STALLED_RATIO, Evaluation, settles
 from .curve import Curve, CurvePoint, CurvePoints, StepEnd
@@ -24,6 +25,9 @@ MEMORY, MOST_BENT = 4, 0.5
 # The amplification at points whose equations are not known well enough for a last step. A step there that is smaller
 # than the second number is the error of these equations, and sets no bound on the next.
 NEVER_SETTLED, STEP_OF_ERRORS = 1e300, 1e-6
+# A Newton step that does not shrink is rounding if it is less than this many times its expected rounding error: along
+# the springs r + d r**n up to growths of 1e14 it was at most 2.6 times as large.
+LARGEST_ROUNDING = 4.0
 # After a step that moves the ends of all motions by less than this share, second derivatives are those before it. The
 # tangents have an error of this share, which is less than what step-size control aims at.
 LARGEST_CHORD_STEP = 1e-6
@@ -31,7 +35,7 @@ LARGEST_CHORD_STEP = 1e-6
 
 def correct(curve: Curve, guess: Array, row: Array, level: float, before: Array) -> CurvePoint:
     """The point of the curve where row . X = level, by Newton's method from `guess`; its tangent points onward from the
-    tangent `before`. Raises `NoOrbit` where Newton's method does not converge directly."""
+    tangent `before`. Raises `NoStep` where Newton's method does not converge directly."""
     return correct_all(curve, guess[None], row[None], np.array([level]), before[None])[0]
 
 
@@ -77,17 +81,27 @@ def _solve_step_by_step(
             near = (moved * evaluation.amplification < LARGEST_CHORD_STEP).all()
             evaluation = curve.evaluate_beside(xs, evaluation) if near else curve.evaluate(xs)
         steps, directions = newton_steps(evaluation, xs, rows, levels)
-        xs, moved = xs + steps, (np.abs(steps) / curve.units_of_changes(sizes, evaluation)).max(1)
+        units = curve.units_of_changes(sizes, evaluation)
+        xs, moved = xs + steps, (np.abs(steps) / units).max(1)
         settled, shrinks = settles(moved, last, evaluation.amplification), moved < STALLED_RATIO * last
+        if not (settled | shrinks).all() and (moved < STEP_OF_ERRORS).all():
+            settled |= moved < LARGEST_ROUNDING * (_rounding(curve, evaluation, rows) / units).max(1)
         if taken >= least and settled.all():
             evaluation = curve.evaluate_exactly(xs, evaluation) if with_motions else evaluation
             solved = np.arange(len(xs)), xs, directions, evaluation.amplification
             return Solutions(*solved, evaluation if with_motions else None)
         if not (np.isfinite(moved) & (settled | shrinks | (taken < least))).all():
-            raise NoOrbit("the corrector does not converge")
+            raise NoStep("the corrector does not converge")
         inexact = (evaluation.amplification >= NEVER_SETTLED) & (moved < STEP_OF_ERRORS)
         last = np.where(inexact, np.inf, moved)
-    raise NoOrbit("the corrector converges too slowly")
+    raise NoStep("the corrector converges too slowly")
+
+
+def _rounding(curve: Curve, evaluation: Evaluation, rows: Array) -> Array:
+    """The rounding errors (m, n + 1) of Newton steps. Where a motion leaves an unstable equilibrium and comes to
+    another one within an arc, they are larger than the growth of a small change over the arc lets expect."""
+    bordered = np.concatenate([evaluation.jacobian, rows[:, None]], axis=1)
+    return rounding_of_unknowns(curve.equations, evaluation, np.linalg.inv(bordered)[:, :, :-1])
 
 
 def newton_steps(evaluation: Evaluation, xs: Array, rows: Array, levels: Array) -> tuple[Array, Array]:
@@ -107,7 +121,7 @@ def _onward(curve: Curve, xs: Array, directions: Array, before: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         tangents = directions / (sides * np.linalg.norm(scaled, axis=1))[:, None]
     if not np.isfinite(tangents).all():
-        raise NoOrbit("the curve has no direction here")
+        raise NoStep("the curve has no direction here")
     return tangents
 
 
@@ -116,7 +130,7 @@ def predict_and_correct(
 ) -> tuple[StepEnd, Array, int]:
     """A step of length `length` from the last of some points, or of about that length `to` a value of the parameter or
     to just before a corner: its end, its prediction (n + 1,), and the number of points that the predictor uses. Raises
-    `NoOrbit`."""
+    `NoStep`."""
     last = ends[-1]
     row = last.tangent / curve.size(last.x) ** 2
     level = np.array([row @ last.x + length])
@@ -126,7 +140,7 @@ def predict_and_correct(
     (guess,), (rests,) = around(xs, tangents, *places)
     straight = last.x + length * last.tangent
     if not np.linalg.norm((guess - straight) / curve.size(last.x)) <= MOST_BENT * length:
-        raise NoOrbit(f"the points before do not predict the curve over a step of {length:.1e}")
+        raise NoStep(f"the points before do not predict the curve over a step of {length:.1e}")
     if isinstance(to, CurveCorner):
         closing, target = to.border(guess, -AWAY_FROM_CORNER)
     else:

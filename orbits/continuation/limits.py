@@ -5,9 +5,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ..errors import InputError, OrbitsError
+from ..errors import BreaksDown, InputError, NoStep, OrbitsError, RunsAway
 from ..numerics.roots import bracketed_root
-from ..shooting.division import LARGEST_ARC_GROWTH
+from ..shooting.division import DIVIDED_GROWTH, LARGEST_ARC_GROWTH
 from ..units import LIFTOFF_SPEED, TIME, Message, Quantity, in_units
 from .curve import Curve, CurvePoint, CurvePoints
 from .events import Segment
@@ -256,6 +256,19 @@ class Endings:
                 return End("escaped", f"{name} grows without bound", last.value + left, abs(left))
         return None
 
+    def _in_words(self, error: OrbitsError | str, last: CurvePoint) -> OrbitsError | Message | str:
+        """The error of a step as what happens beyond the last point of a curve, and what may lead on from there."""
+        if not isinstance(error, NoStep | RunsAway | BreaksDown):
+            return error
+        growth = float(self.curve.largest_growths([last])[0])
+        text = "no orbit is found beside it" if isinstance(error, NoStep) else "the motion beside it does not come back"
+        text += " ({error}): "
+        if growth > DIVIDED_GROWTH:
+            text += "as near an unstable equilibrium, small changes grow {growth:.0e}-fold. Follow another parameter"
+        else:
+            text += "steps shorter than {step:.0e} may lead on, by `shortest_step` of `StepControl`"
+        return Message(text, error=error, growth=growth, step=self.control.shortest_step)
+
     def lost(self, error: OrbitsError | str, last: CurvePoint, history: History) -> End:
         """The end of a curve that cannot be followed beyond its last point. The reason is the error where the curve
         stays bounded; where it escapes, the limit is more informative."""
@@ -265,7 +278,7 @@ class Endings:
         where = in_units(where, units)
         if abs(alpha / self.origin.alpha) > self.control.running_ratio and (found := limit(history, self.bounds, -1)):
             return End("escaped", f"the launch speed grows without bound, and was followed to {where}", *found)
-        reason = in_units(error, units)
+        reason = in_units(self._in_words(error, last), units)
         if isinstance(error, InputError):
             return End("degenerate", f"there is no such machine any more at {where}: {reason}")
         if abs(value - self.start) < self.control.least_progress * self.curve.span:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, NoOrbit, OrbitsError, finite_number, is_list, true_or_false, whole_number
+from ..errors import InputError, NoStep, OrbitsError, finite_number, is_list, true_or_false, whole_number
 from ..numerics.hermite import around
 from ..shooting.division import LARGEST_ARC_GROWTH, MOST_GROWTH
 from ..simulation.lossless_hops import CROSSINGS
@@ -171,7 +171,7 @@ class Stepper:
 
     def _step(self, ends: Points, length: float, alone: bool) -> tuple[StepEnd, float]:
         """The end of a step and the length of the next; a rejected step is halved. Raises the error of the last one."""
-        failure: OrbitsError = NoOrbit("no step is short enough")
+        failure: OrbitsError = NoStep("no step is short enough")
         rate = ends[-1].tangent[-1]
         bound = self.bounds[int(rate > 0)]
         while length > self.control.shortest_step:
@@ -200,12 +200,12 @@ class Stepper:
         self, ends: Points, planned: float, length: float, alone: bool, to: float | CurveCorner | None = None
     ):
         """The end of a step of length `length`, or of about that length to a value of the parameter or to a corner, and
-        the length of the next; `planned` is the length that step-size control allowed. Raises `NoOrbit` for a rejected
+        the length of the next; `planned` is the length that step-size control allowed. Raises `NoStep` for a rejected
         step."""
         control = self.control
         end, guess, rests = predict_and_correct(self.curve, ends, length, to)
         if self.curve.corners and self.curve.corners.between(ends[-1].x, end.x):
-            raise NoOrbit("the step passes a corner of the curve")
+            raise NoStep("the step passes a corner of the curve")
         moved = self._correction(ends[-1], end.x[None], end.tangent[None], guess[None], np.array([length]))
         parts = max(2, int(np.ceil(length / self.longest)))
         end = end._replace(length=length / parts, parts=parts)
@@ -220,7 +220,7 @@ class Stepper:
         """The point one first step away, solved by Ipopt at a fixed value of the parameter as a last resort."""
         curve, length, row = self.curve, self.control.first_step, last.tangent / self.curve.size(last.x) ** 2
         if abs(last.tangent[-1]) < self.control.steepest_rate * curve.span:
-            raise NoOrbit("the parameter's value does not fix the orbit here")
+            raise NoStep("the parameter's value does not fix the orbit here")
         # Earlier points are left out of the prediction, since they may lie too close.
         guess = interpolated([last], row, np.array([row @ last.x + length]))
         x, along_parameter = curve.rescued(guess[0]), np.eye(len(last.x))[-1]
@@ -230,7 +230,7 @@ class Stepper:
 
     def _correction(self, last: CurvePoint | StepEnd, xs, tangents, guesses, lengths) -> float:
         """The largest correction from guesses (m, n + 1) to points (m, n + 1) with tangents, `lengths` (m,) apart;
-        raises `NoOrbit` when this correction, or an angle between neighbouring tangents, is too large for one curve."""
+        raises `NoStep` when this correction, or an angle between neighbouring tangents, is too large for one curve."""
         sizes = self.curve.size(guesses)
         moved = np.linalg.norm((xs - guesses) / sizes, axis=1)
         tangents = np.concatenate([last.tangent[None], tangents])
@@ -239,11 +239,11 @@ class Stepper:
         turned = float(np.arccos(np.clip(cosines.min(), -1.0, 1.0)))
         if (moved > self.control.largest_correction * lengths).any() or turned > self.control.largest_turn:
             step = f"{moved.max():.1e} in a step of {lengths.min():.1e}"
-            raise NoOrbit(f"the corrector moves {step}, the tangent turns by {turned:.2g}")
+            raise NoStep(f"the corrector moves {step}, the tangent turns by {turned:.2g}")
         return float(moved.max())
 
     def points_between(self, ends: Points, new: Sequence[StepEnd], batch_size: int) -> CurvePoints:
-        """The points after the last of `ends`, up to and including the `new` ends; raises `NoOrbit` when one of them
+        """The points after the last of `ends`, up to and including the `new` ends; raises `NoStep` when one of them
         may lie on another curve."""
         steps, guesses, rows, levels, parts = self._targets(ends[-self.control.neighbours :], new, batch_size > 1)
         tangents = np.array([point.tangent for point in (ends[-1], *new)])[steps]

@@ -186,6 +186,13 @@ def _weights_of_steps(equations: Shooting, evaluation: Evaluation, inverse: ndar
     return weights
 
 
+def rounding_of_unknowns(equations: Shooting, evaluation: Evaluation, inverse: ndarray) -> ndarray:
+    """Errors (m, k) of unknowns by the rounding of the state in all steps, from their rows (m, k, n) in the inverse
+    Jacobian."""
+    each = (_weights_of_steps(equations, evaluation, row) for row in inverse.swapaxes(0, 1))
+    return np.stack([_carried_rounding(evaluation, weights) for weights in each], axis=1)
+
+
 def _carried_rounding(evaluation: Evaluation, weights: list[Rows]) -> ndarray:
     """Errors (m,) of the unknown by one unit in the last place of the state per step."""
     squares, counts = np.zeros(len(evaluation.residual)), np.ones(len(evaluation.residual))

@@ -10,6 +10,7 @@ from families import FOLD, FOLD_ALPHA, events
 from orbits import InputError, NoOrbit, follow, orbit_at
 from orbits.continuation.limits import Endings, limit
 from orbits.continuation.step_control import Options, StepControl
+from orbits.errors import BreaksDown, NoStep
 from problems import Hopper, shuttle
 
 
@@ -269,6 +270,15 @@ def test_what_a_lost_curve_ends_in():
     for point, points in ((last_point(12.0, 8000.0), FAR), (last_point(-4000.0, 8000.0), FAR[:2])):
         end = lost(reason, point, points)
         assert (end.kind, end.reason) == ("stuck", f"at b = 0.75, alpha = {point.point.alpha:g}: no root")
+    for error, what in (
+        (BreaksDown("it breaks down"), "does not come back (it"),
+        (NoStep("none"), "found beside it (none"),
+    ):
+        for growth, remedy in ((1.0, "steps shorter than 1e-05 may lead on"), (1e6, "Follow another parameter")):
+            end = lost(error, last_point(12.0, 8000.0, amplification=growth), FAR)
+            assert end.kind == "stuck"
+            assert what in end.reason
+            assert remedy in end.reason
     end = lost(InputError("no mass"), last_point(12.0, 8000.0), FAR)
     assert (end.kind, end.reason) == (
         "degenerate",

@@ -85,6 +85,20 @@ def test_launch_speeds_are_within_their_errors_where_the_range_is_wide():
 
 
 @pytest.mark.slow
+def test_a_family_goes_on_until_rounding_decides():
+    """Along a septic spring with two barriers, which a motion passes one after the other; 40 digits are the truth."""
+    machine = Hopper("r + d*r**7", rest_length=90.0, parameters={"d": 1e-3})
+    family = follow(machine, "d", -0.1, at=[-3e-9, -1e-9])
+    assert family.end.kind == "escaped"
+    assert family[-1].alpha > 23.5
+    point = family.at(-3e-9)[-1]  # beyond the fold
+    assert point.alpha == pytest.approx(22.78203142, rel=1e-9)
+    for each in (point, *family[-5:]):
+        assert share_of_error(7, 1, each.value, each.alpha, each.error) < 1
+        assert each.error < 1e-11
+
+
+@pytest.mark.slow
 def test_a_family_keeps_its_number_up_to_the_barrier():
     assert faults_at_the_barrier({7: (1, 10)}, every=50) == 0
 
