@@ -30,7 +30,7 @@ from .check_proof import (
     number,
     solved,
 )
-from .check_statement import Unverified, check_printed, decimal
+from .check_statement import LIMIT, Unverified, check_printed, decimal, heed
 
 # Bits, halvings to decide a sign, and the most landings of a hop.
 BITS, HALVINGS, MOST_LANDINGS = 100, 24, 4
@@ -273,10 +273,11 @@ class Hops:
         return True
 
 
-def check_saved(document: Mapping[str, Any]) -> list[str]:
-    """Why a saved proof, of an orbit or of all hops, is not verified, in words; empty where all of its theorem is."""
+def check_saved(document: Mapping[str, Any], limit: float = LIMIT) -> list[str]:
+    """Why a saved proof, of an orbit or of all hops, is not verified, in words; empty where all of its theorem is.
+    Raises `OutOfTime` where that takes more than `limit` seconds of processor time."""
     of_hops = isinstance(document, dict) and document.get("kind") == "all hops"
-    return check(document, [check_all_hops] if of_hops else ())
+    return check(document, [check_all_hops] if of_hops else (), limit)
 
 
 def check_all_hops(document: Mapping[str, Any]) -> None:
@@ -297,6 +298,7 @@ def check_all_hops(document: Mapping[str, Any]) -> None:
         while waiting:
             a, b = waiting.pop()
             x, why = ball(a).union(ball(b)), "the interval is not decided"
+            heed()
             try:
                 image = hops.newton(x, period)
             except Unverified as reason:

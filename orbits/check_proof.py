@@ -24,7 +24,17 @@ from typing import Any
 
 from flint import Ordering, arb, arb_mat, arb_poly, arb_series, ctx, fmpq, fmpq_mpoly_ctx
 
-from .check_statement import LONGEST_FORMULA, MAPS, Unverified, check_document, check_printed, decimal
+from .check_statement import (
+    LIMIT,
+    LONGEST_FORMULA,
+    MAPS,
+    Unverified,
+    check_document,
+    check_printed,
+    decimal,
+    heed,
+    limited,
+)
 
 # The orders of Taylor polynomials per bit and of those for derivatives, and halvings of parameters.
 ORDER_PER_BIT, DERIVED_ORDER, MOST_SPLITS = 0.3, 14, 3
@@ -87,6 +97,7 @@ class Tree:
 @lru_cache(maxsize=100_000)
 def tree(kind: str, *parts: Tree, value: object = None) -> Tree:
     """The one tree of this kind and these parts; a number where they are numbers."""
+    heed()
     if kind in OPERATIONS and parts[0].kind == parts[1].kind == "number":
         if kind == "/" and not parts[1].value:
             raise Unverified("a formula divides by 0")
@@ -192,6 +203,7 @@ def is_zero(of: Tree, piece: int = 0) -> bool:
 
     @cache
     def form(of: Tree) -> tuple:
+        heed()
         parts = [form(part) for part in ([of.parts[piece]] if of.kind == "pieces" else of.parts)]
         (a, b), (c, d) = [*parts, (one, one), (one, one)][:2]
         if of.kind in OPERATIONS:
@@ -634,6 +646,7 @@ class Part:
     def taylor(self, rows: list[list[Any]], order: int) -> list[list[list[arb]]]:
         """Taylor coefficients of the rows, one list for each entry: of the states from their rates, and of the
         derivatives from the linear equations that these obey."""
+        heed()
         cap, found, columns = ctx.cap, [[row[0]] for row in rows], [arb_mat([row[1:] for row in rows])]
         try:
             for k in range(order):
@@ -730,6 +743,7 @@ def signs(parts: Sequence[Part], of: Tree | None, orders: Callable[..., Sequence
     found, last = list[list[int]](), len(parts) - 1
     waiting = [(each, arb(0), each.h, i == last, ctx.prec) for i, each in enumerate(parts)][::-1]
     while waiting:
+        heed()
         part, low, high, ends, left = waiting.pop()
         at, function = part.values(low.union(high)), of or part.field.force
         tried = orders(all(order for order, _ in found), ends)
@@ -817,12 +831,14 @@ class Solution:
         self.inside = all(abs(d) < each.rad() for d, each in zip(change, box.values(), strict=False))
 
 
-def check(document: Mapping[str, object], verify: Sequence[Callable] = ()) -> list[str]:
-    """Why a saved proof, of an orbit or what functions verify, is not verified, in words; else empty."""
+def check(document: Mapping[str, object], verify: Sequence[Callable] = (), limit: float = LIMIT) -> list[str]:
+    """Why a saved proof, of an orbit or what functions verify, is not verified, in words; else empty. Raises
+    `OutOfTime` where that takes more than `limit` seconds of processor time."""
     try:
-        check_document(document)
-        for each in verify or (_check_said, _check_parts):
-            each(document)
+        with limited(limit):
+            check_document(document)
+            for each in verify or (_check_said, _check_parts):
+                each(document)
     except Unverified as error:
         return [str(error)]
     except RecursionError:
@@ -886,6 +902,7 @@ def _check_parts(document: Mapping[str, Any]) -> None:
             raise Unverified("a part has other parameters than the machine, or unknowns outside those of the whole")
     cuts = [sorted({edge for box in (whole, *(box for box, *_ in parts)) for edge in box[name]}) for name in whole]
     for edges in product(*(list(pairwise(each)) or [(each[0], each[0])] for each in cuts)):
+        heed()
         if not any(within(dict(zip(whole, edges, strict=True)), box) for box, *_ in parts):
             raise Unverified("the parts do not cover the intervals of the parameters")
     for box, unknowns, part in parts:

@@ -6,15 +6,44 @@ from the data alone, without the prover's own wording: it is what is verified, a
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from fractions import Fraction
 from itertools import chain, count
-from math import ceil
+from math import ceil, inf
+from time import process_time
 from typing import Any
+
+# Seconds of processor time in which a file is verified, or refused, unless another limit is stated.
+LIMIT = 600.0
 
 
 class Unverified(Exception):
     """What cannot be verified, in words."""
+
+
+class OutOfTime(Exception):
+    """The limit of processor time is reached before a file is verified or refused."""
+
+
+_until: ContextVar[float] = ContextVar("until", default=inf)
+
+
+@contextmanager
+def limited(seconds: float) -> Iterator[None]:
+    """Limit the processor time in the block, in which `heed` raises `OutOfTime` from then on."""
+    token = _until.set(process_time() + seconds)
+    try:
+        yield
+    finally:
+        _until.reset(token)
+
+
+def heed() -> None:
+    """Raise `OutOfTime` where the limit of processor time is reached."""
+    if process_time() > _until.get():
+        raise OutOfTime("the limit of processor time is reached before the file is verified or refused")
 
 
 # The most characters of a decimal, and its largest exponent; those of a formula, and of a name in a statement.
@@ -94,7 +123,8 @@ def check_printed(document: Mapping[str, Any]) -> None:
     """See that the statement that is printed in a file is that of its data; raises `Unverified`."""
     said, true = document["statement"], statement_of(document)
     if said != true:
-        k = next(k for k in range(len(said) + 1) if said[: k + 1] != true[: k + 1])
+        pairs = enumerate(zip(said, true, strict=False))
+        k = next((k for k, (a, b) in pairs if a != b), min(len(said), len(true)))
         here = [f"'{text[max(k - 30, 0) : k + 40]}'" for text in (said, true)]
         raise Unverified(f"the printed statement has {here[0]}, where the data of the file say {here[1]}")
 

@@ -207,8 +207,14 @@ def prove_command(
 
 @orbits.command("check-proof", epilog="\b\nExit code: 0 verified, 1 not, 2 bad input, 3 a fault of the second program.")
 @click.argument("file")
+@click.option(
+    "--limit",
+    type=click.FloatRange(0, min_open=True),
+    metavar="SECONDS",
+    help="Limit of processor time; default: 600 s.",
+)
 @options.json_option
-def check_proof_command(file: str, as_json: bool) -> None:
+def check_proof_command(file: str, limit: float | None, as_json: bool) -> None:
     """Verify a saved proof of an orbit, or of all hops, by a second program that reads only this file.
 
     It prints the theorem that it has verified, in words that it writes from the numbers of the file.
@@ -216,19 +222,23 @@ def check_proof_command(file: str, as_json: bool) -> None:
     import textwrap
     from traceback import format_exc
 
+    from orbits.errors import InputError
     from orbits.io import read_file, read_sealed
     from orbits.proof.prove import need_flint
 
     need_flint()
     from orbits.check_hops import check_saved
-    from orbits.check_statement import statement_of
+    from orbits.check_statement import LIMIT, OutOfTime, statement_of
     from orbits.proof.theorem import LINE_WIDTH
 
     document = read_file(file, f"'{file}' is no saved proof", read_sealed)
     began = time.perf_counter()
     try:
-        reasons = check_saved(document)
+        reasons = check_saved(document, limit or LIMIT)
         statement = None if reasons else statement_of(document)
+    except OutOfTime:
+        late = f"'{file}' is neither verified nor refused within {limit or LIMIT:g} s of processor time"
+        raise InputError(f"{late}: allow more by --limit") from None
     except Exception:
         click.echo(f"{format_exc()}orbits: the second program failed; please report it with the file", err=True)
         raise click.exceptions.Exit(3) from None

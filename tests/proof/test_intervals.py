@@ -11,6 +11,7 @@ from proofs import CUBIC, meets, overlap
 
 from orbits import find, prove
 from orbits.check_proof import check
+from orbits.exact.claim import claim_of
 from orbits.proof import intervals
 from orbits.proof.case import whole_proof
 from problems import Hopper, inerter_hopper
@@ -142,3 +143,21 @@ def test_a_proof_in_parts_has_the_reasons_of_the_part_that_fails(cubic_hop, monk
     proof = prove(cubic_hop, parameters={"beta": ("0.29985", "0.30015")}, motion=False)
     assert not proof.proved
     assert proof.reasons == (f"existence: no box: {spreads}", f"in a part of the intervals: clearance: {late}")
+
+
+@pytest.mark.slow
+def test_parts_with_bounces_on_opposite_sides(cubic_hop):
+    """As where parts are of the two sheets of a fold: then no sentence on the losses holds for all of them."""
+    claim = claim_of(cubic_hop, None)
+    stated = claim.stated({})
+    part = whole_proof(claim, stated, None, True, True)
+    assert part.bounce_side == "below"
+    whole = intervals._joined([part, part], stated)
+    assert (whole.proved, whole.bounce_side) == (True, "below")
+    assert "where the landing has a bounce" in whole.statement
+    whole = intervals._joined([part, dataclasses.replace(part, bounce_side="above")], stated)
+    assert (whole.proved, whole.bounce_side) == (False, None)
+    assert whole.reasons == (
+        "the loss coefficient: landings have a bounce above alpha in some parts, and below it in others",
+    )
+    assert "where the landing has a bounce" not in whole.statement
