@@ -28,6 +28,8 @@ Record = TypeVar("Record")
 _Arguments = ParamSpec("_Arguments")
 _Outcome = TypeVar("_Outcome")
 
+STANDARD_GRAVITY = 9.80665  # m/s^2
+
 LENGTH, TIME, FORCE, ENERGY = (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0, 1)
 FREQUENCY, SPEED, ACCELERATION, JERK = (0, -1, 0), (1, -1, 0), (1, -2, 0), (1, -3, 0)
 MASS, STIFFNESS, INERTIA = (-1, 2, 1), (-1, 0, 1), (1, 2, 1)

@@ -21,8 +21,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds t
 from orbits import Orbit, find, follow
 from orbits.result import Axes
 from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
+from orbits.units import STANDARD_GRAVITY
 from problems import rocking_block
-from problems.machines.parameters import STANDARD_GRAVITY
 from studies.disturbed_steps import draw_disturbed
 
 MASS, HALF_WIDTH, HALF_HEIGHT, GRAVITY = 3.0, 0.05, 0.2, STANDARD_GRAVITY

@@ -28,8 +28,8 @@ from orbits import (
     orbit_at,
 )
 from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
+from orbits.units import STANDARD_GRAVITY
 from problems import runner
-from problems.machines.parameters import STANDARD_GRAVITY
 from studies.walker import in_few_colours
 
 TUNED = ("inertia", "hip_stiffness")

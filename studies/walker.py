@@ -22,8 +22,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds t
 
 from orbits import Orbit, find, follow, simulate
 from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
+from orbits.units import STANDARD_GRAVITY
 from problems import rimless_wheel
-from problems.machines.parameters import STANDARD_GRAVITY
 from studies.disturbed_steps import draw_disturbed
 
 MASS, LENGTH, INERTIA, GRAVITY = 2.0, 0.4, 0.4, STANDARD_GRAVITY

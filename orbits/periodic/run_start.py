@@ -100,10 +100,12 @@ def run_start(machine: Any, equations: Shooting, hop: Mapping[str, float], at: M
 
     prescribed = [(each, value) for each, value in at.items() if each in OF_STEPS]
     (name, value), *_ = [*prescribed, ("speed", SLOW_SHARE * abs(u["alpha"]))]
-    share = 1e-6  # the speed is nearly linear in the angles
+    share = first = 1e-6  # the speed is nearly linear in the angles
     for _ in range(MOST_SHARES_OF_RUN):
         near = at_share(share)
         if not (found := float(OF_STEPS[name].of(model, near, {**p, STEP_LENGTH: near[STEP_LENGTH]}))):
+            if share != first:
+                raise NoOrbit(f"{name} = {value:g} is too small for a double's range: prescribe one farther from 0")
             raise NoOrbit(f"the {model.name} does not move along the ground beside its vertical hop: give a start")
         share, last = share * value / found, share
         if abs(share - last) <= SAME_SHARE_OF_RUN * abs(share):

@@ -123,7 +123,7 @@ def time_left() -> float:
 def check_time() -> None:
     """Raise `TimeOver` where the time is over; a computation that may be long comes here often."""
     if over := _first_over(_limits.deadlines):
-        more = "limit=..., with time_limit(...), or --limit in the command"
+        more = "with time_limit(...), --limit in the command, or limit=... of the functions that have it"
         raise TimeOver(f"it takes more than {over.text}: allow it more by its limit ({more})")
 
 

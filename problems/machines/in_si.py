@@ -22,14 +22,14 @@ from orbits.mechanics.dimensions import coefficient_dimensions
 from orbits.model.model import Model, reparametrised
 from orbits.running.exclusive import exclusive, exclusive_property
 from orbits.symbolic.formula import suggest
-from orbits.units import ACCELERATION, LENGTH, MASS, Dimension, Units, unit_text
+from orbits.units import ACCELERATION, LENGTH, MASS, STANDARD_GRAVITY, Dimension, Units, unit_text
 
 from ..laws import gravity as gravities, springs
 from ..laws.gravity import as_gravity
 from ..laws.springs import as_spring
 from .hopper import Hopper
 from .juggler import Juggler
-from .parameters import STANDARD_GRAVITY, refuse_taken, stated_numbers
+from .parameters import refuse_taken, stated_numbers
 from .two_masses import DAMPERS, GROUND_MASS, TwoMasses, TwoMassMachine, checked_ground
 
 # The parameter that sets the units beside a force law, and changes no motion.

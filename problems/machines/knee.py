@@ -22,8 +22,9 @@ from orbits.laws.law import number
 from orbits.laws.law_statement import LawLike
 from orbits.mechanics import Mass, Spring
 from orbits.mechanics.elements import names_in
+from orbits.units import STANDARD_GRAVITY
 
-from .parameters import STANDARD_GRAVITY, with_parameters
+from .parameters import with_parameters
 
 LEG = "2*link*sin(knee/2)"
 WORDS_OF_KNEES = {

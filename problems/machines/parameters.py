@@ -5,8 +5,7 @@ from typing import Any
 
 from orbits.errors import InputError
 from orbits.laws.law import number
-
-STANDARD_GRAVITY = 9.80665  # m/s^2
+from orbits.units import STANDARD_GRAVITY
 
 
 def gravity_in_si(stated: float | None) -> float:

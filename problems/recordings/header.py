@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from orbits.errors import InputError
+from orbits.units import STANDARD_GRAVITY
 
 from .measured_rows import FEWEST_ROWS
 from .text_rows import COMMENTS, are_numbers, cells_of, is_empty, short
@@ -29,17 +30,20 @@ TORQUE_NAMES = ("torque", "moment", "couple", "momento", "tork")
 ENDS_OF_WORDS = ("weg", "kraft", "winkel", "moment")
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "in": 0.0254, "inch": 0.0254}
 # kg and lb are of weights, under standard gravity.
+POUND_FORCE, FOOT = 0.45359237 * STANDARD_GRAVITY, 0.3048
 NEWTONS = {
     **{"N": 1.0, "mN": 1e-3, "cN": 1e-2, "daN": 10.0, "kN": 1e3, "MN": 1e6, "n": 1.0, "kn": 1e3},
-    **{"kgf": 9.80665, "kg": 9.80665, "gf": 9.80665e-3, "lbf": 4.4482216152605, "lb": 4.4482216152605},
-    "lbs": 4.4482216152605,
+    **dict.fromkeys(("kgf", "kg"), STANDARD_GRAVITY),
+    "gf": 1e-3 * STANDARD_GRAVITY,
+    **dict.fromkeys(("lbf", "lb", "lbs"), POUND_FORCE),
 }
 DEGREE = 0.017453292519943295
 RADIANS = {"rad": 1.0, "mrad": 1e-3, "deg": DEGREE, "°": DEGREE, "degree": DEGREE, "degrees": DEGREE, "grad": DEGREE}
 NEWTON_METRES = {
-    **{"Nm": 1.0, "nm": 1.0, "mNm": 1e-3, "Ncm": 1e-2, "Nmm": 1e-3, "kNm": 1e3, "kgfm": 9.80665, "kgfcm": 9.80665e-2},
-    **dict.fromkeys(("lbfin", "inlbf", "lbin", "inlb"), 0.1129848290276167),
-    **dict.fromkeys(("lbfft", "ftlbf", "lbft", "ftlb"), 1.3558179483314004),
+    **{"Nm": 1.0, "nm": 1.0, "mNm": 1e-3, "Ncm": 1e-2, "Nmm": 1e-3, "kNm": 1e3},
+    **{"kgfm": STANDARD_GRAVITY, "kgfcm": 1e-2 * STANDARD_GRAVITY},
+    **dict.fromkeys(("lbfin", "inlbf", "lbin", "inlb"), FOOT / 12 * POUND_FORCE),
+    **dict.fromkeys(("lbfft", "ftlbf", "lbft", "ftlb"), FOOT * POUND_FORCE),
 }
 # Of each column, the units of a spring that is stretched and of one that is twisted.
 UNITS = ((METRES, RADIANS), (NEWTONS, NEWTON_METRES))

@@ -111,3 +111,9 @@ def test_a_design_far_from_where_runs_begin_is_no_lack_of_dependence():
     """The inertia of these runs grows without bound as their speed falls to 0.23."""
     with pytest.raises(NoOrbit, match="does not converge where it begins: begin near a design at which runs begin"):
         find(runner(0.25, 4.0, 5.7, 5.4), tune=TUNE, at={"speed": 0.1})
+
+
+@pytest.mark.parametrize("speed", [1e-201, -1e-300])
+def test_a_speed_below_the_range_of_doubles_is_refused_as_such(speed):
+    with pytest.raises(NoOrbit, match=rf"speed = {speed:g} is too small .* farther from 0"):
+        find(runner(), tune=TUNE, at={"speed": speed})
