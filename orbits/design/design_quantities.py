@@ -12,11 +12,11 @@ from typing import Any
 import casadi as ca
 
 from ..errors import InputError
-from ..model.model import CONTACT_FORCE, LANDED_FORCE, STEP_LENGTH, Model, refuse_forward
+from ..model.model import CONTACT_FORCE, LANDED_FORCE, Model, refuse_forward
 from ..model.phase import Arc, Phase, Statement
 from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
 from ..periodic.loss_coefficient import by_launch_speed, launch_power, loss_coefficient
-from ..periodic.quantities import DESIGNED, PLANAR, speed_in_flight
+from ..periodic.quantities import DESIGNED, OF_RUNS, PLANAR, speed_in_flight, step_of
 from ..shooting.formulations import half_orbit
 
 VARIATIONAL = ("landing_sensitivity", "loss_coefficient")  # these need the variation of the flight with alpha
@@ -52,7 +52,8 @@ def quantity_names(model: Model, p: Mapping) -> list[str]:
     missing += [] if model.separation(p) is not None else ["smallest_separation"]
     missing += PLANAR if model.planar is None else [] if model.planar.stands else ["smallest_stance_force"]
     missing += [] if model.planar and model.planar.friction else [FRICTION_LEFT]
-    return [name for name in DESIGNED if name not in missing] + list(model.rises(p))
+    runs = OF_RUNS if model.moves_on else ()
+    return [*(name for name in DESIGNED if name not in missing), *runs, *model.rises(p)]
 
 
 def extremes_of(name: str) -> tuple[str, ...]:
@@ -219,9 +220,9 @@ def expressions(
     half, contact, jerk = _simplest(model).arcs[0].duration(u, p), u["contact"], _landing_jerk(model, u, p, q)
     values = {"alpha": u["alpha"], "liftoff_extension": model.liftoff_extension(u, p), "landing_jerk": jerk}
     values |= {"flight_time": 2 * half, "contact_time": 2 * contact, "period": 2 * (half + contact)}
-    if model.sticks:
-        step = p[STEP_LENGTH]
-        values |= {"step": step, "speed": speed_in_flight(model, u, p), "mean_speed": step / values["period"]}
+    if model.moves_on:
+        step, speed = step_of(model, u, p), speed_in_flight(model, u, p, 2 * half)
+        values |= {"step": step, "speed": speed, "mean_speed": step / values["period"]}
     if any(name in VARIATIONAL for name in names):
         values |= {"landing_sensitivity": slope, "loss_coefficient": late * _loss(model, jerk, slope, u, p, q)}
     for name in names:

@@ -118,8 +118,7 @@ class Outputs:
     def quantities(self, model: Model, p: Mapping) -> list[str]:
         """The quantities in use."""
         used = set(self.demands).union(*(formula.names for formula in self.formulas))
-        runs = [name for name in (OF_RUNS if model.sticks else ()) if name in used]
-        return [*(name for name in quantity_names(model, p) if name in used and name not in p), *runs]
+        return [name for name in quantity_names(model, p) if name in used and (name not in p or name in OF_RUNS)]
 
     def extremes(self, model: Model, p: Mapping) -> list[str]:
         """The extremes that the quantities in use are made of."""

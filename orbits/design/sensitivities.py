@@ -8,7 +8,6 @@ from ..errors import InputError, OrbitsError, list_of_names
 from ..model.machine import Machine, free_parameters, machine_in_words
 from ..periodic.find import find
 from ..periodic.orbit import OTHER_EQUATIONS, Orbit, is_orbit_of, orbit_of
-from ..periodic.quantities import OF_RUNS
 from ..periodic.stated_start import StartLike, check_start
 from ..running import interrupts
 from ..running.exclusive import exclusive
@@ -155,5 +154,4 @@ def _requested(machine: Machine, orbit: Orbit, names: Names) -> Sequence[str]:
     (places,) = places_of([machine], [bare], {extreme for name in known for extreme in extremes_of(name)})
     known = [name for name in known if name != "loss_coefficient" or has_loss(machine, bare)]
     known = [name for name in known if all(places[extreme] for extreme in extremes_of(name))]
-    runs = OF_RUNS if isinstance(machine, TunedMachine) and machine.model.sticks else ()
-    return [*known, *runs, *tuned_numbers(machine)]
+    return [*known, *tuned_numbers(machine)]

@@ -22,7 +22,6 @@ from ..periodic.continued import continued_tuned
 from ..periodic.find import find, first_tuned
 from ..periodic.orbit import Orbit
 from ..periodic.orbits_at_once import orbits_near
-from ..periodic.quantities import OF_RUNS
 from ..periodic.stated_start import LONGEST_START, StartLike, in_units_of, stated_unknowns
 from ..periodic.tuned import (
     METHOD,
@@ -169,7 +168,7 @@ def names_of_designs(machine: Any) -> list[str]:
     """The names that formulas of a machine's designs may use."""
     if not isinstance(machine, TunedMachine):
         return formula_names(machine)
-    return [*names_along(machine.machine), *(OF_RUNS if machine.model.sticks else ())]
+    return names_along(machine.machine)
 
 
 def motions_near(

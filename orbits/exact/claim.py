@@ -129,7 +129,9 @@ def _tuning_of(
     numbers. The step is always unknown where a coordinate sticks."""
     if not isinstance(at, Mapping | None):
         raise InputError(f"at = {at!r}; it is a mapping of quantities to values, as at={{'speed': '0.4'}}")
-    known = {name: value for name, value in orbit.prescribed.items() if name in BY_EQUATIONS}
+    # Above a foot that stands the mean speed in flight is no equation of half an orbit at lift-off.
+    by_equations = BY_EQUATIONS if machine.model.sticks else PRESCRIBED
+    known = {name: value for name, value in orbit.prescribed.items() if name in by_equations}
     own = [name for name in orbit.tuned if name != STEP_LENGTH]
     own = own[: len(own) - (len(orbit.prescribed) - len(known))]
     names = tuple(list_of_names("tune", own if tune is None else tune))

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from ..laws.law import Scalars
 from ..model.model import STEP_LENGTH, Model
 from ..records import NONE, Records, numbers_or_nan
 from ..shooting.formulations import Cycles
@@ -46,37 +45,36 @@ def _stroke(model: Model, cycles: Cycles) -> np.ndarray:
     return stroke
 
 
-def speed_in_flight(model: Model, u: Mapping, p: Mapping) -> Any:
-    """The speed of the centre of mass along the ground in flight from a launch with unknowns `u`."""
+def speed_in_flight(model: Model, u: Mapping, p: Mapping, flight_time: Any) -> Any:
+    """The mean speed of the centre of mass along the ground in flight from a launch with unknowns `u`; it is constant
+    above a free foot."""
     assert model.planar is not None
-    assert model.planar.travel is not None
-    return model.planar.travel(model.launch(u, p), p)
+    launched = model.launch(u, p)
+    if model.planar.travel is not None:
+        return model.planar.travel(launched, p)
+    assert model.planar.across is not None
+    landed = model.reversal.image(launched, p)
+    return (model.planar.across(landed, p) - model.planar.across(launched, p)) / flight_time
+
+
+def step_of(model: Model, u: Mapping, p: Mapping) -> Any:
+    """The step: without a foot that sticks, by how much the foot that lands is ahead of the one that stood."""
+    if model.sticks:
+        return p[STEP_LENGTH]
+    assert model.planar is not None
+    assert model.planar.across is not None
+    landed = model.reversal.image(model.launch(u, p), p)
+    return model.planar.across(landed, p) - model.planar.across(model.relabelling.image(landed, p), p)
 
 
 def _step(model: Model, cycles: Cycles) -> np.ndarray:
-    """The steps (m,): without a foot that sticks, by how much the foot that lands is ahead of the one that stood."""
-    if model.sticks:
-        return cycles.p[STEP_LENGTH]
-    landed = model.reversal.image(model.launch(cycles.u, cycles.p), cycles.p)
-    return _centre_across(model, cycles, landed) - _centre_across(
-        model, cycles, model.relabelling.image(landed, cycles.p)
-    )
+    """The steps (m,)."""
+    return np.broadcast_to(step_of(model, cycles.u, cycles.p), len(cycles))
 
 
 def _speed(model: Model, cycles: Cycles) -> np.ndarray:
-    """The mean speeds (m,) of the centre of mass along the ground in flight, which are constant above a free foot."""
-    if model.sticks:
-        return np.broadcast_to(speed_in_flight(model, cycles.u, cycles.p), len(cycles))
-    launched = model.launch(cycles.u, cycles.p)
-    landed = model.reversal.image(launched, cycles.p)
-    return (_centre_across(model, cycles, landed) - _centre_across(model, cycles, launched)) / cycles.flight_times
-
-
-def _centre_across(model: Model, cycles: Cycles, x: Scalars) -> np.ndarray:
-    """The places (m,) of the centre of mass along the ground in flight states."""
-    assert model.planar is not None
-    assert model.planar.across is not None
-    return np.broadcast_to(model.planar.across(x, cycles.p), len(cycles))
+    """The speeds (m,) in flight."""
+    return np.broadcast_to(speed_in_flight(model, cycles.u, cycles.p, cycles.flight_times), len(cycles))
 
 
 def _mean_speed(model: Model, cycles: Cycles) -> np.ndarray:

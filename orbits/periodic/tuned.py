@@ -26,7 +26,7 @@ from ..shooting.single_shooting import Shooting, shooting_equations
 from ..symbolic.formula import suggest
 from ..units import DIMENSIONS, FREQUENCY, LENGTH, SPEED, Dimension
 from .certified import Solved
-from .quantities import speed_in_flight
+from .quantities import speed_in_flight, step_of
 
 # The method whose equations are tuned.
 METHOD = "half orbit"
@@ -71,10 +71,11 @@ PRESCRIBED: dict[str, Prescribed] = {
     "period": Prescribed(_period, DIMENSIONS["period"], True, True),
     "frequency": Prescribed(lambda model, u, p: 1 / _period(model, u, p), FREQUENCY, True, True),
 }
-# Those of machines that go forward: the step is a parameter, which is tuned unless it is prescribed.
+# Those of machines that go forward. Where a foot sticks the step is a parameter, which is tuned unless it is
+# prescribed; elsewhere it follows from the machine's geometry.
 OF_STEPS: dict[str, Prescribed] = {
-    "speed": Prescribed(speed_in_flight, SPEED),
-    "mean_speed": Prescribed(lambda model, u, p: p[STEP_LENGTH] / _period(model, u, p), SPEED, True),
+    "speed": Prescribed(lambda model, u, p: speed_in_flight(model, u, p, 2 * u["duration"]), SPEED),
+    "mean_speed": Prescribed(lambda model, u, p: step_of(model, u, p) / _period(model, u, p), SPEED, True),
     STEP_LENGTH: Prescribed(lambda model, u, p: p[STEP_LENGTH], LENGTH),
 }
 # Those of these that are no parameters.
@@ -85,7 +86,8 @@ NEVER_NEGATIVE = ("stroke", "largest_contact_force", "friction_needed")
 
 def prescribable(model: Model) -> dict[str, Prescribed]:
     """The quantities of half an orbit of a model that may be prescribed, by name."""
-    return {**PRESCRIBED, **(OF_STEPS if model.sticks else {})}
+    each = OF_STEPS if model.sticks else OF_STEPS.keys() - {STEP_LENGTH} if model.moves_on else ()
+    return PRESCRIBED | {name: OF_STEPS[name] for name in OF_STEPS if name in each}
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from steps import SINES, TABLE, closed_form
 
-from orbits import InputError, NoOrbit, Orbit, ReturnMap, check, find, follow, multiplier, simulate
+from orbits import InputError, NoOrbit, Orbit, ReturnMap, check, find, follow, multiplier, sensitivities, simulate
 from problems import rimless_wheel, rocking_block, shuttle
 
 KINDS = {"wheel": rimless_wheel, "rocker": rocking_block, "shuttle": shuttle}
@@ -232,6 +232,22 @@ def test_a_wheel_moves_on_by_the_distance_of_two_spokes():
     assert orbit.speed == pytest.approx(orbit.step / orbit.flight_time, rel=1e-13)  # with two spokes down it stands
     assert find(rimless_wheel(angle=0.3)).step == pytest.approx(2 * np.sin(0.3), rel=1e-14)
     assert find(rocking_block()).step is None
+
+
+@pytest.mark.slow
+def test_the_speed_of_a_wheel_is_prescribed_and_designed():
+    """The mean speed is that of two spokes' distance, 2 l sin(pi/8), and slopes are those of other wheels."""
+    wheels = [rimless_wheel(2.0, 0.4, 8, 0.4, 0.4, k) for k in (19.999, 20.0, 20.001)]
+    slow, walk, fast = map(find, wheels)
+    slopes = sensitivities(wheels[1], walk, names=["stiffness", "length"])
+    for name in ("speed", "mean_speed"):
+        change = (getattr(fast, name) - getattr(slow, name)) / 0.002
+        assert slopes[name]["stiffness"] == pytest.approx(change, rel=1e-7)
+    assert slopes["step"]["length"] == pytest.approx(2 * np.sin(np.pi / 8), rel=1e-12)
+    tuned = find(wheels[1], tune="stiffness", at={"mean_speed": 0.46})
+    assert tuned.period == pytest.approx(0.8 * np.sin(np.pi / 8) / 0.46, rel=1e-12)
+    tuned = find(wheels[1], tune="stiffness", at={"speed": 0.53})
+    assert find(tuned.source).speed == pytest.approx(0.53, rel=1e-12)
 
 
 def test_messages_and_rows_in_si_are_of_angles_and_torques():
