@@ -117,7 +117,8 @@ def leave(drawn: Path, place: Path, name: str) -> None:
 def slow_after(count: int, cases) -> list:
     """The parameters of a test, with the mark `slow` on all but so many of the first."""
     rows = [case if isinstance(case, tuple) else (case,) for case in cases]
-    return [pytest.param(*row, marks=pytest.mark.slow if k >= count else ()) for k, row in enumerate(rows)]
+    marks = [[*getattr(row, "marks", ()), *[pytest.mark.slow][k < count :]] for k, row in enumerate(rows)]
+    return [pytest.param(*getattr(row, "values", row), marks=each) for row, each in zip(rows, marks, strict=True)]
 
 
 def middle(enclosure: dict) -> float:
