@@ -186,8 +186,8 @@ class _Cycles:
         try:
             rows = self._mean_of([self._curve(groups, cycle) for groups in curves])
         except InputError as error:
-            remedy = "" if cycle == "all" else 'choose cycle="all" for those of all cycles (table:FILE?cycle=all), or '
-            raise InputError(f"{error}: {remedy}record more rows of a cycle") from None
+            other = "" if cycle == "all" else ', or choose cycle="all" for those of all cycles (table:FILE?cycle=all)'
+            raise InputError(f"{error} of a cycle{other}") from None
         times = self._times(rows.extensions, [group for groups in found.values() for group in groups])
         drifts = rate * np.array([times - times.mean(), np.full(len(times), times.mean())])
         parts = [self.note(found, cycle), branch, drift]

@@ -40,7 +40,8 @@ def rows_at(r: np.ndarray, force: np.ndarray, label: str) -> MeasuredRows:
     np.minimum.at(lowest, place, force)
     np.maximum.at(highest, place, force)
     if len(counts) < FEWEST_ROWS:
-        raise InputError(f"{label}: {len(counts)} different extensions; a table needs at least {FEWEST_ROWS}")
+        few = f"{len(counts)} different extensions; a table needs at least {FEWEST_ROWS}"
+        raise InputError(f"{label}: {few}: record more rows")
     means = np.bincount(place, force) / counts
     squares = float(np.sum((force - means[place]) ** 2))
     # Rows of one force to the last bit are copies, or too coarse to show their noise: they count as one measurement.
@@ -73,7 +74,8 @@ def mean_of_curves(curves: Sequence[MeasuredRows], label: str) -> MeasuredRows:
     low, high = max(rows.extensions[0] for rows in curves), min(rows.extensions[-1] for rows in curves)
     r = own.extensions[(own.extensions >= low) & (own.extensions <= high)]
     if len(r) < FEWEST_ROWS:
-        raise InputError(f"{label}: the branches have few extensions in common; a table needs {FEWEST_ROWS}")
+        common = "the branches have few extensions in common"
+        raise InputError(f"{label}: {common}; a table needs {FEWEST_ROWS}: record more rows")
     forces = [np.interp(r, rows.extensions, rows.forces) for rows in curves]
     variances = [1 / np.interp(r, rows.extensions, rows.weights) for rows in curves]
     weights = len(curves) ** 2 / np.sum(variances, axis=0)  # the variance of a mean of means
