@@ -109,7 +109,7 @@ OF_SECOND = [
     ("if each > 0 or each < 0)", "if each.mid() != 0)", ["inerter", "overlap"]),
     ("sum(a != b for a, b in pairwise(rates))", "sum(a != b for a, b in pairwise(rates)) + 1", ["family"]),
     ("number(decimal(token))", "number(Fraction(float(token)))", ["exponent"]),
-    ("turning = [rate(p) - slope(energy, y)", "turning = [rate(p)", ["knee"]),
+    ("for y in names], rate(rate(place)))", "for y in names], ZERO)", ["knee"]),
     ('"cos": "-sin(x)"', '"cos": "sin(x)"', ["knee"]),
     ("box in (whole, *(box for box, *_ in parts))", "box, *_ in parts", ["uncovered"]),
 ]

@@ -30,7 +30,7 @@ from problems import Hopper, Juggler
 FASTEST, FURTHER, APART, FINER = 9.0, 4.0, 0.05, 10
 # Of the integrals of the energy: how far extensions are sampled, and how many of them and of the launch speeds; the
 # places and weights of the quadrature in shares of the way from a turning point to lift-off.
-FARTHEST, EXTENSIONS, LAUNCHES, PANELS = 3000.0, 200_001, 4000, 30
+FARTHEST, EXTENSIONS, LAUNCHES, PANELS, BESIDE = 3000.0, 200_001, 4000, 30, 1e-7
 NODES, NODE_WEIGHTS = np.polynomial.legendre.leggauss(16)
 SHARES = ((np.arange(PANELS)[:, None] + (1 + NODES) / 2) / PANELS).ravel()
 WEIGHTS = np.tile(NODE_WEIGHTS / (2 * PANELS), PANELS)
@@ -197,12 +197,14 @@ class Family:
             times.append(np.where(energy <= energies[-1], time_there, np.inf))
         return times[0] + self.family * (times[0] + times[1]) - alphas
 
-    def roots(self) -> np.ndarray:
-        """The launch speeds of its orbits, ascending."""
+    def roots(self, beside: np.ndarray) -> np.ndarray:
+        """The launch speeds of its orbits, ascending. The grid has places on both sides of launch speeds (k,), so that
+        close orbits are seen which it would leave out."""
         each = [energies for _, energies in self.turning()]
         alphas = np.sqrt(2 * np.concatenate([one[one < self.fastest**2 / 2] for one in each]))
         chosen = np.linspace(0, len(alphas) - 1, LAUNCHES).astype(int)
-        alphas = np.unique(np.append(np.sort(alphas)[chosen], np.linspace(0.01, self.fastest, LAUNCHES)))
+        around = np.outer([1 - BESIDE, 1 + BESIDE], beside).ravel()
+        alphas = np.unique(np.concatenate([np.sort(alphas)[chosen], np.linspace(0.01, self.fastest, LAUNCHES), around]))
         late = self.lateness(alphas)
         low, high = ((alphas[:-1], alphas[1:])[k][(late[1:] > 0) != (late[:-1] > 0)] for k in (0, 1))
         rises = self.lateness(high) > 0
@@ -220,7 +222,8 @@ class Family:
             orbits, sure = (), "not complete" not in str(error)
         else:
             sure = orbits[0].known_in_family is not None
-        found, roots = np.array([orbit.alpha for orbit in orbits]), self.roots()
+        found = np.array([orbit.alpha for orbit in orbits])
+        roots = self.roots(found)
         if len(found) == len(roots) and np.allclose(found, roots, rtol=1e-5):
             return "whole"
         return "one too many" if len(found) > len(roots) else "lacks one" if sure else "lacks one and says so"
