@@ -228,7 +228,8 @@ class Endings:
         None where it is followed on."""
         end = self.lost("", last, history)
         if end.kind == "escaped" and end.limit is not None:
-            low, high = sorted((last.value, end.limit))
+            farthest = end.limit + np.copysign(end.limit_error or 0.0, end.limit - last.value)
+            low, high = sorted((last.value, farthest))
             return None if any(low < value < high for value in self.at) else end
         found = (
             homoclinic(self.curve, last, way)
