@@ -1,8 +1,8 @@
-"""Laws that jump, stated in pieces: a breakpoint lies where the two sides of a comparison are equal.
+"""Laws that jump or bend, stated in pieces: a breakpoint lies where the two sides of a comparison are equal.
 
-The control of the steps resolves a kink, but not a jump: a polynomial across it oscillates, and sensitivities change
-there by the jump. On a piece the outcome of each comparison is a constant, so that the law is smooth there, and beyond
-the ends of the piece too.
+A series ends at a kink, and steps that need none resolve kinks slowly, and no jump: a polynomial across it oscillates,
+and sensitivities change there by the jump. On a piece the outcome of each comparison is a constant, so that the law is
+smooth there, and beyond the ends of the piece too.
 """
 
 from collections.abc import Callable, Sequence
@@ -49,8 +49,9 @@ _CONDITIONS = {ca.OP_LT, ca.OP_LE, ca.OP_NOT, ca.OP_AND, ca.OP_OR}
 _UNDECIDED = {ca.OP_FLOOR, ca.OP_CEIL, ca.OP_COPYSIGN, ca.OP_FMOD, ca.OP_REMAINDER, ca.OP_EQ, ca.OP_NE}
 # Comparisons of what others decide, as abs(r) > 1, are resolved for all outcomes of at most this many.
 MOST_INSIDE = 3
-# Places and forces that differ by less than this share of their size and of 1 are equal.
-EQUAL_SHARE = 1e-9
+# Forces that differ by less than the first share of their size and of 1 are equal, and places by less than the second.
+# Pieces shorter than the third are not compared with the law, as samples inside of them are rounded.
+EQUAL_SHARE, COINCIDENT, SHORTEST_COMPARED = 1e-9, 1e-14, 1e-12
 # The force beside a breakpoint is that at this distance, a share of its place and of 1, where roundings end.
 BESIDE_JUMP = 1e-13
 # By this share parameters are moved, and those that are 0 by as much, to tell what holds whatever their values are: a
@@ -64,7 +65,7 @@ PLACES_OF_JUMPS, JUMP_HALVINGS = np.linspace(-FARTHEST, FARTHEST, 4002), 60
 
 @exclusive
 def in_pieces(law: Law, breakpoints: Sequence[float] = ()) -> Law:
-    """The law in pieces if it jumps, or if breakpoints are stated, where it is not smooth; else the law itself.
+    """The law in pieces where it jumps or bends, or where breakpoints are stated; else the law itself.
 
     Raises `InputError` for gravity that jumps, and for a law that jumps where neither breakpoints nor comparisons of
     straight lines say.
@@ -72,24 +73,23 @@ def in_pieces(law: Law, breakpoints: Sequence[float] = ()) -> Law:
     stated, graph = tuple(sorted(breakpoints)), (law.expression, law.variable, tuple(law.parameters))
     plain = replace(law, pieces=LawPieces(0, break_table((-np.inf, *stated, np.inf)))) if stated else law
     parts = _Parts(*graph)
-    if not parts.may_jump:
+    if not parts.compares:
         return plain
     values = np.array([*law.parameters.values()], dtype=float)
     moved = values + MOVED_SHARE * np.cos(np.arange(len(values))) * np.where(values == 0, 1.0, values)
     breaks = parts.breaks([values, moved], stated) if parts.smooth is not None else ()
     if not breaks:
-        if not stated:
+        if not stated and parts.steps:
             parts.refuse_jump(law, values)
         return plain
     table = _table(*graph, breaks)
-    if not stated and not any(parts.jumps(table, each) for each in (values, moved)):
-        return law
-    if law.variable != "r":
+    jumps = any(parts.jumps(table, each) for each in (values, moved))
+    if jumps and law.variable != "r":
         raise InputError(f"gravity '{law.text}' jumps; write it as one smooth formula of {law.variable}")
-    if all(parts.are_smooth(table, each) for each in (values, moved)):
-        pieces = LawPieces(len(parts.outcomes), table, jumps=True)
+    if law.variable == "r" and all(parts.are_smooth(table, each) for each in (values, moved)):
+        pieces = LawPieces(len(parts.outcomes), table, jumps=jumps)
         return replace(law, expression=_smooth(*graph), pieces=pieces)
-    if stated:
+    if stated or not jumps:
         return plain
     places = ", ".join(f"{float(x):.6g}" for x in table(law.parameters)[0][1:-1])
     raise InputError(
@@ -128,10 +128,10 @@ class _Parts:
         symbols = dict(zip(names, ca.vertsplit(self.p) if names else [], strict=True))
         self.law = ca.SX(expression(self.x, symbols, []))
         self.tape = single_assignment(ca.Function("law", [self.x, *symbols.values()], [self.law]))
-        self.may_jump = any(op in _STEPS for op, *_ in self.tape)
+        self.compares = any(op in _STEPS or op in _DECIDED for op, *_ in self.tape)
         self.outcomes: list[tuple[ca.SX, ca.SX, ca.SX]] = []
         self.steps: list[ca.SX] = []
-        self.smooth = self._taken_apart([self.x, *symbols.values()]) if self.may_jump else self.law
+        self.smooth = self._taken_apart([self.x, *symbols.values()]) if self.compares else self.law
 
     def _taken_apart(self, arguments: list[ca.SX]) -> ca.SX | None:
         """The law with symbols for the outcomes of its comparisons."""
@@ -196,9 +196,9 @@ class _Parts:
             if finite.any() and not finite.all():
                 return stated
             # Where none is finite the two sides are parallel, with these outcomes of comparisons inside.
-            if finite.all() and not any(_equal_but_for_rounding(places[k], each).all() for k in found):
+            if finite.all() and not any(_are_near(places[k], each, COINCIDENT).all() for k in found):
                 found.append(i)
-        return *found, *(x for x in stated if not any(_equal_but_for_rounding(x, places[k, 0]) for k in found))
+        return *found, *(x for x in stated if not any(_are_near(x, places[k, 0], COINCIDENT) for k in found))
 
     def jumps(self, table: Callable, values: np.ndarray) -> bool:
         """Whether the law jumps at a breakpoint of the table, at values of the parameters."""
@@ -214,12 +214,12 @@ class _Parts:
         levels, rows = table(dict(zip(self.names, values.tolist(), strict=True)))
         ends = levels[1:-1]
         for low, high, row in zip([ends[0] - FARTHEST, *ends], [*ends, ends[-1] + FARTHEST], rows, strict=True):
-            if _equal_but_for_rounding(low, high):
-                continue  # two breakpoints coincide at these values, and no motion is between them
+            if _are_near(low, high, SHORTEST_COMPARED):
+                continue
             inside = low + (high - low) * COMPARED_SHARES
             own, law = self._on_piece(inside[None], values, row).full(), self._law_at(inside[None], values).full()
             at_ends = self._on_piece(np.array([[x for x in (low, high) if x in ends]]), values, row).full()
-            if not np.isfinite(at_ends).all() or not (_equal_but_for_rounding(own[0], law[0]) | np.isnan(law[0])).all():
+            if not np.isfinite(at_ends).all() or not (_are_near(own[0], law[0], EQUAL_SHARE) | np.isnan(law[0])).all():
                 return False
         return True
 
@@ -297,6 +297,6 @@ def _table(expression: Callable, variable: str, names: tuple[str, ...], breaks: 
     return Expression(table, _table, expression, variable, names, breaks)
 
 
-def _equal_but_for_rounding(a: ArrayLike, b: ArrayLike) -> np.ndarray:
-    """Which numbers are equal but for rounding."""
-    return np.abs(np.subtract(a, b)) <= EQUAL_SHARE * (1 + np.abs(b))
+def _are_near(a: ArrayLike, b: ArrayLike, share: float) -> np.ndarray:
+    """Which numbers differ by at most this share of their size and of 1."""
+    return np.abs(np.subtract(a, b)) <= share * (1 + np.abs(b))

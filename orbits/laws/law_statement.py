@@ -82,14 +82,14 @@ def from_formula(text: str, variable: str, parameters: Values = None) -> Law:
         raise InputError(f"'{text[:60]}' has no finite value: {part} in it has none{given}")
     values = {name: np.float64(value) for name, value in law.parameters.items()}
     _refuse_removable(law, lambda x: law.expression(x, values, []))
-    return in_pieces(law) if "sign" in parse(text).pieces else law
+    return in_pieces(law) if parse(text).pieces else law
 
 
 @exclusive
 def from_potential(text: str, variable: str, parameters: Values = None) -> Law:
     """The law whose potential energy is the formula: its derivative with respect to the variable."""
     potential = from_formula(text, variable, parameters)
-    force = derivative_expression(potential.expression, variable)
+    force = derivative_expression(formula_expression(text, variable), variable)
     written = Written((text,), potential=True)
     law = replace(potential, text=f"potential:{text}", expression=force, pieces=None, written=written)
     return in_pieces(law) if parse(text).pieces else law

@@ -166,7 +166,7 @@ def _sampled_from_rest(law: Law, rest: float, away: float, level: float) -> tupl
     """Extensions (n,) away from rest, as far as the force is finite, with its turning points, and the forces there. Up
     to where the force has come to a level they are so close that nothing in the law is between them."""
     extensions = np.clip(rest + away * SAMPLED_DISTANCES, *law.range())
-    if law.pieces and law.pieces.jumps:  # on both sides of which the force may be its largest
+    if law.pieces:  # on both sides of whose ends the force may be its largest
         ends = np.array(law.pieces.ends(np.array(law.pieces.table(law.parameters)[0]), law.parameters))[1:-1]
         beside = np.concatenate([np.nextafter(ends, -np.inf), ends])
         beside = beside[(away * (beside - rest) > 0) & (np.abs(beside - rest) < SAMPLED_DISTANCES[-1])]

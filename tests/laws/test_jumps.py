@@ -67,11 +67,29 @@ def test_one_law_with_many_comparisons(force):
     assert find(Hopper(law)).alpha == pytest.approx(4.472755326068112, abs=1e-13)
 
 
-def test_kinks_and_smooth_powers_are_left_to_the_steps():
-    for text in ("sign(r)*abs(r)**1.5", "r + 0.1*sign(r)*r**2", "r*abs(r)", "potential:r**2/2 + 0.1*abs(r)**3"):
-        assert springs.as_spring(text).pieces is None
+def test_what_bends_is_in_pieces_unless_a_derivative_has_no_value():
+    for text in ("r + 0.1*sign(r)*r**2", "r*abs(r)", "potential:r**2/2 + 0.1*abs(r)**3"):
+        assert not springs.as_spring(text).pieces.jumps
     bent = springs.function(lambda r, d: ca.if_else(r > 0.5, r + d * (r - 0.5), r), d=0.2)
-    assert bent.pieces is None
+    assert not bent.pieces.jumps
+    assert springs.as_spring("sign(r)*abs(r)**1.5").pieces is None
+
+
+def test_a_triangle_of_straight_lines():
+    """Half the flight by integrals over the extension in 40 digits, as `studies/narrow_features.py` has them."""
+    triangle = "r + h*(abs((r - c)/w + 1) - 2*abs((r - c)/w) + abs((r - c)/w - 1))/2"
+    parameters = {"h": -0.6756632197251745, "c": -4.578358109922923, "w": 0.009005904308464588}
+    orbit = find(Hopper(triangle, mass_ratio=0.8, rest_length=40, parameters=parameters))
+    assert orbit.alpha == pytest.approx(4.490231345909859, abs=orbit.error)
+
+
+def test_a_pulse_narrower_than_1e_8():
+    parameters = {"h": 0.35499186621720946, "c": 4.602999995079417, "w": 1.7671601978403145e-09}
+    pulse = Hopper(
+        "r + h*(sign((r - c)/w + 1) - sign((r - c)/w - 1))/2", mass_ratio=0.8, rest_length=40, parameters=parameters
+    )
+    orbit = find(pulse)
+    assert orbit.alpha == pytest.approx(4.4934094476667003, abs=orbit.error)
 
 
 def test_a_breakpoint_moves_with_a_parameter():

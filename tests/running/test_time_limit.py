@@ -17,7 +17,7 @@ from problems import Hopper
 class TestTimeLimit:
     """A force that bends where it vanishes is followed step by step, for minutes."""
 
-    SLOW = Hopper("abs(r)")
+    SLOW = Hopper("abs(r) + 1e-9*abs(r)**1.5")
 
     @pytest.mark.parametrize("search", [find, find_all])
     def test_what_takes_longer_is_ended(self, search):
@@ -32,7 +32,7 @@ class TestTimeLimit:
             pytest.raises(NoOrbit, match=r"it takes more than 0.3 s.*; none of 2 members was done; nothing is kept"),
             time_limit(0.3),
         ):
-            sweep(Hopper("abs(r) + b*r", parameters={"b": 0.1}), {"b": [0.1, 0.2]}, progress=False)
+            sweep(Hopper("abs(r) + b*r + 1e-9*abs(r)**1.5", parameters={"b": 0.1}), {"b": [0.1, 0.2]}, progress=False)
         late = SimpleNamespace(monotonic=lambda: np.inf)
         with time_limit(60.0):
             family = follow(
@@ -68,7 +68,7 @@ class TestTimeLimit:
         assert saved[0].alpha == family[0].alpha == pytest.approx(find(family.source).alpha, abs=1e-12)
         assert follow(machine, "beta", 0.4, start=0.3, resume=saved).end.kind == "reached"
         with pytest.raises(NoOrbit, match=r"more than 0.1 s.* the orbit to begin with is not found"), time_limit(0.1):
-            follow(Hopper("abs(r) + b*r", parameters={"b": 0.1}), "b", 0.2)
+            follow(Hopper("abs(r) + b*r + 1e-9*abs(r)**1.5", parameters={"b": 0.1}), "b", 0.2)
 
     def test_a_diagram_has_its_grid_at_least(self, monkeypatch):
         """Its boundaries are then midpoints; before the grid is searched there is none."""
