@@ -11,7 +11,6 @@ import numpy as np
 from ..errors import NoStep
 from ..numerics.hermite import around
 from ..numerics.roots import Array, solve
-from ..shooting.error_bound import rounding_of_unknowns
 from ..shooting.newton_kernel import MOST_NEWTON_STEPS, Solutions
 from ..shooting.single_shooting import STALLED_RATIO, Evaluation, settles
 from .curve import Curve, CurvePoint, CurvePoints, StepEnd
@@ -85,7 +84,7 @@ def _solve_step_by_step(
         xs, moved = xs + steps, (np.abs(steps) / units).max(1)
         settled, shrinks = settles(moved, last, evaluation.amplification), moved < STALLED_RATIO * last
         if not (settled | shrinks).all() and (moved < STEP_OF_ERRORS).all():
-            settled |= moved < LARGEST_ROUNDING * (_rounding(curve, evaluation, rows) / units).max(1)
+            settled |= moved < LARGEST_ROUNDING * (curve.rounding_of_steps(evaluation, rows) / units).max(1)
         if taken >= least and settled.all():
             evaluation = curve.evaluate_exactly(xs, evaluation) if with_motions else evaluation
             solved = np.arange(len(xs)), xs, directions, evaluation.amplification
@@ -95,13 +94,6 @@ def _solve_step_by_step(
         inexact = (evaluation.amplification >= NEVER_SETTLED) & (moved < STEP_OF_ERRORS)
         last = np.where(inexact, np.inf, moved)
     raise NoStep("the corrector converges too slowly")
-
-
-def _rounding(curve: Curve, evaluation: Evaluation, rows: Array) -> Array:
-    """The rounding errors (m, n + 1) of Newton steps. Where a motion leaves an unstable equilibrium and comes to
-    another one within an arc, they are larger than the growth of a small change over the arc lets expect."""
-    bordered = np.concatenate([evaluation.jacobian, rows[:, None]], axis=1)
-    return rounding_of_unknowns(curve.equations, evaluation, np.linalg.inv(bordered)[:, :, :-1])
 
 
 def newton_steps(evaluation: Evaluation, xs: Array, rows: Array, levels: Array) -> tuple[Array, Array]:

@@ -32,6 +32,7 @@ from ..shooting.division import (
     division_at,
     growths_without_nodes,
 )
+from ..shooting.error_bound import rounding_of_unknowns
 from ..shooting.formulations import Cycles, equations_of, iterative, method_of
 from ..shooting.newton_kernel import NewtonKernel, newton_kernel
 from ..shooting.node_places import growths_along, steady_tangents
@@ -260,6 +261,12 @@ class Curve:
         units, places = sizes.copy(), self.equations.moving((self.along,))
         units[:, places] = np.minimum(units[:, places], evaluation.parameter_units)
         return units
+
+    def rounding_of_steps(self, evaluation: Evaluation, rows: np.ndarray) -> np.ndarray:
+        """The rounding errors (m, N + 1) of Newton steps to levels of rows (m, N + 1). Where a motion leaves an
+        unstable equilibrium and comes to another one within an arc, they are larger than its growth lets expect."""
+        bordered = np.concatenate([evaluation.jacobian, rows[:, None]], axis=1)
+        return rounding_of_unknowns(self.equations, evaluation, np.linalg.inv(bordered)[:, :, :-1])
 
     def steady(self, xs: np.ndarray, tangents: np.ndarray) -> np.ndarray:
         """The tangents (c, N + 1) at a chain of points (c, N + 1), from which others are interpolated."""

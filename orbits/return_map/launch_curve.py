@@ -116,6 +116,10 @@ class LaunchCurve:
         """The units (m, 2) of small changes at points of these sizes (m, 2)."""
         return sizes
 
+    def rounding_of_steps(self, evaluation: MapEquations, rows: np.ndarray) -> np.ndarray:
+        """None are larger (m, 2) than Newton's method takes them to be."""
+        return np.zeros(rows.shape)
+
     def possible(self, values: Any) -> Any:
         """Values of the parameter inside of its range, beyond which there may be no machine; any injection is one."""
         return values if self.along == INJECT else np.clip(values, self.maps.low, self.maps.high)
