@@ -18,6 +18,7 @@ from ..flow.phase_field import OUT_OF_LAW
 from ..model.machine import Machine
 from ..model.planar import Planar
 from ..numerics.hermite import around
+from ..numerics.roots import solve
 from ..periodic.certificate import Certificate
 from ..periodic.certified import Solved, certified, orbit_from, orbit_of_solved
 from ..periodic.orbit import Orbit
@@ -266,7 +267,8 @@ class Curve:
         """The rounding errors (m, N + 1) of Newton steps to levels of rows (m, N + 1). Where a motion leaves an
         unstable equilibrium and comes to another one within an arc, they are larger than its growth lets expect."""
         bordered = np.concatenate([evaluation.jacobian, rows[:, None]], axis=1)
-        return rounding_of_unknowns(self.equations, evaluation, np.linalg.inv(bordered)[:, :, :-1])
+        inverse = solve(bordered, np.broadcast_to(np.eye(bordered.shape[1]), bordered.shape))
+        return rounding_of_unknowns(self.equations, evaluation, inverse[:, :, :-1])
 
     def steady(self, xs: np.ndarray, tangents: np.ndarray) -> np.ndarray:
         """The tangents (c, N + 1) at a chain of points (c, N + 1), from which others are interpolated."""

@@ -334,8 +334,6 @@ class Flow(PhaseField):
             text = "the {name} {what} at time {time:.6g}, where a law or the motion is no number"
             return Message(text, **known)
         text = "the {name} {what} at time {time:.6g}, at {place}"
-        if what == "breaks down":
-            text += ", where a law is singular or overflows, as exp does"
         return Message(text, **known, place=described(self.phase.states, x))
 
     def closed_form(self, p: Array) -> Modes:

@@ -52,8 +52,11 @@ MOST_INSIDE = 3
 # Forces that differ by less than the first share of their size and of 1 are equal, and places by less than the second.
 # Pieces shorter than the third are not compared with the law, as samples inside of them are rounded.
 EQUAL_SHARE, COINCIDENT, SHORTEST_COMPARED = 1e-9, 1e-14, 1e-12
-# The force beside a breakpoint is that at this distance, a share of its place and of 1, where roundings end.
-BESIDE_JUMP = 1e-13
+# The force beside a breakpoint is that at this distance, a share of its place and of 1, where roundings end. Ten times
+# as far from it the two sides differ by less than twice as much where it jumps.
+BESIDE_JUMP, FARTHER_BESIDE, LEAST_RATIO_OF_JUMP = 1e-13, 10.0, 0.5
+# A comparison whose sides meet farther from rest than this, or nowhere, has one outcome wherever a motion leads.
+FARTHEST_BREAK = 1e12
 # By this share parameters are moved, and those that are 0 by as much, to tell what holds whatever their values are: a
 # jump of the size 0 is one.
 MOVED_SHARE = 0.1
@@ -171,15 +174,17 @@ class _Parts:
 
     @cached_property
     def roots(self) -> list[ca.SX] | None:
-        """Where comparisons change their outcomes, for each outcome of those inside; None where one is not of straight
-        lines."""
+        """Where comparisons change their outcomes, for each outcome of those inside, at `FARTHEST_BREAK` where they do
+        not; None where one is not of straight lines."""
         found = list[ca.SX]()
         for _, line, _ in self.outcomes:
             inside = [symbol for *_, symbol in self.outcomes if ca.depends_on(line, symbol)]
             slope = ca.jacobian(line, self.x)
             if len(inside) > MOST_INSIDE or ca.depends_on(slope, self.x):
                 return None
-            root = -ca.substitute(line, self.x, 0) / slope
+            level = ca.substitute(line, self.x, 0)
+            nowhere = FARTHEST_BREAK * ca.fabs(slope) <= ca.fabs(level)
+            root = ca.if_else(nowhere, FARTHEST_BREAK, -level / ca.if_else(nowhere, 1.0, slope))
             for outcomes in product((-1.0, 1.0), repeat=len(inside)):
                 found.append(ca.substitute(root, ca.vertcat(*inside), ca.vertcat(*outcomes)) if inside else root)
         return found
@@ -192,33 +197,38 @@ class _Parts:
         function, found = ca.Function("roots", [self.p], [ca.vertcat(*self.roots)]), list[int]()
         places = np.hstack([function(each).full() for each in values])
         for i, each in enumerate(places):
-            finite = np.isfinite(each)
-            if finite.any() and not finite.all():
+            if np.isnan(each).any():
                 return stated
-            # Where none is finite the two sides are parallel, with these outcomes of comparisons inside.
-            if finite.all() and not any(_are_near(places[k], each, COINCIDENT).all() for k in found):
+            if (each < FARTHEST_BREAK).any() and not any(_are_near(places[k], each, COINCIDENT).all() for k in found):
                 found.append(i)
         return *found, *(x for x in stated if not any(_are_near(x, places[k, 0], COINCIDENT) for k in found))
 
     def jumps(self, table: Callable, values: np.ndarray) -> bool:
         """Whether the law jumps at a breakpoint of the table, at values of the parameters."""
         ends = np.array(table(dict(zip(self.names, values.tolist(), strict=True)))[0][1:-1])
+        ends = ends[np.abs(ends) < FARTHEST_BREAK]
+        if not len(ends):
+            return False
+        distances = BESIDE_JUMP * np.array([[1.0], [FARTHER_BESIDE]]) * (1 + np.abs(ends))
         below, above = (
-            self._law_at((ends + side * (1 + np.abs(ends)))[None], values).full()
-            for side in (-BESIDE_JUMP, BESIDE_JUMP)
+            self._law_at((ends + side * distances).reshape(1, -1), values).full().reshape(distances.shape)
+            for side in (-1, 1)
         )
-        return bool((np.abs(above - below) > EQUAL_SHARE * (1 + np.abs(below))).any())
+        near, far = np.abs(above - below)
+        # What the slopes on both sides, or roots there, add to a difference shrinks with the distance.
+        return bool(((near > EQUAL_SHARE * (1 + np.abs(below[0]))) & (near > LEAST_RATIO_OF_JUMP * far)).any())
 
     def are_smooth(self, table: Callable, values: np.ndarray) -> bool:
         """Whether the pieces are the law, and have derivatives at their ends, at values of the parameters."""
         levels, rows = table(dict(zip(self.names, values.tolist(), strict=True)))
-        ends = levels[1:-1]
-        for low, high, row in zip([ends[0] - FARTHEST, *ends], [*ends, ends[-1] + FARTHEST], rows, strict=True):
-            if _are_near(low, high, SHORTEST_COMPARED):
+        for low, high, row in zip(levels[:-1], levels[1:], rows, strict=True):
+            ends = [x for x in (low, high) if abs(x) < FARTHEST_BREAK]
+            if not ends or _are_near(low, high, SHORTEST_COMPARED):
                 continue
-            inside = low + (high - low) * COMPARED_SHARES
+            first = low if low in ends else high - FARTHEST
+            inside = first + ((high if high in ends else low + FARTHEST) - first) * COMPARED_SHARES
             own, law = self._on_piece(inside[None], values, row).full(), self._law_at(inside[None], values).full()
-            at_ends = self._on_piece(np.array([[x for x in (low, high) if x in ends]]), values, row).full()
+            at_ends = self._on_piece(np.array([ends]), values, row).full()
             if not np.isfinite(at_ends).all() or not (_are_near(own[0], law[0], EQUAL_SHARE) | np.isnan(law[0])).all():
                 return False
         return True
@@ -282,7 +292,8 @@ def _table(expression: Callable, variable: str, names: tuple[str, ...], breaks: 
     for last in range(len(levels) - 1, 0, -1):
         for i in range(last):
             levels[i : i + 2] = ca.fmin(*levels[i : i + 2]), ca.fmax(*levels[i : i + 2])
-    middles = [levels[0] - 1, *(0.5 * (low + high) for low, high in pairwise(levels)), levels[-1] + 1]
+    below, above = levels[0] - (1 + ca.fabs(levels[0])), levels[-1] + (1 + ca.fabs(levels[-1]))
+    middles = [below, *(0.5 * (low + high) for low, high in pairwise(levels)), above]
     decides = ca.vertcat(*[ca.sign(decides) for decides, *_ in parts.outcomes])
     rows = [ca.substitute(decides, parts.x, middle) for middle in middles]
     function = ca.Function("pieces", [parts.p], [ca.densify(ca.vertcat(*levels)), ca.densify(ca.horzcat(*rows))])

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import FlowError, NoOrbit, OutOfRange
+from ..errors import BreaksDown, FlowError, NoOrbit, OutOfRange
 from ..flow.flow import Flow, flow_of
 from ..flow.zero_crossing import first_zeros
 from ..laws.law import from_key, values_and_slopes
@@ -37,6 +37,8 @@ BARRIER_EXTENSIONS = np.outer([1.0, -1.0], np.geomspace(0.3, 300.0, 100)).ravel(
 BEND_SAFETY = 4.0
 # Integration time in search of two turns, per 1 + launch speed; a spring that takes longer does not return.
 LONGEST_FLIGHT = 1e3
+# Why a motion may break down under a formula with exp.
+OVERFLOWS = "; exp(x) may overflow on the way: 1/(1 + exp(x)) is (1 - tanh(x/2))/2"
 SPEED_OF_EXTENSION = Affine((0.0, 1.0))  # of the relative motion
 
 
@@ -242,6 +244,7 @@ def _refusals(
             text = "beyond launch speed {alpha:.4g} {error}"
         else:
             text = "at launch speed {alpha:.4g} the extension does not come back" + (": {error}" if error else "")
+            text += OVERFLOWS if isinstance(error, BreaksDown) and "exp(" in relative.law.text else ""
         reason = Message(text, error=errors.get(i, ""), **parts)
         text = "{what} has no lossless orbit of family {family} under constant gravity: {reason}"
         refused.append(NoOrbit(Message(text, what=f"spring '{relative.law.text}'", family=family, reason=reason)))

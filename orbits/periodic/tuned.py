@@ -122,6 +122,8 @@ def tuning_of(machine: Machine, tune: str | Iterable[str] | None, at: Mapping[st
     for name in values:
         if name in machine.values and name not in known:
             raise InputError(f"at '{name}': that is a number of the machine; state it there, or tune it")
+        if name == "step" and name not in known and machine.model.moves_on:
+            raise InputError("at 'step': it follows from the geometry of this machine; state that instead")
         if name not in (*known, *others):
             raise InputError(f"at '{name}': the orbits have no such quantity{suggest(name, [*known, *others])}")
         _check_value(machine, name, values[name])

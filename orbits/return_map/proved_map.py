@@ -201,11 +201,13 @@ def _proof(
     if INJECTION in stated.parameters:
         raise InputError(f"a parameter called '{INJECTION}' cannot be told from the injection; give it another name")
 
-    def attempt(digits: int | None, _: _Result | None) -> _Result:
+    def attempt(digits: int | None, before: _Result | None) -> _Result:
         try:
             with ctx.workprec(FIRST_BITS):
                 return prove_case(_Case(stated, inject, digits))
         except Unproved as error:
+            if before and before.found:
+                raise
             return _Result(reasons=[f"the {kind}: {error}"], undecided=isinstance(error, Undecided))
 
     def undecided(each: _Result) -> bool:

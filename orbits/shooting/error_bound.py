@@ -204,7 +204,8 @@ def _carried_rounding(evaluation: Evaluation, weights: list[Rows]) -> ndarray:
 
 
 def _rounded_pieces(equations: Shooting, ps: ndarray, evaluation: Evaluation, weights: list[Rows]) -> ndarray:
-    """Errors (m,) of the unknown by one unit in the last place of every coefficient of the pieces of a law, at worst.
+    """Errors (m,) of the unknown by one unit in the last place of every coefficient of the pieces of a law, at worst;
+    -1 and 1, the outcomes of comparisons, are exact.
 
     Where a table is uneven the terms of a polynomial are some ten times its value, and so are their roundings, which
     no integration can see. Against quadrature in long double of the exact polynomials, 6 of 199 tables of 10 to 28
@@ -226,7 +227,7 @@ def _size_of_pieces(flow: Flow) -> ElementwiseFunction:
     `_mean_rates`."""
     c, h, p, states = _states_in_steps(flow)
     field, count = flow.vector_field, len(flow.parameters)
-    data = p[count:]
+    data = ca.if_else(ca.fabs(p[count:]) == 1, 0, p[count:])
     terms = ca.Function("terms", [field.x, p], [ca.jacobian(field.field(field.x, p)[0], p)[:, count:] @ ca.diag(data)])
     sizes = [ca.sum2(ca.fabs(terms(state.T, p))) for state in ca.vertsplit(states)]
     return ElementwiseFunction(

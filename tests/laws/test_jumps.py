@@ -133,3 +133,38 @@ def test_stated_breakpoints_decide_other_comparisons():
 def test_jumps_that_cannot_be_located_are_refused(make, message):
     with pytest.raises(InputError, match=message):
         make()
+
+
+@pytest.mark.parametrize("slope", [0.3, 1e-16, -1e-17, 0.0])
+def test_a_breakpoint_that_goes_to_infinity(slope):
+    """The term vanishes on the whole motion, and the orbit is that without it."""
+    stop = Hopper("r + 0.2*r**3 + (a*r - 1 + abs(a*r - 1))/2", parameters={"a": 0.3}, rest_length=20)
+    without = find(Hopper("r + 0.2*r**3", rest_length=20)).alpha
+    assert find(stop.with_values(a=slope)).alpha == pytest.approx(without, abs=1e-14)
+
+
+def test_sides_of_a_comparison_become_parallel():
+    """The larger of r - g and k*r: at k = 1 it is k*r everywhere."""
+    larger = Hopper("0.3*r**3 + r + 0.5*((r - g + k*r) + abs(r - g - k*r))/2 + 0.05", parameters={"g": 0.1, "k": 0.5})
+    plain = Hopper("0.3*r**3 + 1.5*r + 0.05")
+    for value in (1.0, 1.0 + 2.0**-52):
+        assert find(larger.with_values(k=value)).alpha == pytest.approx(find(plain).alpha, abs=1e-13)
+
+
+def test_a_stop_that_is_never_touched_leaves_the_error():
+    hopper = Hopper("r + 0.2*r**3 + k*(r - g + abs(r - g))/2", parameters={"k": 1e8, "g": 5.0}, rest_length=20)
+    assert find(hopper).error < 1e-14
+
+
+@pytest.mark.parametrize(
+    ("law", "jumps"),
+    [
+        ("2e4*r + 5e3*abs(r)", False),
+        ("8000*r + 1e6*((abs(r) + r)/2)**1.5", None),
+        ("r + 0.5*((r - 0.5 + abs(r - 0.5))/2)**0.5", None),
+        ("8000*r + 0.1*sign(r - 2)", True),
+    ],
+)
+def test_a_steep_law_does_not_jump(law, jumps):
+    pieces = springs.as_spring(law).pieces
+    assert (pieces and pieces.jumps) == jumps
