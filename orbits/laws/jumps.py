@@ -53,8 +53,8 @@ MOST_INSIDE = 3
 # Pieces shorter than the third are not compared with the law, as samples inside of them are rounded.
 EQUAL_SHARE, COINCIDENT, SHORTEST_COMPARED = 1e-9, 1e-14, 1e-12
 # The force beside a breakpoint is that at this distance, a share of its place and of 1, where roundings end. Ten times
-# as far from it the two sides differ by less than twice as much where it jumps.
-BESIDE_JUMP, FARTHER_BESIDE, LEAST_RATIO_OF_JUMP = 1e-13, 10.0, 0.5
+# as far from it the difference of the two sides is hardly larger where it jumps; of abs(r)**0.1 it is by a quarter.
+BESIDE_JUMP, FARTHER_BESIDE, LEAST_RATIO_OF_JUMP = 1e-13, 10.0, 0.95
 # A comparison whose sides meet farther from rest than this, or nowhere, has one outcome wherever a motion leads.
 FARTHEST_BREAK = 1e12
 # By this share parameters are moved, and those that are 0 by as much, to tell what holds whatever their values are: a

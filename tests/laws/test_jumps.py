@@ -162,6 +162,7 @@ def test_a_stop_that_is_never_touched_leaves_the_error():
         ("2e4*r + 5e3*abs(r)", False),
         ("8000*r + 1e6*((abs(r) + r)/2)**1.5", None),
         ("r + 0.5*((r - 0.5 + abs(r - 0.5))/2)**0.5", None),
+        ("r*abs(r)**(-0.9)", None),
         ("8000*r + 0.1*sign(r - 2)", True),
     ],
 )
