@@ -268,6 +268,7 @@ class Result:
 @pytest.fixture
 def orbits(monkeypatch, capsys):
     """Run the command in this process: a command line, and further arguments as they are."""
+    monkeypatch.delitem(sys.modules, "ipykernel", raising=False)  # of a notebook that another test ran here
 
     def run(line: str, *arguments) -> Result:
         monkeypatch.setattr(sys, "argv", ["orbits", *shlex.split(line), *map(str, arguments)])
