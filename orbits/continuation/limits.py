@@ -258,7 +258,7 @@ class Endings:
         return None
 
     def _in_words(self, error: OrbitsError | str, last: CurvePoint) -> OrbitsError | Message | str:
-        """The error of a step as what happens beyond the last point of a curve, and what may lead on from there."""
+        """The error of a step as what happens beyond the last point of a curve, with the remedy."""
         if not isinstance(error, NoStep | RunsAway | BreaksDown):
             return error
         growth = float(self.curve.largest_growths([last])[0])
@@ -267,7 +267,7 @@ class Endings:
         if growth > DIVIDED_GROWTH:
             text += "as near an unstable equilibrium, small changes grow {growth:.0e}-fold. Follow another parameter"
         else:
-            text += "steps shorter than {step:.0e} may lead on, by `shortest_step` of `StepControl`"
+            text += "allow steps shorter than {step:.0e} by `shortest_step` of `StepControl`"
         return Message(text, error=error, growth=growth, step=self.control.shortest_step)
 
     def lost(self, error: OrbitsError | str, last: CurvePoint, history: History) -> End:

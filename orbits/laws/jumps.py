@@ -90,7 +90,7 @@ def in_pieces(law: Law, breakpoints: Sequence[float] = ()) -> Law:
     if jumps and law.variable != "r":
         raise InputError(f"gravity '{law.text}' jumps; write it as one smooth formula of {law.variable}")
     if law.variable == "r" and all(parts.are_smooth(table, each) for each in (values, moved)):
-        pieces = LawPieces(len(parts.outcomes), table, jumps=jumps)
+        pieces = LawPieces(len(parts.outcomes), table, jumps=jumps, exact=True)
         return replace(law, expression=_smooth(*graph), pieces=pieces)
     if stated or not jumps:
         return plain

@@ -67,6 +67,7 @@ class LawPieces(NamedTuple):
     unit, origin : the names of the parameters that are the unit and the origin; None for 1 and 0
     noise : of a measured law whose rows may be noisy; None for any other
     jumps : whether the law may jump from one piece to the next
+    exact : whether the data are exact, as outcomes of comparisons are
     """
 
     size: int
@@ -75,6 +76,7 @@ class LawPieces(NamedTuple):
     origin: str | None = None
     noise: RowNoise | None = None
     jumps: bool = False
+    exact: bool = False
 
     def units(self, p: Parameters) -> Algebraic:
         """The unit of the variable."""

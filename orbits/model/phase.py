@@ -80,6 +80,7 @@ class Pieces:
         parameters that change these alone
     noise : that of the rows of a measured law
     jumps : whether the field may jump from one piece to the next
+    exact : whether the data are exact, as outcomes of comparisons are
     """
 
     coordinate: tuple[float, ...]
@@ -90,6 +91,7 @@ class Pieces:
     origin: Callable[[Parameters], Algebraic] = lambda p: 0.0
     noise: RowNoise | None = None
     jumps: bool = False
+    exact: bool = False
 
     def place(self, x: ArrayLike, p: Parameters) -> Any:
         """The coordinates (...) of states (..., n), times their unit, minus their origin."""

@@ -141,8 +141,8 @@ def whole_proof(
         return _verdicts_with(claim, stated, wanted, digits, before.found if before else None)
 
     hopeless = bool(stated.of_motion.keys() & {*stated.wide} or (about_claim and claim.contradictions))
-    proved, digits, over = with_enough_digits(attempt, lambda each: not hopeless and each.undecided, digits)
-    found, verdicts = proved.found, replace(proved.verdicts, reasons=(*proved.verdicts.reasons, *over))
+    proved, digits, left = with_enough_digits(attempt, lambda each: not hopeless and each.undecided, digits)
+    found, verdicts = proved.found, replace(proved.verdicts, reasons=(*proved.verdicts.reasons, *left))
     parameters = {name: bounds_of_fractions(bounds) for name, bounds in stated.parameters.items()}
     words = machine_in_words(claim.machine)
     if found is None:

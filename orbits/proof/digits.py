@@ -48,7 +48,7 @@ def with_enough_digits(
         try:
             again = attempt(more, found)
             check_proof_time()  # an attempt may state the limit as the reason why something is not proved
-        except Unproved as over:
-            return found, digits, (f"with {more} digits: {over}",)
+        except Unproved as error:
+            return found, digits, (f"with {more} digits: {error}",)
         found, digits = again, more
     return found, digits, ()

@@ -214,8 +214,8 @@ def _proof(
         return not case.intervals and 0 < each.undecided == len(each.reasons)
 
     case = _Case(stated, inject, digits)
-    result, digits, over = with_enough_digits(attempt, undecided, digits)
-    reasons = *result.reasons, *over
+    result, digits, left = with_enough_digits(attempt, undecided, digits)
+    reasons = *result.reasons, *left
     bounds = {name: bounds_of_fractions(each) for name, each in case.bounds.items()}
     enclosures, part = dict[str, Enclosure](), None
     if result.found:

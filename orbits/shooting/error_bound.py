@@ -204,8 +204,7 @@ def _carried_rounding(evaluation: Evaluation, weights: list[Rows]) -> ndarray:
 
 
 def _rounded_pieces(equations: Shooting, ps: ndarray, evaluation: Evaluation, weights: list[Rows]) -> ndarray:
-    """Errors (m,) of the unknown by one unit in the last place of every coefficient of the pieces of a law, at worst;
-    -1 and 1, the outcomes of comparisons, are exact.
+    """Errors (m,) of the unknown by one unit in the last place of every coefficient of the pieces of a law, at worst.
 
     Where a table is uneven the terms of a polynomial are some ten times its value, and so are their roundings, which
     no integration can see. Against quadrature in long double of the exact polynomials, 6 of 199 tables of 10 to 28
@@ -214,7 +213,7 @@ def _rounded_pieces(equations: Shooting, ps: ndarray, evaluation: Evaluation, we
     """
     errors = np.zeros(len(evaluation.residual))
     for flow, motions, back in zip(equations.flows, evaluation.trajectories, weights, strict=True):
-        if back is not None and flow.phase.pieces and flow.in_lanes:
+        if back is not None and flow.phase.pieces and not flow.phase.pieces.exact and flow.in_lanes:
             c, lengths = motions.coefficients[:, : flow.size], motions.steps[:, None]
             (sizes,) = _size_of_pieces(flow)(c.reshape(len(c), -1), lengths, flow.mesh_data(motions, ps))
             errors += np.add.reduceat((np.abs(back) * lengths * sizes).sum(1), motions.first)
@@ -227,7 +226,7 @@ def _size_of_pieces(flow: Flow) -> ElementwiseFunction:
     `_mean_rates`."""
     c, h, p, states = _states_in_steps(flow)
     field, count = flow.vector_field, len(flow.parameters)
-    data = ca.if_else(ca.fabs(p[count:]) == 1, 0, p[count:])
+    data = p[count:]
     terms = ca.Function("terms", [field.x, p], [ca.jacobian(field.field(field.x, p)[0], p)[:, count:] @ ca.diag(data)])
     sizes = [ca.sum2(ca.fabs(terms(state.T, p))) for state in ca.vertsplit(states)]
     return ElementwiseFunction(

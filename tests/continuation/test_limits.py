@@ -274,7 +274,7 @@ def test_what_a_lost_curve_ends_in():
         (BreaksDown("it breaks down"), "does not come back (it"),
         (NoStep("none"), "found beside it (none"),
     ):
-        for growth, remedy in ((1.0, "steps shorter than 1e-05 may lead on"), (1e6, "Follow another parameter")):
+        for growth, remedy in ((1.0, "allow steps shorter than 1e-05"), (1e6, "Follow another parameter")):
             end = lost(error, last_point(12.0, 8000.0, amplification=growth), FAR)
             assert end.kind == "stuck"
             assert what in end.reason
