@@ -211,8 +211,8 @@ def pieces_along(key: Key, coordinate: tuple[float, ...], offset: Callable | Non
     if (pieces := key.pieces) is None:
         return None
     origin = (lambda p: pieces.origins(p) - offset(p) * pieces.units(p)) if offset else pieces.origins
-    kind = pieces.noise, pieces.jumps, pieces.exact
-    return Pieces(coordinate, *pieces[:2], "extension", pieces.units, origin, *kind)
+    noise, jumps, exact = pieces[4:]
+    return Pieces(coordinate, *pieces[:2], "extension", pieces.units, origin, noise, jumps, exact)
 
 
 def straight_line(key: Key, p: Mapping[str, float]) -> tuple[float, float]:
