@@ -206,7 +206,7 @@ def narrowed_root(equations: Equations, root: ProvedRoot, bits: int) -> ProvedRo
             values = evaluated_on(equations, centre, radii, fineness=fineness)
             evaluated = values if follows else evaluated
             before, box = box, _by_values(equations, evaluated, values, centre, box)
-        if not _shrinks(before, box, SHRINKING if follows else 0.5):
+        if not _shrinks(before, box, SHRINKING if follows else 0.5, bits):
             if follows:
                 break
             follows = True  # the first box may hold a breakpoint of a law, where derivatives jump
@@ -221,13 +221,15 @@ def _by_values(
     while True:
         image = _image(equations, merged, centre, [value - c for value, c in zip(box, centre, strict=True)])
         before, box = box, [_common(value, narrower) for value, narrower in zip(box, image, strict=True)]
-        if not _shrinks(before, box, SHRINKING):
+        if not _shrinks(before, box, SHRINKING, ctx.prec):
             return box
 
 
-def _shrinks(before: Sequence[arb], box: Sequence[arb], share: float) -> bool:
-    """Whether a radius of a box is below this share of that before."""
-    return any(new.rad() < share * old.rad() for new, old in zip(box, before, strict=True))
+def _shrinks(before: Sequence[arb], box: Sequence[arb], share: float, bits: int) -> bool:
+    """Whether a radius of a box is below this share of that before, of a number that was not known to these bits. That
+    of a number which is exactly 0 shrinks without end."""
+    pairs = zip(before, box, strict=True)
+    return any(new.rad() < share * old.rad() and _bits_of(old) < bits for old, new in pairs)
 
 
 def _bits_of(value: arb) -> int:

@@ -1,7 +1,7 @@
 """Roots: existence, uniqueness, refusals and interval parameters, of equations with known roots."""
 
 import pytest
-from ball_systems import algebraic, equations_of, oscillator
+from ball_systems import algebraic, clock_of, equations_of, oscillator
 from flint import arb, ctx
 
 from orbits.balls.root import FIRST_BITS, prove_root
@@ -33,6 +33,19 @@ def test_a_square_root_to_many_bits(bits):
     with ctx.workprec(2 * bits):
         assert root.box[0].contains(arb(2).sqrt())
         assert root.box[0].rad() < arb(2) ** (1 - bits)
+
+
+@pytest.mark.parametrize("bits", [60, 200])
+def test_an_unknown_that_is_exactly_zero(bits):
+    """Its enclosure shrinks as long as one lets it."""
+    equations = clock_of(
+        ("w", "z"), lambda u, p: [0], lambda u, p: 1, lambda u, x, p: [u["w"] ** 2 - 2, 3 * u["z"] + u["z"] ** 3]
+    )
+    root = prove_root(equations, [1.4142135, 0.0], bits)
+    assert root.box[1].contains(0)
+    with ctx.workprec(2 * bits):
+        assert root.box[0].contains(arb(2).sqrt())
+        assert all(ball.rad() < arb(2) ** (1 - bits) for ball in root.box)
 
 
 @pytest.mark.parametrize("distance", [2e-3, 2e-5, 2e-7, 2e-9])
