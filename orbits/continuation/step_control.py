@@ -150,13 +150,18 @@ class Stepper:
     def steps(
         self, ends: Points, length: float, batch_size: int
     ) -> tuple[Sequence[StepEnd], float, OrbitsError | None]:
-        """The ends of the next steps, of about `batch_size` points; the next length; and the error that ends them."""
+        """The ends of the next steps, of about `batch_size` points; the next length; and the error that ends them.
+
+        The first step is shortened until it is accepted. A later one that is rejected ends the batch: the points before
+        it may be the last that can be certified, and shorter steps beyond them would be in vain.
+        """
         new: list[StepEnd] = []
         while sum(end.parts for end in new) < batch_size:
+            take = self._attempt if new else self._step
             try:
-                end, length = self._step([*ends, *new][-MEMORY:], length, alone=batch_size == 1)
+                end, length = take([*ends, *new][-MEMORY:], length, batch_size == 1)
             except OrbitsError as error:
-                return new, length, error
+                return (new, 0.5 * length, None) if new else (new, length, error)
             new.append(end)
             inside = self.bounds[0] < end.value < self.bounds[1]
             folds = end.tangent[-1] * (new[-2] if len(new) > 1 else ends[-1]).tangent[-1] < 0
@@ -172,25 +177,30 @@ class Stepper:
     def _step(self, ends: Points, length: float, alone: bool) -> tuple[StepEnd, float]:
         """The end of a step and the length of the next; a rejected step is halved. Raises the error of the last one."""
         failure: OrbitsError = NoStep("no step is short enough")
-        rate = ends[-1].tangent[-1]
-        bound = self.bounds[int(rate > 0)]
         while length > self.control.shortest_step:
-            left = (bound - ends[-1].value) / rate if rate else np.inf
             try:
-                if corner := self._corner(ends[-1], min(length, left) if left > 0 else length):
-                    return self._accepted(ends, length, corner.left, alone, corner)
-                if 0 < left <= length:
-                    try:
-                        return self._accepted(ends, length, left, alone, bound)
-                    except OrbitsError:  # the curve folds before the bound, or crosses it elsewhere
-                        return self._accepted(ends, length, min(length, left + self.longest), alone)
-                return self._accepted(ends, length, length, alone)
+                return self._attempt(ends, length, alone)
             except OrbitsError as error:
                 failure, length = error, 0.5 * length
         try:
             return self._rescued(ends[-1]), self.control.first_step
         except OrbitsError:
             raise failure from None
+
+    def _attempt(self, ends: Points, length: float, alone: bool) -> tuple[StepEnd, float]:
+        """The end of a step of this length, or up to a corner or to the bound ahead, and the length of the next; raises
+        `NoOrbit` for a rejected step."""
+        rate = ends[-1].tangent[-1]
+        bound = self.bounds[int(rate > 0)]
+        left = (bound - ends[-1].value) / rate if rate else np.inf
+        if corner := self._corner(ends[-1], min(length, left) if left > 0 else length):
+            return self._accepted(ends, length, corner.left, alone, corner)
+        if 0 < left <= length:
+            try:
+                return self._accepted(ends, length, left, alone, bound)
+            except OrbitsError:  # the curve folds before the bound, or crosses it elsewhere
+                return self._accepted(ends, length, min(length, left + self.longest), alone)
+        return self._accepted(ends, length, length, alone)
 
     def _corner(self, point: CurvePoint | StepEnd, longest: float) -> CurveCorner | None:
         """The next corner of the curve within a length of a point."""
