@@ -14,21 +14,29 @@ from ..symbolic.calls import BufferedFunction, MappedFunction
 # A point lies beyond a bend, and is not used, where the component of its tangent along the row is less than this share
 # of the component of the nearest point's tangent.
 BEND = 0.3
-SCALAR = 32  # points of no more components are computed component by component, larger ones as vectors
+
+
+def through(
+    xs: np.ndarray, tangents: np.ndarray, use: np.ndarray, ahead: int, rows: np.ndarray, levels: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points (q, n) at levels (q,) of rows (q, n) on interpolants of neighbours (q, c, n) with tangents (q, c, n).
+
+    use : which neighbours are used (q, c); the nearest one on either side always is
+    ahead : number of neighbours beyond the place of the level; those before it stand first
+
+    Returns also the numbers (q,) of neighbours that are used: those before a bend of the curve.
+    """
+    along, rates = (np.matmul(part, rows[:, :, None])[:, :, 0] for part in (xs, tangents))
+    of_points, of_tangents, used = _mapped_weights(xs.shape[1] - ahead, ahead)(along, rates, use, levels[:, None])
+    # With differences from the first point, components that do not change along the curve stay exact.
+    moved = np.matmul(of_points.swapaxes(1, 2), xs - xs[:, :1]) + np.matmul(of_tangents.swapaxes(1, 2), tangents)
+    return xs[:, 0] + moved[:, 0], used[:, 0, 0]
 
 
 @lru_cache(maxsize=32)
-def hermite(size: int, behind: int, ahead: int) -> MappedFunction:
-    """(points (size, behind + ahead) along a curve, tangents there, which of them to use, row (size,), level) -> the
-    point at that level, and the number of points used."""
-    count = behind + ahead
-    xs, tangents, row = ca.MX.sym("x", size, count), ca.MX.sym("t", size, count), ca.MX.sym("row", size)
-    use, level = ca.MX.sym("use", count), ca.MX.sym("level")
-    of_points, of_tangents, used = _weights(behind, ahead)(xs.T @ row, tangents.T @ row, use, level)
-    # With differences from the first point, components that do not change along the curve stay exact.
-    point = xs[:, 0] + (xs - ca.repmat(xs[:, 0], 1, count)) @ of_points + tangents @ of_tangents
-    function = ca.Function("hermite", [xs, tangents, use, row, level], [point, used])
-    return MappedFunction(function.expand() if size <= SCALAR else function)
+def _mapped_weights(behind: int, ahead: int) -> MappedFunction:
+    """`_weights` of many places; one function serves curves of all numbers of unknowns."""
+    return MappedFunction(_weights(behind, ahead))
 
 
 @lru_cache(maxsize=32)
@@ -67,9 +75,7 @@ def around(
     indices = i[:, None] + np.arange(-behind, ahead)
     inside = (indices >= 0) & (indices < len(xs))
     within = np.minimum(np.maximum(indices, 0), len(xs) - 1)
-    neighbours = (part[within].reshape(len(i), -1) for part in (xs, tangents))
-    points, rests = hermite(xs.shape[1], behind, ahead)(*neighbours, inside, rows, levels[:, None])
-    return points[:, :, 0], rests[:, 0, 0]
+    return through(xs[within], tangents[within], inside, ahead, rows, levels)
 
 
 def slopes(places: np.ndarray, values: np.ndarray) -> np.ndarray:
