@@ -1,0 +1,172 @@
+"""The corrector: Newton's method back to curves, from many places at once, closed by a border.
+
+A point solves F(X) = 0 and row . X = level. The row measures the length along a curve, or is that of one component,
+which then gets exactly this value, or is the gradient of an event.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..numerics.roots import solve
+from .protocol import Array, Points, Problem
+from .step_options import Steps
+
+# The last Newton step is below LAST in units, and so is its product with the point's amplification: the next one would
+# be its square, which is rounding. A step below SMALL that is not much shorter than the one before is rounding itself.
+LAST, SMALL, STALLED = 1e-8, 1e-9, 0.7
+
+
+class Border(NamedTuple):
+    """The equations that close the problem's.
+
+    rows, levels : (m, n + 1) and (m,)
+    bends : (indices (k,), X (k, n + 1), evaluation) -> rows and levels there, for equations that are not linear
+    """
+
+    rows: Array
+    levels: Array
+    bends: Callable[[Array, Array, Any], tuple[Array, Array]] | None = None
+
+    @classmethod
+    def of_component(cls, place: int, values: Array, size: int) -> "Border":
+        """A component of X, of `size` components, has these values (m,)."""
+        rows = np.zeros((len(values), size))
+        rows[:, place] = 1.0
+        return cls(rows, values)
+
+    def at(self, which: Array, xs: Array, evaluation: Any) -> tuple[Array, Array]:
+        """The rows (k, n + 1) and levels (k,) at places (k, n + 1) of the points with these indices (k,)."""
+        return self.bends(which, xs, evaluation) if self.bends else (self.rows[which], self.levels[which])
+
+    def met(self, xs: Array) -> Array:
+        """Copies of places (m, n + 1) that have exactly the prescribed values of components."""
+        xs, ones = np.array(xs), self.rows == 1.0
+        if self.bends is None and ones.any():
+            i, j = np.nonzero(ones & ((self.rows != 0).sum(1) == 1)[:, None])
+            xs[i, j] = self.levels[i]
+        return xs
+
+
+def correct(
+    problem: Problem,
+    lanes: Array,
+    guesses: Array,
+    border: Border,
+    before: Array,
+    options: Steps,
+    *,
+    least: int = 1,
+    rough: Array | float = 0.0,
+    reach: Array | float = np.inf,
+    record: bool | None = None,
+) -> tuple[Array, Points]:
+    """The points of curves to which Newton's method leads from guesses (m, n + 1).
+
+    before : vectors (m, n + 1); the tangents of the points have acute angles with these
+    least : least number of Newton steps
+    rough : Newton step (m,) below which a point is accepted
+    reach : Newton step (m,) above which a correction ends without a point
+    record : whether the equations are evaluated at the points; by default where the problem records them
+
+    Returns the indices (k,) of the guesses that lead to points, and these. A guess without one raises nothing.
+    """
+    m, found, xs = len(guesses), None, border.met(guesses)
+    record = problem.records if record is None else record
+    with np.errstate(all="ignore"):
+        if problem.solver and m and border.bends is None and not np.any(rough):
+            found = problem.solver(lanes, xs, border.rows, border.levels, least, record)
+        if found is None:
+            limits = np.empty((2, m))
+            limits[0], limits[1] = rough, reach
+            found = _newton(problem, lanes, xs, border, limits, (least, options.corrections), record)
+        which, xs, directions, growths, evaluation = found
+        return _pointed(problem, which, lanes[which], xs, directions, before[which], growths, evaluation)
+
+
+_Solved = tuple[Array, Array, Array, Array, Any]
+
+
+def _newton(
+    problem: Problem, lanes: Array, xs: Array, border: Border, limits: Array, steps: tuple[int, int], record: bool
+) -> _Solved:
+    """The indices (k,) of the places X (m, n + 1) from which Newton's method converges, the points and directions
+    (k, n + 1), the amplifications (k,), and the equations if recorded; `limits` are (rough, reach) (2, m), `steps` the
+    least and the largest number of steps."""
+    (rough, reach), (least, most), m = limits, steps, len(xs)
+    sizes = problem.size(lanes, xs) if m else xs
+    directions, growths, last = np.zeros(xs.shape), np.ones(m), np.full(m, np.inf)
+    left, solved, evaluation, moved = np.arange(m), np.zeros(m, bool), None, None
+    for taken in range(1, most + 1):
+        if not len(left):
+            break
+        able, evaluation = problem.evaluate(lanes[left], xs[left], evaluation if problem.chords else None, moved)
+        left = left[able]
+        if evaluation is None or not len(left):
+            break
+        moves, directions[left] = newton_steps(evaluation, xs[left], *border.at(left, xs[left], evaluation))
+        xs[left] += moves
+        growths[left] = evaluation.amplification
+        moved = (np.abs(moves) / sizes[left]).max(1)
+        shrinks, finite = moved < STALLED * last[left], np.isfinite(moved)
+        done = (moved < LAST) & (moved * growths[left] < LAST) | (moved < SMALL) & ~shrinks | (moved < rough[left])
+        done &= finite & (taken >= least)
+        goes = (moved <= reach[left]) & (shrinks | (taken < least)) & finite & ~done
+        solved[left[done]], last[left] = True, moved
+        left, moved = left[goes], moved[goes]
+        if problem.chords and 0 < len(left) < len(goes):
+            evaluation = evaluation[np.flatnonzero(goes)]
+    which = np.flatnonzero(solved)
+    xs = border.met(xs)
+    if record and len(which):
+        return _evaluated(problem, lanes, border, (which, xs, directions, growths, evaluation))
+    return which, xs[which], directions[which], growths[which], None
+
+
+def _evaluated(problem: Problem, lanes: Array, border: Border, found: _Solved) -> _Solved:
+    """The solved points of indices (k,) among X (m, n + 1) with the equations there, and with the directions there
+    where the problem renews them."""
+    which, xs, directions, growths, last = found
+    known = last if problem.chords and last is not None and len(last.residual) == len(which) else None
+    able, evaluation = problem.evaluate(lanes[which], xs[which], known, np.zeros(len(which)))
+    which = which[able]
+    if problem.renews and len(which) and evaluation is not known:
+        moves, directions[which] = newton_steps(evaluation, xs[which], *border.at(which, xs[which], evaluation))
+        xs[which] += moves
+        xs = border.met(xs)
+    return which, xs[which], directions[which], growths[which], evaluation
+
+
+def newton_steps(evaluation: Any, xs: Array, rows: Array, levels: Array) -> tuple[Array, Array]:
+    """Newton steps (m, n + 1) from places X (m, n + 1), and directions (m, n + 1) along the curves."""
+    right = np.zeros((*xs.shape, 2))
+    right[:, :-1, 0], right[:, -1, 0], right[:, -1, 1] = -evaluation.residual, levels - (xs * rows).sum(1), 1.0
+    if bordered := getattr(evaluation, "bordered", None):
+        found = bordered(rows, right)
+    else:
+        matrices = np.empty((*xs.shape, xs.shape[1]))
+        matrices[:, :-1], matrices[:, -1] = evaluation.jacobian, rows
+        found = solve(matrices, right)
+    return found[:, :, 0], found[:, :, 1]
+
+
+def _pointed(
+    problem: Problem,
+    which: Array,
+    lanes: Array,
+    xs: Array,
+    directions: Array,
+    before: Array,
+    growths: Array,
+    found: Any,
+) -> tuple[Array, Points]:
+    """The points with tangents of length 1 that point onward, where the curve has a direction; with their indices."""
+    if not len(which):
+        return which, Points(lanes, xs, xs, growths, found, which)
+    scaled = directions / (sizes := problem.size(lanes, xs))
+    sides = np.sign((scaled / sizes * before).sum(1))
+    tangents = directions / (sides * np.sqrt((scaled * scaled).sum(1)))[:, None]
+    points = Points(lanes, xs, tangents, growths, found, np.arange(len(which)))
+    sound = np.isfinite(tangents).all(1)
+    return (which, points) if sound.all() else (which[sound], points[sound])

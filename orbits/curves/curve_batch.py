@@ -1,0 +1,221 @@
+"""A batch: the steps of the curves of one problem, and the certified points on these steps."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from .curve_events import Column, functions_of, values_of
+from .curve_steps import Chain, Division, Tails, between, step, up_to_the_first
+from .protocol import ASKS, Array, Points, Problem
+from .step_options import Steps
+
+
+@dataclass(eq=False)
+class Group:
+    """The curves of one problem that are followed.
+
+    lanes : (k,), in order
+    tails : the points from which their next ones are predicted
+    values : the values (k, c) of the tests at their last points
+    functions : the number of functions of each test
+    asks : whether each of these functions is of a test that asks (c,)
+    """
+
+    problem: Problem
+    lanes: Array
+    tails: Tails
+    values: Array
+    functions: list[int]
+    asks: Array
+
+    @classmethod
+    def of(cls, problem: Problem, blocks: Sequence[Points], memory: int) -> "Group":
+        """The curves that go on from the points (k) of the last block; in earlier blocks are points before these."""
+        last = blocks[-1]
+        tails, functions = Tails.of(blocks, last.lanes, memory), functions_of(problem, last)
+        asks = np.array([test.does == ASKS for test in problem.tests], bool).repeat(functions)
+        return cls(problem, last.lanes, tails, values_of(problem, last), functions, asks)
+
+    @property
+    def columns(self) -> list[Column]:
+        """The test, and the number of its function, of each column of the values."""
+        pairs = zip(self.problem.tests, self.functions, strict=True)
+        return [(test, number) for test, count in pairs for number in range(count)]
+
+    def only(self, which: Array) -> "Group":
+        """Those with some indices."""
+        return replace(self, lanes=self.lanes[which], tails=self.tails.of_lanes(which), values=self.values[which])
+
+    def copy(self) -> "Group":
+        """The same curves, to go on with apart from these."""
+        return Group(**vars(self))
+
+    def take(self, other: "Group") -> None:
+        """Go on with the curves of another group of the same problem."""
+        self.lanes, self.tails, self.values = other.lanes, other.tails, other.values
+
+    def joined(self, other: "Group") -> "Group":
+        """With other curves of the same problem."""
+        lanes, values = (
+            np.concatenate([getattr(each, name) for each in (self, other)]) for name in ("lanes", "values")
+        )
+        tails = Tails(*(np.concatenate(pair) for pair in zip(self.tails, other.tails, strict=True)))
+        return replace(self, lanes=lanes, tails=tails, values=values).only(np.argsort(lanes))
+
+
+@dataclass(eq=False)
+class Progress:
+    """What changes in each lane (m,): the length of its next step, the largest number of points of its next batch, the
+    number of its rejected batches, less what accepted points offset, the number of its points, and that number where it
+    last began behind a corner."""
+
+    length: Array
+    batch: Array
+    rejections: Array
+    count: Array
+    begun: Array
+
+    def copy(self) -> "Progress":
+        """A copy of all arrays."""
+        return Progress(*(each.copy() for each in vars(self).values()))
+
+    def shorten(self, lane: int, length: float, accepted: int, options: Steps) -> None:
+        """Go on with steps of this length, one in each batch, after a batch that is rejected behind some points."""
+        self.rejections[lane] = max(self.rejections[lane] - accepted / options.recovery, 0.0) + 1
+        self.length[lane], self.batch[lane] = length, 1
+
+    def begin(self, lane: int, options: Steps, anew: bool) -> None:
+        """Go on with a short step, where the problem changes or anew behind a corner."""
+        self.length[lane] = min(options.first, np.inf if anew else self.length[lane])
+        self.batch[lane] = 1
+        if anew:
+            self.rejections[lane], self.begun[lane] = 0, self.count[lane] + 1
+
+
+class Limits(NamedTuple):
+    """The bounds (m, 2) of the parameter in each lane, its first value (m,) there, and the requested values in
+    order."""
+
+    bounds: Array
+    first: Array
+    at: Array
+
+    def ahead(self, lanes: Array, values: Array, options: Steps) -> Array:
+        """The bounds (k, 2) up to which steps of lanes (k,) go from values (k,): without points between the ends of
+        steps, requested values too."""
+        if not len(self.at) or options.divided:
+            return self.bounds[lanes]
+        ends = np.concatenate([[-np.inf], self.at, [np.inf]])
+        below, above = ends[np.searchsorted(ends, values) - 1], ends[np.searchsorted(ends, values, side="right")]
+        low, high = self.bounds[lanes].T
+        return np.column_stack([np.maximum(low, below), np.minimum(high, above)])
+
+    def inside(self, lanes: Array, a: Array, b: Array) -> list[Array]:
+        """The requested values that are passed on each of some steps between values a and b (g,)."""
+        low, high = np.minimum(a, b)[:, None], np.maximum(a, b)[:, None]
+        inside = (self.at > low) & (self.at < high) & (self.at != self.first[lanes][:, None])
+        return [self.at[each] for each in inside]
+
+
+class Batch(NamedTuple):
+    """The steps of a batch in rounds, each of which is one step of some curves.
+
+    ends, borders, parts : the ends of the steps, the rows and levels at which they were found, and the numbers of parts
+    tails : those of the group with these ends
+    refused : the lanes without a step, with the reason
+    """
+
+    ends: list[Points]
+    borders: list[tuple[Array, Array]]
+    parts: list[Array]
+    tails: Tails
+    refused: dict[int, object]
+
+
+def steps_of(group: Group, progress: Progress, limits: Limits, options: Steps) -> Batch:
+    """The steps of a batch. A curve takes several where points lie between their ends, until a step turns round,
+    arrives at a bound, or is rejected behind others."""
+    batch = Batch([], [], [], group.tails, {})
+    going, filled = np.arange(len(group.lanes)), np.zeros(len(group.lanes), int)
+    while len(going):
+        lanes, tails = group.lanes[going], batch.tails.of_lanes(going)
+        bounds = limits.ahead(lanes, tails.xs[:, -1, -1], options)
+        taken = step(group.problem, lanes, tails, progress.length[lanes], bounds, options)
+        progress.length[lanes] = taken.lengths
+        parts = np.ones(len(taken.which), int)
+        if options.divided:
+            parts = np.maximum(np.ceil(taken.ends.lengths / options.apart).astype(int), 2)
+        accepted = going[taken.which]
+        filled[accepted] += parts
+        batch.ends.append(taken.ends)
+        batch.borders.append((taken.rows, taken.levels))
+        batch.parts.append(parts)
+        batch = batch._replace(tails=batch.tails.with_next(accepted, taken.ends.xs, taken.ends.tangents))
+        again = going[(filled[going] == 0)]
+        late = again[(progress.length[group.lanes[again]] <= options.shortest) | (not options.divided)]
+        batch.refused.update(dict.fromkeys(group.lanes[late].tolist(), "no step is short enough"))
+        if not options.divided:
+            break
+        onward = tails.tangents[taken.which, -1, -1] * taken.ends.tangents[:, -1] > 0
+        onward &= ~taken.arrives & (filled[accepted] < progress.batch[group.lanes[accepted]])
+        going = np.sort(np.concatenate([np.setdiff1d(again, late), accepted[onward]]))
+    return batch
+
+
+def points_of(
+    group: Group, batch: Batch, progress: Progress, limits: Limits, options: Steps
+) -> tuple[Points, dict[int, object]]:
+    """The certified points of a batch, of each lane up to the first that is rejected, and the reasons for these by
+    lane. The group goes on from the last points."""
+    points, is_end, failed = _solved(group, batch, limits, options)
+    why: dict[int, object] = dict.fromkeys(failed.tolist(), "the corrector does not converge")
+    points, errors = group.problem.certify(points) if len(points) else (points, {})
+    if errors:
+        bad = np.isin(np.arange(len(points)), [*errors])
+        why |= {int(points.lanes[i]): error for i, error in sorted(errors.items(), reverse=True)}
+        sound = up_to_the_first(points.lanes, bad)
+        points, is_end = points[sound], is_end[sound]
+    tails = batch.tails
+    if why:
+        tails = Tails(*(each.copy() for each in tails))
+        for lane in why:
+            k, own = int(np.searchsorted(group.lanes, lane)), np.flatnonzero(points.lanes == lane)
+            for whole, before in zip(tails, group.tails, strict=True):
+                whole[k] = before[k]
+            # The accepted ends of steps, and the last accepted point.
+            for i in own[is_end[own] | (own == own[-1:])][-options.memory :].tolist():
+                tails = tails.with_next(np.array([k]), points.xs[[i]], points.tangents[[i]])
+            progress.shorten(lane, options.shorter * _gap(batch, lane, len(own)), len(own), options)
+    group.tails, fine = tails, group.lanes[~np.isin(group.lanes, [*why])] if why else group.lanes
+    progress.batch[fine] = np.minimum(options.growth * progress.batch[fine], options.batch)
+    return points, batch.refused | why
+
+
+def _solved(group: Group, batch: Batch, limits: Limits, options: Steps) -> tuple[Points, Array, Array]:
+    """The points of a batch in order of their lanes, whether each is the end of a step, and the lanes in which one is
+    not found."""
+    if not options.divided:
+        return batch.ends[0], np.ones(len(batch.ends[0]), bool), np.empty(0, int)
+    chain, places, order = Chain.of(group.lanes, group.tails, batch.ends)
+    if not len(places):
+        return batch.ends[0], np.empty(0, bool), np.empty(0, int)
+    rows, levels = (np.concatenate(each)[order] for each in zip(*batch.borders, strict=True))
+    a, b, lanes = places - 1, places, chain.lanes[places]
+    values = limits.inside(lanes, chain.xs[a, -1], chain.xs[b, -1])
+    straight = chain.tangents[a, -1] * chain.tangents[b, -1] > 0  # else the parameter may pass a value twice
+    values = [own if one else own[:0] for own, one in zip(values, straight.tolist(), strict=True)]
+    parts = np.concatenate(batch.parts)[order]
+    points, is_end, whole = between(group.problem, Division(chain, places, rows, levels, parts, values), options)
+    return points, is_end, lanes[~whole]
+
+
+def _gap(batch: Batch, lane: int, accepted: int) -> float:
+    """The distance of points behind the last accepted one of a lane in a batch; the length of the step where there is
+    none."""
+    own = [each.lanes == lane for each in batch.ends]
+    parts = np.concatenate([each[mine] for each, mine in zip(batch.parts, own, strict=True)])
+    lengths = np.concatenate([each.lengths[mine] for each, mine in zip(batch.ends, own, strict=True)])
+    i = min(int(np.searchsorted(np.cumsum(parts), accepted, side="right")), len(parts) - 1)
+    return float(lengths[i] / (parts[i] if accepted else 1))

@@ -1,0 +1,91 @@
+"""The options of a run along curves: one frozen object for all curves."""
+
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError, whole_number
+
+
+def _from_to(low: float, high: float, default: float) -> Any:
+    """A field with its default and its bounds; a whole number where the default is one."""
+    return field(default=default, metadata={"bounds": (low, high)})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Steps:
+    """Steps along curves, the acceptance of points, and the conditions that end a run.
+
+    Lengths are in the problem's units. Raises `InputError`, which names a value that is out of its bounds.
+
+    first, shortest, longest : lengths of steps; a curve is lost where a step of the shortest length is rejected
+    apart : largest distance of neighbouring points: longer steps are divided, and their points are solved together;
+        infinite for points at the ends of steps alone
+    shorter : ratio of a step to the rejected one before it
+    shorten, lengthen : bounds of the ratio of a step to the accepted one before it
+    safety : factor by which the next step stays below the estimate of the step-size control
+    aim : error of a prediction that step-size control aims at, divided by the square root of the point's amplification
+    corrected, moved : largest correction of a point, as a share of its step, and in units
+    turned : largest angle between neighbouring tangents, in radians
+    bent : largest distance of a predicted point from the tangent, as a share of the step
+    memory, beside : points behind a step from which its end is predicted; points on either side of a place between
+        ends of steps from which it is interpolated
+    corrections, least : Newton steps of a correction at most; and at least, at the end of a step
+    settled : Newton steps at least for points from which one with singular equations is interpolated
+    reach : a Newton step that is this many times the largest correction ends the correction
+    rough : Newton step below which the end of a step that lands on no requested value is accepted
+    separation : least distance of a regular point from a requested value, as a share of the distance of points
+    batch, growth : largest number of points in a batch; factor by which a batch grows after one without a rejection
+    rejections, recovery : a curve is lost after this many rejected batches; this many accepted points offset one
+    most : largest number of points of a curve
+    width : share of the chord between two points to which an event is located
+    same : distance in units below which a point is the first one of its curve, which is then closed
+    """
+
+    first: float = _from_to(0.0, np.inf, 5e-3)
+    shortest: float = _from_to(0.0, np.inf, 1e-5)
+    longest: float = _from_to(0.0, np.inf, 0.2)
+    apart: float = _from_to(0.0, np.inf, 0.02)
+    shorter: float = _from_to(0.01, 0.99, 0.5)
+    shorten: float = _from_to(0.01, 0.99, 0.3)
+    lengthen: float = _from_to(1.0, 100.0, 2.0)
+    safety: float = _from_to(0.01, 1.0, 0.9)
+    aim: float = _from_to(1e-14, 1.0, 1e-5)
+    corrected: float = _from_to(0.0, np.inf, 1e-2)
+    moved: float = _from_to(0.0, np.inf, np.inf)
+    turned: float = _from_to(1e-3, np.pi, 0.25)
+    bent: float = _from_to(0.0, np.inf, 0.5)
+    memory: int = _from_to(1, 8, 4)
+    beside: int = _from_to(1, 8, 3)
+    corrections: int = _from_to(1, 100, 8)
+    least: int = _from_to(1, 100, 2)
+    settled: int = _from_to(1, 100, 4)
+    reach: float = _from_to(1.0, np.inf, 2.0)
+    rough: float = _from_to(0.0, 1.0, 0.0)
+    separation: float = _from_to(0.0, 0.5, 0.1)
+    batch: int = _from_to(1, 100_000, 640)
+    growth: int = _from_to(1, 1000, 4)
+    rejections: int = _from_to(0, 100_000, 16)
+    recovery: int = _from_to(1, 100_000, 20)
+    most: int = _from_to(1, 10**9, 10_000)
+    width: float = _from_to(1e-16, 0.5, 1e-13)
+    same: float = _from_to(0.0, 1.0, 1e-9)
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            (low, high), value, name = each.metadata["bounds"], getattr(self, each.name), f"steps.{each.name}"
+            if isinstance(each.default, int):
+                whole_number(name, value, "points or steps", low, high)
+            elif isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+                raise InputError(f"{name} = {value!r}; it is a number from {low:g} to {high:g}")
+        if not 0 < self.shortest < self.longest or not self.apart > 0:
+            lengths = f"shortest = {self.shortest:g}, longest = {self.longest:g}, apart = {self.apart:g}"
+            raise InputError(f"steps: {lengths}; lengths are above 0, and the longest step is above the shortest")
+        if self.first <= self.shortest:
+            raise InputError(f"steps.first = {self.first:g}; it is above the shortest step, {self.shortest:g}")
+
+    @property
+    def divided(self) -> bool:
+        """Whether there are points between the ends of steps."""
+        return bool(np.isfinite(self.apart))

@@ -1,0 +1,91 @@
+"""Newton's method with a border, beside closed forms."""
+
+import numpy as np
+import pytest
+from plane_curves import Formula, Values, circle, fold_curve
+
+from orbits.curves import Border, Steps, correct
+
+LANES = np.arange(3)
+
+
+def test_a_component_gets_exactly_its_value():
+    p = np.array([0.1, 0.2, 0.3])
+    guesses = np.column_stack([np.ones(3), np.zeros(3)])
+    which, points = correct(
+        Formula(circle), LANES, guesses, Border.of_component(1, p, 2), np.tile([0.0, 1.0], (3, 1)), Steps()
+    )
+    assert which.tolist() == [0, 1, 2]
+    assert points.values.tolist() == p.tolist()
+    assert points.xs[:, 0] == pytest.approx(np.sqrt(1 - p**2), rel=1e-15)
+    assert points.tangents == pytest.approx(np.column_stack([-p, np.sqrt(1 - p**2)]), abs=1e-10)
+
+
+def test_lanes_that_lead_nowhere_are_left_out():
+    """The circle has no point at p = 2, and none within the reach of the first step at 0.9."""
+    border = Border.of_component(1, np.array([0.1, 2.0, 0.9]), 2)
+    guesses, onward = np.column_stack([np.ones(3), np.zeros(3)]), np.tile([0.0, 1.0], (3, 1))
+    which, points = correct(
+        Formula(circle), LANES, guesses, border, onward, Steps(), reach=np.array([np.inf, np.inf, 0.1])
+    )
+    assert (which.tolist(), points.lanes.tolist()) == ([0], [0])
+    none, points = correct(
+        Formula(circle), LANES[:0], guesses[:0], Border(onward[:0], onward[:0, 0]), onward[:0], Steps()
+    )
+    assert (len(none), len(points)) == (0, 0)
+
+
+def test_a_border_that_bends_locates_an_event_at_once():
+    """The point of the curve of folds with x = 2 a + 1, that is x = -1/2 or 1/3 on it."""
+
+    def event(which, xs, evaluation):
+        rows = np.array([[1.0, -4.0 * xs[0, 1], 0.0]])
+        return rows, (rows * xs).sum(1) - (xs[:, 0] - 2 * xs[:, 1] ** 2 - 0.1)
+
+    border = Border(np.zeros((1, 3)), np.zeros(1), event)
+    _, points = correct(Formula(fold_curve), LANES[:1], np.array([[0.1, 0.0, 0.0]]), border, np.eye(3)[:1], Steps())
+    x, a, b = points.xs[0]
+    assert x == pytest.approx(2 * a**2 + 0.1, abs=1e-15)
+    assert (a, b) == (pytest.approx(-3 * x**2, abs=1e-15), pytest.approx(2 * x**3, abs=1e-15))
+
+
+def test_least_and_rough_bound_the_number_of_steps():
+    guess, border, onward = np.array([[0.999, 0.0]]), Border.of_component(1, np.zeros(1), 2), np.array([[0.0, 1.0]])
+    counts = []
+    for options in ({"rough": 1e-2}, {}, {"least": 6}):
+        problem = Formula(circle)
+        correct(problem, LANES[:1], guess, border, onward, Steps(), record=False, **options)
+        counts.append(problem.calls)
+    assert counts == [1, 3, 6]
+
+
+def test_evaluations_may_solve_their_own_bordered_systems():
+    class Sparse(Values):
+        def bordered(self, rows, right):
+            return np.linalg.solve(np.concatenate([self.jacobian, rows[:, None]], axis=1), right)
+
+    class Sparsely(Formula):
+        def evaluate(self, *args, **kwargs):
+            which, found = super().evaluate(*args, **kwargs)
+            return which, Sparse(found.residual, found.jacobian)
+
+    found = [
+        correct(kind(circle), LANES[:1], np.array([[0.9, 0.1]]), Border.of_component(1, np.array([0.1]), 2),
+                np.array([[0.0, 1.0]]), Steps())[1]
+        for kind in (Formula, Sparsely)
+    ]  # fmt: skip
+    assert found[0].xs.tolist() == found[1].xs.tolist()
+
+
+def test_one_compiled_call_may_do_the_whole_correction():
+    def solver(lanes, xs, rows, levels, least, record):
+        x = np.sqrt(1 - levels**2)
+        return np.arange(len(x)), np.column_stack([x, levels]), np.column_stack([-levels, x]), np.ones(len(x)), None
+
+    problem = Formula(circle)
+    problem.solver = solver
+    border, onward = Border.of_component(1, np.array([0.6]), 2), np.array([[0.0, -1.0]])
+    _, points = correct(problem, LANES[:1], np.array([[1.0, 0.0]]), border, onward, Steps())
+    assert problem.calls == 0
+    assert points.xs[0] == pytest.approx([0.8, 0.6], abs=1e-15)
+    assert points.tangents[0] == pytest.approx([0.6, -0.8], abs=1e-15)

@@ -1,0 +1,89 @@
+"""The location of events on curves in closed form."""
+
+import numpy as np
+import pytest
+from plane_curves import Formula, circle, found_by, run_of
+
+from orbits.curves import CHANGES, Steps, Test
+
+DEFAULT = Steps()
+LINE = ((0.0, -1.0), {"stop": 1.0})
+
+
+def line(lanes, x, p):
+    """The line x = p."""
+    return [x - p], [[np.ones_like(x), -1.0]]
+
+
+def events_of(*tests, options=DEFAULT, certify=None, function=line, start=LINE[0], **bounds):
+    problem = Formula(function, tests)
+    if certify:
+        problem.certify = certify
+    _, events, _ = found_by(run_of(problem, start, options=options, **(bounds or LINE[1])))
+    return [(event.kind, event.which, event.point.values[0]) for event in events], problem
+
+
+START = (-1.0, -1.0)
+
+
+def test_functions_of_a_test_are_located_one_by_one_in_order():
+    test = Test("zero", lambda problem, p: np.exp(p.values)[:, None] - np.exp([0.3, -0.5, 0.301]), bare=True)
+    events, _ = events_of(test, start=START)
+    assert events == [("zero", i, pytest.approx(value, abs=1e-13)) for i, value in ((1, -0.5), (0, 0.3), (2, 0.301))]
+
+
+def test_functions_without_a_value_and_poles_are_no_events():
+    nowhere = Test("none", lambda problem, p: np.where(p.values < 0.1, np.nan, p.values - 0.1), bare=True)
+    pole = Test("pole", lambda problem, p: 1 / (p.values - 0.123), bare=True)
+    assert events_of(nowhere, pole, start=START)[0] == []
+
+
+def test_a_sign_is_located_by_cutting_at_several_places_at_once():
+    place = 1 / np.pi
+    sign = Test("jump", lambda problem, p: np.where(p.values < place, -1.0, 1.0), places=7, width=1e-12)
+    events, problem = events_of(sign, start=START)
+    assert events == [("jump", 0, pytest.approx(place, abs=1e-12))]
+    bisected, other = events_of(Test("jump", sign.values, width=1e-12), start=START)
+    assert bisected == [("jump", 0, pytest.approx(place, abs=1e-12))]
+    assert problem.calls < other.calls
+
+
+def test_the_gradient_of_a_test_saves_the_search():
+    def value(problem, points):
+        return points.xs[:, 0] - 0.25
+
+    def gradient(problem, xs, evaluation, number):
+        return xs[:, 0] - 0.25, np.tile([1.0, 0.0], (len(xs), 1))
+
+    circles = {"function": circle, "start": (1.0, 0.0), "stop": 2.0, "behind": -2.0}
+    expected = [("low", 0, pytest.approx(sign * np.sqrt(15) / 4, abs=1e-14)) for sign in (1, -1)]
+    events, at_once = events_of(Test("low", value, gradient=gradient), **circles)
+    assert events == expected
+    events, searched = events_of(Test("low", value), **circles)
+    assert events == expected
+    events, unknown = events_of(Test("low", value, gradient=lambda *args: None), **circles)
+    assert events == expected
+    assert at_once.calls < searched.calls <= unknown.calls
+
+
+def test_an_event_whose_point_is_refused_is_at_the_end_of_its_segment():
+    """No point between 0.2 and 0.21 is certified, so that the event at 0.205 cannot be located."""
+
+    def certify(points):
+        return points, {i: ValueError() for i, value in enumerate(points.values) if 0.203 < value < 0.207}
+
+    options = Steps(apart=np.inf, longest=0.02, first=0.02, lengthen=1.0, safety=1.0)
+    events, _ = events_of(
+        Test("zero", lambda problem, p: p.values - 0.205), start=START, certify=certify, options=options
+    )
+    ((kind, _, value),) = events
+    assert kind == "zero"
+    assert 0.205 < value < 0.225
+
+
+def test_a_change_that_leads_nowhere_leaves_the_curve_as_it_was():
+    problem = Formula(line, [Test("change", lambda problem, p: p.values - 0.25, CHANGES, bare=True)])
+    problem.changed = lambda event, passed: None
+    xs, events, (end,) = found_by(run_of(problem, START, stop=1.0))
+    assert (len(events), end.kind) == (1, "reached")
+    assert [x[1] for x in xs].count(events[0].point.values[0]) == 1

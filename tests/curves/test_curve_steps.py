@@ -1,0 +1,89 @@
+"""Steps along curves in closed form, and the points between their ends."""
+
+import numpy as np
+import pytest
+from plane_curves import UNDIVIDED, Formula, circle, found_by, run_of
+
+from orbits.curves import Steps, started
+from orbits.curves.curve_steps import Tails, step, up_to_the_first
+
+FAR = np.array([[-np.inf, np.inf]])
+
+
+def first_step(problem, start, lengths, bounds, options):
+    """A step of each lane from its start."""
+    first = started(problem, np.array(start, float), options)
+    bounds = np.broadcast_to(bounds, (len(first), 2))
+    return step(problem, first.lanes, Tails.of([first], first.lanes, 4), np.array(lengths), bounds, options)
+
+
+def test_a_step_solves_the_curve_at_its_length_along_the_tangent():
+    taken = first_step(Formula(circle), [[1.0, 0.0]] * 2, [0.1, 0.2], FAR, Steps(corrected=0.5))
+    assert taken.which.tolist() == [0, 1]
+    assert taken.ends.values == pytest.approx([0.1, 0.2], abs=1e-15)
+    assert taken.ends.xs[:, 0] == pytest.approx(np.sqrt(1 - np.array([0.1, 0.2]) ** 2), abs=1e-15)
+    assert taken.ends.lengths.tolist() == [0.1, 0.2]
+
+
+def test_a_step_lands_exactly_on_a_bound_that_is_nearer():
+    taken = first_step(Formula(circle), [[1.0, 0.0]], [0.2], np.array([[-1.0, 0.05]]), Steps(corrected=0.5))
+    assert (taken.ends.values.tolist(), taken.arrives.tolist()) == ([0.05], [True])
+
+
+def test_a_step_with_a_large_correction_a_large_turn_or_a_prediction_off_the_tangent_is_rejected():
+    for options in (Steps(), Steps(corrected=1.0, turned=0.1), Steps(corrected=1.0, moved=1e-3)):
+        taken = first_step(Formula(circle), [[1.0, 0.0]], [0.2], FAR, options)
+        assert (len(taken.ends), taken.lengths.tolist()) == (0, [0.1])
+
+
+def test_a_problem_may_refuse_neighbours_and_measure_lengths_by_the_parameter():
+    class Natural(Formula):
+        def rows(self, lanes, xs, tangents):
+            return np.tile([0.0, 1.0], (len(xs), 1))
+
+        def accepts(self, before, points):
+            return points.values - before.values < 0.15
+
+    taken = first_step(Natural(circle), [[0.8, 0.6]] * 2, [0.1, 0.2], FAR, Steps(corrected=1.0))
+    assert taken.which.tolist() == [0]
+    # Along the unit tangent the parameter grows by the cosine 0.8 of the length.
+    assert taken.ends.values == pytest.approx([0.6 + 0.8 * 0.1], abs=1e-15)
+
+
+def test_steady_tangents_are_those_of_the_points_that_there_are():
+    """They are asked for at the points of each lane in order, none of which occurs twice."""
+    seen = []
+
+    class Steady(Formula):
+        def steady(self, lanes, xs, tangents):
+            seen.append((lanes.tolist(), xs[:, 1].tolist()))
+            return tangents
+
+    first_step(Steady(circle), [[1.0, 0.0], [0.8, 0.6]], [0.01, 0.01], FAR, Steps())
+    assert seen == [([0, 1], [0.0, 0.6])]
+    seen.clear()
+    found_by(run_of(Steady(circle), (1.0, 0.0), stop=0.9))
+    assert all((np.diff(values) > 0).all() for _, values in seen)
+
+
+def test_neighbouring_points_are_as_near_as_they_should_be_and_make_room_for_requested_values():
+    xs, _, _ = found_by(run_of(
+        Formula(circle), (1.0, 0.0), stop=2.0, behind=-2.0, at=[0.301], options=Steps(apart=0.01)
+    ))  # fmt: skip
+    gaps = np.linalg.norm(np.diff(xs, axis=0), axis=1)
+    assert gaps.max() <= 0.01 * 1.02
+    assert gaps[:-1].min() > 0.1 * 0.004  # only the last one, at which the curve closes, may be shorter
+
+
+def test_steps_grow_up_to_the_longest_one():
+    problem = Formula(lambda lanes, x, p: ([x - p], [[1.0, -1.0]]))
+    xs, _, _ = found_by(run_of(problem, (0.0, 0.0), stop=10.0, options=UNDIVIDED))
+    gaps = np.linalg.norm(np.diff(xs, axis=0), axis=1)
+    assert gaps[:6] == pytest.approx(0.005 * 2.0 ** np.arange(6))
+    assert gaps[6:-1] == pytest.approx(np.full(len(gaps) - 7, 0.2))
+
+
+def test_points_behind_a_bad_one_of_their_lane_are_left_out():
+    lanes, bad = np.array([0, 0, 0, 2, 2, 5]), np.array([False, True, False, False, True, False])
+    assert up_to_the_first(lanes, bad).tolist() == [True, False, False, True, False, True]
+    assert up_to_the_first(lanes[:0], bad[:0]).tolist() == []

@@ -1,0 +1,44 @@
+"""What problems state, and what is found on their curves."""
+
+import numpy as np
+import pytest
+from plane_curves import Formula, circle, found_by, lemniscate, run_of
+
+from orbits.curves import BRANCH, FOLD, KINDS_OF_END, End, Problem, Test, started
+from orbits.errors import InputError
+
+
+def test_points_are_indexed_with_all_that_is_known_of_them():
+    points = started(Formula(circle), np.array([[1.0, 0.0], [0.9, 0.5], [-1.0, 0.0]]))
+    some = points.having(own=np.array(["a", "b", "c"]))[[2, 0]]
+    assert some.lanes.tolist() == [2, 0]
+    assert some.own.tolist() == ["c", "a"]
+    assert some.values.tolist() == [0.0, 0.0]
+    assert some.evaluation.jacobian[some.places][:, 0, 0] == pytest.approx(2 * some.xs[:, 0])
+    assert len(points[:0]) == 0
+
+
+def test_tangents_have_length_1_and_point_along_the_parameter():
+    points = started(Formula(circle), np.array([[0.8, 0.6]]), way=-1.0)
+    assert points.tangents[0] == pytest.approx([0.6, -0.8], abs=1e-14)
+
+
+def test_kinds_of_ends_and_purposes_of_tests_are_known():
+    assert all(End(kind).kind == kind for kind in KINDS_OF_END)
+    with pytest.raises(InputError, match="cannot end as 'gone'; the ends are reached, closed"):
+        End("gone")
+    with pytest.raises(InputError, match="test 'top': does = 'asked'; it is happens, changes or asks"):
+        Test("top", FOLD.values, "asked")
+
+
+def test_a_problem_states_its_equations_and_units():
+    for method in (Problem().evaluate, Problem().size):
+        with pytest.raises(NotImplementedError):
+            method(np.zeros(1, int), np.zeros((1, 2)))
+
+
+def test_branch_points_need_recorded_equations():
+    problem = Formula(lemniscate, [BRANCH])
+    problem.records = False
+    with pytest.raises(InputError, match="set `records = True`"):
+        found_by(run_of(problem, (0.3, 0.5), stop=2.0))

@@ -1,0 +1,27 @@
+"""The options of runs along curves."""
+
+import numpy as np
+import pytest
+
+from orbits.curves import Steps
+from orbits.errors import InputError
+
+
+@pytest.mark.parametrize(("options", "message"), [
+    ({"safety": 1.5}, r"steps.safety = 1.5; it is a number from 0.01 to 1"),
+    ({"aim": float("nan")}, r"steps.aim = nan; it is a number from 1e-14 to 1"),
+    ({"turned": True}, r"steps.turned = True; it is a number"),
+    ({"batch": 0}, r"steps.batch = 0; it is a number of points or steps, from 1 to 100000"),
+    ({"memory": 2.0}, r"steps.memory = 2.0; it is a number of points or steps"),
+    ({"longest": 1e-6}, r"the longest step is above the shortest"),
+    ({"apart": 0.0}, r"lengths are above 0"),
+    ({"first": 1e-5}, r"steps.first = 1e-05; it is above the shortest step, 1e-05"),
+])  # fmt: skip
+def test_wrong_options_are_refused(options, message):
+    with pytest.raises(InputError, match=message):
+        Steps(**options)
+
+
+def test_points_lie_between_the_ends_of_steps_unless_they_may_be_far_apart():
+    assert Steps().divided
+    assert not Steps(apart=np.inf).divided
