@@ -207,7 +207,9 @@ def _own_hops(
     same = (np.abs(xs[:, None] - xs) <= SAME_START * np.abs(xs)).all(2)
     names, different = machine.model.half_unknowns, ~np.tril(same, -1).any(1)
     outside = _outside(machine, xs) if ranged else {}
-    why = way.ended | {int(np.flatnonzero(way.arrived)[k]): text for k, text in outside.items()}
+    why = {i: end.reason for i, end in way.ended.items()} | {
+        int(np.flatnonzero(way.arrived)[k]): text for k, text in outside.items()
+    }
     own = [
         x for i, x in zip(np.flatnonzero(way.arrived)[different], xs[different].tolist(), strict=True) if i not in why
     ]

@@ -239,6 +239,20 @@ def test_a_test_that_asks_is_asked_at_each_point_and_ends_a_curve():
     assert [x[0] > 0.5 for x in xs] == [False] * (len(xs) - 1) + [True]
 
 
+@pytest.mark.parametrize("at", [(), (-3.0, 9.0)])
+def test_folds_far_from_requested_values_are_not_located(at):
+    """p = x/10 + sin(2 x)/2 folds twice in each wave; an accepted point takes about three evaluations."""
+
+    def waves(lanes, x, p):
+        return [0.1 * x + 0.5 * np.sin(2 * x) - p], [[0.1 + np.cos(2 * x), -1.0]]
+
+    problem = Formula(waves)
+    xs, _, (end,) = found_by(run_of(problem, (0.0, 0.0), stop=2.0, behind=-9.0, at=at, options=UNDIVIDED))
+    assert end.kind == "reached"
+    assert xs[-1][0] > 14
+    assert problem.points < 3.5 * len(xs)
+
+
 @BOTH
 def test_values_and_bounds_are_met_on_both_sides_of_a_fold(options):
     """The circle passes 0.999999 twice, within a step round its top, and leaves downwards at the bound."""
