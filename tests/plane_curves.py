@@ -49,7 +49,7 @@ class Formula(Problem):
         return np.ones(xs.shape)
 
     def changed(self, event: Event, passed: Sequence[Points]) -> End:
-        return End(event.kind, "", int(event.point.lanes[0]), float(event.point.values[0]))
+        return End(event.kind, "", float(event.point.values[0]))
 
     def lost(self, lane: int, passed: Sequence[Points], error: object) -> Start | End:
         return self.lost_at(self, lane, passed, error) if self.lost_at else super().lost(lane, passed, error)

@@ -66,7 +66,7 @@ def follow_together(curve: Curve, us: Array, order: Array, most: int = 256) -> I
             elif isinstance(item, End) and item.kind == "reached":
                 way.arrived[item.lane] = True
             elif isinstance(item, End):
-                way.ended[item.lane] = End("stopped", TOO_MANY, item.lane) if item.kind == "stopped" else item
+                way.ended[item.lane] = End("stopped", TOO_MANY) if item.kind == "stopped" else item
             yield way
 
 
@@ -107,6 +107,9 @@ class Lanes(Problem):
     def size(self, lanes: Array, xs: Array) -> Array:
         return self.curve.size(xs)
 
+    def rounding(self, evaluation: Any, rows: Array) -> Array:
+        return self.curve.rounding_of_steps(evaluation, rows)
+
     def changed(self, event: Event, passed: Sequence[Points]) -> End:
         return End(event.kind, RETURNS if event.kind == "fold" else GROWS)
 
@@ -126,5 +129,5 @@ class Lanes(Problem):
         try:
             self.curve.evaluate(x[None])
         except FlowError as error:
-            return End("stuck", str(error), lane)
-        return End("stuck", otherwise, lane)
+            return End("stuck", str(error), lane=lane)
+        return End("stuck", otherwise, lane=lane)

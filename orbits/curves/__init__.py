@@ -2,11 +2,29 @@
 
 A problem states its equations, how lengths are measured, and what may happen on its curves. The room follows one curve
 or many at once, past folds, with events, exact values of the parameter, changes of the problem, and ends.
+
+Minima of programs are followed by `kkt_curve`, with sparse equations, active limits and steps of their own, to the same
+events and ends.
 """
 
 from .bordered_newton import Border, correct
+from .curve_events import solved_at
 from .curve_run import Run, follow, started
-from .protocol import ASKS, BRANCH, CHANGES, FOLD, HAPPENS, KINDS_OF_END, End, Event, Points, Problem, Start, Test
+from .protocol import (
+    ASKS,
+    BRANCH,
+    CHANGES,
+    FOLD,
+    HAPPENS,
+    KINDS_OF_END,
+    Barrier,
+    End,
+    Event,
+    Points,
+    Problem,
+    Start,
+    Test,
+)
 from .step_options import Steps
 
 __all__ = [
@@ -16,6 +34,7 @@ __all__ = [
     "FOLD",
     "HAPPENS",
     "KINDS_OF_END",
+    "Barrier",
     "Border",
     "End",
     "Event",
@@ -27,5 +46,6 @@ __all__ = [
     "Test",
     "correct",
     "follow",
+    "solved_at",
     "started",
 ]

@@ -14,8 +14,11 @@ from .protocol import Array, Points, Problem
 from .step_options import Steps
 
 # The last Newton step is below LAST in units, and so is its product with the point's amplification: the next one would
-# be its square, which is rounding. A step below SMALL that is not much shorter than the one before is rounding itself.
-LAST, SMALL, STALLED = 1e-8, 1e-9, 0.7
+# be its square, which is rounding. A step below SMALL that is not much shorter than the one before is rounding itself,
+# and so is one below LARGEST times the rounding that the problem expects.
+LAST, SMALL, STALLED, LARGEST = 1e-8, 1e-9, 0.7, 4.0
+# Steps above this are no rounding, and no errors of equations that are not exact.
+NO_ROUNDING = 1e-6
 
 
 class Border(NamedTuple):
@@ -66,7 +69,8 @@ def correct(
 
     before : vectors (m, n + 1); the tangents of the points have acute angles with these
     least : least number of Newton steps
-    rough : Newton step (m,) below which a point is accepted
+    rough : Newton step (m,) below which a point is accepted; where the equations are recorded, another step follows,
+        the only one from places where it is infinite
     reach : Newton step (m,) above which a correction ends without a point
     record : whether the equations are evaluated at the points; by default where the problem records them
 
@@ -97,44 +101,51 @@ def _newton(
     (rough, reach), (least, most), m = limits, steps, len(xs)
     sizes = problem.size(lanes, xs) if m else xs
     directions, growths, last = np.zeros(xs.shape), np.ones(m), np.full(m, np.inf)
-    left, solved, evaluation, moved = np.arange(m), np.zeros(m, bool), None, None
+    solved, evaluation, moved = np.isinf(rough) & record, None, None
+    owners = left = np.flatnonzero(~solved)
     for taken in range(1, most + 1):
         if not len(left):
             break
         able, evaluation = problem.evaluate(lanes[left], xs[left], evaluation if problem.chords else None, moved)
-        left = left[able]
+        owners = left = left[able]
         if evaluation is None or not len(left):
             break
-        moves, directions[left] = newton_steps(evaluation, xs[left], *border.at(left, xs[left], evaluation))
+        rows, levels = border.at(left, xs[left], evaluation)
+        moves, directions[left] = newton_steps(evaluation, xs[left], rows, levels)
         xs[left] += moves
         growths[left] = evaluation.amplification
-        moved = (np.abs(moves) / sizes[left]).max(1)
+        units = problem.units(sizes[left], evaluation)
+        moved = (np.abs(moves) / units).max(1)
         shrinks, finite = moved < STALLED * last[left], np.isfinite(moved)
         done = (moved < LAST) & (moved * growths[left] < LAST) | (moved < SMALL) & ~shrinks | (moved < rough[left])
+        if (open_ := ~(done | shrinks) & (moved < NO_ROUNDING)).any():
+            done |= open_ & (moved < LARGEST * (problem.rounding(evaluation, rows) / units).max(1))
         done &= finite & (taken >= least)
         goes = (moved <= reach[left]) & (shrinks | (taken < least)) & finite & ~done
-        solved[left[done]], last[left] = True, moved
+        solved[left[done]] = True
+        last[left] = np.where(np.isinf(growths[left]) & (moved < NO_ROUNDING), np.inf, moved)
         left, moved = left[goes], moved[goes]
         if problem.chords and 0 < len(left) < len(goes):
-            evaluation = evaluation[np.flatnonzero(goes)]
+            evaluation, owners = evaluation[np.flatnonzero(goes)], left
     which = np.flatnonzero(solved)
     xs = border.met(xs)
     if record and len(which):
-        return _evaluated(problem, lanes, border, (which, xs, directions, growths, evaluation))
+        known = evaluation if problem.chords and np.array_equal(owners, which) else None
+        return _evaluated(problem, lanes, border, (which, xs, directions, growths, known), bool(rough.any()))
     return which, xs[which], directions[which], growths[which], None
 
 
-def _evaluated(problem: Problem, lanes: Array, border: Border, found: _Solved) -> _Solved:
+def _evaluated(problem: Problem, lanes: Array, border: Border, found: _Solved, moves_on: bool) -> _Solved:
     """The solved points of indices (k,) among X (m, n + 1) with the equations there, and with the directions there
-    where the problem renews them."""
-    which, xs, directions, growths, last = found
-    known = last if problem.chords and last is not None and len(last.residual) == len(which) else None
+    where the problem renews them; from rough points it moves on by another step."""
+    which, xs, directions, growths, known = found
     able, evaluation = problem.evaluate(lanes[which], xs[which], known, np.zeros(len(which)))
     which = which[able]
-    if problem.renews and len(which) and evaluation is not known:
+    if (problem.renews or moves_on) and len(which) and evaluation is not known:
         moves, directions[which] = newton_steps(evaluation, xs[which], *border.at(which, xs[which], evaluation))
-        xs[which] += moves
-        xs = border.met(xs)
+        if moves_on:
+            xs[which] += moves
+            xs = border.met(xs)
     return which, xs[which], directions[which], growths[which], evaluation
 
 
@@ -142,12 +153,9 @@ def newton_steps(evaluation: Any, xs: Array, rows: Array, levels: Array) -> tupl
     """Newton steps (m, n + 1) from places X (m, n + 1), and directions (m, n + 1) along the curves."""
     right = np.zeros((*xs.shape, 2))
     right[:, :-1, 0], right[:, -1, 0], right[:, -1, 1] = -evaluation.residual, levels - (xs * rows).sum(1), 1.0
-    if bordered := getattr(evaluation, "bordered", None):
-        found = bordered(rows, right)
-    else:
-        matrices = np.empty((*xs.shape, xs.shape[1]))
-        matrices[:, :-1], matrices[:, -1] = evaluation.jacobian, rows
-        found = solve(matrices, right)
+    matrices = np.empty((*xs.shape, xs.shape[1]))
+    matrices[:, :-1], matrices[:, -1] = evaluation.jacobian, rows
+    found = solve(matrices, right)
     return found[:, :, 0], found[:, :, 1]
 
 

@@ -1,15 +1,19 @@
 """A batch: the steps of the curves of one problem, and the certified points on these steps."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from .curve_events import Column, functions_of, values_of
-from .curve_steps import Chain, Division, Tails, between, step, up_to_the_first
-from .protocol import ASKS, Array, Points, Problem
+from .curve_steps import Chain, Division, Tails, between, is_first, step, up_to_the_first
+from .protocol import Array, Points, Problem
 from .step_options import Steps
+
+# Why points of a batch are rejected, which does not mean that the curve is hard to follow: those between the ends of
+# long steps are not solved, or they are no neighbours, which is approached by many shorter steps.
+UNSOLVED, ANOTHER = "the corrector does not converge", "the next point is one of another curve"
 
 
 @dataclass(eq=False)
@@ -20,7 +24,6 @@ class Group:
     tails : the points from which their next ones are predicted
     values : the values (k, c) of the tests at their last points
     functions : the number of functions of each test
-    asks : whether each of these functions is of a test that asks (c,)
     """
 
     problem: Problem
@@ -28,15 +31,13 @@ class Group:
     tails: Tails
     values: Array
     functions: list[int]
-    asks: Array
 
     @classmethod
     def of(cls, problem: Problem, blocks: Sequence[Points], memory: int) -> "Group":
         """The curves that go on from the points (k) of the last block; in earlier blocks are points before these."""
         last = blocks[-1]
         tails, functions = Tails.of(blocks, last.lanes, memory), functions_of(problem, last)
-        asks = np.array([test.does == ASKS for test in problem.tests], bool).repeat(functions)
-        return cls(problem, last.lanes, tails, values_of(problem, last), functions, asks)
+        return cls(problem, last.lanes, tails, values_of(problem, last), functions)
 
     @property
     def columns(self) -> list[Column]:
@@ -67,29 +68,37 @@ class Group:
 
 @dataclass(eq=False)
 class Progress:
-    """What changes in each lane (m,): the length of its next step, the largest number of points of its next batch, the
-    number of its rejected batches, less what accepted points offset, the number of its points, and that number where it
-    last began behind a corner."""
+    """What changes in each lane (m,).
+
+    length : of its next step
+    batch : largest number of points of its next batch
+    rejections : number of its rejected batches, less what accepted points offset
+    count : number of its points
+    begun : that number where it last began behind a corner
+    passes : whether its next step passes the bound ahead
+    """
 
     length: Array
     batch: Array
     rejections: Array
     count: Array
     begun: Array
+    passes: Array
 
     def copy(self) -> "Progress":
         """A copy of all arrays."""
         return Progress(*(each.copy() for each in vars(self).values()))
 
-    def shorten(self, lane: int, length: float, accepted: int, options: Steps) -> None:
-        """Go on with steps of this length, one in each batch, after a batch that is rejected behind some points."""
-        self.rejections[lane] = max(self.rejections[lane] - accepted / options.recovery, 0.0) + 1
+    def shorten(self, lane: int, length: float, accepted: int, counts: bool, options: Steps) -> None:
+        """Go on with steps of this length, one in each batch, after a batch that is rejected behind some points, and
+        say whether the rejection counts."""
+        self.rejections[lane] = max(self.rejections[lane] - accepted / options.recovery, 0.0) + counts
         self.length[lane], self.batch[lane] = length, 1
 
     def begin(self, lane: int, options: Steps, anew: bool) -> None:
         """Go on with a short step, where the problem changes or anew behind a corner."""
         self.length[lane] = min(options.first, np.inf if anew else self.length[lane])
-        self.batch[lane] = 1
+        self.batch[lane], self.passes[lane] = 1, False
         if anew:
             self.rejections[lane], self.begun[lane] = 0, self.count[lane] + 1
 
@@ -142,41 +151,75 @@ def steps_of(group: Group, progress: Progress, limits: Limits, options: Steps) -
     while len(going):
         lanes, tails = group.lanes[going], batch.tails.of_lanes(going)
         bounds = limits.ahead(lanes, tails.xs[:, -1, -1], options)
-        taken = step(group.problem, lanes, tails, progress.length[lanes], bounds, options)
-        progress.length[lanes] = taken.lengths
-        parts = np.ones(len(taken.which), int)
+        if (over := progress.passes[lanes]).any():
+            bounds = np.where(over[:, None], [-np.inf, np.inf], bounds)
+        before = progress.length[lanes]
+        taken = step(group.problem, lanes, tails, before, bounds, options)
+        progress.length[lanes], progress.passes[lanes], again = taken.lengths, False, going[:0]
+        accepted, parts = going[taken.which], np.ones(len(taken.which), int)
         if options.divided:
             parts = np.maximum(np.ceil(taken.ends.lengths / options.apart).astype(int), 2)
-        accepted = going[taken.which]
         filled[accepted] += parts
         batch.ends.append(taken.ends)
         batch.borders.append((taken.rows, taken.levels))
         batch.parts.append(parts)
         batch = batch._replace(tails=batch.tails.with_next(accepted, taken.ends.xs, taken.ends.tangents))
-        again = going[(filled[going] == 0)]
-        late = again[(progress.length[group.lanes[again]] <= options.shortest) | (not options.divided)]
-        batch.refused.update(dict.fromkeys(group.lanes[late].tolist(), "no step is short enough"))
+        if taken.reasons:
+            # The curve may turn round before a bound, or its equations be singular there: then a step goes beyond it.
+            passes = np.isfinite(taken.missed)
+            progress.passes[lanes] = passes
+            progress.length[lanes[passes]] = np.minimum(before[passes], taken.missed[passes] + options.apart)
+            again = going[filled[going] == 0]
+            is_late = (progress.length[group.lanes[again]] <= options.shortest) | (not options.divided)
+            late, again = again[is_late], again[~is_late]
+            for k in late.tolist():
+                batch.refused[int(group.lanes[k])] = taken.reasons[int(np.searchsorted(going, k))]
+            batch = _rescued(group, batch, progress, late, options) if options.divided else batch
         if not options.divided:
             break
-        onward = tails.tangents[taken.which, -1, -1] * taken.ends.tangents[:, -1] > 0
-        onward &= ~taken.arrives & (filled[accepted] < progress.batch[group.lanes[accepted]])
-        going = np.sort(np.concatenate([np.setdiff1d(again, late), accepted[onward]]))
+        low, high = limits.bounds[group.lanes[accepted]].T
+        value, rate = taken.ends.values, taken.ends.tangents[:, -1]
+        onward = (tails.tangents[taken.which, -1, -1] * rate > 0) & (low < value) & (value < high) & ~taken.arrives
+        onward &= (filled[accepted] < progress.batch[group.lanes[accepted]]) & (taken.ends.growths <= options.grown)
+        going = accepted[onward]
+        if len(again):
+            going = np.sort(np.concatenate([again, going]))
+    return batch
+
+
+def _rescued(group: Group, batch: Batch, progress: Progress, late: Array, options: Steps) -> Batch:
+    """The batch with a step of each of some curves (j,) to which no step leads, where their problem knows one."""
+    for k in late.tolist():
+        lane, tails = group.lanes[k : k + 1], batch.tails.of_lanes(np.array([k]))
+        if found := group.problem.rescued(lane, tails.xs[:, -1], tails.tangents[:, -1], options.first):
+            end, border = found
+            batch.ends.append(end.having(lengths=np.array([options.first])))
+            batch.borders.append((border.rows, border.levels))
+            batch.parts.append(np.ones(1, int))
+            batch = batch._replace(tails=batch.tails.with_next(np.array([k]), end.xs, end.tangents))
+            batch.tails.known[k, :-1] = False  # points before it may lie too close to each other to predict the next
+            progress.length[lane] = options.first
+            del batch.refused[int(lane[0])]
     return batch
 
 
 def points_of(
-    group: Group, batch: Batch, progress: Progress, limits: Limits, options: Steps
+    group: Group, batch: Batch, last: Callable[[int], Points], progress: Progress, limits: Limits, options: Steps
 ) -> tuple[Points, dict[int, object]]:
     """The certified points of a batch, of each lane up to the first that is rejected, and the reasons for these by
-    lane. The group goes on from the last points."""
+    lane. The group goes on from the last points; `last` tells the last point (1) of a lane before the batch."""
     points, is_end, failed = _solved(group, batch, limits, options)
-    why: dict[int, object] = dict.fromkeys(failed.tolist(), "the corrector does not converge")
-    points, errors = group.problem.certify(points) if len(points) else (points, {})
-    if errors:
-        bad = np.isin(np.arange(len(points)), [*errors])
-        why |= {int(points.lanes[i]): error for i, error in sorted(errors.items(), reverse=True)}
-        sound = up_to_the_first(points.lanes, bad)
-        points, is_end = points[sound], is_end[sound]
+    why: dict[int, object] = dict.fromkeys(failed.tolist(), UNSOLVED)
+    for judged in (group.problem.certify, lambda points: (points, _others(group.problem, points, last))):
+        points, errors = judged(points) if len(points) else (points, {})
+        if errors:
+            bad = np.isin(np.arange(len(points)), [*errors])
+            why |= {int(points.lanes[i]): error for i, error in sorted(errors.items(), reverse=True)}
+            sound = up_to_the_first(points.lanes, bad)
+            points, is_end = points[sound], is_end[sound]
+    first = np.maximum.accumulate(np.where(is_first(points.lanes), np.arange(len(points)), 0))
+    within = np.arange(len(points)) - first < options.most - progress.count[points.lanes]
+    points, is_end = (points, is_end) if within.all() else (points[within], is_end[within])
     tails = batch.tails
     if why:
         tails = Tails(*(each.copy() for each in tails))
@@ -187,10 +230,24 @@ def points_of(
             # The accepted ends of steps, and the last accepted point.
             for i in own[is_end[own] | (own == own[-1:])][-options.memory :].tolist():
                 tails = tails.with_next(np.array([k]), points.xs[[i]], points.tangents[[i]])
-            progress.shorten(lane, options.shorter * _gap(batch, lane, len(own)), len(own), options)
+            gap = _gap(batch, lane, len(own), divided=bool(len(own)) or why[lane] != UNSOLVED)
+            progress.shorten(lane, options.shorter * gap, len(own), why[lane] not in (UNSOLVED, ANOTHER), options)
     group.tails, fine = tails, group.lanes[~np.isin(group.lanes, [*why])] if why else group.lanes
     progress.batch[fine] = np.minimum(options.growth * progress.batch[fine], options.batch)
     return points, batch.refused | why
+
+
+def _others(problem: Problem, points: Points, last: Callable[[int], Points]) -> dict[int, str]:
+    """The certified points that are no neighbours of those before them, by index, with the reason."""
+    if type(problem).accepts is Problem.accepts:
+        return {}
+    first = is_first(points.lanes)
+    begins, goes_on = np.flatnonzero(first), np.flatnonzero(~first)
+    good = np.ones(len(points), bool)
+    good[goes_on] = problem.accepts(points[goes_on - 1], points[goes_on])
+    for i in begins.tolist():
+        good[i] = problem.accepts(last(int(points.lanes[i])), points[i : i + 1])[0]
+    return dict.fromkeys(np.flatnonzero(~good).tolist(), ANOTHER)
 
 
 def _solved(group: Group, batch: Batch, limits: Limits, options: Steps) -> tuple[Points, Array, Array]:
@@ -211,11 +268,11 @@ def _solved(group: Group, batch: Batch, limits: Limits, options: Steps) -> tuple
     return points, is_end, lanes[~whole]
 
 
-def _gap(batch: Batch, lane: int, accepted: int) -> float:
-    """The distance of points behind the last accepted one of a lane in a batch; the length of the step where there is
-    none."""
+def _gap(batch: Batch, lane: int, accepted: int, divided: bool) -> float:
+    """The distance of points behind the last accepted one of a lane in a batch, or the length of the step there, if it
+    is not to be divided."""
     own = [each.lanes == lane for each in batch.ends]
     parts = np.concatenate([each[mine] for each, mine in zip(batch.parts, own, strict=True)])
     lengths = np.concatenate([each.lengths[mine] for each, mine in zip(batch.ends, own, strict=True)])
     i = min(int(np.searchsorted(np.cumsum(parts), accepted, side="right")), len(parts) - 1)
-    return float(lengths[i] / (parts[i] if accepted else 1))
+    return float(lengths[i] / (parts[i] if divided else 1))

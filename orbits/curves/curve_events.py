@@ -101,6 +101,13 @@ def certified(problem: Problem, which: Array, points: Points) -> tuple[Array, Po
     return (which[sound], points[sound]) if errors else (which, points)
 
 
+def solved_at(problem: Problem, lanes: Array, xs: Array, border: Border, onward: Array, options: Steps) -> Points:
+    """The certified points at a border near places (m, n + 1), fewer where some are not found, with tangents that have
+    acute angles with vectors `onward` (m, n + 1)."""
+    which, points = correct(problem, lanes, xs, border, onward, options)
+    return certified(problem, which, points.having(lengths=np.zeros(len(points))))[1]
+
+
 def values_of(problem: Problem, points: Points) -> Array:
     """The values (m, c) of all functions of all tests at points (m)."""
     parts = [np.reshape(test.values(problem, points), (len(points), -1)) for test in problem.tests]
@@ -112,9 +119,13 @@ def functions_of(problem: Problem, points: Points) -> list[int]:
     return [np.size(test.values(problem, points[:1])) for test in problem.tests]
 
 
-def changes(before: Array, behind: Array) -> Array:
-    """Where tests with values (q, c) at both ends of segments change their sign (q, c)."""
-    return ((before >= 0) != (behind >= 0)) & np.isfinite(before + behind)
+def changes(tests: Sequence[Test], before: Array, behind: Array) -> Array:
+    """Where something may happen (q, c) on segments, by the values (q, c) of the functions of tests (c,) at both ends:
+    a function changes its sign, or its value where this is a label, or is negative at the end where it asks."""
+    asks = np.array([test.does == ASKS for test in tests], bool)
+    labels = np.array([test.places > 1 for test in tests], bool)
+    differ = np.where(labels, before != behind, (before >= 0) != (behind >= 0)) & np.isfinite(before + behind)
+    return np.where(asks, behind < 0, differ)
 
 
 def located(
@@ -123,8 +134,7 @@ def located(
     """The events on segments (q,) at whose ends the tests have values (q, c), in order along each segment. An event
     that cannot be located is at the end of its segment."""
     found, searches = list[Found](), dict[tuple[int, int], _Search]()
-    asks = np.array([test.does == ASKS for test, _ in columns], bool)
-    for q, c in np.argwhere(np.where(asks, behind < 0, changes(before, behind))).tolist():
+    for q, c in np.argwhere(changes([test for test, _ in columns], before, behind)).tolist():
         (test, number), own = columns[c], segments.only([q])
         ends = float(before[q, c]), float(behind[q, c])
         if test.does == ASKS:
@@ -150,10 +160,15 @@ class _Search:
 
     def __init__(self, test: Test, number: int, segment: Segments, ends: tuple[float, float], options: Steps):
         self.test, self.number, self.segment, self.ends = test, number, segment, ends
-        width = test.beside or test.width or options.width
-        signs_alone, by_secants = _sign_search(ends[0] >= 0, test.places, width), _root_search(ends, width)
-        self.steps = signs_alone if test.places > 1 else by_secants
-        self.wanted, self.share, self.failed = next(self.steps), np.nan, False
+        self.width = options.width
+        width = test.beside or options.width
+        of_labels, by_secants = _label_search(ends[0], test.places, width), _root_search(ends, width)
+        self.steps = of_labels if test.places > 1 else by_secants
+        self.wanted, self.share, self.failed = np.empty(0), np.nan, False
+        try:
+            self.wanted = next(self.steps)
+        except StopIteration as end:  # the function is 0 at an end
+            self.share = end.value
         a, b, t, s = (each[0] for each in segment[1:])
         self.known = [(0.0, a, t), (1.0, b, s)]
 
@@ -179,6 +194,10 @@ class _Search:
         """Take the points found at shares (k,), fewer than wanted where some are not found."""
         if len(points) < len(self.wanted):
             # Singular equations have no solution at the event itself, which the search then has reached.
+            if len(self.wanted) > 1:  # one of them may be a place that bisection does not need
+                self.steps = _label_search(self.ends[0], 1, self.test.beside or self.width)
+                self.wanted = next(self.steps)
+                return
             self.failed, self.share = not self.test.beside, float(self.wanted[0]) if self.test.beside else np.nan
             return
         new = zip(shares.tolist(), points.xs, points.tangents, strict=True)
@@ -200,18 +219,18 @@ class _Search:
         if not len(which):
             return 1.0, None
         # A pole changes the sign too, with values larger than those at the ends.
-        pole = abs(self.values(problem, point)[0]) > abs(self.ends[0]) + abs(self.ends[1])
+        pole = self.test.places == 1 and abs(self.values(problem, point)[0]) > abs(self.ends[0]) + abs(self.ends[1])
         return None if pole else (self.share, point)
 
-    def _interpolated(self, problem: Problem, share: float, options: Steps) -> tuple[float, Points] | None:
-        """The share and the point at which the equations are singular, from points beside it; None where the function
-        is not monotonic there, as at a pole or in noise."""
+    def _interpolated(self, problem: Problem, share: float, options: Steps) -> tuple[float, Points | None] | None:
+        """The share and the point at which the equations are singular, from points beside it, without the point where
+        some of these are not found; None where the function is not monotonic there, as at a pole or in noise."""
         segment, row = self.segment, self.segment.rows(problem)
         four = segment.only(np.zeros(4, int))
         for distance in self.test.beside * NEARER:
             which, beside = four.points(problem, share + distance * SIDES, options, least=options.settled)
             if len(which) < 4:
-                return None
+                return 1.0, None
             values = self.values(problem, beside) * np.sign(self.ends[1] - self.ends[0])
             if not (np.diff(values) > 0).all() or not values[0] < 0 < values[-1]:
                 return None
@@ -224,9 +243,10 @@ class _Search:
         tangent /= np.linalg.norm(tangent / problem.size(segment.lanes, x)[0])
         able, evaluation = problem.evaluate(segment.lanes, x, None, np.zeros(1))
         point = Points(segment.lanes, x, tangent[None], beside.growths[:1], evaluation, np.zeros(1, int))
-        _, point = certified(problem, able, point[: len(able)])
-        zero = len(point) and abs(self.values(problem, point)[0]) <= ZERO * abs(values[1:3]).min()
-        return (share, point) if zero else None
+        if not len(able) or abs(self.values(problem, point)[0]) > ZERO * abs(values[1:3]).min():
+            return None
+        _, point = certified(problem, able, problem.regular(point))
+        return (share, point) if len(point) else None
 
 
 def run_searches(problem: Problem, searches: Sequence[_Search], options: Steps) -> None:
@@ -262,12 +282,12 @@ def _root_search(ends: tuple[float, float], width: float) -> Generator[Array, Ar
         return float(end.value)
 
 
-def _sign_search(first: bool, places: int, width: float) -> Generator[Array, Array, float]:
-    """A search for the share at which a sign changes for the first time, at several places (places,) at once."""
+def _label_search(first: float, places: int, width: float) -> Generator[Array, Array, float]:
+    """A search for the share at which a label changes for the first time, at several places (places,) at once."""
     low, high = 0.0, 1.0
     while high - low > width:
         shares = np.linspace(low, high, places + 2)
-        changed = np.append(((yield shares[1:-1]) >= 0) != first, True)
+        changed = np.append((yield shares[1:-1]) != first, True)
         low, high = shares[changed.argmax()], shares[changed.argmax() + 1]
     return float(high)
 
@@ -286,8 +306,8 @@ def _at_once(
             return np.full(xs.shape, np.nan), np.full(len(xs), np.nan)
         return known[1], (known[1] * xs).sum(1) - known[0]
 
-    found = correct(problem, segment.lanes, guess, border._replace(bends=bends), segment.tangents, options)
-    return inside(problem, segment, certified(problem, *found)[1])
+    border = border._replace(bends=bends)
+    return inside(problem, segment, solved_at(problem, segment.lanes, guess, border, segment.tangents, options))
 
 
 def inside(problem: Problem, segment: Segments, point: Points) -> tuple[float, Points] | None:

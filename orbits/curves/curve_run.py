@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, finite_number
+from ..errors import InputError, OrbitsError, finite_number
 from ..running.interrupts import heed
-from .bordered_newton import Border, correct
+from .bordered_newton import Border
 from .curve_batch import Group, Limits, Progress, points_of, steps_of
-from .curve_events import Found, Segments, certified, changes, located, values_of
+from .curve_events import OUTSIDE, Found, Segments, changes, located, solved_at, values_of
 from .curve_landings import closing, landings
 from .curve_steps import Tails, is_first
 from .protocol import ASKS, CHANGES, HAPPENS, Array, End, Event, Points, Problem, Start
@@ -41,8 +41,7 @@ def started(problem: Problem, xs: Array, options: Steps = DEFAULT_STEPS, way: fl
     m, n = xs.shape
     border = Border.of_component(n - 1, xs[:, -1], n)
     onward = np.tile(np.copysign(np.eye(1, n, n - 1), way), (m, 1))
-    which, points = correct(problem, np.arange(m), xs, border, onward, options)
-    return certified(problem, which, points.having(lengths=np.zeros(len(points))))[1]
+    return solved_at(problem, np.arange(m), xs, border, onward, options)
 
 
 def follow(problem: Problem, first: Points, stop: Array | float, **options: Any) -> Iterator[Item]:
@@ -67,6 +66,16 @@ class Passed(Sequence[Points]):
 
     def __len__(self) -> int:
         return len(self.own)
+
+
+class Part:
+    """The points of a lane (own,) among those of a batch: the indices of the first one and of the end, of the first one
+    that is not yet among the items, and of those before which something may happen; the items; and what happens that
+    cannot be located, in words."""
+
+    def __init__(self, points: Points, own: Array, busy: Array):
+        self.points, self.first, self.end = points, int(own[0]), int(own[-1]) + 1
+        self.begun, self.busy, self.items, self.unlocated = self.first, own[busy[own]].tolist(), list[Item](), ""
 
 
 class Run:
@@ -101,12 +110,16 @@ class Run:
                 f"lanes {first.lanes.tolist()} of first points: there is one point for each, in their order"
             )
         m = int(first.lanes.max(initial=-1)) + 1
-        self.options, self.blocks, self.problem = options, [*earlier, first], problem
+        self.options, self.blocks = options, [*earlier, first]
+        options = self._steps(problem)
         homes = [self.passed(lane)[0][:1] for lane in first.lanes.tolist()]
-        self.home, self.home_rows = np.full((2, m, first.xs.shape[1]), np.nan)
-        for home in (home for home in homes if home.xs.shape[1] == first.xs.shape[1]):
-            lane, x = home.lanes, home.xs
-            self.home[lane], self.home_rows[lane] = x, problem.rows(lane, x, home.tangents)
+        sizes = problem.size(first.lanes, first.xs)[:, problem.shared]
+        self.home, self.home_rows = np.full((2, m, sizes.shape[1]), np.nan)
+        for home, size in zip(homes, sizes, strict=True):
+            # Points before the first ones may have the shared components alone.
+            shared = problem.shared if home.xs.shape[1] == first.xs.shape[1] else slice(None)
+            if (x := home.xs[:, shared]).shape[1] == len(size):
+                self.home[home.lanes], self.home_rows[home.lanes] = x, home.tangents[:, shared] / size**2
         starts = np.full(m, np.nan)
         starts[first.lanes] = [home.values[0] for home in homes]
         ends = np.column_stack([np.broadcast_to(each, m) for each in (stop, starts if behind is None else behind)])
@@ -118,7 +131,7 @@ class Run:
         length = np.clip(options.first if lengths is None else lengths, options.shortest, options.longest)
         count = np.sum([np.bincount(each.lanes, minlength=m) for each in self.blocks], axis=0)
         length, batch = np.array(np.broadcast_to(length, m), float), np.full(m, options.batch)
-        self.progress = Progress(length, batch, np.zeros(m), count, np.zeros(m, int))
+        self.progress = Progress(length, batch, np.zeros(m), count, np.zeros(m, int), np.zeros(m, bool))
         self.groups = [Group.of(problem, self.blocks, options.memory)] if len(first) else []
         self._to_yield: list[Item] = [first] if len(first) else []
 
@@ -138,24 +151,35 @@ class Run:
         """The points of a lane, in order."""
         return Passed(self.blocks, lane)
 
+    def _steps(self, problem: Problem) -> Steps:
+        """The steps along the curves of a problem."""
+        return problem.steps or self.options
+
+    def _last(self, lane: int) -> Points:
+        """The last point (1) of a lane."""
+        block = next(each for each in reversed(self.blocks) if (each.lanes == lane).any())
+        return block[np.flatnonzero(block.lanes == lane)[-1:]]
+
     def advance(self) -> list[Item]:
         """Take a batch of steps along the curves of one problem; returns the items. Raises what the problem raises."""
         heed()
+        if ends := self._ends(self.groups[-1], {}):  # as at a first point on a bound
+            return ends
         before, blocks = (self.progress.copy(), [group.copy() for group in self.groups]), len(self.blocks)
         try:
-            group = self.groups[-1]
-            batch, tails = steps_of(group, self.progress, self.limits, self.options), group.tails
-            points, refused = points_of(group, batch, self.progress, self.limits, self.options)
-            items = self._items(group, points, tails) if len(points) else []
+            group, progress, limits = self.groups[-1], self.progress, self.limits
+            batch, tails = steps_of(group, progress, limits, options := self._steps(group.problem)), group.tails
+            points, refused = points_of(group, batch, self._last, progress, limits, options)
+            items = self._items(group, points, tails, refused) if len(points) else []
             return items + self._ends(group, refused)
         except BaseException:
             self.progress, self.groups = before
             del self.blocks[blocks:]
             raise
 
-    def _items(self, group: Group, points: Points, tails: Tails) -> list[Item]:
+    def _items(self, group: Group, points: Points, tails: Tails, refused: dict[int, object]) -> list[Item]:
         """The items of the next points of lanes behind tails: the points of all lanes on which nothing happens
-        together, then those of each other lane in turn."""
+        together, then those of each other lane in turn, up to where something happens that cannot be located."""
         lanes, k = points.lanes, np.searchsorted(group.lanes, points.lanes)
         first, values = is_first(lanes), values_of(group.problem, points)
         behind = points.xs, points.tangents, values
@@ -169,27 +193,54 @@ class Run:
         busy = self._may_happen(group, segments, before, values)
         if not busy.any():
             return self._block(points)
-        which = np.flatnonzero(busy)
         # At the first point of a curve that goes on, the change of its problem is an event again, up to rounding.
         begins = first & (tails.known[k].sum(1) == 1) & (self.progress.count[lanes] > 1)
-        found: dict[int, list[Found]] = {i: [] for i in which.tolist()}
-        own = segments.only(which)
-        for each in located(group.problem, group.columns, own, before[which], values[which], self.options):
-            i = int(which[each.segment])
-            if not (begins[i] and each.share * points.lengths[i] <= self.options.same):
-                found[i].append(each)
-        quiet = ~np.isin(lanes, lanes[busy])
-        items = self._block(points[quiet])
-        for lane in dict.fromkeys(lanes[busy].tolist()):
-            items += self._along(group, lane, points, segments, found)
+        items = self._block(points[~np.isin(lanes, lanes[busy])])
+        # Of each lane the first segment on which something may happen, of all lanes together; then the next one.
+        parts = {
+            lane: Part(points, np.flatnonzero(lanes == lane), busy) for lane in dict.fromkeys(lanes[busy].tolist())
+        }
+        columns, options = group.columns, self._steps(group.problem)
+        while parts:
+            which = np.array([part.busy[0] for part in parts.values()])
+            found: dict[int, list[Found]] = {i: [] for i in which.tolist()}
+            own = segments.only(which)
+            for each in located(group.problem, columns, own, before[which], values[which], options):
+                i = int(which[each.segment])
+                if not (begins[i] and each.share * points.lengths[i] <= options.same):
+                    found[i].append(each)
+            for lane, part in [*parts.items()]:
+                i = part.busy.pop(0)
+                ended = self._on_segment(group, part, i, segments.only([i]), found[i])
+                if part.unlocated:
+                    refused[lane] = OrbitsError(f"what happens next cannot be located ({part.unlocated})")
+                    self._take_back(group, lane, part, i, tails, before[i])
+                    ended = True
+                elif ended:  # a later point of its batch may have been refused
+                    refused.pop(lane, None)
+                if ended or not part.busy:
+                    items += part.items if ended else [*part.items, *self._block(part.points[part.begun : part.end])]
+                    del parts[lane]
         return items
+
+    def _take_back(self, group: Group, lane: int, part: Part, i: int, tails: Tails, values: Array) -> None:
+        """Go on with a lane of a group from the point before point `i`, by shorter steps."""
+        k, options = np.searchsorted(group.lanes, [lane]), self._steps(group.problem)
+        mine = tails.of_lanes(k)
+        if i > part.first:
+            mine = mine.with_next(np.zeros(1, int), part.points.xs[i - 1 : i], part.points.tangents[i - 1 : i])
+        group.tails = Tails(*(each.copy() for each in group.tails))
+        for whole, own in zip(group.tails, mine, strict=True):
+            whole[k] = own
+        group.values[k] = values
+        length = options.shorter * float(part.points.lengths[i])
+        self.progress.shorten(lane, length, i - part.first, True, options)
 
     def _may_happen(self, group: Group, segments: Segments, before: Array, values: Array) -> Array:
         """On which segments (q,) something may happen; the tests have the values (q, c) at their ends."""
         value, (low, high) = segments.b[:, -1], self.limits.bounds[segments.lanes].T
         busy = (value < low) | (value > high)
-        if len(group.asks):
-            busy |= np.where(group.asks, values < 0, changes(before, values)).any(1)
+        busy |= changes([test for test, _ in group.columns], before, values).any(1)
         busy |= segments.tangents[:, -1] * segments.tangents_b[:, -1] < 0
         if len(at := self.limits.at):
             lowest, highest = np.minimum(segments.a[:, -1], value), np.maximum(segments.a[:, -1], value)
@@ -198,55 +249,63 @@ class Run:
 
     def _comes_home(self, problem: Problem, segments: Segments) -> Array:
         """Which segments (q,) pass the first point of their curve, by the rows there."""
-        if problem is not self.problem:
-            return np.zeros(len(segments.lanes), bool)
-        home, rows = self.home[segments.lanes], self.home_rows[segments.lanes]
-        passes = ((segments.a - home) * rows).sum(1) < 0
-        passes &= ((segments.b - home) * rows).sum(1) >= 0 if passes.any() else False
+        shared, home, rows = problem.shared, self.home[segments.lanes], self.home_rows[segments.lanes]
+        a, b = segments.a[:, shared], segments.b[:, shared]
+        if a.shape != home.shape:
+            return np.zeros(len(home), bool)
+        passes = ((a - home) * rows).sum(1) < 0
+        passes &= ((b - home) * rows).sum(1) >= 0 if passes.any() else False
         if passes.any():
-            sizes = problem.size(segments.lanes, segments.a)
-            away, chord = (home - segments.a) / sizes, (segments.b - segments.a) / sizes
+            sizes = problem.size(segments.lanes, segments.a)[:, shared]
+            away, chord = (home - a) / sizes, (b - a) / sizes
             passes &= (away * away).sum(1) <= FARTHEST**2 * (chord * chord).sum(1)
         return passes
 
-    def _along(
-        self, group: Group, lane: int, points: Points, segments: Segments, found: dict[int, list[Found]]
-    ) -> list[Item]:
-        """The items of a lane, up to where it ends or goes on as the curve of another problem."""
-        own, items = np.flatnonzero(points.lanes == lane), list[Item]()
-        (low, high), begun = self.limits.bounds[lane], int(own[0])  # points from there on are not yet among the items
-        for i in (i for i in own.tolist() if i in found):
-            here, value = points[i : i + 1], float(points.values[i])
-            of_run = self._of_run(group.problem, segments.only([i]), here)
-            for each in sorted([*found[i], *of_run], key=lambda each: each.share):
-                point, does = each.point or here, each.test.does if each.test else CHANGES
-                if not low <= point.values[0] <= high:  # it lies behind a bound, where the curve ends
-                    continue
-                items += self._block(points[begun : i + (point is here)])
-                begun = i + (point is here)
-                items += self._block(point) if point is not here and does == CHANGES else []
-                event = Event(each.kind, point, int(self.progress.count[lane]) - 1, each.which)
-                if does != ASKS if each.test else each.kind == VALUE and point.values[0] in self.limits.at:
-                    items.append(event)
-                if onward := self._after(group.problem, event, does if each.test else ""):
-                    return items + self._leads_on(group, onward, lane)
-            if not low <= value <= high:
-                bound = low if value < low else high
-                return items + self._leads_on(group, End("stuck", f"no point is found at the bound {bound:g}"), lane)
-        return items + self._block(points[begun : own[-1] + 1])
+    def _on_segment(self, group: Group, part: Part, i: int, segment: Segments, found: list[Found]) -> bool:
+        """Add the items on a segment (1) that ends at point `i` to those of its lane, up to where this ends or goes on
+        as the curve of another problem; whether it does."""
+        lane, here, value = int(segment.lanes[0]), part.points[i : i + 1], float(part.points.values[i])
+        low, high = self.limits.bounds[lane]
+        own_places, missing = self._of_run(group.problem, segment, here)
+        found = sorted([*found, *own_places], key=lambda each: each.share)
+        own = [(each.kind, each.point.values[0]) for each in found if each.test is None and each.point is not None]
+        if not low <= value <= high and not any(kind == CLOSED or at in (low, high) for kind, at in own):
+            part.unlocated = f"the bound {low if value < low else high:g}"
+        lost = (each.kind for each in found if each.point is None and each.test and each.test.does != ASKS)
+        part.unlocated = next(lost, part.unlocated or missing)
+        if part.unlocated:
+            part.items += self._block(part.points[part.begun : i])
+            return False
+        slack = OUTSIDE * abs(float(segment.b[0, -1] - segment.a[0, -1]))
+        for each in found:
+            point, does = each.point or here, each.test.does if each.test else CHANGES
+            if not low - slack <= point.values[0] <= high + slack:  # it lies behind a bound, where the curve ends
+                continue
+            part.items += self._block(part.points[part.begun : i + (point is here)])
+            part.begun = i + (point is here)
+            part.items += self._block(point) if point is not here and does == CHANGES else []
+            event = Event(each.kind, int(self.progress.count[lane]) - 1, point, each.which)
+            onward = self._after(group.problem, event, does if each.test else "")
+            requested = each.kind == VALUE and point.values[0] in self.limits.at and onward is None
+            if does != ASKS if each.test else requested:
+                part.items.append(event)
+            if onward:
+                part.items += self._leads_on(group, onward, lane)
+                return True
+        return False
 
-    def _of_run(self, problem: Problem, segment: Segments, point: Points) -> list[Found]:
+    def _of_run(self, problem: Problem, segment: Segments, point: Points) -> tuple[list[Found], str]:
         """The requested values and the bounds of the parameter on a segment (1) up to a point (1), and the first point
-        of its curve."""
-        lane, options = int(segment.lanes[0]), self.options
+        of its curve; and a value that is passed and not found, in words."""
+        lane, options = int(segment.lanes[0]), self._steps(problem)
         own = [Found(0, 1.0, VALUE, None)] if point.values[0] in self.limits.at else []
         values = {*self.limits.at.tolist(), *self.limits.bounds[lane].tolist()}
-        hits = landings(problem, segment, values, float(point.lengths[0]), options)
+        hits, missing = landings(problem, segment, values, float(point.lengths[0]), options)
         own += [Found(0, share, VALUE, place) for share, place in hits]
         near = self._comes_home(problem, segment)[0]
         if near and (home := closing(problem, segment, self.home[lane], self.home_rows[lane], options)):
             own.append(Found(0, home[0], CLOSED, home[1]))
-        return own
+        return own, "" if missing is None else f"the value {missing:g}"
 
     def _after(self, problem: Problem, event: Event, does: str) -> Start | End | None:
         """What follows an event of a test with this purpose, or of the run itself."""
@@ -259,7 +318,7 @@ class Run:
 
     def _ends(self, group: Group, refused: dict[int, object]) -> list[Item]:
         """The ends of curves at a bound or after the largest number of points, and what follows those that are lost."""
-        lanes, progress, options = group.lanes, self.progress, self.options
+        lanes, progress, options = group.lanes, self.progress, self._steps(group.problem)
         value, rate = group.tails.xs[:, -1, -1], group.tails.tangents[:, -1, -1]
         low, high = self.limits.bounds[lanes].T
         arrived = (value >= high) & (rate > 0) | (value <= low) & (rate < 0)
@@ -284,11 +343,16 @@ class Run:
         self.groups = [each for each in self.groups if len(each.lanes)]
         if isinstance(onward, End):
             return [replace(onward, lane=lane)]
-        first = self._first_of(onward, lane)
-        if not len(first) or (is_new and self.progress.count[lane] == self.progress.begun[lane]):
+        if onward.passed:
+            kind, point = onward.passed
+            event = Event(kind, int(self.progress.count[lane]) - 1, point.having(lanes=np.array([lane])))
+            return [event, *self._leads_on(group, onward._replace(passed=None), lane, is_new)]
+        first, options = self._first_of(onward, lane), self._steps(onward.problem)
+        again = onward.problem is group.problem and self.progress.count[lane] == self.progress.begun[lane]
+        if not len(first) or (is_new and again):
             return [End("stuck", "the curve does not go on where its problem changes or behind its corner", lane)]
-        self.progress.begin(lane, self.options, is_new)
-        begun = Group.of(onward.problem, [first], self.options.memory)
+        self.progress.begin(lane, options, is_new)
+        begun = Group.of(onward.problem, [first], options.memory)
         if same := next((each for each in self.groups if each.problem is onward.problem), None):
             same.take(same.joined(begun))
         else:
@@ -300,11 +364,12 @@ class Run:
 
     def _first_of(self, start: Start, lane: int) -> Points:
         """The first point (1) of a curve that goes on; none where there is no such point."""
+        if start.point is not None:
+            return start.point.having(lanes=np.array([lane]), lengths=np.zeros(1))
         lanes, x, tangent, problem = np.array([lane]), start.x[None], start.tangent[None], start.problem
         row = problem.rows(lanes, x, tangent)
         border = start.border or Border(row, (row * x).sum(1))
-        which, first = correct(problem, lanes, x, border, tangent, self.options)
-        return certified(problem, which, first.having(lengths=np.zeros(len(first))))[1]
+        return solved_at(problem, lanes, x, border, tangent, self._steps(problem))
 
     def _block(self, points: Points) -> list[Item]:
         """Points as an item, where there are any; they are the next ones of their lanes."""

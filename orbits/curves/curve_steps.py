@@ -4,18 +4,15 @@ A step of length s along the unit tangent t from X0 solves F(X) = 0, row . (X - 
 large relative to s may have led to another curve, so a shorter step is tried.
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..numerics.hermite import through
 from .bordered_newton import Border, correct
-from .protocol import Array, Points, Problem
+from .protocol import Array, Barrier, Points, Problem
 from .step_options import Steps
-
-# Stands for a correction of 0 in the ratio of lengths, which has its bounds.
-NOTHING = 1e-300
 
 
 class Tails(NamedTuple):
@@ -62,7 +59,9 @@ class Taken(NamedTuple):
     ends : their ends (j), with the lengths of the steps
     rows, levels : (j, n + 1) and (j,), the borders of these
     lengths : the lengths (k,) of the next steps
-    arrives : whether a step ends at the bound ahead (j,)
+    arrives : whether a step ends at the bound or a barrier ahead (j,)
+    missed : the distances (k,) to the bound ahead of steps that were to end there and are rejected; else infinite
+    reasons : why steps are rejected, by index
     """
 
     which: Array
@@ -71,22 +70,31 @@ class Taken(NamedTuple):
     levels: Array
     lengths: Array
     arrives: Array
+    missed: Array
+    reasons: Mapping[int, str]
 
 
 def step(problem: Problem, lanes: Array, tails: Tails, lengths: Array, bounds: Array, options: Steps) -> Taken:
-    """A step of each lane (k,) from the end of its tail, of these lengths (k,), or up to the bound (k, 2) ahead."""
+    """A step of each lane (k,) from the end of its tail, of these lengths (k,), or up to the bound (k, 2) or a barrier
+    ahead."""
     xs, tangents, n = tails.xs[:, -1], tails.tangents[:, -1], tails.xs.shape[2]
     sizes, rows = problem.size(lanes, xs), problem.rows(lanes, xs, tangents)
     bound = np.where(tangents[:, -1] > 0, bounds[:, 1], bounds[:, 0])
     with np.errstate(divide="ignore", invalid="ignore"):
         left = (bound - xs[:, -1]) / tangents[:, -1]
     lands = (left > 0) & (left <= lengths) & np.isfinite(bound)
-    taken = np.where(lands, left, lengths)
+    taken, missed = np.where(lands, left, lengths), np.where(lands, left, np.inf)
+    barriers = problem.barriers(lanes, xs, tangents, taken)
+    for k, barrier in barriers.items():
+        taken[k], lands[k] = barrier.left, False
     straight = xs + taken[:, None] * tangents
     levels = (rows * straight).sum(1)
     if lands.any():
         rows, levels = np.where(lands[:, None], np.eye(1, n, n - 1), rows), np.where(lands, bound, levels)
     guesses, used = _predicted(problem, lanes, tails, rows, levels)
+    for k, barrier in barriers.items():
+        rows[k], levels[k] = barrier.border(guesses[k])
+        guesses[k] += tangents[k] * (levels[k] - rows[k] @ guesses[k]) / (rows[k] @ tangents[k])
     able = np.isfinite(guesses).all(1)
     able &= np.sqrt((((guesses - straight) / sizes) ** 2).sum(1)) <= options.bent * taken
     most = np.minimum(options.corrected * taken, options.moved)
@@ -95,27 +103,54 @@ def step(problem: Problem, lanes: Array, tails: Tails, lengths: Array, bounds: A
         problem,
         lanes[i],
         guesses[i],
-        Border(rows[i], levels[i]),
+        Border(rows[i], levels[i], _bending([barriers.get(k) for k in i.tolist()], rows[i], levels[i])),
         tangents[i],
         options,
         least=options.least,
         rough=np.where(lands, 0.0, options.rough)[i] if options.rough else 0.0,
         reach=options.reach * most[i],
-        record=problem.renews or (problem.records and not options.divided),
+        record=problem.records and not options.divided,
     )
     i = i[solved]
+    for k in barriers.keys() & {*i.tolist()}:
+        levels[k] = rows[k] @ ends.xs[np.searchsorted(i, k)]
+        lands[k] = True
     moved, turned = _apart(problem, ends, guesses[i], tangents[i])
     good = (moved <= most[i]) & (turned <= options.turned)
     good &= problem.accepts(ends.having(xs=xs[i], tangents=tangents[i], own=None), ends) if good.any() else False
-    # The interpolant of k points with tangents has an error of order 2 k in the length.
-    ratios = (options.aim / np.maximum(moved * np.sqrt(ends.growths), NOTHING)) ** (0.5 / used[i])
-    ratios = np.minimum(np.maximum(options.safety * ratios, options.shorten), options.lengthen)
+    ratios = options.ratios(moved * np.sqrt(ends.growths), used[i])
     longest = max(options.longest, options.apart) if options.divided else options.longest
     following = options.shorter * taken
     following[i[good]] = np.minimum(np.maximum(taken, lengths)[i] * ratios, longest)[good]
-    if not good.all():
-        i, ends = i[good], ends[good]
-    return Taken(i, ends.having(lengths=taken[i]), rows[i], levels[i], following, lands[i])
+    if len(i) == len(lanes) and good.all():
+        missed[:] = np.inf
+        return Taken(i, ends.having(lengths=taken), rows, levels, following, lands, missed, {})
+    reasons = {
+        k: f"no point is found in a step of {taken[k]:.1e}" for k in np.delete(np.arange(len(lanes)), i).tolist()
+    }
+    for j in np.flatnonzero(~good).tolist():
+        what = f"the corrector moves {moved[j]:.1e} in a step of {taken[i[j]]:.1e}"
+        reasons[int(i[j])] = f"{what}, the tangent turns by {turned[j]:.2g}"
+    i, ends = i[good], ends[good]
+    missed[i], missed[list(barriers)] = np.inf, np.inf
+    return Taken(i, ends.having(lengths=taken[i]), rows[i], levels[i], following, lands[i], missed, reasons)
+
+
+def _bending(
+    barriers: Sequence[Barrier | None], rows: Array, levels: Array
+) -> Callable[[Array, Array, Any], tuple[Array, Array]] | None:
+    """The rows and levels of a `Border` that follow the barriers of some points (k,); None where there are none."""
+    if not any(barriers):
+        return None
+
+    def bends(which: Array, xs: Array, _: Any) -> tuple[Array, Array]:
+        own, wanted = rows[which], levels[which]
+        for j, k in enumerate(which.tolist()):
+            if (barrier := barriers[k]) is not None:
+                own[j], wanted[j] = barrier.border(xs[j])
+        return own, wanted
+
+    return bends
 
 
 def _predicted(problem: Problem, lanes: Array, tails: Tails, rows: Array, levels: Array) -> tuple[Array, Array]:
@@ -185,9 +220,9 @@ def between(problem: Problem, steps: Division, options: Steps) -> tuple[Points, 
     guesses = np.where(ahead[:, None], 0.0, chain.xs[ends[of]])
     guesses[ahead] = steady.at(ends[of[ahead]], side, side, rows[ahead], levels[ahead])
     most = np.minimum(options.corrected * lengths, options.moved)[of]
-    which, points = correct(
-        problem, lanes[of], guesses, Border(rows, levels), before[of], options, reach=options.reach * most
-    )
+    border, reach = Border(rows, levels), options.reach * most
+    rough = np.where(ahead, options.rough, np.inf) if options.rough else 0.0  # the ends are solved but for a step
+    which, points = correct(problem, lanes[of], guesses, border, before[of], options, rough=rough, reach=reach)
     good, whole = np.zeros(len(of), bool), np.ones(len(ends), bool)
     if len(which):
         tangents = np.concatenate([before[:1], points.tangents[:-1]])

@@ -4,32 +4,38 @@ All is in arrays of m points X (m, n + 1), each on one of the curves of the prob
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, cut_in_the_middle
+from .step_options import Steps
 
 Array = np.ndarray
 # The purpose of a test: its zeros are events; at its zeros the problem may change; or, at every point where its value
 # is negative, the problem may change.
 HAPPENS, CHANGES, ASKS = "happens", "changes", "asks"
-# How a curve may end: as it should, at something that its problem knows, or because it cannot be followed.
+# The kinds of ends, in four lines: a bound of the parameter, the first point or another range; what a problem of orbits
+# knows; an event that ends a curve; and a curve that cannot or need not be followed further.
 KINDS_OF_END = (
-    "reached", "closed", "left", "escaped", "homoclinic", "degenerate", "infeasible", "fold", "bifurcation", "jump",
-    "border", "stuck", "stopped", "interrupted",
+    "reached", "closed", "left",
+    "escaped", "homoclinic", "degenerate", "infeasible", "no launch",
+    "fold", "flip", "bifurcation", "jump", "border",
+    "stuck", "stopped", "interrupted",
 )  # fmt: skip
+
+LONGEST_REASON = 100  # characters in a line that describes an end
+# The bounds of a determinant, which is a product of as many numbers as there are unknowns.
+FINITE = -1e300, 1e300
 
 
 class Evaluation(Protocol):
     """The equations at m points.
 
     residual, jacobian : (m, n), (m, n, n + 1)
-    amplification : factors (m,) by which a Newton step has to be smaller to be the last one
-
-    Where the Jacobian is not dense, a method `bordered(rows (m, n + 1), right (m, n + 1, k))` returns the solutions
-    (m, n + 1, k) of the systems of the Jacobians above the rows.
+    amplification : factors (m,) by which a Newton step has to be smaller to be the last one; infinite where the
+        equations are not exact: no step there is the last one, and a small one may be their error
     """
 
     residual: Array
@@ -78,41 +84,82 @@ class Points:
         return Points(**(vars(self) | known))
 
 
-class Event(NamedTuple):
-    """An event on a curve: its kind, its point (1), the place in its lane of the last point up to it, and the number of
-    the function of a test with several."""
+@dataclass(frozen=True)
+class Event:
+    """An event on a curve.
+
+    kind : of what happens there
+    after : the place in its lane of the last point up to it
+    point : the point there: `Points` (1) while a curve is followed, a `CriticalPoint` on a curve of minima
+    which : the number of the function, of a test with several, or that of a limit
+    """
 
     kind: str
-    point: Points
     after: int
-    which: int = 0
+    point: Any
+    which: int = field(default=0, compare=False, repr=False)
 
 
 @dataclass(frozen=True)
 class End:
-    """The end of a curve: one of `KINDS_OF_END`, the reason in words, the lane, and what its problem knows, as a limit.
+    """The end of a curve.
+
+    kind : one of `KINDS_OF_END`
+    reason : in words
+    limit, limit_error : the value that the parameter tends to, where it does not reach its bound, and an estimate of
+        its error; None where it tends to none
+    period_growth : what the period of an orbit that becomes homoclinic grows by as the distance of the parameter from
+        its limit falls by the factor e, measured along the family; None otherwise
+    lane : the lane of the curve
 
     Raises `InputError` for another kind.
     """
 
     kind: str
-    reason: str = ""
-    lane: int = 0
-    known: Any = None
+    reason: Any = ""
+    limit: float | None = None
+    limit_error: float | None = None
+    period_growth: float | None = None
+    lane: int = field(default=0, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS_OF_END:
             raise InputError(f"a curve cannot end as '{self.kind}'; the ends are {', '.join(KINDS_OF_END)}")
 
+    def __repr__(self) -> str:
+        reason = self.reason if len(self.reason) <= LONGEST_REASON else cut_in_the_middle(self.reason, 70, 25)
+        return f"End(kind={self.kind!r}, reason={reason!r}, limit={self.limit!r}, limit_error={self.limit_error!r})"
+
 
 class Start(NamedTuple):
     """Where a curve goes on, as that of another problem or behind a corner: near x (n + 1,), with a tangent (n + 1,)
-    that points onward, at a border; the row of the tangent at x by default."""
+    that points onward, at a border; the row of the tangent at x by default. The certified point (1) there, where it is
+    known; and what is passed on the way, as a corner, with its kind and its certified point (1)."""
 
     problem: "Problem"
     x: Array
     tangent: Array
     border: Any = None
+    passed: tuple[str, Points] | None = None
+    point: Points | None = None
+
+    @classmethod
+    def at(cls, problem: "Problem", point: Points, passed: tuple[str, Points] | None = None) -> "Start":
+        """On a curve of a problem at its certified point (1)."""
+        return cls(problem, point.xs[0], point.tangents[0], None, passed, point)
+
+
+class Barrier(Protocol):
+    """A place ahead of a point at which the equations are not smooth, where a step ends.
+
+    left : its distance along the tangent
+    border : X (n + 1,) -> the row (n + 1,) and the level of the barrier, to first order near X
+    """
+
+    @property
+    def left(self) -> float: ...
+
+    def border(self, x: Array) -> tuple[Array, float]: ...
 
 
 @dataclass(frozen=True)
@@ -124,9 +171,9 @@ class Test:
     gradient : (problem, X (m, n + 1), evaluation, number of the function) -> values (m,) and derivatives (m, n + 1);
         with it Newton's method finds the event on the curve directly; None is a gradient that is not known
     confirmed : (problem, point (1), number) -> the kind of the event, or None where there is none
-    width : share of the chord to which the place is located; the option `width` by default
     bare : whether X and tangents suffice for the values, so that the points of the search need not be certified
-    places : number of places at which the search cuts a segment at once; above 1 for values that are signs alone
+    places : number of places at which the search cuts a segment at once; above 1 for values that are signs or other
+        labels, of which each change is an event
     beside : share of the chord, above 0 where the equations are singular at the event: it is interpolated from points
         at one and two times this distance on either side
     """
@@ -136,7 +183,6 @@ class Test:
     does: str = HAPPENS
     gradient: Callable[["Problem", Array, Any, int], tuple[Array, Array] | None] | None = None
     confirmed: Callable[["Problem", Points, int], str | None] | None = None
-    width: float | None = None
     bare: bool = False
     places: int = 1
     beside: float = 0.0
@@ -151,12 +197,17 @@ class Problem:
     """The equations of one curve or more. A problem states `evaluate` and `size`; the other methods have defaults."""
 
     tests: Sequence[Test] = ()
+    # Steps along its curves, where these are others than those of a run.
+    steps: Steps | None = None
     # Whether derivatives that are known at a point may serve nearby, in `evaluate`.
     chords = False
     # Whether the equations are evaluated at all points, for tests and certificates that use them.
     records = True
-    # Whether tangents are exact only if they are computed at the points, as where `chords` serve.
+    # Whether tangents are exact only if they are computed anew where the equations at points are recorded, as where
+    # `chords` serve or the last step of Newton's method is not small.
     renews = False
+    # The places of those components that all problems of a run have, by which it is seen whether a curve is closed.
+    shared: Any = slice(None)
     # Newton's method in one compiled call: (lanes, xs, rows, levels, least, record) -> the indices of the solved
     # points, X, directions, amplifications and evaluation; None where it does not apply.
     solver: Callable[..., tuple | None] | None = None
@@ -181,12 +232,35 @@ class Problem:
         """The tangents (m, n + 1) from which neighbours are interpolated."""
         return tangents
 
+    def units(self, sizes: Array, evaluation: Any) -> Array:
+        """The units (m, n + 1) of Newton steps at points of these sizes, for equations that some components determine
+        more sharply than by their sizes."""
+        return sizes
+
+    def rounding(self, evaluation: Any, rows: Array) -> Array | float:
+        """The sizes (m, n + 1) of Newton steps to levels of rows (m, n + 1) that rounding alone may cause."""
+        return 0.0
+
+    def barriers(self, lanes: Array, xs: Array, tangents: Array, lengths: Array) -> Mapping[int, Barrier]:
+        """The barriers within these lengths (m,) of points, by index."""
+        return {}
+
+    def rescued(self, lane: Array, x: Array, tangent: Array, length: float) -> tuple[Points, Any] | None:
+        """The next point (1) of a lane (1,), about this length ahead of X (1, n + 1), by another method where no step
+        leads to one, with its border; None where there is none."""
+        return None
+
     def certify(self, points: Points) -> tuple[Points, Mapping[int, Exception]]:
         """The points with their `own`, and the errors of the points that are refused, by index."""
         return points, {}
 
+    def regular(self, points: Points) -> Points:
+        """Points at which the equations are singular, as they can be certified."""
+        return points
+
     def accepts(self, before: Points, points: Points) -> Array:
-        """Whether points (m,) may be neighbours of the points (m,) before them."""
+        """Whether points (m,) may be neighbours of the points (m,) before them: the ends of steps, without `own`, and
+        all certified points."""
         return np.ones(len(points), bool)
 
     def changed(self, event: Event, passed: Sequence[Points]) -> Start | End | None:
@@ -196,7 +270,7 @@ class Problem:
 
     def lost(self, lane: int, passed: Sequence[Points], error: object) -> Start | End:
         """The end of a curve that cannot be followed beyond its last point, or where it goes on, as behind a corner."""
-        return End("stuck", str(error), lane)
+        return End("stuck", str(error), lane=lane)
 
 
 def _turning(problem: Problem, points: Points) -> Array:
@@ -210,7 +284,8 @@ def _bordered_determinants(problem: Problem, points: Points) -> Array:
         raise InputError("branch points need the equations at the points: set `records = True` of the problem")
     sizes = problem.size(points.lanes, points.xs)
     jacobians, tangents = points.evaluation.jacobian[points.places] * sizes[:, None], points.tangents / sizes
-    return np.linalg.det(np.concatenate([jacobians, tangents[:, None]], axis=1))
+    with np.errstate(over="ignore"):  # of many unknowns, where the sign counts
+        return np.clip(np.linalg.det(np.concatenate([jacobians, tangents[:, None]], axis=1)), *FINITE)
 
 
 # Two tests that all problems may use: a point at which the parameter turns round, and one at which curves cross.

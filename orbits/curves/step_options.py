@@ -34,9 +34,11 @@ class Steps:
     corrections, least : Newton steps of a correction at most; and at least, at the end of a step
     settled : Newton steps at least for points from which one with singular equations is interpolated
     reach : a Newton step that is this many times the largest correction ends the correction
-    rough : Newton step below which the end of a step that lands on no requested value is accepted
+    rough : Newton step below which the end of a step that lands on no requested value, or a point between ends, is
+        accepted; where the equations are recorded, another step follows
     separation : least distance of a regular point from a requested value, as a share of the distance of points
     batch, growth : largest number of points in a batch; factor by which a batch grows after one without a rejection
+    grown : a batch ends with a step to a point that amplifies small changes by more than this
     rejections, recovery : a curve is lost after this many rejected batches; this many accepted points offset one
     most : largest number of points of a curve
     width : share of the chord between two points to which an event is located
@@ -66,6 +68,7 @@ class Steps:
     separation: float = _from_to(0.0, 0.5, 0.1)
     batch: int = _from_to(1, 100_000, 640)
     growth: int = _from_to(1, 1000, 4)
+    grown: float = _from_to(1.0, np.inf, np.inf)
     rejections: int = _from_to(0, 100_000, 16)
     recovery: int = _from_to(1, 100_000, 20)
     most: int = _from_to(1, 10**9, 10_000)
@@ -84,6 +87,13 @@ class Steps:
             raise InputError(f"steps: {lengths}; lengths are above 0, and the longest step is above the shortest")
         if self.first <= self.shortest:
             raise InputError(f"steps.first = {self.first:g}; it is above the shortest step, {self.shortest:g}")
+
+    def ratios(self, errors: Any, used: Any) -> Any:
+        """The ratios (m,) of next steps to accepted ones, whose ends were predicted with these errors (m,), the
+        amplification included, from numbers (m,) of points."""
+        # The interpolant of k points with tangents has an error of order 2 k in the length.
+        ratios = (self.aim / np.maximum(errors, np.finfo(float).tiny)) ** (0.5 / used)
+        return np.minimum(np.maximum(self.safety * ratios, self.shorten), self.lengthen)
 
     @property
     def divided(self) -> bool:

@@ -59,22 +59,39 @@ def test_least_and_rough_bound_the_number_of_steps():
     assert counts == [1, 3, 6]
 
 
-def test_evaluations_may_solve_their_own_bordered_systems():
-    class Sparse(Values):
-        def bordered(self, rows, right):
-            return np.linalg.solve(np.concatenate([self.jacobian, rows[:, None]], axis=1), right)
+def test_equations_that_are_not_exact_end_no_correction():
+    """Of the first two evaluations the residuals have errors, and the steps with these grow from 1e-7 to 2e-7."""
 
-    class Sparsely(Formula):
-        def evaluate(self, *args, **kwargs):
-            which, found = super().evaluate(*args, **kwargs)
-            return which, Sparse(found.residual, found.jacobian)
+    class Inexact(Formula):
+        def evaluate(self, *args):
+            which, found = super().evaluate(*args)
+            error = {1: 2e-7, 2: -2e-7}.get(self.calls, 0.0)
+            return which, Rough(found.residual + error, found.jacobian, np.inf if error else 1.0)
 
-    found = [
-        correct(kind(circle), LANES[:1], np.array([[0.9, 0.1]]), Border.of_component(1, np.array([0.1]), 2),
-                np.array([[0.0, 1.0]]), Steps())[1]
-        for kind in (Formula, Sparsely)
-    ]  # fmt: skip
-    assert found[0].xs.tolist() == found[1].xs.tolist()
+    class Rough(Values):
+        def __init__(self, residual, jacobian, factor):
+            super().__init__(residual, jacobian)
+            self.factor = factor
+
+        amplification = property(lambda self: np.full(1, self.factor))
+
+    guess, border, onward = np.array([[1.0, 0.0]]), Border.of_component(1, np.zeros(1), 2), np.array([[0.0, 1.0]])
+    _, points = correct(Inexact(circle), LANES[:1], guess, border, onward, Steps())
+    assert points.xs.tolist() == [[pytest.approx(1.0, abs=1e-15), 0.0]]
+
+
+def test_recorded_points_take_a_step_behind_a_rough_one():
+    """Newton's step for the square root of 1 - p**2 squares the error and halves it."""
+    guess, border, onward = (
+        np.array([[1.0 + 1e-4, 0.0]]),
+        Border.of_component(1, np.zeros(1), 2),
+        np.array([[0.0, 1.0]]),
+    )
+    for rough, calls, error in ((1e-2, 2, 1.25e-17), (np.inf, 1, 5e-9)):
+        problem = Formula(circle)
+        _, points = correct(problem, LANES[:1], guess, border, onward, Steps(), rough=np.full(1, rough))
+        assert problem.calls == calls
+        assert points.xs[0, 0] - 1.0 == pytest.approx(error, abs=1e-12)
 
 
 def test_one_compiled_call_may_do_the_whole_correction():

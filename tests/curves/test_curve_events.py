@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from plane_curves import Formula, circle, found_by, run_of
 
-from orbits.curves import CHANGES, Steps, Test
+from orbits.curves import CHANGES, Border, Steps, Test, solved_at
 
 DEFAULT = Steps()
 LINE = ((0.0, -1.0), {"stop": 1.0})
@@ -40,10 +40,10 @@ def test_functions_without_a_value_and_poles_are_no_events():
 
 def test_a_sign_is_located_by_cutting_at_several_places_at_once():
     place = 1 / np.pi
-    sign = Test("jump", lambda problem, p: np.where(p.values < place, -1.0, 1.0), places=7, width=1e-12)
-    events, problem = events_of(sign, start=START)
+    sign = Test("jump", lambda problem, p: np.where(p.values < place, -1.0, 1.0), places=7)
+    events, problem = events_of(sign, start=START, options=Steps(width=1e-12))
     assert events == [("jump", 0, pytest.approx(place, abs=1e-12))]
-    bisected, other = events_of(Test("jump", sign.values, width=1e-12), start=START)
+    bisected, other = events_of(Test("jump", sign.values), start=START, options=Steps(width=1e-12))
     assert bisected == [("jump", 0, pytest.approx(place, abs=1e-12))]
     assert problem.calls < other.calls
 
@@ -66,19 +66,18 @@ def test_the_gradient_of_a_test_saves_the_search():
     assert at_once.calls < searched.calls <= unknown.calls
 
 
-def test_an_event_whose_point_is_refused_is_at_the_end_of_its_segment():
-    """No point between 0.2 and 0.21 is certified, so that the event at 0.205 cannot be located."""
+def test_a_curve_is_lost_before_an_event_that_cannot_be_located():
+    """No point between 0.203 and 0.207 is certified: the event at 0.205 is none at another place."""
 
     def certify(points):
         return points, {i: ValueError() for i, value in enumerate(points.values) if 0.203 < value < 0.207}
 
     options = Steps(apart=np.inf, longest=0.02, first=0.02, lengthen=1.0, safety=1.0)
-    events, _ = events_of(
-        Test("zero", lambda problem, p: p.values - 0.205), start=START, certify=certify, options=options
-    )
-    ((kind, _, value),) = events
-    assert kind == "zero"
-    assert 0.205 < value < 0.225
+    problem = Formula(line, [Test("zero", lambda problem, p: p.values - 0.205)])
+    problem.certify = certify
+    xs, events, (end,) = found_by(run_of(problem, START, stop=1.0, options=options))
+    assert (events, end.kind) == ([], "stuck")
+    assert 0.2 < xs[-1][1] < 0.203
 
 
 def test_a_change_that_leads_nowhere_leaves_the_curve_as_it_was():
@@ -87,3 +86,15 @@ def test_a_change_that_leads_nowhere_leaves_the_curve_as_it_was():
     xs, events, (end,) = found_by(run_of(problem, START, stop=1.0))
     assert (len(events), end.kind) == (1, "reached")
     assert [x[1] for x in xs].count(events[0].point.values[0]) == 1
+
+
+def test_points_are_solved_at_a_component_and_certified():
+    """Of the circle at x = 0.6 and 0.8 and at 1.2, where there is none; the second one is refused."""
+    problem = Formula(circle)
+    problem.certify = lambda points: (points.having(own=points.lanes), {1: ValueError("refused")})
+    border = Border.of_component(0, np.array([0.6, 0.8, 1.2]), 2)
+    xs, onward = np.array([[0.5, 0.5]] * 3), np.array([[-1.0, 0.0]] * 3)
+    points = solved_at(problem, np.arange(3), xs, border, onward, DEFAULT)
+    assert points.own.tolist() == [0]
+    assert points.xs[0] == pytest.approx([0.6, 0.8], abs=1e-15)
+    assert points.tangents[0] == pytest.approx([-0.8, 0.6], abs=1e-8)
