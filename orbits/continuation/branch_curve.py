@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..consistency.accepted import check_parameters
+from ..curves import Steps
 from ..errors import FlowError, InputError, NoOrbit, finite_number, is_list
 from ..numerics.roots import solve
 from ..periodic.branch_points import BranchPoint, Lateral, branch_point
@@ -15,9 +16,8 @@ from ..running.time_limit import check_time
 from ..shooting.newton_kernel import MOST_NEWTON_STEPS
 from ..shooting.single_shooting import Shooting
 
-# The shortest step, as a share of that from one value to the next; and the largest change of an unknown by the
-# corrector, as a share of the largest unknown.
-SHORTEST_ADVANCE, MOST_CORRECTED = 0.05, 0.1
+# Lengths are shares of the way from one value to the next, and corrections shares of the largest unknown.
+BETWEEN_VALUES = Steps(first=1.0, longest=1.0, shortest=0.05, apart=np.inf, moved=0.1, corrections=MOST_NEWTON_STEPS)
 
 
 @exclusive
@@ -65,9 +65,11 @@ def follow_branch_points(point: BranchPoint, along: str, values: Sequence[float]
     return tuple(found)
 
 
-def _led(equations: Shooting, u: np.ndarray, p: np.ndarray, place: int, value: float) -> np.ndarray:
+def _led(
+    equations: Shooting, u: np.ndarray, p: np.ndarray, place: int, value: float, steps: Steps = BETWEEN_VALUES
+) -> np.ndarray:
     """The unknowns (n,) to which those with parameters (np,) lead as the one at a place goes to a value."""
-    here, along, share = p.copy(), equations.parameters[place], 1.0
+    here, along, share = p.copy(), equations.parameters[place], steps.first
     while here[place] != value:
         check_time()
         jacobian = equations.evaluate(u, here, (along,)).jacobian
@@ -80,13 +82,13 @@ def _led(equations: Shooting, u: np.ndarray, p: np.ndarray, place: int, value: f
             with np.errstate(over="ignore"):  # a far value is gone to in smaller steps, or not at all
                 guess = u + (ahead[place] - here[place]) * tangent
             try:
-                found, _ = equations.newton(guess, ahead, MOST_NEWTON_STEPS)
-                if np.abs(found - guess).max() > MOST_CORRECTED * np.abs(found).max():
+                found, _ = equations.newton(guess, ahead, steps.corrections)
+                if np.abs(found - guess).max() > steps.moved * np.abs(found).max():
                     raise NoOrbit("the corrector ends far from the predicted branch point")
                 break
             except (NoOrbit, FlowError):
-                share /= 2
-                if share < SHORTEST_ADVANCE:
+                share *= steps.shorter
+                if share < steps.shortest:
                     raise
-        u, here, share = found, ahead, 2 * share
+        u, here, share = found, ahead, steps.lengthen * share
     return u

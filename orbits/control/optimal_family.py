@@ -17,10 +17,12 @@ import numpy as np
 
 from ..continuation.follow import bounds_of
 from ..continuation.step_control import checked_options
+from ..curves import End, Event, Steps
+from ..curves.kkt_curve import ENDS_OF_MINIMA, MinimumCurve
+from ..curves.kkt_limits import CriticalPoint
+from ..curves.kkt_options import STEPS_OF_MINIMA
 from ..errors import InputError, NoOrbit, finite_number
 from ..io import Document
-from ..numerics.kkt_curve import CurveEnd, CurveEvent, CurveOptions, MinimumCurve
-from ..numerics.kkt_limits import CriticalPoint
 from ..numerics.roots import Array
 from ..result import Axes, Result, Row, shown, stored
 from ..running import interrupts
@@ -34,15 +36,8 @@ from .stage import Stage
 from .steer import steered_on_intervals
 from .transcription import advance, transcription
 
-# Shares of an interval at which path expressions are evaluated along a family.
-WATCHED_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
-MOST_EXCHANGES = 200  # exchanges of points of path conditions, and halvings of steps, in a family
-# A path expression below this touches zero; within the second share of an interval from its end it does so at the end.
-TOUCHES, AT_END = 1e-6, 1e-4
-# How a curve ends where a touch becomes flat; the step beyond, as a share of the whole range, and the change of the
-# cost beside its slope with which the motion there is the next one.
+# How a curve ends where a touch becomes flat.
 LOST_TOUCHES = ("fold", "bifurcation", "degenerate", "stuck")
-STEP_PAST_FLAT, CHANGE_PAST_FLAT = 1e-3, 1e-3
 # (parameter of the family) -> the fixed parameters of its program, and their derivatives.
 FixedParameters = Callable[[float], tuple[Array, Array]]
 
@@ -63,13 +58,31 @@ class OptimalEvent:
     what: str
 
 
-@dataclass(frozen=True)
-class FamilyEnd:
-    """The end of a family of optimal motions: "reached", "fold", "bifurcation", "infeasible", "degenerate", "stuck" or
-    "stopped", and the reason in words."""
+# The name that pickled families have for the class of their ends.
+FamilyEnd = End
 
-    kind: str
-    reason: str = ""
+
+@dataclass(frozen=True, kw_only=True)
+class Refinement:
+    """When and how the program of a family is refined.
+
+    watched : shares of an interval at which path expressions are evaluated
+    most : largest number of exchanges of points of path conditions, and of halvings of steps
+    touches : a path expression below this touches zero
+    at_end : share of an interval from its end within which an expression touches zero at the end
+    beyond_flat : step beyond a touch that becomes flat, as a share of the range of the parameter
+    change : on this step the cost may change by this share, and by twice what its slope predicts
+    """
+
+    watched: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 1.0)
+    most: int = 200
+    touches: float = 1e-6
+    at_end: float = 1e-4
+    beyond_flat: float = 1e-3
+    change: float = 1e-3
+
+
+REFINEMENT = Refinement()
 
 
 @dataclass(frozen=True, repr=False)
@@ -83,7 +96,7 @@ class OptimalFamily(
     values, costs, slopes : (k,), of the parameter, the least cost, and the derivative of the least cost by it
     active : of each point the bounds that are active, in words
     events : in order
-    end : how the family ends
+    end : "reached", "fold", "bifurcation", "infeasible", "degenerate", "stuck" or "stopped", with the reason in words
     unknowns : number of unknowns of the program
     seconds : time taken in all
     units : of the cost and the parameter, by name; empty where the numbers are not in SI
@@ -95,7 +108,7 @@ class OptimalFamily(
     slopes: np.ndarray
     active: tuple[tuple[str, ...], ...]
     events: tuple[OptimalEvent, ...]
-    end: FamilyEnd
+    end: End
     unknowns: int
     seconds: float
     units: Mapping[str, str] = field(default_factory=dict)
@@ -128,7 +141,8 @@ class OptimalFamily(
         return {self.name: self.values, "cost": self.costs, "slope": self.slopes, "active": active}
 
     def document(self) -> Document:
-        return {"format": self.form(), **stored(replace(self, trail=None))}
+        end = {"kind": self.end.kind, "reason": self.end.reason}
+        return {"format": self.form(), **stored(replace(self, trail=None)), "end": end}
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot the least cost against the parameter, with the events; returns the axes."""
@@ -201,8 +215,8 @@ def follow_optimum(
         raise InputError(f"to = {last:g}: the motion is at this value of {name} already")
     checked = checked_options(at, longest=longest, most=most)
     bounds_of(name, first, last, checked.at)
-    options = CurveOptions(longest_step=checked.longest, most=checked.most)
-    run = _RunAlongFamily(parameters, last, checked.at, options)
+    steps = replace(STEPS_OF_MINIMA, longest=checked.longest, most=checked.most)
+    run = _RunAlongFamily(parameters, last, checked.at, steps)
     with interrupts.deferred():
         end = run.trace(known, first)
     values, costs, slopes = np.array([(p.value, p.cost, p.slope) for *_, p in run.points]).T
@@ -234,30 +248,33 @@ def _one_of(fixed: Array, place: int) -> FixedParameters:
 class _RunAlongFamily:
     """A run along a family, which collects its points, the bounds active at each, and the events."""
 
-    def __init__(self, parameters: FixedParameters, last: float, at: Sequence[float], options: CurveOptions):
-        self.parameters, self.last, self.at, self.options = parameters, last, at, options
+    def __init__(
+        self, parameters: FixedParameters, last: float, at: Sequence[float], steps: Steps,
+        options: Refinement = REFINEMENT,
+    ):  # fmt: skip
+        self.parameters, self.last, self.at, self.steps, self.options = parameters, last, at, steps, options
         self.points = list[tuple[MinimumCurve, WarmStart, CriticalPoint]]()
         self.active, self.events = list[list[str]](), list[OptimalEvent]()
 
-    def trace(self, start: WarmStart, value: float) -> FamilyEnd:
+    def trace(self, start: WarmStart, value: float) -> End:
         """Follow to the end."""
         curve = self._curve_of(start, value)
-        for _ in range(MOST_EXCHANGES):
+        for _ in range(self.options.most):
             onward = self._along(curve, start)
-            if isinstance(onward, FamilyEnd):
+            if isinstance(onward, End):
                 return onward
             curve, start = onward
-        return FamilyEnd("stopped", f"the program was refined {MOST_EXCHANGES} times: take more intervals")
+        return End("stopped", f"the program was refined {self.options.most} times: take more intervals")
 
     def _curve(self, program: ParametricTranscription, x: Array, multipliers: Array, value: float) -> MinimumCurve:
-        return MinimumCurve(program, x, multipliers, value, self.last, self.options)
+        return MinimumCurve(program, x, multipliers, value, self.last, self.steps)
 
     def _curve_of(self, start: WarmStart, value: float) -> MinimumCurve:
         """The curve from a solution, with one exchange point at each place at which a path expression is least."""
         assert start.multipliers is not None
         fixed, problem = self.parameters(value)[0], start.problem
         (bound, held), unit = start.multipliers, start.unit
-        points, totals, held = _touches(start, fixed) if problem.exchange_points else ([], [], held)
+        points, totals, held = _touches(start, fixed, self.options) if problem.exchange_points else ([], [], held)
         places = tuple((each.stage, each.interval) for each in points)
         problem = transcription(problem.stages, problem.fixed, problem.free, problem.substeps, places)
         program = ParametricTranscription(problem, points, self.parameters, start.free)
@@ -267,24 +284,25 @@ class _RunAlongFamily:
         x = np.append(start.x, [each.share for each in points if each.moving])
         return self._curve(program, x, unit * np.concatenate([bound, still, rows, still]), value)
 
-    def _along(self, curve: MinimumCurve, start: WarmStart) -> FamilyEnd | tuple[MinimumCurve, WarmStart]:
+    def _along(self, curve: MinimumCurve, start: WarmStart) -> End | tuple[MinimumCurve, WarmStart]:
         """Follow a program; the end, or where its exchange points or its steps have to change, the next curve."""
         program = curve.program
         assert isinstance(program, ParametricTranscription)
         labels, value = program.limit_labels, curve.start
         for item in curve.run([each for each in self.at if (each - value) * (self.last - value) > 0]):
             interrupts.heed()
-            if isinstance(item, CurveEnd):
+            if isinstance(item, End):
                 lost = program.moving and item.kind in LOST_TOUCHES
-                return (self._past_flat_touch(program, start) if lost else None) or FamilyEnd(item.kind, item.reason)
+                return (self._past_flat_touch(program, start) if lost else None) or item
             point = item if isinstance(item, CriticalPoint) else item.point
-            if isinstance(item, CurveEvent):
-                what = ", ".join(dict.fromkeys(labels[i] for i in item.limits)) or "the second-order condition is lost"
-                own = [i for i in item.limits if program.is_share(i)]
+            if isinstance(item, Event):
+                is_end = item.kind in ENDS_OF_MINIMA
+                own = not is_end and program.is_share(item.which)
                 if not own:
+                    what = "the second-order condition is lost" if is_end else labels[item.which]
                     self.events.append(OptimalEvent(item.kind, point.value, point.cost, what))
                 self._record(curve, start, point, labels)
-                if own or (item.kind == "leaves" and {*item.limits} & {*program.touching_limits}):
+                if own or (item.kind == "leaves" and item.which in program.touching_limits):
                     return self._curve_of(_warm_start(start, program, point), point.value), start
                 continue
             dips = self._dips(program, point, start.tolerance)
@@ -293,7 +311,7 @@ class _RunAlongFamily:
             if dips:
                 return self._with_touches(dips, start) or self._refined(program, point, start)
             self._record(curve, start, point, labels)
-        return FamilyEnd("reached")
+        return End("reached")
 
     def _record(self, curve: MinimumCurve, start: WarmStart, point: CriticalPoint, labels: Sequence[str]) -> None:
         """Add a point, in place of the last one where the parameter is the same."""
@@ -313,15 +331,15 @@ class _RunAlongFamily:
         values = np.append(self.parameters(point.value)[0], free)
         pairs = zip(problem.stages, problem.substeps, program.of_stages(point.x), strict=True)
         for i, (stage, substeps, (states, duration, coefficients)) in enumerate(pairs):
-            check = interval_check(stage, problem.names, substeps)
+            check = interval_check(stage, problem.names, substeps, self.options.watched)
             ends, paths = check(states.ravel(), duration, coefficients.ravel(), values, ())
             distance = np.abs(ends) / (1.0 + np.abs(states).max(0)[:, None])
             if not distance.max() <= tolerance:
                 return None
-            paths = paths.reshape(len(WATCHED_SHARES), len(stage.path), stage.intervals)
+            paths = paths.reshape(len(self.options.watched), len(stage.path), stage.intervals)
             for j, interval in np.argwhere(paths.min(axis=0) < -tolerance).tolist():
                 if not any((i, interval, j) == each[:3] for each in program.points):
-                    share = WATCHED_SHARES[int(np.argmin(paths[:, j, interval]))]
+                    share = self.options.watched[int(np.argmin(paths[:, j, interval]))]
                     dips.append(ExchangePoint(i, interval, j, share, 0.0 < share < 1.0))
         return dips
 
@@ -330,8 +348,8 @@ class _RunAlongFamily:
     ) -> tuple[MinimumCurve, WarmStart] | None:
         """The curve from a solution a little beyond the last point, where a touch may have become flat, which makes the
         conditions singular, and has moved to the ends of its interval; None where there is no solution nearby."""
-        point = self.points[-1][2]
-        value = point.value + STEP_PAST_FLAT * (self.last - self.points[0][2].value)
+        point, options = self.points[-1][2], self.options
+        value = point.value + options.beyond_flat * (self.last - self.points[0][2].value)
         if (self.last - value) * (self.last - point.value) <= 0:
             return None
         warm, old = _warm_start(start, program, point), program.problem
@@ -341,10 +359,8 @@ class _RunAlongFamily:
         fixed = dict(zip(program.problem.fixed, self.parameters(value)[0].tolist(), strict=True))
         try:
             found = steered_on_intervals(program.problem.stages, fixed, warm.free, warm, warm.tolerance)
-            near = (
-                abs(found.cost - point.cost)
-                <= CHANGE_PAST_FLAT * abs(point.cost) + abs(point.slope * (value - point.value)) * 2
-            )
+            change = options.change * abs(point.cost) + 2 * abs(point.slope * (value - point.value))
+            near = abs(found.cost - point.cost) <= change
             known = found.warm_start
             curve = self._curve_of(known, value) if near and known is not None else None
         except NoOrbit:
@@ -405,7 +421,7 @@ class _RunAlongFamily:
         return self._curve_of(found, point.value), found
 
 
-def _touches(start: WarmStart, fixed: Array) -> tuple[list[ExchangePoint], list[float], Array]:
+def _touches(start: WarmStart, fixed: Array, options: Refinement) -> tuple[list[ExchangePoint], list[float], Array]:
     """One exchange point for each path expression of an interval that touches zero within it, with its multiplier; and
     the multipliers of all constraints, with those of touches at the ends of intervals."""
     assert start.multipliers is not None
@@ -424,12 +440,13 @@ def _touches(start: WarmStart, fixed: Array) -> tuple[list[ExchangePoint], list[
         stage = problem.stages[i]
         values, shares = motion.stages[i].minima[[*stage.path][j]]
         share = float(shares[interval])
-        if values[interval] > TOUCHES:
+        if values[interval] > options.touches:
             continue
         path, length = motion.stages[i].path, motion.stages[i].unknowns.duration / stage.intervals
         ends = path(length * np.array([interval, interval + 1.0]))[:, path.names.index([*stage.path][j])]
-        if AT_END < share < 1 - AT_END:  # where it touches at both ends too, it is 0 all along, and least nowhere
-            points.append(ExchangePoint(i, interval, j, share, bool(ends.max() > TOUCHES)))
+        # Where it touches at both ends too, it is 0 all along, and least nowhere.
+        if options.at_end < share < 1 - options.at_end:
+            points.append(ExchangePoint(i, interval, j, share, bool(ends.max() > options.touches)))
             totals.append(total)
             continue
         node = interval + round(share)
@@ -442,15 +459,15 @@ def _touches(start: WarmStart, fixed: Array) -> tuple[list[ExchangePoint], list[
 
 
 @cached
-def interval_check(stage: Stage, names: tuple[str, ...], substeps: int) -> BufferedFunction:
+def interval_check(stage: Stage, names: tuple[str, ...], substeps: int, watched: tuple[float, ...]) -> BufferedFunction:
     """(states (n, N) at the starts of a stage's intervals, duration, coefficients (m, N), parameters, nothing) -> the
-    changes (n, N) of their ends where steps are halved, and the path expressions (k, N) within them."""
+    changes (n, N) of their ends where steps are halved, and the path expressions (k, N) at the watched shares."""
     sizes = len(stage.phase.states), 1, len(stage.coefficient_names), len(names), 0
     x, duration, w, p, _ = symbols = [ca.SX.sym("x", size) for size in sizes]
     data = ca.vertcat(p, duration / stage.intervals, w)
     step, finer = advance(stage, names, substeps), advance(stage, names, 2 * substeps)
     change = finer(x, 1.0, data)[0] - step(x, 1.0, data)[0]
-    paths = ca.vertcat(*[step(x, share, data)[2] for share in WATCHED_SHARES])
+    paths = ca.vertcat(*[step(x, share, data)[2] for share in watched])
     # The series is the same at all shares.
     function = ca.Function("check", symbols, [ca.densify(change), ca.densify(paths)], {"cse": substeps == 1})
     return BufferedFunction(function.map("checks", "serial", stage.intervals, [1, 3, 4], []))

@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 import scipy.sparse as sp
 
-from ..numerics.kkt_conditions import FirstDerivatives, SecondDerivatives, filled
+from ..curves.kkt_conditions import FirstDerivatives, SecondDerivatives, filled
 from ..numerics.roots import Array
 from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction

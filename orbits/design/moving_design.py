@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..curves import End
+from ..curves.kkt_conditions import FirstDerivatives, SecondDerivatives
+from ..curves.kkt_limits import CriticalPoint
 from ..errors import InputError, NoOrbit, OrbitsError
 from ..model.machine import Machine
-from ..numerics.kkt_conditions import FirstDerivatives, SecondDerivatives
-from ..numerics.kkt_curve import CurveEnd
-from ..numerics.kkt_limits import CriticalPoint
 from ..numerics.roots import Array
 from ..periodic.orbit import Orbit
 from ..running import interrupts
@@ -134,28 +134,31 @@ class MovingDesign:
         names += [AT_TWO_PLACES for _ in self.corners.known]
         return [*names, self.moving.label][index - n]
 
-    def in_words(self, end: CurveEnd, last: CriticalPoint) -> str:
-        """The end of a curve whose last point is known."""
+    def in_words(self, end: End, last: CriticalPoint) -> End:
+        """The end of a curve whose last point is known, as one of designs."""
         where = f"{self.moving.label} {self.value(last.value):.6g}"
         z, own = np.append(last.x, last.value), self.nearest(last.x, last.value).design
         if jumps := jumping(own, [each.design for each in self.known if np.abs(each.z - z).max() <= BESIDE_AN_END]):
-            return f"beyond {where} the {jumps} is at another place of the motion, and no design near these is best"
+            text = f"beyond {where} the {jumps} is at another place of the motion, and no design near these is best"
+            return End("jump", text)
         if self.reason and end.kind == "stuck":
-            return f"beyond {where}: {self.reason}"
+            return End("stuck", f"beyond {where}: {self.reason}")
         if end.kind in ("fold", "infeasible") and len(np.flatnonzero(last.sides)) >= len(self.free):
             return self.excluded(last.value)
-        return f"at {where}: {ENDS_OF_DESIGNS[end.kind]}"
+        return End(end.kind, f"at {where}: {ENDS_OF_DESIGNS[end.kind]}")
 
-    def off_corner(self, point: CriticalPoint, number: int) -> str:
-        """In words that the designs at both sides of a corner are better than that at it."""
+    def off_corner(self, point: CriticalPoint, number: int) -> End:
+        """The end at a corner where the designs at both sides are better than that at it."""
         where, design = f"{self.moving.label} {self.value(point.value):.6g}", self.nearest(point.x, point.value).design
         name = quantity_with(design, [self.corners.known[number].extreme])
-        return f"at {where} the {name} is at two places of the motion, and designs at both sides are better: a jump"
+        text = f"at {where} the {name} is at two places of the motion, and designs at both sides are better: a jump"
+        return End("jump", text)
 
-    def excluded(self, s: float) -> str:
-        """In words that the active constraints cannot be met beyond a share of the way."""
+    def excluded(self, s: float) -> End:
+        """The end at a share of the way beyond which the active constraints cannot be met."""
         where = f"{self.moving.label} {self.value(s):.6g}"
-        return f"beyond {where} the constraints exclude each other: no design near these meets all of them"
+        text = f"beyond {where} the constraints exclude each other: no design near these meets all of them"
+        return End("infeasible", text)
 
     def start(self) -> Array:
         """The multipliers (n + m,) of the limits at the start, by their sides."""

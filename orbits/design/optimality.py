@@ -7,10 +7,10 @@ from typing import Any, TypedDict
 
 import numpy as np
 
+from ..curves.kkt_limits import CriticalPoint
 from ..errors import InputError, OrbitsError, finite_number, whole_number
 from ..io import Document, conform
 from ..model.machine import Machine
-from ..numerics.kkt_limits import CriticalPoint
 from ..periodic.find import find
 from ..periodic.orbit import Orbit, orbit_of
 from ..result import Axes, Progress, Result, Row, is_of, shown
@@ -361,8 +361,8 @@ def designs_along(
     """The best designs from one on, which is the best in a problem: at shares of the way of the number that moves, in
     ascending order, and at the events between them."""
     program = program_about(*design.motion, problem, moving, [each.text for each in design.active], design.idle)
-    points, events, end = traced_designs(program, shares, progress)
-    designs = _certified_at(points)
+    points, events, last = traced_designs(program, shares, progress)
+    designs, end = _certified_at(points), last.reason
     for i, design in enumerate(designs):
         if not design.orbit.admissible:
             points, designs, end = points[:i], designs[:i], str(no_motion(design.source, design.orbit.dimensionless()))

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from ..consistency.accepted import check_parameters
+from ..curves import Steps
 from ..errors import InputError, NoOrbit, list_of_names, whole_number
 from ..model.machine import Machine
 from ..model.model import Model, refuse_forward, refuse_hysteresis
@@ -37,11 +38,9 @@ from .tuned_machine import (
     with_tuning,
 )
 
-# The number of times that the way from the known orbit to another one is halved before the other counts as lost.
-MOST_BRANCH_HALVINGS = 6
-# A launch of several unknowns is that of the same branch where it differs by less from what derivatives expect, as a
-# share of the largest unknown.
-SAME_BRANCH = 0.05
+# Lengths are shares of the way from the known orbit to another one. A launch of several unknowns is one of the same
+# branch if it is not moved by a larger share of the largest unknown from where the derivatives lead.
+STEPS_ON_BRANCH = Steps(first=1.0, longest=1.0, shortest=0.5**6, apart=np.inf, moved=0.05)
 # A motion of a shorter time, as a share of its phase, is its start.
 SHARE_OF_START = 1e-12
 # CasADi refers to the Python objects that it calls without owning them: what a graph may call lives on here.
@@ -125,8 +124,10 @@ def orbit_function(
 class _Branch:
     """The orbits of a machine over some parameters, continued from a known one; the latest is stored."""
 
-    def __init__(self, machine: Machine, known: Orbit, names: list[str], texts: list[str]):
-        self.machine, self.known, self.names, self.texts = machine, known, names, texts
+    def __init__(
+        self, machine: Machine, known: Orbit, names: list[str], texts: list[str], steps: Steps = STEPS_ON_BRANCH
+    ):
+        self.machine, self.known, self.names, self.texts, self.steps = machine, known, names, texts, steps
         self.begin = np.array([machine.values[name] for name in names])
         self._latest: tuple[bytes, Machine, Orbit] | None = None
 
@@ -138,7 +139,7 @@ class _Branch:
 
     def _continued(self, theta: Array) -> tuple[Machine, Orbit]:
         """From the known orbit, always on the same way, so that the result does not depend on earlier calls."""
-        share, step, machine, orbit = 0.0, 1.0, self.machine, self.known
+        share, step, machine, orbit = 0.0, self.steps.first, self.machine, self.known
         while share < 1:
             there = min(share + step, 1.0)
             values = self.begin + there * (theta - self.begin) if there < 1 else theta
@@ -147,8 +148,8 @@ class _Branch:
                 machine, orbit = self._found(machine, orbit, other)
                 share = there
             except NoOrbit as error:
-                step /= 2
-                if step < 0.5**MOST_BRANCH_HALVINGS:
+                step *= self.steps.shorter
+                if step < self.steps.shortest:
                     at = ", ".join(f"{name} = {x:.6g}" for name, x in zip(self.names, values.tolist(), strict=True))
                     raise NoOrbit(f"the orbit cannot be followed to {at}: {error}") from None
         return machine, orbit
@@ -174,7 +175,7 @@ class _Branch:
             (before, _), (after, _) = _launch_and_durations(machine, orbit), _launch_and_durations(other, found)
             moved = np.array([other.values[name] - machine.values[name] for name in self.names])
             expected = _derivatives_of_motion(machine, orbit, tuple(self.names), np.zeros(0))["launch"] @ moved
-            if np.abs(after - before - expected).max() > SAME_BRANCH * np.abs(before).max():
+            if np.abs(after - before - expected).max() > self.steps.moved * np.abs(before).max():
                 raise NoOrbit("the launch jumps, to an orbit of another branch")
         return other, found
 

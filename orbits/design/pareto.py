@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from ..curves.kkt_curve import ENDS_OF_MINIMA
 from ..errors import InputError, OrbitsError, is_list, list_of_names, whole_number
 from ..io import Document
 from ..model.machine import Machine
-from ..numerics.kkt_curve import ENDS_OF_MINIMA
 from ..periodic.find import find
 from ..periodic.stated_start import StartLike
 from ..result import Axes, Progress, Result, shown

@@ -2,16 +2,18 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from ..curves import End, Event, Steps
+from ..curves.kkt_curve import ENDS_OF_MINIMA, MinimumCurve
+from ..curves.kkt_limits import CriticalPoint
+from ..curves.kkt_options import STEPS_OF_MINIMA, KktOptions
 from ..errors import NoOrbit, OrbitsError
 from ..model.machine import Machine
-from ..numerics.kkt_curve import ENDS_OF_MINIMA, CurveEnd, CurveEvent, CurveOptions, MinimumCurve
-from ..numerics.kkt_limits import CriticalPoint
 from ..periodic.orbit import Orbit
 from ..result import Progress
 from ..running import interrupts
@@ -22,15 +24,34 @@ from .moving_design import MovingDesign
 from .moving_number import Moving
 from .problem import DesignProblem, Outputs
 
-# Steps of a curve are long, since each evaluation of a design is costly and its predictions are good.
-OF_DESIGNS = CurveOptions(first_step=0.1, longest_step=1.0, exact=True)
-# A curve ends where its multipliers have grown by this factor, and become infinite within this share of the way.
-GROWN, NEAR_POLE = 10.0, 1e-3
-ONE_POINT = 1e-12  # points whose shares of the way differ by no more are one
-ROUNDS_TOGETHER = 4  # rounds in which designs are evaluated together
-# Programs that one curve may lead through, with other demands and corners. A corner is left where the values at its two
-# places differ by this share, and may become active from where they differ by the next one.
-MOST_PROGRAMS, LEFT_CORNER, BESIDE_CORNER = 50, 1e-3, 1e-5
+
+@dataclass(frozen=True, kw_only=True)
+class Tracing:
+    """Curves of designs in smooth pieces.
+
+    steps, points : of `MinimumCurve`; steps are long, since each evaluation of a design is costly and its predictions
+        are good
+    grown, near_pole : a curve ends if its multipliers have grown by this factor and become infinite within this share
+        of the way
+    same : points whose shares of the way differ by no more are one
+    together : rounds in which designs are evaluated together
+    most : number of programs that one curve may lead through, with other demands and corners
+    left_corner, beside_corner : share by which the values at the two places of a corner differ where it is left, and
+        from where on it may become active
+    """
+
+    steps: Steps = field(default=replace(STEPS_OF_MINIMA, first=0.1, longest=1.0))
+    points: KktOptions = field(default=KktOptions(exact=True))
+    grown: float = 10.0
+    near_pole: float = 1e-3
+    same: float = 1e-12
+    together: int = 4
+    most: int = 50
+    left_corner: float = 1e-3
+    beside_corner: float = 1e-5
+
+
+TRACING = Tracing()
 
 
 @dataclass(frozen=True)
@@ -50,16 +71,16 @@ class _Piece(NamedTuple):
     curve: MinimumCurve
     points: list[CriticalPoint]
 
-    def exact(self, shares: Sequence[float]) -> list[CriticalPoint]:
+    def exact(self, shares: Sequence[float], rounds: int) -> list[CriticalPoint]:
         """The points at shares within the piece: Newton's method begins at interpolated ones, and the designs that it
-        needs for all of them are evaluated together."""
+        needs for all of them are evaluated together, in a number of rounds."""
         values, last = [each.value for each in self.points], len(self.points) - 1
         near = list[CriticalPoint]()
         for share in shares:
             after = min(max(int(np.searchsorted(values, share)), 1), last)
             near.append(self.curve.between(self.points[max(after - 2, 0) : after + 2], share))
         wanted, found = [np.append(each.x, each.value) for each in near], dict[int, CriticalPoint]()
-        for _ in range(ROUNDS_TOGETHER):
+        for _ in range(rounds):
             self.program.evaluate(wanted)
             wanted = self.program.missed = []
             for i, each in enumerate(near):
@@ -72,12 +93,12 @@ class _Piece(NamedTuple):
 
 
 class TracedDesigns(NamedTuple):
-    """The points of a curve of designs in ascending order, each with its program; the events; and why the curve ends
-    before the last share of the way, "" where it does not."""
+    """The points of a curve of designs in ascending order, each with its program; the events; and the end: "reached" at
+    the last share of the way, else with the reason in words."""
 
     points: list[tuple[MovingDesign, CriticalPoint]]
     events: list[DesignEvent]
-    end: str
+    end: End
 
 
 def program_about(
@@ -108,37 +129,23 @@ def program_about(
     return program
 
 
-def traced_designs(program: MovingDesign, shares: Sequence[float], progress: Progress = None) -> TracedDesigns:
+def traced_designs(
+    program: MovingDesign, shares: Sequence[float], progress: Progress = None, options: Tracing = TRACING
+) -> TracedDesigns:
     """The curve of a program at shares of the way of its number, in ascending order, and at the events between them.
 
     It is traced in steps of its own; the designs at the shares lie between its points.
     """
-    pieces, events, ends, end = _traced(program, progress)
+    run = _RunAlongDesigns(progress, options)
+    run.trace(program)
     points = list[tuple[MovingDesign, CriticalPoint]]()
-    for piece in pieces:
+    for piece in run.pieces:
         first, last = piece.points[0].value, piece.points[-1].value
         inside = [share for share in shares if first <= share <= last and not any(share == p.value for _, p in points)]
-        points += [(piece.program, point) for point in piece.exact(inside)]
+        points += [(piece.program, point) for point in piece.exact(inside, options.together)]
     known = [point.value for _, point in points]
-    points += [pair for pair in ends if all(abs(pair[1].value - share) > ONE_POINT for share in known)]
-    return TracedDesigns(sorted(points, key=lambda pair: pair[1].value), events, end)
-
-
-def _traced(
-    program: MovingDesign, progress: Progress
-) -> tuple[list[_Piece], list[DesignEvent], list[tuple[MovingDesign, CriticalPoint]], str]:
-    """The smooth pieces of the curve of a program; its events; their points, and the last one where the curve ends
-    early; and why it does, "" where it does not."""
-    run, x, multipliers, start = _RunAlongDesigns(progress), np.zeros(len(program.free)), program.start(), 0.0
-    for _ in range(MOST_PROGRAMS):
-        onward = run.along(program, x, multipliers, start)
-        if onward is None:
-            break
-        program, point, multipliers = onward
-        x, start = point.x, point.value
-    last = next(((piece.program, piece.points[-1]) for piece in reversed(run.pieces) if piece.points), None)
-    ends = [*run.ends, last] if run.end and last else run.ends
-    return [piece for piece in run.pieces if piece.points], run.events, ends, run.end
+    points += [pair for pair in run.ends if all(abs(pair[1].value - share) > options.same for share in known)]
+    return TracedDesigns(sorted(points, key=lambda pair: pair[1].value), run.events, run.end or End("reached"))
 
 
 # A program from a point on, with the multipliers there.
@@ -146,33 +153,47 @@ _Onward: TypeAlias = tuple[MovingDesign, CriticalPoint, np.ndarray]
 
 
 class _RunAlongDesigns:
-    """A run along a curve of designs: its pieces, its events with their points, and why it ends early."""
+    """A run along a curve of designs: its pieces, its events with their points, and the end if it ends early."""
 
-    def __init__(self, progress: Progress):
-        self.progress, self.end, self._good = progress, "", (0, 0, 0, 0)
+    def __init__(self, progress: Progress, options: Tracing):
+        self.progress, self.options, self._good = progress, options, (0, 0, 0, 0)
+        self.end: End | None = None
         self.pieces, self.events = list[_Piece](), list[DesignEvent]()
         self.ends = list[tuple[MovingDesign, CriticalPoint]]()
+
+    def trace(self, program: MovingDesign) -> None:
+        """Follow all programs to the end, whose point is among those of events if it is early."""
+        x, multipliers, start = np.zeros(len(program.free)), program.start(), 0.0
+        for _ in range(self.options.most):
+            onward = self.along(program, x, multipliers, start)
+            if onward is None:
+                break
+            program, point, multipliers = onward
+            x, start = point.x, point.value
+        self.pieces = [piece for piece in self.pieces if piece.points]
+        if self.end and self.pieces:
+            self.ends.append((self.pieces[-1].program, self.pieces[-1].points[-1]))
 
     def along(self, program: MovingDesign, x: np.ndarray, multipliers: np.ndarray, start: float) -> _Onward | None:
         """Follow a program from a point; None at the end, or the program that is to be followed from there."""
         try:
-            curve = MinimumCurve(program, x, multipliers, start, 1.0, OF_DESIGNS)
+            curve = MinimumCurve(program, x, multipliers, start, 1.0, self.options.steps, self.options.points)
         except NoOrbit:
             if not self.pieces:
                 raise
             return None  # for the reason for which the program before this one was left
-        self.end, touched = "", False
+        self.end, touched = None, False
         self.pieces.append(_Piece(program, curve, []))
         for each in curve.run():
             interrupts.heed()
             passed = self.pieces[-1].points
-            if isinstance(each, CurveEnd):
-                self.end = "" if each.kind == "reached" else program.in_words(each, passed[-1])
-                if not self.end:
+            if isinstance(each, End):
+                if each.kind == "reached":
                     return None
+                self.end = program.in_words(each, passed[-1])
                 last = program.nearest(passed[-1].x, passed[-1].value).design
                 return self._at_corner(program, partial(program.corners.beside, last))
-            if isinstance(each, CurveEvent):
+            if isinstance(each, Event):
                 self._happens(curve, each)
                 continue
             onward = self._left(program, each)
@@ -180,22 +201,22 @@ class _RunAlongDesigns:
                 return onward
             passed.append(each)
             self._good = len(self.pieces), len(passed), len(self.events), len(self.ends)
-            if (left := _left_to_pole(passed)) < NEAR_POLE:
+            if (left := _left_to_pole(passed, self.options.grown)) < self.options.near_pole:
                 self.end = program.excluded(each.value + left)
                 return None
             if self.progress:
                 self.progress(each.value)
             touched |= bool(program.active_corners(each))
             rows, near = program.rows_of_corners, program.nearest(each.x, each.value)
-            if touched and (near.values[1:][rows] < -LEFT_CORNER).all():
+            if touched and (near.values[1:][rows] < -self.options.left_corner).all():
                 own = len(x) + np.arange(rows.start, rows.stop)
                 return program.with_more(near, corners=()), each, np.delete(each.multipliers, own)
         return None
 
-    def _happens(self, curve: MinimumCurve, event: CurveEvent) -> None:
+    def _happens(self, curve: MinimumCurve, event: Event) -> None:
         """Add an event, in place of the last point, which is that of the event."""
         program, passed, point = self.pieces[-1].program, self.pieces[-1].points, event.point
-        text = " and ".join(program.text(i, point) for i in event.limits)
+        text = "" if event.kind in ENDS_OF_MINIMA else program.text(event.which, point)
         self.events.append(DesignEvent(program.value(point.value), event.kind, text))
         passed.pop()
         if event.kind in ENDS_OF_MINIMA:
@@ -213,7 +234,7 @@ class _RunAlongDesigns:
             demands = program.outputs.demands
             further = demands_of(near.design.machine, near.design.orbit, demands)[len(demands) :]
             if further or not demands:  # at an active demand rounding decides, which the certified design shows
-                self.end = str(no_motion(near.design.machine, near.design.orbit))
+                self.end = End("infeasible", str(no_motion(near.design.machine, near.design.orbit)))
                 last = next((piece.points[-1] for piece in reversed(self.pieces) if piece.points), None)
                 if not further or last is None:
                     return None
@@ -226,7 +247,8 @@ class _RunAlongDesigns:
             return onward
         if beyond := program.corners.beyond(near.design):
             where = f"{program.moving.label} {program.value(point.value):.6g}"
-            self.end = f"near {where} the {beyond} comes to a third place of the motion, or leaves one of two"
+            text = f"near {where} the {beyond} comes to a third place of the motion, or leaves one of two"
+            self.end = End("degenerate", text)
             return None
         for number in program.active_corners(point):
             row = len(program.free) + program.rows_of_corners.start + number
@@ -254,7 +276,7 @@ class _RunAlongDesigns:
         for point in reversed(own.points[:points]):  # not so near to the corner that rounding decides where it enters
             near = program.nearest(point.x, point.value)
             other = program.with_more(near, corners=(*program.corners.at(near.design), corner))
-            if other.known[0].values[1 + row] < -BESIDE_CORNER:
+            if other.known[0].values[1 + row] < -self.options.beside_corner:
                 break
             if len(self.pieces[-1].points) > 1:
                 self.pieces[-1].points.pop()
@@ -262,11 +284,12 @@ class _RunAlongDesigns:
         return other, point, np.insert(point.multipliers, len(program.free) + row, 0.0)
 
 
-def _left_to_pole(passed: list[CriticalPoint]) -> float:
+def _left_to_pole(passed: list[CriticalPoint], least: float) -> float:
     """The share of the way from the last point of a curve to where its multipliers become infinite, as the inverse of
-    the root of the distance: there the active constraints exclude each other."""
+    the root of the distance: there the active constraints exclude each other. It is infinite for multipliers that have
+    grown by less than this factor."""
     last, largest = passed[-1], np.abs(passed[0].multipliers).max(initial=0.0)
     i = int(np.argmax(np.abs(last.multipliers)))
     multiplier, rate = last.multipliers[i], last.rates[1][i]
-    grown = abs(multiplier) > GROWN * max(largest, 1.0) and multiplier * rate > 0
+    grown = abs(multiplier) > least * max(largest, 1.0) and multiplier * rate > 0
     return float(0.5 * multiplier / rate) if grown else np.inf

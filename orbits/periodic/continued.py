@@ -21,12 +21,11 @@ from ..numerics.roots import Array, solve
 from ..shooting.division import NodedSolution
 from ..shooting.error_bound import error_bounds
 from ..shooting.formulations import equations_of, iterative, method_of, vector
-from ..shooting.newton_kernel import MOST_NEWTON_STEPS
 from ..shooting.single_shooting import SMALLEST_UNIT, Evaluation, Shooting, settles
 from .certified import Certified, Solved, certified, certified_orbit, solve_from
 from .orbit import Orbit
 from .stated_start import stated_unknowns
-from .ways import WORST_PREDICTION, along_ways, sizes_of_unknowns
+from .ways import STRAIGHT_WAYS, WayOptions, along_ways, sizes_of_unknowns
 
 # The statuses of a machine whose orbit is not reached: the orbits end at a fold on the way, or the way was too hard.
 AT_FOLD, NOT_REACHED = "ends", "not reached"
@@ -52,19 +51,21 @@ class Continued(NamedTuple):
 
 
 def continued(
-    machine: Machine, orbit: Orbit, ps: Array, varied: Sequence[str], report: Callable[[int], None] = lambda ended: None
-) -> Continued:
+    machine: Machine, orbit: Orbit, ps: Array, varied: Sequence[str],
+    report: Callable[[int], None] = lambda ended: None, options: WayOptions = STRAIGHT_WAYS,
+) -> Continued:  # fmt: skip
     """The orbits of machines with parameters (m, np) of the machine's model, continued from the machine's own orbit.
 
     varied : names of the parameters in which the machines differ from the first one
     report : called with the number of machines whose way has ended
+    options : of the steps along the ways
     """
     model, names = machine.model, tuple(machine.values)
     method = iterative(method_of(model))
     equations = equations_of(model, method, names)
     known = stated_unknowns(model, orbit)
     u = np.array([known[name] for name in equations.statement.unknowns])
-    return _continued_from(model, method, equations, u, vector(machine.values), ps, varied, report)
+    return _continued_from(model, method, equations, u, vector(machine.values), ps, varied, report, options)
 
 
 def continued_tuned(
@@ -74,9 +75,8 @@ def continued_tuned(
     ps (m, np), continued from a known solution; and bounds (m,) on the errors of the tuned ones by name, NaN for those
     that are not reached. Arguments as in `continued`."""
     equations, tuned = known.equations, known.equations.statement.tuned
-    found = _continued_from(
-        known.model, known.method, equations, known.us[0], known.ps[0], ps, {*varied} - {*tuned}, report
-    )
+    start = known.model, known.method, equations, known.us[0], known.ps[0]
+    found = _continued_from(*start, ps, {*varied} - {*tuned}, report, STRAIGHT_WAYS)
     errors = {name: np.full(len(ps), np.nan) for name in tuned}
     for which, solved in found.solutions:
         by, nodes = solved.by_nodes or solved, solved.by_nodes is not None
@@ -88,19 +88,19 @@ def continued_tuned(
 
 def _continued_from(
     model: Model, method: str, equations: Shooting, u: Array, p: Array, ps: Array, varied: Collection[str],
-    report: Callable[[int], None],
+    report: Callable[[int], None], options: WayOptions,
 ) -> Continued:  # fmt: skip
     """`continued` from unknowns (n,) at parameters (np,), those of the equations."""
     names = equations.parameters
     vary = tuple(name for name in names if name in varied)
-    reached = along_ways(equations, np.tile(u, (len(ps), 1)), np.tile(p, (len(ps), 1)), ps, vary, report)
+    reached = along_ways(equations, np.tile(u, (len(ps), 1)), np.tile(p, (len(ps), 1)), ps, vary, report, options)
     us, noded, reasons, places = reached.us, reached.noded, reached.reasons, [names.index(name) for name in vary]
     for order in (places, places[::-1]) if len(places) > 1 else ():
         left = np.flatnonzero(np.isnan(us[:, 0]))
         if len(left):
-            us[left], others = _by_corners(equations, u, p, ps[left], vary, order)
+            us[left], others = _by_corners(equations, u, p, ps[left], vary, order, options)
             noded |= {int(left[i]): each for i, each in others.items()}
-    solutions = _solutions_at_ends(model, method, equations, us, ps, noded)
+    solutions = _solutions_at_ends(model, method, equations, us, ps, noded, options)
     us = np.full(us.shape, np.nan)
     for which, solved in solutions:
         us[which] = solved.us
@@ -125,30 +125,32 @@ def _continued_from(
 
 
 def _solutions_at_ends(
-    model: Model, method: str, equations: Shooting, us: Array, ps: Array, noded: Mapping[int, NodedSolution]
-) -> list[tuple[Array, Solved]]:
+    model: Model, method: str, equations: Shooting, us: Array, ps: Array, noded: Mapping[int, NodedSolution],
+    options: WayOptions,
+) -> list[tuple[Array, Solved]]:  # fmt: skip
     """The solutions at the ends of ways, near unknowns (m, n), NaN for none: all those without nodes together, and
     those with nodes one by one; with the indices of the machines."""
     plain = us.copy()
     plain[[*noded]] = np.nan
-    which, found, evaluation = _at_ends(equations, plain, ps)
+    which, found, evaluation = _at_ends(equations, plain, ps, options)
     solutions = list[tuple[Array, Solved]]()
     if evaluation is not None:
-        solutions.append(
-            (which, Solved(model, method, equations, found, equations.with_tuned(found, ps[which]), evaluation))
-        )
+        own_ps = equations.with_tuned(found, ps[which])
+        solutions.append((which, Solved(model, method, equations, found, own_ps, evaluation)))
     for i, each in sorted(noded.items()):
         own = replace(each, p=equations.with_tuned(each.u[None], each.p[None])[0])
         solutions.append((np.array([i]), Solved.of(model, method, own)))
     return solutions
 
 
-def continued_orbits(machine: Machine, orbit: Orbit, machines: Sequence[Machine]) -> list[Orbit | NoOrbit]:
+def continued_orbits(
+    machine: Machine, orbit: Orbit, machines: Sequence[Machine], options: WayOptions = STRAIGHT_WAYS
+) -> list[Orbit | NoOrbit]:
     """The orbits, without dimensions, of machines with the model of a machine, continued from the machine's own orbit;
     in place of one the reason why there is none."""
     ps = np.array([vector(each.values) for each in machines])
     varied = [name for name, value in machine.values.items() if any(each.values[name] != value for each in machines)]
-    found, orbits = continued(machine, orbit, ps, varied), list[Orbit | NoOrbit]()
+    found, orbits = continued(machine, orbit, ps, varied, options=options), list[Orbit | NoOrbit]()
     for i, (each, u) in enumerate(zip(machines, found.unknowns, strict=True)):
         try:
             if i in found.stopped:
@@ -166,7 +168,13 @@ def orbit_from_unknowns(machine: Machine, u: Array) -> Orbit:
 
 
 def _by_corners(
-    equations: Shooting, u: Array, p: Array, ps: Array, vary: tuple[str, ...], order: Sequence[int]
+    equations: Shooting,
+    u: Array,
+    p: Array,
+    ps: Array,
+    vary: tuple[str, ...],
+    order: Sequence[int],
+    options: WayOptions,
 ) -> tuple[Array, dict[int, NodedSolution]]:
     """The unknowns (m, n) at parameters (m, np), reached by one parameter after the other from an orbit with unknowns
     (n,) at parameters (np,), NaN where they are not reached; and the solutions with nodes by index."""
@@ -176,18 +184,20 @@ def _by_corners(
         ends, able = at.copy(), np.flatnonzero(np.isfinite(us[:, 0]))
         ends[:, place] = ps[:, place]
         if len(able):
-            reached = along_ways(equations, us[able], at[able], ends[able], vary)
+            reached = along_ways(equations, us[able], at[able], ends[able], vary, options=options)
             us[able], noded = reached.us, {int(able[i]): each for i, each in reached.noded.items()}
         at = ends
     return us, noded
 
 
-def _at_ends(equations: Shooting, guesses: Array, ps: Array) -> tuple[Array, Array, Evaluation | None]:
+def _at_ends(
+    equations: Shooting, guesses: Array, ps: Array, options: WayOptions
+) -> tuple[Array, Array, Evaluation | None]:
     """The indices (k,) of unknowns (m, n), NaN for none, from which Newton's method converges to rounding and nearby,
     the solutions (k, n), and the equations there."""
     us, left, last = guesses.copy(), np.flatnonzero(np.isfinite(guesses[:, 0])), np.full(len(guesses), np.inf)
     done = np.zeros(len(us), bool)
-    for _ in range(MOST_NEWTON_STEPS):
+    for _ in range(options.corrections):
         which, evaluation = equations.evaluate_lanes(us[left], ps[left]) if len(left) else (left, None)
         if evaluation is None:
             break
@@ -199,7 +209,7 @@ def _at_ends(equations: Shooting, guesses: Array, ps: Array) -> tuple[Array, Arr
         done[left[ended]], last[left] = True, sizes
         left = left[~ended & np.isfinite(sizes)]
     sizes = sizes_of_unknowns(us, 0.1 * np.abs(guesses[:, equations.own : us.shape[1]]) + TINY)
-    which = np.flatnonzero(done & ((np.abs(us - guesses) / sizes).max(1) < WORST_PREDICTION))
+    which = np.flatnonzero(done & ((np.abs(us - guesses) / sizes).max(1) < options.moved))
     able, evaluation = equations.evaluate_lanes(us[which], ps[which])
     return which[able], us[which[able]], evaluation
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from ..curves import Steps
 from ..errors import InconsistentModel, NoOrbit
 from ..model.model import Model
 from ..numerics.roots import solve
@@ -14,10 +15,9 @@ from ..units import LIFTOFF_SPEED, Message, Quantity
 from .guess import guess
 from .motion_conditions import count_families
 
-# With a step size below this share of the homotopy, the family has folded back or ended.
-MIN_STEP = 1e-4
-# A corrector that changes the launch speed or the time by a larger share may have jumped to another orbit.
-MAX_CORRECTION = 0.1
+# Where a step of the shortest length is rejected, the family has folded back or ended. A corrector that changes the
+# launch speed or the time by a larger share may have jumped to another orbit.
+STEPS_OF_HOMOTOPY = Steps(first=1.0, longest=1.0, shortest=1e-4, apart=np.inf, moved=0.1)
 # The tangent is differenced over this share of the homotopy: a predictor needs no more digits, and a derivative by the
 # homotopy parameter would take longer to build.
 DIFFERENCE = 1e-5
@@ -25,7 +25,7 @@ DIFFERENCE = 1e-5
 
 def solve_by_homotopy(
     model: Model, equations: Shooting, correct: Callable, family: int, p: Mapping[str, float],
-    progress: Progress,
+    progress: Progress, steps: Steps = STEPS_OF_HOMOTOPY,
 ) -> tuple[np.ndarray, Evaluation]:  # fmt: skip
     """The solution (n,) of a model's equations from its guess, and the equations there, by a homotopy parameter from 0
     to 1 by step-size control.
@@ -43,7 +43,7 @@ def solve_by_homotopy(
     u = np.array([start[name] for name in unknowns])
     if homotopy is None:
         return correct(u, vector(p))
-    reached, step = 0.0, 1.0
+    reached, step = 0.0, steps.first
     u, evaluation = correct(u, vector({**p, homotopy: 0.0}))
     while reached < 1:
         ahead = equations.evaluate(u, vector({**p, homotopy: reached + DIFFERENCE}))
@@ -53,11 +53,11 @@ def solve_by_homotopy(
             value = 1.0 if step == 1 - reached else reached + step
             try:
                 p_ahead = {**p, homotopy: value}
-                u, evaluation = _corrected(model, equations, correct, u + step * tangent, family, p_ahead)
+                u, evaluation = _corrected(model, equations, correct, u + step * tangent, family, p_ahead, steps.moved)
                 break
             except NoOrbit as error:
-                step /= 2
-                if step < MIN_STEP:
+                step *= steps.shorter
+                if step < steps.shortest:
                     text = (
                         "no lossless orbit of family {family}: with {percent:.3g}% of gravity's variation it is at "
                         "alpha = {alpha:.6g}, and it cannot be followed further ({error})"
@@ -66,20 +66,23 @@ def solve_by_homotopy(
                     raise NoOrbit(
                         Message(text, family=family, percent=100 * reached, alpha=alpha, error=error)
                     ) from None
-        reached, step = value, 2 * step
+        reached, step = value, steps.lengthen * step
         if progress:
             progress(reached)
     return u, evaluation
 
 
-def _corrected(model: Model, equations: Shooting, correct, predicted, family, p) -> tuple[np.ndarray, Evaluation]:
-    """The solution near a predicted point; raises `NoOrbit` where it is far from that point or of another family."""
+def _corrected(
+    model: Model, equations: Shooting, correct, predicted, family, p, most: float
+) -> tuple[np.ndarray, Evaluation]:
+    """The solution near a predicted point; raises `NoOrbit` where it is of another family, or where the corrector
+    changes the speed or the time by more than the largest share."""
     unknowns = equations.statement.unknowns
     positive = [unknowns.index(name) for name in ("alpha", "duration")]
     if not (predicted[positive] > 0).all():  # this refuses NaN too
         raise NoOrbit("the step leads to a negative time or speed")
     new, evaluation = correct(predicted, vector(p))
-    if np.max(np.abs(new - predicted)[positive] / np.abs(new[positive])) > MAX_CORRECTION:
+    if np.max(np.abs(new - predicted)[positive] / np.abs(new[positive])) > most:
         raise NoOrbit("the corrector ends far from the predicted orbit")
     flights = evaluation.trajectories[0].only(model.flight.states)
     halves = halved(flights) if "unfolding" in unknowns else flights

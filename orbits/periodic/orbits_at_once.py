@@ -21,7 +21,7 @@ from .certified import Certified, Solved, certified, certified_orbit, orbits_of,
 from .family_orbits import none_found, with_search
 from .family_search import Lateness
 from .guess import Guesses, guess as guess_alone, guesses
-from .homotopy import MAX_CORRECTION
+from .homotopy import STEPS_OF_HOMOTOPY
 from .orbit import Orbit
 
 # Motions of higher families have more steps, so that fewer are kept in memory together: this many of family 1.
@@ -231,7 +231,8 @@ def _solved_together(
         return ahead, guesses[ahead], None
     found = _at_value(kernel, guesses[ahead], ps[first.which[ahead]], sought.most)
     which, xs = ahead[found.which], found.xs[:, :-1]
-    near = (np.abs(xs - guesses[which])[:, positive] <= MAX_CORRECTION * np.abs(xs[:, positive])).all(axis=1)
+    most = STEPS_OF_HOMOTOPY.moved * np.abs(xs[:, positive])
+    near = (np.abs(xs - guesses[which])[:, positive] <= most).all(axis=1)
     evaluation = found.evaluation and found.evaluation[np.flatnonzero(near)]
     return first.which[which[near]], xs[near], evaluation
 

@@ -5,7 +5,7 @@ that are.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -21,12 +21,29 @@ from .orbit import Orbit
 from .quantities import numbers_of
 from .tuned import METHOD, SHORTEST_WAY, SMALLEST, Tuning
 
-# Newton's method with differences: the share of a parameter by which it is changed for them, the largest step, steps
-# below which the slopes stay, and the smallest step; each relative to the parameters. The number of steps lets a
-# parameter grow by 30 decades.
-CHANGED_BY, LARGEST_TUNING, SAME_SLOPES, SMALLEST_MOVE, MOST_MOVES = 1e-6, 0.5, 1e-4, 1e-14, 200
-# The rounding of a quantity of the motion, relative to it.
-ROUNDING_OF_EXTREMES = 1e-14
+
+@dataclass(frozen=True, kw_only=True)
+class TuningSteps:
+    """Newton's method with differences, in sizes of the parameters.
+
+    change : of a parameter, for the differences
+    longest, last : the longest step, and that after which the next one is below rounding
+    steady : a step below which the slopes stay
+    shortest : share of a step that is tried
+    most : number of steps, which lets a parameter grow by 30 decades
+    rounding : of a quantity of the motion, relative to it
+    """
+
+    change: float = 1e-6
+    longest: float = 0.5
+    last: float = 1e-14
+    steady: float = 1e-4
+    shortest: float = SHORTEST_WAY
+    most: int = 200
+    rounding: float = 1e-14
+
+
+STEPS_OF_TUNING = TuningSteps()
 
 
 def with_extremes(
@@ -52,7 +69,9 @@ def with_extremes(
     raise reason
 
 
-def _by_moving(machine, moved, rest, targets, first, near) -> tuple[Orbit, dict[str, float]]:
+def _by_moving(
+    machine, moved, rest, targets, first, near, steps: TuningSteps = STEPS_OF_TUNING
+) -> tuple[Orbit, dict[str, float]]:
     """`with_extremes` for the parameters that are `moved` in steps."""
     wanted, x, last = np.array([*targets.values()]), np.array([first.source.values[name] for name in moved]), np.inf
     sizes, slopes = np.maximum(np.abs(wanted), SMALLEST), np.zeros((len(x), len(x)))
@@ -79,22 +98,22 @@ def _by_moving(machine, moved, rest, targets, first, near) -> tuple[Orbit, dict[
         return float(np.max(np.abs(found - wanted) / sizes))
 
     orbit, errors, found = solved(x, first)
-    for _ in range(MOST_MOVES):
-        if last > SAME_SLOPES:
-            for i, change in enumerate(CHANGED_BY * np.where(x == 0, 1.0, x)):
+    for _ in range(steps.most):
+        if last > steps.steady:
+            for i, change in enumerate(steps.change * np.where(x == 0, 1.0, x)):
                 beside = x + change * (np.arange(len(x)) == i)
                 slopes[:, i] = (solved(beside, orbit)[2] - found) / (beside - x)[i]
         step = solve(slopes, wanted - found)
         size = float(np.max(np.abs(step) / np.where(x == 0, 1.0, np.abs(x))))
-        if size < SMALLEST_MOVE or (size < SAME_SLOPES and size > 0.5 * last):
-            noise = np.abs(wanted - found) + ROUNDING_OF_EXTREMES * np.abs(found)
+        if size < steps.last or (size < steps.steady and size > 0.5 * last):
+            noise = np.abs(wanted - found) + steps.rounding * np.abs(found)
             own = np.abs(np.linalg.inv(slopes)) @ noise + np.spacing(np.abs(x))
             return orbit, errors | dict(zip(moved, own.tolist(), strict=True))
-        share, last, reason = min(1.0, LARGEST_TUNING / size), size, "it comes no closer"
-        while share > SHORTEST_WAY:
+        share, last, reason = min(1.0, steps.longest / size), size, "it comes no closer"
+        while share > steps.shortest:
             try:
                 trial = solved(x + share * step, orbit)
-                if size < SAME_SLOPES or off(trial[2]) < off(found):
+                if size < steps.steady or off(trial[2]) < off(found):
                     x, (orbit, errors, found) = x + share * step, trial
                     break
             except (NoOrbit, FlowError, InputError) as error:
@@ -103,7 +122,7 @@ def _by_moving(machine, moved, rest, targets, first, near) -> tuple[Orbit, dict[
         else:
             break
     else:
-        reason = f"{MOST_MOVES} steps do not lead there"
+        reason = f"{steps.most} steps do not lead there"
     ran, here = reached()
     raise NoOrbit(f"no orbit with {at} is reached: {ran.replace(' =', ' ran to')}, where {here}, and {reason}")
 

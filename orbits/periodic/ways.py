@@ -8,6 +8,7 @@ without nodes would lead to other orbits.
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -21,29 +22,48 @@ from ..shooting.division import DIVIDED_GROWTH, SENSITIVE, Division, NodedSoluti
 from ..shooting.newton_kernel import MOST_NEWTON_STEPS
 from ..shooting.single_shooting import Shooting
 
-# A step is accepted where both the prediction and the place to which the mean of the tangents at its ends leads differ
-# from the point found by no more than the first share of the unknowns' sizes, and change the equations by no more than
-# the second share of the largest unknown, since orbits of other families are near where motions are long, or amplify
-# small changes: these have other tangents, or lie beside the prediction. The next step is such that the third share of
-# this is left.
-WORST_PREDICTION, WORST_MISS, AIMED_SHARE = 0.1, 0.1, 0.3
-# Where the orientation of the equations changes, a step over a branch point is accepted if the correction is no larger
-# than this share of the step; beyond a fold it would be as large as the step.
-ACROSS_BRANCH = 0.02
-# On the way a point is known well enough for the next step where a Newton step is below the first share, and changes
-# the equations by less than the second share of the largest unknown; a step that shrinks by no more than the third is
-# not in the basin of the orbit.
-ON_THE_WAY, MISS_ON_WAY, CONTRACTION = 1e-2, 1e-2, 0.3
-# Of the step after an accepted one to the one before, at least and at most; and after a refused one.
-LEAST_GROWTH, LARGEST_GROWTH, AFTER_REFUSAL = 0.3, 4.0, 0.25
-# Where the shortest step, as a share of the way, is refused, or after the most rounds, the way is given up.
-SHORTEST_ON_WAY, MOST_STEPS_ON_WAY = 1e-9, 200
-# A step goes over no more than the first share of the distance to a fold. The fold is certain where two successive
-# estimates of its place differ by less than the second share of what lies beyond it, and is nearer than the third.
-TOWARDS_FOLD, SAME_FOLD, NEAR_FOLD = 0.6, 0.02, 1e-3
 # What a `_Stretch` has as `most_growth` where motions pass two unstable equilibria, and why they are not led further.
 NOT_DIVIDED = np.inf, SENSITIVE
 PASSES_TWO = "the motion passes two unstable equilibria one after the other: follow the family there"
+
+
+@dataclass(frozen=True, kw_only=True)
+class WayOptions:
+    """Steps along ways, which are shares of them. Errors are shares of the unknowns' sizes, and misses, the changes of
+    the equations that belong to them, shares of the largest unknown, since orbits of other families are near where
+    motions are long, or amplify small changes: these have other tangents, or lie beside the prediction.
+
+    shortest, most : a way is given up where a step of the shortest length is rejected, or after the most rounds
+    shorter, shorten, lengthen : ratio of a step to the rejected one before it, and bounds of that to an accepted one
+    moved : largest error and miss of an accepted step, of its prediction and of the mean of the tangents at its ends
+    aim : share of these that the next step is to have
+    across_branch : where the orientation of the equations changes, a step over a branch point is accepted if the error
+        is no larger than this share of the step; beyond a fold it would be as large as the step
+    corrections : largest number of Newton steps
+    rough : a Newton step with a smaller error and miss leads to a point that serves for the next step
+    contraction : a guess is not in the basin of the orbit if a Newton step shrinks by no more than this
+    towards_fold : largest share of the distance to a fold that a step goes over
+    same_fold, near_fold : a fold is certain if two successive estimates of its place differ by less than the first
+        share of what lies beyond it, and it is nearer than the second
+    """
+
+    shortest: float = 1e-9
+    most: int = 200
+    shorter: float = 0.25
+    shorten: float = 0.3
+    lengthen: float = 4.0
+    moved: float = 0.1
+    aim: float = 0.3
+    across_branch: float = 0.02
+    corrections: int = MOST_NEWTON_STEPS
+    rough: float = 1e-2
+    contraction: float = 0.3
+    towards_fold: float = 0.6
+    same_fold: float = 0.02
+    near_fold: float = 1e-3
+
+
+STRAIGHT_WAYS = WayOptions()
 
 
 class WaysDone(NamedTuple):
@@ -74,7 +94,7 @@ class _Stretch(NamedTuple):
 
 def along_ways(
     equations: Shooting, us: Array, starts: Array, ends: Array, vary: tuple[str, ...],
-    report: Callable[[int], None] = lambda ended: None,
+    report: Callable[[int], None] = lambda ended: None, options: WayOptions = STRAIGHT_WAYS,
 ) -> WaysDone:  # fmt: skip
     """The orbits at the ends of straight ways of the parameters (m, np), from orbits with unknowns (m, n) at their
     starts; the parameters `vary` change along the ways."""
@@ -86,11 +106,11 @@ def along_ways(
         which, waiting = stretch.which, sum(len(each.which) for each in stretches)
         here, there = _parameters_at(starts[which], ends[which], stretch.shares), ends[which]
         own = stretch.division.equations if stretch.division else equations
-        lanes = _went_along(own, stretch, here, there, vary, partial(_report_ended, report, count - waiting))
+        lanes = _went_along(own, stretch, here, there, vary, partial(_report_ended, report, count - waiting), options)
         done, done_before = lanes.shares == 1.0, stretch.shares
         ways.shares[which] = np.where(done, 1.0, done_before + (1 - done_before) * lanes.shares)
         # Just behind a fold the last point is near the orbits before it, whence Newton's method does not converge.
-        beside = done & ~lanes.hangs & (lanes.folds < 1 + NEAR_FOLD)
+        beside = done & ~lanes.hangs & (lanes.folds < 1 + options.near_fold)
         folds = np.where(lanes.at_fold | beside, lanes.folds, np.inf)
         certain = folds < np.inf
         ways.folds[which[certain]] = (done_before + (1 - done_before) * np.where(certain, folds, 0.0))[certain]
@@ -99,7 +119,7 @@ def along_ways(
             anew = stretch.most_growth == NOT_DIVIDED
             if stretch.division is None and not anew:
                 ways.us[i] = x
-            elif found := _with_nodes(equations, stretch.division, x, there[k], ways.reasons, i, anew):
+            elif found := _with_nodes(equations, stretch.division, x, there[k], ways.reasons, i, anew, options):
                 ways.us[i], ways.noded[i] = found.u, found
         if stretch.most_growth == NOT_DIVIDED:
             lost = np.flatnonzero(~done & ~lanes.at_fold).tolist()
@@ -121,20 +141,20 @@ def _parameters_at(starts: Array, ends: Array, shares: Array) -> Array:
 
 def _went_along(
     equations: Shooting, stretch: _Stretch, starts: Array, ends: Array, vary: tuple[str, ...],
-    report: Callable[[int], None],
+    report: Callable[[int], None], options: WayOptions,
 ) -> "_Lanes":  # fmt: skip
     """The machines of a stretch, with parameters (k, np) at its start, as far as they get on the rest of their ways;
     `report` is called with the number of those that are still going."""
-    places, lanes = [equations.parameters.index(name) for name in vary], _Lanes(stretch, equations.own)
+    places, lanes = [equations.parameters.index(name) for name in vary], _Lanes(stretch, equations.own, options)
     ways = (ends - starts)[:, places, None]
     which, evaluation = equations.evaluate_lanes(stretch.xs, starts, vary)
     if evaluation is not None:
         lanes.begin(which, evaluation.jacobian, ways[which], evaluation.amplification)
-    while len(going := np.flatnonzero(lanes.going & (lanes.rounds < MOST_STEPS_ON_WAY))):
+    while len(going := np.flatnonzero(lanes.going & (lanes.rounds < options.most))):
         interrupts.heed()
         new, guesses = lanes.predicted(going)
         ps = _parameters_at(starts[going], ends[going], new)
-        solved, found, jacobians, growths = _near_guesses(equations, guesses, ps, vary, lanes.least[going])
+        solved, found, jacobians, growths = _near_guesses(equations, guesses, ps, vary, lanes.least[going], options)
         lanes.accept(going, new, guesses, solved, found, jacobians, growths, ways)
         report(int(np.count_nonzero(lanes.going)))
     return lanes
@@ -151,7 +171,8 @@ def _divided(
     for k in np.flatnonzero(lanes.hangs).tolist():
         if stretch.division and lanes.shares[k] == 0:  # it has been divided here already
             continue
-        found = _with_nodes(equations, stretch.division, lanes.us[k], ps[k], reasons, int(stretch.which[k]), anew=True)
+        here = lanes.us[k], ps[k], reasons, int(stretch.which[k])
+        found = _with_nodes(equations, stretch.division, *here, True, lanes.options)
         passes = found is not None and found.division is not None and found.division.is_uneven
         if found and found.division and not passes:
             following.setdefault(found.division.parts, []).append((k, found))
@@ -166,7 +187,7 @@ def _divided(
 
 def _with_nodes(
     equations: Shooting, division: Division | None, x: Array, p: Array, reasons: dict[int, str], which: int,
-    anew: bool = False,
+    anew: bool, options: WayOptions,
 ) -> NodedSolution | None:  # fmt: skip
     """The solution near unknowns (N,) with the nodes of a division, if any, and parameters (np,): with the nodes that
     it asks for where it is divided `anew`, else with nodes where they are of use. None without one nearby; the reason
@@ -181,7 +202,7 @@ def _with_nodes(
     except (NoOrbit, FlowError):
         return None
     sizes = sizes_of_unknowns(known.u[None], 0.1 * np.abs(known.u[None, equations.own :]) + TINY)
-    return found if (np.abs(found.u - known.u) / sizes).max() < WORST_PREDICTION else None
+    return found if (np.abs(found.u - known.u) / sizes).max() < options.moved else None
 
 
 class _Lanes:
@@ -191,7 +212,8 @@ class _Lanes:
     after the first `own` ones, that are tuned parameters; the rounds needed; and whether its motion `hangs`, that is,
     has come to amplify small changes, and is to be divided before it goes on. The shares are those of a stretch."""
 
-    def __init__(self, stretch: _Stretch, own: int):
+    def __init__(self, stretch: _Stretch, own: int, options: WayOptions):
+        self.options = options
         us, count = stretch.xs, len(stretch.xs)
         self.rounds, self.hangs = stretch.rounds.copy(), np.zeros(count, bool)
         self.most_growth = stretch.most_growth
@@ -232,6 +254,7 @@ class _Lanes:
         """Take the steps of lanes (k,) to shares (k,) that are good, and shorten the others: those that are `solved`,
         by their indices, with the unknowns found, and the Jacobians and the growths of small changes there."""
         self.rounds[lanes] += 1
+        options = self.options
         refused, lanes_found, old = np.ones(len(lanes), bool), lanes[solved], self.us[lanes[solved]]
         if len(solved):
             tangents, orientations = _tangents(jacobians, ways[lanes_found])
@@ -242,22 +265,22 @@ class _Lanes:
             for error in (found - guesses[solved], found - old - means):
                 moved = (np.abs(error) / sizes).max(1)
                 misses = _misses((jacobians[:, :, : found.shape[1]] @ error[:, :, None])[:, :, 0], found, self.least)
-                shares = np.maximum(shares, np.maximum(moved / WORST_PREDICTION, misses / WORST_MISS))
+                shares = np.maximum(shares, np.maximum(moved, misses) / options.moved)
             turned = orientations != self.orientations[lanes_found]
             good = (shares <= 1.0) & np.isfinite(tangents).all(1) & (growths <= self.most_growth[1])
-            good &= ~turned | (shares * WORST_PREDICTION <= ACROSS_BRANCH * np.minimum(changes, 1.0))
+            good &= ~turned | (shares * options.moved <= options.across_branch * np.minimum(changes, 1.0))
             refused[solved[good]] = False
-            growth = (AIMED_SHARE / np.maximum(shares, 1e-12)) ** (1 / 3)
+            growth = (options.aim / np.maximum(shares, 1e-12)) ** (1 / 3)
             self._take(
                 lanes_found[good], new[solved][good], found[good], tangents[good], orientations[good],
-                np.clip(growth[good], LEAST_GROWTH, LARGEST_GROWTH),
+                np.clip(growth[good], options.shorten, options.lengthen),
             )  # fmt: skip
             self._divide(lanes_found[good], growths[good])
         short = lanes[refused]
-        self.steps[short] = AFTER_REFUSAL * np.minimum(self.steps[short], 1 - self.shares[short])
-        lost = short[self.steps[short] < SHORTEST_ON_WAY]
+        self.steps[short] = options.shorter * np.minimum(self.steps[short], 1 - self.shares[short])
+        lost = short[self.steps[short] < options.shortest]
         self.going[lost] = False
-        self.at_fold[lost] = self.folds[lost] - self.shares[lost] < NEAR_FOLD * self.folds[lost]
+        self.at_fold[lost] = self.folds[lost] - self.shares[lost] < options.near_fold * self.folds[lost]
 
     def _take(self, lanes: Array, new: Array, us: Array, tangents: Array, orientations: Array, growth: Array) -> None:
         """Step lanes (k,) to shares (k,)."""
@@ -271,18 +294,12 @@ class _Lanes:
             folds = new + rates[1] * (new - done) / (rates[0] - rates[1])
         folds = np.where(rates[0] > rates[1], folds, np.inf)
         with np.errstate(invalid="ignore"):
-            certain = (np.abs(folds - self.folds[lanes]) < SAME_FOLD * np.minimum(folds, 1 - folds)) & (
-                folds - new < NEAR_FOLD * folds
-            )
+            certain = np.abs(folds - self.folds[lanes]) < self.options.same_fold * np.minimum(folds, 1 - folds)
+            certain &= folds - new < self.options.near_fold * folds
         self.before[lanes], self.tangents_before[lanes], self.shares_before[lanes] = self.us[lanes], old, done
-        self.us[lanes], self.tangents[lanes], self.shares[lanes], self.orientations[lanes] = (
-            us,
-            tangents,
-            new,
-            orientations,
-        )
-        self.folds[lanes] = folds
-        self.steps[lanes] = np.minimum(growth * (new - done), TOWARDS_FOLD * (folds - new))
+        self.us[lanes], self.tangents[lanes], self.shares[lanes] = us, tangents, new
+        self.orientations[lanes], self.folds[lanes] = orientations, folds
+        self.steps[lanes] = np.minimum(growth * (new - done), self.options.towards_fold * (folds - new))
         self.at_fold[lanes] = certain
         self.going[lanes] = (new < 1.0) & ~certain
 
@@ -314,14 +331,14 @@ def _tangents(jacobians: Array, ways: Array) -> tuple[Array, Array]:
 
 
 def _near_guesses(
-    equations: Shooting, guesses: Array, ps: Array, vary: tuple[str, ...], least: Array
+    equations: Shooting, guesses: Array, ps: Array, vary: tuple[str, ...], least: Array, options: WayOptions
 ) -> tuple[Array, Array, Array, Array]:
     """The indices (k,) of guesses (m, n) from which Newton's method converges, the unknowns (k, n) nearly there, and
     the Jacobians (k, n, n + k) and the growths (k,) of small changes at the last points before."""
     us, left, last = guesses.copy(), np.arange(len(guesses)), np.full(len(guesses), np.inf)
     done, jacobians = np.zeros(len(us), bool), np.zeros((len(us), us.shape[1], us.shape[1] + len(vary)))
     growths = np.zeros(len(us))
-    for _ in range(MOST_NEWTON_STEPS):
+    for _ in range(options.corrections):
         which, evaluation = equations.evaluate_lanes(us[left], ps[left], vary)
         if evaluation is None:
             break
@@ -330,15 +347,12 @@ def _near_guesses(
         with np.errstate(invalid="ignore"):
             sizes = (np.abs(steps) / sizes_of_unknowns(us[left], least[left])).max(1)
             misses = _misses(evaluation.residual, us[left], least)
-            enough = (sizes < ON_THE_WAY) & (misses < MISS_ON_WAY)
-            goes = (sizes < WORST_PREDICTION) & (misses < WORST_MISS) & (sizes < CONTRACTION * last[left])
+            errors = np.maximum(sizes, misses)
+            enough, goes = errors < options.rough, (errors < options.moved) & (sizes < options.contraction * last[left])
         ended = left[enough]
         us[ended] += steps[enough]
-        done[ended], jacobians[ended], growths[ended] = (
-            True,
-            evaluation.jacobian[enough],
-            evaluation.amplification[enough],
-        )
+        done[ended], jacobians[ended] = True, evaluation.jacobian[enough]
+        growths[ended] = evaluation.amplification[enough]
         goes &= ~enough
         us[left[goes]] += steps[goes]
         last[left] = sizes

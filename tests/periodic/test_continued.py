@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from orbits import NoOrbit, find, find_all, follow, starts
-from orbits.periodic import ways
 from orbits.periodic.continued import continued, continued_orbits
 from orbits.periodic.linear_hops import linear_hops
+from orbits.periodic.ways import WayOptions
 from problems import Chain, Hopper, plate_hopper
 
 LINEAR = Chain()
@@ -121,12 +121,11 @@ def test_a_hopper_on_a_plate_is_continued_to_the_orbits_of_its_family():
     assert orbit.alpha == pytest.approx(heavier.alpha, rel=1e-10)
 
 
-def test_a_way_that_is_too_hard_is_not_said_to_have_no_orbit(monkeypatch):
-    monkeypatch.setattr(ways, "MOST_STEPS_ON_WAY", 1)
-    start = hops_of_chain()[0]
-    found = continued(CUBIC, start, with_values(CUBIC, b=[1e-6, 0.3]), ["b"])
+def test_a_way_that_is_too_hard_is_not_said_to_have_no_orbit():
+    start, one = hops_of_chain()[0], WayOptions(most=1)
+    found = continued(CUBIC, start, with_values(CUBIC, b=[1e-6, 0.3]), ["b"], options=one)
     assert found.stopped[1][0] == "not reached"
     assert "the way from the start is lost at b = 0" in found.stopped[1][1]
-    (near, far) = continued_orbits(CUBIC, start, [CUBIC.with_values(b=b) for b in (1e-6, 0.3)])
+    (near, far) = continued_orbits(CUBIC, start, [CUBIC.with_values(b=b) for b in (1e-6, 0.3)], one)
     assert near.alpha == pytest.approx(start.alpha, rel=1e-2)
     assert isinstance(far, NoOrbit)

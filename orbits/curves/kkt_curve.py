@@ -10,21 +10,21 @@ each step.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..errors import NoOrbit
-from .hermite import at_level
+from ..numerics.hermite import at_level
+from ..numerics.roots import Array, bracketed_root
 from .kkt_conditions import ParametricProgram
-from .kkt_limits import DEPENDENT, NEARLY_DEPENDENT, CriticalPoint, ExclusiveLimits, limits_changed, rooms_at
+from .kkt_limits import CriticalPoint, ExclusiveLimits, limits_changed, rooms_at
+from .kkt_options import POINTS_OF_MINIMA, STEPS_OF_MINIMA, KktOptions
 from .kkt_points import LostCurve, PointsOfCurve
-from .kkt_start import TOLERATED, first_minimum
-from .roots import Array, bracketed_root
+from .kkt_start import first_minimum
+from .protocol import End, Event
+from .step_options import Steps
 
-NEARLY_FOLD = 0.2  # share of the parameter in a tangent below which the fastest unknown is held in its place
-POINTS_OF_PREDICTOR = 3
-MOST_EVENTS_AT_ONCE = 12
 # The events at which a curve ceases to be one of minima, and what they are.
 ENDS_OF_MINIMA = {
     "fold": "the minimum meets a saddle: there is none near it beyond",
@@ -32,127 +32,73 @@ ENDS_OF_MINIMA = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class CurveOptions:
-    """The constants of a run.
-
-    first_step, shortest_step, longest_step : lengths along the curve, with p as a share of its range, unknowns relative
-        to one plus their size, and multipliers to the largest one
-    most : points of a run
-    aim : distance from prediction to point that step control aims at
-    exact : whether the tangent of each point is exact, for programs whose second derivatives come with the first
-    beyond : whether the curve goes on beyond folds and bifurcations, where its points are no minima
-    """
-
-    first_step: float = 0.01
-    shortest_step: float = 1e-7
-    longest_step: float = 0.1
-    most: int = 1000
-    aim: float = 1e-4
-    exact: bool = False
-    beyond: bool = False
-
-
-DEFAULT_OPTIONS_OF_CURVE = CurveOptions()
-
-
-@dataclass(frozen=True, eq=False)
-class CurveEvent:
-    """What happens on a curve of minima at a point: a limit "enters", "leaves", or "exchanges" with another one, a
-    "fold" or a "bifurcation".
-
-    limits : the indices of the limits that change
-    """
-
-    kind: str
-    point: CriticalPoint
-    limits: tuple[int, ...] = ()
-
-
-@dataclass(frozen=True)
-class CurveEnd:
-    """The end of a curve of minima: "reached", "fold", "bifurcation", "infeasible", "degenerate", "stuck" or "stopped",
-    and the reason in words."""
-
-    kind: str
-    reason: str
-
-
 class MinimumCurve:
     """Minima of a program along p, from a point near a minimum at p = `start` towards `stop`.
 
     x, multipliers : (n,) and (n + m,) near those of the minimum
-    sides : (n + m,) of the active limits, as in `CriticalPoint`; by default those that the multipliers tell. Limits
-        that may be active with multipliers 0 become so where the curve needs them
+    steps : lengths and their ratios, aim, corrected, memory, corrections, most, width and same; other fields have no
+        effect
+
+    At first those limits are active that the multipliers show. Limits that may be active with multipliers 0 become so
+    where the curve needs them.
+
+    What happens is an `Event`: a limit, number `which`, "enters" or "leaves" the active ones, or there is a "fold" or a
+    "bifurcation", where the curve ends as one of minima.
 
     Raises `NoOrbit` where there is no minimum nearby that can be followed.
     """
 
     def __init__(
         self, program: ParametricProgram, x: Array, multipliers: Array, start: float, stop: float,
-        options: CurveOptions = DEFAULT_OPTIONS_OF_CURVE, sides: Array | None = None,
+        steps: Steps = STEPS_OF_MINIMA, options: KktOptions = POINTS_OF_MINIMA,
     ):  # fmt: skip
-        self.program, self.options, self.start, self.stop = program, options, start, stop
+        self.program, self.steps, self.options, self.start, self.stop = program, steps, options, start, stop
         x, multipliers = np.array(x, dtype=float), np.array(multipliers, dtype=float)
-        self.newton = PointsOfCurve(program, x, multipliers, start, abs(stop - start) or 1.0, options.exact)
-        self.first = first_minimum(self.newton, x, multipliers, start, stop - start, sides)
+        span = abs(stop - start) or 1.0
+        self.newton = PointsOfCurve(program, x, multipliers, start, span, steps.corrections, options)
+        self.first = first_minimum(self.newton, x, multipliers, start, stop - start)
 
-    def __iter__(self) -> Iterator[CriticalPoint | CurveEvent | CurveEnd]:
-        """The points from the first to the last, each event after the point at which it happens, and the end."""
-        return self.run()
-
-    def run(self, at: Sequence[float] = ()) -> Iterator[CriticalPoint | CurveEvent | CurveEnd]:
-        """The same, with points at these values of the parameter among them."""
-        point, length, passed, count, crowd = self.first, self.options.first_step, [self.first], 1, 0
+    def run(self, at: Sequence[float] = ()) -> Iterator[CriticalPoint | Event | End]:
+        """The points from the first to the last, with some at these values of the parameter, each event after the point
+        at which it happens, and the end."""
+        steps, passed, count, crowd = self.steps, [self.first], 1, 0
+        length = steps.first
         targets = sorted({*map(float, at), self.stop}, reverse=self.stop < self.start)
         targets = [each for each in targets if (each - self.start) * (self.stop - self.start) > 0]
-        yield point
-        if not targets:
-            yield CurveEnd("reached", "")
-            return
-        while count < self.options.most:
+        yield self.first
+        while targets and count < steps.most:
+            last = passed[-1]
             try:
                 new, error, held = self._next(passed, length, targets)
-                event = self._event(point, new, held)
+                event = self._event(last, new, held, count)
             except (LostCurve, NoOrbit):
-                length /= 4
-                if length < self.options.shortest_step:
-                    yield CurveEnd(
-                        "stuck", f"no point is found, or what happens is not located, beyond {point.value:.10g}"
-                    )
+                length *= steps.shorter
+                if length < steps.shortest:
+                    text = f"no point is found, or what happens is not located, beyond {last.value:.10g}"
+                    yield End("stuck", text)
                     return
                 continue
-            if event and event.kind in ENDS_OF_MINIMA:
-                yield event.point
-                yield event
-                if not self.options.beyond:
-                    yield CurveEnd(event.kind, f"{ENDS_OF_MINIMA[event.kind]} {event.point.value:.10g}")
-                    return
-                event = None
-            grown = (self.options.aim / max(error, 1e-16)) ** (1 / (2 * min(len(passed), POINTS_OF_PREDICTOR)))
             if event is None:
-                taken = self.newton.distance(point, new)
-                length = min(taken * min(max(0.8 * grown, 0.3), 2.5), self.options.longest_step)
-                passed, point, crowd = [*passed, new][-POINTS_OF_PREDICTOR:], new, 0
+                ratio = float(steps.ratios(error, len(passed)))
+                length = min(self.newton.distance(last, new) * ratio, steps.longest)
+                passed, crowd = [*passed, new][-steps.memory :], 0
                 count += 1
-                yield point
-                if point.value == targets[0]:
+                yield new
+                if new.value == targets[0]:
                     targets.pop(0)
-                if not targets:
-                    yield CurveEnd("reached", "")
-                    return
                 continue
-            crowd = crowd + 1 if self.newton.distance(point, event.point) < 1e-9 else 0
             after, end = self._beyond(event)
-            event = replace(event, point=after or event.point)
+            crowd = crowd + 1 if self.newton.distance(last, event.point) < steps.same else 0
+            event = Event(event.kind, point=after or event.point, after=event.after, which=event.which)
             yield event.point
             yield event
-            if after is None or crowd > MOST_EVENTS_AT_ONCE:
-                yield end or CurveEnd("degenerate", f"limits enter and leave for ever at {event.point.value:.10g}")
+            if after is None or crowd > self.options.crowd:
+                yield end or End("degenerate", f"limits enter and leave for ever at {event.point.value:.10g}")
                 return
             count += 1
-            passed, point, length = [after], after, min(length, self.options.first_step)
-        yield CurveEnd("stopped", f"after {count} points: no more than {self.options.most} were asked for")
+            passed, length = [after], min(length, steps.first)
+        stopped = End("stopped", f"after {count} points: no more than {steps.most} were asked for")
+        yield stopped if targets else End("reached")
 
     @staticmethod
     def between(points: Sequence[CriticalPoint], value: float) -> CriticalPoint:
@@ -180,7 +126,7 @@ class MinimumCurve:
         scaled = weights * last.tangent
         scaled /= np.abs(scaled).max()
         fastest = int(np.argmax(np.abs(scaled[: self.newton.n])))
-        held = len(scaled) - 1 if abs(scaled[-1]) >= NEARLY_FOLD * abs(scaled[fastest]) else fastest
+        held = len(scaled) - 1 if abs(scaled[-1]) >= self.options.steep * abs(scaled[fastest]) else fastest
         here = last.z[held]
         level = here + length * scaled[held] / weights[held]
         if held == len(scaled) - 1 and (targets[0] - here) * (targets[0] - level) <= 0:
@@ -191,7 +137,7 @@ class MinimumCurve:
                 return reached
         predicted = _predicted(passed, held, level)
         new, error = self.newton.corrected(predicted, last.sides, held, level, last.tangent)
-        if error > max(50 * self.options.aim, 0.5 * length):
+        if error > max(self.options.harmless * self.steps.aim, self.steps.corrected * length):
             raise LostCurve
         return new, error, held
 
@@ -207,33 +153,33 @@ class MinimumCurve:
     def _rooms(self, point: CriticalPoint) -> Array:
         return rooms_at(point, self.newton.limits, self.newton.dual_size)
 
-    def _event(self, a: CriticalPoint, b: CriticalPoint, held: int) -> CurveEvent | None:
-        """The first event between two points, if there is one."""
+    def _event(self, a: CriticalPoint, b: CriticalPoint, held: int, after: int) -> Event | None:
+        """The first event between two points, the first of which is number `after` - 1, if there is one."""
         rooms = self._rooms(b)
-        changes = np.flatnonzero(rooms < -TOLERATED)
-        if len(changes):
-            return self._change(a, b, held, self._rooms(a), rooms)
+        if (rooms < -self.options.tolerated).any():
+            return self._change(a, b, held, rooms, after)
         if a.tangent[-1] * b.tangent[-1] < 0:
             test = lambda point: point.tangent[-1] * np.sign(a.tangent[-1])  # noqa: E731
-            return CurveEvent("fold", self._located(a, b, held, test))
+            return Event("fold", point=self._located(a, b, held, test), after=after)
         if a.negative != b.negative:
             level = (a.negative + b.negative) / 2
             test = lambda point: np.sign(level - point.negative) * np.sign(level - a.negative)  # noqa: E731
-            return CurveEvent("bifurcation", self._located(a, b, held, test))
+            return Event("bifurcation", point=self._located(a, b, held, test), after=after)
         return None
 
-    def _change(self, a: CriticalPoint, b: CriticalPoint, held: int, before: Array, after: Array) -> CurveEvent:
-        """The first change of an active limit between two points, at which these have room `before` and `after`."""
+    def _change(self, a: CriticalPoint, b: CriticalPoint, held: int, behind: Array, after: int) -> Event:
+        """The first change of an active limit between two points, the second of which has these rooms (n + m,)."""
+        before, tolerated = self._rooms(a), self.options.tolerated
         while True:
-            changes = np.flatnonzero(after < -TOLERATED)
-            share = np.maximum(before[changes], 0.0) / (np.maximum(before[changes], 0.0) - after[changes])
+            changes = np.flatnonzero(behind < -tolerated)
+            share = np.maximum(before[changes], 0.0) / (np.maximum(before[changes], 0.0) - behind[changes])
             i = int(changes[np.argmin(share)])
-            point = a if before[i] <= TOLERATED else self._located(a, b, held, lambda at: float(self._rooms(at)[i]))  # noqa: B023
+            point = a if before[i] <= tolerated else self._located(a, b, held, lambda at: float(self._rooms(at)[i]))  # noqa: B023
             rooms = self._rooms(point)
-            others = (rooms < -TOLERATED) & (np.arange(len(rooms)) != i)
+            others = (rooms < -tolerated) & (np.arange(len(rooms)) != i)
             if not others.any():
-                return CurveEvent("leaves" if point.sides[i] else "enters", point, (i,))
-            b, after = point, np.where(others, rooms, np.inf)
+                return Event("leaves" if point.sides[i] else "enters", point=point, after=after, which=i)
+            b, behind = point, np.where(others, rooms, np.inf)
 
     def _located(
         self, a: CriticalPoint, b: CriticalPoint, held: int, test: Callable[[CriticalPoint], float]
@@ -247,33 +193,34 @@ class MinimumCurve:
             found[level], _ = self.newton.corrected(z, a.sides, held, level, a.tangent, exact=True)
             return float(test(found[level]))
 
-        level = bracketed_root(value, *ends, test(a), test(b), width=1e-13 * abs(ends[1] - ends[0]))
+        level = bracketed_root(value, *ends, test(a), test(b), width=self.steps.width * abs(ends[1] - ends[0]))
         if level not in found:
             value(level)
         return found[level]
 
-    def _beyond(self, event: CurveEvent) -> tuple[CriticalPoint | None, CurveEnd | None]:
+    def _beyond(self, event: Event) -> tuple[CriticalPoint | None, End | None]:
         """The point of an event with the active limits and the tangent beyond it, None where the minima end there."""
-        point = event.point
-        (i,) = event.limits
+        point, options = event.point, self.options
+        if event.kind in ENDS_OF_MINIMA:
+            return None, End(event.kind, f"{ENDS_OF_MINIMA[event.kind]} {point.value:.10g}")
         along = np.zeros(len(point.tangent))
         along[-1] = np.sign(point.tangent[-1])
-        for dependent in (DEPENDENT, NEARLY_DEPENDENT):
+        for dependent in (options.dependent, options.nearly_dependent):
             try:
-                sides, multipliers = limits_changed(self.program, point, i, dependent)
+                sides, multipliers = limits_changed(self.program, point, event.which, dependent)
                 z = np.concatenate([point.x, multipliers, [point.value]])
                 after = self.newton.at_parameter(z, sides, point.value, along, exact=True)
                 break
             except ExclusiveLimits:
                 text = f"the limits exclude each other beyond {point.value:.10g}: no point satisfies all of them"
-                return None, CurveEnd("infeasible", text)
+                return None, End("infeasible", text)
             except (LostCurve, NoOrbit):
                 continue
         else:
-            return None, CurveEnd("degenerate", f"no minimum is found beyond the limit at {point.value:.10g}")
-        if after.negative > point.negative and not self.options.beyond:
+            return None, End("degenerate", f"no minimum is found beyond the limit at {point.value:.10g}")
+        if after.negative > point.negative:
             text = f"the minimum ends at {point.value:.10g}, where a limit {event.kind} and leaves a saddle"
-            return None, CurveEnd("fold", text)
+            return None, End("fold", text)
         return after, None
 
 

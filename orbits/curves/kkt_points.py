@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..numerics.roots import Array
 from .kkt_conditions import (
     ActivePattern,
     LinearisedConditions,
@@ -12,15 +13,7 @@ from .kkt_conditions import (
     sparse_columns,
 )
 from .kkt_limits import FREE, UPPER, CriticalPoint
-from .roots import Array
-
-# Newton's step, relative to the size of the unknowns, after which the next is below rounding; that at which it may not
-# become any smaller; and the contraction above which its matrix is renewed.
-CONVERGED, STAGNATED, STALE = 1e-10, 1e-8, 0.1
-INEXACT_TANGENT = 1e-5  # distance from a prediction to a point above which the tangent is not that of the matrix there
-STEPS_TO_A_POINT = 12
-# Multipliers below this share of the Hessian, and below this size, are rounding.
-RELATIVE_DUAL, SMALLEST_DUAL = 1e-4, 1e-12
+from .kkt_options import KktOptions
 
 
 class LostCurve(Exception):
@@ -32,13 +25,16 @@ class PointsOfCurve:
 
     program, limits : and the lower and upper limits (n + m,) of x and of the constraints
     span : the way of the parameter
-    exact : whether the tangent of each point is exact
+    most : largest number of Newton steps to a point
     dual_size : the size of multipliers that matter, which grows on the way
     """
 
-    def __init__(self, program: ParametricProgram, x: Array, multipliers: Array, p: float, span: float, exact: bool):
-        self.program, self.limits, self.n, self.span, self.exact = program, program.limits, len(x), span, exact
-        self.lower, self.upper = self.limits
+    def __init__(
+        self, program: ParametricProgram, x: Array, multipliers: Array, p: float, span: float, most: int,
+        options: KktOptions,
+    ):  # fmt: skip
+        self.program, self.limits, self.n, self.span, self.most = program, program.limits, len(x), span, most
+        self.options, (self.lower, self.upper) = options, self.limits
         self._patterns = dict[tuple[int, int, bytes], ActivePattern]()
         self.dual_size = self.size_of_duals(multipliers, self.second(x, p, multipliers))
 
@@ -48,12 +44,12 @@ class PointsOfCurve:
 
     def size_of_duals(self, multipliers: Array, second: SecondDerivatives) -> float:
         """The size of multipliers that matter beside these, as far as derivatives show it."""
-        return max(float(np.abs(multipliers).max(initial=0.0)), self._needed(second), SMALLEST_DUAL)
+        return max(float(np.abs(multipliers).max(initial=0.0)), self._needed(second), self.options.least_dual)
 
     def _needed(self, second: SecondDerivatives) -> float:
         largest = np.abs(sparse_columns(second.hessian).data).max(initial=0.0)
         by_parameter = self.span * float(np.abs(second.gradient_slope).max(initial=0.0))
-        return max(by_parameter, RELATIVE_DUAL * float(largest))
+        return max(by_parameter, self.options.dual * float(largest))
 
     def weights(self, z: Array) -> Array:
         """What unknowns, multipliers and the parameter are multiplied with to be of order one."""
@@ -70,7 +66,7 @@ class PointsOfCurve:
     ) -> tuple[CriticalPoint, float]:
         """The point at a level of the coordinate that is held, with its tangent the way of `along`, and its distance
         from the prediction z; raises `LostCurve` where Newton's iteration does not converge."""
-        n, start, before, linear = self.n, z, np.inf, None
+        n, start, before, linear, options = self.n, z, np.inf, None, self.options
         z = z.copy()
         z[held] = level
         active = np.flatnonzero(sides)
@@ -78,7 +74,7 @@ class PointsOfCurve:
         places = np.concatenate([np.arange(n), n + active, [len(z) - 1]])
         own, bounds = int(np.searchsorted(places, held)), np.where(sides == UPPER, self.upper, self.lower)[active]
         weights, unit = self.weights(z), np.eye(1, len(places), len(places) - 1)[0]
-        for _ in range(STEPS_TO_A_POINT):
+        for _ in range(self.most):
             renewed = linear is None
             if linear is None:
                 linear = self._linearised(z, active)
@@ -98,9 +94,9 @@ class PointsOfCurve:
             # Up to the square of the step, the value function is the Lagrangian and its slope that of the Lagrangian.
             cost, slope = first.cost + float(z[n + active] @ missed), first.slope - float(linear.slopes @ step[:-1])
             z[places] -= step
-            if size <= CONVERGED or STAGNATED >= size > 0.5 * before:
+            if size <= options.last or options.small >= size > 0.5 * before:
                 break
-            if size > STALE * before:
+            if size > options.stale * before:
                 linear = None
             before = size
         else:
@@ -108,7 +104,7 @@ class PointsOfCurve:
         z[held] = level
         error = float(np.abs(weights * (z - start)).max())
         moved = size if renewed else error  # from where the matrix is
-        if linear is None or moved > (CONVERGED if exact or self.exact else INEXACT_TANGENT):
+        if linear is None or moved > (options.last if exact or options.exact else options.near):
             linear = self._linearised(z, active)
             (direction,) = self._solved(linear, [unit], own)
         tangent = np.zeros(len(z))
@@ -129,7 +125,7 @@ class PointsOfCurve:
         return self.corrected(z, sides, len(z) - 1, value, along, exact)[0]
 
     def _linearised(self, z: Array, active: Array) -> LinearisedConditions:
-        return linearised(self.second(z[: self.n], z[-1], z[self.n : -1]), active, self._patterns)
+        return linearised(self.second(z[: self.n], z[-1], z[self.n : -1]), active, self._patterns, self.options)
 
     @staticmethod
     def _solved(linear: LinearisedConditions, rights: list[Array], held: int) -> Array:

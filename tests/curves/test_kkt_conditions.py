@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from orbits.numerics.kkt_conditions import SecondDerivatives, linearised
+from orbits.curves.kkt_conditions import SecondDerivatives, linearised
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -7,13 +7,11 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from ..numerics.roots import Array
 from .kkt_conditions import ParametricProgram, SecondDerivatives, sparse_columns
-from .roots import Array
 
 # Marks of the limits: not active, at the lower or upper limit, or an equality.
 FREE, LOWER, UPPER, EQUAL = 0, -1, 1, 2
-# The share of a gradient beside the others below which it depends on them, and where no minimum is found otherwise.
-DEPENDENT, NEARLY_DEPENDENT = 1e-8, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,11 +68,12 @@ def rooms_at(point: CriticalPoint, limits: tuple[Array, Array], dual_size: float
     return np.where(point.sides == EQUAL, np.inf, np.where(point.sides == FREE, distance, size))
 
 
-def limits_changed(
-    program: ParametricProgram, point: CriticalPoint, i: int, dependent: float = DEPENDENT
-) -> tuple[Array, Array]:
+def limits_changed(program: ParametricProgram, point: CriticalPoint, i: int, dependent: float) -> tuple[Array, Array]:
     """The active limits and the multipliers at a point after one of the limits has entered or left; raises
-    `ExclusiveLimits`."""
+    `ExclusiveLimits`.
+
+    dependent : a gradient depends on others if a smaller share of it is independent of them
+    """
     sides, multipliers, (lower, upper) = point.sides.copy(), point.multipliers.copy(), program.limits
     if sides[i]:
         sides[i], multipliers[i] = FREE, 0.0
@@ -89,7 +88,7 @@ def limits_changed(
     return sides, multipliers
 
 
-def dependence(second: SecondDerivatives, sides: Array, i: int, dependent: float = DEPENDENT) -> Array | None:
+def dependence(second: SecondDerivatives, sides: Array, i: int, dependent: float) -> Array | None:
     """The combination (n + m,) of the active gradients that a limit's gradient is; None if it is independent."""
     n = len(second.gradient_slope)
     mine = np.eye(1, n, i)[0] if i < n else np.asarray(sparse_columns(second.jacobian)[[i - n]].todense()).ravel()

@@ -26,14 +26,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import SuperLU, splu
 
-from .roots import Array
+from ..numerics.roots import Array
+from .kkt_options import POINTS_OF_MINIMA, KktOptions
 
-# Weights of the active gradients: where one of them is too small, or too large beside rounding, there seem to be more
-# negative eigenvalues than there are.
-WEIGHTS = (1e6, 1e4)
-# A refinement is enough once the next would change less than this share of the solution. It fails where it does not
-# shrink by the second number, or has not come there after so many steps.
-REFINED, CONTRACTS, STEPS_OF_REFINEMENT = 1e-10, 0.3, 12
 # The orders of elimination are ours; the matrices have small supernodes.
 IN_ORDER = {"permc_spec": "NATURAL", "diag_pivot_thresh": 0.0, "panel_size": 1, "relax": 1}
 SYMMETRIC = {"SymmetricMode": True}
@@ -88,6 +83,7 @@ class LinearisedConditions:
     places : the number of each unknown but p in the order of S, in which the matrices are
     matrix, factors : K, and the factors of S; None where it has none
     negative : the number of negative eigenvalues of H on the null space of A
+    options : of the refinement of solutions
     """
 
     second: SecondDerivatives
@@ -96,6 +92,7 @@ class LinearisedConditions:
     matrix: sp.csc_matrix
     factors: SuperLU | None
     negative: int
+    options: KktOptions
 
     def solve(self, right: Array, held: int) -> Array:
         """The solutions (n + |A| + 1, k) of the linear conditions with k right sides, the last entry of which is of the
@@ -118,14 +115,14 @@ class LinearisedConditions:
         if self.factors is None:
             return None
         solution, left, before = np.zeros(right.shape), right, np.full(right.shape[1], np.nan)
-        for number in range(STEPS_OF_REFINEMENT):
+        for number in range(self.options.refinements):
             step = self.factors.solve(left)
             solution += step
             size = np.abs(step).max(0, initial=0.0)
             small = size == 0
             if number:
-                small |= size * size <= REFINED * np.abs(solution).max(0) * before
-                if not (small | (size < CONTRACTS * before)).all():
+                small |= size * size <= self.options.refined * np.abs(solution).max(0) * before
+                if not (small | (size < self.options.contracts * before)).all():
                     return None
             if small.all():
                 return np.vstack([solution, last])
@@ -141,8 +138,9 @@ def filled(pattern: sp.csc_matrix, data: Array) -> sp.csc_matrix:
 
 
 def linearised(
-    second: SecondDerivatives, active: Array, patterns: "dict[tuple[int, int, bytes], ActivePattern]"
-) -> LinearisedConditions:
+    second: SecondDerivatives, active: Array, patterns: "dict[tuple[int, int, bytes], ActivePattern]",
+    options: KktOptions = POINTS_OF_MINIMA,
+) -> LinearisedConditions:  # fmt: skip
     """The linearised conditions for the active limits with these numbers; `patterns` of a program are remembered."""
     hessian, jacobian = sparse_columns(second.hessian), sparse_columns(second.jacobian)
     key = hessian.nnz, jacobian.nnz, active.tobytes()
@@ -152,7 +150,7 @@ def linearised(
     data = np.concatenate([hessian.data, jacobian.data, [1.0]])
     sizes = np.bincount(pattern.row, data[pattern.entries_of_rows] ** 2, len(active))
     shifts, best, fewest = -sizes / (np.abs(hessian.data).max(initial=0.0) or 1.0), None, n + 1
-    for weight in WEIGHTS:
+    for weight in options.weights:
         factors, negative = _factorised(pattern.shifted(np.append(data, shifts / weight)), len(active))
         if negative < fewest:
             best, fewest = factors, negative
@@ -163,7 +161,7 @@ def linearised(
         fewest = _negative_of(matrix, len(active))
     by_constraints = np.append(np.zeros(n), second.values_slope)[active]
     slopes = np.append(second.gradient_slope, by_constraints)
-    return LinearisedConditions(second, slopes, pattern.places, matrix, best, fewest)
+    return LinearisedConditions(second, slopes, pattern.places, matrix, best, fewest, options)
 
 
 def _negative_of(matrix: sp.csc_matrix, active: int) -> int:

@@ -5,6 +5,7 @@ from itertools import combinations
 import numpy as np
 
 from ..errors import NoOrbit
+from ..numerics.roots import Array
 from .kkt_limits import (
     EQUAL,
     FREE,
@@ -18,38 +19,24 @@ from .kkt_limits import (
     rooms_at,
 )
 from .kkt_points import LostCurve, PointsOfCurve
-from .roots import Array
-
-# A limit is reached, and a multiplier has passed 0, at this distance beyond it; within the second one both a limit and
-# its multiplier may be 0 at the first point.
-TOLERATED, WEAK = 1e-10, 1e-6
-MOST_WEAK = 8  # limits at whose directions a first point is examined: the sets of active ones are tried in turn
-# Active limits that change at the first point, and the distance by which a limit is passed there.
-MOST_CHANGES_AT_START, TOLERATED_AT_START = 30, 1e-9
 
 
-def first_minimum(
-    points: PointsOfCurve, x: Array, multipliers: Array, start: float, way: float, sides: Array | None
-) -> CriticalPoint:
+def first_minimum(points: PointsOfCurve, x: Array, multipliers: Array, start: float, way: float) -> CriticalPoint:
     """The minimum near x (n,) and multipliers (n + m,) at the value `start` of the parameter, from where the curve is
     followed upwards or downwards, by the sign of `way`.
 
-    sides : (n + m,) of the active limits; by default those that the multipliers show. Limits that may be active with
-        multipliers 0 become so where the curve needs them
-
     Raises `NoOrbit` where there is no minimum nearby that can be followed.
     """
-    lower, upper = points.limits
+    (lower, upper), options = points.limits, points.options
     values = np.concatenate([x, points.program.first(x, start, multipliers[points.n :]).values])
     below, above = values - lower, upper - values
-    if sides is None:
-        sides = np.where(multipliers < 0, LOWER, UPPER).astype(np.int8)
-        room = np.where(sides == LOWER, below, above)
-        sides = np.where(np.abs(multipliers) / points.dual_size > room, sides, FREE).astype(np.int8)
+    sides = np.where(multipliers < 0, LOWER, UPPER)
+    sides = np.where(np.abs(multipliers) / points.dual_size > np.where(sides == LOWER, below, above), sides, FREE)
     sides = np.where(lower == upper, EQUAL, sides).astype(np.int8)
     sides, multipliers = _independent(points, x, multipliers, start, sides)
-    weak = (np.minimum(below, above) < WEAK) & (np.abs(multipliers) < WEAK * max(points.dual_size, 1.0))
-    unsure = np.flatnonzero(weak & (sides != EQUAL))[:MOST_WEAK]
+    weak = np.abs(multipliers) < options.weak * max(points.dual_size, 1.0)
+    weak &= np.minimum(below, above) < options.weak
+    unsure = np.flatnonzero(weak & (sides != EQUAL))[: options.most_weak]
     nearest = np.where(below[unsure] < above[unsure], LOWER, UPPER)
     z, along = np.concatenate([x, multipliers, [start]]), np.zeros(len(x) + len(multipliers) + 1)
     along[-1] = np.sign(way) or 1.0
@@ -81,7 +68,7 @@ def _independent(
         return sides, multipliers
     second, independent = points.second(x, start, multipliers), np.where(sides == EQUAL, sides, FREE).astype(np.int8)
     for i in inequalities:
-        if dependence(second, independent, i) is None:
+        if dependence(second, independent, i, points.options.dependent) is None:
             independent[i] = sides[i]
     if (independent == sides).all():
         return independent, multipliers
@@ -95,14 +82,15 @@ def _independent(
 def _with_right_signs(points: PointsOfCurve, z: Array, sides: Array, along: Array) -> CriticalPoint:
     """The first point with these active limits, of which those change that are passed or have multipliers of the wrong
     sign."""
-    for _ in range(MOST_CHANGES_AT_START):
+    options = points.options
+    for _ in range(options.changes_at_start):
         point = points.at_parameter(z, sides, z[-1], along, exact=True)
         left = rooms_at(point, points.limits, points.dual_size)
         i = int(np.argmin(left))
-        if left[i] >= -TOLERATED_AT_START:
+        if left[i] >= -options.tolerated_at_start:
             return point
         try:
-            sides, _ = limits_changed(points.program, point, i)
+            sides, _ = limits_changed(points.program, point, i, options.dependent)
         except ExclusiveLimits:
             break
         z = point.z
@@ -121,4 +109,5 @@ def _leads_out(points: PointsOfCurve, point: CriticalPoint, unsure: Array, neare
     active = point.sides[unsure] != FREE
     size, rate = (np.where(active, one, other) for one, other in zip(multiplier, room, strict=True))
     scale = np.where(active, points.dual_size, 1.0)
-    return bool(((size < -TOLERATED * scale) | ((size < WEAK * scale) & (rate < -TOLERATED * scale))).any())
+    least, weak = -points.options.tolerated * scale, points.options.weak * scale
+    return bool(((size < least) | ((size < weak) & (rate < least))).any())
