@@ -26,12 +26,12 @@ class Records(Sequence[Made], Generic[Made]):
     def __getitem__(self, i: int) -> Made: ...
 
     @overload
-    def __getitem__(self, i: slice) -> "Records[Made]": ...
+    def __getitem__(self, i: slice | np.ndarray) -> "Records[Made]": ...
 
     def __getitem__(self, i):
-        """One record, which is made once, or those of a slice."""
-        if isinstance(i, slice):
-            return Records(self.kind, {name: column[i] for name, column in self.columns.items()})
+        """One record, which is made once, or those of a slice or of an array of indices or truth values."""
+        if isinstance(i, slice | np.ndarray | list):
+            return Records(self.kind, {name: _some(column, i) for name, column in self.columns.items()})
         i = range(len(self))[i]
         if i not in self._made:
             self._made[i] = self.kind(**{name: _single(column[i]) for name, column in self.columns.items()})
@@ -75,6 +75,13 @@ def numbers_or_nan(column: np.ndarray) -> np.ndarray:
     """The numbers of a column (m,), NaN for `NONE`."""
     values = np.asarray(column, dtype=float)
     return np.where(values == NONE, np.nan, values)
+
+
+def _some(column: Any, i: Any) -> Any:
+    """Some entries of a column."""
+    if isinstance(i, slice) or isinstance(column, np.ndarray | Records):
+        return column[i]
+    return [column[j] for j in np.arange(len(column))[i].tolist()]
 
 
 def _single(value: Any) -> Any:

@@ -30,8 +30,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from orbits import InputError, ReturnMap, find, follow, orbit_at
-from orbits.continuation.corrector import newton_steps
 from orbits.continuation.curve import Curve
+from orbits.curves.bordered_newton import newton_steps
 from orbits.flow.flow import Flow
 from orbits.flow.runge_kutta import RungeKuttaStepper
 from orbits.shooting.formulations import METHODS, equations_of

@@ -10,8 +10,9 @@ from io import FileIO
 from itertools import chain
 from pathlib import Path
 from types import TracebackType
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
+from ..curves import Points
 from ..errors import InputError
 from ..io import check_ending, refusing, version, writing
 from ..model.machine import machine_in_words
@@ -19,12 +20,11 @@ from ..records import Records
 from ..result import Progress
 from ..running import interrupts
 from ..running.time_limit import TimeOver
-from .curve import CurvePoint, CurvePoints
 from .family import FAMILY_ENDINGS, UNFINISHED, Family, Sealing
+from .family_run import FamilyRun
 from .point import End, Event, Point, json_line
-from .tracer import Tracer
 
-_Item: TypeAlias = CurvePoints | CurvePoint | Event | End
+_Item: TypeAlias = Points | Event | End
 
 
 @cache
@@ -34,21 +34,20 @@ def versions() -> dict[str, str]:
 
 
 def collect_family(
-    tracer: Tracer, resume: Family | None = None, output: str | Path | None = None, progress: Progress = None
+    run: FamilyRun, resume: Family | None = None, output: str | Path | None = None, progress: Progress = None
 ) -> Family:
     """The family that a run finds; the other arguments as in `follow`."""
-    family = begun(tracer, resume)
+    family = begun(run, resume)
     parts, events, end, before = list[Records[Point]](), [*family.events], family.end, len(family.points)
     with Lines(family, resume, output) as lines, interrupts.deferred():
-        for item in _until_time_is_over(tracer if progress else tracer.parts()):
-            if isinstance(item, CurvePoint | CurvePoints):
-                assert isinstance(item.certified, Records)
-                parts.append(tracer.curve.all_in_units(item.certified))
+        for item in _until_time_is_over(_singly(run) if progress else run):
+            if isinstance(item, Points):
+                parts.append(run.curve.all_in_units(item.own))
                 lines.add(parts[-1])
-                if progress and isinstance(item, CurvePoint):
-                    progress((item.value - tracer.start) / (tracer.stop - tracer.start))
+                if progress:
+                    progress((float(item.values[0]) - run.start) / (run.stop - run.start))
             elif isinstance(item, Event):
-                point = tracer.curve.in_units(item.point)
+                point = run.curve.in_units(item.point)
                 events.append(replace(item, after=item.after + before, point=point))
                 lines.add(events[-1:])
             else:
@@ -56,6 +55,12 @@ def collect_family(
                 lines.add([end])
     points = (*family.points, *chain.from_iterable(parts)) if before else Records.joined(parts)
     return replace(family, points=points, events=tuple(events), end=end)
+
+
+def _singly(items: Iterable[_Item]) -> Iterator[_Item]:
+    """The items of a run, each point alone."""
+    for item in items:
+        yield from (item[i : i + 1] for i in range(len(item))) if isinstance(item, Points) else [item]
 
 
 def _until_time_is_over(items: Iterable[_Item]) -> Iterator[_Item]:
@@ -68,11 +73,11 @@ def _until_time_is_over(items: Iterable[_Item]) -> Iterator[_Item]:
         yield End("interrupted", f"{over}; resume it to go on")
 
 
-def begun(tracer: Tracer, resume: Family | None = None) -> Family:
+def begun(run: FamilyRun, resume: Family | None = None) -> Family:
     """The family before its run: without points, or with those of the family that is resumed."""
-    curve, options = tracer.curve, tracer.options
-    settings = {"start": tracer.start, "behind": tracer.behind, "stop": tracer.stop}
-    settings |= {"family": tracer.first.point.family, "method": curve.method, "longest": options.longest}
+    curve, options = run.curve, run.options
+    settings: dict[str, Any] = {"start": run.start, "behind": run.behind, "stop": run.stop}
+    settings |= {"family": run.point.family, "method": curve.method, "longest": options.longest}
     settings |= {"tune": list(resume.settings["tune"] if resume else curve.tuned)} if curve.tuned else {}
     settings |= {"at": list(options.at), "watch": list(options.watch), "stop_inadmissible": options.stop_inadmissible}
     settings |= {"multipliers": True} if options.multipliers else {}

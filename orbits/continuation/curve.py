@@ -4,20 +4,20 @@ The curve is F(u, value) = 0, the equations that `find` solves, with their exact
 X = (u, value), measured in units of its own size.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import Any, NamedTuple, Self, TypeAlias, overload
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 
 from ..consistency.accepted import check_parameters
+from ..curves import Points
 from ..errors import InputError, NoOrbit, OrbitsError
 from ..flow.phase_field import OUT_OF_LAW
 from ..model.machine import Machine
 from ..model.planar import Planar
-from ..numerics.hermite import around
 from ..numerics.roots import solve
 from ..periodic.certificate import Certificate
 from ..periodic.certified import Solved, certified, orbit_from, orbit_of_solved
@@ -37,7 +37,7 @@ from ..shooting.error_bound import rounding_of_unknowns
 from ..shooting.formulations import Cycles, equations_of, iterative, method_of
 from ..shooting.newton_kernel import NewtonKernel, newton_kernel
 from ..shooting.node_places import growths_along, steady_tangents
-from ..shooting.single_shooting import Evaluation, joined
+from ..shooting.single_shooting import Evaluation
 from ..simulation.lossless_hops import LosslessHops
 from ..units import Units
 from .curve_corners import CurveCorners
@@ -53,12 +53,12 @@ NODE_UNIT = 10.0
 Watch = Mapping[str, Callable[[Orbit], float]]
 # Test functions (m,) at certified points of a curve, which change their sign at the event. They are NONE where they are
 # not defined.
-TestFunction: TypeAlias = "Callable[[Curve, CurvePoints], np.ndarray]"
+TestFunction: TypeAlias = "Callable[[Curve, Points], np.ndarray]"
 
 
 def _of_orbits(function: Callable[[Records[Point]], np.ndarray]) -> TestFunction:
     """A test function that depends on the certified orbits alone."""
-    return lambda curve, points: function(points.orbits)
+    return lambda curve, points: function(points.own)
 
 
 TEST_FUNCTIONS: dict[str, TestFunction] = {
@@ -92,138 +92,10 @@ def _leaves_law(points: Records[Point]) -> np.ndarray:
     return found
 
 
-class CurvePoint(NamedTuple):
-    """A solved point of the curve; a certified one is a new object.
-
-    x : (n + 1,), the unknowns and the parameter's value
-    tangent : (n + 1,), of length 1 in units of the curve's size
-    branch_test : determinant of the Jacobian bordered by the tangent, which changes its sign at a branch point
-    evaluation, place : the equations at several solved points, and the index of this point among them
-    length : length of the curve from the point before
-    parts : number of points that the step ending here is divided into; 0 at a point that does not end a step
-    certified : the orbit (1,) without its motion, None before it is certified
-    """
-
-    x: np.ndarray
-    tangent: np.ndarray
-    branch_test: float
-    evaluation: Evaluation
-    place: int
-    length: float = 0.0
-    parts: int = 0
-    certified: Sequence[Point] | None = None
-
-    @property
-    def value(self) -> float:
-        """The value of the parameter."""
-        return float(self.x[-1])
-
-    @property
-    def amplification(self) -> float:
-        """The largest growth of a small change over the motion, or between its nodes."""
-        return float(self.evaluation.amplification[self.place])
-
-    @property
-    def largest_growth(self) -> float:
-        """The largest growth of a small change from the start of the motion, or from a node, to a place of it."""
-        return float(self.evaluation.largest_growth[self.place])
-
-    @property
-    def point(self) -> Point:
-        """The certified orbit without its motion."""
-        if self.certified is None:
-            raise ValueError("this point of the curve is not certified")
-        return self.certified[0]
-
-
-@dataclass(frozen=True, eq=False)
-class CurvePoints(Sequence[CurvePoint]):
-    """Points (m,) of the curve in order, with the fields of a `CurvePoint` as arrays, of one evaluation."""
-
-    xs: np.ndarray
-    tangents: np.ndarray
-    branch_tests: np.ndarray
-    evaluation: Evaluation
-    places: np.ndarray
-    lengths: np.ndarray
-    parts: np.ndarray
-    certified: Records[Point] | None = None
-
-    def __len__(self) -> int:
-        return len(self.xs)
-
-    @overload
-    def __getitem__(self, i: int) -> CurvePoint: ...
-
-    @overload
-    def __getitem__(self, i: slice) -> "CurvePoints": ...
-
-    def __getitem__(self, i):
-        one = not isinstance(i, slice)
-        i = range(len(self))[i] if one else i
-        arrays = self.xs, self.tangents, self.branch_tests, self.places, self.lengths, self.parts
-        x, tangent, *numbers = (each[i] for each in arrays)
-        test, *others = (each.item() for each in numbers) if one else numbers
-        orbits = None if self.certified is None else self.certified[slice(i, i + 1) if one else i]
-        return (CurvePoint if one else CurvePoints)(x, tangent, test, self.evaluation, *others, orbits)
-
-    @property
-    def orbits(self) -> Records[Point]:
-        """The certified orbits (m,) without their motions."""
-        assert self.certified is not None
-        return self.certified
-
-    @property
-    def values(self) -> np.ndarray:
-        """The values (m,) of the parameter."""
-        return self.xs[:, -1]
-
-    @classmethod
-    def of(cls, points: Sequence[CurvePoint]) -> "CurvePoints":
-        """One point, or several that are not certified."""
-        return points if isinstance(points, cls) else cls.joined([cls._one(*point) for point in points])
-
-    @classmethod
-    def _one(cls, x, tangent, test, evaluation, place, length, parts, orbits) -> "CurvePoints":
-        test, place, length, parts = (np.array([number]) for number in (test, place, length, parts))
-        return cls(x[None], tangent[None], test, evaluation, place, length, parts, orbits)
-
-    @classmethod
-    def joined(cls, parts: Sequence["CurvePoints"]) -> "CurvePoints":
-        """The points of one part, or of several that are not certified."""
-        if len(parts) == 1:
-            return parts[0]
-        columns = zip(*((p.xs, p.tangents, p.branch_tests, p.lengths, p.parts) for p in parts), strict=True)
-        xs, tangents, tests, lengths, divided = map(np.concatenate, columns)
-        evaluation = joined([part.own_evaluation for part in parts])
-        return cls(xs, tangents, tests, evaluation, np.arange(len(xs)), lengths, divided)
-
-    @property
-    def own_evaluation(self) -> Evaluation:
-        """The equations at these points alone."""
-        whole = np.array_equal(self.places, np.arange(len(self.evaluation.jacobian)))
-        return self.evaluation if whole else self.evaluation[self.places]
-
-
-class StepEnd(NamedTuple):
-    """The end of a step along the curve, whose motion is not known yet.
-
-    x, tangent, length, parts : as of a `CurvePoint`
-    amplification : the largest growth of a small change between nodes
-    row : (n + 1,), which measures the length along the curve
-    """
-
-    x: np.ndarray
-    tangent: np.ndarray
-    amplification: float
-    row: np.ndarray
-    length: float = 0.0
-    parts: int = 1
-
-    @property
-    def value(self) -> float:
-        """The value of the parameter."""
-        return float(self.x[-1])
+def evaluation_at(points: Points) -> Evaluation:
+    """The equations at points (m,) alone."""
+    whole = np.array_equal(points.places, np.arange(len(points.evaluation.jacobian)))
+    return points.evaluation if whole else points.evaluation[points.places]
 
 
 class Curve:
@@ -234,6 +106,7 @@ class Curve:
     takes_nodes = True  # whether they may be divided so
     takes_nodes_early = True  # and where they could do without: not where that made the errors larger
     own_settings: Mapping[str, object] = {}  # further settings of its family
+    tests: Mapping[str, TestFunction] = TEST_FUNCTIONS  # of the events of orbits along it
 
     def __init__(self, machine: Machine, along: str, method: str, span: float):
         self.machine, self.along, self.method, self.span = machine, along, method, span
@@ -284,25 +157,22 @@ class Curve:
         """The equations at points without nodes, from those with nodes."""
         return self.division.whole(evaluation) if self.division else evaluation
 
-    def growths(self, points: Sequence[CurvePoint]) -> np.ndarray:
+    def growths(self, points: Points) -> np.ndarray:
         """The largest growths (m,) of a small change over an arc of the motions at points."""
-        points = CurvePoints.of(points)
         if self.division is None:
             return points.evaluation.amplification[points.places]
-        return self.division.growths(points.own_evaluation).max(1)
+        return self.division.growths(evaluation_at(points)).max(1)
 
-    def largest_growths(self, points: Sequence[CurvePoint]) -> np.ndarray:
+    def largest_growths(self, points: Points) -> np.ndarray:
         """The largest growths (m,) of a small change from the start of an arc to any place of the motions at points."""
-        points = CurvePoints.of(points)
         return points.evaluation.largest_growth[points.places] if self.division is None else self.growths(points)
 
-    def asks_for_nodes(self, points: Sequence[CurvePoint]) -> np.ndarray:
+    def asks_for_nodes(self, points: Points) -> np.ndarray:
         """Whether the motions at certified points (m,) are divided at nodes, or divided anew, from there on."""
-        points = CurvePoints.of(points)
         growths = growths_without_nodes(self.division, points.evaluation)[points.places]
         if not (self.takes_nodes and self.takes_nodes_early):
             return growths > LARGEST_ARC_GROWTH
-        return are_divided(growths, points.orbits.column("error"), points.orbits.column("alpha"))
+        return are_divided(growths, points.own.column("error"), points.own.column("alpha"))
 
     def divided(
         self, x: np.ndarray, tangent: np.ndarray, evaluation: Evaluation
@@ -345,10 +215,6 @@ class Curve:
         those there."""
         return self.evaluate(xs)
 
-    def evaluate_exactly(self, xs: np.ndarray, known: Evaluation) -> Evaluation:
-        """The equations at solved points (m, n + 1), beside others where they are `known`."""
-        return self.evaluate_beside(xs, known)
-
     @property
     def corners(self) -> CurveCorners | None:
         """The corners of the curve; None where they are not passed."""
@@ -364,25 +230,25 @@ class Curve:
         """The ground whose forces the certificates have, None where they have none."""
         return self.machine.model.planar if self.machine.model.reversor else None
 
-    def stance_force(self, points: CurvePoints) -> np.ndarray:
+    def stance_force(self, points: Points) -> np.ndarray:
         """The least force on what stands in flight at certified points (m,), `NONE` where it may be negative."""
         if self._ground is None:
             return np.full(len(points), NONE)
-        judged = np.equal(points.orbits.column("stance_judged"), True)
-        return np.where(judged, points.orbits.column("smallest_stance_force"), NONE)
+        judged = np.equal(points.own.column("stance_judged"), True)
+        return np.where(judged, points.own.column("smallest_stance_force"), NONE)
 
-    def friction_left(self, points: CurvePoints) -> np.ndarray:
+    def friction_left(self, points: Points) -> np.ndarray:
         """What certified points (m,) leave of the stated friction, `NONE` where none is stated or a foot lifts."""
         planar = self._ground
         if planar is None or planar.friction is None:
             return np.full(len(points), NONE)
-        needed = points.orbits.column("friction_needed")
+        needed = points.own.column("friction_needed")
         stated = planar.friction(dict(zip(self.names, self.parameters_at(points.xs).T, strict=True)))
         return np.where(needed == NONE, NONE, stated - needed)
 
-    def others(self, points: CurvePoints) -> np.ndarray:
+    def others(self, points: Points) -> np.ndarray:
         """Matrices (m, d - 1, d - 1) whose eigenvalues are the multipliers besides that of the energy, at points."""
-        return self._others(points.xs, self.whole(points.own_evaluation))
+        return self._others(points.xs, self.whole(evaluation_at(points)))
 
     def _others(self, xs: np.ndarray, whole: Evaluation) -> np.ndarray:
         own = self.equations_of_orbits.own
@@ -404,37 +270,26 @@ class Curve:
         """A point (n + 1,) near another, with its value of the parameter, by Ipopt's multiple shooting."""
         return np.append(self.equations.multiple_shooting(x[:-1], self.parameters_at(x[None])[0])[0], x[-1])
 
-    def certify(self, point: CurvePoint) -> CurvePoint:
-        """The point, certified; raises the error when it cannot be certified."""
-        if point.certified is not None:
-            return point
-        certified, error = self.certify_all(CurvePoints.of([point]))
-        if error:
-            raise error
-        return certified[0]
-
-    def certify_all(self, points: Sequence[CurvePoint]) -> tuple[Sequence[CurvePoint], OrbitsError | None]:
-        """The points, certified, up to the first that cannot be certified, and its error."""
-        if not len(points):
-            return [], None
-        points = CurvePoints.of(points)
+    def certified(self, points: Points) -> tuple[Records[Point] | None, dict[int, OrbitsError]]:
+        """The certified orbits of points up to the first that cannot be certified, None without any; and the error of
+        that one and of all that follow it, by index."""
         solved, closing = self.solutions(points)
         found, refused = certified(solved, closing, quickly=True, refused=self._refused(solved.ps))
         end = min(refused, default=len(points))
+        errors = {i: refused.get(i, refused[end]) for i in range(end, len(points))}
         if found is None or end == 0:
-            return [], refused[0]
-        points = points[:end]
-        return replace(points, certified=self._points(points, found.cycles, found.certificates)), refused.get(end)
+            return None, errors
+        return self._points(points[:end], found.cycles, found.certificates), errors
 
-    def solutions(self, points: CurvePoints) -> tuple[Solved, np.ndarray]:
+    def solutions(self, points: Points) -> tuple[Solved, np.ndarray]:
         """The solutions (m, n) of the machine's own equations at points, and the rows (m, n + 1) that complete these
         equations for the measurement of errors."""
         xs = points.xs
         across, ps = points.tangents / self.size(xs) ** 2, self.parameters_at(xs)
-        units = self.units_of_changes(self.size(xs), points.own_evaluation)
+        units = self.units_of_changes(self.size(xs), evaluation_at(points))
         folds = np.abs(points.tangents[:, -1]) < AT_A_FOLD * units[:, -1]
         closing = np.where(folds[:, None], across, np.eye(xs.shape[1])[-1])
-        return self._solved(self.division, xs[:, :-1], ps, points.own_evaluation), closing
+        return self._solved(self.division, xs[:, :-1], ps, evaluation_at(points)), closing
 
     def _solved(self, division: Division | None, us: np.ndarray, ps: np.ndarray, evaluation: Evaluation) -> Solved:
         """The solutions (m, N) of the machine's own equations, with nodes where there is a division of them."""
@@ -444,7 +299,7 @@ class Curve:
         by_nodes = Solved(model, method, division.equations, us, ps, evaluation)
         return Solved(model, method, equations, division.bare(us), ps, division.whole(evaluation), by_nodes=by_nodes)
 
-    def _points(self, points: CurvePoints, cycles: Cycles, certificates: Records[Certificate]) -> Records[Point]:
+    def _points(self, points: Points, cycles: Cycles, certificates: Records[Certificate]) -> Records[Point]:
         """The certified orbits of points, which are the first of some."""
         also = {name: cycles.p[name].tolist() for name in self.also if name != self.along}
         others = [dict(zip(also, row, strict=True)) for row in zip(*also.values(), strict=True)] or [{}] * len(points)
@@ -469,13 +324,13 @@ class Curve:
                 refused[i] = error
         return refused
 
-    def orbit(self, point: CurvePoint) -> Orbit:
-        """The whole orbit at a certified point."""
-        machine = self.machine.with_values(**self.varied(self.parameters_at(point.x[None])[0]))
+    def orbit(self, point: Points) -> Orbit:
+        """The whole orbit at a certified point (1)."""
+        machine, error = self.machine.with_values(**self.varied(self.parameters_at(point.xs)[0])), point.own[0].error
         if self.division is None:
-            return orbit_from(machine, self.method, point.x[:-1], point.point.error)
-        solved, _ = self.solutions(CurvePoints.of([point]))
-        return orbit_of_solved(machine, replace(solved, errors=np.array([point.point.error])))
+            return orbit_from(machine, self.method, point.xs[0, :-1], error)
+        solved, _ = self.solutions(point)
+        return orbit_of_solved(machine, replace(solved, errors=np.array([error])))
 
     def units_at(self, value: Any, also: Mapping[str, Any] | None = None) -> Units | None:
         """The units at a value of the parameter, and at others that vary along the curve; None for a dimensionless
@@ -503,16 +358,6 @@ class Curve:
         """A point in the machine's units converted to the dimensionless form of the curve."""
         units = self.units_at(point.value, point.also)
         return point_in_units(point, units and units.inverse())
-
-    def certify_at(self, point: CurvePoint, value: float) -> CurvePoint:
-        """A point whose parameter is `value` up to rounding, certified with exactly that value."""
-        return self.certify(point._replace(x=np.append(point.x[:-1], value), certified=None))
-
-
-def interpolated(points: Sequence[CurvePoint | StepEnd], row: np.ndarray, levels: np.ndarray) -> np.ndarray:
-    """Places (m, n + 1) at levels (m,) of the polynomial through points of a curve with their tangents."""
-    xs, tangents, count = np.array([p.x for p in points]), np.array([p.tangent for p in points]), len(points)
-    return around(xs, tangents, np.full(len(levels), count), count, 0, np.tile(row, (len(levels), 1)), levels)[0]
 
 
 def check_followed(machine: Machine, *names: str) -> None:

@@ -40,8 +40,9 @@ class CurveCorner:
     left: float
     rate: float
 
-    def border(self, x: Array, beyond: float) -> tuple[Array, float]:
-        """The row (n + 1,) and the level that points have at this length beyond the corner, to first order near x."""
+    def border(self, x: Array, beyond: float = -AWAY_FROM_CORNER) -> tuple[Array, float]:
+        """The row (n + 1,) and the level that points have at this length beyond the corner, to first order near x; by
+        default just before it."""
         values, rows = self.corners.values(x)
         row = rows[self.number]
         return row, float(row @ x) + beyond * self.rate - float(values[self.number])

@@ -12,15 +12,14 @@ adjoint w of the equations d(e_X . t) = d/dt (e_X - w . F_X): they are central d
 1e-9 of their size. Points are nevertheless exact to rounding, since the residual is.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any
 
 import numpy as np
 
+from ..curves import CHANGES, Points, Test
 from ..design.event_statement import EventStatement
-from ..errors import NoOrbit
+from ..errors import FlowError, NoOrbit
 from ..model.machine import Machine
 from ..model.model import Model
 from ..numerics.roots import solve
@@ -31,12 +30,9 @@ from ..shooting.division import SENSITIVE, Division, division_of
 from ..shooting.formulations import Cycles
 from ..shooting.single_shooting import Evaluation, shooting_equations
 from ..simulation.lossless_hops import CROSSINGS, angles_left
-from .curve import AT_A_FOLD, TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints, TestFunction
-from .events import Segment
-from .homoclinic import Passed
-from .limits import Endings, History
-from .point import End, Point
-from .tracer import Tracer
+from .curve import AT_A_FOLD, TEST_FUNCTIONS, Curve, TestFunction
+from .limits import Endings
+from .point import End, Event, Point
 from .tuned_curve import equations_of_family, values_of
 
 # The step of central differences, in units of a point's size; along a family it is shorter where motions amplify small
@@ -95,7 +91,7 @@ class EventCondition:
         if not self.text:
             return {kind: found[kind] for kind in ("grazing", "landing jerk")}
         if self.place and self.level is not None and self.text in Certificate.__dataclass_fields__:
-            found[ELSEWHERE] = lambda _, points: self.place * self.excess(points.orbits.column(self.text)) + AT_LIMIT
+            found[ELSEWHERE] = lambda _, points: self.place * self.excess(points.own.column(self.text)) + AT_LIMIT
         return found
 
     def excess(self, numbers: np.ndarray) -> np.ndarray:
@@ -139,7 +135,7 @@ class EventCurve(Curve):
         within: tuple[float, float] | None = None, locates: bool = True,
     ):  # fmt: skip
         self.machine, self.along, self.method, self.span, self.tuned = machine, second, method, span, tuned
-        self.condition, self.within, self.locates, self.first = condition, within, locates, along
+        self.condition, self.within, self.first = condition, within, along
         self.takes_nodes = condition.place == 0  # the place of an extreme on a motion that hangs has few digits
         self.equations_of_orbits = equations_of_family(machine, method, along, tuned)
         self.names = self.equations_of_orbits.parameters
@@ -150,15 +146,16 @@ class EventCurve(Curve):
         # value, or 1 when the first value is zero.
         self.least = within[1] - within[0] if within else 0.1 * abs(first) or 1.0
         self.own_settings = {"event": condition.name, "along": along}
+        self.tests = condition.tests() if locates else {}
 
     def parameters_at(self, xs: np.ndarray) -> np.ndarray:
         return self.equations.with_tuned(xs, super().parameters_at(xs))
 
-    def asks_for_nodes(self, points: Sequence[CurvePoint]) -> np.ndarray:
+    def asks_for_nodes(self, points: Points) -> np.ndarray:
         found = super().asks_for_nodes(points)
         # Second derivatives, and their differences, grow as powers of first ones.
         if self.condition.stationary and self.takes_nodes and self.takes_nodes_early:
-            found |= CurvePoints.of(points).evaluation.amplification[CurvePoints.of(points).places] > SENSITIVE
+            found |= points.evaluation.amplification[points.places] > SENSITIVE
         return found
 
     def begun_near(self, x: np.ndarray) -> tuple["EventCurve", np.ndarray]:
@@ -225,6 +222,13 @@ class EventCurve(Curve):
     def evaluate_beside(self, xs: np.ndarray, known: Evaluation) -> Evaluation:
         return self._evaluated(xs, known.jacobian[:, -1])
 
+    def evaluate_lanes(self, xs: np.ndarray) -> tuple[np.ndarray, Evaluation | None]:
+        which, _ = super().evaluate_lanes(xs)
+        try:
+            return which, self.evaluate(xs[which]) if len(which) else None
+        except FlowError:  # at a place beside a point
+            return which[:0], None
+
     def _evaluated(self, xs: np.ndarray, slopes_of_last: np.ndarray | None) -> Evaluation:
         """The equations at points (m, N + 1), with the derivatives (m, N + 1) of the last one if they are known."""
         found = super().evaluate(xs)
@@ -288,7 +292,7 @@ class EventCurve(Curve):
         sides = np.sign(np.linalg.det(np.concatenate([jacobians, tangents[:, None]], axis=1)))
         return tangents * sides[:, None]
 
-    def solutions(self, points: CurvePoints) -> tuple[Solved, np.ndarray]:
+    def solutions(self, points: Points) -> tuple[Solved, np.ndarray]:
         """The solutions of the machine's own equations, with the errors measured along the first parameter, or across
         the family where that does not determine the orbit."""
         us, sizes = self.of_orbits(points.xs), self.size(points.xs)
@@ -300,32 +304,46 @@ class EventCurve(Curve):
         closing[folds] = (tangents / sizes)[folds]
         return self._solved(self.division_of_orbits, us, self.parameters_at(points.xs), evaluation), closing
 
-    def _points(self, points: CurvePoints, cycles: Cycles, certificates: Records[Certificate]) -> Records[Point]:
+    def _points(self, points: Points, cycles: Cycles, certificates: Records[Certificate]) -> Records[Point]:
         return self.condition.without_own(self.machine.model, super()._points(points, cycles, certificates))
 
 
 class EventEndings(Endings):
-    """The tests for the end of a curve of events, which may leave the bounds of the first parameter too."""
+    """The tests for the end of a curve of events, which may leave the bounds of the first parameter too, or come to
+    where a pair of multipliers becomes real."""
 
     curve: EventCurve
+    kinds = BEYOND_LOW, BEYOND_HIGH, NEUTRAL_SADDLE = "below the first parameter", "above it", "neutral saddle"
 
-    def may_end(self, before: CurvePoint, points: Sequence[CurvePoint]) -> np.ndarray:
-        ends = super().may_end(before, points) | self._grown(CurvePoints.of(points).xs).any(1)
-        if self.curve.within:
-            low, high = self.curve.within
-            first = CurvePoints.of(points).xs[:, -2]
-            ends |= (first < low) | (first > high)
+    def tests(self) -> list[Test]:
+        low, high = self.curve.within or (-np.inf, np.inf)
+        tests = [
+            Test(self.BEYOND_LOW, lambda _, points: points.xs[:, -2] - low, CHANGES, self._slope_of_first(low)),
+            Test(self.BEYOND_HIGH, lambda _, points: high - points.xs[:, -2], CHANGES, self._slope_of_first(high)),
+        ]
+        tests = tests if self.curve.within else []
         if self.curve.condition.crossing == "Neimark-Sacker":
-            ends |= angles_left(self.curve.others(CurvePoints.of(points))) < 0
-        return ends
+            angles = lambda problem, points: angles_left(problem.curve.others(points))  # noqa: E731
+            tests.append(Test(self.NEUTRAL_SADDLE, angles, CHANGES))
+        return tests
 
-    def far(self, last: CurvePoint, history: History, way: Passed = ()) -> End | None:
-        if end := super().far(last, history, way):
+    def at(self, event: Event) -> End:
+        (x,) = event.point.xs
+        if event.kind == self.NEUTRAL_SADDLE:
+            return End("degenerate", f"the pair becomes real: a neutral saddle beyond {x[-1]:.10g}")
+        assert self.curve.within is not None
+        return End("reached", f"{self.curve.first} = {self.curve.within[event.kind == self.BEYOND_HIGH]:g}")
+
+    def asks(self, points: Points) -> np.ndarray:
+        return super().asks(points) | self._grown(points.xs).any(1)
+
+    def far(self, last: Points, passed: Sequence[Points]) -> End | None:
+        if end := super().far(last, passed):
             return end
         own, names = self.curve.equations_of_orbits.own, self.curve.undivided.statement.unknowns
-        for i in self._grown(last.x[None])[0].nonzero()[0].tolist():
+        for i in self._grown(last.xs)[0].nonzero()[0].tolist():
             return End(
-                "escaped", f"the {names[own + i]} grows without bound near {self.curve.along} = {last.value:.6g}"
+                "escaped", f"the {names[own + i]} grows without bound near {self.curve.along} = {last.values[0]:.6g}"
             )
         return None
 
@@ -334,37 +352,10 @@ class EventEndings(Endings):
         own, ratio = self.curve.equations_of_orbits.own, self.control.escape_ratio
         return np.abs(self.curve.bare(xs)[:, own:-2]) > ratio * np.maximum(np.abs(self.origin.u[own:-1]), 1.0)
 
-    def cut(self, segment: Segment) -> tuple[Segment, End | None]:
-        segment, end = super().cut(segment)
-        if self.curve.condition.crossing == "Neimark-Sacker":
-            share = segment.zero(lambda point: float(angles_left(self.curve.others(CurvePoints.of([point])))[0]))
-            if share is not None:
-                last = self.curve.certify(segment(share))
-                segment = type(segment)(self.curve, segment.a, last)
-                end = End("degenerate", f"the pair becomes real: a neutral saddle beyond {last.value:.10g}")
-        if self.curve.within is None:
-            return segment, end
-        low, high = self.curve.within
-        for bound, outward in ((low, -1.0), (high, 1.0)):
-            if outward * (segment.b.x[-2] - bound) > 0 >= outward * (segment.a.x[-2] - bound):
-                share = segment.zero(partial(_beyond, bound, outward))
-                last = segment.b if share is None else self.curve.certify(segment(share))
-                end = End("reached", f"{self.curve.first} = {bound:g}")
-                segment = type(segment)(self.curve, segment.a, last)
-        return segment, end
-
-
-def _beyond(bound: float, outward: float, point: CurvePoint) -> float:
-    """How far the first parameter is beyond a bound."""
-    return float(outward * (point.x[-2] - bound))
-
-
-class EventTracer(Tracer):
-    """A run along a curve of events."""
-
-    tests_for_the_end = EventEndings
-    curve: EventCurve
-
-    def __init__(self, curve: EventCurve, *args: Any):
-        self.segments = type("EventSegment", (Segment,), {"tests": curve.condition.tests() if curve.locates else {}})
-        super().__init__(curve, *args)
+    @staticmethod
+    def _slope_of_first(bound: float) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
+        """The distance of the first parameter from a bound at points (m, n + 1), and its derivatives."""
+        return lambda problem, xs, evaluation, number: (
+            xs[:, -2] - bound,
+            np.tile(np.eye(xs.shape[1])[-2], (len(xs), 1)),
+        )

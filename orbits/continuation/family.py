@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, NotRequired, TypedDict, overload
 
@@ -35,7 +35,19 @@ from ..proof.prove import prove_branch, prove_claims
 from ..proof.theorem import Proof
 from ..result import ENDINGS, Axes, Progress, Result, Row, is_of, reported, shown
 from ..units import saved_units, unit_text
-from .point import KNOWN, SIDES, End, Event, Point, check_points, json_line, numbers_at, point_in_units
+from .point import (
+    KNOWN,
+    SIDES,
+    End,
+    Event,
+    EventLine,
+    Point,
+    check_points,
+    json_line,
+    numbers_at,
+    point_in_units,
+    stated,
+)
 from .proved_curve import branch_claim
 from .table import names_of_motions, numbers_of_motions
 
@@ -110,8 +122,14 @@ class Family(
 
     name : of the parameter
     points : the orbits, in order along the curve
-    events : the events, in order along the curve
-    end : how the curve ends
+    events : the events, in order along the curve: where something happens (`kind`), after which point (`after`, its
+        index; for "value" that of the point itself), and the orbit there (`point`). The kinds are "fold",
+        "branch point", "corner", "grazing", "masses touch", "contact pulls", "landing jerk", "collapse", "law ends",
+        "foot lifts", "foot slides", "family", "multiplier 1", "flip", "Neimark-Sacker", "value" (of the parameter, in
+        `at`), and the names of the functions of `watch`
+    end : how the curve ends: "reached" (a bound of the parameter), "escaped", "homoclinic" (the orbit stays ever longer
+        near an unstable equilibrium), "closed", "degenerate", "stopped", "stuck", or "interrupted" by a time limit or
+        in an unfinished file, with the reason in words, and the limit of the parameter where it tends to one
     machine : the machine in words and numbers, at the first point
     settings : the arguments of `follow`
     versions : of the packages that computed the family
@@ -300,7 +318,7 @@ class Family(
     def document(self) -> Document:
         points = [{self.name: point.value, **point.row()} for point in self.points]
         places = [{"kind": e.kind, "after": e.after, self.name: e.point.value, **e.point.row()} for e in self.events]
-        end = {key: value for key, value in asdict(self.end).items() if value is not None}
+        end = {key: value for key, value in stated(self.end).items() if value is not None}
         whole = {"machine": self.machine, "along": self.name, "points": points, "events": places, "end": end}
         whole |= {"units": self.units} if self.units else {}
         return {**whole, "settings": self.settings, "versions": self.versions}
@@ -416,8 +434,8 @@ class Family(
             if "point" in item:
                 points.append(conform(item["point"], Point, where))
             elif "event" in item:
-                event = conform(item["event"], Event, where)
-                events.append(replace(event, kind=OLD_KINDS.get(event.kind, event.kind)))
+                event = conform(item["event"], EventLine, where)
+                events.append(Event(OLD_KINDS.get(event["kind"], event["kind"]), event["after"], event["point"]))
             else:
                 end = conform(item["end"], End, where)
         check_points(points, events)
@@ -434,7 +452,7 @@ class Family(
     def dataset(self) -> Any:
         """The table along "point", with the parameter as a coordinate and the rest of the family as attributes."""
         settings = {name: to_json(getattr(self, name)) for name in ("settings", "versions")}
-        settings |= {"events": to_json([asdict(event) for event in self.events]), "end": to_json(asdict(self.end))}
+        settings |= {"events": to_json([stated(event) for event in self.events]), "end": to_json(stated(self.end))}
         return super().dataset.assign_attrs(settings).set_coords(self.name)
 
 

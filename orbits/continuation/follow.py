@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..curves import Points
 from ..errors import InputError, NoOrbit, finite_number
 from ..model.machine import Machine, machine_in_words
 from ..periodic.certified import Solved
@@ -20,17 +21,17 @@ from ..running import interrupts
 from ..running.exclusive import LOCK, exclusive
 from ..running.heartbeat import running
 from ..running.time_limit import TimeOver, time_limit
-from ..shooting.division import LARGEST_ARC_GROWTH
 from ..shooting.formulations import iterative, method_of
 from ..units import without_units
 from .checkpoint import collect_family
-from .corrector import correct
-from .curve import Curve, CurvePoint, Watch, machine_at, tuned_at
-from .events import watched
+from .curve import Curve, Watch, machine_at, tuned_at
 from .family import Family
+from .family_problem import FamilyProblem
+from .family_run import FamilyRun
+from .family_tests import watched
+from .limits import Endings
 from .point import End, Event, Point
 from .step_control import Options, StepControl, checked_options
-from .tracer import Tracer
 from .tuned_curve import TunedCurve, checked_tuning, curve_at
 
 Stop = float | tuple[float, float]
@@ -102,10 +103,10 @@ def follow(
     """
     options = checked_options(at, watch, longest, most, stop_inadmissible, step_control, multipliers)
     try:
-        tracer = begin_run(machine, along, start, stop, family, method, options, resume, tune)
+        run = begin_run(machine, along, start, stop, family, method, options, resume, tune)
     except TimeOver as over:
         raise over.reached("the orbit to begin with is not found yet") from None
-    return collect_family(tracer, resume, output, progress)
+    return collect_family(run, resume, output, progress)
 
 
 @exclusive
@@ -125,25 +126,25 @@ def trace(
     method, tune = options.pop("method", None), options.pop("tune", None)
     if unknown := options.keys() - set(known):
         raise InputError(f"trace has no option '{min(unknown)}'; it knows {', '.join(known)}, method and tune")
-    tracer = begin_run(machine, along, start, stop, family, method, checked_options(**options), None, tune)
-    return _orbits(tracer)
+    return _orbits(begin_run(machine, along, start, stop, family, method, checked_options(**options), None, tune))
 
 
-def _presented(curve: Curve, item: CurvePoint | Event | End) -> Orbit | Event | End:
-    """An item of a run in the form that is returned to the user."""
-    if isinstance(item, CurvePoint):
-        return curve.orbit(item)
-    return replace(item, point=curve.in_units(item.point)) if isinstance(item, Event) else item
-
-
-def _orbits(tracer: Tracer) -> Iterator[Orbit | Event | End]:
+def _orbits(run: FamilyRun) -> Iterator[Orbit | Event | End]:
     """The items of a run, its points as orbits; between items interrupts are raised and other threads may compute."""
-    items, item = iter(tracer), None
+    items, item = _one_by_one(run), None
     while not isinstance(item, End):
         with LOCK, running("trace"), interrupts.deferred():
             item = next(items)
-            found = _presented(tracer.curve, item)
-        yield found
+        yield item
+
+
+def _one_by_one(run: FamilyRun) -> Iterator[Orbit | Event | End]:
+    """The items of a run in the form that is returned to the user."""
+    for item in run:
+        if isinstance(item, Points):
+            yield from (run.curve.orbit(item[i : i + 1]) for i in range(len(item)))
+        else:
+            yield replace(item, point=run.curve.in_units(item.point)) if isinstance(item, Event) else item
 
 
 @exclusive
@@ -186,22 +187,25 @@ def follow_branch(
         across = first * (second @ own) - second * (first @ own)
         side = across[curve.equations.statement.unknowns.index("alpha")]
         across *= np.copysign(1.0 / np.linalg.norm(across), side if upper else -side)
-        step = _first_point(curve, x, across * size, across / size, step_control.first_step)
-        if (step.value - branch.value) * (stop - branch.value) < 0:
-            way = f"towards {'higher' if upper else 'lower'} launch speeds {along} goes to {step.value:.6g}, away from"
+        problem = FamilyProblem(curve, options)
+        step = _first_point(problem, x, across * size, across / size, step_control.first_step)
+        if ((value := float(step.values[0])) - branch.value) * (stop - branch.value) < 0:
+            way = f"towards {'higher' if upper else 'lower'} launch speeds {along} goes to {value:.6g}, away from"
             raise InputError(f"{way} stop = {stop:g}: give upper = {not upper} or a stop on the other side")
-        tracer = Tracer(curve, curve.certify(step), branch.value, stop, options)
-    return collect_family(tracer, output=output)
+        run = FamilyRun(problem, step, branch.value, stop, options)
+    return collect_family(run, output=output)
 
 
-def _first_point(curve: Curve, x, direction, row, first_step: float) -> CurvePoint:
-    """The first point of the other curve, one step across from `x`, or a shorter step where that leads elsewhere."""
+def _first_point(problem: FamilyProblem, x, direction, row, first_step: float) -> Points:
+    """The first point (1) of the other curve, one step across from `x`, or a shorter step where that leads
+    elsewhere."""
+    curve = problem.curve
     for length in first_step * np.logspace(0, -3, 4):
         try:
-            step = correct(curve, x + length * direction, row, row @ x + length, direction)
+            step = problem.solved(x + length * direction, row, row @ x + length, direction)
         except NoOrbit:
             continue
-        if np.linalg.norm((step.x - x) / curve.size(x)) < LONGEST_FIRST_STEP * length:
+        if np.linalg.norm((step.xs[0] - x) / curve.size(x)) < LONGEST_FIRST_STEP * length:
             return step
     raise NoOrbit(f"no other curve is found beside {curve.along} = {x[-1]:.10g}")
 
@@ -226,25 +230,8 @@ def orbit_at(machine: Machine, point: Point, along: str, method: str | None = No
     curve = curve_at(machine, along, method, 1.0, tuned_at(machine, point, along), point)
     x, row = np.array([*point.u, point.value]), np.array(point.tangent)
     with interrupts.deferred(), without_units(curve.units_at(point.value)):
-        curve, known = _known_point(curve, x, row, row)
-        return curve.orbit(curve.certify_at(known, point.value))
-
-
-def _known_point(curve: Any, x: np.ndarray, row: np.ndarray, tangent: np.ndarray) -> tuple[Any, CurvePoint]:
-    """The point near a place (n + 1,) of a curve, at its level of a row (n + 1,), with a tangent onward from the one
-    stated; and that curve, divided at nodes where the motion amplifies small changes."""
-    try:
-        found = correct(curve, x, row, row @ x, tangent)
-        if found.largest_growth <= LARGEST_ARC_GROWTH:
-            return curve, found
-        evaluation = curve.evaluate(x[None])
-    except NoOrbit:
-        evaluation = curve.evaluate(x[None])
-        if evaluation.largest_growth[0] <= LARGEST_ARC_GROWTH:
-            raise
-    nodes, x, tangent = curve.divided(x, tangent, evaluation)
-    row = np.insert(row, curve.equations.own, np.zeros(len(x) - len(row)))
-    return nodes, correct(nodes, x, row, row @ x, tangent)
+        problem, known = FamilyProblem(curve, Options()).known(x, row, row)
+        return problem.curve.orbit(problem.certified_at(known, point.value))
 
 
 def bounds_of(along: str, start: float, stop: object, at: Sequence[float] = ()) -> tuple[float, float]:
@@ -266,7 +253,7 @@ def bounds_of(along: str, start: float, stop: object, at: Sequence[float] = ()) 
 def begin_run(
     machine: Machine, along: str, start: StartLike | float | None, stop: Any, family: int | None, method: Any,
     options: Options, resume: Family | None = None, tune: Any = None,
-) -> Tracer:  # fmt: skip
+) -> FamilyRun:  # fmt: skip
     """A run from the first orbit, or from the last of a family that is resumed."""
     family = None if family is None else family_number(family)
     orbit, start = (start, None) if isinstance(start, Orbit | Mapping | str | Path) else (None, start)
@@ -291,13 +278,13 @@ def begin_run(
         orbit = start_in_file(orbit) if isinstance(orbit, str | Path) else orbit
         solved = _of_family(machine, family, method) if orbit is None else solve_near(machine, orbit, method)
         curve = Curve(machine, along, iterative(solved.method), abs(stop - behind))
-    tracer = start_tracer(curve, np.append(solved.us[0], start), start, behind, stop, options)
-    if orbit is None and tracer.first.point.family != family:
-        raise NoOrbit(another_family(family, tracer.first.point.family))
-    return tracer
+    run = start_run(curve, np.append(solved.us[0], start), start, behind, stop, options)
+    if orbit is None and run.point.family != family:
+        raise NoOrbit(another_family(family, run.point.family))
+    return run
 
 
-def _begin_tuned(machine, along, orbit, start, stop, family, method, options, tuned: tuple[str, ...]) -> Tracer:
+def _begin_tuned(machine, along, orbit, start, stop, family, method, options, tuned: tuple[str, ...]) -> FamilyRun:
     """A run with tuned parameters from the machine's own orbit, or from the one with the first value."""
     if method not in (None, METHOD):
         raise InputError(f"method '{method}' tunes no parameters; leave it out")
@@ -311,11 +298,11 @@ def _begin_tuned(machine, along, orbit, start, stop, family, method, options, tu
     value = float(solved.ps[0, solved.equations.parameters.index(along)])
     behind, stop = bounds_of(along, value, stop, options.at)
     x = np.append(solved.us[0], value)
-    tracer = start_tracer(TunedCurve(machine, along, tuned, abs(stop - behind), x), x, value, behind, stop, options)
+    run = start_run(TunedCurve(machine, along, tuned, abs(stop - behind), x), x, value, behind, stop, options)
     wanted: Any = first or (family if orbit is None else None)
-    if wanted not in (None, tracer.first.point.family):
-        raise NoOrbit(another_family(wanted, tracer.first.point.family))
-    return tracer
+    if wanted not in (None, run.point.family):
+        raise NoOrbit(another_family(wanted, run.point.family))
+    return run
 
 
 def _of_family(machine: Machine, family: int, method: str) -> Solved:
@@ -333,21 +320,22 @@ def _of_family(machine: Machine, family: int, method: str) -> Solved:
     return solve_near(machine, lowest, method)
 
 
-def start_tracer(
-    curve: Any, x: np.ndarray, start: float, behind: float, stop: float, options: Options, kind: type[Tracer] = Tracer
-) -> Tracer:
-    """A run of some kind from near `x` (n + 1,), where the parameter has the value `start`, towards `stop`."""
+def start_run(
+    curve: Curve, x: np.ndarray, start: float, behind: float, stop: float, options: Options,
+    kind: type[Endings] = Endings,
+) -> FamilyRun:  # fmt: skip
+    """A run from near `x` (n + 1,), where the parameter has the value `start`, towards `stop`, with ends of a kind."""
     with interrupts.deferred(), without_units(curve.units_at(start)):
         along_parameter = np.eye(len(x))[-1]
-        curve, first = _known_point(curve, x, along_parameter, along_parameter * np.sign(stop - start))
-        if options.stop_inadmissible or options.watch:  # otherwise it is certified together with the next points
-            first = curve.certify(first)
+        problem = FamilyProblem(curve, options)
+        problem, first = problem.known(x, along_parameter, along_parameter * np.sign(stop - start))
+        run = FamilyRun(problem, first, behind, stop, options, kind=kind)
         for name, function in options.watch.items():
-            watched(name, function, curve.orbit(first))
-        return kind(curve, first, behind, stop, options)
+            watched(name, function, run.curve.orbit(run.first))
+        return run
 
 
-def _resumed(machine, along: str, behind: float, stop: float, resume: Family, options: Options) -> Tracer:
+def _resumed(machine, along: str, behind: float, stop: float, resume: Family, options: Options) -> FamilyRun:
     """A run from the last point of a family, in the direction in which the family was followed."""
     _check_resumable(machine, along, behind, stop, resume)
     last, settings = resume.points[-1], resume.settings
@@ -355,9 +343,10 @@ def _resumed(machine, along: str, behind: float, stop: float, resume: Family, op
     _check_unknowns(last, curve)
     x, tangent = np.array([*last.u, last.value]), np.array(last.tangent)
     with interrupts.deferred(), without_units(curve.units_at(last.value)):
-        curve, first = _known_point(curve, x, tangent / curve.size(x) ** 2, tangent)
-        first = curve.certify_at(first, last.value)
-    return Tracer(curve, first, behind, stop, options, [curve.dimensionless(point) for point in resume.points[:-1]])
+        problem, first = FamilyProblem(curve, options).known(x, tangent / curve.size(x) ** 2, tangent)
+        first = problem.certified_at(first, last.value)
+        earlier = [curve.dimensionless(point) for point in resume.points[:-1]]
+        return FamilyRun(problem, first, behind, stop, options, earlier)
 
 
 def _check_unknowns(point: Point, curve: Curve) -> None:

@@ -17,11 +17,12 @@ from ..symbolic.formula import parse
 from ..units import without_units
 from .checkpoint import collect_family
 from .curve import check_followed
-from .event_curve import EventCondition, EventCurve, EventTracer
+from .event_curve import EventCondition, EventCurve, EventEndings
 from .event_place import quantities_used, statement_of_family, tuned_of_family, values_along
 from .event_start import EventStart, event_start
 from .family import Family
-from .follow import bounds_of, start_tracer
+from .family_run import FamilyRun
+from .follow import bounds_of, start_run
 from .point import End, Event
 from .step_control import Options, StepControl, checked_options
 
@@ -87,7 +88,7 @@ def follow_event(
 def run_along_event(
     family: Family, event: Event | str | Mapping[str, float], second: str, stop: float | tuple[float, float],
     number: int, within: tuple[float, float] | None, locate: bool, options: Options,
-) -> EventTracer:  # fmt: skip
+) -> FamilyRun:  # fmt: skip
     """A run along the curve of an event of a family, with arguments as in `follow_event`."""
     machine = family.source
     if machine is None:
@@ -108,7 +109,7 @@ def run_along_event(
     if within is not None and not within[0] <= first <= within[1]:
         raise InputError(f"within = ({within[0]:g}, {within[1]:g}): the curve begins at {family.name} = {first:.10g}")
     names = family.settings["method"], family.name, second
-    return _tracer(*names, stop, begun, options, within, locate, tuned_of_family(family))
+    return _run(*names, stop, begun, options, within, locate, tuned_of_family(family))
 
 
 def collect_event(
@@ -116,13 +117,13 @@ def collect_event(
     tuned: tuple[str, ...] = (), output: str | Path | None = None,
 ) -> Family:  # fmt: skip
     """The curve of an event of a family along a parameter, from its start on."""
-    return collected(_tracer(method, along, second, stop, begun, options, None, True, tuned), output)
+    return collected(_run(method, along, second, stop, begun, options, None, True, tuned), output)
 
 
-def _tracer(
+def _run(
     method: str, along: str, second: str, stop: Any, begun: EventStart, options: Options,
     within: tuple[float, float] | None, locate: bool, tuned: tuple[str, ...],
-) -> EventTracer:  # fmt: skip
+) -> FamilyRun:  # fmt: skip
     """A run along the curve of an event from its start on."""
     machine, start = begun.machine, begun.machine.values[second]
     behind, stop = bounds_of(second, start, stop, options.at)
@@ -132,19 +133,19 @@ def _tracer(
     )
     try:
         curve, x = curve.begun_near(np.append(begun.x, start))
-        tracer = start_tracer(curve, x, start, behind, stop, options, EventTracer)
-        if curve.division and tracer.first.point.family != begun.family:
-            raise NoOrbit(another_family(begun.family, tracer.first.point.family))
+        run = start_run(curve, x, start, behind, stop, options, EventEndings)
+        if curve.division and run.point.family != begun.family:
+            raise NoOrbit(another_family(begun.family, run.point.family))
     except (NoOrbit, FlowError) as error:
         name = begun.condition.name
         raise NoOrbit(f"the curve of '{name}' does not begin at {along} = {begun.x[-1]:.10g}: {error}") from None
-    assert isinstance(tracer, EventTracer)
-    return tracer
+    return run
 
 
-def collected(tracer: EventTracer, output: str | Path | None = None) -> Family:
+def collected(run: FamilyRun, output: str | Path | None = None) -> Family:
     """The curve that a run finds."""
-    return _at_its_place(collect_family(tracer, output=output), tracer.curve.condition)
+    assert isinstance(run.curve, EventCurve)
+    return _at_its_place(collect_family(run, output=output), run.curve.condition)
 
 
 def bounds_within(name: str, within: tuple[float, float]) -> tuple[float, float]:

@@ -7,18 +7,18 @@ e**(-2 s t). So the period grows as -n/s log|p - limit|, where the whole orbit p
 e**(-2 s t/n), by which the growth is measured. Source: Kuznetsov, Elements of Applied Bifurcation Theory, section 6.2.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
+from ..curves import Points
 from ..flow.flow import Flow
 from ..numerics.roots import Array
 from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction
 from ..units import FREQUENCY, TIME, Message, Quantity, described
-from .curve import Curve, CurvePoint, CurvePoints
+from .curve import Curve, evaluation_at
 
 # The change of the parameter with the duration, both relative, is rounding below the first number, and has settled
 # where it is below the second. Its decay is measured where it falls last by the third factor, by this many points or
@@ -32,8 +32,6 @@ NEAR, STEPS_TO_REST, SAME_REST = 0.05, 30, 1e-12
 # An eigenvalue is above 0 where it is a larger share of the largest one. A motion stays near an equilibrium up to the
 # middle of the orbit where the last rates of its half are a smaller share of the largest ones.
 UNSTABLE, STILL_IN_MIDDLE = 1e-6, 1e-3
-
-Passed = Sequence[tuple[Sequence[float], Sequence[float]]]
 
 
 class Homoclinic(NamedTuple):
@@ -61,13 +59,12 @@ class Rest(NamedTuple):
     passages: int
 
 
-def homoclinic(curve: Curve, last: CurvePoint, way: Passed) -> Homoclinic | None:
+def homoclinic(curve: Curve, last: Points, us: Array, tangents: Array) -> Homoclinic | None:
     """The homoclinic orbit that a curve of half orbits tends to, None where it tends to none.
 
-    way : the unknowns (n,) and the tangents (n + 1,) of its points in order, up to `last`
+    us, tangents : the unknowns (m, n) and the tangents (m, n + 1) of its points in order, up to the last one (1)
     """
-    statement, (us, tangents) = curve.equations_of_orbits.statement, (np.array(each) for each in zip(*way, strict=True))
-    names = statement.unknowns
+    statement, names = curve.equations_of_orbits.statement, curve.equations_of_orbits.statement.unknowns
     times = [i for i, name in enumerate(names) if name in statement.durations and name != "alpha"]
     if not times or not curve.machine.model.reversor or (rest := _nearest_rest(curve, last)) is None:
         return None
@@ -75,7 +72,7 @@ def homoclinic(curve: Curve, last: CurvePoint, way: Passed) -> Homoclinic | None
     settling = {name: names.index(name) for name in statement.tuned}
     settling |= {curve.along: -1} if curve.along in curve.machine.values else {}
     for name, place in settling.items():
-        value, rates = last.value if place == -1 else us[-1, place], np.abs(tangents[:, place] / tangents[:, i])
+        value, rates = last.values[0] if place == -1 else us[-1, place], np.abs(tangents[:, place] / tangents[:, i])
         if (decay := _decay(us[:, i], rates, rates * us[:, i] / abs(value))) is None:
             continue
         ahead = tangents[-1, place] / tangents[-1, i] / decay
@@ -105,9 +102,9 @@ def _decay(t: Array, rates: Array, relative: Array) -> float | None:
     return float(-slope) if np.abs(logs - start - slope * t).max() < STRAIGHT else None
 
 
-def _nearest_rest(curve: Curve, last: CurvePoint) -> Rest | None:
+def _nearest_rest(curve: Curve, last: Points) -> Rest | None:
     """The equilibrium that the motions at a point come nearest to, None where they come near none that is unstable."""
-    evaluation, p = curve.whole(CurvePoints.of([last]).own_evaluation), curve.parameters_at(last.x[None])
+    evaluation, p = curve.whole(evaluation_at(last)), curve.parameters_at(last.xs)
     best, found = np.inf, None
     for flow, motions in zip(curve.equations_of_orbits.flows, evaluation.trajectories, strict=True):
         states, rates = motions.coefficients[:, : flow.size, 0], motions.coefficients[:, : flow.size, 1]

@@ -1,18 +1,20 @@
 """How a curve of orbits ends: at a bound, closed, lost, or as its orbits tend to infinity or shrink to nothing."""
 
 from collections.abc import Sequence
+from copy import copy
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
+from ..curves import End, Event, Points, Test
 from ..errors import BreaksDown, InputError, NoStep, OrbitsError, RunsAway
 from ..numerics.roots import bracketed_root
 from ..shooting.division import DIVIDED_GROWTH, LARGEST_ARC_GROWTH
 from ..units import LIFTOFF_SPEED, TIME, Message, Quantity, in_units
-from .curve import Curve, CurvePoint, CurvePoints
-from .events import Segment
-from .homoclinic import Homoclinic, Passed, homoclinic
-from .point import End, Point
+from .curve import Curve
+from .homoclinic import Homoclinic, homoclinic
+from .point import Point
 from .step_control import Options
 from .tuned_curve import TunedCurve
 
@@ -36,17 +38,36 @@ SHRUNK = 0.3
 # The component of the tangent along the parameter, relative to its range, where it has settled but for rounding.
 SETTLED_RATE = 1e-13
 
-History = Sequence[tuple[float, float]]
+
+def _passed(passed: Sequence[Points], *names: str) -> list[np.ndarray]:
+    """Columns of the certified points passed, each point once: where the curve goes on with nodes or behind a corner,
+    it begins again at the same place or just beyond it, with a length of 0."""
+    once = [points.lengths > 0 for points in passed]
+    once[0][0] = True
+    return [
+        np.concatenate([each.own.column(name)[own] for each, own in zip(passed, once, strict=True)]) for name in names
+    ]
 
 
-def limit(history: History, bounds: tuple[float, float], power: int) -> tuple[float, float] | None:
+def _history(passed: Sequence[Points]) -> np.ndarray:
+    """alpha and value (m, 2) of the points passed."""
+    return np.column_stack(_passed(passed, "alpha", "value"))
+
+
+def _way(passed: Sequence[Points]) -> list[np.ndarray]:
+    """The unknowns (m, n) and the tangents (m, n + 1) of the points passed, without nodes."""
+    return _passed(passed, "u", "tangent")
+
+
+def limit(history: np.ndarray, bounds: tuple[float, float], power: int) -> tuple[float, float] | None:
     """The value that the parameter tends to as alpha grows (power -1) or vanishes (1), and its error; None where that
-    is not clear or lies behind or beyond a bound. `history` are alpha and value of the points of a curve, in order.
+    is not clear or lies behind or beyond a bound. The history has alpha and value (m, 2) of the points of a curve, in
+    order.
 
     It is extrapolated by powers of alpha, with the first or without, by the series whose last term matters less. Where
     both fail, the values show a single power.
     """
-    alpha, value = np.array(history).T
+    alpha, value = np.asarray(history).T
     # Where a launch has several speeds, this one may have changed its sign along the curve.
     since = np.append(0, np.flatnonzero(alpha[:-1] * alpha[-1] <= 0) + 1)[-1]
     alpha, value = alpha[since:], value[since:]
@@ -103,84 +124,69 @@ def _by_own_power(scale, value, widest: float) -> list[tuple[float, float]]:
 class Endings:
     """The tests for the end of a run from the orbit `origin` at the parameter's value `start`; bounds ascend."""
 
+    kinds: Sequence[str] = ()  # of the tests that end the curve between two points
+
     def __init__(self, curve: Curve, origin: Point, start: float, bounds: tuple[float, float], options: Options):
         self.curve, self.origin, self.start, self.bounds = curve, origin, start, bounds
-        self.stop_inadmissible, self.control, self.at = options.stop_inadmissible, options.step_control, options.at
+        self.stop_inadmissible, self.control, self.requested = (
+            options.stop_inadmissible,
+            options.step_control,
+            options.at,
+        )
 
-    def may_end(self, before: CurvePoint, points: Sequence[CurvePoint]) -> np.ndarray:
-        """Whether the curve may end between each of certified points (m,) and the one before it, or at that point,
-        (m,); a fold between them is an event."""
-        points = CurvePoints.of(points)
-        orbits, first, ratio = points.orbits, self.origin, self.control.escape_ratio
-        values, alpha, time = points.values, orbits.column("alpha"), orbits.column("flight_time")
-        ends = (values <= self.bounds[0]) | (values >= self.bounds[1])
-        ends |= self._passed(np.concatenate([before.x[None], points.xs[:-1]]), points.xs) > 0
+    def with_curve(self, curve: Curve) -> Self:
+        """The same for another curve, as one whose motions are divided at nodes."""
+        endings = copy(self)
+        endings.curve = curve
+        return endings
+
+    def tests(self) -> list[Test]:
+        """Tests of what ends the curve between two points."""
+        return []
+
+    def at(self, event: Event) -> End:
+        """The end of the curve where one of these tests vanishes."""
+        raise NotImplementedError
+
+    def asks(self, points: Points) -> np.ndarray:
+        """At which certified points (m,) the curve may end."""
+        orbits, first, ratio = points.own, self.origin, self.control.escape_ratio
+        alpha, time = orbits.column("alpha"), orbits.column("flight_time")
         speed = np.abs(alpha / first.alpha)
-        ends |= (speed > ratio) | (time > ratio * first.flight_time) | (speed < 1 / ratio)
+        ends = (speed > ratio) | (time > ratio * first.flight_time) | (speed < 1 / ratio)
         if (place := self._place_of_liftoff) is not None:
-            ends |= np.abs(np.array([u[place] for u in orbits.column("u")])) > ratio * (1 + self._reach(first))
+            ends |= np.abs(orbits.column("u")[:, place]) > ratio * (1 + self._reach(first))
         if isinstance(self.curve, TunedCurve):
             ends |= (self.curve.growth(points.xs) > ratio).any(1)
-        growths = np.append(self.curve.largest_growths([before]), self.curve.largest_growths(points))
-        ends |= (growths[:-1] <= LARGEST_ARC_GROWTH) & (growths[1:] > LARGEST_ARC_GROWTH)
-        ends |= self.curve.asks_for_nodes(points) | (self.curve.growths(points) > self.control.largest_amplification)
+        ends |= self.curve.growths(points) > self.control.largest_amplification
         return ends | (self.stop_inadmissible & np.array([*map(bool, orbits.column("violations"))], bool))
 
-    def cut(self, segment: Segment) -> tuple[Segment, End | None]:
-        """The segment up to the end of the curve on it, and that end; the whole segment and None without an end."""
-        curve, a, b = self.curve, segment.a, segment.b
-        if first := self._closing(segment):
-            return type(segment)(curve, a, first), End("closed", "the curve comes back to its first orbit")
-        if self._within(b) and segment.fold is not None:  # the fold in between may lie beyond a bound
-            fold = segment(segment.fold)
-            b = b if self._within(fold) else fold
-        if not self._within(b):
-            bound = self.bounds[0] if b.value <= self.bounds[0] else self.bounds[1]
-            back = " again, on another sheet" if bound == self.start else ""
-            sheets = segment.sheets()[-1 if a.value == bound else 0 :]  # a sheet that starts at the bound leaves it
-            sheet = next((part for part in sheets if (part.a.value - bound) * (part.b.value - bound) <= 0), sheets[-1])
-            return type(segment)(curve, a, sheet.point_at(bound)), End("reached", f"{curve.along} = {bound:g}{back}")
-        if self.stop_inadmissible and not b.point.admissible:
-            return segment, End("stopped", f"no motion from here: {self.curve.in_units(b.point).violations[0]}")
-        return segment, None
+    def hangs(self, points: Points) -> np.ndarray:
+        """At which points (m,) motions stay near an unstable equilibrium."""
+        return self.curve.largest_growths(points) > LARGEST_ARC_GROWTH
 
-    def _within(self, point):
-        return self.bounds[0] < point.value < self.bounds[1]
-
-    def _closing(self, segment: Segment) -> CurvePoint | None:
-        """The first point of the curve, if the curve passes it again on a segment."""
-        a, curve = segment.a, self.curve
-        if a.point is self.origin or not (share := float(self._passed(a.x, segment.b.x))):
+    def after(self, last: Points, passed: Sequence[Points]) -> End | None:
+        """The end of the curve at its last point (1), if it ends there. Motions that hang are judged where they begin
+        to hang, and where they are divided."""
+        before = passed[-1][-2:-1] if len(passed[-1]) > 1 else passed[-2][-1:] if len(passed) > 1 else last
+        hung = before.evaluation is not None and self.hangs(before)[0]
+        here = float(last.values[0]) in self.requested
+        if hung and not (here or self.asks(last)[0] or self.curve.asks_for_nodes(last)[0]):
             return None
-        point = segment(share)
-        x, tangent, sizes = map(curve.bare, (point.x, point.tangent, curve.size(a.x)))
-        same = np.max(np.abs(x - self._first) / sizes) < self.control.same_point
-        onward = tangent @ self.origin.tangent > 0
-        return curve.certify_at(point, self.start) if same and onward else None
+        if self.stop_inadmissible and not last.own[0].admissible:
+            return End("stopped", f"no motion from here: {self.curve.in_units(last.own[0]).violations[0]}")
+        return self.far(last, passed)
 
-    @property
-    def _first(self) -> np.ndarray:
-        """The first point X of the curve, (n + 1,)."""
-        return np.array([*self.origin.u, self.start])
-
-    def _passed(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """The shares (...) at which chords from a to b (..., n + 1) pass the first point, 0 where they do not."""
-        a, b, size = map(self.curve.bare, (a, b, self.curve.size(a)))
-        chord, away = (b - a) / size, (self._first - a) / size
-        along, square = (away * chord).sum(-1), (chord * chord).sum(-1)
-        near = ((away * away).sum(-1) <= 4 * square) & (along > 0) & (along <= (1 + self.control.same_point) * square)
-        return np.where(near, along / square, 0.0)
-
-    def far(self, last: CurvePoint, history: History, way: Passed = ()) -> End | None:
+    def far(self, last: Points, passed: Sequence[Points]) -> End | None:
         """The end of a curve that goes to infinity or to nothing before the parameter reaches a bound."""
-        orbit, first, ratio = last.point, self.origin, self.control.escape_ratio
-        place = f"near {self.curve.along} = {last.value:.6g}"
-        if (most := float(self.curve.growths([last])[0])) > self.control.largest_amplification:
-            if way and (orbit_at_rest := homoclinic(self.curve, last, way)):
+        orbit, first, ratio, history = last.own[0], self.origin, self.control.escape_ratio, _history(passed)
+        place = f"near {self.curve.along} = {last.values[0]:.6g}"
+        if (most := float(self.curve.growths(last)[0])) > self.control.largest_amplification:
+            if orbit_at_rest := homoclinic(self.curve, last, *_way(passed)):
                 return self._homoclinic(orbit_at_rest, last)
             growth = f"{most:.0e}-fold"
-            return self.lost(f"small changes grow {growth} over the flight, and rounding decides", last, history)
-        if self.curve.largest_growths([last])[0] > LARGEST_ARC_GROWTH and (end := self._hanging(last, history, way)):
+            return self.lost(f"small changes grow {growth} over the flight, and rounding decides", last, passed)
+        if self.curve.largest_growths(last)[0] > LARGEST_ARC_GROWTH and (end := self._hanging(last, passed)):
             return end
         if isinstance(self.curve, TunedCurve) and (away := self._tuned_away(self.curve, last)):
             return away
@@ -193,7 +199,7 @@ class Endings:
             if abs(orbit.liftoff_extension) > ratio * (1 + abs(first.liftoff_extension)):
                 return End("degenerate", f"the spring no longer lifts the foot {place}", *found)
             return End("escaped", "the launch speed grows without bound", *found)
-        if self._reach(orbit) > ratio * (1 + self._reach(first)) and (found := self._limit_by_reach(history, way)):
+        if self._reach(orbit) > ratio * (1 + self._reach(first)) and (found := self._limit_by_reach(passed)):
             return End(
                 "degenerate", f"the extension at lift-off grows without bound in the machine's units {place}", *found
             )
@@ -216,52 +222,49 @@ class Endings:
         """The extension at lift-off, 0 where it is no unknown."""
         return 0.0 if self._place_of_liftoff is None else abs(point.u[self._place_of_liftoff])
 
-    def _limit_by_reach(self, history: History, way: Passed) -> tuple[float, float] | None:
+    def _limit_by_reach(self, passed: Sequence[Points]) -> tuple[float, float] | None:
         """The `limit` of the parameter as the extension at lift-off grows."""
-        if (place := self._place_of_liftoff) is None or not way:
+        if (place := self._place_of_liftoff) is None:
             return None
-        reaches = [(abs(u[place]), value) for (u, _), (_, value) in zip(way, history, strict=True)]
-        return limit(reaches, self.bounds, -1)
+        reaches = np.abs(_way(passed)[0][:, place])
+        return limit(np.column_stack([reaches, _history(passed)[:, 1]]), self.bounds, -1)
 
-    def _hanging(self, last: CurvePoint, history: History, way: Passed) -> End | None:
+    def _hanging(self, last: Points, passed: Sequence[Points]) -> End | None:
         """The end of a curve whose motions stay near an unstable equilibrium, where more points say no more about it;
         None where it is followed on."""
-        end = self.lost("", last, history)
+        end, here = self.lost("", last, passed), float(last.values[0])
         if end.kind == "escaped" and end.limit is not None:
-            farthest = end.limit + np.copysign(end.limit_error or 0.0, end.limit - last.value)
-            low, high = sorted((last.value, farthest))
-            return None if any(low < value < high for value in self.at) else end
-        found = (
-            homoclinic(self.curve, last, way)
-            if way and abs(last.tangent[-1]) < SETTLED_RATE * self.curve.span
-            else None
-        )
+            farthest = end.limit + np.copysign(end.limit_error or 0.0, end.limit - here)
+            low, high = sorted((here, farthest))
+            return None if any(low < value < high for value in self.requested) else end
+        settled = abs(last.tangents[0, -1]) < SETTLED_RATE * self.curve.span
+        found = homoclinic(self.curve, last, *_way(passed)) if settled else None
         return self._homoclinic(found, last) if found and found.name == self.curve.along else None
 
-    def _homoclinic(self, found: Homoclinic, last: CurvePoint) -> End:
+    def _homoclinic(self, found: Homoclinic, last: Points) -> End:
         """The end of a curve in a homoclinic orbit."""
-        units = self.curve.units_at(last.value, last.point.also)
+        units = self.curve.units_at(last.values[0], last.own[0].also)
         limit, error = (found.limit, found.error) if found.name == self.curve.along else (None, None)
         growth = found.measured * (units.of(TIME) if units else 1.0)
         return End("homoclinic", in_units(found.reason, units), limit, error, growth)
 
-    def _tuned_away(self, curve: TunedCurve, last: CurvePoint) -> End | None:
+    def _tuned_away(self, curve: TunedCurve, last: Points) -> End | None:
         """The end of a curve along which a tuned parameter grows without bound, while that of the curve settles."""
-        (growths,), equations = curve.growth(last.x[None]), curve.equations
+        (growths,), (tangent,), equations = curve.growth(last.xs), last.tangents, curve.equations
         for i in (growths > self.control.escape_ratio).nonzero()[0].tolist():
             # It settles by this much where its distance to the limit falls as the inverse of the tuned parameter.
-            x, by = last.x[equations.own + i], last.tangent[equations.own + i]
-            left = float(last.tangent[-1] * x / by) if by else np.inf
+            x, by = last.xs[0, equations.own + i], tangent[equations.own + i]
+            left = float(tangent[-1] * x / by) if by else np.inf
             if abs(left) < SETTLED_SHARE * curve.span:
                 name = equations.statement.tuned[i]
-                return End("escaped", f"{name} grows without bound", last.value + left, abs(left))
+                return End("escaped", f"{name} grows without bound", float(last.values[0]) + left, abs(left))
         return None
 
-    def _in_words(self, error: OrbitsError | str, last: CurvePoint) -> OrbitsError | Message | str:
+    def _in_words(self, error: OrbitsError | str, last: Points) -> OrbitsError | Message | str:
         """The error of a step as what happens beyond the last point of a curve, with the remedy."""
         if not isinstance(error, NoStep | RunsAway | BreaksDown):
             return error
-        growth = float(self.curve.largest_growths([last])[0])
+        growth = float(self.curve.largest_growths(last)[0])
         text = "no orbit is found beside it" if isinstance(error, NoStep) else "the motion beside it does not come back"
         text += " ({error}): "
         if growth > DIVIDED_GROWTH:
@@ -270,11 +273,11 @@ class Endings:
             text += "allow steps shorter than {step:.0e} by `shortest_step` of `StepControl`"
         return Message(text, error=error, growth=growth, step=self.control.shortest_step)
 
-    def lost(self, error: OrbitsError | str, last: CurvePoint, history: History) -> End:
+    def lost(self, error: OrbitsError | str, last: Points, passed: Sequence[Points]) -> End:
         """The end of a curve that cannot be followed beyond its last point. The reason is the error where the curve
         stays bounded; where it escapes, the limit is more informative."""
-        alpha, value = last.point.alpha, last.value
-        units, speed = self.curve.units_at(last.value, last.point.also), Quantity(alpha, LIFTOFF_SPEED)
+        alpha, value, history = last.own[0].alpha, float(last.values[0]), _history(passed)
+        units, speed = self.curve.units_at(value, last.own[0].also), Quantity(alpha, LIFTOFF_SPEED)
         where = Message("{name} = {value:.10g}, alpha = {alpha:.10g}", name=self.curve.along, value=value, alpha=speed)
         where = in_units(where, units)
         if abs(alpha / self.origin.alpha) > self.control.running_ratio and (found := limit(history, self.bounds, -1)):

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from ..errors import OrbitsError
-from .corrector import correct_all
+from ..curves import Border, correct
 from .curve import Curve
+from .family_problem import FamilyProblem
+from .step_control import Options
 
 # Between two points of a curve its interpolant is sampled at this many places.
 PIECES = 8
@@ -27,13 +28,17 @@ def passings(
         chords = np.linalg.norm(np.diff(xs, axis=0) / curve.size(xs[:-1]), axis=1)
         shares = (np.arange((len(xs) - 1) * PIECES + 1) / PIECES)[:-1]
         levels = np.append(_along_cubics(xs, tangents, chords, shares)[:, place], xs[-1, place])
-        away = levels[:, None] - values
-        pieces, which = np.nonzero(away[:-1] * away[1:] < 0)
-        near = away[pieces, which]
-        shares = (pieces + near / (near - away[pieces + 1, which])) / PIECES
+        excess = levels[:, None] - values
+        pieces, which = np.nonzero(excess[:-1] * excess[1:] < 0)
+        low, high = excess[pieces, which], excess[pieces + 1, which]
+        shares = (pieces + low / (low - high)) / PIECES
         guesses = _along_cubics(xs, tangents, chords, shares)
-        segments = shares.astype(int)
-        found += _solved_in_halves(curve, guesses, place, values[which], tangents[segments], chords[segments], shares)
+        before, border = shares.astype(int), Border.of_component(place % xs.shape[1], values[which], xs.shape[1])
+        problem, lanes = FamilyProblem(curve, Options()), np.zeros(len(guesses), int)
+        solved, exact = correct(problem, lanes, guesses, border, tangents[before], problem.steps, record=False)
+        away = (np.abs(exact.xs - guesses[solved]) / curve.size(guesses[solved])).max(1, initial=0.0)
+        near = away < FARTHEST_SOLUTION * chords[before[solved]]
+        found.append((shares[solved][near], exact.xs[near], exact.tangents[near]))
     where, points, directions = map(np.concatenate, zip(*found, strict=True))
     order = np.argsort(where, kind="stable")
     return where[order], points[order], directions[order]
@@ -46,28 +51,3 @@ def _along_cubics(xs: np.ndarray, tangents: np.ndarray, chords: np.ndarray, shar
     step = xs[i + 1] - xs[i]
     bend = t * (1 - t) * length * (tangents[i] * (1 - t) - tangents[i + 1] * t)
     return xs[i] + step * t**2 * (3 - 2 * t) + bend
-
-
-def _solved_in_halves(
-    curve: Curve, guesses: np.ndarray, place: int, values: np.ndarray, before: np.ndarray, chords: np.ndarray,
-    shares: np.ndarray,
-) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:  # fmt: skip
-    """The solutions near guesses (q, n + 1), in parts: their shares, points and tangents; halves are solved apart where
-    the whole does not converge."""
-    if not len(guesses):
-        return []
-    rows = np.zeros(guesses.shape)
-    rows[:, place] = 1.0
-    try:
-        points = correct_all(curve, guesses, rows, values, before)
-    except OrbitsError:
-        if len(guesses) == 1:
-            return []
-        halves = [slice(0, len(guesses) // 2), slice(len(guesses) // 2, None)]
-        own = guesses, values, before, chords, shares
-        parts = [[each[half] for each in own] for half in halves]
-        return [each for part in parts for each in _solved_in_halves(curve, part[0], place, *part[1:])]
-    xs = points.xs.copy()
-    xs[:, place] = values
-    near = (np.abs(xs - guesses) / curve.size(guesses)).max(1) < FARTHEST_SOLUTION * chords
-    return [(shares[near], xs[near], points.tangents[near])]

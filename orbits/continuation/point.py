@@ -2,10 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
+from ..curves import End, Event
 from ..io import fields_in_line, to_json
 from ..periodic.certificate import Certificate
 from ..periodic.orbit import certificate_in_units
@@ -106,50 +107,22 @@ def point_in_units(point: Point, units: Units | None) -> Point:
     return replace(units.convert(point), certificate=certificate_in_units(point.certificate, units))
 
 
-@dataclass(frozen=True)
-class Event:
-    """An event on the curve, located to the corrector's tolerance.
-
-    kind : "fold", "branch point", "corner", "grazing", "masses touch", "contact pulls", "landing jerk", "collapse",
-        "law ends", "foot lifts", "foot slides", "family", "multiplier 1", "flip", "Neimark-Sacker", "value" (of the
-        parameter, in `at`), or the name of a function of `watch`
-    point : the orbit at the event
-    after : index of the last point before the event; for "value", of the point itself
-    """
+class EventLine(TypedDict):
+    """An event in a file."""
 
     kind: str
     after: int
     point: Point
 
 
-@dataclass(frozen=True)
-class End:
-    """How the curve ends.
-
-    kind : "reached" (a bound of the parameter), "escaped", "homoclinic" (the orbit stays ever longer near an unstable
-        equilibrium), "closed", "degenerate", "stopped", "stuck", or "interrupted"
-        by a time limit or in an unfinished file; in a bifurcation diagram also "left" (the range of launch speeds),
-        "flip", "jump" (the map is not continuous there) or "no launch" (beyond it a hop has no next launch)
-    reason : in words
-    limit, limit_error : the extrapolated value that the parameter tends to as the orbit escapes, becomes homoclinic or
-        shrinks to nothing, and an estimate of its error; None otherwise
-    period_growth : what the period of an orbit that becomes homoclinic grows by as the distance of the parameter from
-        its limit falls by the factor e, measured along the family; None otherwise
-    """
-
-    kind: str
-    reason: str
-    limit: float | None = None
-    limit_error: float | None = None
-    period_growth: float | None = None
-
-    def __repr__(self) -> str:
-        return fields_in_line(self, "kind", "reason", "limit", "limit_error")
+def stated(item: Point | Event | End) -> dict[str, Any]:
+    """What a point, an event or an end states, without what it has only while a curve is followed."""
+    return {name: value for name, value in asdict(item).items() if name not in ("lane", "which")}
 
 
 def json_line(item: Point | Event | End) -> str:
     """The line of a saved family for one of its points, its events or its end."""
-    document = asdict(item)
+    document = stated(item)
     if isinstance(item, End) and item.period_growth is None:
         del document["period_growth"]
     return to_json({type(item).__name__.lower(): document})

@@ -4,14 +4,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..errors import InputError
+from ..curves import Border, correct
+from ..errors import InputError, NoStep
 from ..exact.claim import Claim
 from ..model.machine import Machine
 from ..proof.branch_claim import BranchClaim
 from ..records import numbers_or_nan
-from .corrector import correct_all
-from .curve import Curve, CurvePoints
+from .curve import Curve
+from .family_problem import FamilyProblem
 from .point import Point
+from .step_control import Options
 
 
 def branch_claim(
@@ -33,14 +35,16 @@ def branch_claim(
     if any(point.also for point in points):
         raise InputError("a curve is proved along one parameter, and others vary along this family")
     xs, tangents = np.array([rows[i] for i in chosen]), np.array([points[i].tangent for i in chosen])
-    curve = Curve(machine, along, method, float(np.ptp(xs[:, -1])) or 1.0)
+    problem = FamilyProblem(Curve(machine, along, method, float(np.ptp(xs[:, -1])) or 1.0), Options())
 
     def solve(coordinate: int, values: np.ndarray, guesses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        rows = np.tile(np.eye(xs.shape[1])[coordinate], (len(values), 1))
-        solved = correct_all(curve, guesses, rows, values, rows)
-        certified, error = curve.certify_all(solved)
-        if error is not None:
-            raise error
-        return solved.xs, numbers_or_nan(CurvePoints.of(certified).orbits.column("contact_time")) / 2
+        border = Border.of_component(coordinate, values, xs.shape[1])
+        which, points = correct(problem, np.zeros(len(values), int), guesses, border, border.rows, problem.steps)
+        if len(which) < len(values):
+            raise NoStep("the corrector does not converge")
+        points, errors = problem.certify(points)
+        if errors:
+            raise errors[min(errors)]
+        return points.xs, numbers_or_nan(points.own.column("contact_time")) / 2
 
     return BranchClaim(machine, along, *ends, (*names, along), xs, tangents, solve)

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ..curves import Points
 from ..errors import InputError, NoOrbit
 from ..model.machine import Machine
 from ..numerics.roots import solve
@@ -21,7 +22,7 @@ from ..periodic.tuned import (
 )
 from ..shooting.formulations import equations_of
 from ..shooting.single_shooting import Shooting
-from .curve import Curve, CurvePoint, CurvePoints, check_followed
+from .curve import Curve, check_followed
 from .point import Point
 
 
@@ -57,14 +58,16 @@ class TunedCurve(Curve):
     def parameters_at(self, xs: np.ndarray) -> np.ndarray:
         return self.equations.with_tuned(xs, super().parameters_at(xs))
 
-    def orbit(self, point: CurvePoint) -> Orbit:
-        """The whole orbit at a certified point, with its tuned parameters but where it does not determine them."""
+    def orbit(self, point: Points) -> Orbit:
+        """The whole orbit at a certified point (1), with its tuned parameters but where it does not determine them."""
         orbit = super().orbit(point)
         try:
-            errors = errors_of_tuned(*self.solutions(CurvePoints.of([point])))
+            errors = errors_of_tuned(*self.solutions(point))
         except NoOrbit:  # such as a run without speed
             return orbit
-        return orbit.with_tuned(errors, dict.fromkeys(prescribed_along(self.machine, self.along), point.value))
+        return orbit.with_tuned(
+            errors, dict.fromkeys(prescribed_along(self.machine, self.along), float(point.values[0]))
+        )
 
     def varied(self, p: np.ndarray) -> dict[str, float]:
         names, places = self.equations.statement.tuned, self.equations.places

@@ -65,19 +65,6 @@ def _weights(behind: int, ahead: int) -> ca.Function:
     return ca.Function("weights", symbols, [ca.vertcat(*of_points), ca.vertcat(*of_tangents), sum(used)])
 
 
-def around(
-    xs: np.ndarray, tangents: np.ndarray, i: np.ndarray, behind: int, ahead: int, rows: np.ndarray, levels: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Points (q, n) at levels (q,) of rows (q, n) on interpolants of a chain of points (c, n) with tangents, each of up
-    to `behind` points before a place i (q,) of the chain and `ahead` from there on; and the numbers (q,) of points."""
-    if not len(i):
-        return np.empty((0, xs.shape[1])), np.empty(0)
-    indices = i[:, None] + np.arange(-behind, ahead)
-    inside = (indices >= 0) & (indices < len(xs))
-    within = np.minimum(np.maximum(indices, 0), len(xs) - 1)
-    return through(xs[within], tangents[within], inside, ahead, rows, levels)
-
-
 def slopes(places: np.ndarray, values: np.ndarray) -> np.ndarray:
     """The derivatives (n,) at the first of some places (k,) of the polynomials through values (k, n) there."""
     away, own = places[0] - places[1:], places[1:]

@@ -19,7 +19,7 @@ from ..running.exclusive import exclusive
 from ..simulation.impacts import CAP
 from .bifurcation import Bifurcation, name_of_hops
 from .border_events import FoundEvent
-from .branches import BESIDE_LOSSLESS, SAME_PLACE, BranchTracer
+from .branches import BESIDE_LOSSLESS, BranchTracer
 from .cycles import INJECT, MapsAlong, range_of
 from .diagram import RESERVED_IN_DIAGRAMS, BifurcationDiagram, Branch
 from .launch_branches import launch_diagram
@@ -32,6 +32,7 @@ STARTS_OF_HOPS, TRANSIENT, ATTRACTOR_HOPS = 4, 200, 60
 # Launches whose hops are computed together, and the largest number of values of the parameter, for the memory's sake.
 LAUNCHES_TOGETHER, MOST_ATTRACTOR = 2**14, 100_000
 LONGEST_CHORD = 0.02
+SAME_PLACE = 1e-6  # launches that differ by a smaller share of the range are the same
 # What happens where a launch passes a border of the map, by the kind of the border, and by that of the event.
 BORDERS_IN_WORDS = {
     "lossless": "a launch is the lossless one, beside which the loss goes as the power 4/3: a bounce more or less",

@@ -2,29 +2,26 @@
 
 The map is smooth only in pieces. Where the number of impacts changes, the map may jump, which ends a branch. Where its
 slope alone jumps, the curve has a corner, behind which it is found again: where a small circle round its last point
-cuts it, or beyond the border. Where the slope is the same on both sides, the tracer goes on and a border is an event.
+cuts it, or beyond the border. Where the slope is the same on both sides, the curve goes on and a border is an event.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, cast
 
 import numpy as np
 
-from ..continuation.corrector import correct
-from ..continuation.curve import CurvePoint
 from ..errors import NoOrbit, OrbitsError
 from ..numerics.roots import bracketed_root, solve
 from .cycle_statement import MULTIPLIER_AT, Border
 from .cycles import INJECT
 from .followed_events import located_border
-from .launch_curve import LaunchCurve, PeriodicLaunch, place_in_words
+from .launch_curve import AROUND, LaunchCurve, PeriodicLaunch, place_in_words
 from .map_pieces import CONTINUOUS, MapBorder
 
 HALVINGS = 12  # of a step in which the number of impacts changes and the map may jump
 HALVINGS_TO_BOUNCE = 5  # of a step until Newton's method finds the border in it
-# The radius of the circle round a corner, its angles, and the angle at which both sides of the curve are checked.
-AROUND, ANGLES, BESIDE = 1e-6, np.radians(np.linspace(-150, 150, 21)), 1e-5
+# The angles of the circle round a corner, and the angle at which both sides of the curve are checked.
+ANGLES, BESIDE = np.radians(np.linspace(-150, 150, 21)), 1e-5
 COLLISION, NON_SMOOTH_FOLD = COLLISIONS = "border collision", "non-smooth fold"
 # Where a launch passes a border: the steps of the secant method, which ends at this share of the range of the parameter
 # and is trusted up to this many times the distance of the points; and multipliers that agree up to this share.
@@ -49,10 +46,6 @@ class BordersOfCurve:
     def __init__(self, curve: LaunchCurve):
         self.curve, self.maps, self.scale = curve, curve.maps, curve.scale
         self._bounces = dict[tuple[PeriodicLaunch, PeriodicLaunch, int], FoundEvent | None]()
-
-    def distance(self, a: CurvePoint, b: CurvePoint) -> float:
-        """The distance of two points in shares of the ranges."""
-        return float(np.linalg.norm(cast(Any, a.point).place - cast(Any, b.point).place))
 
     def in_order(self, before: PeriodicLaunch, behind: PeriodicLaunch, found: list[FoundEvent]) -> Iterator[FoundEvent]:
         """The events between two neighbouring points in order: those that are found, and those at which a launch passes
@@ -165,59 +158,48 @@ class BordersOfCurve:
             raise NoOrbit("no hops are known near the border")
         value = float(self.curve.possible(0.5 * (before.value + behind.value)))
         inject, border = value if maps.name == INJECT else maps.inject, Border(hop, fewer.impacts[hop] - 1)
-        found, slope = located_border(maps.machine_at(value), maps.name, value, inject, border, hops.unknowns)
-        place = np.array([found.alpha, found.first]) / self.scale
+        found = located_border(maps.machine_at(value), maps.name, value, inject, border, hops.unknowns)
+        value, alphas, slope = found
+        place = np.array([alphas[0], value]) / self.scale
         apart = np.linalg.norm(0.5 * (before.place + behind.place) - place)
         if apart > BORDER_BEYOND * max(float(np.linalg.norm(behind.place - before.place)), AROUND):
             raise NoOrbit("the border is elsewhere")
-        point = PeriodicLaunch(found.first, found.alphas, slope, fewer.impacts, place, behind.tangent)
+        point = PeriodicLaunch(value, alphas, slope, fewer.impacts, place, behind.tangent)
         return FoundEvent(kind_of_border((slope, slope)), point, "bounce", (slope, slope))
 
     def _middle(self, before: PeriodicLaunch, behind: PeriodicLaunch) -> PeriodicLaunch:
         """The point of the curve half-way between two; raises `NoOrbit`."""
         chord, middle = behind.place - before.place, 0.5 * (before.place + behind.place)
-        row = chord / self.scale
-        guess = middle * self.scale
-        point = self.curve.certify(correct(cast(Any, self.curve), guess, row, float(row @ guess), chord * self.scale))
-        found = cast(PeriodicLaunch, cast(Any, point.point))
+        found = self.curve.near(middle * self.scale, chord * self.scale, chord / self.scale)
         if np.linalg.norm(found.place - middle) > np.linalg.norm(chord):
             raise NoOrbit("the curve is elsewhere")
         return found
 
-    def jump(
-        self, before: CurvePoint, behind: CurvePoint, between: Callable[[float], CurvePoint]
-    ) -> tuple[CurvePoint, str] | None:
-        """The last point of a branch before a jump of the map, and that end in words, from two points on different
-        curves and those at a share `between` them; None without one."""
-        first, second = cast(Any, before.point), cast(Any, behind.point)
-        size, impacts = self.distance(before, behind), first.impacts
-        if impacts == second.impacts or (self.maps.pieces is not None and not self._jumps(first, second)):
+    def jump(self, before: PeriodicLaunch, behind: PeriodicLaunch) -> tuple[PeriodicLaunch, str] | None:
+        """The last launch of a branch before a jump of the map, and that end in words, from two launches on different
+        curves; None without one."""
+        size, impacts = distance(before, behind), before.impacts
+        if impacts == behind.impacts or (self.maps.pieces is not None and not self._jumps(before, behind)):
             return None
-        differ = [i for i, count in enumerate(impacts) if count != second.impacts[i]]
-        if all(self.bounce(first, second, hop) for hop in differ):
+        differ = [i for i, count in enumerate(impacts) if count != behind.impacts[i]]
+        if all(self.bounce(before, behind, hop) for hop in differ):
             return None
-        pairs, reach = zip(first.alphas, second.alphas, strict=True), size * float(self.scale[0])
+        pairs, reach = zip(before.alphas, behind.alphas, strict=True), size * float(self.scale[0])
         spans = [(min(pair) - reach, max(pair) + reach) for pair in pairs]
         spans = [(max(low, 1e-3 * high), high) for low, high in spans]
         values = [float(self.curve.possible(point.value)) for point in (before, behind)]
         if not any(self.maps.jumps_between(span, value) for span in spans for value in values):
             return None
-        low, high = 0.0, 1.0
         for _ in range(HALVINGS):
-            middle = 0.5 * (low + high)
             try:
-                point = self.curve.certify(between(middle))
+                middle = self._middle(before, behind)
             except NoOrbit:
                 break
-            if cast(Any, point.point).impacts == impacts:
-                low, before = middle, point
-            else:
-                high, behind = middle, point
+            before, behind = (middle, behind) if middle.impacts == impacts else (before, middle)
         else:
-            if self.distance(before, behind) <= 4 * (high - low) * size:
+            if distance(before, behind) <= 4 * size / 2**HALVINGS:
                 return None
-        counts = (" and ".join(map(str, cast(Any, each.point).impacts)) for each in (before, behind))
-        place = place_in_words(self.maps, cast(Any, before.point))
+        place, counts = place_in_words(self.maps, before), (" and ".join(map(str, x.impacts)) for x in (before, behind))
         return before, f"the map jumps near {place}: {next(counts)} impacts in a hop, {next(counts)} behind"
 
     def _jumps(self, before: PeriodicLaunch, behind: PeriodicLaunch) -> bool:
@@ -227,13 +209,12 @@ class BordersOfCurve:
         jumps = [border.alpha for border in self.maps.pieces.borders if border.kind not in CONTINUOUS]
         return any(low <= alpha <= high for low, high in spans for alpha in jumps)
 
-    def corner(self, last: CurvePoint, behind: CurvePoint) -> list[FoundEvent]:
-        """The event at a corner of the curve between two points, where its tangents meet, if its multiplier passes 1 or
-        -1 there."""
-        sides = last.point.multiplier, behind.point.multiplier
+    def corner(self, a: PeriodicLaunch, b: PeriodicLaunch) -> list[FoundEvent]:
+        """The event at a corner of the curve between two launches, where its tangents meet, if its multiplier passes 1
+        or -1 there."""
+        sides = a.multiplier, b.multiplier
         if not any((sides[0] - level) * (sides[1] - level) < 0 for level in MULTIPLIER_AT.values()):
             return []
-        a, b = cast(Any, last.point), cast(Any, behind.point)
         share, _ = solve(np.column_stack([a.tangent, -b.tangent]), b.place - a.place)
         if abs(share) <= 2.0 * AROUND:  # else the tangents turn beside the corner
             place = a.place + share * a.tangent
@@ -241,36 +222,40 @@ class BordersOfCurve:
             a = replace(a, value=value, alphas=(alpha, *a.alphas[1:]), place=place)
         return [FoundEvent(kind_of_border(sides), replace(a, multiplier=float("nan")), "", sides)]
 
-    def beyond(self, before: CurvePoint, last: CurvePoint) -> CurvePoint | None:
-        """The curve behind a border near the first launch, at a launch on the other side than `before`; None where
-        there is none, or the map jumps there. Behind a graze the curve bends away at once, so that no circle cuts it as
-        it should."""
-        alpha, reach = last.point.alpha, 10.0 * AROUND * float(self.scale[0])
-        borders = self.maps.pieces_at(float(self.curve.possible(last.value)), alpha - reach, alpha + reach).borders
-        near = [each.alpha for each in borders if each.kind in CONTINUOUS and abs(each.alpha - alpha) <= reach]
+    def behind(self, before: PeriodicLaunch, last: PeriodicLaunch) -> PeriodicLaunch | None:
+        """The curve behind a border at the last launch, which it comes to from another one; None where there is none,
+        or the map jumps there."""
+        return self._round_corner(before, last) or self._beyond(before, last)
+
+    def _beyond(self, before: PeriodicLaunch, last: PeriodicLaunch) -> PeriodicLaunch | None:
+        """The curve behind a border near the first launch, at a launch speed on the other side than `before`. Behind a
+        graze the curve bends away at once, so that no circle cuts it as it should."""
+        reach = 10.0 * AROUND * float(self.scale[0])
+        ends = last.alpha - reach, last.alpha + reach
+        borders = self.maps.pieces_at(float(self.curve.possible(last.value)), *ends).borders
+        near = [each.alpha for each in borders if each.kind in CONTINUOUS and abs(each.alpha - last.alpha) <= reach]
         if not near:
             return None
-        border = min(near, key=lambda each: abs(each - alpha))
-        ahead = np.array([np.sign(border - before.point.alpha) * reach, 0.0])
+        border = min(near, key=lambda each: abs(each - last.alpha))
+        ahead = np.array([np.sign(border - before.alpha) * reach, 0.0])
         try:
-            at = np.array([border + ahead[0], last.value])
-            return self.curve.certify(correct(cast(Any, self.curve), at, np.array([1.0, 0.0]), float(at[0]), ahead))
+            return self.curve.near(np.array([border + ahead[0], last.value]), ahead)
         except NoOrbit:
             return None
 
-    def round_corner(self, before: CurvePoint, last: CurvePoint) -> CurvePoint | None:
-        """The curve behind a corner of the map, where a small circle round the last point cuts it; None where it does
-        not, or where the map jumps there. The direction at the last point is that from an earlier one, since
+    def _round_corner(self, before: PeriodicLaunch, last: PeriodicLaunch) -> PeriodicLaunch | None:
+        """The curve behind a corner of the map, where a small circle round the last launch cuts it; None where it does
+        not, or where the map jumps there. The direction at the last launch is that from an earlier one, since
         differences reach round the corner."""
-        distance = self.distance(before, last)
-        ahead = ((last.x - before.x) / distance if distance >= AROUND else last.tangent) / self.scale
+        apart, x = distance(before, last), np.array([last.alpha, last.value])
+        ahead = (last.place - before.place) / apart if apart >= AROUND else last.tangent
         sideways = np.array([-ahead[1], ahead[0]])
 
         def away(angle: float) -> np.ndarray:
             return AROUND * (np.cos(angle) * ahead + np.sin(angle) * sideways) * self.scale
 
         def excess(angle: float) -> float:
-            alpha, value = last.x + away(angle)
+            alpha, value = x + away(angle)
             return float(self.maps.excess(np.array([alpha]), self.curve.possible(value), self.curve.period)[0])
 
         reach = AROUND * self.curve.span
@@ -284,8 +269,13 @@ class BordersOfCurve:
             angle = bracketed_root(excess, ANGLES[i], ANGLES[i + 1], fa, fb)
             # At a jump the excess is small on one side only.
             if max(abs(excess(angle + side * BESIDE)) for side in (-1, 1)) <= 1e-2 * (abs(fa) + abs(fb)):
-                return self.curve.at(last.x + away(angle), away(angle))
+                return self.curve.at(x + away(angle), away(angle))
         return None
+
+
+def distance(a: PeriodicLaunch, b: PeriodicLaunch) -> float:
+    """The distance of two launches in shares of the ranges."""
+    return float(np.linalg.norm(a.place - b.place))
 
 
 def kind_of_border(sides: tuple[float, float]) -> str:

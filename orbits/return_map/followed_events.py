@@ -6,29 +6,23 @@ curve is followed. The curve ends where the hops have other numbers of impacts f
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
 
-from ..continuation.corrector import correct
-from ..continuation.curve import Curve, CurvePoint, CurvePoints, Watch
-from ..continuation.events import SearchedSegment, Segment
 from ..continuation.follow import bounds_of
-from ..continuation.limits import Endings
-from ..continuation.point import End, Event
 from ..continuation.step_control import Options, StepControl, checked_options
-from ..continuation.tracer import Tracer
+from ..curves import ASKS, CHANGES, FOLD, End, Event, Points, Problem, Run, Steps, Test, started
 from ..errors import InputError, NoOrbit, OrbitsError
 from ..flow.trajectory import Trajectories
 from ..model.machine import Machine, machine_in_words
 from ..model.phase import Affine
 from ..numerics.polynomial_roots import Crossings
-from ..running import interrupts
 from ..shooting.single_shooting import shooting_equations
 from ..simulation.hand_over import landed
 from ..simulation.impacts import LIFTOFF_ORDER, Impacts
-from ..units import LIFTOFF_SPEED, Units
+from ..units import LIFTOFF_SPEED
 from .bifurcation import Bifurcation
 from .bifurcation_curve import BifurcationCurve, PlaceOnCurve
 from .cycle_statement import (
@@ -52,7 +46,8 @@ from .flown_hops import flown_hops, slopes_of_jacobians
 # ends, where they vanish, belong to the events there.
 SHARES_OF_ARC = np.linspace(0.03, 0.97, 48)
 # A solved bifurcation may lie this far from where the diagram has it, as a share of the parameter, which is located to
-# some 1e-11; and a border condition is the one that vanishes to this share of the largest launch speed.
+# some 1e-11, and a turn so far from the end of a curve is another place; and a border condition is the one that
+# vanishes to this share of the largest launch speed.
 SAME_EVENT, NEAR_BORDER = 1e-6, 1e-3
 # At a cusp the share of the first parameter in the tangent vanishes beside that of the second one.
 CUSP = 1e-5
@@ -64,90 +59,72 @@ SLOW_LANDING = 1e-6  # the first landing of a lossless hop is slower than this s
 SMALL_FORCE = 0.05  # a contact force below this, where 1 lifts the foot, vanishes near a lossless hop
 
 
-@dataclass(frozen=True, eq=False)
-class EventPoint:
-    """A point of a curve: the value of the second parameter, the unknowns u and the tangent, the first parameter, the
-    launch speeds, and test functions that are above 0 where the hops are those of the statement."""
-
-    value: float
-    u: tuple[float, ...]
-    tangent: tuple[float, ...]
-    first: float
-    alphas: tuple[float, ...]
-    tests: dict[str, float]
-
-    @property
-    def alpha(self) -> float:
-        return self.alphas[0]
-
-
-class EventEquations(Curve):
-    """The curve of one kind of bifurcation of cycles; the last of its unknowns is the parameter `along`."""
-
-    kernel = corners = None
-    takes_nodes = False
+class EventEquations(Problem):
+    """The equations of one kind of bifurcation of cycles in two parameters, the last components of its points: the
+    first one is the last unknown of the statement, and the curve is followed along the second one, whose whole range
+    `span` is its unit. `own` of points are the test functions by what happens where they vanish."""
 
     def __init__(
         self, machine: Machine, along: str, second: str, event: str | Border, impacts: tuple[int, ...], inject: float,
         span: float,
     ):  # fmt: skip
-        self.machine, self.along, self.span, self.event = machine, second, span, event
-        self.impacts = impacts
-        self.names = (*machine.values, INJECT)
-        self.parameters = np.array([*machine.values.values(), inject])
-        self.place, self.first = self.names.index(second), self.names.index(along)
+        self.machine, self.second, self.span, self.event, self.impacts = machine, second, span, event, impacts
+        self.names, self.parameters = (*machine.values, INJECT), np.array([*machine.values.values(), inject])
+        self.places = [self.names.index(along), self.names.index(second)]
         self.equations = shooting_equations(bifurcation_statement(machine.model, impacts, event, along), self.names)
         self.cycle = cycle_statement(machine.model, impacts, event if isinstance(event, Border) else None)
         # The unit of a parameter that passes zero is its first value, or 1 when that is zero.
-        self.least = 0.1 * abs(self.parameters[self.first]) or 1.0
+        self.least = 0.1 * abs(self.parameters[self.places[0]]) or 1.0
+        self.tests = (
+            replace(FOLD, kind="turn", confirmed=_kind_of_turn),
+            Test("border", lambda problem, points: np.array([[*each.values()] for each in points.own]), CHANGES),
+            Test("border", lambda problem, points: np.array([min(each.values()) for each in points.own]), ASKS),
+        )
 
     def parameters_at(self, xs: np.ndarray) -> np.ndarray:
-        values = super().parameters_at(xs)
-        values[:, self.first] = xs[:, -2]
+        """The parameters (m, np) at points (m, n + 1)."""
+        values = np.tile(self.parameters, (len(xs), 1))
+        values[:, self.places] = xs[:, -2:]
         return values
 
-    def size(self, x: np.ndarray) -> np.ndarray:
-        size = np.abs(x)
-        size[..., :-2] = np.maximum(size[..., :-2], 0.1 * size[..., :-2].max(-1, keepdims=True))
-        size[..., -2], size[..., -1] = np.maximum(size[..., -2], self.least), self.span
+    def alphas_at(self, xs: np.ndarray) -> np.ndarray:
+        """The launch speeds (m, period) at points (m, n + 1), in the machine's units."""
+        p, units = dict(zip(self.names, self.parameters_at(xs).T, strict=True)), self.machine.model.units
+        speeds = xs[:, [i for i, name in enumerate(self.cycle.unknowns) if name.startswith("alpha")]]
+        return speeds * np.reshape(units(p).of(LIFTOFF_SPEED), (-1, 1)) if units else speeds
+
+    def evaluate(self, lanes: np.ndarray, xs: np.ndarray, known: Any = None, moved: Any = None) -> Any:
+        return self.equations.evaluate_lanes(xs[:, :-1], self.parameters_at(xs), (self.second,))
+
+    def size(self, lanes: np.ndarray, xs: np.ndarray) -> np.ndarray:
+        size = np.abs(xs)
+        size[:, :-2] = np.maximum(size[:, :-2], 0.1 * size[:, :-2].max(1, keepdims=True))
+        size[:, -2], size[:, -1] = np.maximum(size[:, -2], self.least), self.span
         return size
 
-    def varied(self, p: np.ndarray) -> dict[str, float]:
-        places = {self.names[i]: float(p[i]) for i in (self.first, self.place)}
-        return {name: value for name, value in places.items() if name != INJECT}
+    def certify(self, points: Points) -> tuple[Points, dict[int, Exception]]:
+        """The points with their test functions; there are no machines where some are refused."""
+        ps, errors = self.parameters_at(points.xs), dict[int, Exception]()
+        for i, p in enumerate(ps):
+            values = dict(zip(self.names, p.tolist(), strict=True))
+            try:
+                self.machine.with_values(**{name: values[name] for name in self.machine.values})
+            except OrbitsError as error:
+                errors[i] = error
+        found = self._tests(points.evaluation[points.places].trajectories, dict(zip(self.names, ps.T, strict=True)))
+        rows = zip(*(values.tolist() for values in found.values()), strict=True)
+        own = np.array([dict(zip(found, row, strict=True)) for row in rows])
+        return points.having(own=own, evaluation=None), errors  # without the motions, which are long
 
-    def units_at(self, value: Any, also: Any = None) -> Units | None:
-        return None
+    def changed(self, event: Event, passed: Sequence[Points]) -> End:
+        (tests,) = event.point.own
+        return End("border", f"{min(tests, key=tests.get)}: the hops have other impacts from there on")
 
-    def rescued(self, x: np.ndarray) -> np.ndarray:
-        raise NoOrbit(f"the corrector does not converge near {self.along} = {x[-1]:g}")
-
-    def certify_all(self, points: Sequence[CurvePoint]) -> tuple[list[CurvePoint], OrbitsError | None]:
-        """The points with their launches, up to the first at which there is no such machine."""
-        ps = self.parameters_at(np.array([point.x for point in points]))
-        refused = self._refused(ps)
-        end = min(refused, default=len(points))
-        found = [*points[:end]]
-        if new := [i for i, point in enumerate(found) if point.certified is None]:
-            whole = isinstance(points, CurvePoints) and len(new) == end
-            uncertified = cast(CurvePoints, points)[:end] if whole else CurvePoints.of([found[i] for i in new])
-            for i, made in zip(new, self._event_points(uncertified, ps[new]), strict=True):
-                found[i] = found[i]._replace(certified=[cast(Any, made)])
-        return found, refused.get(end)
-
-    def _event_points(self, points: CurvePoints, ps: np.ndarray) -> list[EventPoint]:
-        """The points of the curve with their parameters (m, np) as they are stored."""
-        p = dict(zip(self.names, ps.T, strict=True))
-        speed = self.machine.model.units(p).of(LIFTOFF_SPEED) if self.machine.model.units else 1.0
-        places = [i for i, name in enumerate(self.cycle.unknowns) if name.startswith("alpha")]
-        alphas = (points.xs[:, places].T * speed).T.tolist()
-        tests = self._tests(points.own_evaluation.trajectories, p)
-        names, rows = [*tests], np.array([*tests.values()]).T.tolist()
-        columns = points.xs.tolist(), points.tangents.tolist(), alphas, rows
-        return [
-            EventPoint(x[-1], tuple(x[:-1]), tuple(tangent), x[-2], tuple(own), dict(zip(names, row, strict=True)))
-            for x, tangent, own, row in zip(*columns, strict=True)
-        ]
+    def lost(self, lane: int, passed: Sequence[Points], error: object) -> End:
+        where = f"at {self.second} = {passed[-1].values[-1]:.10g}"
+        if isinstance(error, InputError):
+            return End("degenerate", f"there is no such machine any more {where}: {error}")
+        return End("stuck", f"{where}: {error}")
 
     def _tests(self, arcs: Sequence[Trajectories], p: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The test functions (m,) of points with parameters (m,), by what happens where they vanish."""
@@ -185,58 +162,20 @@ class EventEquations(Curve):
         return tests
 
 
-class EventSegment(SearchedSegment):
-    """The curve between two neighbouring points."""
-
-    def _sign_changes(self, watch: Watch) -> Any:
-        if self.fold is not None:
-            point = self(self.fold)
-            shares = np.abs(point.tangent / self.curve.size(point.x))[-2:]
-            cusp = self.curve.event == "fold" and shares[0] < CUSP  # type: ignore[attr-defined]
-            yield "cusp" if cusp else "turn", self.fold, point
+def _kind_of_turn(problem: Any, point: Points, _: int) -> str | None:
+    """A turn, or a cusp of folds, where the curve turns round in both parameters; None for that at the end of a
+    curve."""
+    if min(point.own[0].values()) < SAME_EVENT:
+        return None
+    share = abs(point.tangents / problem.size(point.lanes, point.xs))[0, -2]
+    return "cusp" if problem.event == "fold" and share < CUSP else "turn"
 
 
-class BifurcationEndings(Endings):
-    """The tests for the end of a curve."""
-
-    def may_end(self, before: CurvePoint, points: Sequence[CurvePoint]) -> np.ndarray:
-        return np.ones(len(points), bool)
-
-    def cut(self, segment: Segment) -> tuple[Segment, End | None]:
-        tests = cast(Any, segment.b.point).tests
-        if over := [name for name, value in tests.items() if not value > 0]:
-
-            def least(point: CurvePoint) -> float:
-                found = cast(Any, self.curve.certify(point).point).tests
-                return min(found[name] for name in over)
-
-            share = segment.zero(least)
-            point = segment.b if share is None else self.curve.certify(segment(share))
-            final = cast(Any, point.point).tests
-            reason = f"{min(over, key=lambda name: abs(final[name]))}: the hops have other impacts from there on"
-            segment = type(segment)(segment.curve, segment.a, point)
-            shorter, end = super().cut(segment)
-            return (shorter, end) if end else (segment, End("border", reason))
-        return super().cut(segment)
-
-    def far(self, last: CurvePoint, history: object, way: object = ()) -> None:
-        """Nothing: a curve ends at the bound of its second parameter."""
-
-    def lost(self, error: object, last: CurvePoint, history: object) -> End:
-        where = f"at {self.curve.along} = {last.value:.10g}"
-        if isinstance(error, InputError):
-            return End("degenerate", f"there is no such machine any more {where}: {error}")
-        return End("stuck", f"{where}: {error}")
-
-
-class BifurcationTracer(Tracer):
-    """A run along a curve of bifurcations."""
-
-    segments, tests_for_the_end = EventSegment, BifurcationEndings
-
-    def _certified(self, state: Any, points: Sequence[CurvePoint]) -> tuple[Sequence[CurvePoint], OrbitsError | None]:
-        interrupts.heed()
-        return self.curve.certify_all(points)
+def _bifurcation_near(curve: EventEquations, x: np.ndarray, way: float, options: Steps) -> Points:
+    """The point of a curve near x (n + 1,), with this value of the second parameter; raises `NoOrbit`."""
+    if not len(points := started(curve, x[None], options, way)):
+        raise NoOrbit(f"Newton's method finds no bifurcation near {curve.second} = {x[-1]:g}")
+    return points
 
 
 def follow_bifurcation(
@@ -248,49 +187,50 @@ def follow_bifurcation(
     diagram of a machine with an injection; the other arguments as in `BifurcationDiagram.follow_event`."""
     options = checked_options(at=at, longest=longest, most=most, step_control=step_control)
     machine, curve, x = _event_equations(machine, along, event, second, inject)
-    start, least = float(x[-1]), curve.least
+    start = float(x[-1])
     behind, stop = bounds_of(second, start, stop, options.at)
     if second != INJECT:
         for bound in (behind, stop):
             machine.with_values(**{second: bound})  # an impossible machine is refused before the search
-    curve.span, row = abs(stop - behind), np.eye(len(x))[-1]
-    tracer = BifurcationTracer(curve, correct(curve, x, row, start, row * np.sign(stop - start)), behind, stop, options)
-    found = cast(EventPoint, tracer.first.point)
-    if abs(found.first - event.value) > SAME_EVENT * max(abs(event.value), least):
-        raise NoOrbit(f"{along} = {event.value:.9g} is no {event.kind}: the nearest one is at {found.first:.9g}")
-    points, events, end = [found], list[PlaceOnCurve](), End("stopped", "")
-    for item in tracer:
-        if isinstance(item, End):
+    curve.span, steps = abs(stop - behind), options.steps(options.step_control.largest_batch)
+    first = _bifurcation_near(curve, x, stop - start, steps)
+    if abs(first.xs[0, -2] - event.value) > SAME_EVENT * max(abs(event.value), curve.least):
+        nearest = f"the nearest one is at {first.xs[0, -2]:.9g}"
+        raise NoOrbit(f"{along} = {event.value:.9g} is no {event.kind}: {nearest}")
+    blocks, events, end = list[np.ndarray](), list[PlaceOnCurve](), End("stopped")
+    for item in Run(curve, first, stop, behind=behind, at=options.at, options=steps):
+        if isinstance(item, Points):
+            blocks.append(item.xs)
+        elif isinstance(item, End):
             end = item
-        elif isinstance(item, Event):
-            point = cast(EventPoint, item.point)
-            events.append(PlaceOnCurve(item.kind, (point.first, point.value), point.alphas))
-        elif item.point is not found:
-            points.append(cast(EventPoint, item.point))
-    values = np.array([(point.first, point.value) for point in points])
-    words, alphas = machine_in_words(machine), np.array([point.alphas for point in points])
-    units, kind = machine.units, curve.event
+        elif item.kind != "border":
+            first_value, value = item.point.xs[0, -2:].tolist()
+            alphas = tuple(curve.alphas_at(item.point.xs)[0].tolist())
+            events.append(PlaceOnCurve(item.kind, (first_value, value), alphas))
+    reason, xs = end.reason, np.concatenate(blocks)
+    if end.kind == "reached":
+        reason = f"{second} = {reason}{' again, on another sheet' if xs[-1, -1] == start else ''}"
+    words, units, kind = machine_in_words(machine), machine.units, curve.event
     texts = {**words.get("units", {}), **dict.fromkeys(("alpha", INJECT), units.text(LIFTOFF_SPEED))} if units else {}
     name, border = (event.kind, kind.in_words()) if isinstance(kind, Border) else (kind, "")
-    return BifurcationCurve(
-        name, along, second, words, curve.impacts, values, alphas, tuple(events), end, border, texts
-    )
+    about, places = (name, along, second, words, curve.impacts), (xs[:, -2:], curve.alphas_at(xs))
+    return BifurcationCurve(*about, *places, tuple(events), replace(end, reason=reason), border, texts)
 
 
 def located(machine: Machine, along: str, event: Bifurcation, inject: float = 0.0) -> Bifurcation:
     """A flip, fold or border collision of hops by Newton's method on its equations, from a guess of it: with the exact
     value of the parameter and launch speeds. Raises `NoOrbit` where the method does not converge."""
     _, curve, x = _event_equations(machine, along, event, "", inject)
-    row = np.eye(len(x))[-1]
-    point = cast(EventPoint, curve.certify(correct(curve, x, row, float(x[-1]), row)).point)
-    return replace(event, value=point.first, alphas=point.alphas, multiplier=MULTIPLIER_AT.get(event.kind, np.nan))
+    (x,) = _bifurcation_near(curve, x, 1.0, Steps()).xs
+    alphas = tuple(curve.alphas_at(x[None])[0].tolist())
+    return replace(event, value=float(x[-2]), alphas=alphas, multiplier=MULTIPLIER_AT.get(event.kind, np.nan))
 
 
 def located_border(
     machine: Machine, along: str, value: float, inject: float, border: Border, hops: Sequence[np.ndarray]
-) -> tuple[EventPoint, float]:
-    """Where the contact force vanishes after an impact of a cycle, by Newton's method from a guess, and the multiplier
-    there of the hops whose contact is sustained.
+) -> tuple[float, tuple[float, ...], float]:
+    """The value of the parameter at which the contact force vanishes after an impact of a cycle, by Newton's method
+    from a guess, the launch speeds (period,) there, and the multiplier of the hops whose contact is sustained.
 
     hops : the unknowns of each hop near it, as in the statement of one hop
 
@@ -300,14 +240,13 @@ def located_border(
     u = np.concatenate([*(each[:2] for each in hops), *(each[2:] for each in hops)])
     fixed = inject if second == INJECT else machine.values[second]
     curve = EventEquations(machine, along, second, border, impacts, inject, 1.0)
-    row = np.eye(len(u) + 2)[-1]
-    point = curve.certify(correct(curve, np.array([*u, value, fixed]), row, fixed, row))
-    found = cast(EventPoint, point.point)
-    if over := [name for name, least in found.tests.items() if not least > 0]:
+    found = _bifurcation_near(curve, np.array([*u, value, fixed]), 1.0, Steps())
+    (tests,), (x,), ps = found.own, found.xs, curve.parameters_at(found.xs)
+    if over := [name for name, least in tests.items() if not least > 0]:
         raise NoOrbit(f"{over[0]}: the hops have other impacts")
     equations = shooting_equations(cycle_statement(machine.model, impacts), curve.names)
-    jacobian = equations.evaluate(point.x[:-2], curve.parameters_at(point.x[None])[0]).jacobian
-    return found, float(slopes_of_jacobians(jacobian[None])[0])
+    slopes = slopes_of_jacobians(equations.evaluate(x[:-2], ps[0]).jacobian[None])
+    return float(x[-2]), tuple(curve.alphas_at(found.xs)[0].tolist()), float(slopes[0])
 
 
 def _event_equations(

@@ -1,29 +1,38 @@
-"""Periodic launches as a curve in the launch speed and a parameter of the return map, for the tracer.
+"""Periodic launches as a curve in the launch speed and a parameter of the return map, a problem of `orbits.curves`.
 
 Its points are measured in shares of the two ranges. Its equation is that of `excess_of`, with exact derivatives where
 the hops are known with theirs, else with differences.
 """
 
-from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, cast
+from functools import partial
+from typing import Any, NamedTuple, Self, cast
 
 import numpy as np
 
-from ..continuation.corrector import NEVER_SETTLED
-from ..continuation.curve import CurvePoint
-from ..errors import NoOrbit
+from ..curves import Border, Points, Problem, Steps, Test, solved_at
+from ..errors import NoOrbit, OrbitsError
+from .cycle_statement import MULTIPLIER_AT
 from .cycles import INJECT, MapsAlong, excess_of
 
+# Beside lossless hops the curvature has no bound, so that the first steps there are as short as the distance to them.
+STEPS_OF_BRANCHES = Steps(
+    first=1e-2, shortest=1e-9, corrected=1.0, turned=0.6, aim=0.1, lengthen=4.0, beside=2, batch=16, rejections=100,
+    most=20_000,
+)  # fmt: skip
+# Hops of longer periods have as many sheets, which lie close to each other: a correction may not lead to another one.
+STEPS_OF_SHEETS = replace(STEPS_OF_BRANCHES, corrected=0.2, aim=2e-2, turned=0.3, batch=4)
+ROW_OF_SPEED = np.array([1.0, 0.0])
+OTHER_SHEET = 0.25  # launches are on another sheet where their change differs from that of the rates by this share
+AROUND = 1e-6  # the radius of the circle round a corner of the map, as a share of the ranges
 # Differences for slopes across: over this share of the launch speed, as small as rounding allows, as beside lossless
 # hops slopes change with the cube root of the distance. If those of both sides differ by more, a jump is between.
 STEP_ACROSS, JUMP_OF_SLOPES = 1e-9, 1e5
 # The slope along the parameter, which needs other machines, is not computed anew within this share of the ranges: it
 # decides how fast Newton's method converges, not to which point.
 SAME_RATE, INEXACT = 1e-4, 100.0
-# Hops with larger errors do not end Newton's method across the curve. Where those without errors do not come back up to
-# the last number, they are others.
-LARGEST_ERROR_OF_HOPS, OTHER_HOPS = 1e-6, 1e-6
+LARGEST_ERROR_OF_HOPS = 1e-6  # hops with larger errors do not end Newton's method across the curve
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +54,6 @@ class PeriodicLaunch:
         """The first of the launch speeds."""
         return self.alphas[0]
 
-    @property
-    def u(self) -> tuple[float]:
-        """The unknown of the curve's equation."""
-        return (self.alpha,)
-
 
 class MapEquations(NamedTuple):
     """The equation at points of the curve: residual (m, 1), Jacobian (m, 1, 2), the hops' launch speeds and numbers of
@@ -63,70 +67,104 @@ class MapEquations(NamedTuple):
     multipliers: np.ndarray | None = None
     changes: np.ndarray | None = None
     errors: np.ndarray | None = None
-    trajectories: tuple[()] = ()
 
     @property
     def amplification(self) -> np.ndarray:
-        """The factors (m,) by which the last Newton step is to be smaller, where the slopes are not exact; no step is
-        small enough for the last one where the hops are not known well enough."""
+        """The factors (m,) by which the last Newton step is to be smaller, where the slopes are not exact; infinite
+        where the hops are not known well enough for a last step."""
         if self.errors is None:
             return np.full(len(self.residual), INEXACT)
-        return np.where(self.errors > LARGEST_ERROR_OF_HOPS, NEVER_SETTLED, 1.0)
-
-    @property
-    def largest_growth(self) -> np.ndarray:
-        """The growths (m,) of a small change over motions, which hops do not divide."""
-        return np.ones(len(self.residual))
+        return np.where(self.errors > LARGEST_ERROR_OF_HOPS, np.inf, 1.0)
 
 
-# At points that are known already.
-NOT_EVALUATED = MapEquations(np.empty((1, 1)), np.empty((1, 1, 2)), np.empty((1, 1)), np.empty((1, 1)))
-
-
-class LaunchCurve:
-    """The curve of periodic launches as the tracer follows it; its points X are (launch speed, parameter).
+class CurveOfHops(Problem):
+    """A curve of hops that repeat themselves, with their `PeriodicLaunch`es as `own` of its points.
 
     maps : the maps along the parameter
     between : range of launch speeds
     """
 
-    kernel = None
-    corners = None  # those of the map are borders of its branches
-    row_of_speed = np.array([1.0, 0.0])
+    steps: Steps
 
-    def __init__(self, maps: MapsAlong, between: tuple[float, float], period: int):
-        self.maps, self.between, self.period = maps, between, period
+    def __init__(self, maps: MapsAlong, between: tuple[float, float], period: int, steps: Steps):
+        self.maps, self.between, self.period, self.steps = maps, between, period, steps
         self.along, self.span = maps.name, maps.high - maps.low
         self.scale = np.array([between[1] - between[0], self.span])
+        self.tests = tuple(Test(kind, partial(_above, level)) for kind, level in MULTIPLIER_AT.items())
+
+    def accepts(self, before: Points, points: Points) -> np.ndarray:
+        if points.own is None:
+            return np.ones(len(points), bool)
+        return np.array([not self._changes_sheet(*ends) for ends in zip(before.own, points.own, strict=True)])
+
+    def _changes_sheet(self, a: PeriodicLaunch, b: PeriodicLaunch) -> bool:
+        """Whether the curve between two points, or a launch along it, changes otherwise than the tangents say, as on
+        another sheet of the curve, where each launch is another one of the same hops, or on another curve."""
+        length = float(np.linalg.norm(b.place - a.place))
+        if length <= AROUND and self.maps.pieces is None:  # differences reach as far
+            return False
+        away = b.place - a.place - 0.5 * length * (a.tangent + b.tangent)
+        if float(np.linalg.norm(away)) > OTHER_SHEET * length:
+            return True
+        # A fixed point along the injection never turns round in the launch speed, as along other parameters.
+        if (len(a.alphas) == 1 and self.along != INJECT) or a.rates is None or b.rates is None:
+            return False
+        change, expected = np.subtract(b.alphas, a.alphas), 0.5 * length * (a.rates + b.rates)
+        return bool((np.abs(change - expected) > OTHER_SHEET * (np.abs(change) + np.abs(expected))).any())
+
+    def point(self, x: np.ndarray, tangent: np.ndarray, launch: PeriodicLaunch) -> Points:
+        """The point (1) of a launch at X (n + 1,) with a tangent (n + 1,)."""
+        zero, own = np.zeros(1, int), np.empty(1, object)
+        own[0] = launch
+        return Points(zero, x[None], tangent[None], np.ones(1), None, zero, np.zeros(1), own)
+
+
+def _above(level: float, problem: Problem, points: Points) -> np.ndarray:
+    """The multipliers (m,) of points above a level, NaN where there are none, and at points exactly at the level, which
+    are no events between points."""
+    excess = np.array([each.multiplier for each in points.own]) - level
+    return np.where(excess == 0, np.nan, excess)
+
+
+class LaunchCurve(CurveOfHops):
+    """The curve of periodic launches; its points X are (launch speed, parameter).
+
+    apart : largest distance of points, as a share of the ranges
+    begun : where it is followed from, if that is known
+    """
+
+    begun: PeriodicLaunch | None = None
+
+    def __init__(self, maps: MapsAlong, between: tuple[float, float], period: int, apart: float = 0.02):
+        steps = replace(STEPS_OF_BRANCHES if period <= 2 else STEPS_OF_SHEETS, apart=apart)
+        super().__init__(maps, between, period, steps)
         self._rates = np.empty((0, 2)), np.empty(0)  # the points of the latest slopes along the parameter, and these
 
-    def size(self, x: np.ndarray) -> np.ndarray:
-        """The ranges, for points (..., 2)."""
-        return np.broadcast_to(self.scale, np.shape(x))
+    def size(self, lanes: np.ndarray, xs: np.ndarray) -> np.ndarray:
+        return np.broadcast_to(self.scale, xs.shape)
 
-    def bare(self, xs: np.ndarray) -> np.ndarray:
-        """The points (..., 2), which have no states at nodes."""
-        return xs
-
-    def steady(self, xs: np.ndarray, tangents: np.ndarray) -> np.ndarray:
-        """The tangents (c, 2) at points (c, 2), which are as exact as the points."""
-        return tangents
-
-    def units_of_changes(self, sizes: np.ndarray, evaluation: MapEquations) -> np.ndarray:
-        """The units (m, 2) of small changes at points of these sizes (m, 2)."""
-        return sizes
-
-    def rounding_of_steps(self, evaluation: MapEquations, rows: np.ndarray) -> np.ndarray:
-        """None are larger (m, 2) than Newton's method takes them to be."""
-        return np.zeros(rows.shape)
+    def begun_at(self, launch: PeriodicLaunch) -> Self:
+        """The same curve, followed from a launch."""
+        curve = copy(self)
+        curve.begun = launch
+        return curve
 
     def possible(self, values: Any) -> Any:
         """Values of the parameter inside of its range, beyond which there may be no machine; any injection is one."""
         return values if self.along == INJECT else np.clip(values, self.maps.low, self.maps.high)
 
-    def evaluate(self, xs: np.ndarray, exact: bool = False) -> MapEquations:
+    def evaluate(
+        self, lanes: np.ndarray, xs: np.ndarray, known: object = None, moved: np.ndarray | None = None
+    ) -> tuple[np.ndarray, MapEquations | None]:
+        """The equation at points (m, 2); where Newton's method has not ended, the hops may have errors."""
+        try:
+            return np.arange(len(xs)), self.equation(xs, exact=moved is not None and not moved.any())
+        except OrbitsError:  # there is no such machine
+            return np.empty(0, int), None
+
+    def equation(self, xs: np.ndarray, exact: bool = True) -> MapEquations:
         """The equation at points (m, 2); unless it is to be `exact`, the hops may have errors."""
-        alpha, values, (before, along) = xs[:, 0], self.possible(xs[:, 1]), self._rates
+        alpha, values = xs[:, 0], self.possible(xs[:, 1])
         if smooth := self.maps.smooth_cycles(alpha, values, self.period, exact):
             excess, slopes = smooth.excess
             numbers = smooth.launches[:, :-1], smooth.impacts, smooth.slopes.prod(axis=1), smooth.changes[:, :-1]
@@ -136,71 +174,63 @@ class LaunchCurve:
         launches, impacts = self.maps.cycles(alphas, np.tile(values, 3), self.period)
         residual, low, high = excess_of(launches).reshape(3, -1)
         across = np.where(np.abs(low + high - 2 * residual) > JUMP_OF_SLOPES * step, np.nan, (high - low) / (2 * step))
-        near = before.shape == xs.shape and np.abs((xs - before) / self.scale).max() <= SAME_RATE
-        if not (near and np.isfinite(along).all()):
-            along = self.maps.slopes_along(alpha, values, self.period, residual)
+        along, new = self._known_rates(xs)
+        if new.any():
+            along[new] = self.maps.slopes_along(alpha[new], values[new], self.period, residual[new])
             self._rates = xs.copy(), along
         jacobian = np.stack([across, along], axis=-1)[:, None]
         return MapEquations(residual[:, None], jacobian, launches[:m, :-1], impacts[:m])
 
-    def evaluate_beside(self, xs: np.ndarray, known: Any) -> MapEquations:
-        """The equation at points (m, 2) near to others."""
-        return self.evaluate(xs)
+    def _known_rates(self, xs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The latest slopes along the parameter near points (m, 2), and where there are none (m,)."""
+        places, rates = self._rates
+        apart = np.abs((xs[:, None] - places) / self.scale).max(2, initial=0.0)
+        nearest = apart.argmin(1) if len(places) else np.zeros(len(xs), int)
+        along = np.append(rates, np.nan)[nearest]
+        return along, ~(np.isfinite(along) & (apart.min(1, initial=np.inf) <= SAME_RATE))
 
-    def evaluate_exactly(self, xs: np.ndarray, known: Any) -> MapEquations:
-        """The equation at solved points (m, 2), without errors of the hops."""
-        return self.evaluate(xs, exact=True)
+    def certify(self, points: Points) -> tuple[Points, dict[int, Exception]]:
+        """The points with their `PeriodicLaunch`es, from hops without errors."""
+        found, own = points.evaluation, np.empty(len(points), object)
+        places, ways = points.xs / self.scale, points.tangents / self.scale
+        for i, k in enumerate(points.places.tolist()):
+            launches, impacts = (tuple(each[k].tolist()) for each in (found.launches, found.impacts))
+            if found.multipliers is None:
+                slope = self.maps.multiplier(launches, float(self.possible(points.values[i])))
+            else:
+                slope = float(found.multipliers[k])
+            rates = None if found.changes is None else found.changes[k] @ points.tangents[i]
+            own[i] = PeriodicLaunch(float(points.values[i]), launches, slope, impacts, places[i], ways[i], rates)
+        return points.having(own=own), {}
 
-    def rescued(self, x: np.ndarray) -> np.ndarray:
-        """Raise `NoOrbit`: there is no other method where Newton's fails."""
-        raise NoOrbit(f"the map is not smooth near {self.along} = {x[-1]:g}")
-
-    def at(self, x: np.ndarray, before: np.ndarray) -> CurvePoint:
-        """The certified point at a position (2,) on the curve, with the tangent pointing onward from `before` (2,)."""
-        evaluation = self.evaluate(x[None], exact=True)
+    def at(self, x: np.ndarray, before: np.ndarray) -> PeriodicLaunch:
+        """The launch at a place (2,) on the curve, with the tangent pointing onward from `before` (2,)."""
+        evaluation = self.equation(x[None])
         across, along = evaluation.jacobian[0, 0]
         tangent = np.array([-along, across])
         size = float(np.linalg.norm(tangent / self.scale))
         tangent = tangent / size if size > 0 and np.isfinite(size) else before / np.linalg.norm(before / self.scale)
         tangent *= 1.0 if (tangent / self.scale**2) @ before >= 0 else -1.0
-        return self.certify(CurvePoint(x, tangent, 0.0, cast(Any, evaluation), 0))
+        zero = np.zeros(1, int)
+        points = Points(zero, x[None], tangent[None], np.ones(1), evaluation, zero)
+        return cast(PeriodicLaunch, self.certify(points)[0].own[0])
 
-    def of_launch(self, launch: PeriodicLaunch, side: int = 1) -> CurvePoint:
-        """The point of a launch on the curve, with its tangent, or for a `side` -1 the other way."""
+    def near(self, x: np.ndarray, onward: np.ndarray, row: np.ndarray = ROW_OF_SPEED) -> PeriodicLaunch:
+        """The launch of the curve at the level of a row (2,) through a place (2,) near it, by default at its launch
+        speed, with a tangent that points `onward` (2,); raises `NoOrbit`."""
+        border = Border(row[None], row[None] @ x)
+        points = solved_at(self, np.zeros(1, int), x[None], border, onward[None], self.steps)
+        if not len(points):
+            raise NoOrbit(f"the map is not smooth near {self.along} = {x[-1]:g}")
+        return cast(PeriodicLaunch, points.own[0])
+
+    def of_launch(self, launch: PeriodicLaunch, side: int = 1) -> Points:
+        """The point (1) of a launch on the curve, with its tangent, or for a `side` -1 the other way."""
         rates = None if launch.rates is None else side * launch.rates
         launch = replace(launch, tangent=side * launch.tangent, rates=rates)
-        x, tangent = np.array([launch.alpha, launch.value]), launch.tangent * self.scale
-        return CurvePoint(x, tangent, 0.0, cast(Any, NOT_EVALUATED), 0, certified=[cast(Any, launch)])
-
-    def certify(self, point: CurvePoint) -> CurvePoint:
-        """The point with its `PeriodicLaunch`, from hops without errors; raises `NoOrbit` where these are others."""
-        if point.certified is not None:
-            return point
-        found: Any = point.evaluation
-        if found.errors is not None and found.errors[point.place]:
-            found = self.evaluate(point.x[None], exact=True)
-            if not abs(found.residual[0, 0]) <= OTHER_HOPS:
-                raise NoOrbit("the hops have other impacts there")
-            point = point._replace(evaluation=found, place=0)
-        launches, impacts = (tuple(each[point.place].tolist()) for each in (found.launches, found.impacts))
-        if found.multipliers is None:
-            slope = self.maps.multiplier(launches, float(self.possible(point.value)))
-        else:
-            slope = float(found.multipliers[point.place])
-        shares = point.x / self.scale, point.tangent / self.scale
-        rates = None if found.changes is None else found.changes[point.place] @ point.tangent
-        launch = PeriodicLaunch(point.value, launches, slope, impacts, *shares, rates)
-        return point._replace(certified=[cast(Any, launch)])
-
-    def certify_all(self, points: Sequence[CurvePoint]) -> tuple[list[CurvePoint], None]:
-        """The points with their launches, and no error."""
-        return [self.certify(point) for point in points], None
-
-    def certify_at(self, point: CurvePoint, value: float) -> CurvePoint:
-        """A point whose parameter is `value` up to rounding, with exactly that value."""
-        return self.certify(point._replace(x=np.append(point.x[:-1], value), certified=None))
+        return self.point(np.array([launch.alpha, launch.value]), launch.tangent * self.scale, launch)
 
 
-def place_in_words(maps: MapsAlong, point: Any) -> str:
+def place_in_words(maps: MapsAlong, point: PeriodicLaunch) -> str:
     """Where a point of a branch is, in words."""
     return f"{maps.in_words(maps.name, point.value, 9)}, {maps.in_words('alpha', point.alpha, 9)}"

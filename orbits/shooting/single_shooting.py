@@ -82,7 +82,7 @@ class Evaluation:
         for motions, transition in zip(self.trajectories, self.transitions, strict=True):
             n, changes = transition.shape[1], np.abs(transition)
             reach = changes[:, :, :n].max((1, 2)) * np.abs(motions.finals[:, :n]).max(1)
-            with np.errstate(divide="ignore"):  # where a parameter does not move the end
+            with np.errstate(divide="ignore", over="ignore"):  # where a parameter hardly moves the end
                 units.append(reach[:, None] / changes[:, :, n:].max(1))
         return np.min(units, axis=0)
 

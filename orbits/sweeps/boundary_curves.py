@@ -1,16 +1,14 @@
 """The boundaries of a diagram as curves of events, each followed from where it passes between two neighbours."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ..continuation.checkpoint import begun
-from ..continuation.curve import TEST_FUNCTIONS
 from ..continuation.event_curve import COLLAPSE, LIMITS, EventCurve
-from ..continuation.events import Segment
 from ..continuation.family import Family
 from ..continuation.follow import begin_run
 from ..continuation.follow_event import collected, run_along_event
@@ -35,17 +33,10 @@ ALONG_FOLDS = replace(CONTROL, largest_amplification=100.0)  # second derivative
 ON_CURVE = checked_options(longest=LONGEST_ON_CURVE, most=MOST_ON_CURVE, step_control=CONTROL)
 # A curve of an event's kind that passes a row within this share of the range of the event is its curve.
 SAME_CURVE = 1e-7
-
-
-class Roughly(Segment):
-    """A segment between two neighbours whose events are located only as precisely as curves that begin there need it,
-    since their first points solve the equations of the events; and no other events are located.
-
-    A quantity that changes its sign by a jump is distinguished from one that vanishes by its value there.
-    """
-
-    tests: Mapping[str, Any] = {kind: test for kind, test in TEST_FUNCTIONS.items() if kind in FOLLOWED}
-    width = 1e-8
+# Events on the way are located only as precisely as curves that begin there need it, since their first points solve the
+# equations of the events. A quantity that changes its sign by a jump is distinguished from one that vanishes by its
+# value there.
+WIDTH_ON_WAY = 1e-8
 
 
 class Box(NamedTuple):
@@ -151,21 +142,20 @@ def _curves_between(
 def _up_to_fold(machine: Machine, along: str, stop: float, start: Orbit) -> Family:
     """The family of an orbit up to a value, or up to its first fold."""
     options = checked_options(longest=LONGEST_ON_WAY, most=MOST_ON_WAY)
-    tracer = begin_run(machine, along, start, stop, 1, None, options, None, None)
-    tracer.segments = Roughly
+    run = begin_run(machine, along, start, stop, 1, None, options, None, None)
+    run.locating(FOLLOWED, WIDTH_ON_WAY)
     points, events = list[Point](), list[Event]()
     with interrupts.deferred():
-        for item in tracer:
+        for item in run:
             if isinstance(item, End):
                 break
-            point = tracer.curve.in_units(item.point)
             if isinstance(item, Event):
-                events.append(replace(item, point=point))
+                events.append(replace(item, point=run.curve.in_units(item.point)))
                 if item.kind == "fold":
                     break
             else:
-                points.append(point)
-    return replace(begun(tracer), points=tuple(points), events=tuple(events))
+                points += run.curve.all_in_units(item.own)
+    return replace(begun(run), points=tuple(points), events=tuple(events))
 
 
 def _is_boundary(family: Family, event: Event, ends: bool) -> bool:
@@ -187,6 +177,7 @@ def _both_ways(box: Box, family: Family, event: Event) -> Iterator[BoundaryCurve
     for ends in ((high, low), (low, high)):
         if start != ends[1]:
             run = run_along_event(family, event, box.across, ends, 0, bounds, False, options)
+            assert isinstance(run.curve, EventCurve)
             yield _with_passings(box, run.curve, collected(run))
 
 

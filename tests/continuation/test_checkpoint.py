@@ -12,6 +12,7 @@ from families import GOLDEN, events
 
 from orbits import Family, InputError, follow
 from orbits.continuation import checkpoint
+from orbits.continuation.step_control import StepControl
 from problems import Hopper
 
 
@@ -56,6 +57,16 @@ def test_a_resumed_family_has_each_event_once(softening_family, tmp_path):
         )
         assert [event.kind for event in resumed.events].count("fold") == 1
         assert Family.load(path) == resumed
+
+
+def test_a_resumed_family_gets_as_many_points_as_a_new_one():
+    machine = Hopper("cubic", rest_length=9.0)
+    first = follow(machine, "beta", 2.0, start=0.0, most=23)
+    for most in (5, 30):
+        control = StepControl(largest_batch=8)
+        family = follow(machine, "beta", 2.0, start=0.0, resume=first, most=most, step_control=control)
+        assert len(family) == 22 + most
+        assert family.end.reason == f"after {most} points: no more than {most} were asked for"
 
 
 def test_what_cannot_be_resumed_or_watched_is_said(softening_family):

@@ -79,6 +79,18 @@ def test_trace_yields_orbits_events_and_the_end():
     assert items[-2].machine["parameters"]["beta"] == 1.0
 
 
+@pytest.mark.slow
+def test_orbits_with_nodes_are_traced_as_they_are_followed():
+    """Up to the last requested value, beyond which small changes grow more and the limit is known."""
+    machine, values = Hopper("r + c*r**2", parameters={"c": 0.0}), [-0.022, -0.018]
+    family = follow(machine, "c", -1.0, at=values)
+    assert (family.end.kind, family[-1].value) == ("escaped", values[-1])
+    orbits = [item for item in trace(machine, "c", -1.0, at=values) if isinstance(item, Orbit)]
+    assert [orbit.alpha for orbit in orbits] == family.column("alpha").tolist()
+    losses = [orbit.certificate.loss_coefficient for orbit in orbits[-9:]]
+    assert losses == pytest.approx(family.column("loss_coefficient")[-9:], rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -186,12 +186,18 @@ def test_of_machines_that_step():
 
 @pytest.mark.slow
 def test_another_place_of_the_motion_takes_over():
-    """The masses of a low hopper touch in flight and in contact, by turns."""
-    machine = Hopper("r + b*r**3", rest_length=9.0, parameters={"b": 0.4})
-    curve = follow_event(follow(machine, "b", -0.006), "masses touch", "rest_length", 12.0, longest=0.1)
-    elsewhere = [event.point for event in curve.events if event.kind == "another place"]
-    assert len(elsewhere) == 1
-    assert curve[-1].value == pytest.approx(elsewhere[0].value, abs=1e-6)
+    """The force of a wavy spring is largest at the deepest place of the contact, and then where a wave is largest."""
+    machine = Hopper("r + b*sin(1.5*r) + c*r**3", rest_length=60.0, parameters={"b": 0.8, "c": 0.0})
+    family = follow(machine, "b", 1.1, longest=0.1)
+    force = float(np.mean(family.column("largest_contact_force")[[0, -1]]))
+    curve = follow_event(family, {"largest_contact_force": force}, "c", -0.004, longest=0.1)
+    (elsewhere,) = (event for event in curve.events if event.kind == "another place")
+    b, c = elsewhere.point.also["b"], elsewhere.point.value
+    crest = brentq(lambda r: 1 + 1.5 * b * np.cos(1.5 * r) + 3 * c * r**2, -8.4, -8.0)
+    assert 1 - (crest + b * np.sin(1.5 * crest) + c * crest**3) == pytest.approx(force, abs=2e-8)
+    for i, more in ((elsewhere.after, 0.0), (elsewhere.after + 1, 1e-4)):
+        orbit = find(machine.with_values(b=curve[i].also["b"], c=curve[i].value))
+        assert more <= abs(orbit.certificate.largest_contact_force - force) < more + 1e-4
 
 
 def test_what_is_given_decides_what_follows():

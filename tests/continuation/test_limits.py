@@ -10,6 +10,7 @@ from families import FOLD, FOLD_ALPHA, events
 from orbits import InputError, NoOrbit, follow, orbit_at
 from orbits.continuation.limits import Endings, limit
 from orbits.continuation.step_control import Options, StepControl
+from orbits.curves import Points
 from orbits.errors import BreaksDown, NoStep
 from problems import Hopper, shuttle
 
@@ -213,12 +214,12 @@ def test_a_limit_where_long_steps_lead_to_it(points, found):
 
 def endings(one_speed=True, start=0.5, **control):
     """The endings of a curve along b from an orbit with the launch speed 4, the flight time 8 and lift-off at 1."""
-    machine = SimpleNamespace(model=SimpleNamespace(one_speed=one_speed))
-    growths = lambda points: np.array([point.amplification for point in points])  # noqa: E731
+    machine = SimpleNamespace(model=SimpleNamespace(one_speed=one_speed, reversor=None))
+    growths = lambda points: points.growths  # noqa: E731
     curve = SimpleNamespace(
         along="b", span=2.0, machine=machine, units_at=lambda value, also: None,
         growths=growths, largest_growths=growths,
-        equations_of_orbits=SimpleNamespace(statement=SimpleNamespace(unknowns=("alpha", "duration"))),
+        equations_of_orbits=SimpleNamespace(statement=SimpleNamespace(unknowns=("alpha", "duration"), durations=())),
     )  # fmt: skip
     origin = SimpleNamespace(alpha=4.0, flight_time=8.0, liftoff_extension=1.0)
     return Endings(curve, origin, start, (0.0, 2.0), Options(step_control=StepControl(**control)))
@@ -227,7 +228,17 @@ def endings(one_speed=True, start=0.5, **control):
 def last_point(alpha, time, extension=1.0, amplification=1.0, value=0.75):
     """The last point of a curve."""
     point = SimpleNamespace(alpha=alpha, flight_time=time, liftoff_extension=extension, also={})
-    return SimpleNamespace(point=point, value=value, amplification=amplification)
+    x = np.array([[alpha, time, value]])
+    nothing, one = np.zeros((1, 3)), np.zeros(1, int)
+    return Points(one, x, nothing, np.array([amplification]), None, one, own=[point])
+
+
+def passed(points):
+    """Points with these launch speeds and values of the parameter."""
+    alphas, values = np.array(points).T
+    nothing = np.zeros((len(alphas), 2))
+    own = SimpleNamespace(column={"alpha": alphas, "value": values, "u": nothing, "tangent": nothing}.get)
+    return [SimpleNamespace(own=own, lengths=np.ones(len(alphas)))]
 
 
 FAR = history(lambda s: 0.8 - s, np.geomspace(4.0, 4000.0, 300))
@@ -254,7 +265,7 @@ NEAR = history(lambda s: 0.8 - s, np.geomspace(4.0, 0.004, 300), 1)
     ],
 )
 def test_what_a_curve_that_goes_far_ends_in(point, points, one_speed, reason):
-    end = endings(one_speed, escape_ratio=50.0).far(point, points)
+    end = endings(one_speed, escape_ratio=50.0).far(point, passed(points))
     assert (end and end.reason) == reason
     if reason:
         assert end.kind == ("escaped" if "grows" in reason else "degenerate")
@@ -264,30 +275,32 @@ def test_what_a_curve_that_goes_far_ends_in(point, points, one_speed, reason):
 def test_what_a_lost_curve_ends_in():
     """Where it escapes the limit says more than the reason; an error of the machine is one."""
     lost, reason = endings(running_ratio=4.0).lost, NoOrbit("no root")
-    end = lost(reason, last_point(4000.0, 8000.0), FAR)
+    end = lost(reason, last_point(4000.0, 8000.0), passed(FAR))
     assert (end.kind, end.limit) == ("escaped", pytest.approx(0.8))
     assert end.reason.endswith("was followed to b = 0.75, alpha = 4000")
     for point, points in ((last_point(12.0, 8000.0), FAR), (last_point(-4000.0, 8000.0), FAR[:2])):
-        end = lost(reason, point, points)
-        assert (end.kind, end.reason) == ("stuck", f"at b = 0.75, alpha = {point.point.alpha:g}: no root")
+        end = lost(reason, point, passed(points))
+        assert (end.kind, end.reason) == ("stuck", f"at b = 0.75, alpha = {point.own[0].alpha:g}: no root")
     for error, what in (
         (BreaksDown("it breaks down"), "does not come back (it"),
         (NoStep("none"), "found beside it (none"),
     ):
         for growth, remedy in ((1.0, "allow steps shorter than 1e-05"), (1e6, "Follow another parameter")):
-            end = lost(error, last_point(12.0, 8000.0, amplification=growth), FAR)
+            end = lost(error, last_point(12.0, 8000.0, amplification=growth), passed(FAR))
             assert end.kind == "stuck"
             assert what in end.reason
             assert remedy in end.reason
-    end = lost(InputError("no mass"), last_point(12.0, 8000.0), FAR)
+    end = lost(InputError("no mass"), last_point(12.0, 8000.0), passed(FAR))
     assert (end.kind, end.reason) == (
         "degenerate",
         "there is no such machine any more at b = 0.75, alpha = 12: no mass",
     )
     beside = last_point(12.0, 8000.0, value=0.5 + 1e-9)
-    assert lost(reason, beside, FAR).reason.endswith("no root; a parameter over decades is followed by its inverse "
-                                                     "or its logarithm")  # fmt: skip
-    end = endings(running_ratio=4.0, largest_amplification=1e3).far(last_point(5.0, 8.0, amplification=1e4), FAR)
+    remedy = "; a parameter over decades is followed by its inverse or its logarithm"
+    assert lost(reason, beside, passed(FAR)).reason.endswith("no root" + remedy)
+    end = endings(running_ratio=4.0, largest_amplification=1e3).far(
+        last_point(5.0, 8.0, amplification=1e4), passed(FAR)
+    )
     assert (end.kind, "grow 1e+04-fold" in end.reason) == ("stuck", True)
 
 

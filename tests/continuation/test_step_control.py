@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from conftest import PROVED, middle
 
-from orbits import InputError, NoOrbit, follow, follow_fold, trace
-from orbits.continuation.corrector import predict_and_correct
+from orbits import InputError, follow, follow_fold, trace
 from orbits.continuation.step_control import StepControl
 from problems import Hopper
 
@@ -85,23 +84,6 @@ def test_a_curve_escapes_sooner_where_less_is_asked_of_it():
     assert near.end.kind == far.end.kind == "escaped"
     assert len(near) < len(far)
     assert near.end.limit == pytest.approx(1 / 3, abs=1e-4)
-
-
-def test_points_certified_one_by_one_are_the_same_curve(monkeypatch):
-    """Also where Ipopt has to go on: that step has no points between its ends."""
-    solved = []
-
-    def failing(curve, ends, length, value=None):
-        if ends[-1].value > 0.5 and value is None and not solved:
-            if length < 2e-5:
-                solved.append(length)
-            raise NoOrbit("the corrector does not converge")
-        return predict_and_correct(curve, ends, length, value)
-
-    monkeypatch.setattr("orbits.continuation.step_control.predict_and_correct", failing)
-    family = cubic(largest_batch=1)
-    assert len(solved) == 1
-    assert family[-1].alpha == pytest.approx(ALPHA, rel=1e-13)
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orbits.numerics.hermite import around, slopes
+from orbits.numerics.hermite import slopes, through
 
 
 def test_what_rests_on_a_chain_of_points():
@@ -12,7 +12,9 @@ def test_what_rests_on_a_chain_of_points():
     xs, tangents = np.stack([t**3, t], axis=1), np.stack([3 * t**2, np.ones(5)], axis=1)
     tangents[4] *= -1  # turned round
     rows, levels = np.array([[0.0, 1.0]] * 4), np.array([0.2, 0.2, 0.2, 0.1])
-    points, counts = around(xs, tangents, np.array([1, 2, 4, 5]), 3, 2, rows, levels)
+    places = np.array([1, 2, 4, 5])[:, None] + np.arange(-3, 2)  # three points before each place, two from there on
+    use, places = (places >= 0) & (places < 5), places.clip(0, 4)
+    points, counts = through(xs[places], tangents[places], use, 2, rows, levels)
     assert counts.tolist() == [3, 4, 4, 1]
     assert points[:3] == pytest.approx(np.array([[0.008, 0.2]] * 3), abs=1e-15)
     assert points[3] == pytest.approx(np.array([0.008 - 0.1 * 0.12, 0.1]), abs=1e-15)

@@ -249,6 +249,19 @@ def test_along_the_damping():
     assert run.launches == pytest.approx([first, second, first], abs=1e-8)
 
 
+def test_a_fold_just_beside_a_border():
+    """Both lie on one step, at launches 1e-6 apart: two fixed points before the fold and none behind it."""
+    machine, options = Hopper(mass_ratio=2.378), {"inject": 0.023, "sections": 2, "samples": 60}
+    border, fold = bifurcations(machine, "damping", (0.0, 0.01), (4.053, 4.776), **options).events
+    assert (border.kind, fold.kind) == ("border collision", "fold")
+    assert fold.alpha - border.alpha == pytest.approx(-1.087569e-6, rel=1e-3)
+    counts = []
+    for side in (-1, 1):
+        step = ReturnMap(Hopper(mass_ratio=2.378, damping=fold.value * (1 + side * 1e-4)), inject=0.023)
+        counts.append(len(step.fixed_points(4.4, 4.6, 200)))
+    assert counts == [2, 0]
+
+
 @pytest.mark.slow
 def test_in_si_as_without_units():
     """The same events in units of the launch speed's, of a machine whose numbers are in SI."""

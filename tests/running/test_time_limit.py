@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from orbits import Family, InputError, NoOrbit, existence, find, find_all, follow, sweep, time_limit
-from orbits.continuation.tracer import Tracer
+from orbits.curves import Run
 from orbits.running.time_limit import check_time
 from orbits.sweeps import sparse_grid
 from problems import Hopper
@@ -59,7 +59,7 @@ class TestTimeLimit:
             monkeypatch.setattr("orbits.running.time_limit.time", late)
             check_time()
 
-        monkeypatch.setattr(Tracer, "_next_batch", next_batch)
+        monkeypatch.setattr(Run, "advance", next_batch)
         with time_limit(60.0):
             family = follow(machine, "beta", 0.4, start=0.3, output=tmp_path / "family.jsonl")
         assert (len(family), family.end.kind) == (1, "interrupted")

@@ -5,7 +5,7 @@ import pytest
 from families import FOLD, FOLD_ALPHA, events
 
 from orbits import find, follow
-from orbits.continuation.events import watched
+from orbits.continuation.family_tests import watched
 from problems import Hopper
 from problems.laws import springs
 
