@@ -53,10 +53,15 @@ TESTED_WITH = {
     "balls/curve_motion": "proof/test_branch",
     "balls/equations": "balls/test_enclosure",
     "consistency/draws": "consistency/test_verdict",
+    "continuation/curve": "continuation/test_family_problem",
     "continuation/event_place": "continuation/test_follow_event",
     "continuation/event_start": "continuation/test_follow_event",
     "curves/curve_batch": "curves/test_curve_run",
     "curves/curve_landings": "curves/test_curve_run",
+    "curves/kkt_limits": "curves/test_kkt_curve",
+    "curves/kkt_options": "curves/test_kkt_curve",
+    "curves/kkt_points": "curves/test_kkt_curve",
+    "curves/kkt_start": "curves/test_kkt_curve",
     "design/active_set": "design/test_optimality",
     "design/evaluator": "design/test_sensitivities",
     "design/event_statement": "continuation/test_follow_event",
@@ -70,9 +75,6 @@ TESTED_WITH = {
     "flow/taylor_step": "flow/test_taylor",
     "mechanics/coordinates": "mechanics/test_coefficients",
     "model/model": "test_checks",
-    "numerics/kkt_limits": "numerics/test_kkt_curve",
-    "numerics/kkt_points": "numerics/test_kkt_curve",
-    "numerics/kkt_start": "numerics/test_kkt_curve",
     "numerics/quadrature": "shooting/test_error_bound",
     "mechanics/drawing": "show/test_plane",
     "periodic/cycle_shape": "periodic/test_orbit",
@@ -105,6 +107,36 @@ TESTED_WITH = {
     "problems/explorer/processes": "problems/explorer/test_worker",
     "problems/explorer/page_state": "problems/explorer/test_page",
 }
+# Numeric constants that a module which iterates may have, and the modules that still have more; their numbers may only
+# become smaller, and no module may be added.
+MOST_CONSTANTS = 3
+TOO_MANY = {
+    "orbits/balls/crossing": 6, "orbits/balls/curve_motion": 9, "orbits/balls/enclosure": 7,
+    "orbits/balls/rigorous_step": 9, "orbits/balls/root": 9, "orbits/balls/taylor_model": 5, "orbits/balls/tube": 5,
+    "orbits/check_hops": 5, "orbits/check_proof": 11, "orbits/consistency/shortcuts": 6,
+    "orbits/continuation/homoclinic": 10,
+    "orbits/continuation/together": 4, "orbits/control/holding": 7, "orbits/control/steer": 5,
+    "orbits/curves/bordered_newton": 5, "orbits/design/local": 24, "orbits/design/pareto": 4, "orbits/design/seeds": 4,
+    "orbits/exact/expressions": 4, "orbits/flow/runge_kutta": 5, "orbits/flow/taylor_step": 9,
+    "orbits/flow/vector_field": 4, "orbits/flow/zero_crossing": 5, "orbits/laws/features": 9, "orbits/laws/jumps": 10,
+    "orbits/model/liftoff": 6, "orbits/model/linear_guess": 4, "orbits/model/relative": 7,
+    "orbits/model/turning_speeds": 5, "orbits/numerics/common_zeros": 4, "orbits/numerics/polynomial_roots": 5,
+    "orbits/numerics/roots": 7, "orbits/periodic/family_search": 17, "orbits/periodic/guess": 7,
+    "orbits/periodic/linear_hops": 8, "orbits/periodic/loss_coefficient": 5, "orbits/periodic/run_start": 6,
+    "orbits/periodic/tuned": 6, "orbits/proof/branch_piece": 4, "orbits/proof/branch_way": 11, "orbits/proof/digits": 5,
+    "orbits/proof/launches": 4, "orbits/result": 5, "orbits/return_map/all_hops": 8,
+    "orbits/return_map/bifurcations": 10, "orbits/return_map/border_events": 8, "orbits/return_map/branches": 8,
+    "orbits/return_map/cycles": 6, "orbits/return_map/cycles_along": 14,
+    "orbits/return_map/itineraries": 7, "orbits/return_map/launch_branches": 10, "orbits/return_map/linear_hopper": 4,
+    "orbits/return_map/map_pieces": 21, "orbits/return_map/periodic_hop": 6, "orbits/return_map/periodic_hops": 4,
+    "orbits/return_map/periods": 6, "orbits/return_map/polynomial_flight": 8, "orbits/return_map/polynomial_hopper": 5,
+    "orbits/return_map/resolved_map": 8, "orbits/shooting/division": 11, "orbits/shooting/newton_kernel": 5,
+    "orbits/shooting/single_shooting": 8, "orbits/show/plane": 7, "orbits/show/plot": 6, "orbits/show/simulators": 6,
+    "orbits/simulation/feet": 4, "orbits/simulation/hysteresis": 4, "orbits/simulation/impact_sequences": 5,
+    "orbits/symbolic/kernels": 13, "orbits/symbolic/machine_code": 5, "problems/explorer/results": 10,
+    "problems/explorer/worker": 5, "problems/laws/fitting": 9, "problems/recordings/smoothing": 17,
+    "problems/steering/corners": 4,
+}  # fmt: skip
 SOURCES = sorted(path for package in RANK for path in (ROOT / package).rglob("*.py"))
 ENGINE = [path for path in SOURCES if path.is_relative_to(ROOT / "orbits")]
 
@@ -241,31 +273,35 @@ def test_packages_import_from_packages_below():
     assert not wrong, "\n".join(wrong)
 
 
-def test_a_top_level_name_means_one_thing():
-    """Every function, class and constant of engine and machines has a name of its own."""
-    homes: dict[str, list[str]] = defaultdict(list)
-    for path in SOURCES:
-        # The second program that verifies proofs shares nothing with the first, not even names. The room of curves has
-        # the field's words for what other rooms have of their own, which become problems of it.
-        others = path.is_relative_to(ROOT / "studies") or path.is_relative_to(ROOT / "orbits/curves")
-        if others or path.name.startswith("check_"):
+def iterates(path: Path) -> bool:
+    """Whether a module repeats something: with `while`, or with `for` over a `range`."""
+    loops = [node.iter for node in nodes_of(path) if isinstance(node, ast.For)]
+    over_range = (getattr(name, "id", "") == "range" for loop in loops for name in ast.walk(loop))
+    return any(over_range) or any(isinstance(node, ast.While) for node in nodes_of(path))
+
+
+def numeric_constants(path: Path) -> list[str]:
+    """The names at the top level of a module that stand for literal numbers, or for arithmetic or tuples of these."""
+    found, parts = [], (ast.Tuple, ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop, ast.expr_context)
+    for node in tree_of(path).body:
+        if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
             continue
-        for node in tree_of(path).body:
-            names = []
-            if isinstance(node, ast.FunctionDef | ast.ClassDef):
-                names = [node.name]
-            elif isinstance(node, ast.Assign | ast.AnnAssign):
-                targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-                names = [name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)]
-            for name in names:
-                homes[name].append(name_of(path))
-    twice = {name: files for name, files in homes.items() if len(files) > 1 and name not in SAME_IN_EACH}
-    assert not twice
+        target, value = node.targets[0] if isinstance(node, ast.Assign) else node.target, node.value
+        both = isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple)
+        for name, each in zip(target.elts, value.elts, strict=True) if both else [(target, value)]:
+            leaves = [leaf for leaf in ast.walk(each) if not isinstance(leaf, parts)]
+            if leaves and all(isinstance(leaf, ast.Constant) and type(leaf.value) in (int, float) for leaf in leaves):
+                found.append(ast.unparse(name))
+    return found
 
 
-# Names that mean the same in each module that has them: what a package hands on, and the
-# laws that springs and gravity have alike.
-SAME_IN_EACH = {"__all__", "__getattr__", "NAMED", "formula", "function", "linear"}
+def test_the_constants_of_an_algorithm_are_its_options():
+    """A module that iterates has few numeric constants: more of them are fields of a frozen options object."""
+    modules = [path for path in SOURCES if not path.is_relative_to(ROOT / "studies") and iterates(path)]
+    counts = {name_of(path.with_suffix("")): len(numeric_constants(path)) for path in modules}
+    found = {name: count for name, count in counts.items() if count > MOST_CONSTANTS}
+    wrong = {name: f"{found.get(name, 0)} for {TOO_MANY.get(name, 0)}" for name, _ in found.items() ^ TOO_MANY.items()}
+    assert not wrong, f"numeric constants (found for listed): put them into a frozen options object: {wrong}"
 
 
 def public_functions(tree: ast.Module):
