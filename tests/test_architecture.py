@@ -116,7 +116,7 @@ TOO_MANY = {
     "orbits/check_hops": 5, "orbits/check_proof": 11, "orbits/consistency/shortcuts": 6,
     "orbits/continuation/homoclinic": 10,
     "orbits/continuation/together": 4, "orbits/control/holding": 7, "orbits/control/steer": 5,
-    "orbits/curves/bordered_newton": 5, "orbits/design/local": 24, "orbits/design/pareto": 4, "orbits/design/seeds": 4,
+    "orbits/curves/bordered_newton": 4, "orbits/design/local": 24, "orbits/design/pareto": 4, "orbits/design/seeds": 4,
     "orbits/exact/expressions": 4, "orbits/flow/runge_kutta": 5, "orbits/flow/taylor_step": 9,
     "orbits/flow/vector_field": 4, "orbits/flow/zero_crossing": 5, "orbits/laws/features": 9, "orbits/laws/jumps": 10,
     "orbits/model/liftoff": 6, "orbits/model/linear_guess": 4, "orbits/model/relative": 7,

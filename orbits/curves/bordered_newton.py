@@ -13,10 +13,9 @@ from ..numerics.roots import solve
 from .protocol import Array, Points, Problem
 from .step_options import Steps
 
-# The last Newton step is below LAST in units, and so is its product with the point's amplification: the next one would
-# be its square, which is rounding. A step below SMALL that is not much shorter than the one before is rounding itself,
-# and so is one below LARGEST times the rounding that the problem expects.
-LAST, SMALL, STALLED, LARGEST = 1e-8, 1e-9, 0.7, 4.0
+# A Newton step below SMALL that is not much shorter than the one before is rounding, and so is one below LARGEST times
+# the rounding that the problem expects.
+SMALL, STALLED, LARGEST = 1e-9, 0.7, 4.0
 # Steps above this are no rounding, and no errors of equations that are not exact.
 NO_ROUNDING = 1e-6
 
@@ -84,7 +83,7 @@ def correct(
         if found is None:
             limits = np.empty((2, m))
             limits[0], limits[1] = rough, reach
-            found = _newton(problem, lanes, xs, border, limits, (least, options.corrections), record)
+            found = _newton(problem, lanes, xs, border, limits, least, options, record)
         which, xs, directions, growths, evaluation = found
         return _pointed(problem, which, lanes[which], xs, directions, before[which], growths, evaluation)
 
@@ -93,17 +92,17 @@ _Solved = tuple[Array, Array, Array, Array, Any]
 
 
 def _newton(
-    problem: Problem, lanes: Array, xs: Array, border: Border, limits: Array, steps: tuple[int, int], record: bool
+    problem: Problem, lanes: Array, xs: Array, border: Border, limits: Array, least: int, options: Steps, record: bool
 ) -> _Solved:
     """The indices (k,) of the places X (m, n + 1) from which Newton's method converges, the points and directions
-    (k, n + 1), the amplifications (k,), and the equations if recorded; `limits` are (rough, reach) (2, m), `steps` the
-    least and the largest number of steps."""
-    (rough, reach), (least, most), m = limits, steps, len(xs)
+    (k, n + 1), the amplifications (k,), and the equations if recorded; `limits` are (rough, reach) (2, m), `least` is
+    the least number of steps."""
+    (rough, reach), final, m = limits, options.last, len(xs)
     sizes = problem.size(lanes, xs) if m else xs
     directions, growths, last = np.zeros(xs.shape), np.ones(m), np.full(m, np.inf)
     solved, evaluation, moved = np.isinf(rough) & record, None, None
     owners = left = np.flatnonzero(~solved)
-    for taken in range(1, most + 1):
+    for taken in range(1, options.corrections + 1):
         if not len(left):
             break
         able, evaluation = problem.evaluate(lanes[left], xs[left], evaluation if problem.chords else None, moved)
@@ -117,7 +116,7 @@ def _newton(
         units = problem.units(sizes[left], evaluation)
         moved = (np.abs(moves) / units).max(1)
         shrinks, finite = moved < STALLED * last[left], np.isfinite(moved)
-        done = (moved < LAST) & (moved * growths[left] < LAST) | (moved < SMALL) & ~shrinks | (moved < rough[left])
+        done = (moved < final) & (moved * growths[left] < final) | (moved < SMALL) & ~shrinks | (moved < rough[left])
         if (open_ := ~(done | shrinks) & (moved < NO_ROUNDING)).any():
             done |= open_ & (moved < LARGEST * (problem.rounding(evaluation, rows) / units).max(1))
         done &= finite & (taken >= least)

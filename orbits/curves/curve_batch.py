@@ -219,19 +219,21 @@ def points_of(
             points, is_end = points[sound], is_end[sound]
     first = np.maximum.accumulate(np.where(is_first(points.lanes), np.arange(len(points)), 0))
     within = np.arange(len(points)) - first < options.most - progress.count[points.lanes]
-    points, is_end = (points, is_end) if within.all() else (points[within], is_end[within])
+    cut = {*points.lanes[~within].tolist()}
+    points, is_end = (points[within], is_end[within]) if cut else (points, is_end)
     tails = batch.tails
-    if why:
+    if shortened := cut | why.keys():
         tails = Tails(*(each.copy() for each in tails))
-        for lane in why:
+        for lane in shortened:
             k, own = int(np.searchsorted(group.lanes, lane)), np.flatnonzero(points.lanes == lane)
             for whole, before in zip(tails, group.tails, strict=True):
                 whole[k] = before[k]
             # The accepted ends of steps, and the last accepted point.
             for i in own[is_end[own] | (own == own[-1:])][-options.memory :].tolist():
                 tails = tails.with_next(np.array([k]), points.xs[[i]], points.tangents[[i]])
-            gap = _gap(batch, lane, len(own), divided=bool(len(own)) or why[lane] != UNSOLVED)
-            progress.shorten(lane, options.shorter * gap, len(own), why[lane] not in (UNSOLVED, ANOTHER), options)
+            if lane in why:
+                gap = _gap(batch, lane, len(own), divided=bool(len(own)) or why[lane] != UNSOLVED)
+                progress.shorten(lane, options.shorter * gap, len(own), why[lane] not in (UNSOLVED, ANOTHER), options)
     group.tails, fine = tails, group.lanes[~np.isin(group.lanes, [*why])] if why else group.lanes
     progress.batch[fine] = np.minimum(options.growth * progress.batch[fine], options.batch)
     return points, batch.refused | why

@@ -32,6 +32,8 @@ class Steps:
     memory, beside : points behind a step from which its end is predicted; points on either side of a place between
         ends of steps from which it is interpolated
     corrections, least : Newton steps of a correction at most; and at least, at the end of a step
+    last : Newton step, in units and times the point's amplification, below which it is the last one: the next one would
+        be as small as its square
     settled : Newton steps at least for points from which one with singular equations is interpolated
     reach : a Newton step that is this many times the largest correction ends the correction
     rough : Newton step below which the end of a step that lands on no requested value, or a point between ends, is
@@ -62,6 +64,7 @@ class Steps:
     beside: int = _from_to(1, 8, 3)
     corrections: int = _from_to(1, 100, 8)
     least: int = _from_to(1, 100, 2)
+    last: float = _from_to(1e-15, 1e-3, 1e-8)
     settled: int = _from_to(1, 100, 4)
     reach: float = _from_to(1.0, np.inf, 2.0)
     rough: float = _from_to(0.0, 1.0, 0.0)

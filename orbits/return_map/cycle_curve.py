@@ -27,7 +27,7 @@ UNIT_OF_OTHERS = 30.0
 # is what follows a point that is refused. A rough end of a step has an error of its square.
 STEPS_OF_CYCLES = Steps(
     first=1e-2, shortest=1e-4, corrected=0.2, turned=0.6, aim=1e-4, lengthen=4.0, beside=3, least=1, rough=1e-6,
-    batch=64, rejections=0, most=STEPS_OF_BRANCHES.most,
+    batch=64, rejections=0, most=STEPS_OF_BRANCHES.most, last=STEPS_OF_BRANCHES.last,
 )  # fmt: skip
 # Hops that were solved within this share of the ranges are near enough to begin with.
 NEAR_SOLVED = 1e-2

@@ -19,7 +19,7 @@ from .cycles import INJECT, MapsAlong, excess_of
 # Beside lossless hops the curvature has no bound, so that the first steps there are as short as the distance to them.
 STEPS_OF_BRANCHES = Steps(
     first=1e-2, shortest=1e-9, corrected=1.0, turned=0.6, aim=0.1, lengthen=4.0, beside=2, batch=16, rejections=100,
-    most=20_000,
+    most=20_000, last=1e-10,
 )  # fmt: skip
 # Hops of longer periods have as many sheets, which lie close to each other: a correction may not lead to another one.
 STEPS_OF_SHEETS = replace(STEPS_OF_BRANCHES, corrected=0.2, aim=2e-2, turned=0.3, batch=4)

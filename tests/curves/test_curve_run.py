@@ -421,6 +421,8 @@ def test_a_run_heeds_the_time_limit():
 def test_a_curve_ends_after_its_largest_number_of_points_and_where_it_is_lost():
     _, _, (end,) = found_by(run_of(Formula(circle), (1.0, 0.0), stop=2.0, options=Steps(most=20, batch=5)))
     assert end.kind == "stopped"
+    xs, _, (end,) = found_by(run_of(Formula(circle), (1.0, 0.0), stop=0.5, options=Steps(most=20)))
+    assert (len(xs), end.kind) == (20, "stopped")  # although its batch has got to the bound
     xs, _, (end,) = found_by(run_of(Formula(corner), (0.5, -0.2), stop=1.0))
     assert (end.kind, end.reason[:30]) == ("stuck", "no point is found in a step of")
     assert 0 < 0.3 - xs[-1][1] < 1e-3
