@@ -480,7 +480,7 @@ class Cornered(Formula):
 
     def __init__(self):
         super().__init__(
-            corner, [Test("asked", lambda _, points: np.where(self.left(points) > 2 * self.NEAR, 1, -1), ASKS)]
+            corner, [Test("judged", lambda _, points: np.where(self.left(points) > 2 * self.NEAR, 1, -1), ASKS)]
         )
 
     @staticmethod
@@ -695,7 +695,7 @@ def test_a_step_by_another_method_passes_no_event_value_or_bound():
 
 
 def test_points_before_a_bound_that_is_not_found_stay():
-    """And its problem is asked for the reason."""
+    """The reason is that of the problem, as for any curve that is lost."""
 
     class Open(Formula):
         def certify(self, points):
