@@ -5,12 +5,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import pytest
 
 from orbits.curves import CHANGES, End, Event, Points, Problem, Run, Start, Steps, Test, started
 
 Array = np.ndarray
 # Points at the ends of steps alone.
 UNDIVIDED = Steps(apart=np.inf)
+BOTH = pytest.mark.parametrize("options", [Steps(), UNDIVIDED], ids=["divided", "undivided"])
 
 
 @dataclass
@@ -74,6 +76,11 @@ def transcritical(lanes, x, p):
 def pitchfork(lanes, x, p):
     """The line x = 0 and the parabola p = x**2."""
     return [p * x - x**3], [[p - 3 * x * x, x]]
+
+
+def line(lanes, x, p):
+    """The line x = p."""
+    return [x - p], [[np.ones_like(x), -np.ones_like(x)]]
 
 
 def corner(lanes, x, p):
@@ -169,3 +176,11 @@ def found_by(run: Run) -> tuple[list[Array], list[Event], list[End]]:
         [e for e in items if isinstance(e, Event)],
         [e for e in items if isinstance(e, End)],
     )
+
+
+def kinds(events):
+    return [event.kind for event in events]
+
+
+def places(events, kind):
+    return np.array([event.point.xs[0] for event in events if event.kind == kind])

@@ -56,8 +56,6 @@ TESTED_WITH = {
     "continuation/curve": "continuation/test_family_problem",
     "continuation/event_place": "continuation/test_follow_event",
     "continuation/event_start": "continuation/test_follow_event",
-    "curves/curve_batch": "curves/test_curve_run",
-    "curves/curve_landings": "curves/test_curve_run",
     "curves/kkt_limits": "curves/test_kkt_curve",
     "curves/kkt_options": "curves/test_kkt_curve",
     "curves/kkt_points": "curves/test_kkt_curve",

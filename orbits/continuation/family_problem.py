@@ -27,6 +27,8 @@ RESOLVED = 10
 # After a step that moves the ends of all motions by less than this share, second derivatives are those before it. The
 # tangents have an error of this share, which is less than what step-size control aims at.
 LARGEST_CHORD_STEP = 1e-6
+# With such derivatives each step is a share of the one before, not its square: the last one is smaller than usual.
+LAST_CHORD_STEP = 1e-9
 # Integration steps of all motions in one batch, whose arrays then fit into the cache; and the points of a small batch.
 STEPS_OF_BATCH, SMALL_BATCH = 12_000, 8
 # The kind of the test by which it is judged what follows a point.
@@ -49,8 +51,10 @@ class FamilyProblem(Problem):
     ):  # fmt: skip
         self.curve, self.options, self._events, self._endings = curve, options, tests, endings
         self.tests = (*tests, *(endings.tests() if endings else ()), Test(JUDGED, _judged, ASKS)) if endings else tests
-        self.steps = steps or options.steps(options.step_control.largest_batch)
         self.chords = type(curve).evaluate_beside is not Curve.evaluate_beside
+        self.steps = steps or options.steps(options.step_control.largest_batch)
+        if self.chords:
+            self.steps = replace(self.steps, last=min(self.steps.last, LAST_CHORD_STEP))
         self.solver = self._compiled if curve.kernel else None
         self.renews = self.solver is None
         if curve.division:

@@ -9,7 +9,7 @@ events and ends.
 
 from .bordered_newton import Border, correct
 from .curve_events import solved_at
-from .curve_run import Run, follow, started
+from .curve_run import Run, started
 from .protocol import (
     ASKS,
     BRANCH,
@@ -45,7 +45,6 @@ __all__ = [
     "Steps",
     "Test",
     "correct",
-    "follow",
     "solved_at",
     "started",
 ]

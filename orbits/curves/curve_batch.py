@@ -90,8 +90,8 @@ class Progress:
         return Progress(*(each.copy() for each in vars(self).values()))
 
     def shorten(self, lane: int, length: float, accepted: int, counts: bool, options: Steps) -> None:
-        """Go on with steps of this length, one in each batch, after a batch that is rejected behind some points, and
-        say whether the rejection counts."""
+        """Go on with steps of this length, one in each batch, after a batch that is rejected behind some points, which
+        counts among the rejections or not."""
         self.rejections[lane] = max(self.rejections[lane] - accepted / options.recovery, 0.0) + counts
         self.length[lane], self.batch[lane] = length, 1
 

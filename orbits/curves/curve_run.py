@@ -44,11 +44,6 @@ def started(problem: Problem, xs: Array, options: Steps = DEFAULT_STEPS, way: fl
     return solved_at(problem, np.arange(m), xs, border, onward, options)
 
 
-def follow(problem: Problem, first: Points, stop: Array | float, **options: Any) -> Iterator[Item]:
-    """The items of a `Run` with these options."""
-    return iter(Run(problem, first, stop, **options))
-
-
 class Passed(Sequence[Points]):
     """The points of a lane among blocks of points, which are looked up where they are used."""
 
@@ -368,8 +363,7 @@ class Run:
             return start.point.having(lanes=np.array([lane]), lengths=np.zeros(1))
         lanes, x, tangent, problem = np.array([lane]), start.x[None], start.tangent[None], start.problem
         row = problem.rows(lanes, x, tangent)
-        border = start.border or Border(row, (row * x).sum(1))
-        return solved_at(problem, lanes, x, border, tangent, self._steps(problem))
+        return solved_at(problem, lanes, x, Border(row, (row * x).sum(1)), tangent, self._steps(problem))
 
     def _block(self, points: Points) -> list[Item]:
         """Points as an item, where there are any; they are the next ones of their lanes."""

@@ -133,20 +133,19 @@ class End:
 
 class Start(NamedTuple):
     """Where a curve goes on, as that of another problem or behind a corner: near x (n + 1,), with a tangent (n + 1,)
-    that points onward, at a border; the row of the tangent at x by default. The certified point (1) there, where it is
-    known; and what is passed on the way, as a corner, with its kind and its certified point (1)."""
+    that points onward. The certified point (1) there, where it is known; and what is passed on the way, as a corner,
+    with its kind and its certified point (1)."""
 
     problem: "Problem"
     x: Array
     tangent: Array
-    border: Any = None
     passed: tuple[str, Points] | None = None
     point: Points | None = None
 
     @classmethod
     def at(cls, problem: "Problem", point: Points, passed: tuple[str, Points] | None = None) -> "Start":
         """On a curve of a problem at its certified point (1)."""
-        return cls(problem, point.xs[0], point.tangents[0], None, passed, point)
+        return cls(problem, point.xs[0], point.tangents[0], passed, point)
 
 
 class Barrier(Protocol):

@@ -106,3 +106,53 @@ def test_one_compiled_call_may_do_the_whole_correction():
     assert problem.calls == 0
     assert points.xs[0] == pytest.approx([0.8, 0.6], abs=1e-15)
     assert points.tangents[0] == pytest.approx([0.6, -0.8], abs=1e-15)
+
+
+def test_rounding_that_a_problem_expects_ends_newtons_method():
+    class Noisy(Formula):
+        rounded = 0.0
+
+        def rounding(self, evaluation, rows):
+            return np.full(rows.shape, self.rounded)
+
+    def noisy(lanes, x, p):
+        return [x - p + 3e-8 * np.sin(1e12 * x)], [[np.ones_like(x), -1.0]]
+
+    lanes, places_, border = (
+        np.zeros(5, int),
+        np.linspace(0.1, 0.9, 5),
+        Border.of_component(1, np.linspace(0.1, 0.9, 5), 2),
+    )
+    guesses = np.column_stack([places_ + 1e-3, places_])
+    exact, expected = Noisy(noisy), Noisy(noisy)
+    expected.rounded = 1e-8
+    assert len(correct(exact, lanes, guesses, border, border.rows, Steps())[0]) < 5
+    which, points = correct(expected, lanes, guesses, border, border.rows, Steps())
+    assert which.tolist() == [0, 1, 2, 3, 4]
+    assert points.xs[:, 0] == pytest.approx(places_, abs=1e-7)
+
+
+def test_what_is_known_of_other_points_does_not_serve():
+    """Lane 0 settles at once, lane 1 later, and lane 2 never: the equations known last are those of lanes 1 and 2."""
+
+    class Chords(Formula):
+        chords = True
+
+        def evaluate(self, lanes, xs, known=None, moved=None):
+            assert known is None or len(known.residual) == len(xs)
+            if known is not None and (moved == 0).all():
+                assert known.residual[:, 0] == pytest.approx(self.function(lanes, *xs.T)[0][0], abs=1e-6)
+            return super().evaluate(lanes, xs)
+
+    def lanes_of(lanes, x, p):
+        power = np.where(lanes == 2, 0.3, 1.0) + np.where(lanes == 1, 1.0, 0.0)
+        return [np.abs(x) ** power - p**power + 0 * lanes], [
+            [power * np.abs(x) ** (power - 1), -power * p ** (power - 1)]
+        ]
+
+    p = np.array([0.5, 0.5, 0.5])
+    guesses = np.column_stack([[0.5, 0.52, 30.0], p])
+    border = Border.of_component(1, p, 2)
+    which, points = correct(Chords(lanes_of), np.arange(3), guesses, border, border.rows, Steps())
+    assert points.xs[:, 0] == pytest.approx(np.full(len(which), 0.5), abs=1e-12)
+    assert {0, 1} <= {*which.tolist()}

@@ -1,0 +1,92 @@
+"""Exact places of curves in closed form: requested values, bounds, and the first point."""
+
+import numpy as np
+import pytest
+from plane_curves import BOTH, UNDIVIDED, Formula, circle, found_by, line, run_of
+
+from orbits.curves import CHANGES, Start, Test
+
+
+@pytest.mark.parametrize("at", [(), (-3.0, 9.0)])
+def test_folds_far_from_requested_values_are_not_located(at):
+    """p = x/10 + sin(2 x)/2 folds twice in each wave; an accepted point takes about three evaluations."""
+
+    def waves(lanes, x, p):
+        return [0.1 * x + 0.5 * np.sin(2 * x) - p], [[0.1 + np.cos(2 * x), -1.0]]
+
+    problem = Formula(waves)
+    xs, _, (end,) = found_by(run_of(problem, (0.0, 0.0), stop=2.0, behind=-9.0, at=at, options=UNDIVIDED))
+    assert end.kind == "reached"
+    assert xs[-1][0] > 14
+    assert problem.points < 3.5 * len(xs)
+
+
+@BOTH
+def test_values_and_bounds_are_met_on_both_sides_of_a_fold(options):
+    """The circle passes 0.999999 twice, within a step round its top, and leaves downwards at the bound."""
+    xs, events, (end,) = found_by(
+        run_of(Formula(circle), (1.0, 0.0), stop=2.0, behind=-0.5, at=[0.999999, 0.2], options=options)
+    )
+    assert [event.point.values[0] for event in events] == [0.2, 0.999999, 0.999999, 0.2]
+    for event in events:
+        assert abs(event.point.xs[0, 0]) == pytest.approx(np.sqrt(1 - event.point.values[0] ** 2), abs=1e-13)
+    assert end.kind == "reached"
+    assert xs[-1] == pytest.approx(np.array([-np.sqrt(0.75), -0.5]), abs=1e-15)
+
+
+@BOTH
+def test_folds_far_from_bounds_and_requested_values_cost_nothing(options):
+    counts = []
+    for bound in (2.0, np.inf):
+        problem = Formula(circle)
+        found_by(run_of(problem, (1.0, 0.0), stop=bound, behind=-bound, at=[-7.0], options=options))
+        counts.append(problem.points)
+    assert counts[0] == counts[1]
+
+
+def test_a_bound_beyond_which_the_curve_turns_ends_it():
+    xs, _, (end,) = found_by(run_of(Formula(circle), (1.0, 0.0), stop=1 - 1e-7))
+    assert end.kind == "reached"
+    assert xs[-1] == pytest.approx(np.array([np.sqrt(1 - (1 - 1e-7) ** 2), 1 - 1e-7]), abs=1e-12)
+
+
+def test_points_before_a_bound_that_is_not_found_stay():
+    """The reason is that of the problem, as for any curve that is lost."""
+
+    class Open(Formula):
+        def certify(self, points):
+            return points, {i: ValueError("a gap") for i in np.flatnonzero(abs(points.values - 0.504) < 2e-3).tolist()}
+
+    xs, _, (end,) = found_by(run_of(Open(line), (0.0, 0.0), stop=0.504))
+    assert (end.kind, end.reason) == ("stuck", "a gap")
+    assert xs[-1][1] > 0.5
+
+
+@BOTH
+def test_an_event_at_the_end_of_a_curve_is_located(options):
+    last = Test("last", lambda _, points: points.values - 0.5, bare=True)
+    _, (event,), (end,) = found_by(run_of(Formula(circle, [last]), (1.0, 0.0), stop=0.5, options=options))
+    assert (event.point.values[0], end.kind) == (0.5, "reached")
+
+
+def test_a_curve_closes_behind_a_change_of_its_problem():
+    """A circle whose problem has another unknown from a point on; by the two that both have it is seen to close."""
+
+    class Lifted(Formula):
+        shared = np.array([0, 2])
+
+    def lifted(lanes, x, y, p):
+        return [x * x + p * p - 1, y - 2 * x], [[2 * x, 0.0, 2 * p], [-2.0, 1.0, 0.0]]
+
+    class Flat(Formula):
+        shared = np.array([0, 1])
+
+        def changed(self, event, passed):
+            (x, p), (u, q) = event.point.xs[0], event.point.tangents[0]
+            return Start(Lifted(lifted), np.array([x, 2 * x, p]), np.array([u, 2 * u, q]))
+
+    half = Test("half", lambda _, points: points.xs[:, 0] - 0.5, CHANGES, bare=True)
+    xs, _, (end,) = found_by(run_of(Flat(circle, [half]), (1.0, 0.0), stop=2.0, behind=-2.0))
+    assert end.kind == "closed"
+    assert len(xs[-1]) == 3
+    assert xs[-1][[0, 2]] == pytest.approx([1.0, 0.0], abs=1e-9)
