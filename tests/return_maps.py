@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from orbits import bifurcations
-from orbits.return_map.border_events import FoundEvent
+from orbits.curves import Event
 from orbits.return_map.branches import BranchTracer
 from orbits.return_map.cycles import MapsAlong
 from orbits.return_map.hops import Hops
@@ -55,7 +55,7 @@ def traced(maps, between, alpha, value, side=1, period=1):
     start = tracer.start(alpha, value)
     items = list(tracer.trace(start, side * (1 if start.tangent[1] > 0 else -1)))
     points = [item for item in items if isinstance(item, PeriodicLaunch)]
-    return points, [item for item in items if isinstance(item, FoundEvent)], items[-1]
+    return points, [item for item in items if isinstance(item, Event)], items[-1]
 
 
 @cache

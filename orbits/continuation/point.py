@@ -116,8 +116,11 @@ class EventLine(TypedDict):
 
 
 def stated(item: Point | Event | End) -> dict[str, Any]:
-    """What a point, an event or an end states, without what it has only while a curve is followed."""
-    return {name: value for name, value in asdict(item).items() if name not in ("lane", "which")}
+    """What a point, an event or an end of a family states in files."""
+    whole = asdict(item)
+    if isinstance(item, Event):
+        return {name: whole[name] for name in EventLine.__required_keys__}
+    return {name: value for name, value in whole.items() if name != "lane"}
 
 
 def json_line(item: Point | Event | End) -> str:

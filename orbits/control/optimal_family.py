@@ -22,7 +22,8 @@ from ..curves.kkt_curve import ENDS_OF_MINIMA, MinimumCurve
 from ..curves.kkt_limits import CriticalPoint
 from ..curves.kkt_options import STEPS_OF_MINIMA
 from ..errors import InputError, NoOrbit, finite_number
-from ..io import Document
+from ..io import Document, conform
+from ..model.machine import Machine
 from ..numerics.roots import Array
 from ..result import Axes, Result, Row, shown, stored
 from ..running import interrupts
@@ -42,24 +43,8 @@ LOST_TOUCHES = ("fold", "bifurcation", "degenerate", "stuck")
 FixedParameters = Callable[[float], tuple[Array, Array]]
 
 
-@dataclass(frozen=True)
-class OptimalEvent:
-    """What happens along a family of optimal motions.
-
-    kind : "enters" or "leaves", of a bound that is active from there on, or until there; "fold" or "bifurcation", where
-        the minimum is lost; or "mesh", where the program is refined
-    value, cost : of the parameter, and the least cost there
-    what : the bounds in words, or the refinement
-    """
-
-    kind: str
-    value: float
-    cost: float
-    what: str
-
-
-# The name that pickled families have for the class of their ends.
-FamilyEnd = End
+# The names that pickled families have for the classes of their events and ends.
+OptimalEvent, FamilyEnd = Event, End
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +80,9 @@ class OptimalFamily(
     name : of the parameter
     values, costs, slopes : (k,), of the parameter, the least cost, and the derivative of the least cost by it
     active : of each point the bounds that are active, in words
-    events : in order
+    events : in order, each with the `value` of the parameter, the least `cost` there, and its `text`: "enters" or
+        "leaves", of a bound that is active from there on, or until there; "fold" or "bifurcation", where the minimum is
+        lost; or "mesh", where the program is refined
     end : "reached", "fold", "bifurcation", "infeasible", "degenerate", "stuck" or "stopped", with the reason in words
     unknowns : number of unknowns of the program
     seconds : time taken in all
@@ -107,7 +94,7 @@ class OptimalFamily(
     costs: np.ndarray
     slopes: np.ndarray
     active: tuple[tuple[str, ...], ...]
-    events: tuple[OptimalEvent, ...]
+    events: tuple[Event, ...]
     end: End
     unknowns: int
     seconds: float
@@ -141,8 +128,17 @@ class OptimalFamily(
         return {self.name: self.values, "cost": self.costs, "slope": self.slopes, "active": active}
 
     def document(self) -> Document:
-        end = {"kind": self.end.kind, "reason": self.end.reason}
-        return {"format": self.form(), **stored(replace(self, trail=None)), "end": end}
+        events = [
+            {"kind": each.kind, "value": each.value, "cost": each.cost, "what": each.text} for each in self.events
+        ]
+        own = {"events": events, "end": {"kind": self.end.kind, "reason": self.end.reason}}
+        return {"format": self.form(), **stored(replace(self, trail=None, events=())), **own}
+
+    @classmethod
+    def _fields_in(cls, data: Mapping[str, Any], machine: Machine | None = None) -> dict[str, Any]:
+        rows = conform(data["events"], list[Mapping[str, Any]], "events")
+        events = [{"text" if name == "what" else name: each for name, each in row.items()} for row in rows]
+        return super()._fields_in({**data, "events": events}, machine)
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot the least cost against the parameter, with the events; returns the axes."""
@@ -154,7 +150,7 @@ class OptimalFamily(
     def _rows(self) -> Iterator[Row]:
         cost = f" {self.units['cost']}" if self.units else ""
         places: list[tuple[float, float, str]] = [(self.values[0], self.costs[0], "first")]
-        places += [(each.value, each.cost, f"{each.kind}: {each.what}") for each in self.events]
+        places += [(each.value, each.cost, f"{each.kind}: {each.text}") for each in self.events]
         last = " ".join(filter(None, (self.end.kind, self.end.reason)))
         places.append((self.values[-1], self.costs[-1], last))
         for value, least, what in places:
@@ -254,7 +250,7 @@ class _RunAlongFamily:
     ):  # fmt: skip
         self.parameters, self.last, self.at, self.steps, self.options = parameters, last, at, steps, options
         self.points = list[tuple[MinimumCurve, WarmStart, CriticalPoint]]()
-        self.active, self.events = list[list[str]](), list[OptimalEvent]()
+        self.active, self.events = list[list[str]](), list[Event]()
 
     def trace(self, start: WarmStart, value: float) -> End:
         """Follow to the end."""
@@ -299,8 +295,8 @@ class _RunAlongFamily:
                 is_end = item.kind in ENDS_OF_MINIMA
                 own = not is_end and program.is_share(item.which)
                 if not own:
-                    what = "the second-order condition is lost" if is_end else labels[item.which]
-                    self.events.append(OptimalEvent(item.kind, point.value, point.cost, what))
+                    text = "the second-order condition is lost" if is_end else labels[item.which]
+                    self.events.append(Event(item.kind, value=point.value, cost=point.cost, text=text))
                 self._record(curve, start, point, labels)
                 if own or (item.kind == "leaves" and item.which in program.touching_limits):
                     return self._curve_of(_warm_start(start, program, point), point.value), start
@@ -369,9 +365,8 @@ class _RunAlongFamily:
             return None
         if self.events and self.events[-1].kind in LOST_TOUCHES:
             self.events.pop()
-        self.events.append(
-            OptimalEvent("mesh", value, found.cost, "a touch has become flat, and its points are exchanged")
-        )
+        text = "a touch has become flat, and its points are exchanged"
+        self.events.append(Event("mesh", value=value, cost=found.cost, text=text))
         return curve, known
 
     def _is_accurate(self, program: ParametricTranscription, point: CriticalPoint, start: WarmStart) -> bool:
@@ -417,7 +412,7 @@ class _RunAlongFamily:
         text = "points of path conditions are exchanged"
         if found.problem.substeps != before.substeps:
             text = f"the intervals of the stages have {', '.join(map(str, found.problem.substeps))} steps"
-        self.events.append(OptimalEvent("mesh", point.value, point.cost, text))
+        self.events.append(Event("mesh", value=point.value, cost=point.cost, text=text))
         return self._curve_of(found, point.value), found
 
 

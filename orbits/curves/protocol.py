@@ -90,14 +90,34 @@ class Event:
 
     kind : of what happens there
     after : the place in its lane of the last point up to it
-    point : the point there: `Points` (1) while a curve is followed, a `CriticalPoint` on a curve of minima
+    point : the point there: `Points` (1) while a curve is followed, a `CriticalPoint` on a curve of minima, a `Point`
+        of a family, or a `PeriodicLaunch`; None on curves of designs and optimal motions, whose events have numbers
     which : the number of the function, of a test with several, or that of a limit
+    value, cost : of the parameter, and the least cost; those of the point where it has them
+    text : what happens, in words
     """
 
     kind: str
-    after: int
-    point: Any
-    which: int = field(default=0, compare=False, repr=False)
+    after: int = 0
+    point: Any = None
+    which: int = field(default=0, compare=False)
+    value: Any = None
+    cost: Any = None
+    text: str = ""
+    what = property(lambda self: self.text)  # as events of optimal motions have called it
+
+    def __post_init__(self) -> None:
+        for name in ("value", "cost"):
+            vars(self)[name] = getattr(self.point, name, vars(self)[name])
+
+    def __repr__(self) -> str:
+        names = ("kind", "value", "cost", "text") if self.point is None else ("kind", "after", "point")
+        known = (f"{name}={vars(self)[name]!r}" for name in names if vars(self)[name] is not None)
+        return f"Event({', '.join(known)})"
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        """Pickles of optimal motions have called the text `what`."""
+        vars(self).update(state, text=state.get("what", state.get("text", "")))
 
 
 @dataclass(frozen=True)

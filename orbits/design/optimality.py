@@ -7,6 +7,7 @@ from typing import Any, TypedDict
 
 import numpy as np
 
+from ..curves import Event
 from ..curves.kkt_limits import CriticalPoint
 from ..errors import InputError, OrbitsError, finite_number, whole_number
 from ..io import Document, conform
@@ -22,7 +23,7 @@ from .design_point import Case, DesignPoint, design_points, no_motion
 from .moving_design import MovingDesign
 from .moving_number import Moving, moving_number
 from .problem import DesignProblem, design_problem
-from .traced_designs import DesignEvent, program_about, traced_designs
+from .traced_designs import program_about, rows_of_events, traced_designs
 from .tuned_machine import TunedMachine, motions_near, names_of_designs, tuned_machine_of, tuned_numbers, untuned
 
 
@@ -263,7 +264,8 @@ class DesignCurve(Result, what="curve of designs", dimension="design"):
     designs : certified, (m,)
     slopes : the derivative of the objective by the number, (m,), from the multipliers: what one unit more of it gains
         or costs
-    events : in order along the curve
+    events : in order along the curve, each with the `value` of the number and its `text`: a constraint, bound or
+        condition of a motion "enters" or "leaves" the active ones; or there is a "fold" or a "bifurcation"
     end : why the curve ends before the last value; "" where it does not
     seconds : wall time
     """
@@ -272,7 +274,7 @@ class DesignCurve(Result, what="curve of designs", dimension="design"):
     values: tuple[float, ...]
     designs: tuple[Design, ...]
     slopes: tuple[float, ...]
-    events: tuple[DesignEvent, ...] = ()
+    events: tuple[Event, ...] = ()
     end: str = ""
     seconds: float = 0.0
 
@@ -336,7 +338,7 @@ class DesignCurve(Result, what="curve of designs", dimension="design"):
         return {
             "parameter": self.parameter,
             "designs": [{"value": value, "slope": slope, **design} for value, slope, design in rows],
-            "events": [dict(vars(event)) for event in self.events],
+            "events": rows_of_events(self.events),
             "end": self.end,
             "seconds": self.seconds,
         }

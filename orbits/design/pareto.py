@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..curves import Event
 from ..curves.kkt_curve import ENDS_OF_MINIMA
 from ..errors import InputError, OrbitsError, is_list, list_of_names, whole_number
 from ..io import Document
@@ -21,7 +22,7 @@ from .optimality import Design, column_of, designs_along
 from .optimize import Origin, best_design, multistart, starting_points
 from .problem import Constraint, DesignProblem, design_problem, known_formula
 from .sensitivities import quantities, sensitivities
-from .traced_designs import DesignEvent
+from .traced_designs import rows_of_events
 from .tuned_machine import continued_from, names_of_designs, with_tuning
 
 SAME_OBJECTIVE = 1e-9  # objectives that differ by a smaller share are the same: constraints are met to about this
@@ -47,7 +48,7 @@ class Front(Result, what="front"):
     designs: tuple[Design, ...]
     refused: tuple[tuple[float, str], ...]
     seconds: float
-    events: tuple[DesignEvent, ...] = ()
+    events: tuple[Event, ...] = ()
 
     machine = property(lambda self: self.designs[0].machine)  # the others differ in the parameters that were free
 
@@ -65,7 +66,7 @@ class Front(Result, what="front"):
             "objectives": list(self.texts),
             "points": [{"values": list(_objectives(design)), **design.document()} for design in self.designs],
             "refused": [{"level": level, "reason": reason} for level, reason in self.refused],
-            "events": [dict(vars(event)) for event in self.events],
+            "events": rows_of_events(self.events),
             "seconds": self.seconds,
         }
 
@@ -192,13 +193,13 @@ class _Levels:
 
     def designs(
         self, levels: Sequence[float], report: Callable[[int], None]
-    ) -> tuple[list[Design], dict[float, str], list[DesignEvent]]:
+    ) -> tuple[list[Design], dict[float, str], list[Event]]:
         """The designs at falling levels, the reason at each level without one, and the events of their curves.
 
         A curve begins at the first end; where it ends, a search finds the design at the next level. Where a search from
         the other end finds a better one at the last level, the curve through that is better as far as it is.
         """
-        found, refused, events, left = dict[float, Design](), dict[float, str](), list[DesignEvent](), [*levels]
+        found, refused, events, left = dict[float, Design](), dict[float, str](), list[Event](), [*levels]
         searched, last = False, self.ends[0]
         while left:
             reached, happened = self._followed(last, left)
@@ -215,9 +216,7 @@ class _Levels:
             events = self._from_other_end(levels, found, events)
         return [found[level] for level in levels if level in found], refused, events
 
-    def _from_other_end(
-        self, levels: Sequence[float], found: dict[float, Design], events: list[DesignEvent]
-    ) -> list[DesignEvent]:
+    def _from_other_end(self, levels: Sequence[float], found: dict[float, Design], events: list[Event]) -> list[Event]:
         """The events of the curves, after designs that were found are replaced by better ones of a curve from the last
         level upwards, to which a search from the second end leads."""
         try:
@@ -245,7 +244,7 @@ class _Levels:
         starts = [*({**design.parameters, "motion": design.motion} for design in known), *self.further]
         return _with_both(best_design(self.origin, problem, starts), self.texts)
 
-    def _followed(self, design: Design, levels: Sequence[float]) -> tuple[dict[float, Design], list[DesignEvent]]:
+    def _followed(self, design: Design, levels: Sequence[float]) -> tuple[dict[float, Design], list[Event]]:
         """The designs at the first of some levels, as far as the curve from a design leads, and its events."""
         if self.further or not levels:
             return {}, []

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -54,14 +54,12 @@ class Tracing:
 TRACING = Tracing()
 
 
-@dataclass(frozen=True)
-class DesignEvent:
-    """What happens on a curve of designs: a constraint, bound or condition of a motion "enters" or "leaves" the active
-    ones at a value of the number that moves; or the curve has a "fold" or a "bifurcation"."""
+DesignEvent = Event  # the name that pickled curves have for the class of their events
 
-    value: float
-    kind: str
-    text: str = ""
+
+def rows_of_events(events: Sequence[Event]) -> list[dict[str, Any]]:
+    """Events of designs in a document."""
+    return [{"value": each.value, "kind": each.kind, "text": each.text} for each in events]
 
 
 class _Piece(NamedTuple):
@@ -97,7 +95,7 @@ class TracedDesigns(NamedTuple):
     the last share of the way, else with the reason in words."""
 
     points: list[tuple[MovingDesign, CriticalPoint]]
-    events: list[DesignEvent]
+    events: list[Event]
     end: End
 
 
@@ -158,7 +156,7 @@ class _RunAlongDesigns:
     def __init__(self, progress: Progress, options: Tracing):
         self.progress, self.options, self._good = progress, options, (0, 0, 0, 0)
         self.end: End | None = None
-        self.pieces, self.events = list[_Piece](), list[DesignEvent]()
+        self.pieces, self.events = list[_Piece](), list[Event]()
         self.ends = list[tuple[MovingDesign, CriticalPoint]]()
 
     def trace(self, program: MovingDesign) -> None:
@@ -217,7 +215,7 @@ class _RunAlongDesigns:
         """Add an event, in place of the last point, which is that of the event."""
         program, passed, point = self.pieces[-1].program, self.pieces[-1].points, event.point
         text = "" if event.kind in ENDS_OF_MINIMA else program.text(event.which, point)
-        self.events.append(DesignEvent(program.value(point.value), event.kind, text))
+        self.events.append(Event(event.kind, value=program.value(point.value), text=text))
         passed.pop()
         if event.kind in ENDS_OF_MINIMA:
             return

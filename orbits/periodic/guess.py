@@ -121,7 +121,7 @@ class _Sample(NamedTuple):
     half_period: float = np.inf
 
 
-class _End(NamedTuple):
+class _LowestLaunch(NamedTuple):
     """The result of a search: the launch speed, NaN where there is none; and the last launch speed that was too fast
     for the extension to return, NaN where it always returned."""
 
@@ -148,7 +148,7 @@ def lowest_launch_speeds(
     times, near = np.broadcast_to(relative.time(p), len(ps)), slopes(np.column_stack([liftoffs, rests]))
     steepest = np.where(np.isfinite(near), near, -np.inf).max(axis=1)  # a law has a slope at lift-off, if not at rest
     barriers = crossable_barriers(slopes(np.outer(family / steepest, BARRIER_EXTENSIONS)))
-    scales, ends = relative.scale(steepest, p), dict[int, _End]()
+    scales, ends = relative.scale(steepest, p), dict[int, _LowestLaunch]()
     fastest = np.where(single, FASTEST, FASTEST_IN_DETAIL) * family * scales
     each = zip(scales.tolist(), fastest.tolist(), barriers.tolist(), strict=True)
     searches = [_search(family, *one) for one in each]
@@ -223,7 +223,7 @@ def times_of_turns(
 
 
 def _refusals(
-    relative: Relative, p: Mapping[str, np.ndarray], family: int, liftoffs: np.ndarray, ends: list[_End],
+    relative: Relative, p: Mapping[str, np.ndarray], family: int, liftoffs: np.ndarray, ends: list[_LowestLaunch],
     fastest: np.ndarray,
 ) -> list[NoOrbit]:  # fmt: skip
     """The errors of springs with parameters (m,) by name that have no orbit, from the ends of their searches."""
@@ -251,7 +251,7 @@ def _refusals(
     return refused
 
 
-def _search(family: int, scale: float, fastest: float, barrier: bool) -> Generator[float, _Sample, _End]:
+def _search(family: int, scale: float, fastest: float, barrier: bool) -> Generator[float, _Sample, _LowestLaunch]:
     """A search of `lowest_launch_speeds`, which yields launch speeds and is sent samples there."""
     samples = [_Sample(0.0, 1.0)]
     slowest = SLOWEST_LAUNCH * scale
@@ -264,7 +264,7 @@ def _search(family: int, scale: float, fastest: float, barrier: bool) -> Generat
             alpha, lost = slowest, np.nan
             continue
         if new.lateness <= 0:
-            return _End((yield from _estimated_root(samples[-1], new)))
+            return _LowestLaunch((yield from _estimated_root(samples[-1], new)))
         if np.isfinite(new.lateness):
             samples.append(new)
         elif alpha > slowest:
@@ -276,9 +276,9 @@ def _search(family: int, scale: float, fastest: float, barrier: bool) -> Generat
         if folds and new is samples[-1]:
             lowest = yield from _golden_section(samples[-3], samples[-1])
             if lowest.lateness <= 0:
-                return _End((yield from _estimated_root(samples[-3], lowest)))
+                return _LowestLaunch((yield from _estimated_root(samples[-3], lowest)))
         alpha = _next_speed(samples, scale, barrier, no_return)
-    return _End(np.nan, lost)
+    return _LowestLaunch(np.nan, lost)
 
 
 def crossable_barriers(slopes: np.ndarray) -> np.ndarray:

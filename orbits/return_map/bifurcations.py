@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..continuation.point import End
+from ..curves import End, Event
 from ..errors import InputError, NoOrbit, finite_number, is_list, whole_number
 from ..model.machine import Machine, machine_in_words
 from ..result import Progress
@@ -18,7 +18,6 @@ from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..simulation.impacts import CAP
 from .bifurcation import Bifurcation, name_of_hops
-from .border_events import FoundEvent
 from .branches import BESIDE_LOSSLESS, BranchTracer
 from .cycles import INJECT, MapsAlong, range_of
 from .diagram import RESERVED_IN_DIAGRAMS, BifurcationDiagram, Branch
@@ -132,7 +131,7 @@ class _Search:
     ):
         self.maps, self.between, self.values, self.samples, self.progress = maps, between, values, samples, progress
         self.branches: list[Branch] = []
-        self.events: list[tuple[int, FoundEvent]] = []
+        self.events: list[tuple[int, Event]] = []
         self.notes: dict[int, str] = {}  # by the identity of a flip's point
         self._depths = list[int]()
         self._followed = 0  # events whose doubled hops are followed
@@ -150,7 +149,7 @@ class _Search:
             if max(abs(side.value) for side in beside) <= ROUNDED * alpha:
                 continue  # nothing is lost beside it either, and every launch returns
             below, above = ([side, *tracer.trace(side, 1, BESIDE_LOSSLESS)] for side in beside)
-            self._store(1, [*reversed(below), FoundEvent("fold", hop), *above])
+            self._store(1, [*reversed(below), Event("fold", point=hop), *above])
         starts = list(self._starts(period, sampled=depth > 0))
         near = SAME_PLACE * (self.between[1] - self.between[0])
         for i, (value, alpha) in enumerate(starts):
@@ -236,29 +235,27 @@ class _Search:
         items = _with_events_at_points(items)
         points = [(x, x.multiplier) if isinstance(x, PeriodicLaunch) else (x.point, _slope(x))
                   for x in items if not isinstance(x, End)]  # fmt: skip
-        self.events += [(len(self.branches), item) for item in items if isinstance(item, FoundEvent)]
+        self.events += [(len(self.branches), item) for item in items if isinstance(item, Event)]
         values, alphas, slopes = zip(*((p.value, p.alphas, slope) for p, slope in points), strict=True)
         columns = np.array(values), np.array(alphas), np.array(slopes)
         self.branches.append(Branch(period, *columns, (ends[0], ends[-1])))
 
     def located(self) -> tuple[Bifurcation, ...]:
         """The events, ascending in the parameter."""
-        found = [
-            Bifurcation(
-                e.kind, e.point.value, e.point.alphas, _slope(e), branch, self._note(e, branch), e.border, e.sides
-            )
-            for branch, e in self.events
-        ]
+        found = list[Bifurcation]()
+        for branch, event in self.events:
+            at, note = event.point, self._note(event, branch)
+            found.append(Bifurcation(event.kind, at.value, at.alphas, _slope(event), branch, note, at.border, at.sides))
         return tuple(sorted(found, key=lambda event: event.value))
 
-    def _note(self, event: FoundEvent, branch: int) -> str:
+    def _note(self, event: Event, branch: int) -> str:
         period = self.branches[branch].period
         if event.kind == "flip":
             return self.notes.get(id(event.point), f"{name_of_hops(2 * period)} branch off here" if period > 1 else "")
-        if event.border:
-            before, behind = event.sides
+        if event.point.border:
+            before, behind = event.point.sides
             slopes = f"multipliers {before:.6g} and {behind:.6g} beside it"
-            return f"{BORDERS_IN_WORDS[event.border]}; the hops {RUN_ON[event.kind]}, {slopes}"
+            return f"{BORDERS_IN_WORDS[event.point.border]}; the hops {RUN_ON[event.kind]}, {slopes}"
         if event.kind == "fold" and self.maps.lossless(event.point.value):
             return "the lossless hop"
         return "the slope of the map jumps" if event.kind == "border collision" else ""
@@ -270,16 +267,15 @@ def _with_events_at_points(items: list) -> list:
     items, places = list(items), [i for i, item in enumerate(items) if not isinstance(item, End)]
     for before, i, behind in zip(places, places[1:], places[2:], strict=False):
         point = items[i]
-        if isinstance(point, FoundEvent) or point.multiplier not in (1.0, -1.0):
+        if isinstance(point, Event) or point.multiplier not in (1.0, -1.0):
             continue
         (last, first), (following, second) = (
-            (x.point, _slope(x)) if isinstance(x, FoundEvent) else (x, x.multiplier)
-            for x in (items[before], items[behind])
+            (x.point, _slope(x)) if isinstance(x, Event) else (x, x.multiplier) for x in (items[before], items[behind])
         )
         if (first - point.multiplier) * (second - point.multiplier) < 0:
             turns = (last.value - point.value) * (following.value - point.value) > 0
             kind = "flip" if point.multiplier < 0 else "fold" if turns else "branch point"
-            items[i] = FoundEvent(kind, point)
+            items[i] = Event(kind, point=point)
     return items
 
 
@@ -308,10 +304,10 @@ def _flip_beside(items: list, flips: list[PeriodicLaunch], but: PeriodicLaunch) 
     return nearest if nearest and distance(nearest) <= LONGEST_CHORD else None
 
 
-def _slope(event: FoundEvent) -> float:
+def _slope(event: Event) -> float:
     """The multiplier at an event, by the definition of its kind; NaN where there are two."""
     known = {"fold": 1.0, "branch point": 1.0, "flip": -1.0}
-    return known.get(event.kind, event.point.multiplier if event.border else float("nan"))
+    return known.get(event.kind, event.point.multiplier if event.point.border else float("nan"))
 
 
 def _attractor(maps: MapsAlong, between: tuple[float, float], count: int) -> np.ndarray:

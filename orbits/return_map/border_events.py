@@ -6,10 +6,11 @@ cuts it, or beyond the border. Where the slope is the same on both sides, the cu
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from ..curves import Event
 from ..errors import NoOrbit, OrbitsError
 from ..numerics.roots import bracketed_root, solve
 from .cycle_statement import MULTIPLIER_AT, Border
@@ -29,25 +30,14 @@ SECANTS, BORDER_FOUND, BORDER_BEYOND, SAME_SIDES = 30, 1e-14, 2.0, 1e-6
 SMALLEST_SHARE = 1e-6  # of a range, for a step between two values of the parameter that are the same
 
 
-@dataclass(frozen=True, eq=False)
-class FoundEvent:
-    """An event on a branch, with its kind; where a launch passes a border of the map, the kind of the border, and the
-    multipliers on both sides of it, that before it first."""
-
-    kind: str
-    point: PeriodicLaunch
-    border: str = ""
-    sides: tuple[float, ...] = ()
-
-
 class BordersOfCurve:
     """The borders of the map along a curve of periodic launches; `PeriodicLaunch`es are points of it."""
 
     def __init__(self, curve: LaunchCurve):
         self.curve, self.maps, self.scale = curve, curve.maps, curve.scale
-        self._bounces = dict[tuple[PeriodicLaunch, PeriodicLaunch, int], FoundEvent | None]()
+        self._bounces = dict[tuple[PeriodicLaunch, PeriodicLaunch, int], Event | None]()
 
-    def in_order(self, before: PeriodicLaunch, behind: PeriodicLaunch, found: list[FoundEvent]) -> Iterator[FoundEvent]:
+    def in_order(self, before: PeriodicLaunch, behind: PeriodicLaunch, found: list[Event]) -> Iterator[Event]:
         """The events between two neighbouring points in order: those that are found, and those at which a launch passes
         a border, in place of the same found less exactly."""
         borders = [] if before.impacts == behind.impacts else self._passed(before, behind)
@@ -56,15 +46,15 @@ class BordersOfCurve:
         chord = behind.place - before.place
         yield from sorted(found, key=lambda event: float((event.point.place - before.place) @ chord))
 
-    def _passed(self, before: PeriodicLaunch, behind: PeriodicLaunch) -> list[FoundEvent]:
+    def _passed(self, before: PeriodicLaunch, behind: PeriodicLaunch) -> list[Event]:
         """The events between two neighbouring points at which one of their launches is at a border of the map."""
-        found = list[FoundEvent]()
+        found = list[Event]()
         for hop, counts in enumerate(zip(before.impacts, behind.impacts, strict=True)):
             if counts[0] != counts[1] and (event := self._at_border(before, behind, hop)):
                 found.append(event)
         return found
 
-    def _at_border(self, before: PeriodicLaunch, behind: PeriodicLaunch, hop: int) -> FoundEvent | None:
+    def _at_border(self, before: PeriodicLaunch, behind: PeriodicLaunch, hop: int) -> Event | None:
         """The event at which a launch is at a border: the parameter for which the border's own launch comes back, by
         the secant method. None where it is not found between the points."""
         if found := self.bounce(before, behind, hop):
@@ -90,8 +80,8 @@ class BordersOfCurve:
         counts = (*impacts[-hop:], *impacts[:-hop]) if hop else impacts
         place = np.array([alphas[0], values[1]]) / self.scale
         multiplier = sides[0] if abs(sides[1] - sides[0]) <= SAME_SIDES * (1 + abs(sides[0])) else float("nan")
-        point = PeriodicLaunch(values[1], alphas, multiplier, counts, place, behind.tangent)
-        return FoundEvent(kind_of_border(sides), point, border.kind, sides)
+        about = counts, place, behind.tangent, None, border.kind, sides
+        return Event(kind_of_border(sides), point=PeriodicLaunch(values[1], alphas, multiplier, *about))
 
     def _of_border(
         self, ends: tuple[float, float], value: float
@@ -124,7 +114,7 @@ class BordersOfCurve:
             raise NoOrbit("a hop from the border has no next launch")
         return launches, impacts, self.maps.multiplier(tuple(launches[0, :-1].tolist()), value)
 
-    def bounce(self, before: PeriodicLaunch, behind: PeriodicLaunch, hop: int) -> FoundEvent | None:
+    def bounce(self, before: PeriodicLaunch, behind: PeriodicLaunch, hop: int) -> Event | None:
         """The event between two points at which the contact force vanishes after a landing of a hop and then grows, so
         that the map and its slope are continuous; None where it is not found there."""
         if self.maps.pieces is not None or self.maps.along is None:
@@ -134,7 +124,7 @@ class BordersOfCurve:
             self._bounces[ends] = self._bounce(*ends)
         return self._bounces[ends]
 
-    def _bounce(self, before: PeriodicLaunch, behind: PeriodicLaunch, hop: int) -> FoundEvent | None:
+    def _bounce(self, before: PeriodicLaunch, behind: PeriodicLaunch, hop: int) -> Event | None:
         """The event of `bounce` by Newton's method on its equations, from points nearer and nearer to it."""
         for _ in range(HALVINGS_TO_BOUNCE):
             if abs(before.impacts[hop] - behind.impacts[hop]) != 1:
@@ -150,7 +140,7 @@ class BordersOfCurve:
             before, behind = (middle, behind) if middle.impacts == before.impacts else (before, middle)
         return None
 
-    def _bounce_near(self, before: PeriodicLaunch, behind: PeriodicLaunch, hop: int) -> FoundEvent:
+    def _bounce_near(self, before: PeriodicLaunch, behind: PeriodicLaunch, hop: int) -> Event:
         """The event of `bounce` by Newton's method on its equations; raises `NoOrbit`."""
         maps, fewer = self.maps, min(before, behind, key=lambda each: each.impacts[hop])
         assert maps.along is not None
@@ -164,8 +154,8 @@ class BordersOfCurve:
         apart = np.linalg.norm(0.5 * (before.place + behind.place) - place)
         if apart > BORDER_BEYOND * max(float(np.linalg.norm(behind.place - before.place)), AROUND):
             raise NoOrbit("the border is elsewhere")
-        point = PeriodicLaunch(value, alphas, slope, fewer.impacts, place, behind.tangent)
-        return FoundEvent(kind_of_border((slope, slope)), point, "bounce", (slope, slope))
+        about = fewer.impacts, place, behind.tangent, None, "bounce", (slope, slope)
+        return Event(kind_of_border((slope, slope)), point=PeriodicLaunch(value, alphas, slope, *about))
 
     def _middle(self, before: PeriodicLaunch, behind: PeriodicLaunch) -> PeriodicLaunch:
         """The point of the curve half-way between two; raises `NoOrbit`."""
@@ -209,7 +199,7 @@ class BordersOfCurve:
         jumps = [border.alpha for border in self.maps.pieces.borders if border.kind not in CONTINUOUS]
         return any(low <= alpha <= high for low, high in spans for alpha in jumps)
 
-    def corner(self, a: PeriodicLaunch, b: PeriodicLaunch) -> list[FoundEvent]:
+    def corner(self, a: PeriodicLaunch, b: PeriodicLaunch) -> list[Event]:
         """The event at a corner of the curve between two launches, where its tangents meet, if its multiplier passes 1
         or -1 there."""
         sides = a.multiplier, b.multiplier
@@ -220,7 +210,7 @@ class BordersOfCurve:
             place = a.place + share * a.tangent
             alpha, value = (place * self.scale).tolist()
             a = replace(a, value=value, alphas=(alpha, *a.alphas[1:]), place=place)
-        return [FoundEvent(kind_of_border(sides), replace(a, multiplier=float("nan")), "", sides)]
+        return [Event(kind_of_border(sides), point=replace(a, multiplier=float("nan"), sides=sides))]
 
     def behind(self, before: PeriodicLaunch, last: PeriodicLaunch) -> PeriodicLaunch | None:
         """The curve behind a border at the last launch, which it comes to from another one; None where there is none,

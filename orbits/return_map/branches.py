@@ -15,7 +15,7 @@ from ..curves import ASKS, End, Event, Points, Run, Start, Test
 from ..errors import NoOrbit
 from ..simulation.impacts import STATUSES
 from .bifurcation import name_of_hops
-from .border_events import COLLISION, BordersOfCurve, FoundEvent, distance
+from .border_events import COLLISION, BordersOfCurve, distance
 from .cycle_curve import STEPS_OF_CYCLES, CycleCurve
 from .cycle_statement import MULTIPLIER_AT
 from .cycles import MapsAlong
@@ -134,7 +134,7 @@ class BranchTracer:
 
     def trace(
         self, start: PeriodicLaunch, side: int, first_step: float = STEPS_OF_BRANCHES.first
-    ) -> Iterator[PeriodicLaunch | FoundEvent | End]:
+    ) -> Iterator[PeriodicLaunch | Event | End]:
         """The points and events from one, in order along its tangent (`side` 1) or against it (-1); an end is last."""
         first, maps = self.curve.of_launch(start, side), self.maps
         if start.value == (maps.high if first.tangents[0, -1] > 0 else maps.low):
@@ -143,14 +143,14 @@ class BranchTracer:
         curve: CurveOfHops = self.curve.begun_at(start)
         if first_step >= STEPS_OF_CYCLES.shortest and (known := self.curve.in_all_unknowns(first.own[0])):
             curve, first = known
-        last, passed, corner = first.own[0], list[FoundEvent](), False
+        last, passed, corner = first.own[0], list[Event](), False
         for item in Run(curve, first, maps.high, behind=maps.low, at=self.values, lengths=first_step):
             if isinstance(item, End):
                 yield from passed
                 yield self._end(item, last)
             elif isinstance(item, Event):
                 corner |= item.kind == "corner"
-                passed += [FoundEvent(item.kind, item.point.own[0])] if item.kind in MULTIPLIER_AT else []
+                passed += [Event(item.kind, point=item.point.own[0])] if item.kind in MULTIPLIER_AT else []
             else:
                 for launch in item.own:
                     if not distance(launch, last):  # it is the same, as one of another curve
@@ -190,15 +190,15 @@ class BranchTracer:
             return launch, End("stuck", f"small changes grow {growth} over the hops, and rounding decides")
         return launch, None
 
-    def _named(self, found: list[FoundEvent], a: PeriodicLaunch, b: PeriodicLaunch) -> list[FoundEvent]:
+    def _named(self, found: list[Event], a: PeriodicLaunch, b: PeriodicLaunch) -> list[Event]:
         """The events between two launches, at which the multiplier passes a level, by what they are."""
-        named, change = list[FoundEvent](), abs(a.multiplier - b.multiplier)
+        named, change = list[Event](), abs(a.multiplier - b.multiplier)
         for kind, point in ((each.kind, each.point) for each in found):
             if not abs(point.multiplier - MULTIPLIER_AT[kind]) <= SMOOTH * change:
                 kind = COLLISION
             elif kind == "fold" and (a.value - point.value) * (b.value - point.value) < 0:
                 kind = "branch point"
-            named.append(FoundEvent(kind, point))
+            named.append(Event(kind, point=point))
         return named
 
     def _reached(self, bound: float) -> End:

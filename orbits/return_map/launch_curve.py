@@ -39,7 +39,8 @@ LARGEST_ERROR_OF_HOPS = 1e-6  # hops with larger errors do not end Newton's meth
 class PeriodicLaunch:
     """A point of a branch: the parameter's value, the launch speeds and the multiplier of the hops, the numbers of
     impacts, the place and tangent (2,) in (launch speed, parameter), as shares of the ranges, and the rates (period,)
-    of the launch speeds along the tangent where these are known."""
+    of the launch speeds along the tangent where these are known; where a launch is at a border of the map, the kind of
+    the border, and the multipliers on both sides of it, that before it first."""
 
     value: float
     alphas: tuple[float, ...]
@@ -48,6 +49,8 @@ class PeriodicLaunch:
     place: np.ndarray
     tangent: np.ndarray
     rates: np.ndarray | None = None
+    border: str = ""
+    sides: tuple[float, ...] = ()
 
     @property
     def alpha(self) -> float:

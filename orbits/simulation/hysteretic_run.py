@@ -11,7 +11,7 @@ from ..model.machine import Machine
 from ..model.phase import Affine
 from .footing import FALLS, FallTest
 from .hysteresis import Branches, FirstOf, first_reversal
-from .impacts import LIFTOFF_ORDER, TURNS, ContactEnd, status_of_failure
+from .impacts import LIFTOFF_ORDER, TURNS, ContactStop, status_of_failure
 from .simulated_run import SimulatedRun
 
 SLIPPED = 1e-9  # a spring that sticks moves slower, relative to the state, where its constant force keeps it
@@ -84,7 +84,7 @@ class HystereticRun(SimulatedRun):
         y, model, turns, endless = self.impacts.onto_contact @ x, self.branches.model, 0, self.time == np.inf
         while turns <= self.cap:
             side, turning = self.branches.branch(y, contact=True)
-            # One coordinate that sticks is at rest, and after some turns it never lifts off, see `ContactEnd`.
+            # One coordinate that sticks is at rest, and after some turns it never lifts off, see `ContactStop`.
             if endless and model.one_speed and (not side or turns == TURNS):
                 return "rests", x
             self.use(side, y, contact=True)
@@ -92,7 +92,7 @@ class HystereticRun(SimulatedRun):
             if turns and impacts.pressing((model.embed @ y)[None])[0] < 0:
                 return self.liftoff(y, x)  # the force jumps at a reversal
             limit = impacts.longest_contact(y) if endless else self.time - self.now
-            lifts = ContactEnd(impacts, model.contact_speed if endless and model.one_speed else None)
+            lifts = ContactStop(impacts, model.contact_speed if endless and model.one_speed else None)
             stop = FirstOf(lifts, first_reversal(self.branches.rate_in_contact, turning if side else None))
             try:
                 path, _ = impacts.contact.run(y, impacts.p, limit, stop=stop)

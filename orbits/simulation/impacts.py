@@ -57,7 +57,7 @@ STATUS = f"<U{max(map(len, STATUSES))}"  # the type of arrays of statuses
 FASTEST_LAUNCH = 1e15  # a launch speed beyond this has no digits left for the motion between two impacts
 CAP = 10_000  # a hop is abandoned after this many impacts
 LIFTOFF_ORDER = 3  # order of the gap's zero at a lift-off
-TURNS = 3  # after this many zeros of its speed a contact never ends, see `ContactEnd`
+TURNS = 3  # after this many zeros of its speed a contact never ends, see `ContactStop`
 TURNS_OF_SEVERAL = 100  # of the launched coordinate's speed, up to which a contact of several coordinates is followed
 # A landing in closed form is searched from this many reciprocals of the frequency before it may occur.
 BEFORE_LANDING = 0.01
@@ -85,7 +85,7 @@ class ImpactOptions:
     energy_panels: int = 32  # straight panels between the origin and a state along which its energy is integrated
 
 
-class ContactEnd:
+class ContactStop:
     """A `stop` of the contact's flow: at lift-off, or as soon as it is known that lift-off never comes.
 
     speed : the coordinate of the contact that is its speed; None where rest is not searched
@@ -289,7 +289,7 @@ class Impacts:
         limit = self.longest_contact(y) if endless else left
         if self.footing.slips_at_once(y):
             return None, SLIPS, ""
-        end = ContactEnd(self, self.model.contact_speed if endless else None, self.grazes(y[None])[:, 0])
+        end = ContactStop(self, self.model.contact_speed if endless else None, self.grazes(y[None])[:, 0])
         try:
             path, _ = self.contact.run(y, self.p, limit, stop=end)
         except FlowError as error:

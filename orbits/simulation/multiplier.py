@@ -22,7 +22,7 @@ from .feet import LIFTS_OFF, STEPS_BACK, Foot
 from .footing import FALLS, SLIPS, FallTest
 from .hand_over import landed, share_left, standing
 from .hysteresis import Branches, FirstOf, first_reversal
-from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, STATUSES, ContactEnd, Impacts, no_launch
+from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, STATUSES, ContactStop, Impacts, no_launch
 
 RESTS = "the machine rests: it does not lift off again"
 SLOWEST_LAUNCH_VARIED = 1e-150  # the square of a slower launch, and its inverse, are no numbers
@@ -250,7 +250,7 @@ def _one_sided(impacts: Impacts, alpha: float, hop: HopDerivative) -> Message:
 def through_contact(impacts: Impacts, y: np.ndarray, change: np.ndarray, grazes: bool) -> tuple[np.ndarray, np.ndarray]:
     """The state and its change (k, c) at which the contact ends."""
     contact, model = impacts.contact, impacts.model
-    end = ContactEnd(impacts, model.contact_speed, (grazes and not model.changes_contact, grazes))
+    end = ContactStop(impacts, model.contact_speed, (grazes and not model.changes_contact, grazes))
     y, change, _ = _follow(contact, impacts.p, y, change, impacts.longest_contact(y), end)
     if end.outcome in ("stays", SLIPS, FALLS):
         raise NoOrbit(STATUSES[end.outcome])
@@ -285,7 +285,7 @@ def _slope_with_hysteresis(branches: Branches, alpha: float) -> float:
             raise NoOrbit(RESTS if contact else "the spring sticks in flight: no multiplier is computed there")
         impacts = branches.of[side]
         flow, rate = (impacts.contact, branches.rate_in_contact) if contact else (impacts.flight, branches.rate)
-        ends = ContactEnd(impacts, None) if contact else first_zero(impacts.gap, order)
+        ends = ContactStop(impacts, None) if contact else first_zero(impacts.gap, order)
         stop = FirstOf(ends, first_reversal(rate, turning))
         limit = impacts.longest_contact(x) if contact else float(impacts.longest_flight(x))
         x, change, _ = _follow(flow, impacts.p, x, change, limit, stop)

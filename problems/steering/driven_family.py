@@ -97,7 +97,7 @@ def follow_driven(driven: Driven, name: str, to: float, **options: Any) -> Drive
         of_machine = dict(machine_in_words(stated).get("units") or {})
         of_name = unit_text(OF_LAUNCHES[name]) if name in launch else str(of_machine.get(name) or "")
         units = {"cost": unit_text(dimension), name: of_name}
-        events = tuple(type(each)(each.kind, each.value, unit * each.cost, each.what) for each in found.events)
+        events = tuple(replace(each, cost=unit * each.cost) for each in found.events)
         parts |= {"costs": unit * found.costs, "slopes": unit * found.slopes, "events": events, "units": units}
     return DrivenFamily(**parts, source=source, actuator=driven.actuator, minimised=minimised)
 

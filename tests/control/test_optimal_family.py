@@ -114,6 +114,8 @@ def test_a_family_is_printed_tabled_drawn_and_saved(tmp_path):
     same = OptimalFamily.load(family.save(tmp_path / "family.json"))
     assert str(same) == str(family)
     assert (same.costs == family.costs).all()
+    assert same.events == family.events
+    assert [*family.document()["events"][0]] == ["kind", "value", "cost", "what"]  # as files have had them
     with pytest.raises(InputError, match="follow it again"):
         same.at(1.2)
     with pytest.raises(InputError, match="follow it again"):

@@ -1,10 +1,14 @@
 """What problems state, and what is found on their curves."""
 
+import pickle
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from plane_curves import Formula, circle, found_by, lemniscate, run_of
 
-from orbits.curves import BRANCH, FOLD, KINDS_OF_END, End, Problem, Test, started
+from orbits.curves import BRANCH, FOLD, KINDS_OF_END, End, Event, Problem, Test, started
 from orbits.errors import InputError
 
 
@@ -29,6 +33,23 @@ def test_kinds_of_ends_and_purposes_of_tests_are_known():
         End("gone")
     with pytest.raises(InputError, match="test 'top': does = 'asked'; it is happens, changes or asks"):
         Test("top", FOLD.values, "asked")
+
+
+def test_an_event_has_the_value_and_cost_of_its_point():
+    point = SimpleNamespace(value=0.5, cost=2.0)
+    assert (Event("fold", point=point).value, Event("fold", point=point).cost) == (0.5, 2.0)
+    event = Event("enters", value=0.5, text="stroke <=")
+    assert repr(event) == "Event(kind='enters', value=0.5, text='stroke <=')"
+    assert repr(Event("fold", 3, 1.0)) == "Event(kind='fold', after=3, point=1.0)"
+    assert pickle.loads(pickle.dumps(event)) == event != replace(event, value=0.6)
+
+
+def test_pickled_events_of_optimal_motions_and_designs_are_read():
+    old = Event.__new__(Event)
+    old.__setstate__({"kind": "enters", "value": 0.5, "cost": 2.0, "what": "input 'f'"})
+    assert (old.what, old) == ("input 'f'", Event("enters", value=0.5, cost=2.0, text="input 'f'"))
+    old.__setstate__({"value": 0.5, "kind": "enters", "text": "stroke <="})
+    assert (old.kind, old.value, old.text) == ("enters", 0.5, "stroke <=")
 
 
 def test_a_problem_states_its_equations_and_units():

@@ -131,6 +131,7 @@ def test_an_inactive_constraint_enters_and_the_curve_ends_where_constraints_excl
     assert curve.slopes[0] == 0.0
     assert curve.events[0].value == pytest.approx(strokes[0], rel=1e-9)
     assert (curve.events[0].kind, curve.events[0].text) == ("enters", "stroke <=")
+    assert [*curve.document()["events"][0]] == ["value", "kind", "text"]  # as files have had them
     assert curve.values[-1] == pytest.approx(strokes[1], rel=1e-9)
     assert curve.designs[-1].parameters["body_mass"] == pytest.approx(20.0, rel=1e-9)
     assert "the constraints exclude each other" in curve.end

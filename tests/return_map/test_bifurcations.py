@@ -9,9 +9,9 @@ from return_maps import KnownMaps, of_the_paper
 
 from orbits import InputError, ReturnMap, bifurcations, find, multiplier, simulate
 from orbits.continuation.point import End
+from orbits.curves import Event
 from orbits.numerics.roots import bracketed_root
 from orbits.return_map.bifurcations import _Search, _with_events_at_points
-from orbits.return_map.border_events import FoundEvent
 from orbits.return_map.cycles import MapsAlong
 from orbits.return_map.launch_curve import PeriodicLaunch
 from problems import Chain, HeavyHand, Hopper, hopper_in_si
@@ -86,7 +86,7 @@ def test_a_multiplier_that_touches_a_level_is_no_bifurcation():
 
     def kinds(values, slopes):
         points = [PeriodicLaunch(v, (1.0,), s, (1,), place, place) for v, s in zip(values, slopes, strict=True)]
-        return [x.kind for x in _with_events_at_points([end, *points, end]) if isinstance(x, FoundEvent)]
+        return [x.kind for x in _with_events_at_points([end, *points, end]) if isinstance(x, Event)]
 
     assert kinds([0, 1, 2], [-0.9, -1.0, -0.9]) == kinds([0, 1, 2], [-1.1, -1.0, -1.1]) == []
     assert kinds([0, 1], [-1.0, -1.1]) == kinds([0, 1, 2, 3], [1.0, 1.0, 1.0, 1.0]) == []

@@ -25,9 +25,9 @@ def test_a_number_of_impacts_that_changes_without_a_jump_is_no_end():
     _, events, end = traced(maps, (0.1, 0.99), 1 - 1 / 3.1, 3.1)
     assert end.kind == "reached"
     (event,) = events
-    assert (event.kind, event.border) == ("border collision", "bounce")
+    assert (event.kind, event.point.border) == ("border collision", "bounce")
     assert event.point.value == pytest.approx(1 / 0.3, abs=1e-12)
-    assert event.sides == pytest.approx((2 - 1 / 0.3, 2 - 1 / 0.3), abs=1e-9)
+    assert event.point.sides == pytest.approx((2 - 1 / 0.3, 2 - 1 / 0.3), abs=1e-9)
 
 
 @pytest.mark.parametrize(("slope", "kind"), [(0.5, "border collision"), (2.0, "non-smooth fold")])
@@ -44,10 +44,10 @@ def test_a_graze_is_located_and_named_by_the_slopes_on_both_sides(slope, kind):
     maps = KnownMaps(-0.3, 0.3, following, derivative, lambda a: np.where(a > 1, 2, 1))
     value = 0.2 if slope > 1 else -0.2
     points, events, _ = traced(maps, (0.1, 3.0), 1 + value / (1 - slope), value, side=-np.sign(value))
-    (event,) = (each for each in events if each.border)
-    assert (event.kind, event.border) == (kind, "graze")
+    (event,) = (each for each in events if each.point.border)
+    assert (event.kind, event.point.border) == (kind, "graze")
     assert (event.point.value, event.point.alpha) == pytest.approx((0.0, 1.0), abs=1e-12)
-    assert event.sides == (pytest.approx(slope, abs=1e-6), -np.inf)
+    assert event.point.sides == (pytest.approx(slope, abs=1e-6), -np.inf)
     assert points[-1].alpha > 1
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from return_maps import LOGISTIC, KnownMaps, traced
 
-from orbits.return_map.border_events import FoundEvent
+from orbits.curves import Event
 from orbits.return_map.branches import BranchTracer
 from orbits.return_map.launch_curve import PeriodicLaunch
 
@@ -23,7 +23,7 @@ def test_the_logistic_map_doubles_its_period():
         r, root = point.value, np.sqrt((point.value - 3) * (point.value + 1))
         assert sorted(point.alphas) == pytest.approx([(r + 1 - root) / (2 * r), (r + 1 + root) / (2 * r)], abs=1e-10)
         assert point.multiplier == pytest.approx(4 + 2 * r - r**2, abs=1e-8)
-    (second,) = (item for item in items if isinstance(item, FoundEvent))
+    (second,) = (item for item in items if isinstance(item, Event))
     assert (second.kind, second.point.value) == ("flip", pytest.approx(1 + np.sqrt(6), abs=1e-10))
 
 
