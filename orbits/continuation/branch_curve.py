@@ -5,19 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..consistency.accepted import check_parameters
-from ..curves import Steps
-from ..errors import FlowError, InputError, NoOrbit, finite_number, is_list
-from ..numerics.roots import solve
+from ..errors import InputError, NoOrbit, finite_number, is_list
 from ..periodic.branch_points import BranchPoint, Lateral, branch_point
 from ..periodic.find import unknowns_of_hop
+from ..periodic.ways import along_ways
 from ..running import interrupts
 from ..running.exclusive import exclusive
-from ..running.time_limit import check_time
-from ..shooting.newton_kernel import MOST_NEWTON_STEPS
-from ..shooting.single_shooting import Shooting
-
-# Lengths are shares of the way from one value to the next, and corrections shares of the largest unknown.
-BETWEEN_VALUES = Steps(first=1.0, longest=1.0, shortest=0.05, apart=np.inf, moved=0.1, corrections=MOST_NEWTON_STEPS)
 
 
 @exclusive
@@ -54,41 +47,17 @@ def follow_branch_points(point: BranchPoint, along: str, values: Sequence[float]
         for value in values:
             value = finite_number(along, value)
             try:
-                u = _led(equations, u, p, place, value)
-                p[place] = value
+                there = p.copy()
+                there[place] = value
+                with np.errstate(over="ignore"):  # a far value is gone to in shorter steps, or not at all
+                    reached = along_ways(equations, u[None], p[None], there[None], (along,))
+                if np.isnan(reached.us).any():
+                    break
+                u, p = equations.newton(reached.us[0], there)[0], there
                 each = branch_point(machine, lateral, equations, u, p)
-            except (NoOrbit, FlowError, InputError):
+            except (NoOrbit, InputError):
                 break
             if each.hop.family != point.hop.family:
                 break
             found.append(each)
     return tuple(found)
-
-
-def _led(
-    equations: Shooting, u: np.ndarray, p: np.ndarray, place: int, value: float, steps: Steps = BETWEEN_VALUES
-) -> np.ndarray:
-    """The unknowns (n,) to which those with parameters (np,) lead as the one at a place goes to a value."""
-    here, along, share = p.copy(), equations.parameters[place], steps.first
-    while here[place] != value:
-        check_time()
-        jacobian = equations.evaluate(u, here, (along,)).jacobian
-        tangent = -solve(jacobian[:, :-1], jacobian[:, -1])
-        while True:
-            ahead = here.copy()
-            left = value - here[place]
-            step = share * (value - p[place])
-            ahead[place] = value if abs(step) >= abs(left) else here[place] + step
-            with np.errstate(over="ignore"):  # a far value is gone to in smaller steps, or not at all
-                guess = u + (ahead[place] - here[place]) * tangent
-            try:
-                found, _ = equations.newton(guess, ahead, steps.corrections)
-                if np.abs(found - guess).max() > steps.moved * np.abs(found).max():
-                    raise NoOrbit("the corrector ends far from the predicted branch point")
-                break
-            except (NoOrbit, FlowError):
-                share *= steps.shorter
-                if share < steps.shortest:
-                    raise
-        u, here, share = found, ahead, steps.lengthen * share
-    return u
