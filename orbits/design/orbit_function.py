@@ -7,14 +7,14 @@ contact. The states of a machine in SI are multiples of these, whose units depen
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from ..consistency.accepted import check_parameters
-from ..curves import Steps
-from ..errors import InputError, NoOrbit, list_of_names, whole_number
+from ..errors import InputError, NoOrbit, OrbitsError, list_of_names, whole_number
 from ..model.machine import Machine
 from ..model.model import Model, refuse_forward, refuse_hysteresis
 from ..numerics.roots import Array
@@ -26,11 +26,11 @@ from ..shooting.formulations import vector
 from ..symbolic.caches import cached
 from ..units import TIME, Units
 from .evaluator import DesignPoints, Evaluator, Varied, VariedOrbit, evaluator, of_varied
+from .optimize import Origin
 from .problem import Outputs
 from .sensitivities import check_varied, known_motion, sensitivities
 from .tuned_machine import (
     TunedMachine,
-    continued_from,
     statement_of_orbits,
     tuned_numbers,
     unknowns_of,
@@ -38,9 +38,9 @@ from .tuned_machine import (
     with_tuning,
 )
 
-# Lengths are shares of the way from the known orbit to another one. A launch of several unknowns is one of the same
-# branch if it is not moved by a larger share of the largest unknown from where the derivatives lead.
-STEPS_ON_BRANCH = Steps(first=1.0, longest=1.0, shortest=0.5**6, apart=np.inf, moved=0.05)
+# A launch of several unknowns is one of the same branch if it is not moved by a larger share of the largest unknown
+# from where the derivatives lead.
+SAME_BRANCH = 0.05
 # A motion of a shorter time, as a share of its phase, is its start.
 SHARE_OF_START = 1e-12
 # CasADi refers to the Python objects that it calls without owning them: what a graph may call lives on here.
@@ -57,8 +57,8 @@ def orbit_function(
 
     machine : as in `find`, with a reversor
     over : names (k,) of the parameters, or one of them
-    orbit : an orbit of the machine, or the number of its family. For other parameters it is continued from there, along
-        the straight line between them
+    orbit : an orbit of the machine, or the number of its family. For other parameters it is continued from there: at
+        once where they are near, else along the straight line between them, or by one parameter after the other
     quantities : of the orbit, or formulas of them, as in `sensitivities`
     times : number m of times at which states are returned
     start : as in `find`, of the orbit, in place of the number of its family
@@ -124,11 +124,8 @@ def orbit_function(
 class _Branch:
     """The orbits of a machine over some parameters, continued from a known one; the latest is stored."""
 
-    def __init__(
-        self, machine: Machine, known: Orbit, names: list[str], texts: list[str], steps: Steps = STEPS_ON_BRANCH
-    ):
-        self.machine, self.known, self.names, self.texts, self.steps = machine, known, names, texts, steps
-        self.begin = np.array([machine.values[name] for name in names])
+    def __init__(self, machine: Machine, known: Orbit, names: list[str], texts: list[str]):
+        self.machine, self.known, self.names, self.texts = machine, known, names, texts
         self._latest: tuple[bytes, Machine, Orbit] | None = None
 
     def orbit(self, theta: Array) -> tuple[Machine, Orbit]:
@@ -139,45 +136,37 @@ class _Branch:
 
     def _continued(self, theta: Array) -> tuple[Machine, Orbit]:
         """From the known orbit, always on the same way, so that the result does not depend on earlier calls."""
-        share, step, machine, orbit = 0.0, self.steps.first, self.machine, self.known
-        while share < 1:
-            there = min(share + step, 1.0)
-            values = self.begin + there * (theta - self.begin) if there < 1 else theta
-            try:
-                other = self.machine.with_values(**dict(zip(self.names, values.tolist(), strict=True)))
-                machine, orbit = self._found(machine, orbit, other)
-                share = there
-            except NoOrbit as error:
-                step *= self.steps.shorter
-                if step < self.steps.shortest:
-                    at = ", ".join(f"{name} = {x:.6g}" for name, x in zip(self.names, values.tolist(), strict=True))
-                    raise NoOrbit(f"the orbit cannot be followed to {at}: {error}") from None
-        return machine, orbit
+        values = dict(zip(self.names, theta.tolist(), strict=True))
+        other, origin = self.machine.with_values(**values), Origin(self.known.family, self.machine, self.known)
+        found = self._beside(other) or origin.motions([other])[0]
+        if not isinstance(found, OrbitsError):
+            machine, orbit = found[0], orbit_of(untuned(found[0]), found[1].dimensionless())
+            if orbit.contact_time is not None:
+                return machine, orbit
+            found = NoOrbit("its contact does not end: " + "; ".join(orbit.violations))
+        at = ", ".join(f"{name} = {x:.6g}" for name, x in values.items())
+        raise NoOrbit(f"the orbit cannot be followed to {at}: {found}")
 
-    def _found(self, machine: Machine, orbit: Orbit, other: Machine) -> tuple[Machine, Orbit]:
-        """Another machine, with tuned values if any, and its orbit from that of one nearby; raises `NoOrbit` where it
-        is of another branch.
+    def _beside(self, other: Machine) -> tuple[Machine, Orbit] | None:
+        """Another machine and its orbit, where the known one directly leads to it, and no number is tuned; None where
+        it is of another branch.
 
         The number of a family distinguishes the branches of a machine whose launch is a speed. Others are of the same
         branch where the launch is about the one that the derivatives say.
         """
-        one_speed = machine.model.one_speed
-        family = orbit.family if one_speed else None
+        machine, known, one_speed = self.machine, self.known, self.machine.model.one_speed
         if isinstance(machine, TunedMachine):
-            assert isinstance(other, TunedMachine)
-            other, bare = continued_from(machine, orbit.dimensionless(), other, family)
-            found = orbit_of(untuned(other), bare)
-        else:
-            found = find(other, family, start=orbit)
-        if found.contact_time is None:
-            raise NoOrbit("its contact does not end: " + "; ".join(found.violations))
-        if not one_speed:
-            (before, _), (after, _) = _launch_and_durations(machine, orbit), _launch_and_durations(other, found)
+            return None
+        with suppress(NoOrbit):
+            found = find(other, known.family if one_speed else None, start=known)
+            if one_speed:
+                return other, found
+            (before, _), (after, _) = _launch_and_durations(machine, known), _launch_and_durations(other, found)
             moved = np.array([other.values[name] - machine.values[name] for name in self.names])
-            expected = _derivatives_of_motion(machine, orbit, tuple(self.names), np.zeros(0))["launch"] @ moved
-            if np.abs(after - before - expected).max() > self.steps.moved * np.abs(before).max():
-                raise NoOrbit("the launch jumps, to an orbit of another branch")
-        return other, found
+            expected = _derivatives_of_motion(machine, known, tuple(self.names), np.zeros(0))["launch"] @ moved
+            if np.abs(after - before - expected).max() <= SAME_BRANCH * np.abs(before).max():
+                return other, found
+        return None
 
     def values(self, theta: Array, t: Array) -> dict[str, Array]:
         """The results of the function."""
