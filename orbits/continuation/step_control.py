@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from ..curves import Steps
+from ..curves.step_options import check_bounds, from_to
 from ..errors import InputError, finite_number, is_list, true_or_false, whole_number
 from ..shooting.division import LARGEST_ARC_GROWTH, MOST_GROWTH
 from ..simulation.lossless_hops import CROSSINGS
@@ -14,11 +15,6 @@ from .curve import TEST_FUNCTIONS, Watch
 OTHER_EVENTS = ("fold", "branch point", "corner", "family", "value", *CROSSINGS)
 # The largest step is at least this many times as long as the shortest, so that step-size control has some range.
 LEAST_PLAY = 10
-
-
-def _between(low: float, high: float, default: float) -> Any:
-    """A field with its default and bounds; a whole number where the default is a whole number."""
-    return field(default=default, metadata={"bounds": (low, high)})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,35 +57,30 @@ class StepControl:
     'reached'
     """
 
-    first_step: float = _between(1e-8, 1.0, 5e-3)
-    shortest_step: float = _between(1e-12, 0.1, 1e-5)
-    longest_step: float = _between(1e-8, 1.0, 0.2)
-    largest_shortening: float = _between(0.01, 0.99, 0.3)
-    largest_lengthening: float = _between(1.01, 100.0, 2.0)
-    safety: float = _between(0.01, 1.0, 0.9)
-    target_correction: float = _between(1e-14, 0.1, 1e-5)
-    largest_correction: float = _between(1e-10, 1.0, 1e-2)
-    largest_turn: float = _between(1e-3, 1.5, 0.25)
-    steepest_rate: float = _between(0.0, 1.0, 0.1)
-    largest_batch: int = _between(1, 100_000, 640)
-    batch_growth: int = _between(1, 1000, 4)
-    neighbours: int = _between(1, 8, 3)
-    separation: float = _between(0.0, 0.5, 0.1)
-    most_rejections: int = _between(0, 100_000, 16)
-    recovery: int = _between(1, 100_000, 20)
-    largest_amplification: float = _between(10.0, 1e15, MOST_GROWTH)
-    escape_ratio: float = _between(1.5, 1e12, 1e2)
-    running_ratio: float = _between(1.01, 1e12, 2.0)
-    least_progress: float = _between(0.0, 0.5, 1e-3)
-    same_point: float = _between(1e-13, 1e-3, 1e-9)
+    first_step: float = from_to(1e-8, 1.0, 5e-3, "first")
+    shortest_step: float = from_to(1e-12, 0.1, 1e-5, "shortest")
+    longest_step: float = from_to(1e-8, 1.0, 0.2, "longest")
+    largest_shortening: float = from_to(0.01, 0.99, 0.3, "shorten")
+    largest_lengthening: float = from_to(1.01, 100.0, 2.0, "lengthen")
+    safety: float = from_to(0.01, 1.0, 0.9, "safety")
+    target_correction: float = from_to(1e-14, 0.1, 1e-5, "aim")
+    largest_correction: float = from_to(1e-10, 1.0, 1e-2, "corrected")
+    largest_turn: float = from_to(1e-3, 1.5, 0.25, "turned")
+    steepest_rate: float = from_to(0.0, 1.0, 0.1)
+    largest_batch: int = from_to(1, 100_000, 640, "batch")
+    batch_growth: int = from_to(1, 1000, 4, "growth")
+    neighbours: int = from_to(1, 8, 3, "beside")
+    separation: float = from_to(0.0, 0.5, 0.1, "separation")
+    most_rejections: int = from_to(0, 100_000, 16, "rejections")
+    recovery: int = from_to(1, 100_000, 20, "recovery")
+    largest_amplification: float = from_to(10.0, 1e15, MOST_GROWTH)
+    escape_ratio: float = from_to(1.5, 1e12, 1e2)
+    running_ratio: float = from_to(1.01, 1e12, 2.0)
+    least_progress: float = from_to(0.0, 0.5, 1e-3)
+    same_point: float = from_to(1e-13, 1e-3, 1e-9, "same")
 
     def __post_init__(self):
-        for knob in fields(self):
-            (low, high), value, name = knob.metadata["bounds"], getattr(self, knob.name), f"step_control.{knob.name}"
-            if isinstance(knob.default, int):
-                whole_number(name, value, "points or steps", low)
-            if not low <= finite_number(name, value) <= high:
-                raise InputError(f"{name} = {value:g}: it lies between {low:g} and {high:g}")
+        check_bounds(self, "step_control")
         if not self.shortest_step < self.first_step <= self.longest_step:
             bounds = f"shortest_step = {self.shortest_step:g} and longest_step = {self.longest_step:g}"
             raise InputError(f"step_control.first_step = {self.first_step:g}: it lies between {bounds}")
@@ -110,27 +101,11 @@ class Options:
     def steps(self, batch: int) -> Steps:
         """The steps along a curve; a batch has at most this number of points."""
         control = self.step_control
-        return Steps(
-            first=min(control.first_step, self.longest),
-            shortest=control.shortest_step,
-            longest=control.longest_step,
-            apart=self.longest,
-            shorten=control.largest_shortening,
-            lengthen=control.largest_lengthening,
-            safety=control.safety,
-            aim=control.target_correction,
-            corrected=control.largest_correction,
-            turned=control.largest_turn,
-            beside=control.neighbours,
-            separation=control.separation,
-            batch=min(batch, control.largest_batch, self.most),
-            growth=control.batch_growth,
-            grown=min(LARGEST_ARC_GROWTH, control.largest_amplification),
-            rejections=control.most_rejections,
-            recovery=control.recovery,
-            most=self.most,
-            same=control.same_point,
-        )
+        stated = [(each.metadata["of_steps"], getattr(control, each.name)) for each in fields(control)]
+        own: dict[str, Any] = {name: value for name, value in stated if name}
+        own |= {"first": min(own["first"], self.longest), "batch": min(batch, own["batch"], self.most)}
+        grown = min(LARGEST_ARC_GROWTH, control.largest_amplification)
+        return Steps(**own, apart=self.longest, most=self.most, grown=grown)
 
 
 def checked_options(*args: Any, **options: Any) -> Options:

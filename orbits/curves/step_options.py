@@ -1,6 +1,7 @@
 """The options of a run along curves: one frozen object for all curves."""
 
 from dataclasses import dataclass, field, fields
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -8,9 +9,20 @@ import numpy as np
 from ..errors import InputError, whole_number
 
 
-def _from_to(low: float, high: float, default: float) -> Any:
-    """A field with its default and its bounds; a whole number where the default is one."""
-    return field(default=default, metadata={"bounds": (low, high)})
+def from_to(low: float, high: float, default: float, of_steps: str = "") -> Any:
+    """A field with its default and its bounds, a whole number where the default is one; and the name in `Steps` of what
+    it states there, if any."""
+    return field(default=default, metadata={"bounds": (low, high), "of_steps": of_steps})
+
+
+def check_bounds(options: Any, called: str) -> None:
+    """Raise `InputError` where a field of options, which are `called` so, is out of its bounds."""
+    for each in fields(options):
+        (low, high), value, name = each.metadata["bounds"], getattr(options, each.name), f"{called}.{each.name}"
+        if isinstance(each.default, int):
+            whole_number(name, value, "points or steps", low, high)
+        elif isinstance(value, bool) or not isinstance(value, Real) or not low <= value <= high:
+            raise InputError(f"{name} = {value!r}; it is a number from {low:g} to {high:g}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,44 +59,39 @@ class Steps:
     same : distance in units below which a point is the first one of its curve, which is then closed
     """
 
-    first: float = _from_to(0.0, np.inf, 5e-3)
-    shortest: float = _from_to(0.0, np.inf, 1e-5)
-    longest: float = _from_to(0.0, np.inf, 0.2)
-    apart: float = _from_to(0.0, np.inf, 0.02)
-    shorter: float = _from_to(0.01, 0.99, 0.5)
-    shorten: float = _from_to(0.01, 0.99, 0.3)
-    lengthen: float = _from_to(1.0, 100.0, 2.0)
-    safety: float = _from_to(0.01, 1.0, 0.9)
-    aim: float = _from_to(1e-14, 1.0, 1e-5)
-    corrected: float = _from_to(0.0, np.inf, 1e-2)
-    moved: float = _from_to(0.0, np.inf, np.inf)
-    turned: float = _from_to(1e-3, np.pi, 0.25)
-    bent: float = _from_to(0.0, np.inf, 0.5)
-    memory: int = _from_to(1, 8, 4)
-    beside: int = _from_to(1, 8, 3)
-    corrections: int = _from_to(1, 100, 8)
-    least: int = _from_to(1, 100, 2)
-    last: float = _from_to(1e-15, 1e-3, 1e-8)
-    settled: int = _from_to(1, 100, 4)
-    reach: float = _from_to(1.0, np.inf, 2.0)
-    rough: float = _from_to(0.0, 1.0, 0.0)
-    separation: float = _from_to(0.0, 0.5, 0.1)
-    batch: int = _from_to(1, 100_000, 640)
-    growth: int = _from_to(1, 1000, 4)
-    grown: float = _from_to(1.0, np.inf, np.inf)
-    rejections: int = _from_to(0, 100_000, 16)
-    recovery: int = _from_to(1, 100_000, 20)
-    most: int = _from_to(1, 10**9, 10_000)
-    width: float = _from_to(1e-16, 0.5, 1e-13)
-    same: float = _from_to(0.0, 1.0, 1e-9)
+    first: float = from_to(0.0, np.inf, 5e-3)
+    shortest: float = from_to(0.0, np.inf, 1e-5)
+    longest: float = from_to(0.0, np.inf, 0.2)
+    apart: float = from_to(0.0, np.inf, 0.02)
+    shorter: float = from_to(0.01, 0.99, 0.5)
+    shorten: float = from_to(0.01, 0.99, 0.3)
+    lengthen: float = from_to(1.0, 100.0, 2.0)
+    safety: float = from_to(0.01, 1.0, 0.9)
+    aim: float = from_to(1e-14, 1.0, 1e-5)
+    corrected: float = from_to(0.0, np.inf, 1e-2)
+    moved: float = from_to(0.0, np.inf, np.inf)
+    turned: float = from_to(1e-3, np.pi, 0.25)
+    bent: float = from_to(0.0, np.inf, 0.5)
+    memory: int = from_to(1, 8, 4)
+    beside: int = from_to(1, 8, 3)
+    corrections: int = from_to(1, 100, 8)
+    least: int = from_to(1, 100, 2)
+    last: float = from_to(1e-15, 1e-3, 1e-8)
+    settled: int = from_to(1, 100, 4)
+    reach: float = from_to(1.0, np.inf, 2.0)
+    rough: float = from_to(0.0, 1.0, 0.0)
+    separation: float = from_to(0.0, 0.5, 0.1)
+    batch: int = from_to(1, 100_000, 640)
+    growth: int = from_to(1, 1000, 4)
+    grown: float = from_to(1.0, np.inf, np.inf)
+    rejections: int = from_to(0, 100_000, 16)
+    recovery: int = from_to(1, 100_000, 20)
+    most: int = from_to(1, 10**9, 10_000)
+    width: float = from_to(1e-16, 0.5, 1e-13)
+    same: float = from_to(0.0, 1.0, 1e-9)
 
     def __post_init__(self) -> None:
-        for each in fields(self):
-            (low, high), value, name = each.metadata["bounds"], getattr(self, each.name), f"steps.{each.name}"
-            if isinstance(each.default, int):
-                whole_number(name, value, "points or steps", low, high)
-            elif isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-                raise InputError(f"{name} = {value!r}; it is a number from {low:g} to {high:g}")
+        check_bounds(self, "steps")
         if not 0 < self.shortest < self.longest or not self.apart > 0:
             lengths = f"shortest = {self.shortest:g}, longest = {self.longest:g}, apart = {self.apart:g}"
             raise InputError(f"steps: {lengths}; lengths are above 0, and the longest step is above the shortest")

@@ -22,11 +22,11 @@ def cubic(stop: float = 1.0, longest: float = 0.2, **constants):
 @pytest.mark.parametrize(
     ("constants", "message"),
     [
-        ({"first_step": 2.0}, r"step_control.first_step = 2: it lies between 1e-08 and 1"),
-        ({"largest_turn": np.nan}, "step_control.largest_turn = nan is not a finite number"),
-        ({"safety": "a"}, "step_control.safety = 'a' is not a finite number"),
+        ({"first_step": 2.0}, r"step_control.first_step = 2.0; it is a number from 1e-08 to 1"),
+        ({"largest_turn": np.nan}, "step_control.largest_turn = nan; it is a number from"),
+        ({"safety": "a"}, "step_control.safety = 'a'; it is a number from"),
         ({"largest_batch": 2.5}, "step_control.largest_batch = 2.5; it is a number of"),
-        ({"neighbours": 9}, "step_control.neighbours = 9: it lies between 1 and 8"),
+        ({"neighbours": 9}, "step_control.neighbours = 9; it is a number of points or steps, from 1 to 8"),
         (
             {"shortest_step": 1e-2},
             "first_step = 0.005: it lies between shortest_step = 0.01 and longest_step",
