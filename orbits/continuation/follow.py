@@ -15,7 +15,7 @@ from ..periodic.family_orbits import another_family, family_number, lowest_of_fa
 from ..periodic.find import first_tuned, solve_near
 from ..periodic.orbit import Orbit, start_in_file
 from ..periodic.stated_start import StartLike, check_start
-from ..periodic.tuned import METHOD, is_quantity, tuned_values
+from ..periodic.tuned import METHOD, check_determined, is_quantity, tuned_values
 from ..result import Progress
 from ..running import interrupts
 from ..running.exclusive import LOCK, exclusive
@@ -299,6 +299,7 @@ def _begin_tuned(machine, along, orbit, start, stop, family, method, options, tu
     behind, stop = bounds_of(along, value, stop, options.at)
     x = np.append(solved.us[0], value)
     run = start_run(TunedCurve(machine, along, tuned, abs(stop - behind), x), x, value, behind, stop, options)
+    check_determined(*run.curve.solutions(run.first))
     wanted: Any = first or (family if orbit is None else None)
     if wanted not in (None, run.point.family):
         raise NoOrbit(another_family(wanted, run.point.family))

@@ -121,7 +121,7 @@ def checked_options(*args: Any, **options: Any) -> Options:
         raise InputError(f"step_control = {control!r}; it is a StepControl")
     at = tuple(sorted({finite_number("at", value) for value in at}))
     if not (shortest := LEAST_PLAY * control.shortest_step) <= finite_number("longest", longest) <= 1:
-        raise InputError(f"longest = {longest:g}; a step is a share of the way, from {shortest:g} to 1")
+        raise InputError(f"longest = {longest:g}; it is a share of the way, from {shortest:g} to 1")
     most = whole_number("most", unchecked.most, "points")
     for name, function in watch.items():
         if not callable(function) or name in (*TEST_FUNCTIONS, *OTHER_EVENTS):

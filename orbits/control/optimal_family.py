@@ -211,7 +211,8 @@ def follow_optimum(
         raise InputError(f"to = {last:g}: the motion is at this value of {name} already")
     checked = checked_options(at, longest=longest, most=most)
     bounds_of(name, first, last, checked.at)
-    steps = replace(STEPS_OF_MINIMA, longest=checked.longest, most=checked.most)
+    longest = checked.longest
+    steps = replace(STEPS_OF_MINIMA, first=min(STEPS_OF_MINIMA.first, longest), longest=longest, most=checked.most)
     run = _RunAlongFamily(parameters, last, checked.at, steps)
     with interrupts.deferred():
         end = run.trace(known, first)

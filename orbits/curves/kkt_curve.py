@@ -97,7 +97,7 @@ class MinimumCurve:
                 return
             count += 1
             passed, length = [after], min(length, steps.first)
-        stopped = End("stopped", f"after {count} points: no more than {steps.most} were asked for")
+        stopped = End("stopped", f"after {count} points: raise `most` to go on")
         yield stopped if targets else End("reached")
 
     @staticmethod

@@ -95,8 +95,9 @@ class Steps:
         if not 0 < self.shortest < self.longest or not self.apart > 0:
             lengths = f"shortest = {self.shortest:g}, longest = {self.longest:g}, apart = {self.apart:g}"
             raise InputError(f"steps: {lengths}; lengths are above 0, and the longest step is above the shortest")
-        if self.first <= self.shortest:
-            raise InputError(f"steps.first = {self.first:g}; it is above the shortest step, {self.shortest:g}")
+        if not self.shortest < self.first <= self.longest:
+            bounds = f"above the shortest step, {self.shortest:g}, up to the longest one, {self.longest:g}"
+            raise InputError(f"steps.first = {self.first:g}; it is {bounds}")
 
     def ratios(self, errors: Any, used: Any) -> Any:
         """The ratios (m,) of next steps to accepted ones, whose ends were predicted with these errors (m,), the

@@ -40,6 +40,10 @@ WORST_TUNED = 0.01
 RANK_OF_TUNED = 1e-9
 # A Jacobian that a step of Newton's method takes below this share of itself in some direction may have no full rank.
 RANK_IN_STEP = 0.5
+# What to do where an orbit does not determine a tuned number, by whether the machine sticks.
+OTHER = "tune another number"
+AT_A_SPEED = "prescribe a speed farther from 0, or start at a run that has one"
+REMEDIES = OTHER, f"{OTHER}; or {AT_A_SPEED}: the vertical hop runs at no speed, whatever its inertia"
 # Smaller values are compared with this one.
 SMALLEST = 1e-3
 
@@ -357,24 +361,28 @@ def _no_way(
     return NoOrbit(f"no orbit with {there} is reached by tuning {names}: at {reached}, with {tuned}, {error}")
 
 
+def check_determined(solved: Solved, closing: np.ndarray | None = None) -> None:
+    """Raise `NoOrbit` where one solution of a machine that sticks does not determine its tuned parameters at all, as
+    the vertical hop; `closing` as in `errors_of_tuned`."""
+    if solved.model.sticks and _may_be_singular(solved, closing):
+        tuned = tuned_values(solved.equations, solved.us[0])
+        values = ", ".join(f"{name} = {tuned[name]:.6g}" for name in _without_step(tuned) or tuned)
+        raise NoOrbit(f"the orbit does not determine {values}: {REMEDIES[True]}")
+
+
 def errors_of_tuned(solved: Solved, closing: np.ndarray | None = None) -> dict[str, float]:
     """Bounds on the errors of the tuned parameters of one solution, by name, in the machine's units, with rows (1, n)
     that close the equations as in `error_bounds`; raises `NoOrbit` where the orbit does not determine one of them, as a
     run without speed, which is the hop of any inertia."""
     nodes, solved = solved.by_nodes is not None, solved.by_nodes or solved
     equations, found = solved.equations, dict[str, float]()
-    tuned, remedy = tuned_values(equations, solved.us[0]), "tune another number"
-    if solved.model.sticks:
-        remedy += ", or prescribe a speed farther from 0: the vertical hop runs at no speed, whatever its inertia"
-        if _may_be_singular(solved, closing):
-            values = ", ".join(f"{name} = {tuned[name]:.6g}" for name in _without_step(tuned) or tuned)
-            raise NoOrbit(f"the orbit does not determine {values}: {remedy}")
-    for name, value in tuned.items():
+    check_determined(solved, closing)
+    for name, value in tuned_values(equations, solved.us[0]).items():
         bounds, _ = error_bounds(equations, solved.us, solved.ps, solved.evaluation, closing, False, name, nodes)
         found[name] = float(bounds[0])
         if not found[name] <= WORST_TUNED * max(abs(value), SMALLEST):
             off = f"which may be off by {found[name]:.1e}"
-            raise NoOrbit(f"the orbit does not determine {name} = {value:.6g}, {off}: {remedy}")
+            raise NoOrbit(f"the orbit does not determine {name} = {value:.6g}, {off}: {REMEDIES[solved.model.sticks]}")
     return found
 
 

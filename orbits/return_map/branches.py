@@ -178,7 +178,7 @@ class BranchTracer:
             reason = f"its launches become those of half the period, at another flip of the {name_of_hops(half)}"
             return last, End("flip", reason)
         if (bound := min(max(launch.alpha, curve.between[0]), curve.between[1])) != launch.alpha:
-            end = End("left", f"it leaves the launch speeds asked for at {self.maps.in_words('alpha', bound)}")
+            end = End("left", f"it leaves the launch speeds of the range at {self.maps.in_words('alpha', bound)}")
             share = (bound - last.alpha) / (launch.alpha - last.alpha)
             value = last.value + share * (launch.value - last.value)
             try:

@@ -187,7 +187,7 @@ def question_of(
         if name in own:
             raise InputError(f"'{name}' is a column of every answer: leave it out of the quantities and parameters")
         if name in names[:i]:
-            raise InputError(f"'{name}' is asked for twice: leave one of them out of the quantities")
+            raise InputError(f"'{name}' is twice among the quantities: leave one of them out")
     speeds = None if between is None else _speeds(between)
     unknowns = None
     if start is not None and tuning:

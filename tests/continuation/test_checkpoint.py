@@ -66,7 +66,7 @@ def test_a_resumed_family_gets_as_many_points_as_a_new_one():
         control = StepControl(largest_batch=8)
         family = follow(machine, "beta", 2.0, start=0.0, resume=first, most=most, step_control=control)
         assert len(family) == 22 + most
-        assert family.end.reason == f"after {most} points: no more than {most} were asked for"
+        assert family.end.reason == f"after {most} points: raise `most` to go on"
 
 
 def test_what_cannot_be_resumed_or_watched_is_said(softening_family):

@@ -98,7 +98,7 @@ def test_orbits_with_nodes_are_traced_as_they_are_followed():
         ({"stop": 0.3}, "there is no way between"),
         ({"start": 0.0, "stop": 1e-320}, "a way is from 1e-150 to 1e[+]150 long"),
         ({"stop": np.nan}, "not a finite number"),
-        ({"longest": 0.0}, "a step is a share"),
+        ({"longest": 0.0}, "it is a share"),
         ({"most": 0}, "a number of points"),
         ({"at": ["a"]}, "not a finite number"),
         ({"family": np.nan}, "family"),

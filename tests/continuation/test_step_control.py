@@ -48,7 +48,7 @@ def test_they_are_keywords_documented_and_fixed():
     assert all(knob.name in StepControl.__doc__ for knob in fields(control))
     with pytest.raises(InputError, match="it is a StepControl"):
         follow(Hopper("cubic"), "beta", 1.0, 0.0, step_control={"first_step": 1e-3})
-    with pytest.raises(InputError, match=r"a step is a share of the way, from 0\.01 to 1"):
+    with pytest.raises(InputError, match=r"it is a share of the way, from 0\.01 to 1"):
         cubic(longest=1e-3, shortest_step=1e-3)
 
 

@@ -112,6 +112,18 @@ def test_a_number_that_does_not_matter_is_not_tuned():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("along", "start", "tuned"), [("inertia", None, "hip_stiffness"), ("speed", 0.0, ("inertia", "hip_stiffness"))]
+)
+def test_numbers_that_the_vertical_hop_does_not_determine_are_not_tuned(along, start, tuned):
+    """Without lateral motion the hip's spring stays unstretched, whatever its stiffness."""
+    with pytest.raises(
+        NoOrbit, match=r"does not determine .*hip_stiffness = .* tune another number; or prescribe a speed"
+    ):
+        follow(runner(), along, 6.9, start, tune=tuned)
+
+
+@pytest.mark.slow
 def test_runs_end_where_the_vertical_hop_begins():
     """Towards rest the design tends to that where the lateral motion of the vertical hop allows a run."""
     machine = runner(foot_mass=0.1, rest_length=3.707978, inertia=6.5, hip_stiffness=5.45)

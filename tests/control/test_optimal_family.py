@@ -106,6 +106,12 @@ def test_steps_are_halved_where_they_are_not_fine_enough():
     assert end.cost == pytest.approx(steer([stage], {"s": 3.0}, guess=STRAIGHT).cost, rel=1e-8)
 
 
+def test_no_step_is_longer_than_the_longest():
+    family = to(1.0).follow("d", 2.0, longest=1e-3, most=3)
+    assert np.diff(family.values).max() <= 1e-3
+    assert family.end.reason == "after 3 points: raise `most` to go on"
+
+
 def test_a_family_is_printed_tabled_drawn_and_saved(tmp_path):
     family = to(1.0, low=-9.0, high=9.0).follow("d", 1.6)
     assert "enters: input 'f' of stage 1 (cart), interval 1" in str(family)
@@ -133,7 +139,7 @@ def test_a_family_is_printed_tabled_drawn_and_saved(tmp_path):
         (lambda found: found.follow("d", 2.0, at=[3.0]), "at = 3 is not reached: d lies between 1 and 2"),
         (lambda found: found.follow("d", 2.0, at=1.5), "it is a list of values"),
         (lambda found: found.follow("d", 2.0, most=0), "a number of points, from 1 upwards"),
-        (lambda found: found.follow("d", 2.0, longest=-1.0), "a step is a share of the way"),
+        (lambda found: found.follow("d", 2.0, longest=-1.0), "it is a share of the way"),
         (lambda found: pickle.loads(pickle.dumps(found)).follow("d", 2.0), "find it again"),
     ],
 )

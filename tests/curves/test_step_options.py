@@ -16,6 +16,7 @@ from orbits.errors import InputError
     ({"longest": 1e-6}, r"the longest step is above the shortest"),
     ({"apart": 0.0}, r"lengths are above 0"),
     ({"first": 1e-5}, r"steps.first = 1e-05; it is above the shortest step, 1e-05"),
+    ({"first": 0.3}, r"steps.first = 0.3; it is above the shortest step, 1e-05, up to the longest one, 0.2"),
 ])  # fmt: skip
 def test_wrong_options_are_refused(options, message):
     with pytest.raises(InputError, match=message):

@@ -34,7 +34,7 @@ from problems import Hopper, plate_hopper
         (({"beta": (0, 1)}, 5), {"outcome": "map", "quantities": ["period"]}, "no families and no quantities"),
         (({"alpha": (3, 4)}, 5), {"outcome": "map", "family": 2}, "no families and no quantities"),
         (({"alpha": (3, 4)}, 5), {}, "no parameter 'alpha'"),
-        (({"beta": (0, 1)}, 5), {"quantities": ["period", "period"]}, "'period' is asked for twice"),
+        (({"beta": (0, 1)}, 5), {"quantities": ["period", "period"]}, "'period' is twice among the quantities"),
         (({"beta": (0, 1)}, 5), {"family": []}, "family = "),
         (({"mass_ratio": (-1.0, 1.0)}, 5), {}, "mass_ratio"),
         (({"mass_ratio": norm(1.0, 1.0)}, 50), {}, "member .* mass_ratio"),

@@ -555,7 +555,7 @@ class TestFollow:
             ("--spring cubic --along beta --from 1 --to 1", 2, "no way between"),
             ("--spring cubic --along beta --from 0 --to 1 --at a,b", 2, "not a list of numbers"),
             ("--spring cubic --along beta --from 0 --to nan", 2, "not a finite number"),
-            ("--spring cubic --along beta --to 1 --longest 2", 2, "a step is a share"),
+            ("--spring cubic --along beta --to 1 --longest 2", 2, "it is a share"),
             ("--spring cubic --along beta --to 1 --resume missing.jsonl", 2, "is not a saved family"),
             ("--spring cubic --along beta --to 1 --plot no/fold.png", 2, "cannot be written"),
             ("--spring cubic --along beta --from -1 --to 1", 1, "never reaches"),

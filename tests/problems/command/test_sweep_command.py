@@ -135,7 +135,7 @@ def test_a_store_is_refused_without_resume_and_gone_on_with(orbits, tmp_path):
         ("--over beta=0:1 --plot members.xyz", "needs an ending"),
         ("--over beta=0:1 --plot /nowhere/members.png", "no folder '/nowhere'"),
         ("--over beta=0:1 --quantities 'stroke*'", "the quantity 'stroke*': formula, character 8"),
-        ("--over beta=0:1 --quantities stroke,stroke", "'stroke' is asked for twice"),
+        ("--over beta=0:1 --quantities stroke,stroke", "'stroke' is twice among the quantities"),
         ("--over beta=0:1 --workers 0", "--workers"),
         ("--over beta=0:1 --seed -1", "seed = -1"),
         ("--over beta=0:1 --outcome fixed_points --between 5:4", "low < high"),
