@@ -8,7 +8,7 @@ contact. The states of a machine in SI are multiples of these, whose units depen
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from typing import Any
+from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -45,6 +45,8 @@ SAME_BRANCH = 0.05
 SHARE_OF_START = 1e-12
 # CasADi refers to the Python objects that it calls without owning them: what a graph may call lives on here.
 _OF_CASADI: list[ca.Callback] = []
+# The numbers of rows and columns of arguments or results, by name.
+Sizes: TypeAlias = dict[str, tuple[int, int]]
 
 
 @exclusive
@@ -191,13 +193,13 @@ class _Branch:
         return found
 
 
-class _OfOrbit(ca.Callback):
-    """The orbits of a branch as a function of CasADi."""
+class _Callback(ca.Callback):
+    """A function of CasADi in Python, whose arguments and results have these numbers of rows and columns by name."""
 
-    def __init__(self, name: str, branch: _Branch, sizes_in: dict[str, Any], sizes_out: dict[str, Any]):
+    def __init__(self, name: str, sizes_in: Sizes, sizes_out: Sizes, options: dict[str, Any]):
         ca.Callback.__init__(self)
-        self.branch, self.sizes_in, self.sizes_out = branch, sizes_in, sizes_out
-        self.construct(name, {})
+        self.sizes_in, self.sizes_out = sizes_in, sizes_out
+        self.construct(name, options)
 
     def get_n_in(self) -> int:
         return len(self.sizes_in)
@@ -217,6 +219,14 @@ class _OfOrbit(ca.Callback):
     def get_sparsity_out(self, i: int) -> ca.Sparsity:
         return ca.Sparsity.dense(*[*self.sizes_out.values()][i])
 
+
+class _OfOrbit(_Callback):
+    """The orbits of a branch as a function of CasADi."""
+
+    def __init__(self, name: str, branch: _Branch, sizes_in: Sizes, sizes_out: Sizes):
+        self.branch = branch
+        super().__init__(name, sizes_in, sizes_out, {})
+
     def eval(self, arguments: Sequence[ca.DM]) -> list[ca.DM]:
         """The results, for CasADi."""
         found = self.branch.values(*_as_arrays(arguments))
@@ -233,38 +243,20 @@ class _OfOrbit(ca.Callback):
         return _OF_CASADI[-1]
 
 
-class _OfSlopes(ca.Callback):
+class _OfSlopes(_Callback):
     """The Jacobian of an `_OfOrbit`, a function of its arguments and results; its own is by differences."""
 
     def __init__(self, name: str, of: _OfOrbit, names_in: Sequence[str], names_out: Sequence[str]):
-        ca.Callback.__init__(self)
-        self.of, self.names_in, self.names_out = of, names_in, names_out
-        self.columns = [size for size, _ in of.sizes_in.values()]
-        self.construct(name, {"enable_fd": True})
-
-    def get_n_in(self) -> int:
-        return len(self.names_in)
-
-    def get_n_out(self) -> int:
-        return len(self.names_out)
-
-    def get_name_in(self, i: int) -> str:
-        return self.names_in[i]
-
-    def get_name_out(self, i: int) -> str:
-        return self.names_out[i]
-
-    def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(*[*self.of.sizes_in.values(), *self.of.sizes_out.values()][i])
-
-    def get_sparsity_out(self, i: int) -> ca.Sparsity:
-        rows, columns = divmod(i, len(self.columns))
-        return ca.Sparsity.dense(int(np.prod([*self.of.sizes_out.values()][rows])), self.columns[columns])
+        self.of, own = of, [*of.sizes_in.values(), *of.sizes_out.values()]
+        blocks = [(int(np.prod(result)), size) for result in of.sizes_out.values() for size, _ in of.sizes_in.values()]
+        sizes = dict(zip(names_in, own, strict=True)), dict(zip(names_out, blocks, strict=True))
+        super().__init__(name, *sizes, {"enable_fd": True})
 
     def eval(self, arguments: Sequence[ca.DM]) -> list[ca.DM]:
         """The blocks, for CasADi."""
-        found = self.of.branch.slopes(*_as_arrays(arguments[: len(self.columns)]))
-        ends = np.cumsum(self.columns)[:-1]
+        columns = [size for size, _ in self.of.sizes_in.values()]
+        found = self.of.branch.slopes(*_as_arrays(arguments[: len(columns)]))
+        ends = np.cumsum(columns)[:-1]
         return [ca.DM(block) for name in self.of.sizes_out for block in np.split(found[name], ends, axis=1)]
 
 

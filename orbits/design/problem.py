@@ -82,20 +82,6 @@ class DesignProblem:
         """The unit of each parameter at values (k,): the distance between its bounds, or its value."""
         return np.where(self.wide, np.abs(theta), np.subtract(self.high, self.low))
 
-    def shares(self, theta: np.ndarray) -> np.ndarray:
-        """The places (k,) of values within their bounds, between 0 and 1; along logarithms where they span decades."""
-        low, high = np.array(self.low), np.array(self.high)
-        wide, positive = self.wide, np.where(self.wide, self.low, 1.0)
-        ratio = np.log(np.where(wide, theta, 1.0) / positive) / np.log(np.where(wide, high / positive, 2.0))
-        return np.where(wide, ratio, (theta - low) / (high - low))
-
-    def at_shares(self, x: np.ndarray) -> np.ndarray:
-        """The values (k,) at places `shares` within their bounds."""
-        low, high = np.array(self.low), np.array(self.high)
-        positive = np.where(self.wide, low, 1.0)
-        ratio = np.where(self.wide, high / positive, 1.0)
-        return np.where(x == 1, high, np.where(self.wide, positive * ratio**x, low + x * (high - low)))
-
     def change(self, theta: np.ndarray, to: np.ndarray) -> np.ndarray:
         """The change (k,) from values to others: of logarithms where bounds span decades, else as shares of ranges."""
         ratio = np.where(self.wide, to, 1.0) / np.where(self.wide, theta, 1.0)
