@@ -7,6 +7,7 @@ e**(-2 s t). So the period grows as -n/s log|p - limit|, where the whole orbit p
 e**(-2 s t/n), by which the growth is measured. Source: Kuznetsov, Elements of Applied Bifurcation Theory, section 6.2.
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import casadi as ca
@@ -20,18 +21,34 @@ from ..symbolic.calls import BufferedFunction
 from ..units import FREQUENCY, TIME, Message, Quantity, described
 from .curve import Curve, evaluation_at
 
-# The change of the parameter with the duration, both relative, is rounding below the first number, and has settled
-# where it is below the second. Its decay is measured where it falls last by the third factor, by this many points or
-# more.
-ROUNDED_RATE, SLOW_RATE, DECAY, FEWEST_POINTS = 1e-10, 0.05, 10.0, 4
-# The measured decay is exponential where its logarithm is straight up to this.
-STRAIGHT = 0.1
-# The equilibrium lies within this distance of the motion, relative to its states; the steps of Newton's method to it,
-# and those that are rounding, relative to the same.
-NEAR, STEPS_TO_REST, SAME_REST = 0.05, 30, 1e-12
-# An eigenvalue is above 0 where it is a larger share of the largest one. A motion stays near an equilibrium up to the
-# middle of the orbit where the last rates of its half are a smaller share of the largest ones.
-UNSTABLE, STILL_IN_MIDDLE = 1e-6, 1e-3
+
+@dataclass(frozen=True, kw_only=True)
+class HomoclinicOptions:
+    """When a family tends to a homoclinic orbit; rates of the parameter with the duration are relative to both.
+
+    rounded, settled : a rate below the first is rounding; the parameter settles where it is below the second
+    decay, points : the decay of the rate is measured where it falls last by this factor, by this many points or more
+    straight : the decay is exponential where its logarithm is straight up to this
+    near : distance of the equilibrium from the motion, relative to its states
+    steps, last : steps of Newton's method to it, and the step that is rounding, relative to the same
+    unstable : an eigenvalue is above 0 where it is a larger share of the largest one
+    still : a motion stays near an equilibrium up to the middle of the orbit where the last rates of its half are a
+        smaller share of the largest ones
+    """
+
+    rounded: float = 1e-10
+    settled: float = 0.05
+    decay: float = 10.0
+    points: int = 4
+    straight: float = 0.1
+    near: float = 0.05
+    steps: int = 30
+    last: float = 1e-12
+    unstable: float = 1e-6
+    still: float = 1e-3
+
+
+HOMOCLINIC = HomoclinicOptions()
 
 
 class Homoclinic(NamedTuple):
@@ -59,21 +76,23 @@ class Rest(NamedTuple):
     passages: int
 
 
-def homoclinic(curve: Curve, last: Points, us: Array, tangents: Array) -> Homoclinic | None:
+def homoclinic(
+    curve: Curve, last: Points, us: Array, tangents: Array, *, options: HomoclinicOptions = HOMOCLINIC
+) -> Homoclinic | None:
     """The homoclinic orbit that a curve of half orbits tends to, None where it tends to none.
 
     us, tangents : the unknowns (m, n) and the tangents (m, n + 1) of its points in order, up to the last one (1)
     """
     statement, names = curve.equations_of_orbits.statement, curve.equations_of_orbits.statement.unknowns
     times = [i for i, name in enumerate(names) if name in statement.durations and name != "alpha"]
-    if not times or not curve.machine.model.reversor or (rest := _nearest_rest(curve, last)) is None:
+    if not times or not curve.machine.model.reversor or (rest := _nearest_rest(curve, last, options)) is None:
         return None
     i = max(times, key=lambda i: abs(tangents[-1, i] / us[-1, i]))
     settling = {name: names.index(name) for name in statement.tuned}
     settling |= {curve.along: -1} if curve.along in curve.machine.values else {}
     for name, place in settling.items():
         value, rates = last.values[0] if place == -1 else us[-1, place], np.abs(tangents[:, place] / tangents[:, i])
-        if (decay := _decay(us[:, i], rates, rates * us[:, i] / abs(value))) is None:
+        if (decay := _decay(us[:, i], rates, rates * us[:, i] / abs(value), options)) is None:
             continue
         ahead = tangents[-1, place] / tangents[-1, i] / decay
         limit, error = float(value + ahead), float(abs(ahead) + np.spacing(abs(value)))
@@ -88,21 +107,21 @@ def homoclinic(curve: Curve, last: Points, us: Array, tangents: Array) -> Homocl
     return None
 
 
-def _decay(t: Array, rates: Array, relative: Array) -> float | None:
+def _decay(t: Array, rates: Array, relative: Array, options: HomoclinicOptions = HOMOCLINIC) -> float | None:
     """The rate at which positive rates (m,) fall exponentially as t (m,) grows, measured where they fall last before
     they are rounding; None where they do not. They are `relative` (m,) to their unit."""
     onward = np.append(0, 1 + np.flatnonzero(np.diff(t) <= 0))[-1]
-    clear = onward + np.append(np.flatnonzero(relative[onward:] < ROUNDED_RATE), len(t) - onward)[0]
+    clear = onward + np.append(np.flatnonzero(relative[onward:] < options.rounded), len(t) - onward)[0]
     t, rates, relative = t[onward:clear], rates[onward:clear], relative[onward:clear]
-    if len(t) < FEWEST_POINTS or relative[-1] > SLOW_RATE or not rates[0] > DECAY * rates[-1]:
+    if len(t) < options.points or relative[-1] > options.settled or not rates[0] > options.decay * rates[-1]:
         return None
-    first = min(np.flatnonzero(rates > DECAY * rates[-1])[-1], len(t) - FEWEST_POINTS)
+    first = min(np.flatnonzero(rates > options.decay * rates[-1])[-1], len(t) - options.points)
     t, logs = t[first:], np.log(rates[first:])
     slope, start = np.polyfit(t, logs, 1)
-    return float(-slope) if np.abs(logs - start - slope * t).max() < STRAIGHT else None
+    return float(-slope) if np.abs(logs - start - slope * t).max() < options.straight else None
 
 
-def _nearest_rest(curve: Curve, last: Points) -> Rest | None:
+def _nearest_rest(curve: Curve, last: Points, options: HomoclinicOptions) -> Rest | None:
     """The equilibrium that the motions at a point come nearest to, None where they come near none that is unstable."""
     evaluation, p = curve.whole(evaluation_at(last)), curve.parameters_at(last.xs)
     best, found = np.inf, None
@@ -111,22 +130,22 @@ def _nearest_rest(curve: Curve, last: Points) -> Rest | None:
         size, speeds = np.abs(states).max(), np.abs(rates).max(1)
         if (least := speeds.min() / size) < best:
             i = int(speeds.argmin())
-            best, found = least, (flow, states[i], size, bool(speeds[-1] < STILL_IN_MIDDLE * speeds.max()))
+            best, found = least, (flow, states[i], size, bool(speeds[-1] < options.still * speeds.max()))
     if found is None:
         return None
     flow, x, size, up_to_middle = found
     data, near = flow.data(x[None], p[0])[0], x
-    for _ in range(STEPS_TO_REST):
+    for _ in range(options.steps):
         rates, slopes = _linearised(flow)(x, data)
         step = np.linalg.lstsq(slopes, -rates[:, 0], rcond=None)[0]
         x = x + step
-        if np.abs(step).max() < SAME_REST * size:
+        if np.abs(step).max() < options.last * size:
             break
     above = np.linalg.eigvals(_linearised(flow)(x, data)[1]).real
-    above = above[above > UNSTABLE * np.abs(above).max()]
-    if not len(above) or np.abs(x - near).max() > NEAR * size:
+    above = above[above > options.unstable * np.abs(above).max()]
+    if not len(above) or np.abs(x - near).max() > options.near * size:
         return None
-    moved = [i for i, value in enumerate(np.abs(x).tolist()) if value > SAME_REST * size]
+    moved = [i for i, value in enumerate(np.abs(x).tolist()) if value > options.last * size]
     place = described([flow.phase.states[i] for i in moved], x[moved]) if moved else Message("at 0")
     return Rest(place, float(above.min()), 1 if up_to_middle else 2)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from copy import copy
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
 
@@ -18,25 +19,38 @@ from .point import Point
 from .step_control import Options
 from .tuned_curve import TunedCurve
 
-# A limit is extrapolated from the last points, over the first of these factors of alpha that holds enough of them.
-WIDTHS = (2.0, 4.0, 16.0)
-# A limit is clear where its error is less than a share of the parameter's distance to it, or where the parameter has
-# come close to it, as a share of the range of its values.
-CLEAR, ARRIVED = 0.1, 1e-6
 # Powers of the scale in the series of a parameter: some curves have a first power of 1/alpha and some have none.
 POWERS = ([0, 1, 2, 3, 4, 5], [0, 2, 3, 4, 5, 6])
-# Bounds of the power by which a parameter tends to its limit, where its values show it: a spring r - d r**n, whose
-# barrier lies at d**(-1/(n - 1)), has the power n - 1.
-SLOWEST_POWER, FASTEST_POWER = 0.5, 16.0
 # A parameter has settled where it will change by less than this share of its range.
 SETTLED_SHARE = 1e-4
-# The error is taken as this many times the change by the last term, since the terms left out may be larger.
-CAUTION = 3
 # A flight shrinks to nothing with the launch speed if it lasts less than this share of its first time when the speed is
 # less than the reciprocal of `StepControl.escape_ratio` of its first value.
 SHRUNK = 0.3
 # The component of the tangent along the parameter, relative to its range, where it has settled but for rounding.
 SETTLED_RATE = 1e-13
+
+
+@dataclass(frozen=True, kw_only=True)
+class Extrapolation:
+    """The extrapolation of the value that a parameter tends to.
+
+    widths : factors of alpha; the last points over the first of them that holds enough are used
+    clear, arrived : a limit is clear where its error is less than this share of the parameter's distance to it, or
+        where the parameter has come this close to it, as a share of the range of its values
+    slowest, fastest : bounds of the power by which a parameter tends to its limit, where its values show it: a spring
+        r - d r**n, whose barrier lies at d**(-1/(n - 1)), has the power n - 1
+    caution : the error is this many times the change by the last term, since the terms left out may be larger
+    """
+
+    widths: tuple[float, ...] = (2.0, 4.0, 16.0)
+    clear: float = 0.1
+    arrived: float = 1e-6
+    slowest: float = 0.5
+    fastest: float = 16.0
+    caution: float = 3.0
+
+
+EXTRAPOLATION = Extrapolation()
 
 
 def _passed(passed: Sequence[Points], *names: str) -> list[np.ndarray]:
@@ -59,7 +73,9 @@ def _way(passed: Sequence[Points]) -> list[np.ndarray]:
     return _passed(passed, "u", "tangent")
 
 
-def limit(history: np.ndarray, bounds: tuple[float, float], power: int) -> tuple[float, float] | None:
+def limit(
+    history: np.ndarray, bounds: tuple[float, float], power: int, options: Extrapolation = EXTRAPOLATION
+) -> tuple[float, float] | None:
     """The value that the parameter tends to as alpha grows (power -1) or vanishes (1), and its error; None where that
     is not clear or lies behind or beyond a bound. The history has alpha and value (m, 2) of the points of a curve, in
     order.
@@ -72,26 +88,28 @@ def limit(history: np.ndarray, bounds: tuple[float, float], power: int) -> tuple
     since = np.append(0, np.flatnonzero(alpha[:-1] * alpha[-1] <= 0) + 1)[-1]
     alpha, value = alpha[since:], value[since:]
     scale = (alpha / alpha[-1]) ** power
-    for widest in WIDTHS:
-        found = [pair for powers in POWERS if (pair := _extrapolated(scale, value, powers, widest))]
+    for widest in options.widths:
+        found = [pair for powers in POWERS if (pair := _extrapolated(scale, value, powers, widest, options))]
         if len(found) < len(POWERS):
             continue
         behind = value[-1] - value[int(np.abs(np.log(scale / widest)).argmin())]
-        for error, end in (min(found), *_by_own_power(scale, value, widest)):
+        for error, end in (min(found), *_by_own_power(scale, value, widest, options)):
             ahead = end - value[-1]
-            towards = error < CLEAR * abs(ahead) and ahead * behind >= 0
-            arrived = abs(ahead) + error < ARRIVED * np.ptp(value)  # rounding then decides on which side the limit lies
+            towards = error < options.clear * abs(ahead) and ahead * behind >= 0
+            arrived = abs(ahead) + error < options.arrived * np.ptp(
+                value
+            )  # rounding then decides on which side the limit lies
             if towards or arrived:
                 return (end, error) if bounds[0] - error <= end <= bounds[1] + error else None
         return None
     # Few points are left where long steps lead to a limit by which the parameter hardly changes any more.
-    near = (scale >= 1) & (scale <= WIDTHS[-1])
-    error = CAUTION * float(np.ptp(value[near]))
-    arrived = scale[near].max() >= WIDTHS[0] and error < ARRIVED * np.ptp(value)
+    near = (scale >= 1) & (scale <= options.widths[-1])
+    error = options.caution * float(np.ptp(value[near]))
+    arrived = scale[near].max() >= options.widths[0] and error < options.arrived * np.ptp(value)
     return (float(value[-1]), error) if arrived else None
 
 
-def _extrapolated(scale, value, powers: list[int], widest: float) -> tuple[float, float] | None:
+def _extrapolated(scale, value, powers: list[int], widest: float, options: Extrapolation) -> tuple[float, float] | None:
     """The error and the limit of `value` as `scale` vanishes; None where scales up to `widest` have too few points."""
     limits = []
     for count in (len(powers), len(powers) - 1):
@@ -99,10 +117,10 @@ def _extrapolated(scale, value, powers: list[int], widest: float) -> tuple[float
         if len(set(chosen)) < count:
             return None
         limits.append(float(np.linalg.solve(scale[chosen][:, None] ** np.array(powers[:count]), value[chosen])[0]))
-    return CAUTION * abs(limits[0] - limits[1]), limits[0]
+    return options.caution * abs(limits[0] - limits[1]), limits[0]
 
 
-def _by_own_power(scale, value, widest: float) -> list[tuple[float, float]]:
+def _by_own_power(scale, value, widest: float, options: Extrapolation) -> list[tuple[float, float]]:
     """The error and the limit of `value` by one power of the scale, over scales up to `widest` and up to its root; none
     where no such power fits."""
     limits = []
@@ -113,12 +131,12 @@ def _by_own_power(scale, value, widest: float) -> list[tuple[float, float]]:
         def excess(power: float, gaps=(-far, middle), logs=logs) -> float:
             return float(np.expm1(power * logs) @ gaps)
 
-        ends = [excess(power) for power in (SLOWEST_POWER, FASTEST_POWER)]
+        ends = [excess(power) for power in (options.slowest, options.fastest)]
         if ends[0] * ends[1] >= 0:
             return []
-        power = bracketed_root(excess, SLOWEST_POWER, FASTEST_POWER, *ends)
+        power = bracketed_root(excess, options.slowest, options.fastest, *ends)
         limits.append(float(value[-1] - middle / np.expm1(power * logs[0])))
-    return [(CAUTION * abs(limits[0] - limits[1]), limits[0])]
+    return [(options.caution * abs(limits[0] - limits[1]), limits[0])]
 
 
 class Endings:

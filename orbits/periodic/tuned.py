@@ -382,7 +382,9 @@ def errors_of_tuned(solved: Solved, closing: np.ndarray | None = None) -> dict[s
         found[name] = float(bounds[0])
         if not found[name] <= WORST_TUNED * max(abs(value), SMALLEST):
             off = f"which may be off by {found[name]:.1e}"
-            raise NoOrbit(f"the orbit does not determine {name} = {value:.6g}, {off}: {REMEDIES[solved.model.sticks]}")
+            raise NoOrbit(
+                f"the orbit does not determine {name} = {value:.6g}, {off}: {REMEDIES[bool(solved.model.sticks)]}"
+            )
     return found
 
 

@@ -6,6 +6,7 @@ are followed too.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,19 +19,14 @@ from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..simulation.impacts import CAP
 from .bifurcation import Bifurcation, name_of_hops
-from .branches import BESIDE_LOSSLESS, BranchTracer
+from .branches import BranchTracer
 from .cycles import INJECT, MapsAlong, range_of
 from .diagram import RESERVED_IN_DIAGRAMS, BifurcationDiagram, Branch
 from .launch_branches import launch_diagram
-from .launch_curve import PeriodicLaunch
+from .launch_curve import STEPS_OF_BRANCHES, PeriodicLaunch
 from .resolved_map import ROUNDED
 
-SECTIONS, SECTIONS_OF_STARTS, ATTRACTOR = 9, 3, 400
-# Launches from which the attractor is searched for, hops until they have reached it, and hops of it that are stored.
-STARTS_OF_HOPS, TRANSIENT, ATTRACTOR_HOPS = 4, 200, 60
-# Launches whose hops are computed together, and the largest number of values of the parameter, for the memory's sake.
-LAUNCHES_TOGETHER, MOST_ATTRACTOR = 2**14, 100_000
-LONGEST_CHORD = 0.02
+SECTIONS, SECTIONS_OF_STARTS = 9, 3  # values of the parameter at which fixed points are searched for by default
 SAME_PLACE = 1e-6  # launches that differ by a smaller share of the range are the same
 # What happens where a launch passes a border of the map, by the kind of the border, and by that of the event.
 BORDERS_IN_WORDS = {
@@ -40,6 +36,27 @@ BORDERS_IN_WORDS = {
 }
 RUN_ON = {"border collision": "persist", "non-smooth fold": "turn round"}
 SETTLES = {True: "stable", False: "unstable"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attractor:
+    """The launches that are visited in the long run.
+
+    values, most : number of values of the parameter along the injection by default; and at most, for the memory's sake
+    starts : number of launches at each value, evenly between the bounds
+    transient, hops : hops until they have reached the attractor, and hops on it that are returned
+    together : launches whose hops are computed together
+    """
+
+    values: int = 400
+    most: int = 100_000
+    starts: int = 4
+    transient: int = 200
+    hops: int = 60
+    together: int = 2**14
+
+
+ATTRACTOR = Attractor()
 
 
 @exclusive
@@ -109,8 +126,8 @@ def bifurcations(
         raise InputError(
             "starts: where a launch is a speed, fixed points are searched for in all of the range: leave them out"
         )
-    count = ATTRACTOR if along == INJECT else 0
-    count = count if attractor is None else whole_number("attractor", attractor, "", 0, MOST_ATTRACTOR)
+    count = ATTRACTOR.values if along == INJECT else 0
+    count = count if attractor is None else whole_number("attractor", attractor, "", 0, ATTRACTOR.most)
     search = _Search(maps, (slow, fast), values, whole_number("samples", samples, "launches", 2), progress)
     maps.resolve(slow, fast)
     for period in wanted:
@@ -137,7 +154,7 @@ class _Search:
         self._followed = 0  # events whose doubled hops are followed
 
     def _tracer(self, period: int) -> BranchTracer:
-        return BranchTracer(self.maps, self.between, period, tuple(self.values), LONGEST_CHORD)
+        return BranchTracer(self.maps, self.between, period, tuple(self.values))
 
     def periodic(self, period: int, depth: int = 0) -> None:
         """Follow the hops of a period that are found in a section and lie on no branch yet, this many doublings away
@@ -148,7 +165,7 @@ class _Search:
             hop, beside = tracer.start_lossless(alpha)
             if max(abs(side.value) for side in beside) <= ROUNDED * alpha:
                 continue  # nothing is lost beside it either, and every launch returns
-            below, above = ([side, *tracer.trace(side, 1, BESIDE_LOSSLESS)] for side in beside)
+            below, above = ([side, *tracer.trace(side, 1, tracer.options.beside_lossless)] for side in beside)
             self._store(1, [*reversed(below), Event("fold", point=hop), *above])
         starts = list(self._starts(period, sampled=depth > 0))
         near = SAME_PLACE * (self.between[1] - self.between[0])
@@ -301,7 +318,7 @@ def _flip_beside(items: list, flips: list[PeriodicLaunch], but: PeriodicLaunch) 
         return max(apart, abs(float(flip.place[1] - last.place[1])))
 
     nearest = min((flip for flip in flips if flip is not but), key=distance, default=None)
-    return nearest if nearest and distance(nearest) <= LONGEST_CHORD else None
+    return nearest if nearest and distance(nearest) <= STEPS_OF_BRANCHES.apart else None
 
 
 def _slope(event: Event) -> float:
@@ -310,29 +327,31 @@ def _slope(event: Event) -> float:
     return known.get(event.kind, event.point.multiplier if event.point.border else float("nan"))
 
 
-def _attractor(maps: MapsAlong, between: tuple[float, float], count: int) -> np.ndarray:
+def _attractor(maps: MapsAlong, between: tuple[float, float], count: int, options: Attractor = ATTRACTOR) -> np.ndarray:
     """Values of the parameter and launch speeds (k, 2) in the range `between` that are visited in the long run."""
     values = np.linspace(maps.low, maps.high, count)
     if maps.name == INJECT and (step := maps.at(0.0).impacts).never_lose and step.one_liftoff:
         values = values[values == 0.0]  # otherwise all launches become faster by the injection, or all slower
     if not len(values):
         return np.zeros((0, 2))
-    starts = np.linspace(*between, STARTS_OF_HOPS + 2)[1:-1]
+    starts = np.linspace(*between, options.starts + 2)[1:-1]
     repeated = np.repeat(values, len(starts))
-    size = max(1, LAUNCHES_TOGETHER // len(starts)) if maps.name == INJECT else 1
+    size = max(1, options.together // len(starts)) if maps.name == INJECT else 1
     parts = [values[first : first + size] for first in range(0, len(values), size)]
-    found = np.hstack([_long_run(maps, np.tile(starts, len(part)), np.repeat(part, len(starts))) for part in parts])
+    found = np.hstack(
+        [_long_run(maps, np.tile(starts, len(part)), np.repeat(part, len(starts)), options) for part in parts]
+    )
     places = np.broadcast_to(repeated, found.shape)
     inside = (found >= between[0]) & (found <= between[1])
     return np.column_stack([places[inside], found[inside]])
 
 
-def _long_run(maps: MapsAlong, alpha: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """The launch speeds (KEPT_HOPS, m) that are visited after many hops from launches (m,) at values (m,) of the
+def _long_run(maps: MapsAlong, alpha: np.ndarray, values: np.ndarray, options: Attractor) -> np.ndarray:
+    """The launch speeds (hops, m) that are visited after many hops from launches (m,) at values (m,) of the
     parameter, all the same unless it is the injection; NaN where the machine comes to rest."""
-    found = np.full((ATTRACTOR_HOPS, len(alpha)), np.nan)
+    found = np.full((options.hops, len(alpha)), np.nan)
     going, alpha = np.arange(len(alpha)), alpha.copy()
-    for hop in range(TRANSIENT + ATTRACTOR_HOPS):
+    for hop in range(options.transient + options.hops):
         interrupts.heed()
         following, _ = maps.next(alpha[going], values[going] if maps.name == INJECT else values[0])
         alive = np.isfinite(following)
@@ -342,8 +361,8 @@ def _long_run(maps: MapsAlong, alpha: np.ndarray, values: np.ndarray) -> np.ndar
             break
         alpha[going] = following[alive]
         if settled:
-            found[max(hop - TRANSIENT, 0) :, going] = alpha[going]
+            found[max(hop - options.transient, 0) :, going] = alpha[going]
             break
-        if hop >= TRANSIENT:
-            found[hop - TRANSIENT, going] = alpha[going]
+        if hop >= options.transient:
+            found[hop - options.transient, going] = alpha[going]
     return found

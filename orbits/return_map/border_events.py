@@ -6,7 +6,7 @@ cuts it, or beyond the border. Where the slope is the same on both sides, the cu
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,22 +19,42 @@ from .followed_events import located_border
 from .launch_curve import AROUND, LaunchCurve, PeriodicLaunch, place_in_words
 from .map_pieces import CONTINUOUS, MapBorder
 
-HALVINGS = 12  # of a step in which the number of impacts changes and the map may jump
-HALVINGS_TO_BOUNCE = 5  # of a step until Newton's method finds the border in it
-# The angles of the circle round a corner, and the angle at which both sides of the curve are checked.
-ANGLES, BESIDE = np.radians(np.linspace(-150, 150, 21)), 1e-5
 COLLISION, NON_SMOOTH_FOLD = COLLISIONS = "border collision", "non-smooth fold"
-# Where a launch passes a border: the steps of the secant method, which ends at this share of the range of the parameter
-# and is trusted up to this many times the distance of the points; and multipliers that agree up to this share.
-SECANTS, BORDER_FOUND, BORDER_BEYOND, SAME_SIDES = 30, 1e-14, 2.0, 1e-6
-SMALLEST_SHARE = 1e-6  # of a range, for a step between two values of the parameter that are the same
+ANGLES = np.radians(np.linspace(-150, 150, 21))  # of the circle round a corner
+
+
+@dataclass(frozen=True, kw_only=True)
+class BorderSearch:
+    """The search for events and corners at borders of the map; lengths are shares of the ranges.
+
+    halvings : of a step in which the number of impacts changes and the map may jump
+    halvings_to_bounce : of a step until Newton's method finds the bounce in it
+    secants, located : steps of the secant method to the value at which a launch is at a border, and the length of a
+        step after which it is there
+    beyond : a border is that between two points up to this many times their distance from them
+    apart : difference of two values of the parameter for the secant method, where those of the points are the same
+    same_sides : the multipliers on both sides of a border agree up to this share
+    beside : angle on the circle round a corner at which both sides of the curve are checked for a jump
+    """
+
+    halvings: int = 12
+    halvings_to_bounce: int = 5
+    secants: int = 30
+    located: float = 1e-14
+    beyond: float = 2.0
+    apart: float = 1e-6
+    same_sides: float = 1e-6
+    beside: float = 1e-5
+
+
+BORDER_SEARCH = BorderSearch()
 
 
 class BordersOfCurve:
     """The borders of the map along a curve of periodic launches; `PeriodicLaunch`es are points of it."""
 
-    def __init__(self, curve: LaunchCurve):
-        self.curve, self.maps, self.scale = curve, curve.maps, curve.scale
+    def __init__(self, curve: LaunchCurve, options: BorderSearch = BORDER_SEARCH):
+        self.curve, self.maps, self.scale, self.options = curve, curve.maps, curve.scale, options
         self._bounces = dict[tuple[PeriodicLaunch, PeriodicLaunch, int], Event | None]()
 
     def in_order(self, before: PeriodicLaunch, behind: PeriodicLaunch, found: list[Event]) -> Iterator[Event]:
@@ -61,11 +81,11 @@ class BordersOfCurve:
             return found
         ends, values = (before.alphas[hop], behind.alphas[hop]), [before.value, behind.value]
         if values[0] == values[1]:
-            values[1] += SMALLEST_SHARE * self.curve.span
+            values[1] += self.options.apart * self.curve.span
         try:
             excesses = [self._of_border(ends, value)[0] for value in values]
-            for _ in range(SECANTS):
-                if excesses[1] == excesses[0] or abs(values[1] - values[0]) <= BORDER_FOUND * self.curve.span:
+            for _ in range(self.options.secants):
+                if excesses[1] == excesses[0] or abs(values[1] - values[0]) <= self.options.located * self.curve.span:
                     break
                 step = excesses[1] * (values[1] - values[0]) / (excesses[1] - excesses[0])
                 values = [values[1], float(self.curve.possible(values[1] - step))]
@@ -73,13 +93,15 @@ class BordersOfCurve:
             _, border, launches, impacts, sides = self._of_border(ends, values[1])
         except NoOrbit:
             return None
-        reach = BORDER_BEYOND * max(abs(before.value - behind.value), AROUND * self.curve.span)
+        reach = self.options.beyond * max(abs(before.value - behind.value), AROUND * self.curve.span)
         if min(abs(values[1] - before.value), abs(values[1] - behind.value)) > reach:
             return None
         alphas = (*launches[-hop:], *launches[:-hop]) if hop else launches
         counts = (*impacts[-hop:], *impacts[:-hop]) if hop else impacts
         place = np.array([alphas[0], values[1]]) / self.scale
-        multiplier = sides[0] if abs(sides[1] - sides[0]) <= SAME_SIDES * (1 + abs(sides[0])) else float("nan")
+        multiplier = (
+            sides[0] if abs(sides[1] - sides[0]) <= self.options.same_sides * (1 + abs(sides[0])) else float("nan")
+        )
         about = counts, place, behind.tangent, None, border.kind, sides
         return Event(kind_of_border(sides), point=PeriodicLaunch(values[1], alphas, multiplier, *about))
 
@@ -126,7 +148,7 @@ class BordersOfCurve:
 
     def _bounce(self, before: PeriodicLaunch, behind: PeriodicLaunch, hop: int) -> Event | None:
         """The event of `bounce` by Newton's method on its equations, from points nearer and nearer to it."""
-        for _ in range(HALVINGS_TO_BOUNCE):
+        for _ in range(self.options.halvings_to_bounce):
             if abs(before.impacts[hop] - behind.impacts[hop]) != 1:
                 return None
             try:
@@ -152,7 +174,7 @@ class BordersOfCurve:
         value, alphas, slope = found
         place = np.array([alphas[0], value]) / self.scale
         apart = np.linalg.norm(0.5 * (before.place + behind.place) - place)
-        if apart > BORDER_BEYOND * max(float(np.linalg.norm(behind.place - before.place)), AROUND):
+        if apart > self.options.beyond * max(float(np.linalg.norm(behind.place - before.place)), AROUND):
             raise NoOrbit("the border is elsewhere")
         about = fewer.impacts, place, behind.tangent, None, "bounce", (slope, slope)
         return Event(kind_of_border((slope, slope)), point=PeriodicLaunch(value, alphas, slope, *about))
@@ -180,14 +202,14 @@ class BordersOfCurve:
         values = [float(self.curve.possible(point.value)) for point in (before, behind)]
         if not any(self.maps.jumps_between(span, value) for span in spans for value in values):
             return None
-        for _ in range(HALVINGS):
+        for _ in range(self.options.halvings):
             try:
                 middle = self._middle(before, behind)
             except NoOrbit:
                 break
             before, behind = (middle, behind) if middle.impacts == impacts else (before, middle)
         else:
-            if distance(before, behind) <= 4 * size / 2**HALVINGS:
+            if distance(before, behind) <= 4 * size / 2**self.options.halvings:
                 return None
         place, counts = place_in_words(self.maps, before), (" and ".join(map(str, x.impacts)) for x in (before, behind))
         return before, f"the map jumps near {place}: {next(counts)} impacts in a hop, {next(counts)} behind"
@@ -258,7 +280,7 @@ class BordersOfCurve:
                 continue
             angle = bracketed_root(excess, ANGLES[i], ANGLES[i + 1], fa, fb)
             # At a jump the excess is small on one side only.
-            if max(abs(excess(angle + side * BESIDE)) for side in (-1, 1)) <= 1e-2 * (abs(fa) + abs(fb)):
+            if max(abs(excess(angle + side * self.options.beside)) for side in (-1, 1)) <= 1e-2 * (abs(fa) + abs(fb)):
                 return self.curve.at(x + away(angle), away(angle))
         return None
 

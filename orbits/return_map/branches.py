@@ -5,7 +5,7 @@ are known by their equations as a `CycleCurve` in all unknowns of these.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -21,16 +21,32 @@ from .cycle_statement import MULTIPLIER_AT
 from .cycles import MapsAlong
 from .launch_curve import AROUND, STEPS_OF_BRANCHES, CurveOfHops, LaunchCurve, PeriodicLaunch, place_in_words
 
-# Fixed points beside a lossless hop are searched for at this distance, as a share of the range.
-BESIDE_LOSSLESS = 1e-8
-FAR_FROM_LOST = 1e-2  # at such a distance from where it was lost the curve in all unknowns is tried again
-ON_BOTH_SIDES = 0.5  # the two launches beside a flip lie on both sides of it up to this share, or they are others
-SLOWLY = 1.0  # the multiplier of the doubled hops begins at 1, and differs from it by less at the first of them
-# From a flip to the first hops of twice the period, as shares of the range.
-FIRST_OF_TWO = 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-2
-FARTHEST_OF_TWO = 20  # the first hops of twice the period have a parameter at most this many such shares away
-GROWTH_OF_HOPS = 1e6  # of a small change over many hops, up to which they are followed
-SMOOTH = 1e-3  # the multiplier passes a level smoothly where it comes this close to it, as a share of its change
+
+@dataclass(frozen=True, kw_only=True)
+class Branching:
+    """Where branches begin, and how far they are followed; distances are shares of the ranges.
+
+    beside_lossless : distance from a lossless hop at which fixed points beside it are searched for
+    doubled : distances in launch speed, tried in turn, from a flip to the first hops of twice the period
+    doubled_within : the first of these hops have a parameter at most this many such distances away
+    both_sides : their two launches lie on both sides of the flip up to this share of the distance, or they are others
+    doubled_change : their multiplier begins at 1, and differs from it by less: else a flip or a fold may lie between
+    far_from_lost : at such a distance from where it was lost the curve in all unknowns of the hops is tried again
+    growth : of a small change over many hops, up to which they are followed
+    smooth : the multiplier passes a level smoothly where it comes this close to it, as a share of its change
+    """
+
+    beside_lossless: float = 1e-8
+    doubled: tuple[float, ...] = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-2)
+    doubled_within: float = 20.0
+    both_sides: float = 0.5
+    doubled_change: float = 1.0
+    far_from_lost: float = 1e-2
+    growth: float = 1e6
+    smooth: float = 1e-3
+
+
+BRANCHING = Branching()
 
 
 class BranchCurve(LaunchCurve):
@@ -84,7 +100,9 @@ class BranchCurve(LaunchCurve):
 def _near_to_lost(curve: Any, points: Points) -> np.ndarray:
     """Negative for launches (m,) that are far from where the curve in all unknowns was lost, or have other impacts."""
     lost = curve.begun
-    near = [launch.impacts == lost.impacts and distance(launch, lost) <= FAR_FROM_LOST for launch in points.own]
+    near = [
+        launch.impacts == lost.impacts and distance(launch, lost) <= BRANCHING.far_from_lost for launch in points.own
+    ]
     return np.where(near, 1.0, -1.0)
 
 
@@ -97,9 +115,10 @@ class BranchTracer:
     """
 
     def __init__(
-        self, maps: MapsAlong, between: tuple[float, float], period: int, values: tuple[float, ...], longest: float
-    ):
-        self.maps, self.values = maps, values
+        self, maps: MapsAlong, between: tuple[float, float], period: int, values: tuple[float, ...],
+        longest: float = STEPS_OF_BRANCHES.apart, options: Branching = BRANCHING,
+    ):  # fmt: skip
+        self.maps, self.values, self.options = maps, values, options
         self.curve = BranchCurve(maps, between, period, longest if period <= 2 else 2.0 * longest / period)
         self.borders, self.scale = self.curve.borders, self.curve.scale
 
@@ -111,23 +130,25 @@ class BranchTracer:
         """A lossless hop, which is a fixed point without injection, and the fixed points just below and above it, each
         with the tangent that leads away. Two branches of fixed points begin there, both tangent to the launch speed's
         axis and with unbounded curvature."""
-        hop, away = np.array([alpha, 0.0]), np.array([BESIDE_LOSSLESS, 0.0]) * self.scale
+        hop, away = np.array([alpha, 0.0]), np.array([self.options.beside_lossless, 0.0]) * self.scale
         beside = [self.curve.near(hop + side * away, side * away) for side in (-1.0, 1.0)]
         return PeriodicLaunch(0.0, (alpha,), 1.0, beside[1].impacts, hop / self.scale, np.array([1.0, 0.0])), beside
 
     def start_beside_flip(self, flip: PeriodicLaunch) -> PeriodicLaunch:
         """Hops of twice the period beside those whose multiplier is -1; raises `NoOrbit` where none are found."""
         # The fixed point moves with the parameter too, possibly faster, so that there are hops on one side only.
-        for step in (side * length for length in FIRST_OF_TWO for side in (1, -1)):
+        for step in (side * length for length in self.options.doubled for side in (1, -1)):
             away = np.array([step, 0.0])
             try:
                 first = self.curve.near((flip.place + away) * self.scale, away * self.scale)
             except NoOrbit:
                 continue
             mirrored = 2.0 * flip.alpha - first.alpha  # near the flip the launch after half of the hops
-            beside = abs(first.alphas[len(flip.alphas)] - mirrored) <= ON_BOTH_SIDES * abs(first.alpha - flip.alpha)
-            beside &= abs(first.multiplier - 1.0) <= SLOWLY  # else a flip or a fold may lie between
-            if beside and abs(first.place[1] - flip.place[1]) <= FARTHEST_OF_TWO * abs(step):
+            beside = abs(first.alphas[len(flip.alphas)] - mirrored) <= self.options.both_sides * abs(
+                first.alpha - flip.alpha
+            )
+            beside &= abs(first.multiplier - 1.0) <= self.options.doubled_change
+            if beside and abs(first.place[1] - flip.place[1]) <= self.options.doubled_within * abs(step):
                 onward = first.tangent @ (first.place - flip.place) >= 0
                 return first if onward else replace(first, tangent=-first.tangent)
         raise NoOrbit("no hops of twice the period are found beside the flip")
@@ -185,7 +206,7 @@ class BranchTracer:
                 return curve.near(np.array([bound, value]), last.tangent * self.scale), end
             except NoOrbit:
                 return last, end
-        if period > 2 and abs(launch.multiplier) > GROWTH_OF_HOPS:
+        if period > 2 and abs(launch.multiplier) > self.options.growth:
             growth = f"{launch.multiplier:.0e}-fold"
             return launch, End("stuck", f"small changes grow {growth} over the hops, and rounding decides")
         return launch, None
@@ -194,7 +215,7 @@ class BranchTracer:
         """The events between two launches, at which the multiplier passes a level, by what they are."""
         named, change = list[Event](), abs(a.multiplier - b.multiplier)
         for kind, point in ((each.kind, each.point) for each in found):
-            if not abs(point.multiplier - MULTIPLIER_AT[kind]) <= SMOOTH * change:
+            if not abs(point.multiplier - MULTIPLIER_AT[kind]) <= self.options.smooth * change:
                 kind = COLLISION
             elif kind == "fold" and (a.value - point.value) * (b.value - point.value) < 0:
                 kind = "branch point"

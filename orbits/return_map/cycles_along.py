@@ -6,6 +6,7 @@ equation of its own with a guess of its launch speed, from the nearest hops that
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -21,26 +22,44 @@ from ..units import LIFTOFF_SPEED
 from .cycle_statement import INJECT, cycle_statement, force_in_contact, gap_speed, pressing
 from .flown_hops import flown_hops
 
-# A step of Newton's method below the first number, relative to the unknowns, is the last one: it leaves its square of
-# these, but the derivatives are those before it; one below the second that no longer shrinks is rounding; and a hop
-# near enough takes at most so many. Where another Newton's method goes on, a step below the last number is enough.
-LAST_STEP_OF_HOPS, ROUNDING_OF_HOPS, MOST_STEPS_OF_HOPS, STEP_OF_ROUGH_HOPS = 1e-10, 1e-9, 8, 1e-4
-# The speeds of landings and the forces after them are not 0, as a share of the launch speed and of the weight, where
-# they are larger than the first number. The least gap and force between are larger than the second, as a share of the
-# greatest: so far from touching, the samples decide.
-APART_FROM_BORDERS, NOT_TOUCHING = 1e-9, 1e-3
-# Hops whose last step was smaller are known well enough to guess others from them.
-KNOWN_WELL = 1e-6
-REPEATED_HOPS = 1e-6  # hops whose last launch is the first one up to this share repeat themselves
-# Hops from launches nearer than this, as shares of the speed and of the range, have the same impacts.
-SAME_HOPS = 1e-6
-SOLVED_BEFORE = 24  # the latest hops from which others are guessed
-FARTHEST_BEND = 4.0  # second derivatives from two hops serve up to this many times the distance of these
-# A direction whose cosine with the chord between two known hops is smaller does not lead from one to the other.
-STEEPEST_WAY = 0.1
 SAMPLES_OF_ARC = np.linspace(0.03, 0.97, 32)  # the shares of the time of an arc at which gap and force are tested
-SAME_LAUNCH_STATE = 1e-6  # the end of a contact and a launch are the same state up to this
-STEP_OF_UNITS = 1e-5  # of a parameter, relative, for the derivative of the unit of speed
+
+
+@dataclass(frozen=True, kw_only=True)
+class HopSteps:
+    """Newton's method for hops along a parameter, from guesses by known hops.
+
+    last : step, relative to the unknowns, that is the last one: it leaves its square of these, but the derivatives are
+        those before it
+    rounding : a step below this that no longer shrinks is rounding
+    most : steps from a guess that is near enough
+    rough : step after which another Newton's method goes on
+    known : hops whose last step was smaller are known well enough to guess others from them
+    same : launches nearer than this share of the speed and of the range have the same impacts, hops whose last launch
+        is that near to the first repeat themselves, and the end of a contact that near to a launch is it
+    memory : number of the latest hops from which others are guessed
+    farthest : second derivatives from two hops serve up to this many times the distance of these
+    steepest : a direction whose cosine with the chord between two hops is smaller does not lead from one to the other
+    apart : speeds of landings, and forces after them, are not 0 above this share of the launch speed and the weight
+    clear : the least gap and force between are above this share of the greatest: so far from touching, samples decide
+    difference : of a parameter, relative, for the derivative of the unit of speed
+    """
+
+    last: float = 1e-10
+    rounding: float = 1e-9
+    most: int = 8
+    rough: float = 1e-4
+    known: float = 1e-6
+    same: float = 1e-6
+    memory: int = 24
+    farthest: float = 4.0
+    steepest: float = 0.1
+    apart: float = 1e-9
+    clear: float = 1e-3
+    difference: float = 1e-5
+
+
+STEPS_OF_HOPS = HopSteps()
 
 
 class SolvedHops(NamedTuple):
@@ -77,7 +96,11 @@ class CyclesAlong:
     impacts_at : the impacts of the machine at a value
     """
 
-    def __init__(self, machine: Machine, name: str, inject: float, span: float, impacts_at: Callable[[float], Impacts]):
+    def __init__(
+        self, machine: Machine, name: str, inject: float, span: float, impacts_at: Callable[[float], Impacts],
+        options: HopSteps = STEPS_OF_HOPS,
+    ):  # fmt: skip
+        self.options = options
         self.machine, self.model, self.name, self.inject, self.span = machine, machine.model, name, inject, span
         self.names, self.impacts_at = (*machine.values, INJECT), impacts_at
         self._solved = dict[int, deque[SolvedHops]]()
@@ -90,7 +113,7 @@ class CyclesAlong:
         (m,) of hops from launch speeds (m,) at values (m,), as of `SmoothCycles`; None where they are near a border of
         the map. Unless they are to be `exact`, few steps of Newton's method are taken, which those of the next call
         near them continue."""
-        known = [*self._solved.setdefault(period, deque(maxlen=SOLVED_BEFORE)), *self._rough.pop(period, ())]
+        known = [*self._solved.setdefault(period, deque(maxlen=self.options.memory)), *self._rough.pop(period, ())]
         others = [
             self._guesses(order, alpha, value, period)
             for order, alpha, value in zip(
@@ -137,7 +160,7 @@ class CyclesAlong:
 
     def store(self, solved: SolvedHops) -> None:
         """Store hops, from which others are guessed."""
-        self._solved.setdefault(len(solved.impacts), deque(maxlen=SOLVED_BEFORE)).append(solved)
+        self._solved.setdefault(len(solved.impacts), deque(maxlen=self.options.memory)).append(solved)
 
     def _flown(self, alpha: float, value: float, period: int) -> SolvedHops | None:
         """The hops as a simulation has them, None where one has no next launch."""
@@ -156,7 +179,7 @@ class CyclesAlong:
             if not (
                 speed > 0
                 and np.abs(impacts.launch(np.array([speed]))[0] @ impacts.onto_contact.T - end).max()
-                <= SAME_LAUNCH_STATE
+                <= self.options.same
             ):
                 return None  # the contact ends where no launch begins
             speed += (value if self.name == INJECT else self.inject) / float(unit[0])
@@ -168,7 +191,7 @@ class CyclesAlong:
         """The units (m,) of speed at values (m,) of the parameter and their derivatives."""
         if self.model.units is None:
             return np.ones(len(values)), np.zeros(len(values))
-        step = STEP_OF_UNITS * np.maximum(np.abs(values), STEP_OF_UNITS * self.span)
+        step = self.options.difference * np.maximum(np.abs(values), self.options.difference * self.span)
         units = self.model.units
         low, here, high = (
             np.broadcast_to(units({**self.machine.values, self.name: v}).of(LIFTOFF_SPEED), len(values))
@@ -195,7 +218,7 @@ class CyclesAlong:
         away = np.column_stack([alphas - [k.alpha for k in begun], values - [k.value for k in begun]])
         groups = self._groups(impacts, begun, away, known, alphas / units)
         last, failed = np.full(m, np.inf), np.zeros(m, bool)
-        for _ in range(MOST_STEPS_OF_HOPS):
+        for _ in range(self.options.most):
             speeds, following, slopes, rates = (np.empty((m, period)) for _ in range(4))
             steps = list[StepsOfHops]()
             for count, which, hops, us in groups:
@@ -217,18 +240,18 @@ class CyclesAlong:
                 change = step.changes + step.by_speed * moved[which, hops, None]
                 np.maximum.at(size, which, (np.abs(change) / np.maximum(np.abs(us), SMALLEST_UNIT)).max(1))
                 us += change
-            failed = ~np.isfinite(size) | ((last < size) & (size > ROUNDING_OF_HOPS))
+            failed = ~np.isfinite(size) | ((last < size) & (size > self.options.rounding))
             if failed.any():
                 return None, failed
-            settled = (size <= LAST_STEP_OF_HOPS) | ((size <= ROUNDING_OF_HOPS) & (size > STALLED_RATIO * last))
-            if (settled if exact else size <= STEP_OF_ROUGH_HOPS).all():
+            settled = (size <= self.options.last) | ((size <= self.options.rounding) & (size > STALLED_RATIO * last))
+            if (settled if exact else size <= self.options.rough).all():
                 break
             last = size
         else:
             return None, ~settled
-        tested = np.abs(away / np.column_stack([alphas, np.full(m, self.span)])).max(1) > SAME_HOPS
+        tested = np.abs(away / np.column_stack([alphas, np.full(m, self.span)])).max(1) > self.options.same
         tested |= [not guess.tested for guess in begun]
-        known_well = bool((size <= KNOWN_WELL).all())
+        known_well = bool((size <= self.options.known).all())
         between = bool(tested.any()) and known_well
         for (count, which, _, us), step in zip(groups, steps, strict=True):
             failed[which[~self.are_smooth(count, us, ps[which], step.evaluation, between)]] = True
@@ -246,7 +269,7 @@ class CyclesAlong:
         launches *= units[:, None]
         launches[:, 0] = alphas
         self._store(alphas, values, impacts, own, launches, changes, tested, known_well)
-        errors = np.zeros(m) if settled.all() else np.maximum(size, LAST_STEP_OF_HOPS)
+        errors = np.zeros(m) if settled.all() else np.maximum(size, self.options.last)
         return (launches, impacts, slopes, changes, errors), failed
 
     def _store(
@@ -256,7 +279,7 @@ class CyclesAlong:
         """Store hops, from which others are guessed: for long those that repeat themselves, are known well and are
         newly `tested`, and the others for the next call."""
         onward = (changes[:, -1] - changes[:, 0])[:, ::-1] * [-1.0, 1.0]
-        repeat, period = np.abs(launches[:, -1] - alphas) <= REPEATED_HOPS * alphas, impacts.shape[1]
+        repeat, period = np.abs(launches[:, -1] - alphas) <= self.options.same * alphas, impacts.shape[1]
         solved = list[SolvedHops]()
         columns = alphas.tolist(), values.tolist(), impacts.tolist(), own, onward, repeat
         for alpha, value, counts, each, way, again in zip(*columns, strict=True):
@@ -294,7 +317,7 @@ class CyclesAlong:
         with np.errstate(divide="ignore", invalid="ignore"):
             shares = (apart * target[:, None]).sum(2) / squares
         left = ((target[:, None] - apart) ** 2).sum(2)
-        left[~(np.abs(shares) <= FARTHEST_BEND)] = np.inf
+        left[~(np.abs(shares) <= self.options.farthest)] = np.inf
         bends = list[list[Any]]()
         for i, guess in enumerate(begun):
             able = (k for k in np.argsort(left[i]).tolist() if np.isfinite(left[i, k]))
@@ -303,7 +326,9 @@ class CyclesAlong:
             if not guess.tested or guess.direction is None or (best := next(others, None)) is None:
                 bends.append([0.0] * len(guess.impacts))
                 continue
-            bends.append(_bends_on_way(guess, known[best], float(shares[i, best]), away[i], scales[i]))
+            bends.append(
+                _bends_on_way(guess, known[best], float(shares[i, best]), away[i], scales[i], self.options.steepest)
+            )
         return bends
 
     @staticmethod
@@ -361,17 +386,19 @@ class CyclesAlong:
             if between:
                 rows = [*rows_within(motions, SAMPLES_OF_ARC, size).T]
                 values = model.gap(many).at(rows) if flies else force_in_contact(model, rows, many)
-                sure &= _stay_above(np.broadcast_to(values, rows[0].shape).reshape(m, -1))
+                sure &= _stay_above(np.broadcast_to(values, rows[0].shape).reshape(m, -1), self.options.clear)
             if flies:
                 side = 1.0 if impact + 1 == count else -1.0
-                sure &= -gap_speed(model, end, p) > APART_FROM_BORDERS * us[:, 1]
-                sure &= side * np.broadcast_to(pressing(model, end, p), m) > APART_FROM_BORDERS
+                sure &= -gap_speed(model, end, p) > self.options.apart * us[:, 1]
+                sure &= side * np.broadcast_to(pressing(model, end, p), m) > self.options.apart
             else:
                 sure &= model.contact_speed.at(end) > 0
         return sure
 
 
-def _bends_on_way(here: SolvedHops, there: SolvedHops, share: float, away: np.ndarray, scale: np.ndarray) -> list[Any]:
+def _bends_on_way(
+    here: SolvedHops, there: SolvedHops, share: float, away: np.ndarray, scale: np.ndarray, steepest: float
+) -> list[Any]:
     """What is added to the first-order change in the unknowns of each hop at a place this far `away` (2,) from solved
     hops, at a share of the chord to others, by the cubic between them along the curve of hops that repeat themselves.
 
@@ -381,7 +408,7 @@ def _bends_on_way(here: SolvedHops, there: SolvedHops, share: float, away: np.nd
 
     def onward(direction: np.ndarray) -> np.ndarray:
         along = float((direction * chord / scale**2).sum())
-        steep = along**2 <= STEEPEST_WAY**2 * square * float(((direction / scale) ** 2).sum())
+        steep = along**2 <= steepest**2 * square * float(((direction / scale) ** 2).sum())
         return chord if steep else direction * (square / along)
 
     assert here.direction is not None
@@ -401,11 +428,11 @@ def _bend(share: float, change: np.ndarray, before: np.ndarray, behind: np.ndarr
     return share**2 * (3 * change - 2 * before - behind + share * (before + behind - 2 * change))
 
 
-def _stay_above(values: np.ndarray) -> np.ndarray:
+def _stay_above(values: np.ndarray, clear: float) -> np.ndarray:
     """Whether values (k, samples) are above 0, and least ones between samples too, beyond doubt: a parabola through
     three samples is lower than the middle one by an eighth of its rises to the others at most."""
     middle, rises = values[:, 1:-1], np.array([values[:, :-2], values[:, 2:]]) - values[:, 1:-1]
-    sure = middle > 0.5 * rises.sum(0) + NOT_TOUCHING * values.max(1, keepdims=True)
+    sure = middle > 0.5 * rises.sum(0) + clear * values.max(1, keepdims=True)
     return np.asarray((values > 0).all(1) & (sure | (rises < 0).any(0)).all(1))
 
 

@@ -24,13 +24,12 @@ from ..running import interrupts
 FOLLOWED = ("fold", COLLAPSE, *(kind for kind, _ in LIMITS.values() if kind))
 # Pairs of neighbours from which curves are followed, at most; and those of them in succession that lead to none.
 MOST_PAIRS, MOST_WITHOUT = 24, 6
-# Points of a family between two neighbours, and of a curve; and the longest steps of both, as shares of the range.
-MOST_ON_WAY, MOST_ON_CURVE, LONGEST_ON_WAY, LONGEST_ON_CURVE = 60, 400, 0.5, 0.05
 # Few points are solved at a time, since most curves end soon, and long steps are taken, since rows and columns are hit
 # exactly afterwards. Curves are not followed far to where rounding decides, which takes many steps.
 CONTROL = StepControl(largest_batch=32, target_correction=1e-4, largest_amplification=1e6, escape_ratio=20.0)
 ALONG_FOLDS = replace(CONTROL, largest_amplification=100.0)  # second derivatives grow as powers of first ones
-ON_CURVE = checked_options(longest=LONGEST_ON_CURVE, most=MOST_ON_CURVE, step_control=CONTROL)
+ON_CURVE = checked_options(longest=0.05, most=400, step_control=CONTROL)
+ON_WAY = checked_options(longest=0.5, most=60)  # of a family between two neighbours
 # A curve of an event's kind that passes a row within this share of the range of the event is its curve.
 SAME_CURVE = 1e-7
 # Events on the way are located only as precisely as curves that begin there need it, since their first points solve the
@@ -141,8 +140,7 @@ def _curves_between(
 
 def _up_to_fold(machine: Machine, along: str, stop: float, start: Orbit) -> Family:
     """The family of an orbit up to a value, or up to its first fold."""
-    options = checked_options(longest=LONGEST_ON_WAY, most=MOST_ON_WAY)
-    run = begin_run(machine, along, start, stop, 1, None, options, None, None)
+    run = begin_run(machine, along, start, stop, 1, None, ON_WAY, None, None)
     run.locating(FOLLOWED, WIDTH_ON_WAY)
     points, events = list[Point](), list[Event]()
     with interrupts.deferred():

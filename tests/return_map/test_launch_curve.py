@@ -5,7 +5,7 @@ import pytest
 from return_maps import LOGISTIC
 
 from orbits.return_map.cycles import MapsAlong
-from orbits.return_map.cycles_along import STEP_OF_ROUGH_HOPS
+from orbits.return_map.cycles_along import STEPS_OF_HOPS
 from orbits.return_map.launch_curve import LaunchCurve
 from problems import Hopper
 
@@ -24,7 +24,7 @@ def test_hops_with_errors_differ_from_those_without_by_about_these():
     curve = LaunchCurve(MapsAlong(Hopper(), "mass_ratio", 0.9, 1.1, 0.09, 1000), (4.4, 4.7), 2)
     curve.equation(np.array([[4.58, 1.0]]), exact=True)
     rough, exact = (curve.equation(np.array([[4.581, 1.001]]), exact=exact) for exact in (False, True))
-    assert 0 < rough.errors[0] <= STEP_OF_ROUGH_HOPS
+    assert 0 < rough.errors[0] <= STEPS_OF_HOPS.rough
     assert exact.errors[0] == 0
     assert rough.launches == pytest.approx(exact.launches, rel=rough.errors[0])
     assert rough.residual == pytest.approx(exact.residual, abs=rough.errors[0])
