@@ -4,6 +4,7 @@ import pytest
 
 from orbits import Mechanism
 from orbits.mechanics import Mass, Spring
+from orbits.periodic.linear_hops import LinearHop, LinearSearch
 
 MASSES = [Mass("body", "m1"), Mass("foot", "m2")]
 VALUES = {"m1": 2.0, "m2": 0.5, "k": 3.0}
@@ -29,3 +30,13 @@ def machine(*elements, **more) -> Mechanism:
     masses = [Mass("body", "m1"), Mass("foot", "m2")]
     given = {"coordinates": ("body", "foot"), "elements": [*masses, LEG, *elements], "gap": "foot"}
     return Mechanism(**{**given, "parameters": VALUES, **more})
+
+
+def linear_hops(
+    inertia, stiffness, load, gap, half_contact: float, half_flight: float, seed: int = 0
+) -> list[LinearHop]:
+    """The lossless hops of a linear mechanism up to these half times."""
+    search = LinearSearch((inertia, stiffness, load), gap)
+    for _ in search.batches(half_contact, half_flight, seed):
+        pass
+    return search.hops

@@ -26,7 +26,6 @@ from ..errors import InputError, NoOrbit, finite_number
 from ..model.modes import SLOWEST_SQUARE, linear_modes
 from ..numerics.roots import Array, solve
 from ..numerics.sobol import sobol_points
-from ..running import interrupts
 
 # Newton's method starts together from this many quasi-random pairs of half times, each with all the amplitudes that are
 # stationary for the size of the equations there. It is repeated until this many successive batches bring no new root.
@@ -48,36 +47,15 @@ class LinearHop(NamedTuple):
     liftoff: np.ndarray
 
 
-def linear_hops(
-    inertia: ArrayLike,
-    stiffness: ArrayLike,
-    load: ArrayLike,
-    gap: ArrayLike,
-    half_contact: float,
-    half_flight: float,
-    seed: int = 0,
-) -> list[LinearHop]:
-    """The lossless hops of M y'' = -K y + f, by their times. They are roots of the equations: it is not checked whether
-    the gap stays open in flight and is pressed together in contact.
+class LinearSearch:
+    """The search for the lossless hops of M y'' = -K y + f, by their times. They are roots of the equations: it is not
+    checked whether the gap stays open in flight and is pressed together in contact.
 
-    inertia, stiffness, load : M, K (n, n) and f (n,), as for `linear_modes`
+    equations : M, K (n, n) and f (n,), as for `linear_modes`
     gap : weights (n,) of the gap weights . y
-    half_contact, half_flight : the longest half times that are searched
-    seed : of the quasi-random pairs of times from which Newton's method starts, until they find nothing new; another
-        seed may find some more
+    periods : the slowest natural periods of contact and of flight, 0 where no mode of the phase swings
 
     Raises `InputError` for an invalid mechanism, and `NoOrbit` where a motion changes neither spring nor gap.
-    """
-    search = LinearSearch((inertia, stiffness, load), gap)
-    for _ in search.batches(half_contact, half_flight, seed):
-        interrupts.heed()
-    return search.hops
-
-
-class LinearSearch:
-    """The search of `linear_hops`, for the equations (M, K, f).
-
-    periods : the slowest natural periods of contact and of flight, 0 where no mode of the phase swings
     """
 
     def __init__(self, equations: tuple[ArrayLike, ArrayLike, ArrayLike], gap: ArrayLike):
@@ -88,7 +66,8 @@ class LinearSearch:
         self.periods = contact, flight
 
     def batches(self, half_contact: float, half_flight: float, seed: int = 0) -> Iterator[float]:
-        """Search by Newton's method from one batch of times after the other; the share that is done after each."""
+        """Search by Newton's method from one batch of times after the other, until they find nothing new; the share
+        that is done after each. The half times are the longest; another seed may find some more hops."""
         longest = np.array([finite_number("half_contact", half_contact), finite_number("half_flight", half_flight)])
         if not (longest > 0).all():
             raise InputError(f"half_contact = {half_contact}, half_flight = {half_flight}: both are above 0")

@@ -4,10 +4,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from mechanisms import linear_hops
 
 from orbits import NoOrbit, find, find_all, follow, starts
 from orbits.periodic.continued import continued, continued_orbits
-from orbits.periodic.linear_hops import linear_hops
 from orbits.periodic.ways import WayOptions
 from problems import Chain, Hopper, plate_hopper
 

@@ -4,11 +4,12 @@ import flint
 import mpmath as mp
 import numpy as np
 import pytest
+from mechanisms import linear_hops
 from scipy.optimize import brentq
 
 from orbits import InputError, NoOrbit
 from orbits.model.relative import half_angle
-from orbits.periodic.linear_hops import LinearHop, linear_hops
+from orbits.periodic.linear_hops import LinearHop
 from problems import Chain
 
 GROUND = None

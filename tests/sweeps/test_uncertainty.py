@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from mechanisms import linear_hops
 from scipy.stats import norm
 from steps import closed_form
 
 from orbits import InputError, Uncertainty, find, find_all, sweep, uncertainty
-from orbits.periodic.linear_hops import linear_hops
 from problems import Chain, Hopper, hopper_in_si, rimless_wheel
 
 LEG = hopper_in_si(60.0, 3.0, stiffness=8000.0)

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from mechanisms import linear_hops
 from scipy.integrate import solve_ivp
 
 from orbits import InputError, NoOrbit, find, find_all, follow, orbit_at, simulate, starts
-from orbits.periodic.linear_hops import linear_hops
 from problems import Juggler, chain_hand
 
 PLAIN = find(Juggler())  # ball and hand of mass 1, gravity 1, stiffness 1

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from conftest import slow_after
+from mechanisms import linear_hops
 from scipy.integrate import solve_ivp
 
 from orbits import InputError, Orbit, find, find_all, follow, simulate, starts
-from orbits.periodic.linear_hops import linear_hops
 from problems import Hopper, plate_hopper
 
 PLAIN = find(Hopper())  # two equal masses
