@@ -155,12 +155,13 @@ def tuned_designs(
         return designs
     own = _parameters_of_all(machine, designs)
     ps = np.hstack([own, np.tile(known.ps[0, own.shape[1] :], (len(own), 1))])
-    found, errors = continued_tuned(known, ps, _varied(machine, designs), report)
+    found = continued_tuned(known, ps, _varied(machine, designs), report)
     for name in tuning.names:
-        designs.numbers[f"{name}_error"][:] = errors[name]
-    for orbits in found.parts:
+        designs.numbers[f"{name}_error"][:] = found.errors(name)
+    parts, stopped = found.certified()
+    for orbits in parts:
         fill_in_tuned(machine, designs, orbits.which, orbits, tuning, formulas)
-    for i, (status, reason) in found.stopped.items():
+    for i, (status, reason) in stopped.items():
         designs.statuses[i], designs.reasons[i] = status, reason
     return designs
 
@@ -177,7 +178,7 @@ def tuned_orbit(
     except NoOrbit:
         return find(other, None if start else family, start=start, tune=tune, at=at)
     ps = np.array([[*other.values.values(), *known.ps[0, len(machine.values) :]]])
-    found, _ = continued_tuned(known, ps, tuple(over) if {*over} <= machine.values.keys() else (*machine.values,))
+    found = continued_tuned(known, ps, tuple(over) if {*over} <= machine.values.keys() else (*machine.values,))
     if 0 in found.stopped:
         raise NoOrbit(found.stopped[0][1])
     own, near = start_of_tuned(other, tuning, known.equations, found.unknowns[0])
@@ -304,14 +305,15 @@ def _continue(
     found, known = continued(machine, start, ps, _varied(machine, designs), report), names_together(machine)
     together = {text: formula for text, formula in formulas.items() if formula.names <= known}
     alone = {text: formula for text, formula in formulas.items() if text not in together}
-    for orbits in found.parts:
+    parts, stopped = found.certified()
+    for orbits in parts:
         _fill_in(designs, orbits.which, machine.model, orbits, together)
         for i in orbits.which.tolist() if alone else ():
             interrupts.heed()
             own = designs.machine(machine, i)
             with suppress(NoOrbit):  # what is not certified alone has no such numbers
                 _fill_in_formulas(designs, i, own, orbit_of(own, orbit_from_unknowns(own, found.unknowns[i])), alone)
-    for i, (status, reason) in found.stopped.items():
+    for i, (status, reason) in stopped.items():
         designs.statuses[i], designs.reasons[i] = status, reason
 
 

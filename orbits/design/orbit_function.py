@@ -7,7 +7,6 @@ contact. The states of a machine in SI are multiples of these, whose units depen
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from typing import Any, TypeAlias
 
 import casadi as ca
@@ -26,6 +25,7 @@ from ..shooting.formulations import vector
 from ..symbolic.caches import cached
 from ..units import TIME, Units
 from .evaluator import DesignPoints, Evaluator, Varied, VariedOrbit, evaluator, of_varied
+from .local import attempt
 from .optimize import Origin
 from .problem import Outputs
 from .sensitivities import check_varied, known_motion, sensitivities
@@ -38,9 +38,6 @@ from .tuned_machine import (
     with_tuning,
 )
 
-# A launch of several unknowns is one of the same branch if it is not moved by a larger share of the largest unknown
-# from where the derivatives lead.
-SAME_BRANCH = 0.05
 # A motion of a shorter time, as a share of its phase, is its start.
 SHARE_OF_START = 1e-12
 # CasADi refers to the Python objects that it calls without owning them: what a graph may call lives on here.
@@ -139,8 +136,12 @@ class _Branch:
     def _continued(self, theta: Array) -> tuple[Machine, Orbit]:
         """From the known orbit, always on the same way, so that the result does not depend on earlier calls."""
         values = dict(zip(self.names, theta.tolist(), strict=True))
-        other, origin = self.machine.with_values(**values), Origin(self.known.family, self.machine, self.known)
-        found = self._beside(other) or origin.motions([other])[0]
+        other, found = self.machine.with_values(**values), None
+        # Where a launch is a speed, the number of a family distinguishes its orbits, so that the known one leads there.
+        if self.machine.model.one_speed and not tuned_numbers(self.machine):
+            found = attempt(lambda: (other, find(other, self.known.family, start=self.known)))
+        if not isinstance(found, tuple):
+            (found,) = Origin(self.known.family, self.machine, self.known).motions([other])
         if not isinstance(found, OrbitsError):
             machine, orbit = found[0], orbit_of(untuned(found[0]), found[1].dimensionless())
             if orbit.contact_time is not None:
@@ -148,27 +149,6 @@ class _Branch:
             found = NoOrbit("its contact does not end: " + "; ".join(orbit.violations))
         at = ", ".join(f"{name} = {x:.6g}" for name, x in values.items())
         raise NoOrbit(f"the orbit cannot be followed to {at}: {found}")
-
-    def _beside(self, other: Machine) -> tuple[Machine, Orbit] | None:
-        """Another machine and its orbit, where the known one directly leads to it, and no number is tuned; None where
-        it is of another branch.
-
-        The number of a family distinguishes the branches of a machine whose launch is a speed. Others are of the same
-        branch where the launch is about the one that the derivatives say.
-        """
-        machine, known, one_speed = self.machine, self.known, self.machine.model.one_speed
-        if isinstance(machine, TunedMachine):
-            return None
-        with suppress(NoOrbit):
-            found = find(other, known.family if one_speed else None, start=known)
-            if one_speed:
-                return other, found
-            (before, _), (after, _) = _launch_and_durations(machine, known), _launch_and_durations(other, found)
-            moved = np.array([other.values[name] - machine.values[name] for name in self.names])
-            expected = _derivatives_of_motion(machine, known, tuple(self.names), np.zeros(0))["launch"] @ moved
-            if np.abs(after - before - expected).max() <= SAME_BRANCH * np.abs(before).max():
-                return other, found
-        return None
 
     def values(self, theta: Array, t: Array) -> dict[str, Array]:
         """The results of the function."""

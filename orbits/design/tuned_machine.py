@@ -201,7 +201,7 @@ def continued_from(
     evaluation = equations.evaluate_all(u[None], p[None])
     known = Solved(machine.model, METHOD, equations, u[None], p[None], evaluation)
     varied = [name for name, a, b in zip(equations.parameters, p, there, strict=True) if a != b]
-    found, _ = continued_tuned(known, there[None], varied)
+    found = continued_tuned(known, there[None], varied)
     if 0 in found.stopped:
         raise NoOrbit(found.stopped[0][1])
     return other.near(found.unknowns[0], family)

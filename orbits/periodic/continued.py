@@ -38,16 +38,37 @@ NEARER = "give a start that is nearer"
 class Continued(NamedTuple):
     """The orbits of machines (m,) continued from one.
 
-    parts : the certified orbits; their `which` are indices of machines
     unknowns : (m, n), NaN where an orbit is not reached
-    stopped : by index of the other machines, the status and the reason
-    solutions : the solutions of the equations, certified or not, each with the indices of its machines
+    stopped : by index of the machines whose orbit is not reached, the status and the reason
+    solutions : those of the equations, each with the indices of its machines
     """
 
-    parts: list[Certified]
     unknowns: Array
     stopped: dict[int, tuple[str, str]]
     solutions: list[tuple[Array, Solved]]
+
+    def certified(self) -> tuple[list[Certified], dict[int, tuple[str, str]]]:
+        """The certified orbits, whose `which` are indices of machines; and by index of the other machines the status
+        and the reason."""
+        parts, stopped = list[Certified](), dict(self.stopped)
+        for which, solved in self.solutions:
+            found, refused = certified(solved, quickly=True)
+            parts += [found._replace(which=which[found.which])] if found else []
+            again = np.array(sorted(refused), int)
+            if len(again):
+                found, refused = certified(solved.only(again))
+                parts += [found._replace(which=which[again[found.which]])] if found else []
+                stopped |= {int(which[again[i]]): ("no orbit", str(error)) for i, error in refused.items()}
+        return parts, stopped
+
+    def errors(self, name: str) -> Array:
+        """Bounds (m,) on the errors of a tuned parameter, NaN where an orbit is not reached."""
+        errors = np.full(len(self.unknowns), np.nan)
+        for which, solved in self.solutions:
+            by, nodes = solved.by_nodes or solved, solved.by_nodes is not None
+            own = by.equations, by.us, by.ps, by.evaluation
+            errors[which] = error_bounds(*own, quickly=True, unknown=name, by_nodes=nodes)[0]
+        return errors
 
 
 def continued(
@@ -70,20 +91,12 @@ def continued(
 
 def continued_tuned(
     known: Solved, ps: Array, varied: Sequence[str], report: Callable[[int], None] = lambda ended: None
-) -> tuple[Continued, dict[str, Array]]:
+) -> Continued:
     """The orbits with tuned parameters of machines whose other parameters, of the names of the equations, are those in
-    ps (m, np), continued from a known solution; and bounds (m,) on the errors of the tuned ones by name, NaN for those
-    that are not reached. Arguments as in `continued`."""
-    equations, tuned = known.equations, known.equations.statement.tuned
+    ps (m, np), continued from a known solution. Arguments as in `continued`."""
+    equations = known.equations
     start = known.model, known.method, equations, known.us[0], known.ps[0]
-    found = _continued_from(*start, ps, {*varied} - {*tuned}, report, STRAIGHT_WAYS)
-    errors = {name: np.full(len(ps), np.nan) for name in tuned}
-    for which, solved in found.solutions:
-        by, nodes = solved.by_nodes or solved, solved.by_nodes is not None
-        for name in tuned:
-            own = by.equations, by.us, by.ps, by.evaluation
-            errors[name][which] = error_bounds(*own, quickly=True, unknown=name, by_nodes=nodes)[0]
-    return found, errors
+    return _continued_from(*start, ps, {*varied} - {*equations.statement.tuned}, report, STRAIGHT_WAYS)
 
 
 def _continued_from(
@@ -112,16 +125,7 @@ def _continued_from(
         i: _why_stopped(names, p, ps[i], vary, reached.shares[i], reached.folds[i], reasons.get(i, NEARER))
         for i in left.tolist()
     }
-    parts = list[Certified]()
-    for which, solved in solutions:
-        found, refused = certified(solved, quickly=True)
-        parts += [found._replace(which=which[found.which])] if found else []
-        again = np.array(sorted(refused), int)
-        if len(again):
-            found, refused = certified(solved.only(again))
-            parts += [found._replace(which=which[again[found.which]])] if found else []
-            stopped |= {int(which[again[i]]): ("no orbit", str(error)) for i, error in refused.items()}
-    return Continued(parts, us, stopped, solutions)
+    return Continued(us, stopped, solutions)
 
 
 def _solutions_at_ends(
@@ -150,15 +154,19 @@ def continued_orbits(
     in place of one the reason why there is none."""
     ps = np.array([vector(each.values) for each in machines])
     varied = [name for name, value in machine.values.items() if any(each.values[name] != value for each in machines)]
-    found, orbits = continued(machine, orbit, ps, varied, options=options), list[Orbit | NoOrbit]()
-    for i, (each, u) in enumerate(zip(machines, found.unknowns, strict=True)):
-        try:
-            if i in found.stopped:
-                raise NoOrbit(found.stopped[i][1])
-            orbits.append(orbit_from_unknowns(each, u))
-        except NoOrbit as error:
-            orbits.append(error)
-    return orbits
+    began, found = time.perf_counter(), continued(machine, orbit, ps, varied, options=options)
+    orbits: dict[int, Orbit | NoOrbit] = {i: NoOrbit(reason) for i, (_, reason) in found.stopped.items()}
+    for which, solved in found.solutions:
+        for k, i in enumerate(which.tolist()):
+            each = solved.only(np.array([k]))
+            try:
+                if each.by_nodes is None:
+                    known = NodedSolution(each.equations, None, each.us[0], each.ps[0], each.evaluation)
+                    each = Solved.of(each.model, each.method, known.divided())
+                orbits[i] = certified_orbit(machines[i], each, began=began)
+            except NoOrbit as error:
+                orbits[i] = error
+    return [orbits[i] for i in range(len(machines))]
 
 
 def orbit_from_unknowns(machine: Machine, u: Array) -> Orbit:
