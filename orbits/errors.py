@@ -97,6 +97,16 @@ def finite_number(name: str, value: object) -> float:
     return number
 
 
+def range_of(name: str, ends: Any) -> tuple[float, float]:
+    """The two ends of a range; raises `InputError` for anything but a pair of numbers that ascend."""
+    if not isinstance(ends, tuple | list | np.ndarray) or len(ends) != 2:
+        raise InputError(f"{name} = {ends!r}; it is a pair (low, high)")
+    low, high = (finite_number(name, end) for end in ends)
+    if not low < high:
+        raise InputError(f"{name} = ({low:g}, {high:g}); a range goes up, low < high")
+    return low, high
+
+
 def as_array_or_nan(values: Any) -> np.ndarray:
     """Numbers (...) as an array, which is one NaN for anything else."""
     try:

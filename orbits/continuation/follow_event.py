@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..design.design_quantities import extremes_of
-from ..errors import FlowError, InputError, NoOrbit, finite_number, whole_number
+from ..errors import FlowError, InputError, NoOrbit, range_of, whole_number
 from ..periodic.certificate import Certificate
 from ..periodic.family_orbits import another_family
 from ..running import interrupts
@@ -100,7 +100,7 @@ def run_along_event(
         what = "lies at a value of" if second == family.name else "is on a family that tunes"
         raise InputError(f"the event {what} {second}: it is followed along another parameter")
     if within is not None:
-        within = bounds_within(family.name, within)
+        within = range_of("within", within)
     for bound in bounds_of(second, machine.values[second], stop, options.at):
         machine.with_values(**{second: bound})  # an impossible machine is refused before the search
     with interrupts.deferred(), without_units(machine.units):
@@ -146,16 +146,6 @@ def collected(run: FamilyRun, output: str | Path | None = None) -> Family:
     """The curve that a run finds."""
     assert isinstance(run.curve, EventCurve)
     return _at_its_place(collect_family(run, output=output), run.curve.condition)
-
-
-def bounds_within(name: str, within: tuple[float, float]) -> tuple[float, float]:
-    """Bounds that ascend; raises `InputError` for others."""
-    if not isinstance(within, tuple | list) or len(within) != 2:
-        raise InputError(f"within = {within!r}; it is a pair of bounds of {name}")
-    low, high = (finite_number("within", bound) for bound in within)
-    if not low < high:
-        raise InputError(f"within = ({low:g}, {high:g}): the first bound of {name} lies below the second")
-    return low, high
 
 
 def _at_its_place(family: Family, condition: EventCondition) -> Family:

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from ..consistency.accepted import check_machine, check_parameters
-from ..errors import FlowError, InputError, NoOrbit, finite_number
+from ..errors import FlowError, InputError, NoOrbit, finite_number, range_of, whole_number
 from ..model.machine import Machine, dimensionless
 from ..model.model import STEP_LENGTH
 from ..numerics.common_zeros import near_common_zeros
@@ -107,8 +107,7 @@ def find_branch_points(
     """
     check_machine(machine)
     ranges = _checked_ranges(machine, over)
-    if isinstance(designs, bool) or not isinstance(designs, int) or not 4 <= designs <= MOST_DESIGNS:
-        raise InputError(f"designs = {designs!r}; it is a whole number from 4 to {MOST_DESIGNS}")
+    whole_number("designs", designs, least=4, most=MOST_DESIGNS)
     with interrupts.deferred(), time_limit(limit) if limit is not None else nullcontext():
         search, found = _DesignSearch(machine, ranges, family_number(family)), list[BranchPoint]()
         places, missed = near_common_zeros(search.minors, designs)
@@ -135,17 +134,13 @@ def _checked_ranges(machine: Machine, over: Mapping[str, tuple[float, float]]) -
             f"a {machine.model.name} has {sticks or 'no'} coordinates that stick: runs branch off the vertical hop of "
             'a machine that its reversor mirrors, with one; state sticks=("x",) for its place along the ground'
         )
-    if not isinstance(over, Mapping) or not all(
-        isinstance(ends, tuple | list) and len(ends) == 2 for ends in over.values()
-    ):
+    if not isinstance(over, Mapping):
         raise InputError(f"over = {over!r}; it is a mapping of names to ranges, as over={{'inertia': (4.0, 9.0)}}")
     check_parameters(machine, *over)
     if len(over) != 2:
         raise InputError(f"over = {dict(over)!r}: a branch point is a pair of values; state the ranges of two")
     for name, ends in over.items():
-        low, high = (finite_number(f"over '{name}'", each) for each in ends)
-        if not low < high:
-            raise InputError(f"over '{name}' = ({low:g}, {high:g}): a range begins below its end")
+        low, high = range_of(f"over '{name}'", ends)
         for end in (low, high):
             try:
                 # A range may tend to a value 0 that no machine has.

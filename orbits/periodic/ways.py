@@ -9,7 +9,6 @@ without nodes would lead to other orbits.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -106,7 +105,8 @@ def along_ways(
         which, waiting = stretch.which, sum(len(each.which) for each in stretches)
         here, there = _parameters_at(starts[which], ends[which], stretch.shares), ends[which]
         own = stretch.division.equations if stretch.division else equations
-        lanes = _went_along(own, stretch, here, there, vary, partial(_report_ended, report, count - waiting), options)
+        ended = lambda going, last=count - waiting: report(last - going)  # noqa: E731
+        lanes = _went_along(own, stretch, here, there, vary, ended, options)
         done, done_before = lanes.shares == 1.0, stretch.shares
         ways.shares[which] = np.where(done, 1.0, done_before + (1 - done_before) * lanes.shares)
         # Just behind a fold the last point is near the orbits before it, whence Newton's method does not converge.
@@ -127,11 +127,6 @@ def along_ways(
         at = _parameters_at(here, there, lanes.shares)
         stretches += _divided(equations, stretch, lanes, at, ways.shares[which], ways.reasons)
     return ways
-
-
-def _report_ended(report: Callable[[int], None], count: int, going: int) -> None:
-    """Report the number of machines whose way has ended, where some of this number are still going."""
-    report(count - going)
 
 
 def _parameters_at(starts: Array, ends: Array, shares: Array) -> Array:

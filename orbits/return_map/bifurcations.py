@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..curves import End, Event
-from ..errors import InputError, NoOrbit, finite_number, is_list, whole_number
+from ..errors import InputError, NoOrbit, finite_number, is_list, range_of, whole_number
 from ..model.machine import Machine, machine_in_words
 from ..result import Progress
 from ..running import interrupts
@@ -20,7 +20,7 @@ from ..running.exclusive import exclusive
 from ..simulation.impacts import CAP
 from .bifurcation import Bifurcation, name_of_hops
 from .branches import BranchTracer
-from .cycles import INJECT, MapsAlong, range_of
+from .cycles import INJECT, MapsAlong
 from .diagram import RESERVED_IN_DIAGRAMS, BifurcationDiagram, Branch
 from .launch_branches import launch_diagram
 from .launch_curve import STEPS_OF_BRANCHES, PeriodicLaunch

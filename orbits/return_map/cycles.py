@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from ..consistency.accepted import check_machine
-from ..errors import InputError, finite_number
+from ..errors import InputError
 from ..model.machine import Machine, free_parameters, machine_in_words
 from ..units import LIFTOFF_SPEED
 from .cycle_statement import INJECT
@@ -323,15 +323,3 @@ def parameters_of_maps(machine: Machine) -> list[str]:
     """The names of the parameters along which maps can be followed."""
     own = [name for name in (RESTITUTION, *DAMPERS_OF_HOPS) if _has(machine, name)]
     return list(dict.fromkeys([INJECT, *own, *free_parameters(machine)]))
-
-
-def range_of(name: str, ends: tuple[float, float]) -> tuple[float, float]:
-    """The two ends of a range, checked."""
-    try:
-        low, high = ends
-    except (TypeError, ValueError):
-        raise InputError(f"{name} = {ends!r}; it is a pair (low, high)") from None
-    low, high = finite_number(name, low), finite_number(name, high)
-    if not low < high:
-        raise InputError(f"{name} = ({low:g}, {high:g}); a range goes up, low < high")
-    return low, high

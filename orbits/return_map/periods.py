@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, finite_number, whole_number
+from ..errors import InputError, finite_number, range_of, whole_number
 from ..io import Document
 from ..model.machine import Machine, machine_in_words, title_of_machine
 from ..result import Axes, Progress, Result, Row, shown, stored
@@ -20,7 +20,7 @@ from ..running.exclusive import exclusive
 from ..simulation.feet import LIFTS_OFF
 from ..simulation.impacts import CAP
 from ..units import LIFTOFF_SPEED
-from .cycles import INJECT, RESTITUTION, MapsAlong, parameters_of_maps, range_of
+from .cycles import INJECT, RESTITUTION, MapsAlong, parameters_of_maps
 from .diagram import RESERVED_IN_DIAGRAMS
 from .return_map import ReturnMap
 

@@ -7,7 +7,6 @@ import numpy as np
 from ..design.designs_at_once import solved_designs, tuned_designs
 from ..design.problem import known_formula
 from ..errors import OrbitsError
-from ..model.machine import Machine
 from ..periodic.find import find
 from ..return_map.return_map import ReturnMap
 from ..running import interrupts
@@ -71,15 +70,10 @@ def _found(question: Question, table: Table, report: Callable[[int], None]) -> N
         before += len(rows)
 
 
-def _machine_at(question: Question, table: Table, row: int) -> Machine:
-    """The machine of a row."""
-    names = (name for name in question.members.names if name != LAUNCH_SPEED)
-    return question.machine.with_values(**{name: float(table.columns[name][row]) for name in names})
-
-
 def _return_map(question: Question, table: Table, row: int) -> ReturnMap:
     """The return map of the machine of a row."""
-    return ReturnMap(_machine_at(question, table, row))
+    names = (name for name in question.members.names if name != LAUNCH_SPEED)
+    return ReturnMap(question.machine.with_values(**{name: float(table.columns[name][row]) for name in names}))
 
 
 def _launched(question: Question, table: Table, report: Callable[[int], None]) -> None:

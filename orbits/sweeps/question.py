@@ -11,7 +11,7 @@ from ..continuation.checkpoint import versions
 from ..design.designs_at_once import columns_of_tuned, names_together
 from ..design.problem import formula_names, known_formula
 from ..design.tuned_machine import tuning_of_designs
-from ..errors import InputError, finite_number, list_of_names
+from ..errors import InputError, list_of_names, range_of
 from ..io import Document
 from ..model.machine import Machine, machine_in_words
 from ..periodic.family_orbits import family_number
@@ -188,7 +188,7 @@ def question_of(
             raise InputError(f"'{name}' is a column of every answer: leave it out of the quantities and parameters")
         if name in names[:i]:
             raise InputError(f"'{name}' is twice among the quantities: leave one of them out")
-    speeds = None if between is None else _speeds(between)
+    speeds = None if between is None else range_of("between", between)
     unknowns = None
     if start is not None and tuning:
         start = start if isinstance(start, Orbit | Mapping) else start_in_file(start)
@@ -223,13 +223,3 @@ def _check_quantities(machine: Machine, quantities: Sequence[str], tuning: Tunin
         except InputError as error:
             what, *shown = str(error).split("\n")
             raise InputError(f"the quantity '{text}': {what}" if shown else what) from None
-
-
-def _speeds(between: object) -> tuple[float, float]:
-    """Two launch speeds in ascending order."""
-    if not isinstance(between, tuple | list | np.ndarray) or len(between) != 2:
-        raise InputError(f"between = {between!r}; it is (low, high), two launch speeds")
-    low, high = (finite_number("between", speed) for speed in between)
-    if not low < high:
-        raise InputError(f"between = ({low:g}, {high:g}): launch speeds go up, low < high")
-    return low, high

@@ -114,7 +114,7 @@ def test_of_a_nonlinear_leg_and_another_family():
         ({"inertia": (2.0, 1.0), "hip_stiffness": (5.0, 6.0)}, r"'inertia' = \(2, 1\)"),
         ({"inertia": (1.0, 2.0), "hip": (5.0, 6.0)}, "hip"),
         ({"inertia": (-3.0, 9.0), "hip_stiffness": (5.0, 6.0)}, r"\(-3, 9\): state a range of values that the machine"),
-        ({"inertia": 5.0, "hip_stiffness": (5.0, 6.0)}, "a mapping of names to ranges"),
+        ({"inertia": 5.0, "hip_stiffness": (5.0, 6.0)}, "over 'inertia' = 5.0; it is a pair"),
         ("inertia", "a mapping of names to ranges"),
     ],
 )

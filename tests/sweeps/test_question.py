@@ -22,11 +22,11 @@ from problems import Hopper, plate_hopper
         *(
             (({"beta": (0, 1)}, 5), {"outcome": "fixed_points", "between": between}, said)
             for between, said in (
-                (4.0, r"between = 4.0; it is \(low, high\)"),
+                (4.0, r"between = 4.0; it is a pair \(low, high\)"),
                 ((), r"between = \(\); it is"),
                 ("45", "between = '45'"),
-                ((4.0, 5.0, 6.0), "two launch speeds"),
-                ((5.0, 4.0), r"between = \(5, 4\): launch speeds go up"),
+                ((4.0, 5.0, 6.0), "it is a pair"),
+                ((5.0, 4.0), r"between = \(5, 4\); a range goes up"),
                 ((4.0, 4.0), "low < high"),
                 ((4.0, "b"), "between = 'b'"),
             )

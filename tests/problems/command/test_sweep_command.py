@@ -139,7 +139,7 @@ def test_a_store_is_refused_without_resume_and_gone_on_with(orbits, tmp_path):
         ("--over beta=0:1 --workers 0", "--workers"),
         ("--over beta=0:1 --seed -1", "seed = -1"),
         ("--over beta=0:1 --outcome fixed_points --between 5:4", "low < high"),
-        ("--over beta=0:1 --outcome fixed_points --between 4", "two launch speeds"),
+        ("--over beta=0:1 --outcome fixed_points --between 4", "it is a pair"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(orbits, options, said):
