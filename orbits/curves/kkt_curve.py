@@ -114,7 +114,7 @@ class MinimumCurve:
         if near.tangent[-1]:
             z = z + near.tangent / near.tangent[-1] * (value - near.value)
         try:
-            return self.newton.at_parameter(z, near.sides, value, near.tangent, exact=True)
+            return self.newton.at_parameter(z, near.sides, value, near.tangent)
         except (LostCurve, NoOrbit):
             raise NoOrbit(f"no minimum is found at {value:.10g} from that at {near.value:.10g}") from None
 
@@ -209,7 +209,7 @@ class MinimumCurve:
             try:
                 sides, multipliers = limits_changed(self.program, point, event.which, dependent)
                 z = np.concatenate([point.x, multipliers, [point.value]])
-                after = self.newton.at_parameter(z, sides, point.value, along, exact=True)
+                after = self.newton.at_parameter(z, sides, point.value, along)
                 break
             except ExclusiveLimits:
                 text = f"the limits exclude each other beyond {point.value:.10g}: no point satisfies all of them"

@@ -120,9 +120,9 @@ class PointsOfCurve:
         found = z[:n], z[n:-1], sides, values, cost, slope, linear.negative, tangent
         return CriticalPoint(float(z[-1]), *found), error
 
-    def at_parameter(self, z: Array, sides: Array, value: float, along: Array, exact: bool = False) -> CriticalPoint:
-        """The point at a value of the parameter."""
-        return self.corrected(z, sides, len(z) - 1, value, along, exact)[0]
+    def at_parameter(self, z: Array, sides: Array, value: float, along: Array) -> CriticalPoint:
+        """The point at a value of the parameter, with its exact tangent."""
+        return self.corrected(z, sides, len(z) - 1, value, along, exact=True)[0]
 
     def _linearised(self, z: Array, active: Array) -> LinearisedConditions:
         return linearised(self.second(z[: self.n], z[-1], z[self.n : -1]), active, self._patterns, self.options)

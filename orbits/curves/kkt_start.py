@@ -84,7 +84,7 @@ def _with_right_signs(points: PointsOfCurve, z: Array, sides: Array, along: Arra
     sign."""
     options = points.options
     for _ in range(options.changes_at_start):
-        point = points.at_parameter(z, sides, z[-1], along, exact=True)
+        point = points.at_parameter(z, sides, z[-1], along)
         left = rooms_at(point, points.limits, points.dual_size)
         i = int(np.argmin(left))
         if left[i] >= -options.tolerated_at_start:
