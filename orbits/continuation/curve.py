@@ -365,7 +365,7 @@ def check_followed(machine: Machine, *names: str) -> None:
     check_parameters(machine, *names)
     for name in names:
         if name in RESERVED_NAMES:
-            raise InputError(f"a parameter called '{name}' cannot be told from the orbit's own; give it another name")
+            raise InputError(f"a parameter called '{name}' has the name of a number of orbits; give it another name")
 
 
 def tuned_at(machine: Machine, point: Point, along: str) -> tuple[str, ...]:

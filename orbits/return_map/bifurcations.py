@@ -100,7 +100,7 @@ def bifurcations(
     sections = whole_number("sections", default if sections is None else sections, "values of the parameter", 2)
     maps = MapsAlong(machine, along, low, high, finite_number("inject", inject), cap)
     if along in RESERVED_IN_DIAGRAMS:
-        raise InputError(f"a parameter called '{along}' cannot be told from the diagram's own; give it another name")
+        raise InputError(f"a parameter called '{along}' has the name of a column of diagrams; give it another name")
     if along == INJECT and inject != 0:
         raise InputError(f"inject = {inject:g} beside a range of it: the range says it all")
     for end in (low, high):

@@ -303,7 +303,7 @@ def _checked_axes(
         raise InputError(f"a launch of a {machine.model.name} is more than a speed: it has no diagram of periods")
     for name in over:
         if name in (*RESERVED_IN_DIAGRAMS, "start", "status", "launch", "exponent"):
-            raise InputError(f"a parameter called '{name}' cannot be told from the diagram's own; give it another name")
+            raise InputError(f"a parameter called '{name}' has the name of a column of diagrams; give it another name")
         if name not in (known := parameters_of_maps(machine)):
             raise InputError(f"the return map has no parameter '{name}'; it has {', '.join(known)}")
     if INJECT in over and finite_number("inject", inject) != 0:

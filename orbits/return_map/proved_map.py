@@ -199,7 +199,7 @@ def _proof(
     except Unproved as error:
         return replace(not_stated(machine, error), kind=kind)
     if INJECTION in stated.parameters:
-        raise InputError(f"a parameter called '{INJECTION}' cannot be told from the injection; give it another name")
+        raise InputError(f"a parameter called '{INJECTION}' has the name of the injection; give it another name")
 
     def attempt(digits: int | None, before: _Result | None) -> _Result:
         try:

@@ -136,7 +136,7 @@ def members_of(
             raise InputError(f"sampling = {sampling!r} draws samples; a table of samples has them already")
         return _members_of_table(samples, None if over is None else list(over), allowed)
     if not isinstance(over, Mapping) or not over:
-        raise InputError(f"over = {over!r}; it maps names of parameters to what is asked of them, as {{'k': (1, 2)}}")
+        raise InputError(f"over = {over!r}; it maps names of parameters to values or ranges, as {{'k': (1, 2)}}")
     _check_names(over, allowed)
     axes = {name: axis_of(name, stated) for name, stated in over.items()}
     if sampling is None:

@@ -265,7 +265,7 @@ def _other_question(document: Mapping[str, object], question: Question) -> str:
         if name == EQUATIONS:
             return "its machine has other equations, as of another table or function with the same name"
         had, wanted, place = had.get(name), wanted.get(name), f"{place} {name}"
-    return f"{place} is {_short(had)}, and {_short(wanted)} is asked"
+    return f"{place} is {_short(had)}, here it is {_short(wanted)}"
 
 
 def _short(value: object) -> str:

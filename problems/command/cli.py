@@ -744,7 +744,7 @@ def main() -> None:
         _leave_output()
         code = _failed(f"the output cannot be written: {error}; {remedy('write it elsewhere', error)}", 2)
     except MemoryError:
-        code = _failed("there is not enough memory for what is asked: ask for fewer launches, hops or points", 1)
+        code = _failed("there is not enough memory: state fewer launches, hops or points", 1)
     except Exception as error:
         from orbits.errors import InputError, OrbitsError
         from orbits.running.time_limit import TimeOver

@@ -54,7 +54,7 @@ def test_another_version_is_no_other_machine(tmp_path, monkeypatch):
     Store(path, question_of(Hopper(), members, 1, (), "find", None)).close()
     monkeypatch.setattr(question, "versions", lambda known=question.versions: {**known(), "casadi": "9.9"})
     monkeypatch.setattr(same_equations, "version", lambda name: "9.9")
-    with pytest.raises(InputError, match=r"its versions casadi is .*, and .9\.9. is asked"):
+    with pytest.raises(InputError, match=r"its versions casadi is .*, here it is .9\.9"):
         Store(path, question_of(Hopper(), members, 1, (), "find", None))
 
 

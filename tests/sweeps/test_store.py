@@ -63,9 +63,9 @@ def test_another_question_is_refused_and_both_are_named(tmp_path):
     Store(path, asked()).close()
     before = path.read_bytes()
     for other, said in (
-        (asked(601), "members is 600, and 601"),
-        (asked(family=2), r"families is \[1\], and \[2\]"),
-        (asked(quantities=("stroke",)), r"quantities is \[\], and"),
+        (asked(601), "members is 600, here it is 601"),
+        (asked(family=2), r"families is \[1\], here it is \[2\]"),
+        (asked(quantities=("stroke",)), r"quantities is \[\], here it is"),
     ):
         with pytest.raises(InputError, match=said):
             Store(path, other)
@@ -252,9 +252,9 @@ def test_small_and_large_letters_are_different_columns(tmp_path):
 def test_another_seed_or_range_is_named(tmp_path):
     machine, store = Hopper("cubic"), tmp_path / "a.db"
     sweep(machine, {"beta": (0.1, 0.2)}, 8, store=store)
-    with pytest.raises(InputError, match='its drawn is "sobol, seed 0", and "sobol, seed 1" is asked'):
+    with pytest.raises(InputError, match='its drawn is "sobol, seed 0", here it is "sobol, seed 1"'):
         sweep(machine, {"beta": (0.1, 0.2)}, 8, seed=1, store=store)
-    with pytest.raises(InputError, match=r"its over beta is \[0.1, 0.2\], and \[0.1, 0.3\] is asked"):
+    with pytest.raises(InputError, match=r"its over beta is \[0.1, 0.2\], here it is \[0.1, 0.3\]"):
         sweep(machine, {"beta": (0.1, 0.3)}, 8, store=store)
 
 

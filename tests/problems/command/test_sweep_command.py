@@ -202,7 +202,7 @@ def test_a_file_that_is_no_store_is_refused_untouched(orbits, tmp_path, spoilt):
         content[question : question + 3] = b"{{{"
     store.write_bytes(content)
     if spoilt == "of other machines":
-        refused(orbits(f"{command} --mass-ratio 2"), "its machine mass_ratio is 1.0, and 2.0 is asked")
+        refused(orbits(f"{command} --mass-ratio 2"), "its machine mass_ratio is 1.0, here it is 2.0")
     else:
         refused(orbits(command), "study.db is")
     assert store.read_bytes() == content
