@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..consistency.accepted import check_parameters
-from ..errors import InputError, finite_number
+from ..errors import InputError, range_of
 from ..model.machine import Machine, free_parameters
 from ..model.model import Model, refuse_forward
 from ..numerics.sobol import sobol_points
@@ -227,14 +227,8 @@ def _checked_bounds(machine, over):
                 machine.with_values(**{str(name): 1.0})  # raises the machine's own error
             known = suggest(name, names)
             raise InputError(f"the machine has no parameter '{name}' to design{known}")
-        try:
-            low, high = bounds
-        except (TypeError, ValueError):
-            raise InputError(f"over {name} = {bounds!r}; give its bounds, (low, high)") from None
-        low, high = (finite_number(f"a bound of {name}", bound) for bound in (low, high))
+        low, high = range_of(f"over {name}", bounds)
         wrong = f"the bounds of {name}"
-        if not low < high:
-            raise InputError(f"{wrong} are in conflict: its lower bound {low:g} is not below the upper, {high:g}")
         if high - low <= NARROWEST * max(abs(low), abs(high)):
             raise InputError(f"{wrong}, {low!r} and {high!r}, leave no room: state {name} in the machine instead")
         if low > 0 and not np.isfinite(high / low):

@@ -23,10 +23,10 @@ def test_a_constraint_means_the_same_however_it_is_written(text):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"over": {"b": (1.0, 0.5)}}, "bounds of b are in conflict: its lower bound 1 is not below the upper, 0.5"),
+        ({"over": {"b": (1.0, 0.5)}}, "over b = (1, 0.5); a range goes up, low < high"),
         ({"over": {"mass_ration": (0, 1)}}, "no parameter 'mass_ration' to design; did you mean 'mass_ratio'"),
         ({"over": {}}, "over names the parameters"),
-        ({"over": {"b": 3}}, "give its bounds"),
+        ({"over": {"b": 3}}, "over b = 3; it is a pair"),
         ({"over": {"mass_ratio": (-1, 1)}}, "mass_ratio = -1 is out of bounds"),
         ({"minimise": "strok"}, "unknown quantity 'strok'; did you mean 'stroke'"),
         ({"minimise": "alpha +"}, "is missing here"),

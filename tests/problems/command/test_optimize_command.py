@@ -90,7 +90,7 @@ def test_command_line_of_a_front(orbits, tmp_path):
     ("old", "new", "code", "words"),
     [
         ("0.25", "0.01", 1, "'stroke <= 0.01' is missed by"),
-        ("k = [500, 5e4]", "k = [5e4, 500]", 2, "bounds of k are in conflict"),
+        ("k = [500, 5e4]", "k = [5e4, 500]", 2, "a range goes up, low < high"),
         ('"largest_contact_force"', '"largest_contact_forse"', 2, "did you mean 'largest_contact_force'"),
         ("family = 2", "famly = 2", 2, "unknown key 'famly'; did you mean 'family'"),
         ("starts = 1", "starts = 'locals'", 2, "it is a number, or 'global'"),
