@@ -16,7 +16,7 @@ from ..errors import FlowError, NoOrbit, NoStep, OrbitsError
 from ..numerics.hermite import through
 from ..numerics.roots import Array
 from ..shooting.division import DIVIDED_GROWTH, LARGEST_ARC_GROWTH
-from ..shooting.single_shooting import Evaluation
+from ..shooting.single_shooting import Evaluation, joined
 from .curve import Curve, evaluation_at
 from .curve_corners import AWAY_FROM_CORNER, CurveCorner
 from .limits import Endings
@@ -115,6 +115,17 @@ class FamilyProblem(Problem):
             return points, errors
         own = found[np.minimum(np.arange(len(points)), len(found) - 1)] if errors else found
         return points.having(own=own), errors
+
+    def certify_first(self, first: Points, points: Points) -> tuple[Points, Points, dict[int, OrbitsError]]:
+        parts = [first, points] if len(points) else [first]
+        names = ("lanes", "xs", "tangents", "growths", "lengths")
+        arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        evaluation, places = joined([evaluation_at(part) for part in parts]), np.arange(1 + len(points))
+        certified, errors = self.certify(Points(**arrays, evaluation=evaluation, places=places))
+        if 0 in errors:
+            raise errors[0]
+        self.endings.origin = certified.own[0]
+        return certified[:1], certified[1:], {i - 1: error for i, error in errors.items()}
 
     def regular(self, points: Points) -> Points:
         """With the largest singular value of the Jacobian in place of the one that vanishes."""

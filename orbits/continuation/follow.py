@@ -28,8 +28,6 @@ from .curve import Curve, Watch, machine_at, tuned_at
 from .family import Family
 from .family_problem import FamilyProblem
 from .family_run import FamilyRun
-from .family_tests import watched
-from .limits import Endings
 from .point import End, Event, Point
 from .step_control import Options, StepControl, checked_options
 from .tuned_curve import TunedCurve, checked_tuning, curve_at
@@ -252,9 +250,9 @@ def bounds_of(along: str, start: float, stop: object, at: Sequence[float] = ()) 
 
 def begin_run(
     machine: Machine, along: str, start: StartLike | float | None, stop: Any, family: int | None, method: Any,
-    options: Options, resume: Family | None = None, tune: Any = None,
+    options: Options, resume: Family | None = None, tune: Any = None, **of_run: Any,
 ) -> FamilyRun:  # fmt: skip
-    """A run from the first orbit, or from the last of a family that is resumed."""
+    """A run from the first orbit, or from the last of a family that is resumed; `of_run` as in `FamilyRun`."""
     family = None if family is None else family_number(family)
     orbit, start = (start, None) if isinstance(start, Orbit | Mapping | str | Path) else (None, start)
     tuned = checked_tuning(machine, along, tune)
@@ -278,7 +276,7 @@ def begin_run(
         orbit = start_in_file(orbit) if isinstance(orbit, str | Path) else orbit
         solved = _of_family(machine, family, method) if orbit is None else solve_near(machine, orbit, method)
         curve = Curve(machine, along, iterative(solved.method), abs(stop - behind))
-    run = start_run(curve, np.append(solved.us[0], start), start, behind, stop, options)
+    run = start_run(curve, np.append(solved.us[0], start), start, behind, stop, options, **of_run)
     if orbit is None and run.point.family != family:
         raise NoOrbit(another_family(family, run.point.family))
     return run
@@ -322,18 +320,15 @@ def _of_family(machine: Machine, family: int, method: str) -> Solved:
 
 
 def start_run(
-    curve: Curve, x: np.ndarray, start: float, behind: float, stop: float, options: Options,
-    kind: type[Endings] = Endings,
-) -> FamilyRun:  # fmt: skip
-    """A run from near `x` (n + 1,), where the parameter has the value `start`, towards `stop`, with ends of a kind."""
+    curve: Curve, x: np.ndarray, start: float, behind: float, stop: float, options: Options, **of_run: Any
+) -> FamilyRun:
+    """A run from near `x` (n + 1,), where the parameter has the value `start`, towards `stop`; `of_run` as in
+    `FamilyRun`."""
     with interrupts.deferred(), without_units(curve.units_at(start)):
         along_parameter = np.eye(len(x))[-1]
         problem = FamilyProblem(curve, options)
         problem, first = problem.known(x, along_parameter, along_parameter * np.sign(stop - start))
-        run = FamilyRun(problem, first, behind, stop, options, kind=kind)
-        for name, function in options.watch.items():
-            watched(name, function, run.curve.orbit(run.first))
-        return run
+        return FamilyRun(problem, first, behind, stop, options, **of_run)
 
 
 def _resumed(machine, along: str, behind: float, stop: float, resume: Family, options: Options) -> FamilyRun:

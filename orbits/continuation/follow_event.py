@@ -133,7 +133,7 @@ def _run(
     )
     try:
         curve, x = curve.begun_near(np.append(begun.x, start))
-        run = start_run(curve, x, start, behind, stop, options, EventEndings)
+        run = start_run(curve, x, start, behind, stop, options, kind=EventEndings)
         if curve.division and run.point.family != begun.family:
             raise NoOrbit(another_family(begun.family, run.point.family))
     except (NoOrbit, FlowError) as error:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -140,11 +140,14 @@ def _by_own_power(scale, value, widest: float, options: Extrapolation) -> list[t
 
 
 class Endings:
-    """The tests for the end of a run from the orbit `origin` at the parameter's value `start`; bounds ascend."""
+    """The tests for the end of a run from the orbit `origin`, None until it is certified, at the parameter's value
+    `start`; bounds ascend."""
 
     kinds: Sequence[str] = ()  # of the tests that end the curve between two points
 
-    def __init__(self, curve: Curve, origin: Point, start: float, bounds: tuple[float, float], options: Options):
+    origin: Any
+
+    def __init__(self, curve: Curve, origin: Point | None, start: float, bounds: tuple[float, float], options: Options):
         self.curve, self.origin, self.start, self.bounds = curve, origin, start, bounds
         self.stop_inadmissible, self.control, self.requested = (
             options.stop_inadmissible,

@@ -99,34 +99,37 @@ def _newton(
     the least number of steps."""
     (rough, reach), final, m = limits, options.last, len(xs)
     sizes = problem.size(lanes, xs) if m else xs
-    directions, growths, last = np.zeros(xs.shape), np.ones(m), np.full(m, np.inf)
+    directions, growths = np.zeros(xs.shape), np.ones(m)
     solved, evaluation, moved = np.isinf(rough) & record, None, None
-    owners = left = np.flatnonzero(~solved)
+    owners = left = (~solved).nonzero()[0]
+    last = np.full(len(left), np.inf)
     for taken in range(1, options.corrections + 1):
         if not len(left):
             break
         able, evaluation = problem.evaluate(lanes[left], xs[left], evaluation if problem.chords else None, moved)
-        owners = left = left[able]
+        owners, last = left, last = left[able], last[able]
         if evaluation is None or not len(left):
             break
-        rows, levels = border.at(left, xs[left], evaluation)
-        moves, directions[left] = newton_steps(evaluation, xs[left], rows, levels)
-        xs[left] += moves
-        growths[left] = evaluation.amplification
+        places, grown = xs[left], evaluation.amplification
+        rows, levels = border.at(left, places, evaluation)
+        moves, directions[left] = newton_steps(evaluation, places, rows, levels)
+        xs[left], growths[left] = places + moves, grown
         units = problem.units(sizes[left], evaluation)
         moved = (np.abs(moves) / units).max(1)
-        shrinks, finite = moved < STALLED * last[left], np.isfinite(moved)
-        done = (moved < final) & (moved * growths[left] < final) | (moved < SMALL) & ~shrinks | (moved < rough[left])
-        if (open_ := ~(done | shrinks) & (moved < NO_ROUNDING)).any():
-            done |= open_ & (moved < LARGEST * (problem.rounding(evaluation, rows) / units).max(1))
+        shrinks, finite = moved < STALLED * last, np.isfinite(moved)
+        done = (moved * np.maximum(grown, 1.0) < final) | (moved < rough[left])
+        if (stalls := ~shrinks).any():
+            done |= stalls & (moved < SMALL)
+            if (stalls := stalls & ~done & (moved < NO_ROUNDING)).any():
+                done |= stalls & (moved < LARGEST * (problem.rounding(evaluation, rows) / units).max(1))
         done &= finite & (taken >= least)
         goes = (moved <= reach[left]) & (shrinks | (taken < least)) & finite & ~done
         solved[left[done]] = True
-        last[left] = np.where(np.isinf(growths[left]) & (moved < NO_ROUNDING), np.inf, moved)
+        last = np.where(np.isinf(grown) & (moved < NO_ROUNDING), np.inf, moved)[goes]
         left, moved = left[goes], moved[goes]
         if problem.chords and 0 < len(left) < len(goes):
             evaluation, owners = evaluation[np.flatnonzero(goes)], left
-    which = np.flatnonzero(solved)
+    which = solved.nonzero()[0]
     xs = border.met(xs)
     if record and len(which):
         known = evaluation if problem.chords and np.array_equal(owners, which) else None
@@ -175,5 +178,7 @@ def _pointed(
     sides = np.sign((scaled / sizes * before).sum(1))
     tangents = directions / (sides * np.sqrt((scaled * scaled).sum(1)))[:, None]
     points = Points(lanes, xs, tangents, growths, found, np.arange(len(which)))
+    if np.isfinite(tangents).all():
+        return which, points
     sound = np.isfinite(tangents).all(1)
-    return (which, points) if sound.all() else (which[sound], points[sound])
+    return which[sound], points[sound]

@@ -1,12 +1,12 @@
 """A batch: the steps of the curves of one problem, and the certified points on these steps."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from .curve_events import Column, functions_of, values_of
+from .curve_events import values_of
 from .curve_steps import Chain, Division, Tails, between, is_first, step, up_to_the_first
 from .protocol import Array, Points, Problem
 from .step_options import Steps
@@ -22,28 +22,20 @@ class Group:
 
     lanes : (k,), in order
     tails : the points from which their next ones are predicted
-    values : the values (k, c) of the tests at their last points
-    functions : the number of functions of each test
+    values : the values (k, c) of the tests at their last points; None where these are not certified yet
     """
 
     problem: Problem
     lanes: Array
     tails: Tails
-    values: Array
-    functions: list[int]
+    values: Any
 
     @classmethod
-    def of(cls, problem: Problem, blocks: Sequence[Points], memory: int) -> "Group":
+    def of(cls, problem: Problem, blocks: Sequence[Points], memory: int, certified: bool = True) -> "Group":
         """The curves that go on from the points (k) of the last block; in earlier blocks are points before these."""
         last = blocks[-1]
-        tails, functions = Tails.of(blocks, last.lanes, memory), functions_of(problem, last)
-        return cls(problem, last.lanes, tails, values_of(problem, last), functions)
-
-    @property
-    def columns(self) -> list[Column]:
-        """The test, and the number of its function, of each column of the values."""
-        pairs = zip(self.problem.tests, self.functions, strict=True)
-        return [(test, number) for test, count in pairs for number in range(count)]
+        values = values_of(problem, last)[1] if certified else None
+        return cls(problem, last.lanes, Tails.of(blocks, last.lanes, memory), values)
 
     def only(self, which: Array) -> "Group":
         """Those with some indices."""
@@ -203,24 +195,29 @@ def _rescued(group: Group, batch: Batch, progress: Progress, late: Array, option
     return batch
 
 
+Certify = Callable[[Group, Points], tuple[Points, Mapping[int, object]]]
+
+
 def points_of(
-    group: Group, batch: Batch, last: Callable[[int], Points], progress: Progress, limits: Limits, options: Steps
-) -> tuple[Points, dict[int, object]]:
+    group: Group, batch: Batch, certify: Certify, last: Callable[[int], Points], progress: Progress, limits: Limits,
+    options: Steps,
+) -> tuple[Points, dict[int, object]]:  # fmt: skip
     """The certified points of a batch, of each lane up to the first that is rejected, and the reasons for these by
     lane. The group goes on from the last points; `last` tells the last point (1) of a lane before the batch."""
     points, is_end, failed = _solved(group, batch, limits, options)
     why: dict[int, object] = dict.fromkeys(failed.tolist(), UNSOLVED)
-    for judged in (group.problem.certify, lambda points: (points, _others(group.problem, points, last))):
-        points, errors = judged(points) if len(points) else (points, {})
+    for judged in (certify, lambda group, points: (points, _others(group.problem, points, last))):
+        points, errors = judged(group, points)
         if errors:
             bad = np.isin(np.arange(len(points)), [*errors])
             why |= {int(points.lanes[i]): error for i, error in sorted(errors.items(), reverse=True)}
             sound = up_to_the_first(points.lanes, bad)
             points, is_end = points[sound], is_end[sound]
-    first = np.maximum.accumulate(np.where(is_first(points.lanes), np.arange(len(points)), 0))
-    within = np.arange(len(points)) - first < options.most - progress.count[points.lanes]
-    cut = {*points.lanes[~within].tolist()}
-    points, is_end = (points[within], is_end[within]) if cut else (points, is_end)
+    cut = set[int]()
+    if (progress.count[points.lanes] + len(points) > options.most).any():
+        first = np.maximum.accumulate(np.where(is_first(points.lanes), np.arange(len(points)), 0))
+        within = np.arange(len(points)) - first < options.most - progress.count[points.lanes]
+        cut, points, is_end = {*points.lanes[~within].tolist()}, points[within], is_end[within]
     tails = batch.tails
     if shortened := cut | why.keys():
         tails = Tails(*(each.copy() for each in tails))
@@ -241,7 +238,7 @@ def points_of(
 
 def _others(problem: Problem, points: Points, last: Callable[[int], Points]) -> dict[int, str]:
     """The certified points that are no neighbours of those before them, by index, with the reason."""
-    if type(problem).accepts is Problem.accepts:
+    if type(problem).accepts is Problem.accepts or not len(points):
         return {}
     first = is_first(points.lanes)
     begins, goes_on = np.flatnonzero(first), np.flatnonzero(~first)

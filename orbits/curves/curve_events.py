@@ -108,15 +108,11 @@ def solved_at(problem: Problem, lanes: Array, xs: Array, border: Border, onward:
     return certified(problem, which, points.having(lengths=np.zeros(len(points))))[1]
 
 
-def values_of(problem: Problem, points: Points) -> Array:
-    """The values (m, c) of all functions of all tests at points (m)."""
+def values_of(problem: Problem, points: Points) -> tuple[list[Column], Array]:
+    """All functions of all tests (c,), and their values (m, c) at points (m)."""
     parts = [np.reshape(test.values(problem, points), (len(points), -1)) for test in problem.tests]
-    return np.concatenate(parts, axis=1) if parts else np.empty((len(points), 0))
-
-
-def functions_of(problem: Problem, points: Points) -> list[int]:
-    """The numbers of functions of the tests of a problem, which has some points."""
-    return [np.size(test.values(problem, points[:1])) for test in problem.tests]
+    columns = [(test, k) for test, part in zip(problem.tests, parts, strict=True) for k in range(part.shape[1])]
+    return columns, np.concatenate([np.empty((len(points), 0)), *parts], axis=1)
 
 
 def changes(tests: Sequence[Test], before: Array, behind: Array) -> Array:

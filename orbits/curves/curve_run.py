@@ -4,7 +4,7 @@ In a batch each curve takes several steps, all curves together. Then the points 
 and certified together. Where one is rejected, the curve goes on from the point before it with shorter steps.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -81,6 +81,7 @@ class Run:
     at : values of the parameter; each time a curve passes one, it gets a point with exactly this value
     earlier : points of the same curves before the first ones, where a run is resumed
     lengths : lengths (m,) of the first steps; those of the options by default
+    certified : whether the first points are certified already; else they are together with those of the first batch
 
     It yields `Points`, in order along each lane; each `Event` after the points before it; and an `End` for each lane.
     After each `advance` it can be pickled or copied, and goes on where it was. An error in `advance`, as an interrupt,
@@ -98,6 +99,7 @@ class Run:
         at: Sequence[float] = (),
         earlier: Sequence[Points] = (),
         lengths: Array | float | None = None,
+        certified: bool = True,
         options: Steps = DEFAULT_STEPS,
     ):
         if (np.diff(first.lanes, prepend=-1) <= 0).any():
@@ -127,7 +129,7 @@ class Run:
         count = np.sum([np.bincount(each.lanes, minlength=m) for each in self.blocks], axis=0)
         length, batch = np.array(np.broadcast_to(length, m), float), np.full(m, options.batch)
         self.progress = Progress(length, batch, np.zeros(m), count, np.zeros(m, int), np.zeros(m, bool))
-        self.groups = [Group.of(problem, self.blocks, options.memory)] if len(first) else []
+        self.groups = [Group.of(problem, self.blocks, options.memory, certified)] if len(first) else []
         self._to_yield: list[Item] = [first] if len(first) else []
 
     def __getstate__(self) -> dict[str, object]:
@@ -164,7 +166,7 @@ class Run:
         try:
             group, progress, limits = self.groups[-1], self.progress, self.limits
             batch, tails = steps_of(group, progress, limits, options := self._steps(group.problem)), group.tails
-            points, refused = points_of(group, batch, self._last, progress, limits, options)
+            points, refused = points_of(group, batch, self._certify, self._last, progress, limits, options)
             items = self._items(group, points, tails, refused) if len(points) else []
             return items + self._ends(group, refused)
         except BaseException:
@@ -172,11 +174,19 @@ class Run:
             del self.blocks[blocks:]
             raise
 
+    def _certify(self, group: Group, points: Points) -> tuple[Points, Mapping[int, object]]:
+        """The certified points of a batch, with the errors of others; the first points too, if they are not yet."""
+        if group.values is not None:
+            return group.problem.certify(points) if len(points) else (points, {})
+        self.blocks[-1], points, errors = group.problem.certify_first(self.blocks[-1], points)
+        group.values = values_of(group.problem, self.blocks[-1])[1]
+        return points, errors
+
     def _items(self, group: Group, points: Points, tails: Tails, refused: dict[int, object]) -> list[Item]:
         """The items of the next points of lanes behind tails: the points of all lanes on which nothing happens
         together, then those of each other lane in turn, up to where something happens that cannot be located."""
         lanes, k = points.lanes, np.searchsorted(group.lanes, points.lanes)
-        first, values = is_first(lanes), values_of(group.problem, points)
+        first, (columns, values) = is_first(lanes), values_of(group.problem, points)
         behind = points.xs, points.tangents, values
         last = tails.xs[:, -1], tails.tangents[:, -1], group.values
         xs, tangents, before = (np.concatenate([each[:1], each[:-1]]) for each in behind)
@@ -185,7 +195,7 @@ class Run:
         segments = Segments(lanes, xs, points.xs, tangents, points.tangents)
         group.values = group.values.copy()
         group.values[k] = values  # the last one of each lane stays
-        busy = self._may_happen(group, segments, before, values)
+        busy = self._may_happen(group.problem, segments, changes([test for test, _ in columns], before, values))
         if not busy.any():
             return self._block(points)
         # At the first point of a curve that goes on, the change of its problem is an event again, up to rounding.
@@ -195,7 +205,7 @@ class Run:
         parts = {
             lane: Part(points, np.flatnonzero(lanes == lane), busy) for lane in dict.fromkeys(lanes[busy].tolist())
         }
-        columns, options = group.columns, self._steps(group.problem)
+        options = self._steps(group.problem)
         while parts:
             which = np.array([part.busy[0] for part in parts.values()])
             found: dict[int, list[Found]] = {i: [] for i in which.tolist()}
@@ -231,16 +241,16 @@ class Run:
         length = options.shorter * float(part.points.lengths[i])
         self.progress.shorten(lane, length, i - part.first, True, options)
 
-    def _may_happen(self, group: Group, segments: Segments, before: Array, values: Array) -> Array:
-        """On which segments (q,) something may happen; the tests have the values (q, c) at their ends."""
+    def _may_happen(self, problem: Problem, segments: Segments, changing: Array) -> Array:
+        """On which segments (q,) something may happen, as where tests change (q, c)."""
         value, (low, high) = segments.b[:, -1], self.limits.bounds[segments.lanes].T
         busy = (value < low) | (value > high)
-        busy |= changes([test for test, _ in group.columns], before, values).any(1)
+        busy |= changing.any(1)
         busy |= segments.tangents[:, -1] * segments.tangents_b[:, -1] < 0
         if len(at := self.limits.at):
             lowest, highest = np.minimum(segments.a[:, -1], value), np.maximum(segments.a[:, -1], value)
             busy |= np.isin(value, at) | (np.searchsorted(at, lowest, "right") < np.searchsorted(at, highest))
-        return busy | self._comes_home(group.problem, segments)
+        return busy | self._comes_home(problem, segments)
 
     def _comes_home(self, problem: Problem, segments: Segments) -> Array:
         """Which segments (q,) pass the first point of their curve, by the rows there."""
@@ -318,10 +328,11 @@ class Run:
         low, high = self.limits.bounds[lanes].T
         arrived = (value >= high) & (rate > 0) | (value <= low) & (rate < 0)
         many = progress.count[lanes] >= options.most
-        hard = (progress.length[lanes] <= options.shortest) | (progress.rejections[lanes] > options.rejections)
-        hard &= np.isin(lanes, [*refused]) if refused else False
-        items = list[Item]()
-        for k in np.flatnonzero(arrived | many | hard).tolist():
+        ends, items = arrived | many, list[Item]()
+        if refused:
+            hard = (progress.length[lanes] <= options.shortest) | (progress.rejections[lanes] > options.rejections)
+            ends |= hard & np.isin(lanes, [*refused])
+        for k in ends.nonzero()[0].tolist():
             lane = int(lanes[k])
             if arrived[k]:
                 onward: Start | End = End("reached", f"{value[k]:g}")
@@ -370,5 +381,5 @@ class Run:
         if not len(points):
             return []
         self.blocks.append(points)
-        np.add.at(self.progress.count, points.lanes, 1)
+        self.progress.count += np.bincount(points.lanes, minlength=len(self.progress.count))
         return [points]

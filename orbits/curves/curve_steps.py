@@ -82,7 +82,7 @@ def step(problem: Problem, lanes: Array, tails: Tails, lengths: Array, bounds: A
     bound = np.where(tangents[:, -1] > 0, bounds[:, 1], bounds[:, 0])
     with np.errstate(divide="ignore", invalid="ignore"):
         left = (bound - xs[:, -1]) / tangents[:, -1]
-    lands = (left > 0) & (left <= lengths) & np.isfinite(bound)
+    lands = (left > 0) & (left <= lengths)
     taken, missed = np.where(lands, left, lengths), np.where(lands, left, np.inf)
     barriers = problem.barriers(lanes, xs, tangents, taken)
     for k, barrier in barriers.items():
@@ -95,10 +95,9 @@ def step(problem: Problem, lanes: Array, tails: Tails, lengths: Array, bounds: A
     for k, barrier in barriers.items():
         rows[k], levels[k] = barrier.border(guesses[k])
         guesses[k] += tangents[k] * (levels[k] - rows[k] @ guesses[k]) / (rows[k] @ tangents[k])
-    able = np.isfinite(guesses).all(1)
-    able &= np.sqrt((((guesses - straight) / sizes) ** 2).sum(1)) <= options.bent * taken
+    bent = np.sqrt((((guesses - straight) / sizes) ** 2).sum(1))
+    i = (np.isfinite(bent) & (bent <= options.bent * taken)).nonzero()[0]
     most = np.minimum(options.corrected * taken, options.moved)
-    i = np.flatnonzero(able)
     solved, ends = correct(
         problem,
         lanes[i],

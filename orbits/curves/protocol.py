@@ -273,6 +273,11 @@ class Problem:
         """The points with their `own`, and the errors of the points that are refused, by index."""
         return points, {}
 
+    def certify_first(self, first: Points, points: Points) -> tuple[Points, Points, Mapping[int, Exception]]:
+        """First points and those of the first batch as `certify` certifies them, together; raises the error of a first
+        point."""
+        raise NotImplementedError
+
     def regular(self, points: Points) -> Points:
         """Points at which the equations are singular, as they can be certified."""
         return points

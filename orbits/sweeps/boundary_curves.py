@@ -140,8 +140,7 @@ def _curves_between(
 
 def _up_to_fold(machine: Machine, along: str, stop: float, start: Orbit) -> Family:
     """The family of an orbit up to a value, or up to its first fold."""
-    run = begin_run(machine, along, start, stop, 1, None, ON_WAY, None, None)
-    run.locating(FOLLOWED, WIDTH_ON_WAY)
+    run = begin_run(machine, along, start, stop, 1, None, ON_WAY, located=(FOLLOWED, WIDTH_ON_WAY))
     points, events = list[Point](), list[Event]()
     with interrupts.deferred():
         for item in run:

@@ -76,3 +76,25 @@ def test_newton_steps_of_many_points():
     after = equations.evaluate_all((xs + steps)[:, :3], betas)
     for i in range(9):
         assert after.residual[i] == pytest.approx(np.zeros(3), abs=30 * np.max(np.abs(steps[i])) ** 2)
+
+
+@pytest.mark.parametrize("refused", [None, 0.0, 0.3], ids=["none refused", "all refused", "refused from 0.3 on"])
+def test_the_first_orbit_is_certified_with_the_first_batch(refused, monkeypatch):
+    """In one call: its own error is raised, and that of a later orbit ends the family behind it."""
+    sizes = []
+
+    def certify_some(model, cases):
+        sizes.append(len(cases.p["beta"]))
+        certificates, errors = certify(model, cases)
+        at = np.flatnonzero(cases.p["beta"] >= (1.0 if refused is None else refused))
+        return certificates, errors | {i: NoOrbit("not here") for i in at.tolist()}
+
+    monkeypatch.setattr("orbits.periodic.certified.certify", certify_some)
+    if refused == 0.0:
+        with pytest.raises(NoOrbit, match="not here"):
+            follow(Hopper("cubic"), "beta", 0.5, 0.0)
+    else:
+        family = follow(Hopper("cubic"), "beta", 0.5, 0.0)
+        assert family[0].value == 0.0
+        assert family[-1].value == pytest.approx(refused or 0.5, abs=1e-4)
+    assert sizes[0] > 10
