@@ -27,10 +27,10 @@ EXTREMUM = "extremum of "
 def located_event(family: Family, event: Event | str, number: int) -> Event:
     """An event of a family."""
     if isinstance(event, Event):
-        place = event.kind, event.point.value, event.point.u
-        if all((each.kind, each.point.value, each.point.u) != place for each in family.events):
-            where = f"{family.name} = {event.point.value:.10g}"
-            raise InputError(f"the event '{event.kind}' at {where} is none of this family: take one of family.events")
+        place = event.kind, event.value, getattr(event.point, "u", None)
+        if all((each.kind, each.value, each.point.u) != place for each in family.events):
+            where = "" if event.value is None else f" at {family.name} = {event.value:.10g}"
+            raise InputError(f"the event '{event.kind}'{where} is none of this family: take one of family.events")
         return event
     found = [each for each in family.events if each.kind == event]
     if number < len(found):

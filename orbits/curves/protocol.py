@@ -108,7 +108,7 @@ class Event:
 
     def __post_init__(self) -> None:
         for name in ("value", "cost"):
-            vars(self)[name] = getattr(self.point, name, vars(self)[name])
+            vars(self)[name] = getattr(self.point, name, getattr(self, name))
 
     def __repr__(self) -> str:
         names = ("kind", "value", "cost", "text") if self.point is None else ("kind", "after", "point")
@@ -116,8 +116,9 @@ class Event:
         return f"Event({', '.join(known)})"
 
     def __setstate__(self, state: Mapping[str, Any]) -> None:
-        """Pickles of optimal motions have called the text `what`."""
+        """Pickles of optimal motions have called the text `what`, and those of families have no value of their own."""
         vars(self).update(state, text=state.get("what", state.get("text", "")))
+        self.__post_init__()
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 from orbits import Family, InputError, NoOrbit, find, follow, follow_event, follow_fold, multipliers, quantities
 from orbits.continuation import event_curve
 from orbits.continuation.event_start import event_start
+from orbits.curves import Event
 from orbits.simulation.lossless_hops import angles_left
 from problems import Chain, Hopper, Juggler, hopper_in_si, rimless_wheel, rocking_block, runner
 
@@ -238,8 +239,9 @@ def test_what_is_not_followed_is_refused(low, quintic, tmp_path):
         follow_event(low, "masses touch", "delta", 1.0, within=(1.0, 2.0))
     with pytest.raises(InputError, match="from 0 upwards"):
         follow_event(low, "masses touch", "delta", 1.0, number=0.5)
-    with pytest.raises(InputError, match="is none of this family"):
-        follow_event(low, quintic.events[0], "delta", 1.0)
+    for event in (quintic.events[0], Event("enters", value=0.5, text="stroke <="), Event("fold")):
+        with pytest.raises(InputError, match="is none of this family"):
+            follow_event(low, event, "delta", 1.0)
     with pytest.raises(InputError, match=r"within = .*; a range goes up"):
         follow_event(low, "masses touch", "delta", 1.0, within=(1.0, 0.0))
     asked = follow(quintic.source, "beta", -5e-3, at=[-5.5e-3])

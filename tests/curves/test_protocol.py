@@ -44,12 +44,14 @@ def test_an_event_has_the_value_and_cost_of_its_point():
     assert pickle.loads(pickle.dumps(event)) == event != replace(event, value=0.6)
 
 
-def test_pickled_events_of_optimal_motions_and_designs_are_read():
+def test_pickled_events_of_older_versions_are_read():
     old = Event.__new__(Event)
     old.__setstate__({"kind": "enters", "value": 0.5, "cost": 2.0, "what": "input 'f'"})
     assert (old.what, old) == ("input 'f'", Event("enters", value=0.5, cost=2.0, text="input 'f'"))
     old.__setstate__({"value": 0.5, "kind": "enters", "text": "stroke <="})
     assert (old.kind, old.value, old.text) == ("enters", 0.5, "stroke <=")
+    old.__setstate__({"kind": "fold", "after": 2, "point": SimpleNamespace(value=0.5)})
+    assert old == Event("fold", 2, old.point)
 
 
 def test_a_problem_states_its_equations_and_units():
