@@ -11,6 +11,8 @@ from plane_curves import Formula, circle, found_by, lemniscate, run_of
 from orbits.curves import BRANCH, FOLD, KINDS_OF_END, End, Event, Problem, Test, started
 from orbits.errors import InputError
 
+POINT = SimpleNamespace(value=0.5, cost=2.0)
+
 
 def test_points_are_indexed_with_all_that_is_known_of_them():
     points = started(Formula(circle), np.array([[1.0, 0.0], [0.9, 0.5], [-1.0, 0.0]]))
@@ -36,22 +38,26 @@ def test_kinds_of_ends_and_purposes_of_tests_are_known():
 
 
 def test_an_event_has_the_value_and_cost_of_its_point():
-    point = SimpleNamespace(value=0.5, cost=2.0)
-    assert (Event("fold", point=point).value, Event("fold", point=point).cost) == (0.5, 2.0)
+    event = Event("fold", point=POINT)
+    assert (event.value, event.cost) == (0.5, 2.0)
     event = Event("enters", value=0.5, text="stroke <=")
     assert repr(event) == "Event(kind='enters', value=0.5, text='stroke <=')"
     assert repr(Event("fold", 3, 1.0)) == "Event(kind='fold', after=3, point=1.0)"
     assert pickle.loads(pickle.dumps(event)) == event != replace(event, value=0.6)
 
 
-def test_pickled_events_of_older_versions_are_read():
+@pytest.mark.parametrize(
+    ("state", "event"),
+    [
+        ({"kind": "enters", "value": 0.5, "cost": 2.0, "what": "f"}, Event("enters", value=0.5, cost=2.0, text="f")),
+        ({"value": 0.5, "kind": "enters", "text": "k <="}, Event("enters", value=0.5, text="k <=")),
+        ({"kind": "fold", "after": 2, "point": POINT}, Event("fold", 2, POINT)),
+    ],
+)
+def test_pickled_events_of_older_versions_are_read(state, event):
     old = Event.__new__(Event)
-    old.__setstate__({"kind": "enters", "value": 0.5, "cost": 2.0, "what": "input 'f'"})
-    assert (old.what, old) == ("input 'f'", Event("enters", value=0.5, cost=2.0, text="input 'f'"))
-    old.__setstate__({"value": 0.5, "kind": "enters", "text": "stroke <="})
-    assert (old.kind, old.value, old.text) == ("enters", 0.5, "stroke <=")
-    old.__setstate__({"kind": "fold", "after": 2, "point": SimpleNamespace(value=0.5)})
-    assert old == Event("fold", 2, old.point)
+    old.__setstate__(state)
+    assert (old, old.what, old.value) == (event, event.text, 0.5)
 
 
 def test_a_problem_states_its_equations_and_units():
