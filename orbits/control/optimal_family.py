@@ -189,7 +189,7 @@ def follow_optimum(
     name, to : of the parameter, one of the control's that has a value, and its last value
     at : values that are among the points
     most : number of points
-    longest : step, as a share of the parameter's range
+    longest : largest distance of two points, as a share of the parameter's range and of the unknowns' size
     parameters : value -> the fixed parameters of the control's program, and their derivatives, where several of them
         vary together; `start` is then the first value
 
