@@ -272,13 +272,7 @@ COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
 @click.option("--to", "stop", type=float, required=True, metavar="B", help="Its last value.")
 @options.tune_option
 @click.option("--at", metavar="V1,V2,...", help="Values to hit exactly.")
-@click.option(
-    "--longest",
-    type=float,
-    default=0.02,
-    show_default=True,
-    help="Largest distance of two points, as a share of the range.",
-)
+@click.option("--longest", type=float, default=0.02, show_default=True, help="Largest spacing, a share of the range.")
 @options.start_option
 @click.option("--method", metavar="NAME", help="As in find.")
 @click.option("--stop-inadmissible", is_flag=True, help="End where the orbits are not motions any more.")
