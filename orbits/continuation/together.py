@@ -116,7 +116,7 @@ class Lanes(Problem):
     def lost(self, lane: int, passed: Sequence[Points], error: object) -> Start | End:
         """Behind a corner, where a motion grazes one of a law, the curve goes on at any angle."""
         last, lanes = passed[-1][-1:], np.array([lane])
-        ahead, row = last.xs + ACROSS_CORNER * last.tangents, self.rows(lanes, last.xs, last.tangents)
+        ahead, row = last.xs + ACROSS_CORNER * last.tangents, last.tangents / self.size(lanes, last.xs) ** 2
         border = Border(row, np.einsum("mi,mi->m", row, ahead))
         _, behind = correct(self, lanes, ahead, border, last.tangents, STEPS_TO_LAWS, record=False)
         # A curve that has taken no step since its beginning or the last corner is lost.

@@ -38,10 +38,6 @@ class Border(NamedTuple):
         rows[:, place] = 1.0
         return cls(rows, values)
 
-    def at(self, which: Array, xs: Array, evaluation: Any) -> tuple[Array, Array]:
-        """The rows (k, n + 1) and levels (k,) at places (k, n + 1) of the points with these indices (k,)."""
-        return self.bends(which, xs, evaluation) if self.bends else (self.rows[which], self.levels[which])
-
     def met(self, xs: Array) -> Array:
         """Copies of places (m, n + 1) that have exactly the prescribed values of components."""
         xs, ones = np.array(xs), self.rows == 1.0
@@ -52,18 +48,9 @@ class Border(NamedTuple):
 
 
 def correct(
-    problem: Problem,
-    lanes: Array,
-    guesses: Array,
-    border: Border,
-    before: Array,
-    options: Steps,
-    *,
-    least: int = 1,
-    rough: Array | float = 0.0,
-    reach: Array | float = np.inf,
-    record: bool | None = None,
-) -> tuple[Array, Points]:
+    problem: Problem, lanes: Array, guesses: Array, border: Border, before: Array, options: Steps, *, least: int = 1,
+    rough: Array | float = 0.0, reach: Array | float = np.inf, record: bool | None = None,
+) -> tuple[Array, Points]:  # fmt: skip
     """The points of curves to which Newton's method leads from guesses (m, n + 1).
 
     before : vectors (m, n + 1); the tangents of the points have acute angles with these
@@ -77,15 +64,21 @@ def correct(
     """
     m, found, xs = len(guesses), None, border.met(guesses)
     record = problem.records if record is None else record
+    limits = np.empty((2, m))
+    limits[0], limits[1] = rough, reach
     with np.errstate(all="ignore"):
-        if problem.solver and m and border.bends is None and not np.any(rough):
+        if problem.solver and m and border.bends is None and not limits[0].any():
             found = problem.solver(lanes, xs, border.rows, border.levels, least, record)
         if found is None:
-            limits = np.empty((2, m))
-            limits[0], limits[1] = rough, reach
             found = _newton(problem, lanes, xs, border, limits, least, options, record)
         which, xs, directions, growths, evaluation = found
-        return _pointed(problem, which, lanes[which], xs, directions, before[which], growths, evaluation)
+        own = some(which, m)
+        return _pointed(problem, which, lanes[own], xs, directions, before[own], growths, evaluation)
+
+
+def some(which: Array, count: int) -> Array | slice:
+    """Indices of some of a number of points, or of all of them as a slice, which makes no copies."""
+    return which if len(which) < count else slice(None)
 
 
 _Solved = tuple[Array, Array, Array, Array, Any]
@@ -97,44 +90,52 @@ def _newton(
     """The indices (k,) of the places X (m, n + 1) from which Newton's method converges, the points and directions
     (k, n + 1), the amplifications (k,), and the equations if recorded; `limits` are (rough, reach) (2, m), `least` is
     the least number of steps."""
-    (rough, reach), final, m = limits, options.last, len(xs)
+    final, m, evaluation, moved = options.last, len(xs), None, None
     sizes = problem.size(lanes, xs) if m else xs
-    directions, growths = np.zeros(xs.shape), np.ones(m)
-    solved, evaluation, moved = np.isinf(rough) & record, None, None
+    directions, growths, solved = np.zeros(xs.shape), np.ones(m), np.isinf(limits[0]) & record
     owners = left = (~solved).nonzero()[0]
-    last = np.full(len(left), np.inf)
+    begun = some(left, m)
+    # What belongs to the points that are left.
+    own = [each[begun] for each in (lanes, xs, sizes, border.rows, border.levels, *limits, np.full(m, np.inf))]
     for taken in range(1, options.corrections + 1):
         if not len(left):
             break
-        able, evaluation = problem.evaluate(lanes[left], xs[left], evaluation if problem.chords else None, moved)
-        owners, last = left, last = left[able], last[able]
+        of, places, *_ = own
+        able, evaluation = problem.evaluate(of, places, evaluation if problem.chords else None, moved)
+        if len(able) < len(left):
+            left, own = left[able], [each[able] for each in own]
+        owners, (_, places, size, rows, levels, rough, reach, last) = left, own
         if evaluation is None or not len(left):
             break
-        places, grown = xs[left], evaluation.amplification
-        rows, levels = border.at(left, places, evaluation)
+        if border.bends:
+            rows, levels = border.bends(left, places, evaluation)
         moves, directions[left] = newton_steps(evaluation, places, rows, levels)
-        xs[left], growths[left] = places + moves, grown
-        units = problem.units(sizes[left], evaluation)
+        xs[left] = own[1] = places + moves
+        growths[left] = grown = evaluation.amplification
+        units = problem.units(size, evaluation)
         moved = (np.abs(moves) / units).max(1)
         shrinks, finite = moved < STALLED * last, np.isfinite(moved)
-        done = (moved * np.maximum(grown, 1.0) < final) | (moved < rough[left])
+        done = (moved * np.maximum(grown, 1.0) < final) | (moved < rough)
         if (stalls := ~shrinks).any():
             done |= stalls & (moved < SMALL)
             if (stalls := stalls & ~done & (moved < NO_ROUNDING)).any():
                 done |= stalls & (moved < LARGEST * (problem.rounding(evaluation, rows) / units).max(1))
         done &= finite & (taken >= least)
-        goes = (moved <= reach[left]) & (shrinks | (taken < least)) & finite & ~done
+        goes = (moved <= reach) & (shrinks | (taken < least)) & finite & ~done
         solved[left[done]] = True
-        last = np.where(np.isinf(grown) & (moved < NO_ROUNDING), np.inf, moved)[goes]
-        left, moved = left[goes], moved[goes]
-        if problem.chords and 0 < len(left) < len(goes):
-            evaluation, owners = evaluation[np.flatnonzero(goes)], left
+        left = left[goes]
+        if len(left):
+            own[-1] = np.where(np.isinf(grown) & (moved < NO_ROUNDING), np.inf, moved)
+            if len(left) < len(goes):
+                moved, own = moved[goes], [each[goes] for each in own]
+                evaluation, owners = evaluation[goes.nonzero()[0]] if problem.chords else None, left
     which = solved.nonzero()[0]
     xs = border.met(xs)
     if record and len(which):
         known = evaluation if problem.chords and np.array_equal(owners, which) else None
-        return _evaluated(problem, lanes, border, (which, xs, directions, growths, known), bool(rough.any()))
-    return which, xs[which], directions[which], growths[which], None
+        return _evaluated(problem, lanes, border, (which, xs, directions, growths, known), bool(limits[0].any()))
+    chosen = some(which, m)
+    return which, xs[chosen], directions[chosen], growths[chosen], None
 
 
 def _evaluated(problem: Problem, lanes: Array, border: Border, found: _Solved, moves_on: bool) -> _Solved:
@@ -144,7 +145,9 @@ def _evaluated(problem: Problem, lanes: Array, border: Border, found: _Solved, m
     able, evaluation = problem.evaluate(lanes[which], xs[which], known, np.zeros(len(which)))
     which = which[able]
     if (problem.renews or moves_on) and len(which) and evaluation is not known:
-        moves, directions[which] = newton_steps(evaluation, xs[which], *border.at(which, xs[which], evaluation))
+        bends, places = border.bends, xs[which]
+        closed = bends(which, places, evaluation) if bends else (border.rows[which], border.levels[which])
+        moves, directions[which] = newton_steps(evaluation, places, *closed)
         if moves_on:
             xs[which] += moves
             xs = border.met(xs)
@@ -162,15 +165,9 @@ def newton_steps(evaluation: Any, xs: Array, rows: Array, levels: Array) -> tupl
 
 
 def _pointed(
-    problem: Problem,
-    which: Array,
-    lanes: Array,
-    xs: Array,
-    directions: Array,
-    before: Array,
-    growths: Array,
+    problem: Problem, which: Array, lanes: Array, xs: Array, directions: Array, before: Array, growths: Array,
     found: Any,
-) -> tuple[Array, Points]:
+) -> tuple[Array, Points]:  # fmt: skip
     """The points with tangents of length 1 that point onward, where the curve has a direction; with their indices."""
     if not len(which):
         return which, Points(lanes, xs, xs, growths, found, which)

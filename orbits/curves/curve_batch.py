@@ -2,10 +2,11 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from .bordered_newton import some
 from .curve_events import values_of
 from .curve_steps import Chain, Division, Tails, between, is_first, step, up_to_the_first
 from .protocol import Array, Points, Problem
@@ -22,20 +23,23 @@ class Group:
 
     lanes : (k,), in order
     tails : the points from which their next ones are predicted
-    values : the values (k, c) of the tests at their last points; None where these are not certified yet
+    values : the values (k, c) of the tests at their last points, if these are certified already
+    is_new : whether some have begun, perhaps at their bounds, since the last batch
     """
 
     problem: Problem
     lanes: Array
     tails: Tails
-    values: Any
+    values: Array
+    certified: bool = True
+    is_new: bool = True
 
     @classmethod
     def of(cls, problem: Problem, blocks: Sequence[Points], memory: int, certified: bool = True) -> "Group":
         """The curves that go on from the points (k) of the last block; in earlier blocks are points before these."""
         last = blocks[-1]
-        values = values_of(problem, last)[1] if certified else None
-        return cls(problem, last.lanes, Tails.of(blocks, last.lanes, memory), values)
+        values = values_of(problem, last)[1] if certified else np.empty((len(last), 0))
+        return cls(problem, last.lanes, Tails.of(blocks, last.lanes, memory), values, certified)
 
     def only(self, which: Array) -> "Group":
         """Those with some indices."""
@@ -47,7 +51,7 @@ class Group:
 
     def take(self, other: "Group") -> None:
         """Go on with the curves of another group of the same problem."""
-        self.lanes, self.tails, self.values = other.lanes, other.tails, other.values
+        vars(self).update(vars(other))
 
     def joined(self, other: "Group") -> "Group":
         """With other curves of the same problem."""
@@ -55,7 +59,7 @@ class Group:
             np.concatenate([getattr(each, name) for each in (self, other)]) for name in ("lanes", "values")
         )
         tails = Tails(*(np.concatenate(pair) for pair in zip(self.tails, other.tails, strict=True)))
-        return replace(self, lanes=lanes, tails=tails, values=values).only(np.argsort(lanes))
+        return Group(self.problem, lanes, tails, values).only(np.argsort(lanes))
 
 
 @dataclass(eq=False)
@@ -141,7 +145,8 @@ def steps_of(group: Group, progress: Progress, limits: Limits, options: Steps) -
     batch = Batch([], [], [], group.tails, {})
     going, filled = np.arange(len(group.lanes)), np.zeros(len(group.lanes), int)
     while len(going):
-        lanes, tails = group.lanes[going], batch.tails.of_lanes(going)
+        own = some(going, len(group.lanes))
+        lanes, tails = group.lanes[own], batch.tails.of_lanes(own)
         bounds = limits.ahead(lanes, tails.xs[:, -1, -1], options)
         if (over := progress.passes[lanes]).any():
             bounds = np.where(over[:, None], [-np.inf, np.inf], bounds)
@@ -214,7 +219,7 @@ def points_of(
             sound = up_to_the_first(points.lanes, bad)
             points, is_end = points[sound], is_end[sound]
     cut = set[int]()
-    if (progress.count[points.lanes] + len(points) > options.most).any():
+    if progress.count.max() + len(points) > options.most:
         first = np.maximum.accumulate(np.where(is_first(points.lanes), np.arange(len(points)), 0))
         within = np.arange(len(points)) - first < options.most - progress.count[points.lanes]
         cut, points, is_end = {*points.lanes[~within].tolist()}, points[within], is_end[within]

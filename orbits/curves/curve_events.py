@@ -72,15 +72,9 @@ class Segments(NamedTuple):
         return through(xs, tangents, np.ones(xs.shape[:2]), 1, rows, levels)[0], Border(rows, levels)
 
     def points(
-        self,
-        problem: Problem,
-        shares: Array,
-        options: Steps,
-        *,
-        near: "Segments | None" = None,
-        bare: bool = False,
+        self, problem: Problem, shares: Array, options: Steps, *, near: "Segments | None" = None, bare: bool = False,
         least: int = 1,
-    ) -> tuple[Array, Points]:
+    ) -> tuple[Array, Points]:  # fmt: skip
         """The points at shares (q,) of the chords, certified if not bare, with the indices (k,) of their segments."""
         guesses, border = self.at(problem, shares, near)
         record = problem.renews or (problem.records and not bare)

@@ -90,18 +90,10 @@ class Run:
     """
 
     def __init__(
-        self,
-        problem: Problem,
-        first: Points,
-        stop: Array | float,
-        *,
-        behind: Array | float | None = None,
-        at: Sequence[float] = (),
-        earlier: Sequence[Points] = (),
-        lengths: Array | float | None = None,
-        certified: bool = True,
-        options: Steps = DEFAULT_STEPS,
-    ):
+        self, problem: Problem, first: Points, stop: Array | float, *, behind: Array | float | None = None,
+        at: Sequence[float] = (), earlier: Sequence[Points] = (), lengths: Array | float | None = None,
+        certified: bool = True, options: Steps = DEFAULT_STEPS,
+    ):  # fmt: skip
         if (np.diff(first.lanes, prepend=-1) <= 0).any():
             raise InputError(
                 f"lanes {first.lanes.tolist()} of first points: there is one point for each, in their order"
@@ -160,11 +152,12 @@ class Run:
     def advance(self) -> list[Item]:
         """Take a batch of steps along the curves of one problem; returns the items. Raises what the problem raises."""
         heed()
-        if ends := self._ends(self.groups[-1], {}):  # as at a first point on a bound
+        group = self.groups[-1]
+        if group.is_new and (ends := self._ends(group, {})):  # as at a first point on a bound
             return ends
         before, blocks = (self.progress.copy(), [group.copy() for group in self.groups]), len(self.blocks)
         try:
-            group, progress, limits = self.groups[-1], self.progress, self.limits
+            progress, limits, group.is_new = self.progress, self.limits, False
             batch, tails = steps_of(group, progress, limits, options := self._steps(group.problem)), group.tails
             points, refused = points_of(group, batch, self._certify, self._last, progress, limits, options)
             items = self._items(group, points, tails, refused) if len(points) else []
@@ -176,22 +169,23 @@ class Run:
 
     def _certify(self, group: Group, points: Points) -> tuple[Points, Mapping[int, object]]:
         """The certified points of a batch, with the errors of others; the first points too, if they are not yet."""
-        if group.values is not None:
+        if group.certified:
             return group.problem.certify(points) if len(points) else (points, {})
         self.blocks[-1], points, errors = group.problem.certify_first(self.blocks[-1], points)
-        group.values = values_of(group.problem, self.blocks[-1])[1]
+        group.values, group.certified = values_of(group.problem, self.blocks[-1])[1], True
         return points, errors
 
     def _items(self, group: Group, points: Points, tails: Tails, refused: dict[int, object]) -> list[Item]:
         """The items of the next points of lanes behind tails: the points of all lanes on which nothing happens
         together, then those of each other lane in turn, up to where something happens that cannot be located."""
-        lanes, k = points.lanes, np.searchsorted(group.lanes, points.lanes)
+        lanes, k = points.lanes, group.lanes.searchsorted(points.lanes)
         first, (columns, values) = is_first(lanes), values_of(group.problem, points)
         behind = points.xs, points.tangents, values
         last = tails.xs[:, -1], tails.tangents[:, -1], group.values
         xs, tangents, before = (np.concatenate([each[:1], each[:-1]]) for each in behind)
+        begun = k[first]
         for array, of_lane in zip((xs, tangents, before), last, strict=True):
-            array[first] = of_lane[k[first]]
+            array[first] = of_lane[begun]
         segments = Segments(lanes, xs, points.xs, tangents, points.tangents)
         group.values = group.values.copy()
         group.values[k] = values  # the last one of each lane stays
@@ -259,8 +253,8 @@ class Run:
         if a.shape != home.shape:
             return np.zeros(len(home), bool)
         passes = ((a - home) * rows).sum(1) < 0
-        passes &= ((b - home) * rows).sum(1) >= 0 if passes.any() else False
         if passes.any():
+            passes &= ((b - home) * rows).sum(1) >= 0
             sizes = problem.size(segments.lanes, segments.a)[:, shared]
             away, chord = (home - a) / sizes, (b - a) / sizes
             passes &= (away * away).sum(1) <= FARTHEST**2 * (chord * chord).sum(1)
@@ -373,7 +367,7 @@ class Run:
         if start.point is not None:
             return start.point.having(lanes=np.array([lane]), lengths=np.zeros(1))
         lanes, x, tangent, problem = np.array([lane]), start.x[None], start.tangent[None], start.problem
-        row = problem.rows(lanes, x, tangent)
+        row = tangent / problem.size(lanes, x) ** 2
         return solved_at(problem, lanes, x, Border(row, (row * x).sum(1)), tangent, self._steps(problem))
 
     def _block(self, points: Points) -> list[Item]:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..numerics.hermite import through
-from .bordered_newton import Border, correct
+from .bordered_newton import Border, correct, some
 from .protocol import Array, Barrier, Points, Problem
 from .step_options import Steps
 
@@ -40,15 +40,15 @@ class Tails(NamedTuple):
             known[k, memory - len(last[0]) :] = True
         return cls(xs, tangents, known)
 
-    def of_lanes(self, which: Array) -> "Tails":
+    def of_lanes(self, which: Any) -> "Tails":
         """Those of some curves."""
         return Tails(self.xs[which], self.tangents[which], self.known[which])
 
     def with_next(self, which: Array, xs: Array, tangents: Array) -> "Tails":
         """With the next points (j, n + 1) of some curves (j,), in place of their earliest ones."""
-        following = Tails(*(each.copy() for each in self))
+        own, following = some(which, len(self.xs)), Tails(*(each.copy() for each in self))
         for whole, before, new in zip(following, self, (xs, tangents, True), strict=True):
-            whole[which, :-1], whole[which, -1] = before[which, 1:], new
+            whole[own, :-1], whole[own, -1] = before[own, 1:], new
         return following
 
 
@@ -78,7 +78,7 @@ def step(problem: Problem, lanes: Array, tails: Tails, lengths: Array, bounds: A
     """A step of each lane (k,) from the end of its tail, of these lengths (k,), or up to the bound (k, 2) or a barrier
     ahead."""
     xs, tangents, n = tails.xs[:, -1], tails.tangents[:, -1], tails.xs.shape[2]
-    sizes, rows = problem.size(lanes, xs), problem.rows(lanes, xs, tangents)
+    rows = tangents / (sizes := problem.size(lanes, xs)) ** 2
     bound = np.where(tangents[:, -1] > 0, bounds[:, 1], bounds[:, 0])
     with np.errstate(divide="ignore", invalid="ignore"):
         left = (bound - xs[:, -1]) / tangents[:, -1]
@@ -97,33 +97,34 @@ def step(problem: Problem, lanes: Array, tails: Tails, lengths: Array, bounds: A
         guesses[k] += tangents[k] * (levels[k] - rows[k] @ guesses[k]) / (rows[k] @ tangents[k])
     bent = np.sqrt((((guesses - straight) / sizes) ** 2).sum(1))
     i = (np.isfinite(bent) & (bent <= options.bent * taken)).nonzero()[0]
-    most = np.minimum(options.corrected * taken, options.moved)
+    most, own = np.minimum(options.corrected * taken, options.moved), some(i, len(lanes))
     solved, ends = correct(
         problem,
-        lanes[i],
-        guesses[i],
-        Border(rows[i], levels[i], _bending([barriers.get(k) for k in i.tolist()], rows[i], levels[i])),
-        tangents[i],
+        lanes[own],
+        guesses[own],
+        Border(rows[own], levels[own], _bending([barriers.get(k) for k in i.tolist()], rows[own], levels[own])),
+        tangents[own],
         options,
         least=options.least,
-        rough=np.where(lands, 0.0, options.rough)[i] if options.rough else 0.0,
-        reach=options.reach * most[i],
+        rough=np.where(lands, 0.0, options.rough)[own] if options.rough else 0.0,
+        reach=options.reach * most[own],
         record=problem.records and not options.divided,
     )
-    i = i[solved]
+    own = some(i := i[solved], len(lanes))
     for k in barriers.keys() & {*i.tolist()}:
         levels[k] = rows[k] @ ends.xs[np.searchsorted(i, k)]
         lands[k] = True
-    moved, turned = _apart(problem, ends, guesses[i], tangents[i])
-    good = (moved <= most[i]) & (turned <= options.turned)
-    good &= problem.accepts(ends.having(xs=xs[i], tangents=tangents[i], own=None), ends) if good.any() else False
-    ratios = options.ratios(moved * np.sqrt(ends.growths), used[i])
+    moved, turned = _apart(problem, ends, guesses[own], tangents[own])
+    good = (moved <= most[own]) & (turned <= options.turned)
+    good &= problem.accepts(ends.having(xs=xs[own], tangents=tangents[own], own=None), ends) if good.any() else False
+    ratios = options.ratios(moved * np.sqrt(ends.growths), used[own])
     longest = max(options.longest, options.apart) if options.divided else options.longest
-    following = options.shorter * taken
-    following[i[good]] = np.minimum(np.maximum(taken, lengths)[i] * ratios, longest)[good]
+    longer = np.minimum(np.maximum(taken, lengths)[own] * ratios, longest)
     if len(i) == len(lanes) and good.all():
         missed[:] = np.inf
-        return Taken(i, ends.having(lengths=taken), rows, levels, following, lands, missed, {})
+        return Taken(i, ends.having(lengths=taken), rows, levels, longer, lands, missed, {})
+    following = options.shorter * taken
+    following[i[good]] = longer[good]
     reasons = {
         k: f"no point is found in a step of {taken[k]:.1e}" for k in np.delete(np.arange(len(lanes)), i).tolist()
     }

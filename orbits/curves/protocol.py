@@ -233,7 +233,7 @@ class Problem:
     solver: Callable[..., tuple | None] | None = None
 
     def evaluate(self, lanes: Array, xs: Array, known: Any = None, moved: Array | None = None) -> tuple[Array, Any]:
-        """The indices (k,) of the points X (m, n + 1) that can be evaluated, and the `Evaluation` of these, or None.
+        """The indices (k,), in order, of points X (m, n + 1) that can be evaluated, and their `Evaluation`, or None.
 
         known, moved : the evaluation before the last Newton step, where `chords` may use it, and the lengths (m,) of
             that step; they are 0 for points at which Newton's method has ended
@@ -243,10 +243,6 @@ class Problem:
     def size(self, lanes: Array, xs: Array) -> Array:
         """The unit (m, n + 1) of each component."""
         raise NotImplementedError
-
-    def rows(self, lanes: Array, xs: Array, tangents: Array) -> Array:
-        """The rows (m, n + 1) that measure lengths along the curves; those of arclength by default."""
-        return tangents / self.size(lanes, xs) ** 2
 
     def steady(self, lanes: Array, xs: Array, tangents: Array) -> Array:
         """The tangents (m, n + 1) from which neighbours are interpolated."""

@@ -109,4 +109,4 @@ class Steps:
     @property
     def divided(self) -> bool:
         """Whether there are points between the ends of steps."""
-        return bool(np.isfinite(self.apart))
+        return self.apart < np.inf

@@ -14,6 +14,7 @@ from orbits.curves import Border, correct
 from orbits.curves.bordered_newton import newton_steps
 from orbits.curves.curve_steps import step
 from orbits.periodic.certificate import certify
+from orbits.running.time_limit import TimeOver
 from orbits.shooting.single_shooting import Shooting, joined
 from problems import Hopper
 
@@ -98,3 +99,15 @@ def test_the_first_orbit_is_certified_with_the_first_batch(refused, monkeypatch)
         assert family[0].value == 0.0
         assert family[-1].value == pytest.approx(refused or 0.5, abs=1e-4)
     assert sizes[0] > 10
+
+
+def test_a_family_may_end_with_its_first_orbit(monkeypatch):
+    family = follow(Hopper("cubic"), "beta", 0.5, 0.0, most=1)
+    assert (len(family), family.end.kind) == (1, "stopped")
+
+    def over():
+        raise TimeOver("it takes more than 1 s")
+
+    monkeypatch.setattr("orbits.curves.curve_run.heed", over)
+    family = follow(Hopper("cubic"), "beta", 0.5, 0.0)
+    assert (len(family), family.end.kind) == (1, "interrupted")

@@ -36,18 +36,15 @@ def test_a_step_with_a_large_correction_a_large_turn_or_a_prediction_off_the_tan
         assert (len(taken.ends), taken.lengths.tolist()) == (0, [0.1])
 
 
-def test_a_problem_may_refuse_neighbours_and_measure_lengths_by_the_parameter():
-    class Natural(Formula):
-        def rows(self, lanes, xs, tangents):
-            return np.tile([0.0, 1.0], (len(xs), 1))
-
+def test_a_problem_may_refuse_neighbours():
+    class Near(Formula):
         def accepts(self, before, points):
             return points.values - before.values < 0.15
 
-    taken = first_step(Natural(circle), [[0.8, 0.6]] * 2, [0.1, 0.2], FAR, Steps(corrected=1.0))
+    taken = first_step(Near(circle), [[0.8, 0.6]] * 2, [0.1, 0.25], FAR, Steps(corrected=1.0))
     assert taken.which.tolist() == [0]
-    # Along the unit tangent the parameter grows by the cosine 0.8 of the length.
-    assert taken.ends.values == pytest.approx([0.6 + 0.8 * 0.1], abs=1e-15)
+    # The point lies at the length 0.1 along the tangent (-0.6, 0.8).
+    assert taken.ends.values == pytest.approx([0.6 * np.sqrt(0.99) + 0.8 * 0.1], abs=1e-15)
 
 
 def test_steady_tangents_are_those_of_the_points_that_there_are():
