@@ -72,7 +72,7 @@ from .return_map.hops import FixedPoint as FixedPoint, Hops as Hops
 from .return_map.launch_hops import LaunchHops as LaunchHops
 from .return_map.periodic_hop import PeriodicHop
 from .return_map.periods import PeriodDiagram as PeriodDiagram, period_diagram
-from .return_map.proofs import prove_all_hops, prove_doubling, prove_fixed_point
+from .return_map.proofs import prove_doubling, prove_fixed_point
 from .return_map.return_map import ReturnMap
 from .running.time_limit import time_limit
 from .shooting.formulations import METHODS as METHODS
@@ -97,6 +97,6 @@ __all__ = [
     "Uncertainty", "Units", "__version__", "bifurcations", "check", "existence", "find", "find_all",
     "find_branch_points", "follow", "follow_branch", "follow_branch_points", "follow_event", "follow_fold",
     "multiplier", "multipliers", "optimize", "orbit_at", "orbit_function", "pareto", "period_diagram", "prove",
-    "prove_absence", "prove_all_hops", "prove_doubling", "prove_fixed_point", "prove_fold", "quantities",
+    "prove_absence", "prove_doubling", "prove_fixed_point", "prove_fold", "quantities",
     "sensitivities", "simulate", "start_from_rest", "starts", "steer", "sweep", "time_limit", "trace", "uncertainty",
 ]  # fmt: skip

@@ -40,8 +40,8 @@ from .check_statement import (
 ORDER_PER_BIT, DERIVED_ORDER, MOST_SPLITS = 0.3, 14, 3
 # The first and the shortest step as shares of half a phase, and the largest whole power.
 FIRST, SHORTEST, MOST_POWER = Fraction(1, 8), Fraction(1, 2**14), 2**16
-# Bits beside those of the enclosures, and those for uniqueness; how long a motion is followed to where it ends.
-GUARD_BITS, BITS_OF_UNIQUENESS, LATEST = 64, 90, 64
+# Bits beside those of the enclosures, and those for uniqueness.
+GUARD_BITS, BITS_OF_UNIQUENESS = 64, 90
 # The most bits of the enclosures and of a number in a formula, and the parts of formulas.
 MOST_BITS, MOST_BITS_OF_NUMBERS = 2000, 10**5
 TOKENS = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[A-Za-z_]\w*|\*\*|[-+*/()]", re.ASCII)
@@ -705,17 +705,17 @@ def orthogonal(matrix: arb_mat) -> arb_mat:
 
 
 class Passage:
-    """The motions of a field over the scaled times from 0 to 1, or until all `ends`, from starts c + S w with a
+    """The motions of a field over the scaled times from 0 to 1, from starts c + S w with a
     box of w: steps, and at their `starts` and at either end enclosures of the motion from c, and derivatives by w.
     A step with the derivatives T takes P + Q E to T P + (T Q) E. The next Q is T Q made orthogonal (Lohner): E
     grows by a matrix that is nearly triangular, as the motions spread, and not by products of absolute values."""
 
-    def __init__(self, field: Field, centre: Sequence[arb], seeds: arb_mat, reach: Sequence[arb], ends: Any = None):
+    def __init__(self, field: Field, centre: Sequence[arb], seeds: arb_mat, reach: Sequence[arb]):
         one, rounded, frame, error = (arb_mat(len(centre), len(centre), each) for each in (1, 1, 1, 0))
         self.field, box = field, moved(centre, seeds, reach)
         self.start, slopes, length, self.starts = (list(centre), box, seeds), seeds, FIRST, list[tuple]()
-        left = Fraction(LATEST if ends else 1)
-        while left and not (ends and ends(box)):
+        left = Fraction(1)
+        while left:
             length = min(length, left)
             try:
                 rows = [[x, *row] for x, row in zip(box, one.tolist(), strict=True)]
@@ -831,14 +831,14 @@ class Solution:
         self.inside = all(abs(d) < each.rad() for d, each in zip(change, box.values(), strict=False))
 
 
-def check(document: Mapping[str, object], verify: Sequence[Callable] = (), limit: float = LIMIT) -> list[str]:
-    """Why a saved proof, of an orbit or what functions verify, is not verified, in words; else empty. Raises
-    `OutOfTime` where that takes more than `limit` seconds of processor time."""
+def check(document: Mapping[str, object], limit: float = LIMIT) -> list[str]:
+    """Why a saved proof is not verified, in words; empty where all of its theorem is. Raises `OutOfTime` where that
+    takes more than `limit` seconds of processor time."""
     try:
         with limited(limit):
             check_document(document)
-            for each in verify or (_check_said, _check_parts):
-                each(document)
+            _check_said(document)
+            _check_parts(document)
     except Unverified as error:
         return [str(error)]
     except RecursionError:

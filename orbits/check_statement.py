@@ -11,12 +11,19 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from fractions import Fraction
 from itertools import chain, count
-from math import ceil, inf
+from math import inf
 from time import process_time
 from typing import Any
 
 # Seconds of processor time in which a file is verified, or refused, unless another limit is stated.
 LIMIT = 600.0
+
+
+# Why a saved theorem of a kind that earlier versions proved is neither loaded nor verified.
+ALL_HOPS = (
+    "the file has a theorem about all hops of a period, by prove_all_hops, which was removed: take the version that "
+    "wrote it, or prove the hops one by one by prove_fixed_point"
+)
 
 
 class Unverified(Exception):
@@ -74,7 +81,6 @@ OF_ORBIT = {
     **MACHINE, **{f"{name}?": [SIZED] for name in (*MAPS, "heights")}, "sticks?": [str], "tuned?": [str],
     "prescribed?": [(str, decimal)], "centre?": str, "friction?": str, "restitution?": decimal,
 }  # fmt: skip
-OF_HOPS = {**MACHINE, **dict.fromkeys(("injection", "range", "liftoff"), PAIR), "period": int, "undecided": [PAIR]}
 PART = {"parameters": {str: PAIR}, "unknowns": {str: PAIR}, "uniqueness_radius": decimal}
 DOCUMENT = {
     **dict.fromkeys(("format", "kind", "statement"), str), "proved": bool, "motion": bool, "parts": [PART],
@@ -88,8 +94,10 @@ DOCUMENT = {
 def check_document(document: Any) -> None:
     """See that a document has the fields that are verified, and no more; raises `Unverified`."""
     kind, said = (document.get(name) if isinstance(document, dict) else None for name in ("kind", "enclosures"))
+    if kind == "all hops":
+        raise Unverified(ALL_HOPS)
     again = {f"{name}?": object for name in said} if isinstance(said, dict) else {}
-    check_form(document, again | DOCUMENT | {"machine": OF_HOPS if kind == "all hops" else OF_ORBIT}, "the file")
+    check_form(document, again | DOCUMENT | {"machine": OF_ORBIT}, "the file")
     names = {name.rstrip("?") for name in DOCUMENT}
     if more := [name for name in document["machine"].get("tuned", ()) if name in document and name not in names]:
         raise Unverified(f"the file says more than this program verifies, or less: '{more[0]:.40}' of the file")
@@ -131,9 +139,7 @@ def check_printed(document: Mapping[str, Any]) -> None:
 
 def statement_of(document: Mapping[str, Any]) -> str:
     """The theorem of a saved proof in words, as its data say it."""
-    machine = document["machine"]
-    words = _all_hops(document) if document["kind"] == "all hops" else _orbit(document)
-    return f"{_machine(machine)} {words}"
+    return f"{_machine(document['machine'])} {_orbit(document)}"
 
 
 def _label(name: str) -> str:
@@ -300,24 +306,3 @@ def _hull(pairs: Sequence[Sequence[str]]) -> str:
     """The least interval that holds intervals."""
     lows, highs = zip(*pairs, strict=True)
     return _interval(min(lows, key=decimal), max(highs, key=decimal))
-
-
-def _all_hops(document: Mapping[str, Any]) -> str:
-    """What is said of the hops of a period."""
-    m, n, but = document["machine"], document["machine"]["period"], ""
-    if undecided := m["undecided"]:
-        length = ceil(sum(decimal(high) - decimal(low) for low, high in undecided) * 10**12)
-        digits = f"{length // 10**12}.{length % 10**12:012}".rstrip("0").rstrip(".")
-        many = f"{len(undecided)} intervals of together" if len(undecided) > 1 else "one interval of length"
-        each = ", ".join(_interval(*pair) for pair in undecided)
-        but = f", but for {many} {digits} in which others may lie: {each}"
-    launches = ", ".join(_interval(*document["enclosures"][name]) for name in document["enclosures"])
-    there = f"exactly one in each of {launches}, and no others" if launches else "none"
-    return (
-        "A hop flies from a lift-off, with the launch speed alpha, until the gap closes, and lands plastically; where "
-        "the contact would have to pull it leaves at once and flies on, else it stays until the contact force "
-        "vanishes, and lifts off. The return map takes alpha to the speed there, with inject added to it. "
-        f"With inject = {m['injection'][0]}: of the launches from which {n} hop{'s' * (n > 1)}, all of them with "
-        f"launch speeds between {m['range'][0]} and {m['range'][1]}, come back, and not fewer hops, there is "
-        f"{there}{but}."
-    )

@@ -242,9 +242,6 @@ def calls(name: str, rng: random.Random) -> dict[str, Callable[[], tuple[Callabl
         "steer": lambda: (orbits.steer, cart()),
         "time_limit": lambda: (limited, {"seconds": 5.0, "machine": own}),
         "prove_fold": lambda: (orbits.prove_fold, {"machine": Hopper("cubic"), "fold": fold(), "along": "beta"}),
-        "prove_all_hops": lambda: (
-            orbits.prove_all_hops, {"machine": linear, "hops": result("hops"), "inject": "0.12", "limit": 5.0},
-        ),
         "prove_doubling": lambda: (
             orbits.prove_doubling, {"machine": linear, "flip": flip(), "limit": 5.0},
         ),

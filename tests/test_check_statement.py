@@ -8,8 +8,8 @@ import pytest
 from proofs import restated
 from steps import stepping
 
-from orbits import check_hops, find, prove
-from orbits.check_hops import check_saved
+from orbits import InputError, Proof, check_proof, find, prove
+from orbits.check_proof import check
 from orbits.check_statement import Unverified, check_document, decimal, statement_of
 from orbits.io import write_json
 from problems import Hopper, inerter_hopper, springs
@@ -70,7 +70,7 @@ def test_both_programs_say_the_same(name):
 )
 def test_a_file_whose_printed_statement_differs_is_refused(document, said, other):
     false = document | {"statement": document["statement"].replace(said, other)}
-    assert "the printed statement has " in check_saved(false)[0]
+    assert "the printed statement has " in check(false)[0]
 
 
 def leaves(value, path=()):
@@ -97,7 +97,7 @@ def test_hostile_values_are_refused_with_a_reason(document):
     """In the place of each number and text; a false value of its own type is in `test_check_proof`."""
     for path in [each for each in leaves(document) if each[0] not in NOT_READ and each != ("machine", "name")]:
         for value in HOSTILE:
-            assert len(check_saved(changed(document, path, value))) == 1, (path, value)
+            assert len(check(changed(document, path, value))) == 1, (path, value)
 
 
 @pytest.mark.parametrize("value", [*HOSTILE, 1, 10**400, None, True, {}, "", "nan", "inf", "1/3", "0x1p3", "1_0",
@@ -114,7 +114,7 @@ def test_decimals():
 
 @pytest.mark.parametrize("name", ["hopper: all of what follows is true", "hopper. It is stable", "", "a" * 81, "a\nb"])
 def test_a_name_that_reads_like_a_statement_is_refused(document, name):
-    assert "might be read as a part" in check_saved(changed(document, ("machine", "name"), name))[0]
+    assert "might be read as a part" in check(changed(document, ("machine", "name"), name))[0]
 
 
 def test_a_parameter_of_no_formula_is_refused(document):
@@ -122,12 +122,23 @@ def test_a_parameter_of_no_formula_is_refused(document):
     false = deepcopy(document)
     false["machine"]["parameters"]["friction"] = false["parts"][0]["parameters"]["friction"] = ["0.05", "0.05"]
     false["parameters"]["friction"] = {"low": "0.05", "high": "0.05"}
-    assert check_saved(false) == ["no formula has the parameter 'friction'"]
+    assert check(false) == ["no formula has the parameter 'friction'"]
 
 
-@pytest.mark.parametrize("saved", [None, [], 3, "proof", {}, {"kind": "all hops"}, {"enclosures": {"machine": []}}])
+@pytest.mark.parametrize("saved", [None, [], 3, "proof", {}, {"enclosures": {"machine": []}}])
 def test_what_is_no_proof_is_refused(saved):
-    assert len(check_saved(saved)) == 1
+    assert len(check(saved)) == 1
+
+
+def test_a_theorem_about_all_hops_of_a_period_is_refused_by_name(orbits, document, tmp_path):
+    path = tmp_path / "proof.json"
+    write_json(document | {"kind": "all hops"}, path, "proof")
+    assert "prove_all_hops, which was removed" in check({"kind": "all hops"})[0]
+    with pytest.raises(InputError, match="prove_all_hops, which was removed"):
+        Proof.load(path)
+    done = orbits(f"check-proof {path}")
+    assert done.code == 1
+    assert "prove_all_hops, which was removed" in done.out
 
 
 def test_the_command_prints_what_it_verified(orbits, document, tmp_path, monkeypatch):
@@ -136,7 +147,7 @@ def test_the_command_prints_what_it_verified(orbits, document, tmp_path, monkeyp
     done = orbits(f"check-proof {path}")
     assert " ".join(done.out.split()) == f"verified {document['statement']}"
     assert orbits(f"check-proof {path} --json").document["statement"] == document["statement"]
-    monkeypatch.setattr(check_hops, "check", lambda *arguments: 1 / 0)
+    monkeypatch.setattr(check_proof, "check", lambda *arguments: 1 / 0)
     done = orbits(f"check-proof {path}")
     assert (done.code, done.out) == (3, "")
     assert done.err.startswith("Traceback")

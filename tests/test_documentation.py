@@ -271,7 +271,7 @@ MODULES = sorted(
 WITH_EXAMPLES = (
     *("find", "find_all", "follow", "follow_fold", "trace", "orbit_at", "prove", "prove_fold", "prove_absence"),
     *("ReturnMap", "multiplier", "simulate", "steer", "optimize", "pareto", "quantities", "sensitivities", "sweep"),
-    *("prove_fixed_point", "prove_doubling", "prove_all_hops"),
+    *("prove_fixed_point", "prove_doubling"),
     *("uncertainty", "existence", "check", "Mechanism", "Orbit", "Family", "Stage", "StepControl", "linear_modes"),
     *("Hopper", "Juggler", "HeavyHand", "Chain", "hopper_in_si", "juggler_in_si", "inerter_hopper", "knee_hopper"),
     *("plate_hopper", "chain_hand", "springs.formula", "springs.potential", "springs.function", "springs.table"),

@@ -5,6 +5,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from ..check_statement import ALL_HOPS
+from ..errors import InputError
 from ..exact.bounds import Enclosure
 from ..io import Document
 from ..result import Result, Row
@@ -67,7 +69,7 @@ class Proof(Result, what="proof", document_is_whole=True, undrawn="a theorem has
     statement : the theorem in words; where not all is proved, the part that is. It suffices to rebuild the machine.
     machine : the machine in words and numbers
     kind : what the theorem is about: "orbit", "fold", "absence", "branch", "fixed point", "periodic hops",
-        "all hops", "period doubling"
+        "period doubling"
     stated : the machine as the theorem states it, in formulas and decimals, see `orbits.exact.stated`
     parameters : exact decimals, the bounds of each parameter by name; equal for a single value
     family : the number of the family, counted from enclosures; None where that is not proved
@@ -155,6 +157,8 @@ class Proof(Result, what="proof", document_is_whole=True, undrawn="a theorem has
     def of_saved(cls, document: object, machine: object = None) -> "Proof":
         """The proof of a saved document, without proving anything anew; `orbits check-proof` does that."""
         data = cls._conform(document, Mapping[str, Any])
+        if data.get("kind") == "all hops":
+            raise InputError(ALL_HOPS)
         numbers = "family", "radius", "uniqueness_radius", "bounce_side", "attraction_radius", "digits", "seconds"
         return cls(
             **{name: data[name] for name in ("proved", "statement", "kind", "conditions", *numbers)},

@@ -5,7 +5,6 @@ The theorems are in `orbits.return_map.proved_map`. Here the numbers that the pr
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import isclose
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +12,7 @@ import numpy as np
 from ..consistency.accepted import check_machine
 from ..errors import InputError, NoOrbit, finite_number
 from ..exact.stated import exact_values
-from ..model.machine import Machine, machine_in_words
+from ..model.machine import Machine
 from ..model.model import refuse_steps
 from ..proof.prove import Decimal, Exact, need_flint
 from ..proof.theorem import Proof
@@ -23,7 +22,7 @@ from ..simulation.multiplier import multiplier
 from ..simulation.simulation import simulate
 from .bifurcation import Bifurcation
 from .periodic_hop import PeriodicHop
-from .periodic_hops import Cycle, PeriodicHops
+from .periodic_hops import Cycle
 from .return_map import FixedPoint, ReturnMap
 
 if TYPE_CHECKING:
@@ -85,53 +84,6 @@ def prove_fixed_point(
         else:
             guess = guess_at(machine, said.launches, middle)
         return proof_of_fixed_point(machine, guess, inject, said, values, digits)
-
-
-@exclusive
-def prove_all_hops(
-    machine: Machine, hops: PeriodicHops, inject: Decimal, *, shortest: float = 1e-5, limit: float | None = None
-) -> Proof:
-    """Prove that the hops of a period which were found in a range of launch speeds are all that there are.
-
-    machine : the dimensionless `Hopper` of any mass ratio, without a rest length, whose spring is a polynomial of an
-        odd degree that is 1 and -1/M at one extension each, and rises there and at last
-    hops : from `ReturnMap.periodic_hops`, which are compared with the theorem
-    inject : an exact decimal above 0, that of the hops
-    shortest : shorter intervals of launch speeds are not halved any more, but for those with one of the hops
-    limit : as in `prove`
-
-    The result encloses the launch of each hop. Near lossless launches, grazes and changes of the number of bounces, and
-    in what leads there, nothing is decided: the statement lists these intervals, also `stated["undecided"]`. Where they
-    are more than a hundredth of the range, `proved` is false. A linear spring has a closed form; others take some ten
-    seconds for a range of 0.1 about a lossless launch, and much longer where hops bounce often. The theorem and its
-    proof are described in `orbits.return_map.all_hops`. Raises `InputError` for other machines.
-
-    >>> from orbits import ReturnMap, prove_all_hops
-    >>> from problems import Hopper
-    >>> hops = ReturnMap(Hopper(), inject=0.12).periodic_hops(2, 4.48, 4.63)
-    >>> proof = prove_all_hops(Hopper(), hops, "0.12")
-    >>> proof.proved, len(hops), [float(each.low) for each in proof.enclosures.values()]
-    (True, 1, [4.49293034315..., 4.61166341053...])
-    """
-    _check_plastic(machine)
-    from ..exact.stated import exact_bounds
-    from .all_hops import proof_of_all_hops
-
-    low, high = exact_bounds("inject", inject)
-    if not 0 < low == high:
-        raise InputError(f"inject = {inject!r}; it is one decimal above 0")
-    if not isinstance(hops, PeriodicHops):
-        raise InputError(f"a {type(hops).__name__} has no range of launch speeds: use ReturnMap.periodic_hops")
-    if not isclose(float(low), hops.inject, rel_tol=1e-12) or dict(hops.machine) != machine_in_words(machine):
-        raise InputError(f"the hops are those of another machine, or of another injection, {hops.inject:g}")
-    if not finite_number("shortest", shortest) > 0:
-        raise InputError(f"shortest = {shortest:g}; it is a length above 0")
-    if not shortest < hops.high - hops.low:
-        raise InputError(
-            f"shortest = {shortest:g}; it is less than the range of launch speeds, {hops.high - hops.low:g}"
-        )
-    with time_limit(limit):
-        return proof_of_all_hops(machine, hops, low, shortest)
 
 
 @exclusive
