@@ -125,7 +125,8 @@ class Curve:
     def bare_size(self, x: np.ndarray) -> np.ndarray:
         """The unit of each component at points (..., n + 1) without the states at nodes."""
         size = np.abs(x)
-        size[..., :-1] = np.maximum(size[..., :-1], 0.1 * size[..., :-1].max(-1, keepdims=True))
+        own = size[..., :-1]
+        np.maximum(own, 0.1 * own.max(-1, keepdims=True), out=own)
         size[..., -1] = self.span
         return size
 
@@ -314,7 +315,8 @@ class Curve:
     def _refused(self, ps: np.ndarray) -> dict[int, OrbitsError]:
         """The errors, by index, of those parameters (m, np) that are inadmissible for the machine."""
         # Parameters between two sets of values that the machine admits are admissible too.
-        if len(ps) > 2 and not (self._refused(ps.min(0)[None]) or self._refused(ps.max(0)[None])):
+        corners = (each for each in (ps.min(0), ps.max(0)) if not np.array_equal(each, self.parameters))
+        if len(ps) > 2 and not any(self._refused(each[None]) for each in corners):
             return {}
         refused = {}
         for i, p in enumerate(ps):

@@ -77,8 +77,6 @@ class CurveCorners:
 
     def ahead(self, x: Array, tangent: Array, longest: float) -> CurveCorner | None:
         """The next corner to which the tangent at a point (n + 1,) leads, within a length."""
-        if self.switching is None:
-            return None
         values, rows = self.values(x)
         rates = rows @ tangent
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -91,8 +89,6 @@ class CurveCorners:
 
     def between(self, a: Array, b: Array) -> bool:
         """Whether there is a corner between two points."""
-        if self.switching is None:
-            return False
         changes = (self.values(a)[0] > 0) != (self.values(b)[0] > 0)
         return any(self._slope_jumps(a, i) for i in np.flatnonzero(changes).tolist())
 

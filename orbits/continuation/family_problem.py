@@ -6,6 +6,7 @@ where the curve is lost.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from ..numerics.roots import Array
 from ..shooting.division import DIVIDED_GROWTH, LARGEST_ARC_GROWTH
 from ..shooting.single_shooting import Evaluation, joined
 from .curve import Curve, evaluation_at
-from .curve_corners import AWAY_FROM_CORNER, CurveCorner
+from .curve_corners import AWAY_FROM_CORNER, CurveCorner, CurveCorners
 from .limits import Endings
 from .step_control import Options
 
@@ -61,6 +62,12 @@ class FamilyProblem(Problem):
             nodes = curve.division.nodes
             self.shared = np.delete(np.arange(curve.equations.size + 1), np.arange(nodes.start, nodes.stop))
 
+    @cached_property
+    def corners(self) -> CurveCorners | None:
+        """The corners of the curve; None where there are none, or they are not passed."""
+        corners = self.curve.corners
+        return corners if corners and corners.switching is not None else None
+
     @property
     def endings(self) -> Endings:
         """The tests for the end."""
@@ -100,14 +107,14 @@ class FamilyProblem(Problem):
         return self.curve.steady(xs, tangents)
 
     def barriers(self, lanes: Array, xs: Array, tangents: Array, lengths: Array) -> Mapping[int, Barrier]:
-        if self.curve.corners is None:
+        if self.corners is None:
             return {}
         near = ((i, self.corner_ahead(xs[i], tangents[i], lengths[i])) for i in range(len(xs)))
         return {i: corner for i, corner in near if corner}
 
     def corner_ahead(self, x: Array, tangent: Array, longest: float) -> CurveCorner | None:
         """The next corner of the curve within a length of a point (n + 1,)."""
-        return self.curve.corners.ahead(x, tangent, longest) if self.curve.corners else None
+        return self.corners.ahead(x, tangent, longest) if self.corners else None
 
     def certify(self, points: Points) -> tuple[Points, dict[int, OrbitsError]]:
         found, errors = self.curve.certified(points)
@@ -139,7 +146,7 @@ class FamilyProblem(Problem):
         """No corner lies between the ends of a step. Certified points are of one family, or are so near to each other
         that another one begins between them."""
         if points.own is None:
-            corners, pairs = self.curve.corners, zip(before.xs, points.xs, strict=True)
+            pairs, corners = zip(before.xs, points.xs, strict=True), self.corners
             return ~np.array([corners is not None and corners.between(a, b) for a, b in pairs], bool)
         # Where the extension moves alone, turns neither begin nor end along a curve: another number is another curve.
         reduced = self.curve.machine.model.reduction
@@ -280,7 +287,7 @@ def largest_batch(point: Points) -> int:
 def _judged(problem: Any, points: Points) -> Array:
     """Negative at certified points (m,) behind which the curve may end or go on otherwise."""
     asks = problem.endings.asks(points) | problem.endings.hangs(points) | problem.curve.asks_for_nodes(points)
-    if problem.curve.corners and problem.curve.corners.switching is not None:
+    if problem.corners:
         near = (
             problem.corner_ahead(x, t, 2 * AWAY_FROM_CORNER) for x, t in zip(points.xs, points.tangents, strict=True)
         )

@@ -151,16 +151,16 @@ def steps_of(group: Group, progress: Progress, limits: Limits, options: Steps) -
         if (over := progress.passes[lanes]).any():
             bounds = np.where(over[:, None], [-np.inf, np.inf], bounds)
         before = progress.length[lanes]
-        taken = step(group.problem, lanes, tails, before, bounds, options)
+        ends = (taken := step(group.problem, lanes, tails, before, bounds, options)).ends
         progress.length[lanes], progress.passes[lanes], again = taken.lengths, False, going[:0]
         accepted, parts = going[taken.which], np.ones(len(taken.which), int)
         if options.divided:
-            parts = np.maximum(np.ceil(taken.ends.lengths / options.apart).astype(int), 2)
+            parts = np.maximum(np.ceil(ends.lengths / options.apart).astype(int), 2)
         filled[accepted] += parts
-        batch.ends.append(taken.ends)
+        batch.ends.append(ends)
         batch.borders.append((taken.rows, taken.levels))
         batch.parts.append(parts)
-        batch = batch._replace(tails=batch.tails.with_next(accepted, taken.ends.xs, taken.ends.tangents))
+        batch = batch._replace(tails=batch.tails.with_next(accepted, ends.xs, ends.tangents))
         if taken.reasons:
             # The curve may turn round before a bound, or its equations be singular there: then a step goes beyond it.
             passes = np.isfinite(taken.missed)
@@ -174,10 +174,9 @@ def steps_of(group: Group, progress: Progress, limits: Limits, options: Steps) -
             batch = _rescued(group, batch, progress, late, options) if options.divided else batch
         if not options.divided:
             break
-        low, high = limits.bounds[group.lanes[accepted]].T
-        value, rate = taken.ends.values, taken.ends.tangents[:, -1]
+        (low, high), value, rate = limits.bounds[ends.lanes].T, ends.values, ends.tangents[:, -1]
         onward = (tails.tangents[taken.which, -1, -1] * rate > 0) & (low < value) & (value < high) & ~taken.arrives
-        onward &= (filled[accepted] < progress.batch[group.lanes[accepted]]) & (taken.ends.growths <= options.grown)
+        onward &= (filled[accepted] < progress.batch[ends.lanes]) & (ends.growths <= options.grown)
         going = accepted[onward]
         if len(again):
             going = np.sort(np.concatenate([again, going]))
