@@ -28,12 +28,17 @@ from .check_statement import (
     LIMIT,
     LONGEST_FORMULA,
     MAPS,
+    PHASES,
+    Bounds,
     Unverified,
+    bounds_of,
     check_document,
-    check_printed,
+    check_radius,
+    check_said,
     decimal,
     heed,
     limited,
+    within,
 )
 
 # The orders of Taylor polynomials per bit and of those for derivatives, and halvings of parameters.
@@ -53,9 +58,8 @@ DEFINED = {
     "sinh": "(exp(x) - exp(-x))/2", "cosh": "(exp(x) + exp(-x))/2", "tanh": "1 - 2/(exp(2*x) + 1)",
     "acosh": "log(x + sqrt(x - 1)*sqrt(x + 1))", "atanh": "log((1 + x)/(1 - x))/2",
 }  # fmt: skip
-Bounds = Mapping[str, tuple[Fraction, Fraction]]
 Names = Mapping[str, "Tree"]
-PHASES, ENDS = ("flight_time", "contact_time"), ("liftoff_extension", "mid_flight_extension")
+ENDS = "liftoff_extension", "mid_flight_extension"
 MOST_NAMES, MOST_TERMS = 60, 3000  # of polynomials that are compared
 
 OPERATIONS: dict[Any, Callable] = {"+": add, "*": mul, "/": truediv}
@@ -525,7 +529,7 @@ class Machine:
 class Field:
     """The motion of the states in half a phase, with time scaled such that it lasts from 0 to 1; the first 2 n move.
     `force` is the contact force that keeps the gap's acceleration 0, `held` are those that do so for what sticks, and
-    `slopes` the derivatives of `rates` by all states.
+    `slopes` the derivatives of `rates` by the states.
     """
 
     def __init__(self, machine: Machine, contact: bool):
@@ -546,7 +550,12 @@ class Field:
         self.held = [dot(m.inertia[i], held) - m.forces[i] for i in m.sticks]
         self.rates = [time * each for each in (*m.rates, *(held if contact else free))]
         self.rates += [ZERO] * (len(m.states) - len(self.rates))
-        self.slopes = [self.gradient(each) for each in self.rates]
+        self.slopes = self.changes()
+
+    def changes(self) -> dict[tuple[int, int], Tree]:
+        """The derivatives of the rates by the states that are not 0, by the numbers of both."""
+        rows = enumerate(map(self.gradient, self.rates))
+        return {(i, j): each for i, row in rows for j, each in enumerate(row) if each is not ZERO}
 
     @staticmethod
     def _of_squares(m: Machine, along: Sequence[Sequence[Tree]]) -> list[Tree] | None:
@@ -613,8 +622,8 @@ class Field:
         small, left = arb(2) ** (12 - ctx.prec), time
         while left:
             part = self.step([[each] for each in x], left, int(ORDER_PER_BIT * ctx.prec))
-            before, x, left = x, part.states(part.h), left - part.time
-            if not all(d.rad() <= small * (1 + abs(d)) + 4 * c.rad() for c, d in zip(before, x, strict=True)):
+            spread, x, left = 4 * max(each.rad() for each in x), part.states(part.h), left - part.time
+            if not all(each.rad() <= small * (1 + abs(each)) + spread for each in x):
                 raise Unverified("the step is too long")
         return x
 
@@ -654,8 +663,10 @@ class Part:
                 at = self.field.values([arb_series(each, k + 1) for each in found], self.pieces)
                 for each, rate in zip(found, [at[rate] for rate in self.field.rates], strict=True):
                     each.append(coefficient(rate, k) / (k + 1))
-            slopes = [arb_mat([[coefficient(at[each], k) for each in row] for row in self.field.slopes])
-                      for k in range(order if len(rows[0]) > 1 else 0)]  # fmt: skip
+            slopes = [arb_mat(len(rows), len(rows)) for _ in range(order if len(rows[0]) > 1 else 0)]
+            for place, change in self.field.slopes.items() if slopes else ():
+                for k, matrix in enumerate(slopes):
+                    matrix[place] = coefficient(at[change], k)
         except (ZeroDivisionError, ValueError):
             raise Unverified("the motion comes to where a formula has no value") from None
         finally:
@@ -710,7 +721,8 @@ class Passage:
     A step with the derivatives T takes P + Q E to T P + (T Q) E. The next Q is T Q made orthogonal (Lohner): E
     grows by a matrix that is nearly triangular, as the motions spread, and not by products of absolute values."""
 
-    def __init__(self, field: Field, centre: Sequence[arb], seeds: arb_mat, reach: Sequence[arb]):
+    def __init__(self, field: Field, centre: Sequence[arb], seeds: arb_mat, reach: Sequence[arb],
+                 order: int = DERIVED_ORDER):  # fmt: skip
         one, rounded, frame, error = (arb_mat(len(centre), len(centre), each) for each in (1, 1, 1, 0))
         self.field, box = field, moved(centre, seeds, reach)
         self.start, slopes, length, self.starts = (list(centre), box, seeds), seeds, FIRST, list[tuple]()
@@ -719,7 +731,7 @@ class Passage:
             length = min(length, left)
             try:
                 rows = [[x, *row] for x, row in zip(box, one.tolist(), strict=True)]
-                part = field.step(rows, length, DERIVED_ORDER)
+                part = field.step(rows, length, order)
                 before, centre = centre, field.end(centre, part.time)
             except Unverified as reason:
                 if length < SHORTEST:
@@ -781,19 +793,47 @@ def turns(parts: Sequence[Part], of: Tree, at_end: bool) -> int:
     return sum(a != b for a, b in pairwise(rates))
 
 
-class Solution:
-    """The equations of half an orbit on a box of unknowns, for all values of the parameters, and Krawczyk's image: that
-    holds what solutions the box has, and where it is inside, just one.
+class Contraction:
+    """Equations on a box of unknowns, for all values of the parameters, and Krawczyk's image: that holds what solutions
+    the box has, and where it is inside, just one.
 
-    common : what box and image have in common: the launch, the times of the phases, and the parameters' places
+    common : what box and image have in common, the parameters' places too
     moved, inside : how far the image is from the middle of the box, and whether it is in the interior of it
+    """
+
+    def __init__(self, machine: Machine, box: Mapping[str, arb]):
+        self.machine, self.box = machine, box
+        self.centre = [each.mid() for each in box.values()]
+        self.reach = [each - c for each, c in zip(box.values(), self.centre, strict=True)]
+
+    def contract(self, equations: Sequence[tuple[arb, list[arb]]]) -> None:
+        """Find the image from the equations: their values at the middle of the box, and their derivatives on it."""
+        names, reach = list(self.box), self.reach
+        by_all, count = arb_mat([row for _, row in equations]), len(equations)
+        if count != len(names) - len(self.machine.places):
+            raise Unverified("there are more or fewer equations than unknowns")
+        try:
+            inverse = arb_mat([row[:count] for row in by_all.tolist()]).mid().inv().mid()
+        except ZeroDivisionError:
+            raise Unverified("the equations are singular") from None
+        change = moved([arb(0)] * count, arb_mat(count, len(names), 1) - inverse * by_all, reach)
+        change = moved(change, inverse, [-value for value, _ in equations])
+        self.moved = [*change, *reach[count:]]
+        image = {name: c + d for name, c, d in zip(names, self.centre, self.moved, strict=True)}
+        self.common = {n: image[n].intersection(own) if image[n].overlaps(own) else arb("nan")
+                       for n, own in self.box.items()}  # fmt: skip
+        self.inside = all(abs(d) < each.rad() for d, each in zip(change, self.box.values(), strict=False))
+
+
+class Solution(Contraction):
+    """The equations of half an orbit.
+
     passages : half a phase each, from the launch, in contact from its image
     """
 
     def __init__(self, machine: Machine, box: Mapping[str, arb]):
-        self.machine, names = machine, list(box)
-        centre = [each.mid() for each in box.values()]
-        reach = [each - c for each, c in zip(box.values(), centre, strict=True)]
+        super().__init__(machine, box)
+        names, centre, reach = list(box), self.centre, self.reach
         self.passages, phases = list[Passage](), [name for name in PHASES if name in names]
         at_centre, at_all = (Values((each, at[names.index(each.value)]) for each in machine.constants)
                              for at in (centre, [*box.values()]))  # fmt: skip
@@ -816,29 +856,16 @@ class Solution:
             pairs = [p.field.linear(p.start, off) for p, off in zip(self.passages, each, strict=True)]
             (value, row), (other, more) = pairs
             equations.append((value + other, [a + b for a, b in zip(row, more, strict=True)]))
-        by_all, count = arb_mat([row for _, row in equations]), len(equations)
-        if count != len(names) - len(machine.places):
-            raise Unverified("there are more or fewer equations than unknowns")
-        try:
-            inverse = arb_mat([row[:count] for row in by_all.tolist()]).mid().inv().mid()
-        except ZeroDivisionError:
-            raise Unverified("the equations are singular") from None
-        change = moved([arb(0)] * count, arb_mat(count, len(names), 1) - inverse * by_all, reach)
-        change = moved(change, inverse, [-value for value, _ in equations])
-        self.moved = [*change, *reach[count:]]
-        image = {name: c + d for name, c, d in zip(names, centre, self.moved, strict=True)}
-        self.common = {n: image[n].intersection(box[n]) if image[n].overlaps(box[n]) else arb("nan") for n in names}
-        self.inside = all(abs(d) < each.rad() for d, each in zip(change, box.values(), strict=False))
+        self.contract(equations)
 
 
-def check(document: Mapping[str, object], limit: float = LIMIT) -> list[str]:
-    """Why a saved proof is not verified, in words; empty where all of its theorem is. Raises `OutOfTime` where that
-    takes more than `limit` seconds of processor time."""
+def check(document: Mapping[str, object], limit: float = LIMIT, verify: Callable | None = None) -> list[str]:
+    """Why a saved proof, of an orbit or what a function verifies, is not verified, in words; empty where all of its
+    theorem is. Raises `OutOfTime` where that takes more than `limit` seconds of processor time."""
     try:
         with limited(limit):
             check_document(document)
-            _check_said(document)
-            _check_parts(document)
+            (verify or _check_orbit)(document)
     except Unverified as error:
         return [str(error)]
     except RecursionError:
@@ -846,32 +873,10 @@ def check(document: Mapping[str, object], limit: float = LIMIT) -> list[str]:
     return []
 
 
-def bounds_of(pairs: Mapping[str, Any]) -> Bounds:
-    """The exact bounds of intervals by name."""
-    found = {name: (decimal(low), decimal(high)) for name, (low, high) in pairs.items()}
-    if any(low > high for low, high in found.values()):
-        raise Unverified("an interval has its bounds in the wrong order")
-    return found
-
-
-def within(inner: Bounds, outer: Bounds) -> bool:
-    """Whether intervals lie in others of the same names."""
-    return all(outer[name][0] <= low and high <= outer[name][1] for name, (low, high) in inner.items())
-
-
-def _check_said(document: Mapping[str, Any]) -> None:
-    """See that the file says the same where it repeats what is verified."""
-    kind = [document[name] for name in ("format", "kind", "proved", "attraction_radius")]
-    if kind != ["persistent-orbits proof 2", "orbit", True, None] or document["radius"] is None:
-        raise Unverified("this program verifies proofs of orbits, by this version, all proved, without attraction")
-    machine, parts, again = document["machine"], document["parts"], dict.fromkeys(("alpha", *PHASES, "bounce_side"))
-    said, parameters = ({name: {"low": low, "high": high} for name, (low, high) in pairs.items()}
-                        for pairs in (document["enclosures"], machine["parameters"]))  # fmt: skip
-    said = {name: each for name, each in said.items() if name not in machine.get("tuned", ())}
-    radius = parts[0]["uniqueness_radius"] if len(parts) == 1 else None
-    again |= {**said, "parameters": parameters, "units": machine["units"], "uniqueness_radius": radius, "reasons": []}
-    if false := [name for name, value in again.items() if document.get(name) != value]:
-        raise Unverified(f"'{false[0]}' is not what the file says elsewhere, or this program does not verify it")
+def _check_orbit(document: Mapping[str, Any]) -> None:
+    """See that the theorem holds in each part of the parameters' intervals, and that the parts cover these."""
+    machine = document["machine"]
+    check_said(document, "orbit", machine["parameters"])
     speed = dict(machine.get("prescribed", ())).get("speed")
     if not ("friction" in machine) == ("heights" in machine) == ("sticks" in machine) or ("centre" in machine) != (
         speed is not None
@@ -879,11 +884,6 @@ def _check_said(document: Mapping[str, Any]) -> None:
         raise Unverified("the machine states friction of nothing that sticks, or a centre of mass without its speed")
     if not 0 <= decimal(machine.get("restitution", "0")) <= 1:
         raise Unverified("the restitution does not lie between 0 and 1")
-    check_printed(document)
-
-
-def _check_parts(document: Mapping[str, Any]) -> None:
-    """See that the theorem holds in each part of the parameters' intervals, and that the parts cover these."""
     whole, said = bounds_of(document["machine"]["parameters"]), bounds_of(document["enclosures"])
     parts = [(bounds_of(part["parameters"]), bounds_of(part["unknowns"]), part) for part in document["parts"]]
     motion, stated = document["motion"], document["machine"]["separation"] is not None
@@ -896,8 +896,7 @@ def _check_parts(document: Mapping[str, Any]) -> None:
         same = {name: unknowns[name] for name in main if name in unknowns}
         if said.keys() != {*same, *(ENDS if motion else ())}:
             raise Unverified(f"other quantities are enclosed than this program verifies: {', '.join(said)}")
-        if 2 * decimal(document["radius"]) < said["alpha"][1] - said["alpha"][0]:
-            raise Unverified("the radius is less than half the width of the enclosure of alpha")
+        check_radius(document, said)
         if box.keys() != whole.keys() or not (within(box, whole) and within(same, said)):
             raise Unverified("a part has other parameters than the machine, or unknowns outside those of the whole")
     cuts = [sorted({edge for box in (whole, *(box for box, *_ in parts)) for edge in box[name]}) for name in whole]
@@ -906,33 +905,37 @@ def _check_parts(document: Mapping[str, Any]) -> None:
         if not any(within(dict(zip(whole, edges, strict=True)), box) for box, *_ in parts):
             raise Unverified("the parts do not cover the intervals of the parameters")
     for box, unknowns, part in parts:
-        _check_halved(document, unknowns, decimal(part["uniqueness_radius"]), box, MOST_SPLITS)
+        radius = decimal(part["uniqueness_radius"])
+        if radius <= 0:
+            raise Unverified("the radius of uniqueness is not positive")
+        check_halved(unknowns, box, partial(_check_cell, document, unknowns, radius), MOST_SPLITS)
 
 
-def _check_halved(document: Mapping[str, object], claims: Bounds, radius: Fraction, cell: Bounds, left: int) -> None:
-    """See that the theorem holds for parameters in a box, which is halved where that is not shown at once."""
+def check_halved(claims: Bounds, cell: Bounds, verify: Callable[[Bounds], None], left: int,
+                 guard: int = GUARD_BITS) -> None:  # fmt: skip
+    """See that a function verifies claims for parameters in a box, which is halved where it does not at once; it works
+    with some more bits than the claims have."""
     narrow = min((high - low) / (abs(high) + abs(low) + Fraction(1, 10**9)) for low, high in claims.values())
-    if not narrow or radius <= 0:
-        raise Unverified("an enclosure has no width, or the radius of uniqueness is not positive")
+    if not narrow:
+        raise Unverified("an enclosure has no width")
     bits = narrow.denominator.bit_length() - narrow.numerator.bit_length()
     if bits > MOST_BITS:
         raise Unverified("the enclosures have more digits than this program verifies")
     try:
-        with ctx.workprec(max(BITS_OF_UNIQUENESS, bits + GUARD_BITS)):
-            solution = _solution(document, claims, radius, cell)
-            if document["motion"]:
-                _check_motion(document, solution)
+        with ctx.workprec(max(BITS_OF_UNIQUENESS, bits + guard)):
+            verify(cell)
     except Unverified:
         widest = max(cell, key=lambda n: (cell[n][1] - cell[n][0]) / (abs(cell[n][0] + cell[n][1]) or 1), default=None)
         if left == 0 or widest is None or cell[widest][0] == cell[widest][1]:
             raise
         middle = (cell[widest][0] + cell[widest][1]) / 2
         for half in ((cell[widest][0], middle), (middle, cell[widest][1])):
-            _check_halved(document, claims, radius, {**cell, widest: half}, left - 1)
+            check_halved(claims, {**cell, widest: half}, verify, left - 1, guard)
 
 
-def _solution(document: Mapping[str, Any], claims: Bounds, radius: Fraction, cell: Bounds) -> Solution:
-    """The solution that is claimed within bounds, shown to exist there and to be the only one within a radius."""
+def _check_cell(document: Mapping[str, Any], claims: Bounds, radius: Fraction, cell: Bounds) -> None:
+    """See that the theorem holds for parameters in a box: the solution that is claimed within bounds exists there,
+    is the only one within a radius, and is the motion that the file says."""
     machine = Machine(document["machine"], cell)
     phases = [name for name in PHASES if name in claims]
     names = [name for pair in machine.unknowns.values() for name in pair] + phases + machine.tuned
@@ -952,7 +955,7 @@ def _solution(document: Mapping[str, Any], claims: Bounds, radius: Fraction, cel
     for _ in range(3):  # where the enclosures do not suffice, from the boxes that are known to hold the solution
         lies = all(ball(claims[name][0]) < solution.common[name] < ball(claims[name][1]) for name in names)
         if solution.inside and lies:
-            return solution
+            return _check_motion(document, solution) if document["motion"] else None
         known = solution = Solution(machine, known.common)
     raise Unverified("the solution is not shown to lie in its enclosures")
 

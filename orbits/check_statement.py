@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain, count
 from math import inf
@@ -76,11 +77,14 @@ MACHINE = {
     "coordinates": [str], "parameters": {str: PAIR}, "masses": [SIZED], "weights": [SIZED], "inerters": [SIZED],
     "inertia": [[str]], "springs": [SPRING], "potentials": [str], "separation": (None, str),
 }  # fmt: skip
-MAPS = "reversor", "symmetry", "gaps"
+MAPS, PHASES = ("reversor", "symmetry", "gaps"), ("flight_time", "contact_time")
+Bounds = Mapping[str, tuple[Fraction, Fraction]]
 OF_ORBIT = {
     **MACHINE, **{f"{name}?": [SIZED] for name in (*MAPS, "heights")}, "sticks?": [str], "tuned?": [str],
     "prescribed?": [(str, decimal)], "centre?": str, "friction?": str, "restitution?": decimal,
 }  # fmt: skip
+OF_RETURNS = {**{name: each for name, each in MACHINE.items() if name != "eliminated"}, "injection": (None, PAIR)}
+RETURNS = "fixed point", "periodic hops", "period doubling"  # the kinds of theorems about hops that come back
 PART = {"parameters": {str: PAIR}, "unknowns": {str: PAIR}, "uniqueness_radius": decimal}
 DOCUMENT = {
     **dict.fromkeys(("format", "kind", "statement"), str), "proved": bool, "motion": bool, "parts": [PART],
@@ -97,7 +101,7 @@ def check_document(document: Any) -> None:
     if kind == "all hops":
         raise Unverified(ALL_HOPS)
     again = {f"{name}?": object for name in said} if isinstance(said, dict) else {}
-    check_form(document, again | DOCUMENT | {"machine": OF_ORBIT}, "the file")
+    check_form(document, again | DOCUMENT | {"machine": OF_RETURNS if kind in RETURNS else OF_ORBIT}, "the file")
     names = {name.rstrip("?") for name in DOCUMENT}
     if more := [name for name in document["machine"].get("tuned", ()) if name in document and name not in names]:
         raise Unverified(f"the file says more than this program verifies, or less: '{more[0]:.40}' of the file")
@@ -139,7 +143,47 @@ def check_printed(document: Mapping[str, Any]) -> None:
 
 def statement_of(document: Mapping[str, Any]) -> str:
     """The theorem of a saved proof in words, as its data say it."""
-    return f"{_machine(document['machine'])} {_orbit(document)}"
+    words = _returns(document) if document["kind"] in RETURNS else _orbit(document)
+    return f"{_machine(document['machine'])} {words}"
+
+
+def bounds_of(pairs: Mapping[str, Any]) -> Bounds:
+    """The exact bounds of intervals by name."""
+    found = {name: (decimal(low), decimal(high)) for name, (low, high) in pairs.items()}
+    if any(low > high for low, high in found.values()):
+        raise Unverified("an interval has its bounds in the wrong order")
+    return found
+
+
+def within(inner: Bounds, outer: Bounds) -> bool:
+    """Whether intervals lie in others of the same names."""
+    return all(outer[name][0] <= low and high <= outer[name][1] for name, (low, high) in inner.items())
+
+
+def check_said(document: Mapping[str, Any], kind: str, bounds: Mapping[str, Any]) -> None:
+    """See that the file has this kind, that all is proved, and that it says the same where it repeats itself, also the
+    bounds of the parameters; raises `Unverified`."""
+    found = [document[name] for name in ("format", "kind", "proved", "attraction_radius")]
+    if found != ["persistent-orbits proof 2", kind, True, None] or document["radius"] is None:
+        raise Unverified(
+            "this program verifies proofs of orbits and of hops that come back, by this version, all proved, without "
+            "attraction"
+        )
+    machine, parts, again = document["machine"], document["parts"], dict.fromkeys(("alpha", *PHASES, "bounce_side"))
+    said, parameters = ({name: {"low": low, "high": high} for name, (low, high) in pairs.items()}
+                        for pairs in (document["enclosures"], bounds))  # fmt: skip
+    said = {name: each for name, each in said.items() if name not in machine.get("tuned", ())}
+    radius = parts[0]["uniqueness_radius"] if len(parts) == 1 else None
+    again |= {**said, "parameters": parameters, "units": machine["units"], "uniqueness_radius": radius, "reasons": []}
+    if false := [name for name, value in again.items() if document.get(name) != value]:
+        raise Unverified(f"'{false[0]}' is not what the file says elsewhere, or this program does not verify it")
+    check_printed(document)
+
+
+def check_radius(document: Mapping[str, Any], said: Bounds) -> None:
+    """See that the radius is half the width of the enclosure of alpha, or more; raises `Unverified`."""
+    if 2 * decimal(document["radius"]) < said["alpha"][1] - said["alpha"][0]:
+        raise Unverified("the radius is less than half the width of the enclosure of alpha")
 
 
 def _label(name: str) -> str:
@@ -306,3 +350,127 @@ def _hull(pairs: Sequence[Sequence[str]]) -> str:
     """The least interval that holds intervals."""
     lows, highs = zip(*pairs, strict=True)
     return _interval(min(lows, key=decimal), max(highs, key=decimal))
+
+
+@dataclass(frozen=True)
+class Word:
+    """The arcs of hops that come back, by the names of their unknowns.
+
+    hops : for each the launch speed, the times of the flights, of which each ends in an impact, and that of the contact
+    """
+
+    hops: tuple[tuple[str, tuple[str, ...], str], ...]
+
+    @classmethod
+    def of(cls, impacts: Sequence[int]) -> "Word":
+        """The word of hops with these numbers of impacts."""
+        hops = list[tuple[str, tuple[str, ...], str]]()
+        for i, impact in enumerate(impacts, 1):
+            hop = f"_{i}" if len(impacts) > 1 else ""
+            times = tuple(f"flight_time{hop}_{j + 1}" for j in range(impact)) if impact > 1 else (f"flight_time{hop}",)
+            hops.append((f"alpha_{i}" if i > 1 else "alpha", times, f"contact_time{hop}"))
+        return cls(tuple(hops))
+
+    @classmethod
+    def of_names(cls, names: Sequence[str]) -> "Word":
+        """The word that has these unknowns; raises `Unverified` where there is none."""
+        period = sum(name.startswith("contact_time") for name in names)
+        marks = [f"_{i + 1}" for i in range(period)] if period > 1 else [""]
+        impacts = [sum(bool(re.fullmatch(rf"flight_time{mark}(_[0-9]+)?", name)) for name in names) for mark in marks]
+        found = cls.of(impacts)
+        if {*found.unknowns} != {*names} or len(names) < 4:
+            raise Unverified(f"these are not the unknowns of hops that come back: {', '.join(names):.200}")
+        return found
+
+    @property
+    def unknowns(self) -> list[str]:
+        """The names of the unknowns in the order of the arcs."""
+        return ["liftoff", *chain(*([launch, *times, stay] for launch, times, stay in self.hops))]
+
+
+CONDITIONS_OF_RETURNS = {
+    "clearance": "the gap is open throughout each open flight, and closes with a speed",
+    "bounces": "after each landing but the last the contact would have to pull",
+    "contact_force": "after the last landing the contact pushes until it lifts off",
+    "liftoff": "the speed of the lift-off is positive",
+    "least_period": "the first launch speed comes back after no smaller number of hops",
+    "separation": "the separation stays positive throughout",
+}
+
+
+def word_of(document: Mapping[str, Any]) -> Word:
+    """The word of the hops of a saved theorem; raises `Unverified` where its unknowns have none."""
+    names = [*document["parts"][0]["unknowns"]] if len(document["parts"]) == 1 else []
+    if document["kind"] != "period doubling":
+        return Word.of_names(names)
+    word = Word.of_names([name for name in names if name[0] != "d" and name != "inject"])
+    if len(word.hops) > 1 or {*names} != {*unknowns_of_doubling(word)}:
+        raise Unverified(f"these are not the unknowns of a period doubling: {', '.join(names):.200}")
+    return word
+
+
+def unknowns_of_doubling(word: Word) -> list[str]:
+    """The unknowns of a hop, their derivatives by alpha, and the injection."""
+    return [*word.unknowns, *(f"d{name}" for name in word.unknowns if name != "alpha"), "inject"]
+
+
+MAP = (
+    "A hop flies from a lift-off, with the launch speed alpha, until the gap closes, and lands plastically; where the "
+    "contact would have to pull it leaves at once and flies on, else it stays until the contact force vanishes, and "
+    "lifts off. The return map takes alpha to the speed there, with inject added to it."
+)
+
+
+def _returns(document: Mapping[str, Any]) -> str:
+    """What is said of hops that come back: they exist, no others are nearby, they are hops, and whether they are
+    stable; and of a period doubling."""
+    word, m, said = word_of(document), document["machine"], document["enclosures"]
+    part, doubled, period = document["parts"][0], document["kind"] == "period doubling", len(word.hops)
+    if doubled != (m["injection"] is None) or (period > 1) != (document["kind"] == "periodic hops"):
+        raise Unverified("the theorem is of another kind than its unknowns")
+    low, high = m["injection"] or ("", "")
+    inject = (
+        "an unknown inject" if doubled else f"inject = {low}" if low == high else f"inject in {_interval(low, high)}"
+    )
+    pairs = [*m["parameters"].values(), *([m["injection"]] if m["injection"] else [])]
+    wide = any(decimal(low) != decimal(high) for low, high in pairs)
+    first, *more = (len(times) for _, times, _ in word.hops)
+    hops, are = f"a hop of {first} impact{'s' * (first > 1)} that comes back", "It is a fixed point of the return map"
+    if more:
+        hops = f"{period} hops that come back, of {', '.join(map(str, (first, *more)))} impacts,"
+        are = f"They are hops of the return map of the least period {period}"
+    names = unknowns_of_doubling(word) if doubled else word.unknowns
+    enclosed = "; ".join(f"{_words(name)} in {_interval(*part['unknowns'][name])}" for name in names)
+    if doubled:
+        hops, enclosed = f"{hops} with the multiplier -1", f"{enclosed}; a d before a name is the derivative by alpha"
+    conditions = "; ".join(text for name, text in CONDITIONS_OF_RETURNS.items() if name in document["conditions"])
+    return (
+        f"{MAP} With {inject}: {'For each value in these intervals the' if wide else 'The'} equations of {hops} have a "
+        f"solution with {enclosed}. No other solution has all of these ({', '.join(map(_words, names))}) within "
+        f"{part['uniqueness_radius']} of these enclosures. {are}: {conditions}. "
+        f"{_of_doubling(said) if doubled else _of_multiplier(said, period)}"
+    )
+
+
+def _of_multiplier(said: Mapping[str, Any], period: int) -> str:
+    (low, high), of, are = said["multiplier"], "map", "fixed point is"
+    if period > 1:
+        of, are = f"map's iterate of {period} hops", "hops are"
+    if not (stable := max(abs(decimal(low)), abs(decimal(high))) < 1) and decimal(low) <= 1 and decimal(high) >= -1:
+        raise Unverified("the multiplier may be 1 or -1")
+    how = "asymptotically stable" if stable else "unstable"
+    return f"The multiplier, which is the derivative of the {of} there, is in {_interval(low, high)}: the {are} {how}."
+
+
+def _of_doubling(said: Mapping[str, Any]) -> str:
+    (rate, _), (cubic, _) = pairs = [said[name] for name in ("multiplier_rate", "cubic_coefficient")]
+    if any(decimal(low) <= 0 <= decimal(high) for low, high in pairs):
+        raise Unverified("the rate of the multiplier, or the coefficient of the cycles, may be 0")
+    stable = decimal(cubic) > 0
+    side = "above" if (decimal(rate) < 0) == stable else "below"
+    return (
+        f"Its multiplier is -1, and changes with inject at a rate in {_interval(*pairs[0])}. So it passes through -1 "
+        f"there, and a cycle of two hops begins: for injections just {side} it is "
+        f"{'stable' if stable else 'unstable'}, as half the square of the map's second derivative and a third of its "
+        f"third derivative are together in {_interval(*pairs[1])}."
+    )

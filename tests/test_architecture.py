@@ -18,6 +18,7 @@ ROOMS = (
     "errors",
     "check_statement",
     "check_proof",
+    "check_returns",
     "tables",
     "records",
     "io",

@@ -8,7 +8,7 @@ import pytest
 from proofs import restated
 from steps import stepping
 
-from orbits import InputError, Proof, check_proof, find, prove
+from orbits import InputError, Proof, check_returns, find, prove
 from orbits.check_proof import check
 from orbits.check_statement import Unverified, check_document, decimal, statement_of
 from orbits.io import write_json
@@ -147,7 +147,7 @@ def test_the_command_prints_what_it_verified(orbits, document, tmp_path, monkeyp
     done = orbits(f"check-proof {path}")
     assert " ".join(done.out.split()) == f"verified {document['statement']}"
     assert orbits(f"check-proof {path} --json").document["statement"] == document["statement"]
-    monkeypatch.setattr(check_proof, "check", lambda *arguments: 1 / 0)
+    monkeypatch.setattr(check_returns, "check", lambda *arguments: 1 / 0)
     done = orbits(f"check-proof {path}")
     assert (done.code, done.out) == (3, "")
     assert done.err.startswith("Traceback")

@@ -215,7 +215,7 @@ def prove_command(
 )
 @options.json_option
 def check_proof_command(file: str, limit: float | None, as_json: bool) -> None:
-    """Verify a saved proof of an orbit by a second program that reads only this file.
+    """Verify a saved proof of an orbit, or of hops that come back, by a second program that reads only this file.
 
     It prints the theorem that it has verified, in words that it writes from the numbers of the file.
     """
@@ -227,14 +227,14 @@ def check_proof_command(file: str, limit: float | None, as_json: bool) -> None:
     from orbits.proof.prove import need_flint
 
     need_flint()
-    from orbits.check_proof import check
+    from orbits.check_returns import check_saved
     from orbits.check_statement import LIMIT, OutOfTime, statement_of
     from orbits.proof.theorem import LINE_WIDTH
 
     document = read_file(file, f"'{file}' is no saved proof", read_sealed)
     began = time.perf_counter()
     try:
-        reasons = check(document, limit or LIMIT)
+        reasons = check_saved(document, limit or LIMIT)
         statement = None if reasons else statement_of(document)
     except OutOfTime:
         late = f"'{file}' is neither verified nor refused within {limit or LIMIT:g} s of processor time"
