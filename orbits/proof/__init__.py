@@ -1,7 +1,7 @@
 """Theorems about lossless orbits, proved by interval arithmetic: the method, its lemmas, and the trusted software.
 
 A name in brackets, as (`step`), is the module with the corresponding code: in the room `exact` for statements, in
-`balls` for numbers and motions, in `return_map` for hops of the map, and in this one for theorems.
+`balls` for numbers and motions, and in this one for theorems, in `hops` for those about hops of the map.
 
 The claim. Let a machine be stated in formulas, with exact decimals or intervals for its parameters (`stated`). A
 lossless orbit is a zero of a boundary value statement F(w) = 0, whose unknowns w are the position and the speed of the
@@ -102,9 +102,10 @@ gap by alpha at landing, through the monodromy of the half flight, and the energ
 Attraction (`attraction`): up to a determined distance, launches above a lossless hop converge to it. This is proved
 from enclosures of their flights and contacts (`launches`) and of the losses at their landings (`landings`, `bounces`).
 
-Fixed points of the return map with an injection (`proved_map`) are solutions of another statement (`hop`): a hop that
-returns to its launch speed, its events, and the multiplier, which is enclosed through the derivatives of the events;
-and the point at which a fixed point loses its stability by period doubling.
+Fixed points of the return map with an injection (`hop_theorems`) are solutions of another statement (`exact_hops`),
+which follows from the number of impacts of each hop (`hop_word`): hops that return to their launch speed, their events,
+and the multiplier, which is enclosed through the derivatives of the events; and, by further derivatives (`hop_jets`),
+the point at which a fixed point loses its stability by period doubling.
 
 What is trusted: Arb and python-flint; CPython; Python's own parser of arithmetic; and these rooms, which a second
 program can check for proofs of orbits (`orbits.check_proof`) and of hops (`orbits.check_returns`). Forces that jump,

@@ -1,6 +1,6 @@
 """Proofs about return maps: hops that come back with their multiplier, and the loss of stability by period doubling.
 
-The theorems are in `orbits.return_map.proved_map`. Here the numbers that the proofs start from are computed in floats.
+The theorems are in `orbits.proof.hops.hop_theorems`. Here are the floats from which their proofs start.
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ from .periodic_hops import Cycle
 from .return_map import FixedPoint, ReturnMap
 
 if TYPE_CHECKING:
-    from .proved_map import HopGuess
+    from ..proof.hops.hop_theorems import HopGuess
 
 # The most Newton steps toward a fixed point, and the size of the last one relative to the launch speed.
 MOST_STEPS_TO_FIXED_POINT, FIXED_TO = 20, 1e-13
@@ -47,7 +47,7 @@ def prove_fixed_point(
     digits, parameters, limit : as in `prove`
 
     The result encloses alpha, for hops of a longer period also "alpha_2" and the next ones, the times, and the
-    multiplier. The theorem and its proof are described in `orbits.return_map.proved_map`; where something is not
+    multiplier. The theorem and its proof are described in `orbits.proof.hops.hop_theorems`; where something is not
     proved, the result states it and why. Raises `InputError` without python-flint, for a machine with restitution or
     friction, for one whose launch is more than a speed, and for a lossless hop, which `prove` proves; and `NoOrbit`
     where a guess leads to no fixed point.
@@ -62,7 +62,7 @@ def prove_fixed_point(
     _check_plastic(machine)
     from ..exact.stated import exact_bounds
     from ..proof.digits import checked_digits
-    from .proved_map import SaidHops, proof_of_fixed_point
+    from ..proof.hops.hop_theorems import SaidHops, proof_of_fixed_point
 
     digits, values = checked_digits(digits), exact_values(parameters)
     low, high = exact_bounds("inject", inject)
@@ -112,7 +112,7 @@ def prove_doubling(
     if not (isinstance(flip, Bifurcation) and flip.kind == "flip" and len(flip.alphas) == 1):
         raise InputError('a doubling is a "flip" event of fixed points along "inject", see `bifurcations`')
     from ..proof.digits import checked_digits
-    from .proved_map import proof_of_doubling
+    from ..proof.hops.hop_theorems import proof_of_doubling
 
     digits, values = checked_digits(digits), exact_values(parameters)
     with time_limit(limit):
@@ -149,7 +149,7 @@ def guessed_hop(machine: Machine, alpha: float, inject: float) -> "HopGuess":
 
 def guess_at(machine: Machine, launches: Sequence[float], inject: float) -> "HopGuess":
     """The hops from launch speeds, in floats; raises `NoOrbit` for a launch without a next one."""
-    from .proved_map import HopGuess
+    from ..proof.hops.hop_theorems import HopGuess
 
     durations = list[list[float]]()
     for alpha in launches:

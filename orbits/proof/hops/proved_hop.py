@@ -6,20 +6,21 @@ from itertools import islice
 
 from flint import arb, ctx
 
-from ..balls.enclosure import COARSE, FINE
-from ..balls.equations import Equations
-from ..balls.motion import Motion
-from ..balls.programs import ball_of_fraction
-from ..balls.root import FIRST_BITS, ProvedRoot, evaluated_on, polished, prove_root
-from ..exact.bounds import Enclosure
-from ..exact.expressions import ExactExpression, depends_on, substitute
-from ..exact.outward_decimals import enclosure_of, lower_decimal
-from ..exact.refusal import Unproved
-from ..exact.statement import ExactStatement
-from ..proof.case import Verdicts, verdicts_of
-from ..proof.digits import bits_of_digits
-from ..proof.theorem import Part
-from .fixed_point_statement import HopStatement, Jet, levels_of, next_jet, pace_of, statement_of_jets
+from ...balls.enclosure import COARSE, FINE
+from ...balls.equations import Equations
+from ...balls.motion import Motion
+from ...balls.programs import ball_of_fraction
+from ...balls.root import FIRST_BITS, ProvedRoot, evaluated_on, polished, prove_root
+from ...exact.bounds import Enclosure
+from ...exact.expressions import ExactExpression, depends_on, substitute
+from ...exact.outward_decimals import enclosure_of, lower_decimal
+from ...exact.refusal import Unproved
+from ...exact.statement import ExactStatement
+from ..case import Verdicts, verdicts_of
+from ..digits import bits_of_digits
+from ..theorem import Part
+from .exact_hops import HopStatement
+from .hop_jets import Jet, levels_of, next_jet, pace_of, statement_of_jets
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class ProvedHop:
         """The flights and the contact of each hop."""
         pairs = zip(self.equations.legs, self.root.evaluated.passages, strict=True)
         motions = (Motion(leg, passage) for leg, passage in pairs)
-        return [[*islice(motions, len(own) + 1)] for own in self.base.flights]
+        return [[*islice(motions, len(own) + 1)] for own in self.base.word.flights]
 
     def ball(self, name: str) -> arb:
         """An enclosure of an unknown, in the units of the machine."""
@@ -101,19 +102,19 @@ def proved_hop(
             "a flight or the contact begins at a breakpoint of the spring's law, where the map may not be smooth"
         )
     found = ProvedHop(base, further, equations, root, digits)
-    for name in base.times:
+    for name in base.word.times:
         if not found.balls[name] > 0:
             raise Unproved(f"the {name.replace('_', ' ')} is not proved to be positive")
     return found
 
 
 def conditions_of_hop(found: ProvedHop, inject: arb) -> Verdicts:
-    """The verdicts on the conditions of theorem 1 of `proved_map`, for an injection."""
+    """The verdicts on the conditions of theorem 1 of `hop_theorems`, for an injection."""
     checks: dict[str, Callable[[], None]] = {"clearance": lambda: _check_flights_of_hop(found)}
-    if any(len(own) > 1 for own in found.base.flights):
+    if found.base.word.bounces:
         checks["bounces"] = lambda: _check_bounces(found)
     checks |= {"contact_force": lambda: _check_contact(found), "liftoff": lambda: _check_liftoff(found, inject)}
-    if len(found.base.launches) > 1:
+    if found.base.word.period > 1:
         checks["least_period"] = lambda: _check_least_period(found)
     if found.base.half.mechanics.separation is not None:
         checks["separation"] = lambda: _check_separation_of_hop(found)
@@ -143,14 +144,14 @@ def _check_contact(found: ProvedHop) -> None:
 
 
 def _check_liftoff(found: ProvedHop, inject: arb) -> None:
-    if not all(found.ball(name) - inject > 0 for name in found.base.launches):
+    if not all(found.ball(name) - inject > 0 for name in found.base.word.launches):
         raise Unproved("the speed at the lift-off, before the injection, is not proved to be positive")
 
 
 def _check_least_period(found: ProvedHop) -> None:
     """The least period divides the number of hops, so that a launch speed comes back after a proper divisor of it, if
     after fewer hops at all."""
-    first, *others = (found.ball(name) for name in found.base.launches)
+    first, *others = (found.ball(name) for name in found.base.word.launches)
     for hops, after in enumerate(others, 1):
         if (len(others) + 1) % hops == 0 and first.overlaps(after):
             raise Unproved(

@@ -1,9 +1,9 @@
 """Hops of the return map with injection that come back, and where a fixed point loses its stability, proved.
 
 The map takes the launch speed alpha of a machine of two coordinates to the speed at the next lift-off, and adds the
-injection to it; see `orbits.return_map.return_map`. `fixed_point_statement` has the equations.
+injection to it; see `orbits.return_map.return_map`. `exact_hops` has the equations.
 
-Theorem 1. Let the equations of n hops with k_1, ..., k_n bounces have a zero at which, along the enclosed motion,
+Theorem 1. Let the equations of n hops with k_1, ..., k_n impacts have a zero at which, along the enclosed motion,
 
     1. the gap is positive inside each flight, and closes at its end with a speed;
     2. after all but the last landing of a hop the gap's acceleration is positive: the contact would have to pull;
@@ -11,10 +11,10 @@ Theorem 1. Let the equations of n hops with k_1, ..., k_n bounces have a zero at
     4. each launch speed alpha_i, and alpha_i - inject, are positive;
     5. alpha_(d+1) is not alpha_1 for any d < n that divides n.
 
-Then the map takes each alpha_i to alpha_(i+1), and alpha_n to alpha_1 = alpha; the hops have k_i + 1 impacts; alpha is
-a fixed point of the n-th iterate of the map and of no earlier one; and this iterate is analytic near alpha (for a law
-in pieces: continuously differentiable). Its derivative m there is that of `fixed_point_statement`. The fixed point of
-the map or, for n > 1, the cycle of hops is asymptotically stable for |m| < 1, and unstable for |m| > 1.
+Then the map takes each alpha_i to alpha_(i+1), by a hop with k_i impacts, and alpha_n to alpha_1 = alpha; alpha is a
+fixed point of the n-th iterate of the map and of no earlier one; and this iterate is analytic near alpha (for a law in
+pieces: continuously differentiable). Its derivative m there is that of `exact_hops`. The fixed point of the map or, for
+n > 1, the cycle of hops is asymptotically stable for |m| < 1, and unstable for |m| > 1.
 
 Proof. At the launch the gap and its first two derivatives are 0 (Lemma 5 of `orbits.proof`), and the third is positive,
 as 1 is proved there by its sign. So each landing is the first zero of the gap in its flight. The machine leaves
@@ -46,24 +46,26 @@ from fractions import Fraction
 
 from flint import arb, ctx
 
-from ..balls.equations import Equations, IntervalParameters
-from ..balls.programs import ball_of_fraction
-from ..balls.rigorous_step import between
-from ..balls.root import FIRST_BITS, evaluated_on
-from ..errors import InputError
-from ..exact.bounds import Enclosure
-from ..exact.decimals import decimal_text
-from ..exact.exact_mechanics import ExactMechanics, Scale, parameter_of
-from ..exact.outward_decimals import bounds_of_fractions, enclosure_of, radius_of
-from ..exact.refusal import NOT_ACROSS, Undecided, Unproved
-from ..exact.stated import Bounds, Decimals, StatedMachine, exact_bounds, range_text, stated_machine
-from ..exact.statement import unknown
-from ..model.machine import Machine, machine_in_words
-from ..proof.case import PROVED, not_stated
-from ..proof.digits import with_enough_digits
-from ..proof.theorem import Part, Proof
-from ..proof.wording import enclosed_words
-from .fixed_point_statement import INJECTION, HopStatement, Jet, doubling_statement, hop_statement, next_jet, pace_of
+from ...balls.equations import Equations, IntervalParameters
+from ...balls.programs import ball_of_fraction
+from ...balls.rigorous_step import between
+from ...balls.root import FIRST_BITS, evaluated_on
+from ...errors import InputError
+from ...exact.bounds import Enclosure
+from ...exact.decimals import decimal_text
+from ...exact.exact_mechanics import ExactMechanics, Scale, parameter_of
+from ...exact.outward_decimals import bounds_of_fractions, enclosure_of, radius_of
+from ...exact.refusal import NOT_ACROSS, Undecided, Unproved
+from ...exact.stated import Bounds, Decimals, StatedMachine, exact_bounds, range_text, stated_machine
+from ...exact.statement import unknown
+from ...model.machine import Machine, machine_in_words
+from ..case import PROVED, not_stated
+from ..digits import with_enough_digits
+from ..theorem import Part, Proof
+from ..wording import enclosed_words
+from .exact_hops import INJECTION, HopStatement, hop_statement
+from .hop_jets import Jet, doubling_statement, next_jet, pace_of
+from .hop_word import HopWord
 from .proved_hop import ProvedHop, conditions_of_hop, proved_hop
 
 # A fixed point of the map is correct to within this many roundings of the map, and its multiplier to this share.
@@ -102,14 +104,14 @@ class HopGuess:
     inject: float
 
     @property
-    def bounces(self) -> list[int]:
-        """The number of bounces of each hop."""
-        return [len(own) - 1 for own in self.flights]
+    def word(self) -> HopWord:
+        """The word of the hops."""
+        return HopWord(tuple(map(len, self.flights)))
 
     def unknowns(self, hop: HopStatement) -> dict[str, float]:
         """The guesses by the names of the unknowns."""
         times = [time for own, last in zip(self.flights, self.contacts, strict=True) for time in (*own, last)]
-        named = dict(zip((*hop.launches, *hop.times), (*self.launches, *times), strict=True))
+        named = dict(zip((*hop.word.launches, *hop.word.times), (*self.launches, *times), strict=True))
         return {"liftoff": self.liftoff, **named, INJECTION: self.inject}
 
 
@@ -171,9 +173,9 @@ class _Case:
         if mechanics.size != 2:
             raise Unproved("a launch is more than a speed: there is no map of launch speeds")
         if inject is None:
-            return hop_statement(mechanics, guess.bounces, unknown(INJECTION))
+            return hop_statement(mechanics, guess.word, unknown(INJECTION))
         low, high = (each / scale.speed for each in inject)
-        return hop_statement(mechanics, guess.bounces, parameter_of(INJECTION, low, high))
+        return hop_statement(mechanics, guess.word, parameter_of(INJECTION, low, high))
 
 
 @dataclass(frozen=True)
@@ -255,7 +257,7 @@ def _of_fixed_point(case: _Case, guess: HopGuess, said: SaidHops | None) -> _Res
     if not (stable or abs(multiplier) > 1):
         reasons.append(f"stability: the multiplier lies in {enclosures['multiplier']}, which holds 1 or -1")
     reasons += _wrong_claims(found, multiplier, said)
-    period = len(hop.launches)
+    period = hop.word.period
     of, what = ("map", "fixed point is") if period == 1 else (f"map's iterate of {period} hops", "hops are")
     words = f"The multiplier, which is the derivative of the {of} there, is in {enclosures['multiplier']}"
     if stable or abs(multiplier) > 1:
@@ -269,15 +271,15 @@ def _wrong_claims(found: ProvedHop, multiplier: arb, said: SaidHops | None) -> l
         return []
     hop, reasons, who = found.base, list[str](), "fixed point says" if len(said.launches) == 1 else "hops say"
     along = max(1.0, 1 / float(abs(1 - multiplier).abs_lower() + arb(2) ** -60))
-    for name, place in zip(hop.launches, said.launches, strict=True):
+    for name, place in zip(hop.word.launches, said.launches, strict=True):
         if not (found.ball(name) + arb(0, FOUND_TO * abs(place) * along + said.error)).overlaps(arb(place)):
             enclosed = enclosure_of(found.ball(name))
             reasons.append(f"{name}: the {who} {place!r}, outside the enclosure {enclosed}")
     slope = said.multiplier
     if slope is not None and not (multiplier + arb(0, SLOPE_FOUND_TO * (1 + abs(slope)))).overlaps(arb(slope)):
         reasons.append(f"multiplier: the {who} {slope!r}, outside {enclosure_of(multiplier)}")
-    if said.impacts is not None and said.impacts != (counts := tuple(map(len, hop.flights))):
-        reasons.append(f"impacts: the {who} {said.impacts}, and the equations are those of {counts}")
+    if said.impacts is not None and said.impacts != hop.word.impacts:
+        reasons.append(f"impacts: the {who} {said.impacts}, and the equations are those of {hop.word.impacts}")
     return reasons
 
 
@@ -334,11 +336,8 @@ def _sentences(case: _Case, result: _Result, part: Part | None) -> list[str]:
     if result.found is None or part is None:
         return [f"Nothing is proved of hops that come back with {inject}."]
     each = "For each value in these intervals the" if case.intervals else "The"
-    first, *more = (len(own) for own in result.found.base.flights)
-    doubled, period = "" if case.inject else " with the multiplier -1", len(more) + 1
-    hops = f"a hop of {first} impact{'' if first == 1 else 's'} that comes back{doubled}"
-    if more:
-        hops = f"{period} hops that come back, of {', '.join(map(str, (first, *more)))} impacts,"
+    word = result.found.base.word
+    hops = f"{word.in_words()}{'' if case.inject else ' with the multiplier -1'}"
     words = [
         f"With {inject}: {each} equations of {hops} have a solution with "
         f"{enclosed_words(part.unknowns)}{'' if case.inject else '; a d before a name is the derivative by alpha'}.",
@@ -349,8 +348,8 @@ def _sentences(case: _Case, result: _Result, part: Part | None) -> list[str]:
     if len(proved) < len(result.conditions):
         return [*words, f"Of its motion: {'; '.join(proved)}."] if proved else words
     what = (
-        f"They are hops of the return map of the least period {period}"
-        if more
+        f"They are hops of the return map of the least period {word.period}"
+        if word.period > 1
         else "It is a fixed point of the return map"
     )
     return [*words, f"{what}: {'; '.join(proved)}.", *result.sentences]

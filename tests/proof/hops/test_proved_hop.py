@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from orbits import prove_fixed_point
+from orbits.proof.hops.hop_theorems import proof_of_fixed_point
 from orbits.return_map.proofs import guessed_hop
-from orbits.return_map.proved_map import proof_of_fixed_point
 from problems import Hopper, knee_hopper
 
 
