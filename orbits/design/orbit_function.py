@@ -141,7 +141,7 @@ class _Branch:
         if self.machine.model.one_speed and not tuned_numbers(self.machine):
             found = attempt(lambda: (other, find(other, self.known.family, start=self.known)))
         if not isinstance(found, tuple):
-            (found,) = Origin(self.known.family, self.machine, self.known).motions([other])
+            (found,) = Origin(self.known.family, self.machine, self.known.dimensionless()).motions([other])
         if not isinstance(found, OrbitsError):
             machine, orbit = found[0], orbit_of(untuned(found[0]), found[1].dimensionless())
             if orbit.contact_time is not None:

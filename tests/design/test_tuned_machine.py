@@ -166,6 +166,14 @@ def test_an_orbit_of_casadi_is_tuned():
     ways = np.diag(1e-4 * theta)
     differences = np.column_stack([(found(theta + way) - found(theta - way)) / (2 * way.sum()) for way in ways])
     assert slopes == pytest.approx(differences, rel=1e-6, abs=1e-6)
+    leg = hopper_in_si(40, 10, force="k*r + b*r**3", parameters={"k": 2e4, "b": 4e4}, rest_length=1.0)
+    frequency = 1 / find(leg).period
+    function = orbit_function(leg, ["body_mass", "frequency"], tune="k", at={"frequency": frequency})
+    for mass, ratio in ((40, 1.0), (42, 1.02), (60, 1.1)):
+        _, durations, tuned = function([mass, ratio * frequency])
+        orbit = find(leg.with_values(body_mass=mass), tune="k", at={"frequency": ratio * frequency})
+        known = [orbit.flight_time, orbit.contact_time, orbit.tuned["k"]]
+        assert np.array(ca.vertcat(durations, tuned))[:, 0] == pytest.approx(known, rel=1e-11)
     with pytest.raises(InputError, match="'k' is tuned and follows from the others"):
         orbit_function(spring, "k", tune="k", at={"frequency": 0.12})
     with pytest.raises(InputError, match="a runner moves along the ground, which is not differentiated here"):
