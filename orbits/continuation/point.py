@@ -119,7 +119,7 @@ def stated(item: Point | Event | End) -> dict[str, Any]:
     """What a point, an event or an end of a family states in files."""
     whole = asdict(item)
     if isinstance(item, Event):
-        return {name: whole[name] for name in EventLine.__required_keys__}
+        return {name: whole[name] for name in EventLine.__annotations__}
     return {name: value for name, value in whole.items() if name != "lane"}
 
 
