@@ -18,6 +18,7 @@ from ..model.machine import Machine
 from ..model.model import Model
 from ..numerics.polynomial_roots import TINY
 from ..numerics.roots import Array, solve
+from ..running import interrupts
 from ..shooting.division import NodedSolution
 from ..shooting.error_bound import error_bounds
 from ..shooting.formulations import equations_of, iterative, method_of, vector
@@ -40,7 +41,7 @@ class Continued(NamedTuple):
 
     unknowns : (m, n), NaN where an orbit is not reached
     stopped : by index of the machines whose orbit is not reached, the status and the reason
-    solutions : those of the equations, each with the indices of its machines
+    solutions : of the equations, certified or not, each with the indices of its machines
     """
 
     unknowns: Array
@@ -154,11 +155,12 @@ def continued_orbits(
     in place of one the reason why there is none."""
     ps = np.array([vector(each.values) for each in machines])
     varied = [name for name, value in machine.values.items() if any(each.values[name] != value for each in machines)]
-    began, found = time.perf_counter(), continued(machine, orbit, ps, varied, options=options)
+    found = continued(machine, orbit, ps, varied, options=options)
     orbits: dict[int, Orbit | NoOrbit] = {i: NoOrbit(reason) for i, (_, reason) in found.stopped.items()}
     for which, solved in found.solutions:
         for k, i in enumerate(which.tolist()):
-            each = solved.only(np.array([k]))
+            interrupts.heed()
+            began, each = time.perf_counter(), solved.only(np.array([k]))
             try:
                 if each.by_nodes is None:
                     known = NodedSolution(each.equations, None, each.us[0], each.ps[0], each.evaluation)

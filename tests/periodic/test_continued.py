@@ -1,5 +1,6 @@
 """Orbits of many machines continued from one, against closed forms, families that are followed, and other searches."""
 
+import time
 from functools import cache
 
 import numpy as np
@@ -101,7 +102,9 @@ def test_machines_of_one_speed_are_continued_too(spring):
     machine = Hopper(law, mass_ratio=0.5, rest_length=12.0, parameters={"beta": 0.6})
     machines = [machine.with_values(beta=beta) for beta in (0.5, 0.8, 1.1)]
     for family in (1, 2):
-        found = continued_orbits(machine, find(machine, family), machines)
+        start, began = find(machine, family), time.perf_counter()
+        found = continued_orbits(machine, start, machines)
+        assert sum(orbit.seconds for orbit in found) <= time.perf_counter() - began  # each states its own time
         for one, orbit in zip(machines, found, strict=True):
             expected = find(one, family)
             assert orbit.alpha == pytest.approx(expected.alpha, rel=1e-12)
