@@ -99,9 +99,11 @@ def finite_number(name: str, value: object) -> float:
 
 def range_of(name: str, ends: Any) -> tuple[float, float]:
     """The two ends of a range; raises `InputError` for anything but a pair of numbers that ascend."""
-    if not isinstance(ends, tuple | list | np.ndarray) or len(ends) != 2:
-        raise InputError(f"{name} = {ends!r}; it is a pair (low, high)")
-    low, high = (finite_number(name, end) for end in ends)
+    try:
+        low, high = ends if is_list(ends) else ()
+    except ValueError:
+        raise InputError(f"{name} = {ends!r}; it is a pair (low, high)") from None
+    low, high = finite_number(name, low), finite_number(name, high)
     if not low < high:
         raise InputError(f"{name} = ({low:g}, {high:g}); a range goes up, low < high")
     return low, high

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from orbits import InputError
-from orbits.errors import LONGEST_MESSAGE, list_of_names, one_of, shortened, true_or_false, whole_number
+from orbits.errors import (
+    LONGEST_MESSAGE,
+    list_of_names,
+    one_of,
+    range_of,
+    shortened,
+    true_or_false,
+    whole_number,
+)
 from problems import runner
 
 
@@ -42,6 +50,27 @@ def test_names_are_texts(names):
     assert list_of_names("quantities", np.array(["alpha"])) == list_of_names("quantities", "alpha") == ["alpha"]
     with pytest.raises(InputError, match="it is a name, or a list of names"):
         list_of_names("quantities", names)
+
+
+@pytest.mark.parametrize("ends", [(1, 2), [1.0, 2.0], np.array([1, 2]), range(1, 3), iter((1, 2))])
+def test_a_range_is_a_pair_of_numbers_that_ascend(ends):
+    assert range_of("over", ends) == (1.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("ends", "reason"),
+    [
+        (np.array(3.0), "it is a pair"),
+        (3.0, "it is a pair"),
+        ("12", "it is a pair"),
+        ((1, 2, 3), "it is a pair"),
+        ((1, np.nan), "is not a finite number"),
+        ((2, 2), "a range goes up"),
+    ],
+)
+def test_other_ranges_are_refused(ends, reason):
+    with pytest.raises(InputError, match=f"over = .*{reason}"):
+        range_of("over", ends)
 
 
 def test_a_long_message_keeps_its_remedy():
