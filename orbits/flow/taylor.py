@@ -1,11 +1,14 @@
 """Motions in Taylor steps with their sensitivities, one of them or many, in kernels that iterate a step."""
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
+from ..model.phase import Affine
 from ..numerics.exclusion import HIGHEST_ORDER, bernstein_coefficients
 from ..numerics.roots import Array
 from ..running.exclusive import exclusive_property
@@ -76,6 +79,32 @@ class Watched(NamedTuple):
     signs: Array  # (N, q)
 
 
+class Watch:
+    """The affine functions of the rows that motions are watched for.
+
+    weights, offsets : (q, rows) and (q,)
+    opening : the first functions of this number may have a zero at the start of a motion, one of them each
+    turns : if not 0, the last function ends no motion before its sign at the ends of steps has changed so often
+    """
+
+    def __init__(self, functions: Sequence[Affine], rows: int, opening: int = 1, turns: int = 0):
+        self.weights, self.offsets = np.zeros((len(functions), rows)), np.zeros(len(functions))
+        for i, each in enumerate(functions):
+            self.weights[i, : len(each.weights)], self.offsets[i] = each.weights, each.offset
+        self.ending = len(functions) - bool(turns)  # the number of functions whose zeros are events
+        self.kind = tuple(rows_used(row[:, None]) for row in self.weights), opening, turns
+        self._tests = np.concatenate([self.weights.ravel(), self.offsets])
+
+    def data(self, p: Array, limits: Array, opens: ArrayLike, all_steps: bool = False) -> Array:
+        """The data of motions with parameters (m, np) or (1, np), to time limits (m,), in which functions with these
+        numbers (m,) open."""
+        count, own = p.shape[1], len(self._tests)
+        found = np.empty((len(limits), count + own + 3))
+        found[:, :count], found[:, count:-3] = p, self._tests
+        found[:, -3], found[:, -2], found[:, -1] = opens, limits, all_steps
+        return found
+
+
 class TaylorStepper:
     """Takes Taylor steps with the sensitivities of the states.
 
@@ -99,7 +128,7 @@ class TaylorStepper:
         self.rows, left = graph.size + graph.field.numel_out(1), graph.size * (1 + columns)
         numbers = range(left, left + 7)
         self.places = Places(slice(self.n), slice(self.n, left), slice(numbers.stop, None), *numbers)
-        self._watching: dict[tuple[tuple, int], Kernel] = {}  # of `watch`, by the rows in the functions and turns
+        self._watching: dict[tuple, Kernel] = {}  # of `watch`, by the kinds of `Watch`
 
     @exclusive_property
     def kernel(self) -> Kernel:
@@ -180,36 +209,29 @@ class TaylorStepper:
         return Motions(ends, variations, made[:, 0], c, begins, made[:, 1], counts, left, numbers)
 
     def watch(
-        self, z: Array, p: Array, weights: Array, offsets: Array, limits: Array, tables: Array | None, turns: int = 0,
-        most: int | None = None,
-    ) -> tuple[Array, Watched, Array, Array]:  # fmt: skip
-        """Motions until an affine function may change its sign, or until their times reach the `limits` (m,).
+        self, z: Array, data: Array, watched: "Watch", tables: Array | None, most: int = 1
+    ) -> tuple[Array, Watched, Array, Array]:
+        """Motions until an affine function may change its sign, or until their times reach their limits.
 
-        z : (m, n + 7 + q) as `watched_state` makes it; p (m, np) or (1, np)
+        z, data : of each motion, as `watched_state` and `Watch.data` make them
         tables : of `OnPieces`, None for a smooth field
-        weights, offsets : (m, q, rows) and (m, q), of the q functions
-        turns : if not 0, the second function ends no motion before its sign at the ends of steps has changed
-            this number of times
-        most : all steps are recorded, and at most this number is taken; if None, the steps alone are recorded in which
-            a function may change its sign, by Bernstein exclusion
+        most : number of steps, where all are recorded; else the steps alone are recorded in which a function may change
+            its sign, by Bernstein exclusion, and the first ends the motion
 
         Returns z when each has ended; the steps that are recorded; the number (m,) of these of each motion; and whether
         it would go on (m,), after the last record or after the most steps.
         """
-        count = len(offsets)
-        if (kind := (tuple(map(rows_used, weights.transpose(1, 2, 0))), turns)) not in self._watching:
+        if (kind := watched.kind) not in self._watching:
             self._watching[kind] = self.kernel_of(_watch_function(self, *kind))
-        data = [np.broadcast_to(p, (count, p.shape[1])), weights.reshape(count, -1), offsets, limits[:, None]]
-        data.append(np.full((count, 1), float(most is not None)))
         own = () if tables is None else (tables,)
-        z, (c, begins, signs), counts, going = self._watching[kind](z, np.hstack(data), *own, most=most or 1)
+        z, (c, begins, signs), counts, going = self._watching[kind](z, data, *own, most=most)
         lengths, times, orders, changes = begins.T
         c = c.reshape(-1, self.rows, TAYLOR_ORDER + 1)
         return z, Watched(c, lengths, times, orders, changes, signs), counts, going
 
-    def watched_state(self, x: Array, orders: Array, count: int, numbers: Array | float) -> Array:
-        """The argument z of `watch` with `count` functions: states (m, n), the orders (m,) of the zeros of the first
-        function there, and the numbers (m,) of pieces; the time left is not limited."""
+    def watched_state(self, x: Array, orders: ArrayLike, count: int, numbers: Array | float) -> Array:
+        """The argument z of `watch` with `count` functions: states (m, n), the orders (m,) of the zeros of those that
+        open there, and the numbers (m,) of pieces; the time left is not limited."""
         z, at = np.zeros((len(x), self.places.signs.start + count)), self.places
         z[:, at.state], z[:, at.left], z[:, at.longest], z[:, at.piece] = x, np.inf, LONGEST_STEP, numbers
         z[:, at.order] = orders
@@ -245,16 +267,18 @@ def _progress(n: int, size: int) -> ca.Function:
     return ca.Function("progress", [x, left, c, made], [ca.logic_and(finite, made[0] > 0), goes])
 
 
-def _watch_function(stepper: TaylorStepper, used: tuple[tuple[int, ...], ...], turns: int) -> ca.Function:
-    """A step of `TaylorStepper.watch` with functions of the rows `used` and these turns, as a `Kernel` iterates it."""
+def _watch_function(stepper: TaylorStepper, used: tuple[tuple[int, ...], ...], opening: int, turns: int) -> ca.Function:
+    """A step of `TaylorStepper.watch` with functions of the rows `used`, as a `Kernel` iterates it; see `Watch`."""
     at, rows, size, count = stepper.places, stepper.rows, len(used), stepper.step_function.numel_in(1)
-    z, data = ca.MX.sym("z", at.signs.start + size), ca.MX.sym("p", count + size * (rows + 1) + 2)
-    p, tests, limit, all_steps = data[:count], data[count:-2], data[-2], data[-1]
+    z, data = ca.MX.sym("z", at.signs.start + size), ca.MX.sym("p", count + size * (rows + 1) + 3)
+    p, tests, (opens, limit, all_steps) = data[:count], data[count:-3], ca.vertsplit(data[-3:])
     row = [ca.MX.sym("row", stepper.piece_rows.width)] if stepper.graph.coordinate else []
     after, c, made = stepper.step_function(z[: at.time], p, *row)
     taken, goes = _progress(stepper.n, c.numel())(after[at.state], after[at.left], ca.vec(c), made)
     inside = ca.logic_and(taken, ca.mmax(ca.fabs(after[at.state])) < FLOW_CONTROL.runaway)
-    may_change, signs, turned = _may_change_sign(rows, used, turns > 0)(c, made[1], tests, z[at.order], z[at.signs])
+    may_change, signs, turned = _may_change_sign(rows, used, opening, turns > 0)(
+        c, made[1], tests, z[at.order], opens, z[at.signs]
+    )
     found = ca.logic_and(inside, may_change)
     new = ca.vertcat(after, z[at.time] + made[0], 0, found, z[at.changes] + turned, signs)
     # A motion that runs away stays where it was, so that it can be followed from there alone.
@@ -269,40 +293,42 @@ def _watch_function(stepper: TaylorStepper, used: tuple[tuple[int, ...], ...], t
 
 
 @cached
-def _may_change_sign(rows: int, used: tuple[tuple[int, ...], ...], counts: bool) -> ca.Function:
-    """(coefficients (K + 1, rows), step, weights (rows, size) and offsets (size,), order of the first function's zero,
-    signs (size,) before) -> whether an affine function may change its sign in the step, the signs after it, and whether
-    that of the second has changed. With `counts` the second function may change it, else this is not checked.
-    `used` are the rows of each function whose weights are not 0.
+def _may_change_sign(rows: int, used: tuple[tuple[int, ...], ...], opening: int, counts: bool) -> ca.Function:
+    """(coefficients (K + 1, rows), step, weights (rows, size) and offsets (size,), order of a zero at the start and the
+    number of the function that has it, signs (size,) before) -> whether an affine function may change its sign in the
+    step, the signs after it, and whether that of the last has changed. With `counts` the last function may change it,
+    else this is not checked. `used` are the rows of each function whose weights are not 0, and the first `opening`
+    functions are those that may have a zero at the start.
 
     A polynomial has no zero where the Bernstein coefficients of its first terms have one sign and are larger than the
     sum of the other terms; the sign at the start is that at the end of the step before. The first of these coefficients
     may be smaller: the other terms are at most their sum times t, and the first terms at least that much, if the value
     at the start has the same sign.
     """
-    c, h, order, size = ca.SX.sym("c", TAYLOR_ORDER + 1, rows), ca.SX.sym("h"), ca.SX.sym("order"), len(used)
+    c, size = ca.SX.sym("c", TAYLOR_ORDER + 1, rows), len(used)
+    h, order, opens = (ca.SX.sym(name) for name in ("h", "order", "opens"))
     tests, before = ca.SX.sym("w", size * (rows + 1)), ca.SX.sym("s", size)
     terms, change, after, turned = ca.diag(symbolic_powers(h)) @ c, ca.SX(0), [], ca.SX(0)
     for i, own in enumerate(used):
         series = sum((terms[:, row] * tests[i * rows + row] for row in own), ca.SX.zeros(TAYLOR_ORDER + 1))
         series[0] += tests[size * rows + i]
-        rest = ca.sum1(ca.fabs(series[BOUND_DEGREE + 1 :]))
-        first = [series[: BOUND_DEGREE + 1]]
-        for skipped in range(1, HIGHEST_ORDER + 1) if i == 0 else ():
+        rest, first = ca.sum1(ca.fabs(series[BOUND_DEGREE + 1 :])), [series[: BOUND_DEGREE + 1]]
+        its_order = order if opening == 1 else ca.if_else(opens == i, order, 0)
+        for skipped in range(1, HIGHEST_ORDER + 1) if i < opening else ():
             first.append(series[skipped : skipped + BOUND_DEGREE + 1])
-            series[skipped - 1] = ca.if_else(order >= skipped, 0, series[skipped - 1])
+            series[skipped - 1] = ca.if_else(its_order >= skipped, 0, series[skipped - 1])
         start, ends = first[0], ca.sum1(series)
         for skipped, shifted in enumerate(first[1:], start=1):
-            start = ca.if_else(order >= skipped, shifted, start)
+            start = ca.if_else(its_order >= skipped, shifted, start)
         begins = ca.if_else(before[i] == 0, start[0], before[i]) >= 0
         after.append(ca.if_else(ends >= 0, 1.0, -1.0))
-        if counts and i == 1:
+        if counts and i == size - 1:
             turned = begins != (ends >= 0)
             continue
         bounds = ca.vertcat(*bernstein_coefficients(start, ca.SX.ones(start.numel()))[1:], ends)
         same = ca.if_else(begins, ca.mmin(bounds) >= rest, ca.mmax(bounds) < -rest)
         change = ca.logic_or(change, ca.logic_not(ca.logic_and(same, ca.fabs(ends) < np.inf)))
-    return ca.Function("signs", [c, h, tests, order, before], [change, ca.vertcat(*after), turned])
+    return ca.Function("signs", [c, h, tests, order, opens, before], [change, ca.vertcat(*after), turned])
 
 
 class TaylorMotion(NamedTuple):

@@ -5,6 +5,7 @@ from itertools import accumulate, pairwise
 from math import comb
 
 import casadi as ca
+import numpy as np
 
 from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction, Kernel
@@ -14,6 +15,8 @@ from .roots import CLOSED
 HIGHEST_ORDER = 3
 # Newton's method ends where its next step, predicted from the last two, changes no digit of the root.
 NEGLIGIBLE = 1e-17
+# The size assigned to a zero that continues negative values, so that it has their sign; it is far below any rounding.
+TINY = 1e-300
 
 
 def bernstein_coefficients(series: ca.SX, of_h: ca.SX) -> list[ca.SX]:
@@ -52,12 +55,18 @@ def refinement(size: int) -> Kernel:
     """Newton's method for a root in a bracket, or bisection where that leads out of it: (z, (coefficients (size,), 1 or
     for a falling root -1)) -> z, which is the root, the bracket and the size of the last step of Newton's method."""
     z, data = ca.SX.sym("z", 4), ca.SX.sym("data", size + 1)
+    after, settled = _refined(z, data[:-1], data[-1])
+    return Kernel(ca.Function("refinement", [z, data], [after, 0, ca.logic_not(settled)]))
+
+
+def _refined(z: ca.SX, series: ca.SX, rises: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """The z of `refinement` after one step, and whether no other is needed."""
     t, low, high, last = ca.vertsplit(z)
     value = slope = ca.SX(0)
-    for c in reversed(ca.vertsplit(data[:-1])):
+    for c in reversed(ca.vertsplit(series)):
         slope = slope * t + value
         value = value * t + c
-    above = data[-1] * value >= 0
+    above = rises * value >= 0
     low, high = ca.if_else(above, low, t), ca.if_else(above, t, high)
     new = ca.if_else(slope != 0, t - value / slope, low)
     step = ca.fabs(new - t)
@@ -65,5 +74,28 @@ def refinement(size: int) -> Kernel:
     settled = ca.logic_or(settled, ca.fmin(step, high - low) <= CLOSED * high)
     inside = ca.logic_and(low < new, new < high)
     nearer = ca.if_else(inside, new, 0.5 * (low + high))
-    after = ca.vertcat(ca.if_else(settled, ca.fmin(ca.fmax(new, low), high), nearer), low, high, inside * step)
-    return Kernel(ca.Function("refinement", [z, data], [after, 0, ca.logic_not(settled)]))
+    return ca.vertcat(ca.if_else(settled, ca.fmin(ca.fmax(new, low), high), nearer), low, high, inside * step), settled
+
+
+@cached
+def first_root(size: int, steps: int = 8) -> ElementwiseFunction:
+    """(coefficients (size,), h, order of the zero at 0, sign before it or 0) -> the first root of a polynomial on
+    [0, h] without that zero, infinite where there is none; its sign at h; and whether neither is known, since the
+    Bernstein coefficients have several changes of sign, or Newton's method does not settle in this number of steps."""
+    c, h, order, before = (ca.SX.sym(name, count) for name, count in zip("chob", (size, 1, 1, 1), strict=True))
+    series, powers = without_first_zero(c, order), ca.vertcat(1, *accumulate([h] * (size - 1), lambda p, h: p * h))
+    values = bernstein_coefficients(series, powers)
+    values[0] = ca.if_else(before == 0, values[0], before * ca.fmax(ca.fabs(values[0]), TINY))
+    changed = [(one >= 0) != (other >= 0) for one, other in pairwise(values)]
+    about = ca.SX(0)  # where the polygon of the coefficients crosses zero
+    for j, (one, other) in enumerate(pairwise(values)):
+        about = ca.if_else(changed[j], (j + one / (one - other)) / (size - 1), about)
+    rises, known = ca.if_else(values[-1] >= 0, 1.0, -1.0), ca.SX(0)
+    z = ca.vertcat(about * h, 0, h, 0)
+    for _ in range(steps):
+        after, settled = _refined(z, series, rises)
+        z, known = ca.if_else(known, z, after), ca.logic_or(known, settled)
+    changes = sum(changed, ca.SX(0))
+    unknown = ca.logic_or(changes > 1, ca.logic_and(changes == 1, ca.logic_not(known)))
+    found = ca.if_else(changes == 0, np.inf, z[0])
+    return ElementwiseFunction(ca.Function("first_root", [c, h, order, before], [found, rises, unknown]))

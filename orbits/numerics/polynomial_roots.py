@@ -11,7 +11,7 @@ from math import comb
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .exclusion import NEGLIGIBLE, refinement, sign_changes
+from .exclusion import NEGLIGIBLE, TINY, refinement, sign_changes
 from .roots import CLOSED, MOST_ITERATIONS, Array
 
 _Crossed = list[tuple[int, float]]
@@ -23,8 +23,6 @@ MOST_HALVINGS = 40
 FEW_PIECES = 100
 # Up to this many roots are found faster one by one: a single root takes 15 microseconds, and the call of a kernel 80.
 FEW = 6
-# The size assigned to a zero that continues negative values, so that it has their sign; it is far below any rounding.
-TINY = 1e-300
 # From this many numbers on, their powers are computed faster by doubling the number of powers.
 MANY = 200
 

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import BreaksDown, FlowError, NoOrbit, OutOfRange
+from ..flow.first_events import first_events
 from ..flow.flow import Flow, flow_of
-from ..flow.zero_crossing import first_zeros
 from ..laws.law import from_key, values_and_slopes
 from ..model.linear_guess import linear_guess
 from ..model.model import Model, refuse_hysteresis
@@ -215,7 +215,9 @@ def times_of_turns(
         if not len(going):
             break
         some = ps[going] if len(ps) > 1 else ps[0]
-        found, rows, failed = first_zeros(flow, states[going], some, rate, longest[going], int(turn > 0), reasons=False)
+        found, _, rows, failed = first_events(
+            flow, states[going], some, [rate], longest[going], int(turn > 0), reasons=False
+        )
         broken[going[[*failed]]], times[turn, going] = True, found
         states[going] = rows[:, : states.shape[1]]
         going = going[np.isfinite(found)]
@@ -233,7 +235,7 @@ def _refusals(
         flow, ps = flow_of(relative.phase, tuple(p)), vectors(those, len(known))
         starts = np.column_stack([liftoffs[known], lost[known]])
         longest = LONGEST_FLIGHT * relative.time(those) * (1 + lost[known])
-        *_, failed = first_zeros(flow, starts, ps, SPEED_OF_EXTENSION, longest, rising=True)
+        failed = first_events(flow, starts, ps, [SPEED_OF_EXTENSION], longest, rising=True).failed
         errors = {int(known[i]): error for i, error in failed.items()}
     refused = list[NoOrbit]()
     for i, (alpha, last) in enumerate(zip(lost.tolist(), fastest.tolist(), strict=True)):

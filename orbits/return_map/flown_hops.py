@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..flow.zero_crossing import first_zeros
+from ..flow.first_events import first_events
 from ..numerics.roots import solve
 from ..shooting.formulations import vector
 from ..shooting.single_shooting import shooting_equations
@@ -59,7 +59,7 @@ def flown_hops(impacts: Impacts, alphas: np.ndarray, most: int = MOST_IMPACTS) -
     state, order, counts = starts.copy(), np.full(m, LIFTOFF_ORDER), np.zeros(m, int)
     flying = np.flatnonzero(impacts.opens(starts))
     while len(flying) and len(times) < most:
-        passed, rows, _, feet = impacts.touchings(state[flying], order[flying], np.zeros(len(flying), int))
+        passed, feet, rows, _ = impacts.touchings(state[flying], order[flying], np.zeros(len(flying), int))
         down = np.isfinite(passed) & (feet < len(impacts.feet))
         flying, passed, rows = flying[down], passed[down], rows[down, : impacts.flight.size]
         times.append(np.full(m, np.nan))
@@ -75,8 +75,8 @@ def flown_hops(impacts: Impacts, alphas: np.ndarray, most: int = MOST_IMPACTS) -
         ys = standing[stands]
         limit = impacts.options.batch_contact * (1 + np.abs(ys).max(1))
         grazes = impacts.grazes(ys)[0]
-        over = impacts.model.contact_speed, TURNS
-        contacts[stands] = first_zeros(impacts.contact, ys, p, exit_.force, limit, grazes, over=over)[0]
+        turns = impacts.model.contact_speed, TURNS
+        contacts[stands] = first_events(impacts.contact, ys, p, [exit_.force], limit, grazes, turns=turns).times
     contacts[~np.isfinite(contacts)] = np.nan
     return FlownHops(
         alphas, starts, np.where(np.isfinite(contacts), counts, 0), np.reshape(times, (-1, m)).T,

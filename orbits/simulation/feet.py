@@ -13,10 +13,8 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..errors import FlowError
 from ..flow.flow import Flow
 from ..flow.trajectory import Trajectory
-from ..flow.zero_crossing import first_zeros
 from ..model.model import CONTACT_FORCE, LANDED_FORCE, Model
 from ..model.phase import Affine
 from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
@@ -24,9 +22,6 @@ from ..model.symmetry import SignedShift
 from ..numerics.polynomial_roots import Crossings
 from ..symbolic.kernels import ElementwiseFunction
 
-# Of two gaps that may close, both are searched up to a time that grows by the factor, from this share of the longest
-# flight, or this multiple of the time that the gap takes to close again under its present acceleration.
-SOONEST_SHARE, REACH_GROWS, AGAIN = 1e-4, 4.0, 4.0
 # A landing slower than this, relative to the state, loses nothing but rounding.
 SLOW = 1e-8
 LIFTS_OFF, STEPS_BACK = "lifts_off", "steps_back"  # how a contact ends, by the force that vanishes
@@ -128,34 +123,3 @@ def unheld(model: Model, flown: Trajectory, p: Any) -> list[tuple[float, str]]:
         for step, time in places:
             found[kind] = min(found.get(kind, np.inf), float(flown.times[step] + time))
     return sorted((time, kind) for kind, time in found.items())
-
-
-def first_to_touch(
-    feet: tuple[Foot, ...], x: np.ndarray, p: np.ndarray, limit: np.ndarray, order: np.ndarray, foot: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, dict[int, FlowError], np.ndarray]:
-    """`first_zeros` of the gaps of several feet on flights from states (m, n) within times (m,), where the gaps of the
-    feet (m,) have zeros of these orders (m,) and open; and the numbers (m,) of the feet that touch."""
-    flight = feet[0].flight
-    times, which, errors = np.full(len(x), np.nan), np.zeros(len(x), int), dict[int, FlowError]()
-    rows, left = np.full((len(x), len(flight.names)), np.nan), np.arange(len(x))
-    reach, rates = SOONEST_SHARE * limit, flight.field(x, p)[0]
-    for i, each in enumerate(feet):
-        again, closing = (foot == i) & (order == 1), -(rates @ each.speed)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            back = np.where(again & (closing > 0), AGAIN * (x @ each.speed) / closing, np.inf)
-        reach = np.minimum(reach, back)
-    while len(left):
-        reach[left] = np.minimum(reach[left], limit[left])
-        broken = dict[int, FlowError]()
-        for i, each in enumerate(feet):
-            until = np.where(np.isfinite(times[left]), times[left], reach[left])
-            skip = np.where(foot[left] == i, order[left], 0)
-            found, ends, failed = first_zeros(flight, x[left], p, each.gap, until, skip)
-            own = left[touches := np.isfinite(found)]
-            times[own], rows[own], which[own] = found[touches], ends[touches], i
-            broken |= {int(left[k]): error for k, error in failed.items()}
-        errors |= {k: error for k, error in broken.items() if np.isnan(times[k])}
-        on = np.isnan(times[left]) & (reach[left] < limit[left]) & ~np.isin(left, [*errors])
-        left = left[on]
-        reach[left] *= REACH_GROWS
-    return times, rows, errors, which

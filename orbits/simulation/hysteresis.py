@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..flow.first_events import first_events
 from ..flow.flow import Flow
-from ..flow.zero_crossing import first_zeros
 from ..laws.law import from_key
 from ..laws.law_statement import from_formula
 from ..mechanics.elements import Spring
@@ -244,24 +244,8 @@ class Branches:
         """`first_zeros`, infinite times as NaN; none of a quantity that vanishes throughout."""
         if not any(quantity.weights):
             return np.full(len(starts), np.nan), np.zeros((len(starts), flow.size)), {}
-        times, rows, errors = first_zeros(flow, starts, p, quantity, limit, skip)
+        times, _, rows, errors = first_events(flow, starts, p, [quantity], limit, skip)
         return np.where(np.isinf(times), np.nan, times), rows, errors
-
-
-class FirstOf:
-    """A `stop` of a flow at the first of several tests; `which` is the one that ended the motion, None while none has.
-
-    tests : each (coefficients, steps) -> (step, time in it), or None
-    """
-
-    def __init__(self, *tests: Callable):
-        self.tests = tests
-        self.which: int | None = None
-
-    def __call__(self, coefficients: np.ndarray, steps: np.ndarray) -> tuple[int, float] | None:
-        hits = [(hit, i) for i, test in enumerate(self.tests) if (hit := test(coefficients, steps)) is not None]
-        first, self.which = min(hits, default=(None, None))
-        return first
 
 
 def first_reversal(rate: Affine, order: int | None) -> Callable:

@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 
 from ..errors import FlowError
+from ..flow.first_events import FirstOf, first_zero
 from ..flow.trajectory import Trajectory
-from ..flow.zero_crossing import first_zero
 from ..model.machine import Machine
 from ..model.phase import Affine
 from .footing import FALLS, FallTest
-from .hysteresis import Branches, FirstOf, first_reversal
+from .hysteresis import Branches, first_reversal
 from .impacts import LIFTOFF_ORDER, TURNS, ContactStop, status_of_failure
 from .simulated_run import SimulatedRun
 

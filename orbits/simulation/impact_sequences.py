@@ -80,12 +80,12 @@ def _flights_and_impacts(
     status[flying], status[too_fast] = "cap", "lost"
     earlier, compared = np.full_like(state, np.nan), FIRST_REPETITION
     for impact in range(cap):
-        times, rows, errors, touches = impacts.touchings(state.take(flying, 0), order[flying], foot[flying])
+        times, touches, rows, errors = impacts.touchings(state.take(flying, 0), order[flying], foot[flying])
         gone = np.isnan(times)
         status[flying[gone]] = "carried_off"
         for i, error in errors.items():
             status[flying[i]] = status_of_failure(error, "flight")
-        falls = touches == len(impacts.feet)
+        falls = touches >= len(impacts.feet)
         status[flying[falls]], gone = FALLS, gone | falls
         flying = flying[~gone]
         if not len(flying):

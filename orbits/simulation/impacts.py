@@ -10,7 +10,6 @@ also end elsewhere, or at the extension of a launch while the machine moves down
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -18,9 +17,9 @@ from numpy.typing import ArrayLike
 
 from ..consistency.accepted import check_machine
 from ..errors import BreaksDown, FlowError, InputError, OutOfRange, RunsAway, finite_number
+from ..flow.first_events import Events, first_events
 from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectory
-from ..flow.zero_crossing import MOST_CLOSED_STEPS, first_zeros
 from ..model.machine import Machine
 from ..model.model import Model
 from ..model.phase import Affine
@@ -31,7 +30,7 @@ from ..shooting.formulations import vector
 from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction
 from ..units import LIFTOFF_SPEED, Message, Quantity
-from .feet import LIFTS_OFF, STEPS_BACK, Foot, exits_of, feet_of, first_to_touch
+from .feet import LIFTS_OFF, STEPS_BACK, Foot, exits_of, feet_of
 from .footing import FALLS, SLIPS, FallTest, Footing, SlipTest
 
 # The endings of a hop other than "lifts_off" (of a map) and "done" (of a simulation).
@@ -59,8 +58,6 @@ CAP = 10_000  # a hop is abandoned after this many impacts
 LIFTOFF_ORDER = 3  # order of the gap's zero at a lift-off
 TURNS = 3  # after this many zeros of its speed a contact never ends, see `ContactStop`
 TURNS_OF_SEVERAL = 100  # of the launched coordinate's speed, up to which a contact of several coordinates is followed
-# A landing in closed form is searched from this many reciprocals of the frequency before it may occur.
-BEFORE_LANDING = 0.01
 # A contact whose rates are all below this is at rest. An overdamped contact reaches rest without turning.
 STILL_RATE = 1e-12
 GRAZING = 1e-12  # a contact force below this, relative to the state, vanishes
@@ -167,28 +164,11 @@ class Impacts:
         self.footing = Footing(model, self.flight, self.contact, self.values)
         self.onto_contact = np.linalg.pinv(model.embed)
 
-    def landings(self, x: np.ndarray, order: Any) -> tuple[np.ndarray, np.ndarray, dict[int, FlowError]]:
-        """`first_zeros` of the gap on flights from states (m, n), where it has zeros of these orders and opens."""
-        limit, ahead = self.longest_flight(x), np.zeros(len(x))
-        if self.flight.phase.closed_form and np.ndim(order) == 0:
-            # Nothing is searched until shortly before the gap may close.
-            form = self.flight.closed_form(self.p)
-            rate = np.sqrt(form.square)
-            ahead = form.positive_until(self.gap, x.T, int(order)) - BEFORE_LANDING / rate
-            ahead = np.where((ahead > 0) & (ahead < limit) & (ahead * rate < MOST_CLOSED_STEPS), ahead, 0.0)
-        return first_zeros(self.flight, x, self.p, self.gap, limit, order, ahead=ahead)
-
-    def touchings(
-        self, x: np.ndarray, order: np.ndarray, foot: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, dict[int, FlowError], np.ndarray]:
-        """`landings` of the feet that touch first, whose numbers (m,) are returned too, on flights from states (m, n)
-        in which the gaps of feet (m,) have zeros of these orders (m,). A machine that falls over has the number of
-        feet."""
-        if len(touch := (*self.feet, *self.footing.tilts)) > 1:
-            times, rows, errors, which = first_to_touch(touch, x, self.p, self.longest_flight(x), order, foot)
-            return times, rows, errors, np.minimum(which, len(self.feet))
-        # All that leave at once, where one point lands and opens again, do so with the same order.
-        return *self.landings(x, order[0] if self.model.plain and len(order) else order), foot
+    def touchings(self, x: np.ndarray, order: ArrayLike, foot: ArrayLike) -> Events:
+        """Which feet touch first on flights from states (m, n) in which the gaps of feet (m,) have zeros of these
+        orders (m,) and open; a machine that falls over has the number of feet or more."""
+        touch = [each.gap for each in (*self.feet, *self.footing.tilts)]
+        return first_events(self.flight, x, self.p, touch, self.longest_flight(x), order, foot, opening=len(self.feet))
 
     def landing(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """The effect of impacts at flight states (m, n) with closed gap: whether (m,) sustained contact follows,
@@ -305,19 +285,19 @@ class Impacts:
         turns, over = (TURNS, "rests") if self.model.one_speed else (TURNS_OF_SEVERAL, "stays")
         if contact.method != "Runge-Kutta" and len(ys):
             limit = self.options.batch_contact * (1 + np.abs(ys).max(1))
-            if contact.phase.closed_form:
-                limit = np.full(len(ys), turns * np.pi / contact.closed_form(self.p).rates.min())
-            grazes, never = self.grazes(ys), np.ones(len(ys), bool)
-            for exit_, order in zip(self.exits, grazes, strict=True):
-                times, rows, _ = first_zeros(contact, ys, self.p, exit_.force, limit, order, over=(speed, turns))
-                lifts = np.isfinite(times)
-                outcome[lifts], ends[lifts] = exit_.outcome, rows[lifts, : contact.size]
-                limit, never = np.where(lifts, times, limit), never & (outcome == "")
-                never &= np.isinf(times) | (np.isnan(times) & bool(contact.phase.closed_form))
+            tests, grazes = [each.force for each in self.exits], self.grazes(ys)
             if gap := self.model.standing_gap(self.values):
-                falls = np.isfinite(first_zeros(contact, ys, self.p, gap, limit)[0])
-                outcome[falls], never[falls], ends[falls] = FALLS, False, np.nan
-            outcome[never] = over
+                tests.append(gap)
+            found = first_events(
+                contact, ys, self.p, tests, limit, grazes.any(0), grazes.argmax(0), opening=len(self.exits),
+                turns=(speed, turns),
+            )  # fmt: skip
+            names = np.array([*(each.outcome for each in self.exits), FALLS], STATUS)
+            happens = found.which >= 0
+            outcome[happens] = names[found.which[happens]]
+            lifts = happens & (found.which < len(self.exits))
+            ends[lifts] = found.rows[lifts, : contact.size]
+            outcome[np.isinf(found.times)] = over
         for i in np.flatnonzero(outcome == ""):
             path, outcome[i], _ = self.sustained_contact(ys[i])
             if path is not None and outcome[i] in (LIFTS_OFF, STEPS_BACK):

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
+from ..flow.first_events import FirstOf, first_zero
 from ..flow.flow import Flow
-from ..flow.zero_crossing import first_zero
 from ..model.machine import Machine
 from ..periodic.certificate import mass_of_landing
 from ..periodic.loss_coefficient import MOST_LEFT, bounce_factors, hand_over_factors, jerk_jumps, loss_coefficient
@@ -21,7 +21,7 @@ from ..units import DIMENSIONS, LIFTOFF_SPEED, SPEED, Message, Quantity, in_own_
 from .feet import LIFTS_OFF, STEPS_BACK, Foot
 from .footing import FALLS, SLIPS, FallTest
 from .hand_over import landed, share_left, standing
-from .hysteresis import Branches, FirstOf, first_reversal
+from .hysteresis import Branches, first_reversal
 from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, STATUSES, ContactStop, Impacts, no_launch
 
 RESTS = "the machine rests: it does not lift off again"

@@ -3,14 +3,13 @@
 import numpy as np
 
 from ..errors import FlowError
+from ..flow.first_events import FirstOf, first_zero
 from ..flow.trajectory import Trajectory
-from ..flow.zero_crossing import first_zero
 from ..model.machine import Machine
 from ..units import TIME, Message, Quantity
 from .feet import LIFTS_OFF, STEPS_BACK, Exit, unheld
 from .footing import FALLS, SLIPS, FallTest
 from .hand_over import landed
-from .hysteresis import FirstOf
 from .impact_sequences import MANY_BOUNCES, decided_from, decided_impacts
 from .impacts import LIFTOFF_ORDER, STATUSES, Impacts, status_of_failure
 from .launch_section import LaunchSection

@@ -87,6 +87,30 @@ def _contiguous(arguments: Sequence[np.ndarray], sizes: Sequence[int]) -> tuple[
     return inputs, count
 
 
+class _OnePoint:
+    """The arguments and results of machine code at one point, which are laid out once: to state where several arrays
+    lie takes longer than the code."""
+
+    def __init__(self, inputs: Sequence[int], records: Sequence[int], capacity: int):
+        sizes = [*inputs, *(capacity * size for size in records), 3]
+        whole = np.zeros(sum(sizes))
+        bounds = [*accumulate(sizes, initial=0)]
+        parts = [whole[first:last] for first, last in pairwise(bounds)]
+        self.inputs, self.records, self.ends = parts[: len(inputs)], parts[len(inputs) : -1], parts[-1]
+        self.records = [part.reshape(capacity, -1) for part in self.records]
+        self.capacity, begin = capacity, whole.__array_interface__["data"][0]
+        places = [begin + first * whole.itemsize for first in bounds[:-1]]
+        self._pointers = (ctypes.c_void_p * len(places))(*places)
+        self._strides = (ctypes.c_int64 * len(places))(*sizes)
+
+    def run(self, code: MachineCode, inputs: Sequence[np.ndarray], ends: tuple[float, float, float]) -> None:
+        """Iterate from arguments (1, size) to bounds as those of `Kernel._iterated`."""
+        for memory, array in zip(self.inputs, inputs, strict=True):
+            memory[:] = array[0]
+        self.ends[:] = ends
+        code.run(self._pointers, self._strides, 1)
+
+
 class Kernel:
     """A function of vectors iterated at several points, at each until it says that it is done.
 
@@ -114,6 +138,7 @@ class Kernel:
         self._code: MachineCode | None = None
         # The number of records of a point with room, learned from earlier calls; no number in a result depends on it.
         self._capacity = FIRST_CAPACITY
+        self._points = threading.local()
 
     @cached_property
     def function(self) -> ca.Function:
@@ -187,6 +212,13 @@ class Kernel:
         """Iterate from arguments (m, size), m >= 1, or (1, size) for all points, to at most `most` records of each."""
         sizes = self.sizes_in if self.chooses is None else [*self.sizes_in[:-1], arguments[-1].shape[-1]]
         inputs, count = _contiguous(arguments, sizes)
+        if (
+            count == 1
+            and self._code is not None
+            and self.chooses is None
+            and (found := self._at_one_point(inputs, most))
+        ):
+            return found
         inputs[0] = inputs[0].copy() if len(inputs[0]) == count else np.tile(inputs[0], (count, 1))
         room = min(most, max(1, SCRATCH // (MOST_LANES * self.width)))
         capacity, rounds = min(self._capacity, room), list[tuple]()
@@ -212,6 +244,31 @@ class Kernel:
         if largest := int(counts.max()):
             self._capacity = max(FIRST_CAPACITY, largest + 2)
         return Iterated(inputs[0], records, counts, done[:, 1] == 0)
+
+    def one_point(self, inputs: Sequence[int], capacity: int) -> _OnePoint:
+        """This thread's memory for one point."""
+        point = getattr(self._points, "point", None)
+        if point is None or point.capacity < capacity:
+            point = self._points.point = _OnePoint(inputs, self.sizes_out[1:-2], capacity)
+        return point
+
+    def _at_one_point(self, inputs: list[np.ndarray], most: int) -> Iterated | None:
+        """`__call__` of machine code at one point; None where it needs more room or iterations than usual."""
+        point, code = self.one_point(self.sizes_in, self._capacity), self._code
+        assert code is not None
+        room = min(most, point.capacity)
+        began = time.thread_time()
+        point.run(code, inputs, (room, 1.0, CHECKED))
+        if self.optimisation_budget < np.inf:
+            with LOCK:
+                self.optimisation_budget -= time.thread_time() - began
+            if self.optimisation_budget < 0:
+                self.optimise()
+        count, ended = int(point.ends[0]), bool(point.ends[1])
+        if not ended and count < most:
+            return None
+        records = [record[:count].copy() for record in point.records]
+        return Iterated(point.inputs[0][None].copy(), records, np.array([count]), np.array([not ended]))
 
     def _iterated(self, inputs: list[np.ndarray], ends: np.ndarray, capacity: int) -> list[list[np.ndarray]]:
         """Iterate points until they end or come to their bounds, with room for `capacity` records of each.
@@ -342,6 +399,10 @@ class ElementwiseFunction(MappedFunction):
         code = self.kernel.code_for(count)
         if code is None:
             return [np.ascontiguousarray(result[:, :, 0]) for result in super().__call__(*inputs)]
+        if count == 1:
+            point = self.kernel.one_point(self.kernel.sizes_in, 1)
+            point.run(code, (_ONCE[None, :0], *inputs), (1.0, 1.0, 1.0))
+            return [result.copy() for result in point.records]
         results = [np.empty((count, size)) for size in self.kernel.sizes_out[1:-2]]
         # There is nothing to iterate, and the numbers of iterations are the same for all points.
         arrays = [_ONCE[:0], *inputs, *results, _ONCE]

@@ -6,9 +6,9 @@ import pytest
 from oscillators import BILINEAR, START, TIME, bilinear, duffing, duffing_by_cases, oscillator
 
 from orbits.errors import FlowError
+from orbits.flow.first_events import first_zero
 from orbits.flow.flow import Flow
 from orbits.flow.vector_field import VectorField
-from orbits.flow.zero_crossing import first_zero
 from orbits.model import Affine, Phase, linear_modes
 
 

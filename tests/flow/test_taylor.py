@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from orbits.flow.first_events import first_zero, until_zero
 from orbits.flow.flow import flow_of
 from orbits.flow.taylor import _may_change_sign
 from orbits.flow.vector_field import TAYLOR_ORDER, VectorField
-from orbits.flow.zero_crossing import first_zero, until_zero
 from orbits.model.phase import Affine
 from orbits.symbolic.calls import BufferedFunction
 from problems import Hopper
@@ -78,12 +78,12 @@ def test_a_step_that_is_excluded_has_no_zero():
     """Random series, most of whose terms soon vanish, after zeros of order 0 to 3: where no sign change is said to be
     possible, there is none in two thousand places; and most of the others have one."""
     rng, size = np.random.default_rng(8), 600
-    function = _may_change_sign(1, ((0,),), counts=False).map(size)
+    function = _may_change_sign(1, ((0,),), 1, counts=False).map(size)
     orders = rng.integers(0, 4, size)
     c = rng.normal(size=(size, TAYLOR_ORDER + 1)) * rng.uniform(0.1, 0.6, (size, 1)) ** np.arange(TAYLOR_ORDER + 1)
     c[np.arange(TAYLOR_ORDER + 1) < orders[:, None]] = 0.0
     weights = np.vstack([rng.choice([-1.0, 1.0], size), np.zeros(size)])
-    may, after, _ = (np.array(each).ravel() for each in function(c.T.reshape(-1, size), 1.0, weights, orders, 0.0))
+    may, after, _ = (np.array(each).ravel() for each in function(c.T.reshape(-1, size), 1.0, weights, orders, 0, 0.0))
     places = np.linspace(0.0, 1.0, 2001)[1:]
     values = weights[0, :, None] * (c @ places ** np.arange(TAYLOR_ORDER + 1)[:, None])
     changes = (np.sign(values) != np.sign(values[:, :1])).any(1)

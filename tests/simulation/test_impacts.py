@@ -6,7 +6,7 @@ from conftest import grazing_flights
 from many_at_once import MACHINES
 
 from orbits import ReturnMap, simulate
-from orbits.flow.zero_crossing import first_zeros
+from orbits.flow.first_events import first_events
 from orbits.simulation.impacts import ImpactOptions, Impacts
 from problems import HeavyHand, Hopper, Juggler
 
@@ -46,7 +46,7 @@ def test_the_gap_is_open_while_no_landing_is_searched(mass_ratio, restitution):
         assert order < 3 or (until > 0).mean() > 0.8
         for start, end in zip(states, until, strict=True):
             assert not end or impacts.gap(form.state(start, np.linspace(0.0, end, 2001)[20:-1]).T).min() > 0
-        _, rows, _ = impacts.landings(states, order)
+        rows = impacts.touchings(states, order, 0).rows
         held, after, _, _ = impacts.landing(rows)
         states, order = after[~held], impacts.bounce_order
         if not len(states):
@@ -87,7 +87,7 @@ def test_no_grazing_pair_is_missed_and_none_is_invented():
     states, lowest, below = (part[:10_000] for part in grazing_flights(12_000, seed=11))
     assert len(states) == 10_000
     impacts = Impacts(Hopper())
-    times, rows, _ = first_zeros(impacts.flight, states, impacts.p, impacts.gap, 1e3)
+    times, _, rows, _ = first_events(impacts.flight, states, impacts.p, [impacts.gap], 1e3)
     assert np.isfinite(times).all()
     assert ((times < lowest) == below).all()
     assert np.abs(rows[:, 2]).max() < 1e-13

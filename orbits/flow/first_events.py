@@ -1,0 +1,396 @@
+"""The first event on motions of a flow: the first sign change of one of several functions of the state.
+
+Along one motion it is a `stop` of the flow, along many that are integrated together `first_events`. A zero at the
+start, as that of the gap at a lift-off, is divided out exactly.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import BreaksDown, FlowError, RunsAway
+from ..model.phase import Affine
+from ..numerics.exclusion import first_root
+from ..numerics.polynomial_roots import Crossings, PiecewisePolynomials, evaluate
+from ..numerics.roots import Array
+from ..running import interrupts
+from ..running.exclusive import apart
+from .flow import Flow, StopTest
+from .taylor import OnPieces, TaylorStepper, Watch, Watched
+from .trajectory import Trajectories, begins_of_steps
+from .vector_field import TAYLOR_ORDER
+
+# Closed forms are expanded about points this far apart, in units of the oscillation's 1 / frequency. The terms beyond
+# this order are below rounding there, 1 / 19! = 8e-18. The last number is that of the expansions searched in one call.
+CLOSED_STEP, CLOSED_ORDER, CLOSED_BLOCK = 1.0, 18, 2
+# After this number of these steps the phase of the oscillation has fewer than four digits left: the motion is given up.
+MOST_CLOSED_STEPS = 1e12
+# The search resumes this number of expansions before the end of a range without zeros, which is known to rounding.
+EARLY = 0.01
+# The error of all motions that break off, where no reasons are requested.
+BREAKS_OFF = FlowError("the motion breaks off")
+
+
+class Events(NamedTuple):
+    """The first events on m motions.
+
+    times : (m,), NaN where there is none in time, and infinity where there never will be one
+    which : (m,), the numbers of the functions that change their sign, -1 where none does
+    rows : (m, rows), at these times
+    failed : by index the `FlowError` of each motion that breaks off before
+    """
+
+    times: Array
+    which: Array
+    rows: Array
+    failed: dict[int, FlowError]
+
+
+class FirstOf:
+    """A `stop` of a flow at the first of several tests; `which` is the one that ended the motion, None while none has.
+
+    tests : each (coefficients, steps) -> (step, time in it), or None
+    """
+
+    def __init__(self, *tests: StopTest):
+        self.tests = tests
+        self.which: int | None = None
+
+    def __call__(self, coefficients: Array, steps: Array) -> tuple[int, float] | None:
+        hits = [(hit, i) for i, test in enumerate(self.tests) if (hit := test(coefficients, steps)) is not None]
+        first, self.which = min(hits, default=(None, None))
+        return first
+
+
+def first_zero(quantity: Affine, skip_start: int = 0, rising: bool = False) -> StopTest:
+    """A stop test at the first sign change of an affine function of the rows, or the first from minus to plus; a zero
+    of order `skip_start` at the very start is divided out exactly."""
+    crossings = Crossings(skip_start, rising)
+    return lambda c, steps: next(iter(crossings(quantity.series(c), steps)), None)
+
+
+def nth_zero(quantity: Affine, count: int) -> StopTest:
+    """A stop test at the sign change of this number of an affine function of the rows."""
+    crossings, left = Crossings(), [count]
+
+    def stop(c: Array, steps: Array) -> tuple[int, float] | None:
+        found = crossings(quantity.series(c), steps)
+        left[0] -= len(found)
+        return found[left[0] - 1] if left[0] <= 0 else None
+
+    return stop
+
+
+def until_zero(
+    flow: Flow, starts: Array, ps: Array, quantity: Affine, skip_start: int = 0
+) -> tuple[Array, Trajectories | None]:
+    """Motions from states (m, n) with parameters (m, np) up to the first sign change of an affine function.
+
+    Returns which of them (r,) reach it within the largest block of Taylor steps, and these motions. They are None when
+    no motion does, and where motions are better followed one by one: on a piecewise field, without a Taylor series, and
+    for a single start in closed form. `skip_start` is that of `first_zero`.
+    """
+    if (flow.phase.closed_form and len(starts) == 1) or not flow.in_lanes:
+        return np.zeros(0, int), None
+    search = _Search(flow, starts, ps, [quantity], np.inf, skip_start, all_steps=True)
+    search.by_taylor_steps()
+    if not len(which := np.isfinite(search.times).nonzero()[0]):
+        return which, None
+    if len(starts) == len(search.steps) == 1:
+        ((_, steps, coefficients),) = search.steps
+        counts = np.array([len(steps)])
+        return which, Trajectories(begins_of_steps(steps, counts), search.times, coefficients, counts, flow.names)
+    owners, steps, coefficients = map(np.concatenate, zip(*search.steps, strict=True))
+    reached = np.isfinite(search.times)[owners]
+    order = reached.nonzero()[0][np.argsort(owners[reached], kind="stable")]
+    counts = np.bincount(owners[order], minlength=len(starts))[which]
+    begins = begins_of_steps(steps[order], counts)
+    return which, Trajectories(begins, search.times[which], coefficients[order], counts, flow.names)
+
+
+def first_events(
+    flow: Flow, starts: ArrayLike, p: Array, tests: Sequence[Affine], limit: ArrayLike, orders: ArrayLike = 0,
+    opens: ArrayLike = 0, *, opening: int = 1, rising: bool = False, turns: tuple[Affine, int] | None = None,
+    reasons: bool = True,
+) -> Events:  # fmt: skip
+    """The first sign changes of one of several affine functions of the rows, on motions from states (m, n).
+
+    p : parameters (np,) of all or, of motions that take Taylor steps, (m, np)
+    limit : times (m,) by which they must happen
+    orders, opens : the order (m,) of the zero that a function has at the start, which is divided out exactly; and the
+        number (m,) of this function, one of the first `opening` functions
+    rising : count only changes from minus to plus
+    turns : another affine function and a number: a motion on which that function has changed its sign this many times
+        never has an event
+    reasons : whether each `FlowError` states its reason
+    """
+    search = _Search(
+        flow,
+        np.asarray(starts, dtype=float),
+        np.atleast_2d(p),
+        tests,
+        limit,
+        orders,
+        opens,
+        opening,
+        rising,
+        turns,
+        reasons,
+    )
+    if flow.phase.closed_form:
+        with apart():
+            search.in_closed_form()
+    elif isinstance(flow.stepper(0), TaylorStepper):
+        search.by_taylor_steps()
+    else:
+        search.one_by_one(np.arange(len(search.starts)), search.starts, np.zeros(len(search.starts)), search.orders)
+    return Events(search.times, search.which, search.rows, search.failed)
+
+
+class _Search:
+    """The search of `first_events`, with its arguments and its results `times`, `which`, `rows` and `failed`; the
+    parameters are (m, np), or (1, np) for all."""
+
+    def __init__(
+        self, flow, starts, ps, tests, limit, orders=0, opens=0, opening=1, rising=False, turns=None, reasons=True,
+        all_steps=False,
+    ):  # fmt: skip
+        count = len(starts)
+        self.flow, self.starts, self.ps, self.tests, self.rising, self.turns = flow, starts, ps, tests, rising, turns
+        self.opening, self.reasons, self.all_steps = opening, reasons, all_steps
+        whole = np.empty((3, count))
+        whole[0], whole[1], whole[2] = limit, orders, opens
+        self.limit, self.orders, self.opens = whole
+        self.times, self.which = np.full(count, np.nan), np.full(count, -1)
+        self.rows = np.full((count, len(flow.names)), np.nan)
+        self.failed: dict[int, FlowError] = {}
+        self.steps: list[tuple] = []  # the motion, length and coefficients of `all_steps` up to the zeros
+
+    def in_closed_form(self) -> None:
+        """Search motions in closed form, for one function after the other up to the first event known so far."""
+        form, limit = self.flow.closed_form(self.ps[0]), self.limit
+        ends = np.full(len(limit), self.turns[1] * np.pi / form.rates.min()) if self.turns else limit
+        self.limit = np.minimum(limit, ends)
+        for number in range(len(self.tests)):
+            self._zeros_in_closed_form(form, number)
+        if self.turns:
+            never = np.isnan(self.times) & (ends <= limit)
+            never[[*self.failed]] = False
+            self.times[never] = np.inf
+        for i, (slopes, value) in enumerate(form.watch.values(), start=self.flow.size):
+            self.rows[:, i] = self.rows[:, : self.flow.size] @ np.asarray(slopes) + value
+
+    def _zeros_in_closed_form(self, form, number: int) -> None:
+        """Search the zeros of one function, some expansions at a time."""
+        quantity, block = self.tests[number], CLOSED_BLOCK
+        length, remaining = CLOSED_STEP / np.sqrt(form.square), np.arange(len(self.starts))
+        orders = np.where(self.opens == number, self.orders, 0)
+        rises, falls = form.positive_between(quantity, self.starts.T)
+        began = self._not_before(form, quantity, orders)
+        # The signs are those at the ends of the last block.
+        signs = np.zeros(len(self.starts))
+        for _ in range(self.flow.control.max_calls):
+            if not len(remaining):
+                break
+            interrupts.heed()
+            times = began[:, None] + length * np.arange(block)
+            c = form.along(quantity.weights, self.starts[remaining].T[:, :, None], times, CLOSED_ORDER)
+            c[:, 0] += quantity.offset
+            polynomials = PiecewisePolynomials(c, np.full(len(c), length), np.full(len(remaining), block))
+            skip = np.where(began > 0, 0, orders[remaining])
+            owner, piece, t = polynomials.first_roots(skip, self.rising, signs[remaining])
+            signs[remaining] = polynomials.after
+            found, hits = began[owner] + length * piece + t, remaining[owner]
+            soon = found <= self.limit[hits]
+            self._found(hits[soon], found[soon], number, form.state(self.starts[hits[soon]].T, found[soon]).T)
+            if form.pushed:
+                away = ~(np.abs(c[block - 1 :: block, 0]) <= self.flow.control.runaway)
+                away[owner] = False
+                for i in away.nonzero()[0].tolist():
+                    at = began[i], form.state(self.starts[remaining[i]], began[i])
+                    self.failed[int(remaining[i])] = RunsAway(self.flow.failure("runs away", *at))
+                owner = np.append(owner, away.nonzero()[0])
+            remaining, began = np.delete(remaining, owner), np.delete(began, owner) + block * length
+            # While the quantity stays positive nothing is searched, until shortly before that ends.
+            jump = falls[remaining] - EARLY * length
+            began = np.where(began >= rises[remaining], np.maximum(began, jump), began)
+            left, followed = began < self.limit[remaining], began < MOST_CLOSED_STEPS * length
+            self._give_up(remaining[left & ~followed])
+            remaining, began = remaining[left & followed], began[left & followed]
+        self._give_up(remaining)
+
+    def _not_before(self, form, quantity: Affine, orders: Array) -> Array:
+        """The times (m,) until shortly before which a function that opens at the start with one order stays positive in
+        closed form; 0 where none is known."""
+        if self.rising or not orders.any() or (orders != orders[0]).any():
+            return np.zeros(len(orders))
+        rate = np.sqrt(form.square)
+        ahead = form.positive_until(quantity, self.starts.T, int(orders[0])) - EARLY / rate
+        return np.where((ahead > 0) & (ahead < self.limit) & (ahead * rate < MOST_CLOSED_STEPS), ahead, 0.0)
+
+    def _found(self, lanes: Array, times: Array, which: ArrayLike, rows: Array) -> None:
+        """Store events, at rows (k, r) that begin with the states."""
+        self.times[lanes], self.which[lanes], self.limit[lanes] = times, which, times
+        self.rows[lanes, : rows.shape[1]] = rows
+
+    def by_taylor_steps(self) -> None:
+        """Search motions in lanes, each to the next step in which an event may occur, and one by one from a step on
+        that cannot be used."""
+        flow, stepper, on = self.flow, self.flow.stepper(0), self.flow.on_pieces(self.starts, self.ps)
+        at, most = stepper.places, flow.control.max_block if self.all_steps else 1
+        functions = [*self.tests, self.turns[0]] if self.turns else self.tests
+        self._watch = Watch(functions, len(flow.names), self.opening, self.turns[1] if self.turns else 0)
+        z = stepper.watched_state(self.starts, self.orders, len(functions), on.numbers if on else 0.0)
+        data = self._watch.data(self.ps, self.limit, self.opens, self.all_steps)
+        lanes = np.arange(len(z))
+        for _ in range(flow.control.max_calls):
+            if on:
+                inside = self._on_pieces(on, lanes, z)
+                lanes, z, data = lanes[inside], z[inside], data[inside]
+            if not len(lanes):
+                return
+            interrupts.heed()
+            z, steps, counts, going = stepper.watch(z, data, self._watch, on and on.of(lanes), most)
+            found, over = z[:, at.found] > 0, z[:, at.time] >= self.limit[lanes]
+            never = ~found & self._never(z)
+            self.times[lanes[never]] = np.inf
+            ended = found | never | over
+            stays = ~flow.inside(on, z[:, at.piece]) & ~ended if on else np.zeros(len(lanes), bool)
+            if not self.all_steps:
+                if not (known := ended | stays).all():
+                    self._give_up(lanes[going & ~known])
+                    broken = ~going & ~known
+                    self._beyond(lanes[broken], on, z[broken])
+            else:
+                self._record(lanes, steps, counts, found)
+                last = np.cumsum(counts)[found] - 1
+                steps = Watched(*(values[last] for values in steps))
+            if found.any():
+                with apart():
+                    stays[found] = self._search_steps(lanes, z, found, steps)
+            if not stays.any():
+                return
+            lanes, z, data = lanes[stays], z[stays], data[stays]
+        self._give_up(lanes)
+
+    def _on_pieces(self, on: OnPieces, lanes: Array, z: Array) -> Array:
+        """Which motions are on a piece; the others have left the range of a law."""
+        at = self.flow.stepper(0).places
+        inside = self.flow.inside(on, z[:, at.piece])
+        for i in (~inside).nonzero()[0].tolist():
+            p = self.ps[lanes[i] if len(self.ps) > 1 else 0]
+            self.failed[int(lanes[i])] = self.flow.out_of_range(p, z[i, at.state])
+        return inside
+
+    def _give_up(self, lanes: Array) -> None:
+        """Motions that have neither the zero nor an end after the most calls."""
+        for i in lanes.tolist():
+            self.failed[i] = FlowError(f"the {self.flow.phase.name} takes too many steps")
+
+    def _record(self, lanes, steps: Watched, counts, found) -> None:
+        """Record the steps of the motions that have `found` one that may hold a zero."""
+        owners = np.repeat(lanes, counts)
+        chosen = np.repeat(found, counts)
+        self.steps.append((owners[chosen], steps.lengths[chosen], steps.coefficients[chosen]))
+
+    def _never(self, z: Array) -> Array:
+        """Which motions have turned so often that they never have an event."""
+        return z[:, self.flow.stepper(0).places.changes] >= self.turns[1] if self.turns else np.zeros(len(z), bool)
+
+    def _search_steps(self, lanes: Array, z: Array, found: Array, steps: Watched) -> Array:
+        """Search one step of each of the motions `found` with these z after it, for the first zero of each function;
+        returns which have none there and go on, with the z where they do."""
+        at, watch, count = self.flow.stepper(0).places, self._watch, len(steps.lengths)
+        ending, lanes = watch.ending, lanes[found]
+        series = watch.weights[:ending] @ steps.coefficients
+        series[:, :, 0] += watch.offsets[:ending]
+        orders = np.where(np.arange(ending) == self.opens[lanes, None], steps.orders[:, None], 0.0)
+        times, signs = self._roots(series, steps.lengths, orders, steps.signs[:, :ending])
+        first = times.argmin(1)
+        t = times[np.arange(count), first]
+        hit = np.isfinite(t)
+        moments, left = steps.times + t, ~hit
+        soon = hit & (moments <= self.limit[lanes])
+        c = steps.coefficients if soon.all() else steps.coefficients[soon]
+        self._found(lanes[soon], moments[soon], first[soon], evaluate(c, t[soon][:, None]))
+        z[found, at.order] = z[found, at.found] = 0.0
+        z[found, at.signs.start : at.signs.start + ending] = signs
+        if self.turns:
+            never = left & self._never(z[found])
+            self.times[lanes[never]] = np.inf
+            left &= ~never
+        return left & (z[found, at.time] < self.limit[lanes])
+
+    def _roots(self, series: Array, lengths: Array, orders: Array, signs: Array) -> tuple[Array, Array]:
+        """The first roots (k, q) of series (k, q, K + 1) on steps (k,), infinite where there is none, with zeros of
+        these orders (k, q) at the start and signs (k, q) before; and the signs (k, q) at the ends."""
+        (k, q), flat = orders.shape, series.reshape(-1, TAYLOR_ORDER + 1)
+        lengths = np.repeat(lengths, q) if q > 1 else lengths
+        own = lengths[:, None], orders.reshape(-1, 1), signs.reshape(-1, 1)
+        roots, ends, unknown = (each[:, 0] for each in first_root(TAYLOR_ORDER + 1)(flat, *own))
+        again = np.ones(k * q, bool) if self.rising else unknown > 0
+        if again.any():
+            polynomials = PiecewisePolynomials(flat[again], lengths[again], np.ones(np.count_nonzero(again), int))
+            owner, _, t = polynomials.first_roots(own[1][again, 0].astype(int), self.rising, own[2][again, 0])
+            halved = np.full(np.count_nonzero(again), np.inf)
+            halved[owner] = t
+            roots[again], ends[again] = halved, polynomials.after
+        return roots.reshape(k, q), ends.reshape(k, q)
+
+    def _beyond(self, indices: Array, on: OnPieces | None, z: Array) -> None:
+        """Search the motions `indices` with these z from a step on that cannot be used. Most of them break off soon or
+        end in time, which is determined together."""
+        at = self.flow.stepper(0).places
+        if len(indices):
+            left = ~self._ended(indices, on and on._replace(tables=on.of(indices), numbers=z[:, at.piece]), z)
+            indices, z = indices[left], z[left]
+        self.one_by_one(indices, *(z[:, place] for place in (at.state, at.time, at.order)))
+
+    def _ended(self, indices: Array, on: OnPieces | None, z: Array) -> Array:
+        """Whether motions `on` pieces end without an event within the steps of one call of `Flow.run`, which decides it
+        in the same way: no step can be used, or all can and the state runs away or the time is over. Stores their
+        errors."""
+        flow, control, seeds = self.flow, self.flow.control, np.zeros((self.flow.size, 0))
+        stepper = flow.stepper(0)
+        x, began, orders = (z[:, getattr(stepper.places, place)] for place in ("state", "time", "order"))
+        ps, durations = self.ps[indices] if len(self.ps) > 1 else self.ps, self.limit[indices] - began
+        found = stepper.advance_all(x, ps, durations, seeds, np.zeros((ps.shape[1], 0)), control.look_ahead, on)
+        c, steps, counts = found.coefficients, found.steps, found.counts
+        owner, ends, begun = np.repeat(np.arange(len(x)), counts), np.cumsum(counts), counts > 0
+        times = began[owner] + begins_of_steps(steps, counts)
+        usable = (steps > control.shortest_step * np.maximum(times, 1.0)) & np.isfinite(c).all((1, 2))
+        none = ~begun
+        none[begun] = ~usable[(ends - counts)[begun]]
+        away = np.abs(found.ends).max(1) > control.runaway
+        whole = (np.bincount(owner, ~usable, len(x)) == 0) & ~none & (away | (found.left == 0))
+        for number, quantity in enumerate(self.tests if whole.any() else ()):
+            chosen, own = whole[owner], whole.nonzero()[0]
+            polynomials = PiecewisePolynomials(quantity.series(c[chosen]), steps[chosen], counts[whole])
+            at_start = np.where(self.opens[indices[own]] == number, orders[own], 0).astype(int)
+            whole[own[polynomials.first_roots(at_start, self.rising)[0]]] = False
+        for i in (none | (whole & away)).nonzero()[0].tolist():
+            last = ends[i] - 1
+            at = (began[i], x[i]) if none[i] else (times[last] + steps[last], found.ends[i])
+            kind = RunsAway if whole[i] and steps[last] > control.singular_step else BreaksDown
+            what = "breaks down" if none[i] else "runs away"
+            self.failed[int(indices[i])] = kind(flow.failure(what, *at)) if self.reasons else BREAKS_OFF
+        return none | whole
+
+    def one_by_one(self, indices: Array, x: Array, began: Array, orders: Array) -> None:
+        """Search the motions `indices` one after the other, from the states `x` at the times `began`, with zeros of
+        these orders there."""
+        for index, start, before, order in zip(indices, x, began, orders.astype(int), strict=True):
+            left, opens = self.limit[index] - before, int(self.opens[index])
+            stops = [first_zero(each, order * (i == opens), self.rising) for i, each in enumerate(self.tests)]
+            stop = FirstOf(*stops, *([nth_zero(*self.turns)] if self.turns else ()))
+            try:
+                path, _ = self.flow.run(start, self.ps[index if len(self.ps) > 1 else 0], left, stop=stop)
+            except FlowError as error:
+                self.failed[int(index)] = error
+                continue
+            if stop.which == len(self.tests):
+                self.times[index] = np.inf
+            elif stop.which is not None and path.times[-1] < left:
+                self._found(np.array([index]), before + path.times[-1], stop.which, path.end[None])
