@@ -4,7 +4,6 @@ Along one motion it is a `stop` of the flow, along many that are integrated toge
 start, as that of the gap at a lift-off, is divided out exactly.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -94,7 +93,7 @@ def until_zero(
     """
     if (flow.phase.closed_form and len(starts) == 1) or not flow.in_lanes:
         return np.zeros(0, int), None
-    search = _Search(flow, starts, ps, [quantity], np.inf, skip_start, all_steps=True)
+    search = _Search(flow, starts, ps, Watch(flow, [quantity]), np.inf, skip_start, all_steps=True)
     search.by_taylor_steps()
     if not len(which := np.isfinite(search.times).nonzero()[0]):
         return which, None
@@ -111,34 +110,19 @@ def until_zero(
 
 
 def first_events(
-    flow: Flow, starts: ArrayLike, p: Array, tests: Sequence[Affine], limit: ArrayLike, orders: ArrayLike = 0,
-    opens: ArrayLike = 0, *, opening: int = 1, rising: bool = False, turns: tuple[Affine, int] | None = None,
-    reasons: bool = True,
+    flow: Flow, starts: ArrayLike, p: Array, watch: Watch, limit: ArrayLike, orders: ArrayLike = 0,
+    opens: ArrayLike = 0, reasons: bool = True,
 ) -> Events:  # fmt: skip
-    """The first sign changes of one of several affine functions of the rows, on motions from states (m, n).
+    """The first events on motions from states (m, n).
 
     p : parameters (np,) of all or, of motions that take Taylor steps, (m, np)
     limit : times (m,) by which they must happen
-    orders, opens : the order (m,) of the zero that a function has at the start, which is divided out exactly; and the
-        number (m,) of this function, one of the first `opening` functions
-    rising : count only changes from minus to plus
-    turns : another affine function and a number: a motion on which that function has changed its sign this many times
-        never has an event
+    orders, opens : the order (m,) of the zero that a function has at the start, which is divided out exactly, and the
+        number (m,) of this function
     reasons : whether each `FlowError` states its reason
     """
-    search = _Search(
-        flow,
-        np.asarray(starts, dtype=float),
-        np.atleast_2d(p),
-        tests,
-        limit,
-        orders,
-        opens,
-        opening,
-        rising,
-        turns,
-        reasons,
-    )
+    starts, ps = np.asarray(starts, dtype=float), np.atleast_2d(p)
+    search = _Search(flow, starts, ps, watch, limit, orders, opens, reasons)
     if flow.phase.closed_form:
         with apart():
             search.in_closed_form()
@@ -153,16 +137,12 @@ class _Search:
     """The search of `first_events`, with its arguments and its results `times`, `which`, `rows` and `failed`; the
     parameters are (m, np), or (1, np) for all."""
 
-    def __init__(
-        self, flow, starts, ps, tests, limit, orders=0, opens=0, opening=1, rising=False, turns=None, reasons=True,
-        all_steps=False,
-    ):  # fmt: skip
+    def __init__(self, flow, starts, ps, watch: Watch, limit, orders, opens=0, reasons=True, all_steps=False):
         count = len(starts)
-        self.flow, self.starts, self.ps, self.tests, self.rising, self.turns = flow, starts, ps, tests, rising, turns
-        self.opening, self.reasons, self.all_steps = opening, reasons, all_steps
-        whole = np.empty((3, count))
+        self.flow, self.starts, self.ps, self.watch = flow, starts, ps, watch
+        self.reasons, self.all_steps = reasons, all_steps
+        self.limit, self.orders, self.opens = whole = np.empty((3, count))
         whole[0], whole[1], whole[2] = limit, orders, opens
-        self.limit, self.orders, self.opens = whole
         self.times, self.which = np.full(count, np.nan), np.full(count, -1)
         self.rows = np.full((count, len(flow.names)), np.nan)
         self.failed: dict[int, FlowError] = {}
@@ -171,21 +151,21 @@ class _Search:
     def in_closed_form(self) -> None:
         """Search motions in closed form, for one function after the other up to the first event known so far."""
         form, limit = self.flow.closed_form(self.ps[0]), self.limit
-        ends = np.full(len(limit), self.turns[1] * np.pi / form.rates.min()) if self.turns else limit
+        ends = np.full(len(limit), self.watch.most_turns * np.pi / form.rates.min()) if self.watch.turns else limit
         self.limit = np.minimum(limit, ends)
-        for number in range(len(self.tests)):
-            self._zeros_in_closed_form(form, number)
-        if self.turns:
+        for number, quantity in enumerate(self.watch.functions):
+            self._zeros_in_closed_form(form, number, quantity)
+        if self.watch.turns:
             never = np.isnan(self.times) & (ends <= limit)
             never[[*self.failed]] = False
             self.times[never] = np.inf
         for i, (slopes, value) in enumerate(form.watch.values(), start=self.flow.size):
             self.rows[:, i] = self.rows[:, : self.flow.size] @ np.asarray(slopes) + value
 
-    def _zeros_in_closed_form(self, form, number: int) -> None:
+    def _zeros_in_closed_form(self, form, number: int, quantity: Affine) -> None:
         """Search the zeros of one function, some expansions at a time."""
-        quantity, block = self.tests[number], CLOSED_BLOCK
-        length, remaining = CLOSED_STEP / np.sqrt(form.square), np.arange(len(self.starts))
+        block, length = CLOSED_BLOCK, CLOSED_STEP / np.sqrt(form.square)
+        remaining = np.arange(len(self.starts))
         orders = np.where(self.opens == number, self.orders, 0)
         rises, falls = form.positive_between(quantity, self.starts.T)
         began = self._not_before(form, quantity, orders)
@@ -200,7 +180,7 @@ class _Search:
             c[:, 0] += quantity.offset
             polynomials = PiecewisePolynomials(c, np.full(len(c), length), np.full(len(remaining), block))
             skip = np.where(began > 0, 0, orders[remaining])
-            owner, piece, t = polynomials.first_roots(skip, self.rising, signs[remaining])
+            owner, piece, t = polynomials.first_roots(skip, self.watch.rising, signs[remaining])
             signs[remaining] = polynomials.after
             found, hits = began[owner] + length * piece + t, remaining[owner]
             soon = found <= self.limit[hits]
@@ -224,7 +204,7 @@ class _Search:
     def _not_before(self, form, quantity: Affine, orders: Array) -> Array:
         """The times (m,) until shortly before which a function that opens at the start with one order stays positive in
         closed form; 0 where none is known."""
-        if self.rising or not orders.any() or (orders != orders[0]).any():
+        if self.watch.rising or not orders.any() or (orders != orders[0]).any():
             return np.zeros(len(orders))
         rate = np.sqrt(form.square)
         ahead = form.positive_until(quantity, self.starts.T, int(orders[0])) - EARLY / rate
@@ -240,10 +220,8 @@ class _Search:
         that cannot be used."""
         flow, stepper, on = self.flow, self.flow.stepper(0), self.flow.on_pieces(self.starts, self.ps)
         at, most = stepper.places, flow.control.max_block if self.all_steps else 1
-        functions = [*self.tests, self.turns[0]] if self.turns else self.tests
-        self._watch = Watch(functions, len(flow.names), self.opening, self.turns[1] if self.turns else 0)
-        z = stepper.watched_state(self.starts, self.orders, len(functions), on.numbers if on else 0.0)
-        data = self._watch.data(self.ps, self.limit, self.opens, self.all_steps)
+        z = stepper.watched_state(self.starts, self.orders, self.watch.size, on.numbers if on else 0.0)
+        data = self.watch.data(self.ps, self.limit, self.opens, self.all_steps)
         lanes = np.arange(len(z))
         for _ in range(flow.control.max_calls):
             if on:
@@ -252,7 +230,7 @@ class _Search:
             if not len(lanes):
                 return
             interrupts.heed()
-            z, steps, counts, going = stepper.watch(z, data, self._watch, on and on.of(lanes), most)
+            z, steps, counts, going = stepper.watch(z, data, self.watch, on and on.of(lanes), most)
             found, over = z[:, at.found] > 0, z[:, at.time] >= self.limit[lanes]
             never = ~found & self._never(z)
             self.times[lanes[never]] = np.inf
@@ -297,13 +275,15 @@ class _Search:
 
     def _never(self, z: Array) -> Array:
         """Which motions have turned so often that they never have an event."""
-        return z[:, self.flow.stepper(0).places.changes] >= self.turns[1] if self.turns else np.zeros(len(z), bool)
+        if not self.watch.turns:
+            return np.zeros(len(z), bool)
+        return z[:, self.flow.stepper(0).places.changes] >= self.watch.most_turns
 
     def _search_steps(self, lanes: Array, z: Array, found: Array, steps: Watched) -> Array:
         """Search one step of each of the motions `found` with these z after it, for the first zero of each function;
         returns which have none there and go on, with the z where they do."""
-        at, watch, count = self.flow.stepper(0).places, self._watch, len(steps.lengths)
-        ending, lanes = watch.ending, lanes[found]
+        at, watch, count = self.flow.stepper(0).places, self.watch, len(steps.lengths)
+        ending, lanes = len(watch.functions), lanes[found]
         series = watch.weights[:ending] @ steps.coefficients
         series[:, :, 0] += watch.offsets[:ending]
         orders = np.where(np.arange(ending) == self.opens[lanes, None], steps.orders[:, None], 0.0)
@@ -317,7 +297,7 @@ class _Search:
         self._found(lanes[soon], moments[soon], first[soon], evaluate(c, t[soon][:, None]))
         z[found, at.order] = z[found, at.found] = 0.0
         z[found, at.signs.start : at.signs.start + ending] = signs
-        if self.turns:
+        if watch.turns:
             never = left & self._never(z[found])
             self.times[lanes[never]] = np.inf
             left &= ~never
@@ -330,10 +310,10 @@ class _Search:
         lengths = np.repeat(lengths, q) if q > 1 else lengths
         own = lengths[:, None], orders.reshape(-1, 1), signs.reshape(-1, 1)
         roots, ends, unknown = (each[:, 0] for each in first_root(TAYLOR_ORDER + 1)(flat, *own))
-        again = np.ones(k * q, bool) if self.rising else unknown > 0
+        again = np.ones(k * q, bool) if self.watch.rising else unknown > 0
         if again.any():
             polynomials = PiecewisePolynomials(flat[again], lengths[again], np.ones(np.count_nonzero(again), int))
-            owner, _, t = polynomials.first_roots(own[1][again, 0].astype(int), self.rising, own[2][again, 0])
+            owner, _, t = polynomials.first_roots(own[1][again, 0].astype(int), self.watch.rising, own[2][again, 0])
             halved = np.full(np.count_nonzero(again), np.inf)
             halved[owner] = t
             roots[again], ends[again] = halved, polynomials.after
@@ -365,11 +345,11 @@ class _Search:
         none[begun] = ~usable[(ends - counts)[begun]]
         away = np.abs(found.ends).max(1) > control.runaway
         whole = (np.bincount(owner, ~usable, len(x)) == 0) & ~none & (away | (found.left == 0))
-        for number, quantity in enumerate(self.tests if whole.any() else ()):
+        for number, quantity in enumerate(self.watch.functions if whole.any() else ()):
             chosen, own = whole[owner], whole.nonzero()[0]
             polynomials = PiecewisePolynomials(quantity.series(c[chosen]), steps[chosen], counts[whole])
             at_start = np.where(self.opens[indices[own]] == number, orders[own], 0).astype(int)
-            whole[own[polynomials.first_roots(at_start, self.rising)[0]]] = False
+            whole[own[polynomials.first_roots(at_start, self.watch.rising)[0]]] = False
         for i in (none | (whole & away)).nonzero()[0].tolist():
             last = ends[i] - 1
             at = (began[i], x[i]) if none[i] else (times[last] + steps[last], found.ends[i])
@@ -381,16 +361,17 @@ class _Search:
     def one_by_one(self, indices: Array, x: Array, began: Array, orders: Array) -> None:
         """Search the motions `indices` one after the other, from the states `x` at the times `began`, with zeros of
         these orders there."""
+        watch = self.watch
         for index, start, before, order in zip(indices, x, began, orders.astype(int), strict=True):
             left, opens = self.limit[index] - before, int(self.opens[index])
-            stops = [first_zero(each, order * (i == opens), self.rising) for i, each in enumerate(self.tests)]
-            stop = FirstOf(*stops, *([nth_zero(*self.turns)] if self.turns else ()))
+            stops = [first_zero(each, order * (i == opens), watch.rising) for i, each in enumerate(watch.functions)]
+            stop = FirstOf(*stops, *([nth_zero(*watch.turns)] if watch.turns else ()))
             try:
                 path, _ = self.flow.run(start, self.ps[index if len(self.ps) > 1 else 0], left, stop=stop)
             except FlowError as error:
                 self.failed[int(index)] = error
                 continue
-            if stop.which == len(self.tests):
+            if stop.which == len(watch.functions):
                 self.times[index] = np.inf
             elif stop.which is not None and path.times[-1] < left:
                 self._found(np.array([index]), before + path.times[-1], stop.which, path.end[None])

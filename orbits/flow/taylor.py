@@ -16,6 +16,7 @@ from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction, with_common_parts
 from ..symbolic.kernels import Kernel
 from ..symbolic.series_loops import InLoops, VariationsInLoops
+from .phase_field import PhaseField
 from .taylor_step import (
     LONGEST_STEP,
     NO_PIECES,
@@ -80,19 +81,25 @@ class Watched(NamedTuple):
 
 
 class Watch:
-    """The affine functions of the rows that motions are watched for.
+    """What the motions of a flow are watched for: the zeros of affine functions of the rows.
 
-    weights, offsets : (q, rows) and (q,)
+    functions : those whose zeros are events
     opening : the first functions of this number may have a zero at the start of a motion, one of them each
-    turns : if not 0, the last function ends no motion before its sign at the ends of steps has changed so often
+    turns : another function and a number: a motion on which that function has changed its sign so often has no event
+    rising : only the changes from minus to plus are events
     """
 
-    def __init__(self, functions: Sequence[Affine], rows: int, opening: int = 1, turns: int = 0):
-        self.weights, self.offsets = np.zeros((len(functions), rows)), np.zeros(len(functions))
-        for i, each in enumerate(functions):
+    def __init__(
+        self, flow: PhaseField, functions: Sequence[Affine], opening: int = 1, turns: tuple[Affine, int] | None = None,
+        rising: bool = False,
+    ):  # fmt: skip
+        self.functions, self.turns, self.rising = functions, turns, rising
+        own = [*functions, turns[0]] if turns else functions
+        self.size, self.most_turns = len(own), turns[1] if turns else 0
+        self.weights, self.offsets = np.zeros((len(own), len(flow.names))), np.zeros(len(own))
+        for i, each in enumerate(own):
             self.weights[i, : len(each.weights)], self.offsets[i] = each.weights, each.offset
-        self.ending = len(functions) - bool(turns)  # the number of functions whose zeros are events
-        self.kind = tuple(rows_used(row[:, None]) for row in self.weights), opening, turns
+        self.kind = tuple(rows_used(row[:, None]) for row in self.weights), opening, self.most_turns
         self._tests = np.concatenate([self.weights.ravel(), self.offsets])
 
     def data(self, p: Array, limits: Array, opens: ArrayLike, all_steps: bool = False) -> Array:

@@ -18,6 +18,7 @@ import numpy as np
 from ..errors import NoOrbit
 from ..flow.first_events import first_events
 from ..flow.flow import flow_of
+from ..flow.taylor import Watch
 from ..model.linear_guess import linear_guess
 from ..model.model import Model
 from ..model.phase import Affine
@@ -128,7 +129,8 @@ class Lateness:
         if not self.turns_midway and np.isfinite(times).any():
             before, going = states, np.flatnonzero(np.isfinite(times))
             some = ps[going] if len(ps) > 1 else ps[0]
-            found = first_events(self.flow, states[going], some, [self._rate], longest[going], 1, reasons=False)
+            watch = Watch(self.flow, [self._rate])
+            found = first_events(self.flow, states[going], some, watch, longest[going], 1, reasons=False)
             more, after = found.times, found.rows
             times[going] += 0.5 * more
             states = np.array(before)

@@ -9,6 +9,7 @@ import numpy as np
 from ..errors import BreaksDown, FlowError, NoOrbit, OutOfRange
 from ..flow.first_events import first_events
 from ..flow.flow import Flow, flow_of
+from ..flow.taylor import Watch
 from ..laws.law import from_key, values_and_slopes
 from ..model.linear_guess import linear_guess
 from ..model.model import Model, refuse_hysteresis
@@ -216,7 +217,7 @@ def times_of_turns(
             break
         some = ps[going] if len(ps) > 1 else ps[0]
         found, _, rows, failed = first_events(
-            flow, states[going], some, [rate], longest[going], int(turn > 0), reasons=False
+            flow, states[going], some, Watch(flow, [rate]), longest[going], int(turn > 0), reasons=False
         )
         broken[going[[*failed]]], times[turn, going] = True, found
         states[going] = rows[:, : states.shape[1]]
@@ -235,7 +236,7 @@ def _refusals(
         flow, ps = flow_of(relative.phase, tuple(p)), vectors(those, len(known))
         starts = np.column_stack([liftoffs[known], lost[known]])
         longest = LONGEST_FLIGHT * relative.time(those) * (1 + lost[known])
-        failed = first_events(flow, starts, ps, [SPEED_OF_EXTENSION], longest, rising=True).failed
+        failed = first_events(flow, starts, ps, Watch(flow, [SPEED_OF_EXTENSION], rising=True), longest).failed
         errors = {int(known[i]): error for i, error in failed.items()}
     refused = list[NoOrbit]()
     for i, (alpha, last) in enumerate(zip(lost.tolist(), fastest.tolist(), strict=True)):

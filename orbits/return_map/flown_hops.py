@@ -13,7 +13,7 @@ from ..numerics.roots import solve
 from ..shooting.formulations import vector
 from ..shooting.single_shooting import shooting_equations
 from ..simulation.hand_over import landed
-from ..simulation.impacts import LIFTOFF_ORDER, TURNS, Impacts
+from ..simulation.impacts import LIFTOFF_ORDER, Impacts
 from ..simulation.multiplier import TANGENTIAL
 from .cycle_statement import INJECT, cycle_statement
 
@@ -70,13 +70,12 @@ def flown_hops(impacts: Impacts, alphas: np.ndarray, most: int = MOST_IMPACTS) -
         held = flying[found.held]
         standing[held], counts[held] = found.state[found.held] @ impacts.onto_contact.T, len(times)
         flying = flying[~found.held]
-    contacts, stands, (exit_, *_) = np.full(m, np.nan), np.flatnonzero(counts), impacts.exits
+    contacts, stands = np.full(m, np.nan), np.flatnonzero(counts)
     if len(stands):
         ys = standing[stands]
         limit = impacts.options.batch_contact * (1 + np.abs(ys).max(1))
         grazes = impacts.grazes(ys)[0]
-        turns = impacts.model.contact_speed, TURNS
-        contacts[stands] = first_events(impacts.contact, ys, p, [exit_.force], limit, grazes, turns=turns).times
+        contacts[stands] = first_events(impacts.contact, ys, p, impacts.contact_watch, limit, grazes).times
     contacts[~np.isfinite(contacts)] = np.nan
     return FlownHops(
         alphas, starts, np.where(np.isfinite(contacts), counts, 0), np.reshape(times, (-1, m)).T,

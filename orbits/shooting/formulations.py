@@ -11,6 +11,7 @@ from numpy import ndarray
 from ..errors import FlowError, InputError, NoOrbit, OutOfRange, one_of
 from ..flow.first_events import first_events, first_zero, until_zero
 from ..flow.flow import flow_of
+from ..flow.taylor import Watch
 from ..flow.trajectory import Trajectories
 from ..laws.law import Algebraic
 from ..model.model import CONTACT_FORCE, Model, refuse_hysteresis, refuse_one_way
@@ -327,7 +328,7 @@ def _contacts(model: Model, u: Mapping, p: Mapping, limits: ndarray):
     rest = np.array(sorted({*range(len(starts))} - found.keys()), int)
     if len(rest) and together and flow.in_lanes and not flow.phase.closed_form:
         # A contact that never ends takes thousands of steps, so that it is detected without storing them.
-        times, *_, failed = first_events(flow, starts[rest], ps[rest], [end[0]], limits[rest], end[1])
+        times, *_, failed = first_events(flow, starts[rest], ps[rest], Watch(flow, [end[0]]), limits[rest], end[1])
         found |= {int(rest[k]): _end_of_contact(model, failed.get(k)) for k in (~np.isfinite(times)).nonzero()[0]}
     for i in {*range(len(starts))} - found.keys():
         try:

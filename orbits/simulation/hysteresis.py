@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import InputError
 from ..flow.first_events import first_events
 from ..flow.flow import Flow
+from ..flow.taylor import Watch
 from ..laws.law import from_key
 from ..laws.law_statement import from_formula
 from ..mechanics.elements import Spring
@@ -244,7 +245,7 @@ class Branches:
         """`first_zeros`, infinite times as NaN; none of a quantity that vanishes throughout."""
         if not any(quantity.weights):
             return np.full(len(starts), np.nan), np.zeros((len(starts), flow.size)), {}
-        times, _, rows, errors = first_events(flow, starts, p, [quantity], limit, skip)
+        times, _, rows, errors = first_events(flow, starts, p, Watch(flow, [quantity]), limit, skip)
         return np.where(np.isinf(times), np.nan, times), rows, errors
 
 

@@ -19,6 +19,7 @@ from ..consistency.accepted import check_machine
 from ..errors import BreaksDown, FlowError, InputError, OutOfRange, RunsAway, finite_number
 from ..flow.first_events import Events, first_events
 from ..flow.flow import flow_of
+from ..flow.taylor import Watch
 from ..flow.trajectory import Trajectory
 from ..model.machine import Machine
 from ..model.model import Model
@@ -164,11 +165,27 @@ class Impacts:
         self.footing = Footing(model, self.flight, self.contact, self.values)
         self.onto_contact = np.linalg.pinv(model.embed)
 
+    @cached_property
+    def flight_watch(self) -> Watch:
+        """What a flight is watched for: the gaps of the feet, and what closes as the machine falls over."""
+        gaps = [each.gap for each in (*self.feet, *self.footing.tilts)]
+        return Watch(self.flight, gaps, opening=len(self.feet))
+
+    @cached_property
+    def contact_watch(self) -> Watch:
+        """What a contact is watched for: the forces of the exits, and the height that falls; after some turns of its
+        speed it never ends."""
+        falls = self.model.standing_gap(self.values)
+        forces = [each.force for each in self.exits]
+        turns = TURNS if self.model.one_speed else TURNS_OF_SEVERAL
+        return Watch(
+            self.contact, [*forces, falls] if falls else forces, len(forces), (self.model.contact_speed, turns)
+        )
+
     def touchings(self, x: np.ndarray, order: ArrayLike, foot: ArrayLike) -> Events:
         """Which feet touch first on flights from states (m, n) in which the gaps of feet (m,) have zeros of these
         orders (m,) and open; a machine that falls over has the number of feet or more."""
-        touch = [each.gap for each in (*self.feet, *self.footing.tilts)]
-        return first_events(self.flight, x, self.p, touch, self.longest_flight(x), order, foot, opening=len(self.feet))
+        return first_events(self.flight, x, self.p, self.flight_watch, self.longest_flight(x), order, foot)
 
     def landing(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """The effect of impacts at flight states (m, n) with closed gap: whether (m,) sustained contact follows,
@@ -280,18 +297,12 @@ class Impacts:
 
     def sustained_contacts(self, ys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Follow contacts from states (m, k): their outcomes (m,), "lifts_off" or a status, and states (m, k) there."""
-        contact, speed = self.contact, self.model.contact_speed
+        contact, over = self.contact, "rests" if self.model.one_speed else "stays"
         outcome, ends = np.full(len(ys), "", dtype=STATUS), np.full(ys.shape, np.nan)
-        turns, over = (TURNS, "rests") if self.model.one_speed else (TURNS_OF_SEVERAL, "stays")
         if contact.method != "Runge-Kutta" and len(ys):
-            limit = self.options.batch_contact * (1 + np.abs(ys).max(1))
-            tests, grazes = [each.force for each in self.exits], self.grazes(ys)
-            if gap := self.model.standing_gap(self.values):
-                tests.append(gap)
-            found = first_events(
-                contact, ys, self.p, tests, limit, grazes.any(0), grazes.argmax(0), opening=len(self.exits),
-                turns=(speed, turns),
-            )  # fmt: skip
+            limit = np.inf if contact.phase.closed_form else self.options.batch_contact * (1 + np.abs(ys).max(1))
+            grazes = self.grazes(ys)
+            found = first_events(contact, ys, self.p, self.contact_watch, limit, grazes.any(0), grazes.argmax(0))
             names = np.array([*(each.outcome for each in self.exits), FALLS], STATUS)
             happens = found.which >= 0
             outcome[happens] = names[found.which[happens]]

@@ -7,6 +7,7 @@ from oscillators import BILINEAR, START, bilinear, oscillator
 from orbits.errors import OutOfRange
 from orbits.flow.first_events import first_events
 from orbits.flow.flow import Flow
+from orbits.flow.taylor import Watch
 from orbits.model import Affine, Phase, Pieces
 
 
@@ -82,8 +83,8 @@ def test_each_motion_has_pieces_of_its_own():
         one, _ = flow.run(start, p, duration)
         assert path.end == pytest.approx(one.end, abs=1e-13)
     limited = Pieces((1.0, 0.0), 1, lambda p: ([-2.0, 1.0, 1.5], [[1.0], [1.0]]), "extension")
-    times, *_, failed = first_events(
-        oscillator(bilinear, pieces=limited), [[0.1, 0.3], [1.0, 2.0]], np.zeros(1), [Affine((1.0, 0.0))], 9.0
-    )
+    flow = oscillator(bilinear, pieces=limited)
+    watch = Watch(flow, [Affine((1.0, 0.0))])
+    times, *_, failed = first_events(flow, [[0.1, 0.3], [1.0, 2.0]], np.zeros(1), watch, 9.0)
     assert np.isfinite(times).tolist() == [True, False]
     assert isinstance(failed[1], OutOfRange)

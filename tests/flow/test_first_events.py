@@ -11,6 +11,7 @@ from orbits import ReturnMap
 from orbits.errors import FlowError, OutOfRange
 from orbits.flow.first_events import CLOSED_BLOCK, CLOSED_STEP, first_events, first_zero, until_zero
 from orbits.flow.flow import Flow, flow_of
+from orbits.flow.taylor import Watch
 from orbits.flow.vector_field import FlowControl, VectorField
 from orbits.model.phase import Affine
 from orbits.numerics.polynomial_roots import piecewise_roots
@@ -25,7 +26,7 @@ def test_grazing_by_taylor_and_piecewise(spring):
     more = {"parameters": {"ratio": 1.0, "gap": 0.5}} if spring == "bilinear" else {}
     rules = Impacts(Hopper(spring, **more))
     assert rules.flight.method == "Taylor"
-    times, *_, failed = first_events(rules.flight, states, rules.p, [rules.gap], 1e3)
+    times, *_, failed = first_events(rules.flight, states, rules.p, rules.flight_watch, 1e3)
     assert not failed
     assert ((times < lowest) == below).all()
     assert bool(rules.flight.phase.pieces) == (spring == "bilinear")
@@ -36,7 +37,7 @@ def test_a_fast_launch_lands_at_the_first_zero_of_the_gap(alpha):
     """The flight's end against its closed form, and no earlier zero while the parabola comes down to the amplitude."""
     impacts = Impacts(Hopper(rest_length=20.0))
     start, form = impacts.launch(np.array([alpha])), impacts.flight.closed_form(impacts.p)
-    (time,), *_, failed = first_events(impacts.flight, start, impacts.p, [impacts.gap], np.inf, 3)
+    (time,), *_, failed = first_events(impacts.flight, start, impacts.p, impacts.flight_watch, np.inf, 3)
     assert not failed
     _, (falls,) = form.positive_between(impacts.gap, start.T)
     before = np.linspace(falls, time * (1 - 1e-14), 1000)
@@ -50,7 +51,7 @@ def test_a_flight_that_takes_too_many_steps_is_given_up(monkeypatch):
     impacts = Impacts(Hopper("k*r", rest_length=20.0, parameters={"k": 9.0}))
     alphas = np.array([5.0, 40.0])
     starts, form = impacts.launch(alphas), impacts.flight.closed_form(impacts.p)
-    times, *_, failed = first_events(impacts.flight, starts, impacts.p, [impacts.gap], np.inf, 3)
+    times, *_, failed = first_events(impacts.flight, starts, impacts.p, impacts.flight_watch, np.inf, 3)
     assert not failed
     length = CLOSED_STEP / np.sqrt(form.square)
     block = CLOSED_BLOCK * length
@@ -59,19 +60,21 @@ def test_a_flight_that_takes_too_many_steps_is_given_up(monkeypatch):
     assert length == pytest.approx(1 / 3)
     for most, lost in ((begins[1] - 0.5 * block, [1]), (begins[1] + 0.5 * block, [])):
         monkeypatch.setattr("orbits.flow.first_events.MOST_CLOSED_STEPS", most / length)
-        found, *_, failed = first_events(impacts.flight, starts, impacts.p, [impacts.gap], np.inf, 3)
+        found, *_, failed = first_events(impacts.flight, starts, impacts.p, impacts.flight_watch, np.inf, 3)
         assert list(failed) == lost
         kept = [i for i in range(2) if i not in lost]
         assert found[kept] == pytest.approx(times[kept], rel=1e-15)
     monkeypatch.setattr("orbits.flow.first_events.MOST_CLOSED_STEPS", 0.0)
-    _, *_, failed = first_events(impacts.flight, starts, impacts.p, [impacts.gap], np.inf, 3)
+    _, *_, failed = first_events(impacts.flight, starts, impacts.p, impacts.flight_watch, np.inf, 3)
     assert "takes too many steps" in str(failed[1])
 
 
 def test_what_is_watched_is_told_at_the_zero():
     """The force under the standing foot where a contact in closed form turns: the weight less the spring's pull."""
     impacts = Impacts(Hopper("k*r", parameters={"k": 9.0}))
-    times, _, rows, _ = first_events(impacts.contact, [[0.0, -4.0]], impacts.p, [impacts.model.contact_speed], np.inf)
+    times, _, rows, _ = first_events(
+        impacts.contact, [[0.0, -4.0]], impacts.p, Watch(impacts.contact, [impacts.model.contact_speed]), np.inf
+    )
     assert np.isfinite(times).all()
     assert rows[0, 0] < -1.0
     assert rows[0, 2] == pytest.approx(1.0 - 9.0 * rows[0, 0], rel=1e-14)
@@ -83,7 +86,9 @@ def test_a_motion_that_falls_for_ever_is_given_up_without_its_steps(monkeypatch)
     impacts = Impacts(Hopper("tanh(r) + s*sin(r)", parameters={"s": 3.0}))
     monkeypatch.setattr(Flow, "run", lambda *_, **__: pytest.fail("followed by itself"))
     starts = np.array([[0.4, -2.0], [0.4, -9.0]])
-    times, *_, failed = first_events(impacts.contact, starts, impacts.p, [impacts.model.contact_speed], 1e7)
+    times, *_, failed = first_events(
+        impacts.contact, starts, impacts.p, Watch(impacts.contact, [impacts.model.contact_speed]), 1e7
+    )
     assert np.isfinite(times).tolist() == [True, False]
     assert list(failed) == [1]
 
@@ -100,7 +105,7 @@ def test_motions_whose_time_ends_before_they_run_away_are_settled_together(monke
         except FlowError as error:
             away.append(str(error))
     monkeypatch.setattr(Flow, "run", lambda *_, **__: pytest.fail("followed alone"))
-    times, *_, failed = first_events(flow, starts, p, [speed], limits)
+    times, *_, failed = first_events(flow, starts, p, Watch(flow, [speed]), limits)
     assert np.isnan(times).all()
     assert [str(error) for _, error in sorted(failed.items())] == away
     assert 0 < len(away) < 20
@@ -113,8 +118,10 @@ def test_flights_to_their_landings(name):
     x[:, 2] = np.abs(x[:, 2])
     if "table" in name:
         x = x[np.abs(x[:, 0] - x[:, 2]) < 3]
-    times, _, rows, failed = first_events(rules.flight, x, rules.p, [rules.gap], 40.0)
-    assert first_events(rules.flight, x, rules.p, [rules.gap], 40.0, reasons=False).failed.keys() == failed.keys()
+    times, _, rows, failed = first_events(rules.flight, x, rules.p, rules.flight_watch, 40.0)
+    assert (
+        first_events(rules.flight, x, rules.p, rules.flight_watch, 40.0, reasons=False).failed.keys() == failed.keys()
+    )
     for i, start in enumerate(x):
         try:
             path, _ = rules.flight.run(start, rules.p, 40.0, stop=first_zero(rules.gap))
@@ -177,7 +184,7 @@ def test_a_start_on_a_break(extension, speed):
     rules = Impacts(Hopper("bilinear", rest_length=30, parameters={"gap": 0.5, "ratio": 3.0}))
     x = np.array([[3 + extension, speed, 3.0, 0.0]])
     beside = x + np.array([[1e-13, 0, 0, 0]])
-    one, two = (first_events(rules.flight, start, rules.p, [rules.gap], 60.0) for start in (x, beside))
+    one, two = (first_events(rules.flight, start, rules.p, rules.flight_watch, 60.0) for start in (x, beside))
     assert one[0] == pytest.approx(two[0], rel=1e-10)
     assert one[1] == pytest.approx(two[1], rel=1e-9)
     path, _ = rules.flight.run(x[0], rules.p, 60.0, stop=first_zero(rules.gap))
@@ -189,7 +196,7 @@ def test_a_start_on_the_range_s_end(side):
     """Inward it is followed, outward refused."""
     rules = Impacts(MACHINES["a short table"])
     starts = np.array([[20.0 + 3 * side, side * speed, 20.0, 0.0] for speed in (-1.0, 1.0)])
-    failed = first_events(rules.flight, starts, rules.p, [rules.gap], 0.5).failed
+    failed = first_events(rules.flight, starts, rules.p, rules.flight_watch, 0.5).failed
     assert isinstance(failed[1], OutOfRange)
     assert 0 not in failed
     with pytest.raises(OutOfRange, match="leaves the law's range"):
@@ -208,7 +215,7 @@ def test_a_zero_before_a_step_in_vain(height, monkeypatch):
     stepper = flight.stepper(0)
     states = np.column_stack([starts, np.full((len(starts), 3), (np.inf, 1e9, 0.0))])
     assert any(stepper.step_function(z, p)[2][0] == 0 for z, p in zip(states, ps, strict=True))
-    times, *_, failed = first_events(flight, starts, rules.p, [foot], 50.0, 1)
+    times, *_, failed = first_events(flight, starts, rules.p, Watch(flight, [foot]), 50.0, 1)
     which, motions = until_zero(flight, starts, ps, foot, 1)
     landings = [flight.run(start, rules.p, stop=first_zero(foot, 1))[0].times[-1] for start in starts]
     assert not failed
@@ -225,7 +232,9 @@ def test_after_some_turns_a_motion_has_no_zero(spring, rising):
     rng = np.random.default_rng(9)
     starts = np.column_stack([rng.uniform(-3.0, 0.5, 40), rng.normal(0.0, 2.0, 40)])
     height, speed = Affine((1.0, 0.0), 1.2), Affine((0.0, 1.0))
-    times, _, rows, failed = first_events(rules.contact, starts, rules.p, [height], 50.0, rising=rising)
+    times, _, rows, failed = first_events(
+        rules.contact, starts, rules.p, Watch(rules.contact, [height], rising=rising), 50.0
+    )
     assert not failed
     turns = np.zeros(40, int)
     for i, start in enumerate(starts):
@@ -237,7 +246,7 @@ def test_after_some_turns_a_motion_has_no_zero(spring, rising):
     assert set(turns[found]) >= {0, 1}
     for most in (1, 2, 3):
         over, _, ends, failed = first_events(
-            rules.contact, starts, rules.p, [height], 50.0, rising=rising, turns=(speed, most)
+            rules.contact, starts, rules.p, Watch(rules.contact, [height], turns=(speed, most), rising=rising), 50.0
         )
         assert not failed
         before = found & (turns < most)

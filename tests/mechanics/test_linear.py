@@ -10,6 +10,7 @@ from orbits import InputError, Mechanism
 from orbits.errors import RunsAway
 from orbits.flow.first_events import first_events
 from orbits.flow.flow import flow_of
+from orbits.flow.taylor import Watch
 from orbits.mechanics import Damper, Potential, Spring
 from orbits.model import Affine
 
@@ -66,7 +67,7 @@ def test_a_motion_that_is_pushed_away_is_followed_until_it_runs_away():
     with pytest.raises(RunsAway):
         flow.run(np.array([0.5, 0.2, 3.0, 1.0]), p, 900.0)
     gap, starts = Affine((0.0, 0.0, 1.0, 0.0)), np.array([[0.5, 0.2, 3.0, 1.0], [0.5, 0.0, 0.1, -1.0]])
-    times, _, rows, failed = first_events(flow, starts, p, [gap], 1e4)
+    times, _, rows, failed = first_events(flow, starts, p, Watch(flow, [gap]), 1e4)
     assert isinstance(failed[0], RunsAway)
     assert rows[1, 2] == pytest.approx(0.0, abs=1e-14)
-    assert times[1] == pytest.approx(first_events(taylor, starts[1:], p, [gap], 1e4).times[0], rel=1e-12)
+    assert times[1] == pytest.approx(first_events(taylor, starts[1:], p, Watch(taylor, [gap]), 1e4).times[0], rel=1e-12)

@@ -87,7 +87,7 @@ def test_no_grazing_pair_is_missed_and_none_is_invented():
     states, lowest, below = (part[:10_000] for part in grazing_flights(12_000, seed=11))
     assert len(states) == 10_000
     impacts = Impacts(Hopper())
-    times, _, rows, _ = first_events(impacts.flight, states, impacts.p, [impacts.gap], 1e3)
+    times, _, rows, _ = first_events(impacts.flight, states, impacts.p, impacts.flight_watch, 1e3)
     assert np.isfinite(times).all()
     assert ((times < lowest) == below).all()
     assert np.abs(rows[:, 2]).max() < 1e-13
