@@ -8,12 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..flow.first_events import first_events
 from ..numerics.roots import solve
 from ..shooting.formulations import vector
 from ..shooting.single_shooting import shooting_equations
-from ..simulation.hand_over import landed
-from ..simulation.impacts import LIFTOFF_ORDER, Impacts
+from ..simulation.flyer import Flown, fly, stand
+from ..simulation.impacts import Impacts
 from ..simulation.multiplier import TANGENTIAL
 from .cycle_statement import INJECT, cycle_statement
 
@@ -53,34 +52,16 @@ class FlownHops:
 
 def flown_hops(impacts: Impacts, alphas: np.ndarray, most: int = MOST_IMPACTS) -> FlownHops:
     """The hops from launch speeds (m,) without a restitution, with a bounded number of impacts."""
-    alphas, m, p = np.asarray(alphas, dtype=float), len(alphas), impacts.p
-    starts = impacts.launch(alphas)
-    times, landings, standing = list[np.ndarray](), list[np.ndarray](), np.full((m, impacts.contact.size), np.nan)
-    state, order, counts = starts.copy(), np.full(m, LIFTOFF_ORDER), np.zeros(m, int)
-    flying = np.flatnonzero(impacts.opens(starts))
-    while len(flying) and len(times) < most:
-        passed, feet, rows, _ = impacts.touchings(state[flying], order[flying], np.zeros(len(flying), int))
-        down = np.isfinite(passed) & (feet < len(impacts.feet))
-        flying, passed, rows = flying[down], passed[down], rows[down, : impacts.flight.size]
-        times.append(np.full(m, np.nan))
-        landings.append(np.full(starts.shape, np.nan))
-        times[-1][flying], landings[-1][flying] = passed, rows
-        found = landed(impacts, rows, np.zeros(len(flying), int))
-        state[flying], order[flying] = found.state, found.order
-        held = flying[found.held]
-        standing[held], counts[held] = found.state[found.held] @ impacts.onto_contact.T, len(times)
-        flying = flying[~found.held]
-    contacts, stands = np.full(m, np.nan), np.flatnonzero(counts)
-    if len(stands):
-        ys = standing[stands]
-        limit = impacts.options.batch_contact * (1 + np.abs(ys).max(1))
-        grazes = impacts.grazes(ys)[0]
-        contacts[stands] = first_events(impacts.contact, ys, p, impacts.contact_watch, limit, grazes).times
-    contacts[~np.isfinite(contacts)] = np.nan
-    return FlownHops(
-        alphas, starts, np.where(np.isfinite(contacts), counts, 0), np.reshape(times, (-1, m)).T,
-        np.reshape(landings, (-1, m, starts.shape[1])).swapaxes(0, 1), contacts,
-    )  # fmt: skip
+    hops = Flown.begun(impacts, impacts.launch(alphas := np.asarray(alphas, dtype=float)), record=True)
+    fly(impacts, hops, most)
+    stand(impacts, hops)
+    m, flights = len(alphas), hops.flights or []
+    times, landings = np.full((m, len(flights)), np.nan), np.full((m, len(flights), hops.starts.shape[1]), np.nan)
+    for i, (lanes, lasted, states) in enumerate(flights):
+        times[lanes, i], landings[lanes, i] = lasted, states
+    contacts = np.where(np.isfinite(hops.contacts), hops.contacts, np.nan)
+    counts = np.where(np.isfinite(contacts), hops.impacts, 0)
+    return FlownHops(alphas, hops.starts, counts, times, landings, contacts)
 
 
 def slopes_of_hops(impacts: Impacts, alphas: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from ..io import Document
 from ..model.machine import Machine, machine_in_words
 from ..result import Axes, Result, Row, known, shown
 from ..running.exclusive import in_threads
-from ..simulation.impact_sequences import decided_from
+from ..simulation.flyer import hops_of_states, stand
 from ..simulation.impacts import FASTEST_LAUNCH, STATUS
 from ..simulation.launch_section import LaunchSection
 from ..units import ENERGY, Units
@@ -106,12 +106,10 @@ def next_launches(section: LaunchSection, ys: np.ndarray, inject: float, cap: in
     """The launches (m, k) after launches (m, k), contact states, NaN where there is none; the losses of energy in
     impacts, the numbers of impacts and the statuses (m,)."""
     impacts = section.impacts
-    loss, counts, status, standing = decided_from(impacts, ys @ impacts.model.embed.T, cap)
-    following, lifting = np.full(ys.shape, np.nan), np.flatnonzero(status == "lifts_off")
-    status[lifting], ends = impacts.sustained_contacts(standing[lifting])
-    ended = status[lifting] == "lifts_off"
-    lifting, ends = lifting[ended], ends[ended]
-    ends = section.injected(ends, inject)
+    hops = hops_of_states(impacts, ys @ impacts.model.embed.T, cap)
+    stand(impacts, hops)
+    following, lifting = np.full(ys.shape, np.nan), np.flatnonzero(hops.status == "lifts_off")
+    ends = section.injected(hops.ends[lifting], inject)
     launches = np.isfinite(ends).all(1)
-    status[lifting[~launches]], following[lifting[launches]] = "rests", ends[launches]
-    return following, loss, counts, status
+    hops.status[lifting[~launches]], following[lifting[launches]] = "rests", ends[launches]
+    return following, hops.loss, hops.impacts, hops.status

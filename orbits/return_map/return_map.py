@@ -22,8 +22,8 @@ from ..periodic.find import find
 from ..result import Axes, Progress, cell, shown
 from ..running.exclusive import exclusive, in_threads
 from ..running.time_limit import TimeOver, time_limit
+from ..simulation.flyer import hops_of_speeds, stand
 from ..simulation.hysteresis import Branches
-from ..simulation.impact_sequences import decided_impacts
 from ..simulation.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, injected
 from ..simulation.launch_section import LaunchSection
 from ..simulation.multiplier import slope_of_hop
@@ -433,26 +433,25 @@ def _checked_grid(low: float, high: float, samples: int) -> tuple[float, float, 
 
 def _hops_from(impacts: Impacts, alpha, inject: float, cap: int) -> Hops:
     """One hop from each of the launch speeds (m,), ended after `cap` impacts, with `inject` added to the next."""
-    loss, counts, status, standing = decided_impacts(impacts, alpha, cap)
+    hops = hops_of_speeds(impacts, alpha, cap)
+    loss, status = hops.loss / (0.5 * impacts.launch_inertia), hops.status
     alpha, requested = np.minimum(alpha, FASTEST_LAUNCH), alpha
-    next_speed, remaining, lifting = np.full(len(alpha), np.nan), alpha**2 - loss, np.flatnonzero(status == "lifts_off")
+    remaining = alpha**2 - loss
     if impacts.contact.phase.closed_form and impacts.ends_by_energy:  # of a linear force
-        status[lifting[remaining[lifting] < 0]] = "rests"
-    elif len(lifting):
-        status[lifting], ends = impacts.sustained_contacts(standing[lifting])
-        ended = status[lifting] == "lifts_off"
-        lifting = lifting[ended]
-        speed, launches = impacts.liftoff(ends[ended])
+        status[(status == "lifts_off") & (remaining < 0)] = "rests"
+    else:
+        stand(impacts, hops)
+        lifting = np.flatnonzero(status == "lifts_off")
+        speed, launches = impacts.liftoff(hops.ends[lifting])
         status[lifting[~launches]] = "leaves_elsewhere"
         if not impacts.one_liftoff:
             lifting, speed = lifting[launches], speed[launches]
             remaining[lifting] = speed**2
             loss[lifting] = alpha[lifting] ** 2 - remaining[lifting]
-    lifting = np.flatnonzero(status == "lifts_off")
-    next_speed[lifting] = np.sqrt(np.maximum(remaining[lifting], 0.0)) + inject
+    next_speed = np.where(status == "lifts_off", np.sqrt(np.maximum(remaining, 0.0)) + inject, np.nan)
     stopped = next_speed <= 0
     status[stopped], next_speed[stopped] = "rests", np.nan
-    return Hops(requested, next_speed, loss, counts, status)
+    return Hops(requested, next_speed, loss, hops.impacts, status)
 
 
 def _impacts_of(machine: Machine) -> "Impacts | Branches":

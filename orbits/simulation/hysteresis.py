@@ -23,7 +23,7 @@ from ..mechanics.mechanism import Mechanism
 from ..model.model import refuse_steps
 from ..model.phase import Affine
 from ..numerics.polynomial_roots import Crossings
-from .impact_sequences import MANY_BOUNCES, NEIGHBOUR, PARTED
+from .flyer import ROUNDING
 from .impacts import FASTEST_LAUNCH, LIFTOFF_ORDER, STATUS, TURNS, Impacts, status_of_failure
 
 TURNING_RATE = 1e-13  # a rate of the extension below this, relative to the state, is that of a reversal
@@ -153,12 +153,12 @@ class Branches:
         """One hop from each of the launch speeds (m,): the next launch speeds (m,), the numbers (m,) of impacts, the
         statuses (m,), "" for a hop that is to be simulated alone, as where the spring sticks in flight, and the
         energies (m,) lost in impacts. One is "undecided" where a launch that is faster by some roundings ends in
-        another way, see `decided_impacts`."""
-        if self.restitution < MANY_BOUNCES:
+        another way, see `decided_hops`."""
+        if self.restitution < ROUNDING.many_bounces:
             return self._hops(alpha, cap)
         m = len(alpha)
-        speeds, counts, status, lost = self._hops(np.concatenate([alpha, alpha * (1 + NEIGHBOUR)]), cap)
-        apart = np.abs(np.nan_to_num(speeds[:m] - speeds[m:])) > PARTED * np.nan_to_num(speeds[:m])
+        speeds, counts, status, lost = self._hops(np.concatenate([alpha, alpha * (1 + ROUNDING.neighbour)]), cap)
+        apart = np.abs(np.nan_to_num(speeds[:m] - speeds[m:])) > ROUNDING.parted * np.nan_to_num(speeds[:m])
         other = (status[:m] != status[m:]) | (apart & (status[:m] == "lifts_off"))
         undecided = other & (status[:m] != "cap") & (status[:m] != "") & (status[m:] != "")
         status = np.where(undecided, "undecided", status[:m])

@@ -17,12 +17,11 @@ from numpy.typing import ArrayLike
 
 from ..consistency.accepted import check_machine
 from ..errors import BreaksDown, FlowError, InputError, OutOfRange, RunsAway, finite_number
-from ..flow.first_events import Events, first_events
 from ..flow.flow import flow_of
 from ..flow.taylor import Watch
 from ..flow.trajectory import Trajectory
 from ..model.machine import Machine
-from ..model.model import Model
+from ..model.model import CONTACT_FORCE, Model
 from ..model.phase import Affine
 from ..numerics.polynomial_roots import Crossings
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
@@ -31,7 +30,7 @@ from ..shooting.formulations import vector
 from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction
 from ..units import LIFTOFF_SPEED, Message, Quantity
-from .feet import LIFTS_OFF, STEPS_BACK, Foot, exits_of, feet_of
+from .feet import Foot, exits_of, feet_of
 from .footing import FALLS, SLIPS, FallTest, Footing, SlipTest
 
 # The endings of a hop other than "lifts_off" (of a map) and "done" (of a simulation).
@@ -182,34 +181,31 @@ class Impacts:
             self.contact, [*forces, falls] if falls else forces, len(forces), (self.model.contact_speed, turns)
         )
 
-    def touchings(self, x: np.ndarray, order: ArrayLike, foot: ArrayLike) -> Events:
-        """Which feet touch first on flights from states (m, n) in which the gaps of feet (m,) have zeros of these
-        orders (m,) and open; a machine that falls over has the number of feet or more."""
-        return first_events(self.flight, x, self.p, self.flight_watch, self.longest_flight(x), order, foot)
-
     def landing(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """The effect of impacts at flight states (m, n) with closed gap: whether (m,) sustained contact follows,
         immediately or after infinitely many bounces; the states (m, n) after the impact, which move away where it
         bounces; the loss of energy (m,); and the time (m,) that infinitely many bounces take."""
-        e, speed, direction = self.restitution, x @ self.gap_speed, self.direction(x)
-        stuck = self.footing.stuck(x) if self.model.sticks else x - speed[:, None] * direction
-        held, wait = self.pressing(stuck) >= 0, np.zeros(len(x))
+        e, m = self.restitution, len(x)
+        own = np.array([[*self.gap_speed, e]]), self.flight.data(x, self.p), self._contact_data(x)
+        stuck, direction, found, *bounces = landing_function(self.model, tuple(self.values), e > 0)(x, *own)
+        speed, pressing, mass, loss = found.T
+        held, wait = pressing >= 0, np.zeros(m)
         if e > 0:
-            closing = -(self.flight.field(stuck, self.p)[0] @ self.gap_speed)
+            closing, jerk, snap = bounces[0].T
             # All bounces to come are summed where the acceleration that closes the gap hardly changes while they last.
-            jerk, snap = self.gap_rates(stuck - (e * speed)[:, None] * direction)
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-                wait = 2 * e * np.abs(speed) / (1 - e) / closing if e < 1 else np.full(len(x), np.inf)
+                wait = 2 * e * np.abs(speed) / (1 - e) / closing if e < 1 else np.full(m, np.inf)
                 change = wait * (np.abs(jerk) + 0.5 * wait * np.abs(snap))
                 summed = (closing > 0) & (change <= self.options.summed_change * closing)
             held &= summed | (np.abs(speed) <= self.options.slowest_bounce * np.abs(x).max(1))
             wait = np.where(held & summed, wait, 0.0)
-        mass = self.model.impact_mass(list(x.T), self.values)
-        loss = 0.5 * mass * speed**2 * np.where(held, 1.0, 1 - e**2)
-        if self.model.sticks:
-            loss = self.model.lost_at(list(x.T), self.values) - 0.5 * mass * speed**2 * np.where(held, 0.0, e**2)
-        state = stuck - np.where(held, 0.0, e * speed)[:, None] * direction
-        return held, state, loss, wait
+            left = np.where(held, 0.0, e)
+            return held, stuck - (left * speed)[:, None] * direction, loss - 0.5 * mass * (left * speed) ** 2, wait
+        return held, stuck, loss, wait
+
+    def _contact_data(self, x: np.ndarray) -> np.ndarray:
+        """The data of the contact at flight states (m, n)."""
+        return self.contact.data(x @ self.onto_contact.T if self.contact.phase.pieces else x, self.p)
 
     def direction(self, x: np.ndarray) -> np.ndarray:
         """The change (m, n) of flight states (m, n) per change of the gap's speed in an impact; (1, n) where it is the
@@ -258,9 +254,18 @@ class Impacts:
 
     def launch(self, alpha: ArrayLike) -> np.ndarray:
         """Flight states (m, n) at lift-off with launch speeds (m,)."""
-        liftoff = self.model.release(alpha, self.values)
+        liftoff = self.model.release(alpha, self.values) if self._one_release is None else self._one_release
         rows = self.model.launch({"liftoff": liftoff, "alpha": alpha}, self.values)
-        return np.stack(np.broadcast_arrays(*rows, alpha)[:-1], axis=1).astype(float)
+        states = np.empty((len(np.asarray(alpha)), len(rows)))
+        for column, row in enumerate(rows):
+            states[:, column] = row
+        return states
+
+    @cached_property
+    def _one_release(self) -> float | None:
+        """The extension at lift-off, where it is the same at all speeds."""
+        slow, fast = self.model.release(np.array([1.0, 2.0]), self.values)
+        return float(slow) if slow == fast and self.one_liftoff else None
 
     def opens(self, x: np.ndarray) -> np.ndarray:
         """Whether the gap opens (m,) at launch states (m, n), where it and its first two derivatives vanish."""
@@ -294,30 +299,6 @@ class Impacts:
         if end.outcome or not endless:
             return path, end.outcome, ""
         return path, "collapses" if np.abs(path.end).max() > limit else "rests", ""
-
-    def sustained_contacts(self, ys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Follow contacts from states (m, k): their outcomes (m,), "lifts_off" or a status, and states (m, k) there."""
-        contact, over = self.contact, "rests" if self.model.one_speed else "stays"
-        outcome, ends = np.full(len(ys), "", dtype=STATUS), np.full(ys.shape, np.nan)
-        if contact.method != "Runge-Kutta" and len(ys):
-            limit = np.inf if contact.phase.closed_form else self.options.batch_contact * (1 + np.abs(ys).max(1))
-            grazes = self.grazes(ys)
-            found = first_events(contact, ys, self.p, self.contact_watch, limit, grazes.any(0), grazes.argmax(0))
-            names = np.array([*(each.outcome for each in self.exits), FALLS], STATUS)
-            happens = found.which >= 0
-            outcome[happens] = names[found.which[happens]]
-            lifts = happens & (found.which < len(self.exits))
-            ends[lifts] = found.rows[lifts, : contact.size]
-            outcome[np.isinf(found.times)] = over
-        for i in np.flatnonzero(outcome == ""):
-            path, outcome[i], _ = self.sustained_contact(ys[i])
-            if path is not None and outcome[i] in (LIFTS_OFF, STEPS_BACK):
-                ends[i] = path.end[: contact.size]
-        if (back := outcome == STEPS_BACK).any():  # a launch in other labels, where the same point opens
-            way = self.exits[1]
-            outcome[back] = "leaves_elsewhere" if way.foot else LIFTS_OFF
-            ends[back] = way.opened(ends[back] @ self.model.embed.T, self.values) @ self.onto_contact.T
-        return outcome, ends
 
     @cached_property
     def force_slope(self) -> ca.Function:
@@ -427,6 +408,34 @@ class Impacts:
         q = [0.0] * (self.model.flight.pieces.size if self.model.flight.pieces else 0)
         gradient = np.array([float(g) for g in self.model.flight_gradient(launch.real.tolist(), self.values, q)])
         return float(gradient[moved] @ direction[moved])
+
+
+@cached
+def landing_function(model: Model, names: tuple[str, ...], bounces: bool) -> ElementwiseFunction:
+    """(flight state with closed gap; weights of the gap's speed and the restitution; data of flight and contact) -> the
+    state after a plastic impact; the direction of impacts; the speed of the gap, the contact force after a plastic
+    impact, the mass of impacts and the energy that a plastic one loses; and where it `bounces` the acceleration that
+    closes the gap after a plastic impact, and the third and fourth derivative of the gap after one that bounces."""
+    flight, contact = flow_of(model.flight, names).vector_field, flow_of(model.contact, names)
+    x, p, q, w = flight.x, flight.p, contact.vector_field.p, ca.SX.sym("w", flight.size + 1)
+    known, values, _ = flow_of(model.flight, names).symbols(x, p)
+    direction, speed, mass = (
+        ca.vertcat(*model.impact(known, values)),
+        ca.dot(w[:-1], x),
+        model.impact_mass(known, values),
+    )
+    stuck = ca.vertcat(*model.landed(known, values)) if model.sticks else x - speed * direction
+    lost = model.lost_at(known, values) if model.sticks else 0.5 * mass * speed**2
+    row = [*model.contact.states, *model.contact.watch].index(CONTACT_FORCE) - contact.size
+    force = contact.vector_field.field(ca.DM(np.linalg.pinv(model.embed)) @ stuck, q)[1][row]
+    results = [stuck, direction, ca.vertcat(speed, force, mass, lost)]
+    if bounces:
+        rates = flight.field(x, p)[0]
+        jerk = ca.jtimes(ca.dot(w[:-1], rates), x, rates)
+        series = ca.Function("series", [x, p, w], [ca.vertcat(jerk, ca.jtimes(jerk, x, rates))])
+        closing = -ca.dot(w[:-1], flight.field(stuck, p)[0])
+        results.append(ca.vertcat(closing, series(stuck - w[-1] * speed * direction, p, w)))
+    return ElementwiseFunction(ca.Function("landing", [x, w, p, q], [*map(ca.densify, results)]))
 
 
 @cached

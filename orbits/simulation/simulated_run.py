@@ -8,9 +8,9 @@ from ..flow.trajectory import Trajectory
 from ..model.machine import Machine
 from ..units import TIME, Message, Quantity
 from .feet import LIFTS_OFF, STEPS_BACK, Exit, unheld
+from .flyer import ROUNDING, hops_of_speeds, hops_of_states
 from .footing import FALLS, SLIPS, FallTest
 from .hand_over import landed
-from .impact_sequences import MANY_BOUNCES, decided_from, decided_impacts
 from .impacts import LIFTOFF_ORDER, STATUSES, Impacts, status_of_failure
 from .launch_section import LaunchSection
 from .schedule import Decisions, Feedback, Schedule
@@ -113,18 +113,18 @@ class SimulatedRun:
     def undecided(self) -> bool:
         """Whether rounding decides how the hop ends that has just landed, by the test of the map for its launch."""
         impacts, alpha = self.impacts, np.array(self.launches[-1:])
-        if impacts.restitution < MANY_BOUNCES or self.launch is None:
+        if impacts.restitution < ROUNDING.many_bounces or self.launch is None:
             return False
         if not impacts.model.one_speed:
             if len(self.inputs.times) > 0 or self.branch is not None:
                 return False  # such hops have no map
-            return bool(decided_from(impacts, self.launch[None], self.cap)[2][0] == "undecided")
+            return bool(hops_of_states(impacts, self.launch[None], self.cap).status[0] == "undecided")
         launched = (alpha > 0).any() and np.array_equal(impacts.launch(alpha)[0], self.launch)
         return bool(launched and self.statuses(alpha)[0] == "undecided")
 
     def statuses(self, alpha: np.ndarray) -> np.ndarray:
         """The statuses (m,) of the impacts of hops with launch speeds (m,)."""
-        return decided_impacts(self.impacts, alpha, self.cap)[2]
+        return hops_of_speeds(self.impacts, alpha, self.cap).status
 
     def contact(self, x: np.ndarray) -> tuple[str | None, np.ndarray]:
         """Stay in contact until lift-off: the status if the simulation ends, and the state after lift-off."""

@@ -7,6 +7,7 @@ from many_at_once import MACHINES
 
 from orbits import ReturnMap, simulate
 from orbits.flow.first_events import first_events
+from orbits.simulation.flyer import Flown, Rounding, stand
 from orbits.simulation.impacts import ImpactOptions, Impacts
 from problems import HeavyHand, Hopper, Juggler
 
@@ -16,8 +17,10 @@ def test_contacts_to_their_ends(name):
     rules = Impacts(MACHINES[name])
     speeds = np.linspace(0.05, 6, 40)
     standing = np.column_stack([np.full(40, rules.launch(speeds)[0, 0] * 0.9), -speeds])
-    status, ends = rules.sustained_contacts(standing)
-    for start, how, end in zip(standing, status, ends, strict=True):
+    hops = Flown.begun(rules, rules.launch(speeds))
+    hops.status[:], hops.standing[:] = "lifts_off", standing
+    stand(rules, hops)
+    for start, how, end in zip(standing, hops.status, hops.ends, strict=True):
         path, expected, _ = rules.sustained_contact(start)
         assert how == expected
         if how == "lifts_off":
@@ -46,7 +49,8 @@ def test_the_gap_is_open_while_no_landing_is_searched(mass_ratio, restitution):
         assert order < 3 or (until > 0).mean() > 0.8
         for start, end in zip(states, until, strict=True):
             assert not end or impacts.gap(form.state(start, np.linspace(0.0, end, 2001)[20:-1]).T).min() > 0
-        rows = impacts.touchings(states, order, 0).rows
+        limit = impacts.longest_flight(states)
+        rows = first_events(impacts.flight, states, impacts.p, impacts.flight_watch, limit, order).rows
         held, after, _, _ = impacts.landing(rows)
         states, order = after[~held], impacts.bounce_order
         if not len(states):
@@ -111,7 +115,7 @@ def test_impacts_that_repeat_themselves(monkeypatch):
     """They end a hop as soon as the ball comes back to an earlier state, as the most impacts would."""
     speeds = np.linspace(3.55, 3.7, 3)
     found = ReturnMap(HeavyHand())(speeds)
-    monkeypatch.setattr("orbits.simulation.impact_sequences.REPETITION", -1.0)
+    monkeypatch.setattr("orbits.simulation.flyer.ROUNDING", Rounding(repetition=-1.0))
     all_impacts = ReturnMap(HeavyHand(), cap=1000)(speeds)
     assert found.status.tolist() == all_impacts.status.tolist()
     assert (found.impacts == np.where(found.status == "cap", 10_000, all_impacts.impacts)).all()
