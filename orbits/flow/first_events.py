@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from ..errors import BreaksDown, FlowError, RunsAway
 from ..model.phase import Affine
-from ..numerics.exclusion import first_root
 from ..numerics.polynomial_roots import Crossings, PiecewisePolynomials, evaluate
 from ..numerics.roots import Array
 from ..running import interrupts
@@ -247,7 +246,7 @@ class _Search:
                 steps = Watched(*(values[last] for values in steps))
             if found.any():
                 with apart():
-                    stays[found] = self._search_steps(lanes, z, found, steps)
+                    stays[found] = self._search_steps(lanes, z, data, found, steps)
             if not stays.any():
                 return
             lanes, z, data = lanes[stays], z[stays], data[stays]
@@ -270,8 +269,9 @@ class _Search:
     def _record(self, lanes, steps: Watched, counts, found) -> None:
         """Record the steps of the motions that have `found` one that may hold a zero."""
         owners = np.repeat(lanes, counts)
-        chosen = np.repeat(found, counts)
-        self.steps.append((owners[chosen], steps.lengths[chosen], steps.coefficients[chosen]))
+        chosen, rows = np.repeat(found, counts), len(self.flow.names)
+        coefficients = steps.coefficients[chosen].reshape(-1, rows, TAYLOR_ORDER + 1)
+        self.steps.append((owners[chosen], steps.begins[chosen, 0], coefficients))
 
     def _never(self, z: Array) -> Array:
         """Which motions have turned so often that they never have an event."""
@@ -279,45 +279,41 @@ class _Search:
             return np.zeros(len(z), bool)
         return z[:, self.flow.stepper(0).places.changes] >= self.watch.most_turns
 
-    def _search_steps(self, lanes: Array, z: Array, found: Array, steps: Watched) -> Array:
-        """Search one step of each of the motions `found` with these z after it, for the first zero of each function;
+    def _search_steps(self, lanes: Array, z: Array, data: Array, found: Array, steps: Watched) -> Array:
+        """Search one step of each of the motions `found` with these z after it, for the first zero of a function;
         returns which have none there and go on, with the z where they do."""
-        at, watch, count = self.flow.stepper(0).places, self.watch, len(steps.lengths)
-        ending, lanes = len(watch.functions), lanes[found]
-        series = watch.weights[:ending] @ steps.coefficients
-        series[:, :, 0] += watch.offsets[:ending]
-        orders = np.where(np.arange(ending) == self.opens[lanes, None], steps.orders[:, None], 0.0)
-        times, signs = self._roots(series, steps.lengths, orders, steps.signs[:, :ending])
-        first = times.argmin(1)
-        t = times[np.arange(count), first]
-        hit = np.isfinite(t)
-        moments, left = steps.times + t, ~hit
-        soon = hit & (moments <= self.limit[lanes])
-        c = steps.coefficients if soon.all() else steps.coefficients[soon]
-        self._found(lanes[soon], moments[soon], first[soon], evaluate(c, t[soon][:, None]))
-        z[found, at.order] = z[found, at.found] = 0.0
-        z[found, at.signs.start : at.signs.start + ending] = signs
-        if watch.turns:
-            never = left & self._never(z[found])
-            self.times[lanes[never]] = np.inf
-            left &= ~never
-        return left & (z[found, at.time] < self.limit[lanes])
-
-    def _roots(self, series: Array, lengths: Array, orders: Array, signs: Array) -> tuple[Array, Array]:
-        """The first roots (k, q) of series (k, q, K + 1) on steps (k,), infinite where there is none, with zeros of
-        these orders (k, q) at the start and signs (k, q) before; and the signs (k, q) at the ends."""
-        (k, q), flat = orders.shape, series.reshape(-1, TAYLOR_ORDER + 1)
-        lengths = np.repeat(lengths, q) if q > 1 else lengths
-        own = lengths[:, None], orders.reshape(-1, 1), signs.reshape(-1, 1)
-        roots, ends, unknown = (each[:, 0] for each in first_root(TAYLOR_ORDER + 1)(flat, *own))
-        again = np.ones(k * q, bool) if self.watch.rising else unknown > 0
+        at, watch, lanes = self.flow.stepper(0).places, self.watch, lanes[found]
+        event, rows, signs = watch.event(steps, data if len(lanes) == len(data) else data[found])
+        again = (event[:, 2] > 0) | watch.rising
         if again.any():
-            polynomials = PiecewisePolynomials(flat[again], lengths[again], np.ones(np.count_nonzero(again), int))
-            owner, _, t = polynomials.first_roots(own[1][again, 0].astype(int), self.watch.rising, own[2][again, 0])
-            halved = np.full(np.count_nonzero(again), np.inf)
-            halved[owner] = t
-            roots[again], ends[again] = halved, polynomials.after
-        return roots.reshape(k, q), ends.reshape(k, q)
+            some = Watched(*(values[again] for values in steps))
+            event[again], rows[again], signs[again] = self._halved(some, self.opens[lanes[again]])
+        times = event[:, 0]
+        left, soon = times == np.inf, times <= self.limit[lanes]
+        self._found(lanes[soon], times[soon], event[soon, 1], rows[soon])
+        if not left.any():
+            return left
+        z[found, at.order] = z[found, at.found] = 0.0
+        z[found, at.signs.start : at.signs.start + signs.shape[1]] = signs
+        never = left & self._never(z[found])
+        self.times[lanes[never]] = np.inf
+        return left & ~never & (z[found, at.time] < self.limit[lanes])
+
+    def _halved(self, steps: Watched, opens: Array) -> tuple[Array, Array, Array]:
+        """The `Watch.event` of steps in which functions may change their signs several times, or rise, by halving."""
+        count, functions = len(steps.begins), self.watch.functions
+        c = steps.coefficients.reshape(count, -1, TAYLOR_ORDER + 1)
+        event, signs = np.full((count, 3), np.inf), np.empty((count, len(functions)))
+        for number, quantity in enumerate(functions):
+            order = np.where(opens == number, steps.begins[:, 2], 0.0).astype(int)
+            polynomials = PiecewisePolynomials(quantity.series(c), steps.begins[:, 0], np.ones(count, int))
+            owner, _, t = polynomials.first_roots(order, self.watch.rising, steps.signs[:, number])
+            sooner = t < event[owner, 0]
+            event[owner[sooner], 0], event[owner[sooner], 1] = t[sooner], number
+            signs[:, number] = polynomials.after
+        rows = evaluate(c, np.where(event[:, 0] < np.inf, event[:, 0], 0.0)[:, None])
+        event[:, 0] += steps.begins[:, 1]
+        return event, rows, signs
 
     def _beyond(self, indices: Array, on: OnPieces | None, z: Array) -> None:
         """Search the motions `indices` with these z from a step on that cannot be used. Most of them break off soon or

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..model.phase import Affine
-from ..numerics.exclusion import HIGHEST_ORDER, bernstein_coefficients
+from ..numerics.exclusion import HIGHEST_ORDER, bernstein_coefficients, first_root, without_first_zero
 from ..numerics.roots import Array
 from ..running.exclusive import exclusive_property
 from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction, with_common_parts
-from ..symbolic.kernels import Kernel
+from ..symbolic.kernels import ElementwiseFunction, Kernel
 from ..symbolic.series_loops import InLoops, VariationsInLoops
 from .phase_field import PhaseField
 from .taylor_step import (
@@ -70,13 +70,11 @@ class OnPieces(NamedTuple):
 
 
 class Watched(NamedTuple):
-    """Steps (N,) of motions that are watched, with the times, orders, changes and signs of `Places` before them."""
+    """Steps (N,) of motions that are watched, with the lengths, and the times, orders and changes of `Places` before
+    them, and the signs there."""
 
-    coefficients: Array  # (N, rows, K + 1)
-    lengths: Array
-    times: Array
-    orders: Array
-    changes: Array
+    coefficients: Array  # (N, rows (K + 1))
+    begins: Array  # (N, 4)
     signs: Array  # (N, q)
 
 
@@ -101,6 +99,16 @@ class Watch:
             self.weights[i, : len(each.weights)], self.offsets[i] = each.weights, each.offset
         self.kind = tuple(rows_used(row[:, None]) for row in self.weights), opening, self.most_turns
         self._tests = np.concatenate([self.weights.ravel(), self.offsets])
+
+    def event(self, steps: Watched, data: Array) -> tuple[Array, Array, Array]:
+        """The first events in steps (k,) of motions with these data: times since the start, infinite where there is
+        none, numbers of the functions, and whether neither is known, in columns (k, 3); the rows (k, rows) there; and
+        the signs (k, q) of the functions at the ends of the steps."""
+        used, opening, _ = self.kind
+        rows, size = self.weights.shape[1], len(self.functions)
+        search = event_in_step(rows, used[:size], opening, self.size)
+        found, there, signs = search(*steps, data[:, -3 - len(self._tests) : -2])
+        return found, there, signs
 
     def data(self, p: Array, limits: Array, opens: ArrayLike, all_steps: bool = False) -> Array:
         """The data of motions with parameters (m, np) or (1, np), to time limits (m,), in which functions with these
@@ -232,9 +240,7 @@ class TaylorStepper:
             self._watching[kind] = self.kernel_of(_watch_function(self, *kind))
         own = () if tables is None else (tables,)
         z, (c, begins, signs), counts, going = self._watching[kind](z, data, *own, most=most)
-        lengths, times, orders, changes = begins.T
-        c = c.reshape(-1, self.rows, TAYLOR_ORDER + 1)
-        return z, Watched(c, lengths, times, orders, changes, signs), counts, going
+        return z, Watched(c, begins, signs), counts, going
 
     def watched_state(self, x: Array, orders: ArrayLike, count: int, numbers: Array | float) -> Array:
         """The argument z of `watch` with `count` functions: states (m, n), the orders (m,) of the zeros of those that
@@ -336,6 +342,28 @@ def _may_change_sign(rows: int, used: tuple[tuple[int, ...], ...], opening: int,
         same = ca.if_else(begins, ca.mmin(bounds) >= rest, ca.mmax(bounds) < -rest)
         change = ca.logic_or(change, ca.logic_not(ca.logic_and(same, ca.fabs(ends) < np.inf)))
     return ca.Function("signs", [c, h, tests, order, opens, before], [change, ca.vertcat(*after), turned])
+
+
+@cached
+def event_in_step(rows: int, used: tuple[tuple[int, ...], ...], opening: int, size: int) -> ElementwiseFunction:
+    """(coefficients (rows (K + 1),) of a step; its length, the time, order and changes before it; the signs (size,)
+    before it; the tests of `Watch.data` and the number of the function that opens) -> as `Watch.event` returns it."""
+    c, begins, before = ca.SX.sym("c", rows * (TAYLOR_ORDER + 1)), ca.SX.sym("b", 4), ca.SX.sym("s", size)
+    tests, coefficients = ca.SX.sym("w", size * (rows + 1) + 1), ca.reshape(c, TAYLOR_ORDER + 1, rows)
+    h, begun, order, _ = ca.vertsplit(begins)
+    first, which, unknown, ends = ca.SX(np.inf), ca.SX(-1), ca.SX(0), list[ca.SX]()
+    for i, own in enumerate(used):
+        series = sum((coefficients[:, row] * tests[i * rows + row] for row in own), ca.SX.zeros(TAYLOR_ORDER + 1))
+        series[0] += tests[size * rows + i]
+        if i < opening:
+            series = without_first_zero(series, order if opening == 1 else ca.if_else(tests[-1] == i, order, 0))
+        root, end, several = first_root(series, h, before[i])
+        which, first = ca.if_else(root < first, i, which), ca.fmin(root, first)
+        unknown = ca.logic_or(unknown, several)
+        ends.append(end)
+    there = coefficients.T @ symbolic_powers(ca.if_else(first < np.inf, first, 0))
+    results = [ca.vertcat(begun + first, which, unknown), there, ca.vertcat(*ends)]
+    return ElementwiseFunction(ca.Function("event", [c, begins, before, tests], results))
 
 
 class TaylorMotion(NamedTuple):

@@ -77,14 +77,12 @@ def _refined(z: ca.SX, series: ca.SX, rises: ca.SX) -> tuple[ca.SX, ca.SX]:
     return ca.vertcat(ca.if_else(settled, ca.fmin(ca.fmax(new, low), high), nearer), low, high, inside * step), settled
 
 
-@cached
-def first_root(size: int, steps: int = 8) -> ElementwiseFunction:
-    """(coefficients (size,), h, order of the zero at 0, sign before it or 0) -> the first root of a polynomial on
-    [0, h] without that zero, infinite where there is none; its sign at h; and whether neither is known, since the
-    Bernstein coefficients have several changes of sign, or Newton's method does not settle in this number of steps."""
-    c, h, order, before = (ca.SX.sym(name, count) for name, count in zip("chob", (size, 1, 1, 1), strict=True))
-    series, powers = without_first_zero(c, order), ca.vertcat(1, *accumulate([h] * (size - 1), lambda p, h: p * h))
-    values = bernstein_coefficients(series, powers)
+def first_root(series: ca.SX, h: ca.SX, before: ca.SX, steps: int = 8) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """The first root on [0, h] of a polynomial that has a sign before, or 0 where it begins, infinite where there is
+    none; its sign at h; and whether neither is known, since the Bernstein coefficients have several changes of sign, or
+    Newton's method does not settle in this number of steps."""
+    size = series.numel()
+    values = bernstein_coefficients(series, ca.vertcat(1, *accumulate([h] * (size - 1), lambda p, h: p * h)))
     values[0] = ca.if_else(before == 0, values[0], before * ca.fmax(ca.fabs(values[0]), TINY))
     changed = [(one >= 0) != (other >= 0) for one, other in pairwise(values)]
     about = ca.SX(0)  # where the polygon of the coefficients crosses zero
@@ -97,5 +95,4 @@ def first_root(size: int, steps: int = 8) -> ElementwiseFunction:
         z, known = ca.if_else(known, z, after), ca.logic_or(known, settled)
     changes = sum(changed, ca.SX(0))
     unknown = ca.logic_or(changes > 1, ca.logic_and(changes == 1, ca.logic_not(known)))
-    found = ca.if_else(changes == 0, np.inf, z[0])
-    return ElementwiseFunction(ca.Function("first_root", [c, h, order, before], [found, rises, unknown]))
+    return ca.if_else(changes == 0, np.inf, z[0]), rises, unknown

@@ -9,7 +9,7 @@ from many_at_once import MACHINES
 
 from orbits import ReturnMap
 from orbits.errors import FlowError, OutOfRange
-from orbits.flow.first_events import CLOSED_BLOCK, CLOSED_STEP, first_events, first_zero, until_zero
+from orbits.flow.first_events import CLOSED_BLOCK, CLOSED_STEP, FirstOf, first_events, first_zero, until_zero
 from orbits.flow.flow import Flow, flow_of
 from orbits.flow.taylor import Watch
 from orbits.flow.vector_field import FlowControl, VectorField
@@ -119,9 +119,8 @@ def test_flights_to_their_landings(name):
     if "table" in name:
         x = x[np.abs(x[:, 0] - x[:, 2]) < 3]
     times, _, rows, failed = first_events(rules.flight, x, rules.p, rules.flight_watch, 40.0)
-    assert (
-        first_events(rules.flight, x, rules.p, rules.flight_watch, 40.0, reasons=False).failed.keys() == failed.keys()
-    )
+    without = first_events(rules.flight, x, rules.p, rules.flight_watch, 40.0, reasons=False)
+    assert without.failed.keys() == failed.keys()
     for i, start in enumerate(x):
         try:
             path, _ = rules.flight.run(start, rules.p, 40.0, stop=first_zero(rules.gap))
@@ -256,3 +255,29 @@ def test_after_some_turns_a_motion_has_no_zero(spring, rising):
         late = found & ~before  # within the same step as the turns a zero is found still
         assert most > 1 or np.isinf(over[late]).any()
         assert over[late] == pytest.approx(np.where(np.isinf(over[late]), np.inf, times[late]), rel=1e-12)
+
+
+@pytest.mark.parametrize("spring", ["r", "r + 0.2*r**3", "r + 0.3*abs(r)*r"])
+def test_the_first_of_several_functions_is_that_of_each_alone(spring):
+    """In closed form, in Taylor steps and one by one; one of two functions, by motion, has a zero at the start."""
+    rules, rng = Impacts(Hopper(spring)), np.random.default_rng(17)
+    functions = [Affine((1.0, 0.3), 0.2), Affine((-0.5, 1.0), 0.4), Affine((0.2, -1.0), -1.5)]
+    starts, opens = rng.normal(0.0, 2.0, (60, 2)), rng.integers(0, 2, 60)
+    for i, start in enumerate(starts):
+        own = functions[opens[i]]
+        start[0] -= own(start) / own.weights[0]
+    found = first_events(rules.contact, starts, rules.p, Watch(rules.contact, functions, opening=2), 9.0, 1, opens)
+    alone = [
+        first_events(rules.contact, starts, rules.p, Watch(rules.contact, [each]), 9.0, opens == i).times
+        for i, each in enumerate(functions)
+    ]
+    assert not found.failed
+    assert len({*found.which.tolist()}) == 3
+    assert found.times == pytest.approx(np.min(alone, axis=0), rel=1e-14)
+    assert (found.which == np.argmin(alone, axis=0)).all()
+    for i in range(0, 60, 6):
+        stop = FirstOf(*(first_zero(each, int(k == opens[i])) for k, each in enumerate(functions)))
+        path, _ = rules.contact.run(starts[i], rules.p, 9.0, stop=stop)
+        assert path.times[-1] == pytest.approx(found.times[i], rel=1e-12)
+        assert path.end == pytest.approx(found.rows[i], abs=1e-11)
+        assert stop.which == found.which[i]

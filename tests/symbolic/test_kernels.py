@@ -236,3 +236,23 @@ def test_rows_of_a_table():
         one, other = compiled(starts, none, several), interpreted(starts, none, several)
         assert_equal(one, other)
     assert compiled(starts, none, own).z[:, 0] == pytest.approx([table[:, 0].sum() for table in tables])
+
+
+def test_one_point_is_computed_as_among_many():
+    """In the same bits, with records and after another number of points; and with more records than there is room."""
+    z, data = ca.SX.sym("z", 2), ca.SX.sym("data", 1)
+    step = ca.vertcat(z[0] * data + ca.sin(z[1]), z[1] + 1)
+    kernel = Kernel(ca.Function("step", [z, data], [step, z, z[0] ** 2, 1, z[1] < 40]))
+    kernel.compile()
+    starts = np.column_stack([np.linspace(0.1, 0.9, 5), np.arange(5) * 7.0])
+    many = kernel(starts, np.array([[0.7]]))
+    for i, start in enumerate(starts):
+        one = kernel(start[None], np.array([[0.7]]))
+        assert np.array_equal(one.z[0], many.z[i])
+        assert one.counts[0] == many.counts[i]
+        own = np.repeat(np.arange(5), many.counts) == i
+        for record, among in zip(one.records, many.records, strict=True):
+            assert np.array_equal(record, among[own])
+    few = kernel(starts[:1], np.array([[0.7]]), most=3)
+    assert few.counts[0] == 3
+    assert few.going[0]
