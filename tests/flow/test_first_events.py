@@ -271,10 +271,11 @@ def test_the_first_of_several_functions_is_that_of_each_alone(spring):
         first_events(rules.contact, starts, rules.p, Watch(rules.contact, [each]), 9.0, opens == i).times
         for i, each in enumerate(functions)
     ]
+    soonest = np.nan_to_num(alone, nan=np.inf)
     assert not found.failed
-    assert len({*found.which.tolist()}) == 3
-    assert found.times == pytest.approx(np.min(alone, axis=0), rel=1e-14)
-    assert (found.which == np.argmin(alone, axis=0)).all()
+    assert np.bincount(found.which).min() > 5
+    assert found.times == pytest.approx(soonest.min(0), rel=1e-14)
+    assert (found.which == soonest.argmin(0)).all()
     for i in range(0, 60, 6):
         stop = FirstOf(*(first_zero(each, int(k == opens[i])) for k, each in enumerate(functions)))
         path, _ = rules.contact.run(starts[i], rules.p, 9.0, stop=stop)
