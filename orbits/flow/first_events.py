@@ -4,6 +4,7 @@ Along one motion it is a `stop` of the flow, along many that are integrated toge
 start, as that of the gap at a lift-off, is divided out exactly.
 """
 
+from itertools import chain, repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -109,26 +110,24 @@ def until_zero(
 
 
 def first_events(
-    flow: Flow, starts: ArrayLike, p: Array, watch: Watch, limit: ArrayLike, orders: ArrayLike = 0,
-    opens: ArrayLike = 0, reasons: bool = True,
+    flow: Flow, starts: ArrayLike, p: Array, watch: Watch, limit: ArrayLike, orders: ArrayLike = 0, reasons: bool = True
 ) -> Events:  # fmt: skip
     """The first events on motions from states (m, n).
 
     p : parameters (np,) of all or, of motions that take Taylor steps, (m, np)
     limit : times (m,) by which they must happen
-    orders, opens : the order (m,) of the zero that a function has at the start, which is divided out exactly, and the
-        number (m,) of this function
+    orders : (m, opening), the orders of the zeros at the start, which are divided out exactly; or a number or (m, 1)
     reasons : whether each `FlowError` states its reason
     """
     starts, ps = np.asarray(starts, dtype=float), np.atleast_2d(p)
-    search = _Search(flow, starts, ps, watch, limit, orders, opens, reasons)
+    search = _Search(flow, starts, ps, watch, limit, orders, reasons)
     if flow.phase.closed_form:
         with apart():
             search.in_closed_form()
     elif isinstance(flow.stepper(0), TaylorStepper):
         search.by_taylor_steps()
     else:
-        search.one_by_one(np.arange(len(search.starts)), search.starts, np.zeros(len(search.starts)), search.orders)
+        search.one_by_one(np.arange(len(search.starts)), search.starts, np.zeros(len(search.starts)))
     return Events(search.times, search.which, search.rows, search.failed)
 
 
@@ -136,16 +135,20 @@ class _Search:
     """The search of `first_events`, with its arguments and its results `times`, `which`, `rows` and `failed`; the
     parameters are (m, np), or (1, np) for all."""
 
-    def __init__(self, flow, starts, ps, watch: Watch, limit, orders, opens=0, reasons=True, all_steps=False):
+    def __init__(self, flow, starts, ps, watch: Watch, limit, orders, reasons=True, all_steps=False):
         count = len(starts)
         self.flow, self.starts, self.ps, self.watch = flow, starts, ps, watch
         self.reasons, self.all_steps = reasons, all_steps
-        self.limit, self.orders, self.opens = whole = np.empty((3, count))
-        whole[0], whole[1], whole[2] = limit, orders, opens
+        self.limit, self.orders = np.empty(count), np.empty((count, watch.kind[1]))
+        self.limit[:], self.orders[:] = limit, orders
         self.times, self.which = np.full(count, np.nan), np.full(count, -1)
         self.rows = np.full((count, len(flow.names)), np.nan)
         self.failed: dict[int, FlowError] = {}
         self.steps: list[tuple] = []  # the motion, length and coefficients of `all_steps` up to the zeros
+
+    def orders_of(self, number: int) -> Array:
+        """The orders (m,) of the zeros of a function at the start."""
+        return self.orders[:, number] if number < self.watch.kind[1] else np.zeros(len(self.orders))
 
     def in_closed_form(self) -> None:
         """Search motions in closed form, for one function after the other up to the first event known so far."""
@@ -165,7 +168,7 @@ class _Search:
         """Search the zeros of one function, some expansions at a time."""
         block, length = CLOSED_BLOCK, CLOSED_STEP / np.sqrt(form.square)
         remaining = np.arange(len(self.starts))
-        orders = np.where(self.opens == number, self.orders, 0)
+        orders = self.orders_of(number)
         rises, falls = form.positive_between(quantity, self.starts.T)
         began = self._not_before(form, quantity, orders)
         # The signs are those at the ends of the last block.
@@ -178,7 +181,7 @@ class _Search:
             c = form.along(quantity.weights, self.starts[remaining].T[:, :, None], times, CLOSED_ORDER)
             c[:, 0] += quantity.offset
             polynomials = PiecewisePolynomials(c, np.full(len(c), length), np.full(len(remaining), block))
-            skip = np.where(began > 0, 0, orders[remaining])
+            skip = np.where(began > 0, 0, orders[remaining]).astype(int)
             owner, piece, t = polynomials.first_roots(skip, self.watch.rising, signs[remaining])
             signs[remaining] = polynomials.after
             found, hits = began[owner] + length * piece + t, remaining[owner]
@@ -219,8 +222,8 @@ class _Search:
         that cannot be used."""
         flow, stepper, on = self.flow, self.flow.stepper(0), self.flow.on_pieces(self.starts, self.ps)
         at, most = stepper.places, flow.control.max_block if self.all_steps else 1
-        z = stepper.watched_state(self.starts, self.orders, self.watch.size, on.numbers if on else 0.0)
-        data = self.watch.data(self.ps, self.limit, self.opens, self.all_steps)
+        z = stepper.watched_state(self.starts, self.watch.size, on.numbers if on else 0.0)
+        data = self.watch.data(self.ps, self.limit, self.orders, self.all_steps)
         lanes = np.arange(len(z))
         for _ in range(flow.control.max_calls):
             if on:
@@ -287,32 +290,32 @@ class _Search:
         again = (event[:, 2] > 0) | watch.rising
         if again.any():
             some = Watched(*(values[again] for values in steps))
-            event[again], rows[again], signs[again] = self._halved(some, self.opens[lanes[again]])
+            event[again], rows[again], signs[again] = self._halved(some, lanes[again])
         times = event[:, 0]
         left, soon = times == np.inf, times <= self.limit[lanes]
         self._found(lanes[soon], times[soon], event[soon, 1], rows[soon])
         if not left.any():
             return left
-        z[found, at.order] = z[found, at.found] = 0.0
+        z[found, at.fresh] = z[found, at.found] = 0.0
         z[found, at.signs.start : at.signs.start + signs.shape[1]] = signs
         never = left & self._never(z[found])
         self.times[lanes[never]] = np.inf
         return left & ~never & (z[found, at.time] < self.limit[lanes])
 
-    def _halved(self, steps: Watched, opens: Array) -> tuple[Array, Array, Array]:
+    def _halved(self, steps: Watched, lanes: Array) -> tuple[Array, Array, Array]:
         """The `Watch.event` of steps in which functions may change their signs several times, or rise, by halving."""
         count, functions = len(steps.begins), self.watch.functions
         c = steps.coefficients.reshape(count, -1, TAYLOR_ORDER + 1)
         event, signs = np.full((count, 3), np.inf), np.empty((count, len(functions)))
         for number, quantity in enumerate(functions):
-            order = np.where(opens == number, steps.begins[:, 2], 0.0).astype(int)
+            order = (self.orders_of(number)[lanes] * steps.begins[:, 1]).astype(int)
             polynomials = PiecewisePolynomials(quantity.series(c), steps.begins[:, 0], np.ones(count, int))
             owner, _, t = polynomials.first_roots(order, self.watch.rising, steps.signs[:, number])
             sooner = t < event[owner, 0]
             event[owner[sooner], 0], event[owner[sooner], 1] = t[sooner], number
             signs[:, number] = polynomials.after
         rows = evaluate(c, np.where(event[:, 0] < np.inf, event[:, 0], 0.0)[:, None])
-        event[:, 0] += steps.begins[:, 1]
+        event[:, 0] += steps.begins[:, 2]
         return event, rows, signs
 
     def _beyond(self, indices: Array, on: OnPieces | None, z: Array) -> None:
@@ -322,7 +325,7 @@ class _Search:
         if len(indices):
             left = ~self._ended(indices, on and on._replace(tables=on.of(indices), numbers=z[:, at.piece]), z)
             indices, z = indices[left], z[left]
-        self.one_by_one(indices, *(z[:, place] for place in (at.state, at.time, at.order)))
+        self.one_by_one(indices, *(z[:, place] for place in (at.state, at.time, at.fresh)))
 
     def _ended(self, indices: Array, on: OnPieces | None, z: Array) -> Array:
         """Whether motions `on` pieces end without an event within the steps of one call of `Flow.run`, which decides it
@@ -330,7 +333,7 @@ class _Search:
         errors."""
         flow, control, seeds = self.flow, self.flow.control, np.zeros((self.flow.size, 0))
         stepper = flow.stepper(0)
-        x, began, orders = (z[:, getattr(stepper.places, place)] for place in ("state", "time", "order"))
+        x, began, fresh = (z[:, getattr(stepper.places, place)] for place in ("state", "time", "fresh"))
         ps, durations = self.ps[indices] if len(self.ps) > 1 else self.ps, self.limit[indices] - began
         found = stepper.advance_all(x, ps, durations, seeds, np.zeros((ps.shape[1], 0)), control.look_ahead, on)
         c, steps, counts = found.coefficients, found.steps, found.counts
@@ -344,7 +347,7 @@ class _Search:
         for number, quantity in enumerate(self.watch.functions if whole.any() else ()):
             chosen, own = whole[owner], whole.nonzero()[0]
             polynomials = PiecewisePolynomials(quantity.series(c[chosen]), steps[chosen], counts[whole])
-            at_start = np.where(self.opens[indices[own]] == number, orders[own], 0).astype(int)
+            at_start = (self.orders_of(number)[indices[own]] * fresh[own]).astype(int)
             whole[own[polynomials.first_roots(at_start, self.watch.rising)[0]]] = False
         for i in (none | (whole & away)).nonzero()[0].tolist():
             last = ends[i] - 1
@@ -354,13 +357,14 @@ class _Search:
             self.failed[int(indices[i])] = kind(flow.failure(what, *at)) if self.reasons else BREAKS_OFF
         return none | whole
 
-    def one_by_one(self, indices: Array, x: Array, began: Array, orders: Array) -> None:
-        """Search the motions `indices` one after the other, from the states `x` at the times `began`, with zeros of
-        these orders there."""
+    def one_by_one(self, indices: Array, x: Array, began: Array, fresh: ArrayLike = 1) -> None:
+        """Search the motions `indices` one after the other, from the states `x` at the times `began`, which are `fresh`
+        at the very start."""
         watch = self.watch
-        for index, start, before, order in zip(indices, x, began, orders.astype(int), strict=True):
-            left, opens = self.limit[index] - before, int(self.opens[index])
-            stops = [first_zero(each, order * (i == opens), watch.rising) for i, each in enumerate(watch.functions)]
+        orders = (self.orders[indices].T * fresh).T.astype(int).tolist()
+        for index, start, before, own in zip(indices, x, began, orders, strict=True):
+            left, zeros = self.limit[index] - before, chain(own, repeat(0))
+            stops = [first_zero(each, order, watch.rising) for each, order in zip(watch.functions, zeros, strict=False)]
             stop = FirstOf(*stops, *([nth_zero(*watch.turns)] if watch.turns else ()))
             try:
                 path, _ = self.flow.run(start, self.ps[index if len(self.ps) > 1 else 0], left, stop=stop)

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..model.phase import Affine
 from ..numerics.exclusion import HIGHEST_ORDER, bernstein_coefficients, first_root, without_first_zero
@@ -70,8 +69,8 @@ class OnPieces(NamedTuple):
 
 
 class Watched(NamedTuple):
-    """Steps (N,) of motions that are watched, with the lengths, and the times, orders and changes of `Places` before
-    them, and the signs there."""
+    """Steps (N,) of motions that are watched, with the lengths, whether they are the first, and the times and changes
+    of `Places` before them, and the signs there."""
 
     coefficients: Array  # (N, rows (K + 1))
     begins: Array  # (N, 4)
@@ -82,7 +81,7 @@ class Watch:
     """What the motions of a flow are watched for: the zeros of affine functions of the rows.
 
     functions : those whose zeros are events
-    opening : the first functions of this number may have a zero at the start of a motion, one of them each
+    opening : the first functions of this number may have zeros at the start of a motion
     turns : another function and a number: a motion on which that function has changed its sign so often has no event
     rising : only the changes from minus to plus are events
     """
@@ -107,16 +106,16 @@ class Watch:
         used, opening, _ = self.kind
         rows, size = self.weights.shape[1], len(self.functions)
         search = event_in_step(rows, used[:size], opening, self.size)
-        found, there, signs = search(*steps, data[:, -3 - len(self._tests) : -2])
+        found, there, signs = search(*steps, data[:, -2 - opening - len(self._tests) : -2])
         return found, there, signs
 
-    def data(self, p: Array, limits: Array, opens: ArrayLike, all_steps: bool = False) -> Array:
-        """The data of motions with parameters (m, np) or (1, np), to time limits (m,), in which functions with these
-        numbers (m,) open."""
-        count, own = p.shape[1], len(self._tests)
-        found = np.empty((len(limits), count + own + 3))
-        found[:, :count], found[:, count:-3] = p, self._tests
-        found[:, -3], found[:, -2], found[:, -1] = opens, limits, all_steps
+    def data(self, p: Array, limits: Array, orders: Array, all_steps: bool = False) -> Array:
+        """The data of motions with parameters (m, np) or (1, np), to time limits (m,), at whose starts the functions
+        that open have zeros of these orders (m, opening)."""
+        count, end = p.shape[1], p.shape[1] + len(self._tests)
+        found = np.empty((len(limits), end + self.kind[1] + 2))
+        found[:, :count], found[:, count:end], found[:, end:-2] = p, self._tests, orders
+        found[:, -2], found[:, -1] = limits, all_steps
         return found
 
 
@@ -242,12 +241,12 @@ class TaylorStepper:
         z, (c, begins, signs), counts, going = self._watching[kind](z, data, *own, most=most)
         return z, Watched(c, begins, signs), counts, going
 
-    def watched_state(self, x: Array, orders: ArrayLike, count: int, numbers: Array | float) -> Array:
-        """The argument z of `watch` with `count` functions: states (m, n), the orders (m,) of the zeros of those that
-        open there, and the numbers (m,) of pieces; the time left is not limited."""
+    def watched_state(self, x: Array, count: int, numbers: Array | float) -> Array:
+        """The argument z of `watch` with `count` functions: states (m, n) and the numbers (m,) of pieces; the time left
+        is not limited."""
         z, at = np.zeros((len(x), self.places.signs.start + count)), self.places
         z[:, at.state], z[:, at.left], z[:, at.longest], z[:, at.piece] = x, np.inf, LONGEST_STEP, numbers
-        z[:, at.order] = orders
+        z[:, at.fresh] = 1.0
         return z
 
     @cached_property
@@ -283,14 +282,14 @@ def _progress(n: int, size: int) -> ca.Function:
 def _watch_function(stepper: TaylorStepper, used: tuple[tuple[int, ...], ...], opening: int, turns: int) -> ca.Function:
     """A step of `TaylorStepper.watch` with functions of the rows `used`, as a `Kernel` iterates it; see `Watch`."""
     at, rows, size, count = stepper.places, stepper.rows, len(used), stepper.step_function.numel_in(1)
-    z, data = ca.MX.sym("z", at.signs.start + size), ca.MX.sym("p", count + size * (rows + 1) + 3)
-    p, tests, (opens, limit, all_steps) = data[:count], data[count:-3], ca.vertsplit(data[-3:])
+    z, data = ca.MX.sym("z", at.signs.start + size), ca.MX.sym("p", count + size * (rows + 1) + opening + 2)
+    p, tests, limit, all_steps = data[:count], data[count:-2], data[-2], data[-1]
     row = [ca.MX.sym("row", stepper.piece_rows.width)] if stepper.graph.coordinate else []
     after, c, made = stepper.step_function(z[: at.time], p, *row)
     taken, goes = _progress(stepper.n, c.numel())(after[at.state], after[at.left], ca.vec(c), made)
     inside = ca.logic_and(taken, ca.mmax(ca.fabs(after[at.state])) < FLOW_CONTROL.runaway)
     may_change, signs, turned = _may_change_sign(rows, used, opening, turns > 0)(
-        c, made[1], tests, z[at.order], opens, z[at.signs]
+        c, made[1], tests, z[at.fresh], z[at.signs]
     )
     found = ca.logic_and(inside, may_change)
     new = ca.vertcat(after, z[at.time] + made[0], 0, found, z[at.changes] + turned, signs)
@@ -300,18 +299,17 @@ def _watch_function(stepper: TaylorStepper, used: tuple[tuple[int, ...], ...], o
     goes = ca.logic_and(goes, made[1] > FLOW_CONTROL.shortest_step * z[at.time])
     if turns:
         goes = ca.logic_and(goes, new[at.changes] < turns)
-    begins = ca.vertcat(made[0], z[at.time], z[at.order], z[at.changes])
+    begins = ca.vertcat(made[0], z[at.fresh], z[at.time], z[at.changes])
     records = c, begins, z[at.signs], ca.logic_and(inside, ca.logic_or(found, all_steps))
     return ca.Function("watch", [z, data, *row], [new, *records, goes])
 
 
 @cached
 def _may_change_sign(rows: int, used: tuple[tuple[int, ...], ...], opening: int, counts: bool) -> ca.Function:
-    """(coefficients (K + 1, rows), step, weights (rows, size) and offsets (size,), order of a zero at the start and the
-    number of the function that has it, signs (size,) before) -> whether an affine function may change its sign in the
-    step, the signs after it, and whether that of the last has changed. With `counts` the last function may change it,
-    else this is not checked. `used` are the rows of each function whose weights are not 0, and the first `opening`
-    functions are those that may have a zero at the start.
+    """(coefficients (K + 1, rows), step, the tests of `Watch.data` with the orders of zeros at the start, whether it is
+    there, signs (size,) before) -> whether an affine function may change its sign in the step, the signs after it, and
+    whether that of the last has changed. With `counts` the last function may change it, else this is not checked.
+    `used` are the rows of each function whose weights are not 0.
 
     A polynomial has no zero where the Bernstein coefficients of its first terms have one sign and are larger than the
     sum of the other terms; the sign at the start is that at the end of the step before. The first of these coefficients
@@ -319,20 +317,20 @@ def _may_change_sign(rows: int, used: tuple[tuple[int, ...], ...], opening: int,
     at the start has the same sign.
     """
     c, size = ca.SX.sym("c", TAYLOR_ORDER + 1, rows), len(used)
-    h, order, opens = (ca.SX.sym(name) for name in ("h", "order", "opens"))
-    tests, before = ca.SX.sym("w", size * (rows + 1)), ca.SX.sym("s", size)
+    h, fresh = ca.SX.sym("h"), ca.SX.sym("fresh")
+    tests, before = ca.SX.sym("w", size * (rows + 1) + opening), ca.SX.sym("s", size)
     terms, change, after, turned = ca.diag(symbolic_powers(h)) @ c, ca.SX(0), [], ca.SX(0)
     for i, own in enumerate(used):
         series = sum((terms[:, row] * tests[i * rows + row] for row in own), ca.SX.zeros(TAYLOR_ORDER + 1))
         series[0] += tests[size * rows + i]
         rest, first = ca.sum1(ca.fabs(series[BOUND_DEGREE + 1 :])), [series[: BOUND_DEGREE + 1]]
-        its_order = order if opening == 1 else ca.if_else(opens == i, order, 0)
+        order = fresh * tests[size * (rows + 1) + i] if i < opening else 0
         for skipped in range(1, HIGHEST_ORDER + 1) if i < opening else ():
             first.append(series[skipped : skipped + BOUND_DEGREE + 1])
-            series[skipped - 1] = ca.if_else(its_order >= skipped, 0, series[skipped - 1])
+            series[skipped - 1] = ca.if_else(order >= skipped, 0, series[skipped - 1])
         start, ends = first[0], ca.sum1(series)
         for skipped, shifted in enumerate(first[1:], start=1):
-            start = ca.if_else(its_order >= skipped, shifted, start)
+            start = ca.if_else(order >= skipped, shifted, start)
         begins = ca.if_else(before[i] == 0, start[0], before[i]) >= 0
         after.append(ca.if_else(ends >= 0, 1.0, -1.0))
         if counts and i == size - 1:
@@ -341,22 +339,22 @@ def _may_change_sign(rows: int, used: tuple[tuple[int, ...], ...], opening: int,
         bounds = ca.vertcat(*bernstein_coefficients(start, ca.SX.ones(start.numel()))[1:], ends)
         same = ca.if_else(begins, ca.mmin(bounds) >= rest, ca.mmax(bounds) < -rest)
         change = ca.logic_or(change, ca.logic_not(ca.logic_and(same, ca.fabs(ends) < np.inf)))
-    return ca.Function("signs", [c, h, tests, order, opens, before], [change, ca.vertcat(*after), turned])
+    return ca.Function("signs", [c, h, tests, fresh, before], [change, ca.vertcat(*after), turned])
 
 
 @cached
 def event_in_step(rows: int, used: tuple[tuple[int, ...], ...], opening: int, size: int) -> ElementwiseFunction:
-    """(coefficients (rows (K + 1),) of a step; its length, the time, order and changes before it; the signs (size,)
-    before it; the tests of `Watch.data` and the number of the function that opens) -> as `Watch.event` returns it."""
+    """(coefficients (rows (K + 1),) of a step; its length, whether it is the first, the time and changes before it; the
+    signs (size,) before it; the tests of `Watch.data` and the orders of zeros) -> as `Watch.event` returns it."""
     c, begins, before = ca.SX.sym("c", rows * (TAYLOR_ORDER + 1)), ca.SX.sym("b", 4), ca.SX.sym("s", size)
-    tests, coefficients = ca.SX.sym("w", size * (rows + 1) + 1), ca.reshape(c, TAYLOR_ORDER + 1, rows)
-    h, begun, order, _ = ca.vertsplit(begins)
+    tests, coefficients = ca.SX.sym("w", size * (rows + 1) + opening), ca.reshape(c, TAYLOR_ORDER + 1, rows)
+    h, fresh, begun, _ = ca.vertsplit(begins)
     first, which, unknown, ends = ca.SX(np.inf), ca.SX(-1), ca.SX(0), list[ca.SX]()
     for i, own in enumerate(used):
         series = sum((coefficients[:, row] * tests[i * rows + row] for row in own), ca.SX.zeros(TAYLOR_ORDER + 1))
         series[0] += tests[size * rows + i]
         if i < opening:
-            series = without_first_zero(series, order if opening == 1 else ca.if_else(tests[-1] == i, order, 0))
+            series = without_first_zero(series, fresh * tests[size * (rows + 1) + i])
         root, end, several = first_root(series, h, before[i])
         which, first = ca.if_else(root < first, i, which), ca.fmin(root, first)
         unknown = ca.logic_or(unknown, several)

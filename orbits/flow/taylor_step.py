@@ -46,7 +46,7 @@ class Places(NamedTuple):
     longest: int  # the longest step to try
     piece: int  # the number of the piece that the motion is on, see `PieceRows`
     time: int  # the time gone by
-    order: int  # of the zero of the function that opens at this time, which is divided out
+    fresh: int  # 1 at the start of a motion, where zeros of the functions are divided out, else 0
     found: int  # whether a function may change its sign in the step before
     changes: int  # how often the last function has changed its sign at the ends of steps
 

@@ -78,7 +78,8 @@ def fly(impacts: Impacts, hops: Flown, cap: int = CAP, watch: Callable | None = 
             break
         x = state[lanes]
         limit = impacts.longest_flight(x)
-        found = first_events(impacts.flight, x, impacts.p, impacts.flight_watch, limit, order[lanes], foot[lanes])
+        orders = order[lanes, None] * (np.arange(len(impacts.feet)) == foot[lanes, None])
+        found = first_events(impacts.flight, x, impacts.p, impacts.flight_watch, limit, orders)
         touches, times, rows = found.which, found.times, found.rows[:, : impacts.flight.size]
         lands = (touches >= 0) & (touches < len(impacts.feet))
         if not lands.all():
@@ -118,8 +119,7 @@ def stand(impacts: Impacts, hops: Flown) -> None:
     contact, ys, status = impacts.contact, hops.standing[lanes], np.full(len(lanes), "", STATUS)
     if contact.method != "Runge-Kutta":
         limit = np.inf if contact.phase.closed_form else impacts.options.batch_contact * (1 + np.abs(ys).max(1))
-        grazes = impacts.grazes(ys)
-        found = first_events(contact, ys, impacts.p, impacts.contact_watch, limit, grazes.any(0), grazes.argmax(0))
+        found = first_events(contact, ys, impacts.p, impacts.contact_watch, limit, impacts.grazes(ys).T)
         names = np.array([*(each.outcome for each in impacts.exits), FALLS, ""], STATUS)
         status = np.where(np.isinf(found.times), "rests" if impacts.model.one_speed else "stays", names[found.which])
         hops.contacts[lanes], hops.ends[lanes] = found.times, found.rows[:, : contact.size]

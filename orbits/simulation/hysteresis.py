@@ -245,7 +245,9 @@ class Branches:
         """`first_zeros`, infinite times as NaN; none of a quantity that vanishes throughout."""
         if not any(quantity.weights):
             return np.full(len(starts), np.nan), np.zeros((len(starts), flow.size)), {}
-        times, _, rows, errors = first_events(flow, starts, p, Watch(flow, [quantity]), limit, skip)
+        times, _, rows, errors = first_events(
+            flow, starts, p, Watch(flow, [quantity]), limit, np.reshape(skip, (-1, 1))
+        )
         return np.where(np.isinf(times), np.nan, times), rows, errors
 
 

@@ -266,9 +266,11 @@ def test_the_first_of_several_functions_is_that_of_each_alone(spring):
     for i, start in enumerate(starts):
         own = functions[opens[i]]
         start[0] -= own(start) / own.weights[0]
-    found = first_events(rules.contact, starts, rules.p, Watch(rules.contact, functions, opening=2), 9.0, 1, opens)
+    found = first_events(
+        rules.contact, starts, rules.p, Watch(rules.contact, functions, opening=2), 9.0, np.eye(2)[opens]
+    )
     alone = [
-        first_events(rules.contact, starts, rules.p, Watch(rules.contact, [each]), 9.0, opens == i).times
+        first_events(rules.contact, starts, rules.p, Watch(rules.contact, [each]), 9.0, (opens == i)[:, None]).times
         for i, each in enumerate(functions)
     ]
     soonest = np.nan_to_num(alone, nan=np.inf)

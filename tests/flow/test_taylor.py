@@ -82,8 +82,8 @@ def test_a_step_that_is_excluded_has_no_zero():
     orders = rng.integers(0, 4, size)
     c = rng.normal(size=(size, TAYLOR_ORDER + 1)) * rng.uniform(0.1, 0.6, (size, 1)) ** np.arange(TAYLOR_ORDER + 1)
     c[np.arange(TAYLOR_ORDER + 1) < orders[:, None]] = 0.0
-    weights = np.vstack([rng.choice([-1.0, 1.0], size), np.zeros(size)])
-    may, after, _ = (np.array(each).ravel() for each in function(c.T.reshape(-1, size), 1.0, weights, orders, 0, 0.0))
+    weights = np.vstack([rng.choice([-1.0, 1.0], size), np.zeros(size), orders])
+    may, after, _ = (np.array(each).ravel() for each in function(c.T.reshape(-1, size), 1.0, weights, 1.0, 0.0))
     places = np.linspace(0.0, 1.0, 2001)[1:]
     values = weights[0, :, None] * (c @ places ** np.arange(TAYLOR_ORDER + 1)[:, None])
     changes = (np.sign(values) != np.sign(values[:, :1])).any(1)
