@@ -115,9 +115,9 @@ def test_steps_along_all_kinds_of_laws(law, columns):
     assert_equal(compiled, interpreted)
     assert (compiled.counts > 0).all()
     if not columns:
-        watched = stepper.watched_state(z[:, :4], np.zeros(5), 1, 0.0)
-        data = np.hstack([p, np.eye(4)[2:3], np.zeros((1, 1)), np.full((1, 1), 5.0), np.ones((1, 1))])
-        compiled, interpreted = both(taylor._watch_function(stepper, ((2,),), 0), watched, data)
+        watched = stepper.watched_state(z[:, :4], 1, 0.0)
+        data = np.hstack([p, np.eye(4)[2:3], np.zeros((1, 2)), np.full((1, 1), 5.0), np.ones((1, 1))])
+        compiled, interpreted = both(taylor._watch_function(stepper, ((2,),), 1, 0), watched, data)
         assert_equal(compiled, interpreted)
         assert (compiled.counts > 0).all()
 
