@@ -61,10 +61,10 @@ class Flown:
     @classmethod
     def begun(cls, impacts: Impacts, starts: np.ndarray, record: bool = False) -> "Flown":
         """Hops of which nothing is flown."""
-        m, states = len(starts), np.full((2, len(starts), impacts.contact.size), np.nan)
-        opens = impacts.opens(starts)
-        status = np.where(opens, "", "no_launch").astype(STATUS)
-        return cls(starts, status, np.zeros(m), np.zeros(m, int), *states, np.full(m, np.nan), [] if record else None)
+        m, (standing, ends) = len(starts), np.full((2, len(starts), impacts.contact.size), np.nan)
+        status = np.where(impacts.opens(starts), "", "no_launch").astype(STATUS)
+        loss, counts, contacts = np.zeros(m), np.zeros(m, int), np.full(m, np.nan)
+        return cls(starts, status, loss, counts, standing, ends, contacts, [] if record else None)
 
 
 def fly(impacts: Impacts, hops: Flown, cap: int = CAP, watch: Callable | None = None) -> None:
