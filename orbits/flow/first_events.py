@@ -141,8 +141,8 @@ class _Search:
         self.reasons, self.all_steps = reasons, all_steps
         self.limit, self.orders = np.empty(count), np.empty((count, watch.kind[1]))
         self.limit[:], self.orders[:] = limit, orders
-        self.times, self.which = np.full(count, np.nan), np.full(count, -1)
-        self.rows = np.full((count, len(flow.names)), np.nan)
+        self.times, self.which, self.rows = np.empty(count), np.empty(count, int), np.empty((count, len(flow.names)))
+        self.times[:], self.which[:], self.rows[:] = np.nan, -1, np.nan
         self.failed: dict[int, FlowError] = {}
         self.steps: list[tuple] = []  # the motion, length and coefficients of `all_steps` up to the zeros
 

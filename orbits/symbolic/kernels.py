@@ -182,10 +182,14 @@ class Kernel:
             if self._is_used_up(self.interpretation_budget):
                 self.compile()
         elif self.optimisation_budget < np.inf:
-            self.optimisation_budget -= COMPILED_SHARE * seconds
-            if self.optimisation_budget < 0:
-                self.optimise()
+            self._run_compiled(seconds)
         return self._code
+
+    def _run_compiled(self, seconds: float) -> None:
+        """Take from the budget what machine code takes of so many seconds interpreted."""
+        self.optimisation_budget -= COMPILED_SHARE * seconds
+        if self.optimisation_budget < 0:
+            self.optimise()
 
     def _is_used_up(self, left: float) -> bool:
         """Whether no more is to be interpreted where this is left of the budget."""
@@ -256,19 +260,14 @@ class Kernel:
         """`__call__` of machine code at one point; None where it needs more room or iterations than usual."""
         point, code = self.one_point(self.sizes_in, self._capacity), self._code
         assert code is not None
-        room = min(most, point.capacity)
-        began = time.thread_time()
-        point.run(code, inputs, (room, 1.0, CHECKED))
-        if self.optimisation_budget < np.inf:
-            with LOCK:
-                self.optimisation_budget -= time.thread_time() - began
-            if self.optimisation_budget < 0:
-                self.optimise()
-        count, ended = int(point.ends[0]), bool(point.ends[1])
+        point.run(code, inputs, (min(most, point.capacity), 1.0, CHECKED))
+        count, ended, iterations = point.ends.tolist()
+        if self.optimisation_budget < np.inf:  # a clock would take as long as the code
+            self._run_compiled(iterations * self.seconds_per_step)
         if not ended and count < most:
             return None
-        records = [record[:count].copy() for record in point.records]
-        return Iterated(point.inputs[0][None].copy(), records, np.array([count]), np.array([not ended]))
+        records = [record[: int(count)].copy() for record in point.records]
+        return Iterated(point.inputs[0][None].copy(), records, np.array([int(count)]), np.array([not ended]))
 
     def _iterated(self, inputs: list[np.ndarray], ends: np.ndarray, capacity: int) -> list[list[np.ndarray]]:
         """Iterate points until they end or come to their bounds, with room for `capacity` records of each.
