@@ -20,6 +20,7 @@ from ..model.phase import Affine
 from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
 from ..model.symmetry import SignedShift
 from ..numerics.polynomial_roots import Crossings
+from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction
 
 # A landing slower than this, relative to the state, loses nothing but rounding.
@@ -42,26 +43,34 @@ class Foot:
     @cached_property
     def speed(self) -> np.ndarray:
         """Weights (n,) of the gap's speed as a function of the flight state, whose speeds are states themselves."""
-        graph = self.flight.vector_field
-        speed = ca.DM(self.gap.weights).T @ graph.field(graph.x, graph.p)[0]
-        return np.array(ca.evalf(ca.jacobian(speed, graph.x))).ravel()
-
-    @cached_property
-    def _rates(self) -> ElementwiseFunction:
-        graph = self.flight.vector_field
-        field = graph.field(graph.x, graph.p)[0]
-        jerk = ca.jtimes(ca.DM(self.speed).T @ field, graph.x, field)
-        rates = ca.vertcat(jerk, ca.jtimes(jerk, graph.x, field))
-        return ElementwiseFunction(ca.Function("gap_rates", [graph.x, graph.p], [rates]))
+        return np.array(weights_of_speed(self.flight, self.gap.weights))
 
     def rates(self, x: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Third and fourth derivative (2, m) of the gap in time at flight states (m, n)."""
-        return self._rates(x, self.flight.data(x, p))[0].T
+        return gap_rates(self.flight)(x, self.flight.data(x, p), self.speed[None])[0].T
 
     def opens(self, x: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Whether the gap opens (m,) at flight states (m, n), where it and its first two derivatives vanish."""
         jerk, snap = self.rates(x, p)
         return (jerk > 0) | ((jerk == 0) & (snap > 0))
+
+
+@cached
+def weights_of_speed(flight: Flow, weights: tuple[float, ...]) -> list[float]:
+    """The weights (n,) of the speed of a gap with these weights as a function of the flight state."""
+    graph = flight.vector_field
+    speed = ca.DM(weights).T @ graph.field(graph.x, graph.p)[0]
+    return ca.evalf(ca.jacobian(speed, graph.x)).full().ravel().tolist()
+
+
+@cached
+def gap_rates(flight: Flow) -> ElementwiseFunction:
+    """(flight state, data, weights of the speed of a gap) -> the third and fourth derivative of the gap in time."""
+    graph, weights = flight.vector_field, ca.SX.sym("w", flight.size)
+    field = graph.field(graph.x, graph.p)[0]
+    jerk = ca.jtimes(ca.dot(weights, field), graph.x, field)
+    rates = ca.vertcat(jerk, ca.jtimes(jerk, graph.x, field))
+    return ElementwiseFunction(ca.Function("gap_rates", [graph.x, graph.p, weights], [rates]))
 
 
 class Exit(NamedTuple):
