@@ -732,16 +732,17 @@ class Passage:
             try:
                 rows = [[x, *row] for x, row in zip(box, one.tolist(), strict=True)]
                 part = field.step(rows, length, order)
+                transition = arb_mat([[each(part.h) for each in row[1:]] for row in part.polynomials])
+                turned, whole = transition * frame, transition * rounded
+                back = (turning := orthogonal(turned)).inv()
                 before, centre = centre, field.end(centre, part.time)
-            except Unverified as reason:
+            except (Unverified, ZeroDivisionError) as reason:
                 if length < SHORTEST:
                     raise Unverified(f"the motion is not enclosed: {reason}") from None
                 length /= 2
                 continue
             self.starts.append((part, before, slopes))
-            transition = arb_mat([[each(part.h) for each in row[1:]] for row in part.polynomials])
-            whole, turned, rounded = transition * rounded, transition * frame, (transition * rounded).mid()
-            back = (frame := orthogonal(turned)).inv()
+            rounded, frame = whole.mid(), turning
             error = back * (whole - rounded) + (back * turned) * error
             box = moved(centre, slopes := rounded * seeds + frame * (error * seeds), reach)
             left, length = left - part.time, length * Fraction(5, 4)

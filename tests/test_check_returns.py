@@ -124,6 +124,7 @@ FALSE = {
     "injection": (("machine", "injection"), ["0.0300000000000000001"] * 2),
     "spring": (("machine", "springs", 0, "force"), ["r + 1e-18*r**3"]),
     "mass": (("machine", "masses", 0, 1), "(1 + mass_ratio)/mass_ratio + 1e-18"),
+    "a hostile gravity": (("machine", "gravity"), "1e300"),
     "uniqueness": (("parts", 0, "uniqueness_radius"), "3"),
     "separation": (("machine", "separation"), "rest_length + y1 - y2 - 5"),
 }
