@@ -68,6 +68,7 @@ TESTED_WITH = {
     "design/traced_designs": "design/test_moving_design",
     "exact/decimals": "exact/test_outward_decimals",
     "exact/exact_linear": "exact/test_exact_mechanics",
+    "exact/jets": "proof/hops/test_hop_theorems",
     "exact/refusal": "proof/test_prove",
     "exact/statement": "proof/test_prove",
     "flow/taylor_step": "flow/test_taylor",

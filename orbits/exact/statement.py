@@ -16,10 +16,7 @@ from .exact_linear import inner_product
 from .exact_mechanics import Column, ExactMechanics, LoneExtension, unknown
 from .exact_symmetry import ExactReversor
 from .expressions import (
-    ONE,
-    ZERO,
     ExactExpression,
-    along,
     depends_on,
     expression,
     substitute,
@@ -279,51 +276,3 @@ class HalfOrbit:
 
 def _by_turns(first: Sequence, second: Sequence) -> list:
     return [each for pair in zip(first, second, strict=True) for each in pair]
-
-
-def statement_of_folds(statement: ExactStatement, parameter: ExactExpression) -> ExactStatement:
-    """The statement of the folds of a statement in a parameter, stated by its symbol: F(u, a) = 0 and F_u v = 0 for a
-    direction v (G. Moore, A. Spence, SIAM Journal on Numerical Analysis 17, 1980). Its unknowns are u, the entries of v
-    but for that of "alpha", which is 1, and the parameter a."""
-    directions = {each: ONE if each == "alpha" else unknown(f"d{each}") for each in statement.unknowns}
-    varied = [(statement.unknowns[each], directions[each]) for each in statement.unknowns]
-    folded = unknown(parameter.value)
-    unknowns = {
-        **statement.unknowns,
-        **{f"d{each}": direction for each, direction in directions.items() if each != "alpha"},
-        parameter.value: folded,
-    }
-    return ExactStatement(unknowns, tuple(_varied_arc(arc, varied, parameter, folded) for arc in statement.arcs))
-
-
-def _varied_arc(
-    arc: ExactArc,
-    varied: Sequence[tuple[ExactExpression, ExactExpression]],
-    parameter: ExactExpression,
-    folded: ExactExpression,
-) -> ExactArc:
-    """An arc with its first variation: its states are x, dx, which starts as the unknowns vary, and the parameter."""
-    changes = [symbol(f"variation of {each.value}") for each in arc.states]
-    before = [symbol(f"variation of {each.value}") for each in arc.before]
-    own, directions = zip(*varied, strict=True)
-    of_unknowns, at_start = (
-        ([*own, *arc.before], [*directions, *before]),
-        ([*own, *arc.states], [*directions, *changes]),
-    )
-    start = [*arc.start, *(along(each, *of_unknowns) for each in arc.start)]
-    rates = [[*law, *(along(each, arc.states, changes) for each in law), ZERO] for law in arc.rates]
-    guards = [[*law, *(along(each, *at_start) for each in law)] for law in arc.guards]
-    # The end also moves with the duration of the arc.
-    longer = along(arc.duration, own, directions)
-    moved = [change + rate * longer for change, rate in zip(changes, arc.rates[0], strict=True)]
-    at_end = [*own, *arc.states], [*directions, *moved]
-    conditions = [*arc.conditions, *(along(each, *at_end) for each in arc.conditions)]
-    *start, duration = substitute([*start, arc.duration], {parameter: folded})
-    guards = [substitute(law, {parameter: folded}) for law in guards]
-    conditions = substitute(conditions, {parameter: folded})
-    # The states of the arc before end with the parameter too.
-    also = (symbol(f"{parameter.value} before"),) if arc.before else ()
-    return ExactArc(
-        [*arc.states, *changes, parameter], rates, [*start, folded], duration, guards, conditions, arc.domains,
-        (*arc.before, *before, *also),
-    )  # fmt: skip

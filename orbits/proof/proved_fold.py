@@ -15,10 +15,11 @@ from ..errors import InputError
 from ..exact.claim import FLIGHT_DURATION
 from ..exact.exact_mechanics import ExactMechanics, Scale
 from ..exact.expressions import substitute, symbol
+from ..exact.jets import statement_of_folds
 from ..exact.outward_decimals import bounds_of_fractions, enclosure_of, lower_decimal, radius_of
 from ..exact.refusal import NOT_ACROSS, Unproved
 from ..exact.stated import Decimals, StatedMachine, stated_machine
-from ..exact.statement import HalfOrbit, statement_of_folds
+from ..exact.statement import HalfOrbit
 from ..model.machine import Machine, machine_in_words
 from .case import ball_of, check_mirrored, not_stated
 from .digits import bits_of_digits

@@ -4,7 +4,7 @@ A jet of hops has the derivatives z', z'' by alpha as further unknowns, of the d
 the last equation is w' - 1, which is -2 where the multiplier w' is -1.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import ceil, log2
@@ -12,31 +12,14 @@ from math import ceil, log2
 from flint import arb, arb_mat
 
 from ...balls.programs import ball_of_fraction
-from ...exact.exact_mechanics import Column
-from ...exact.expressions import ZERO, ExactExpression, along, exact_number, substitute, symbol, symbols
+from ...exact.expressions import ExactExpression
+from ...exact.jets import statement_of_jets
 from ...exact.refusal import Unproved
-from ...exact.statement import ExactArc, ExactStatement, unknown
+from ...exact.statement import ExactStatement
 from .exact_hops import INJECTION, HopStatement
 
 # The map's derivative in the last equation where the multiplier is -1.
 AT_DOUBLING = -2
-
-
-def statement_of_jets(statement: ExactStatement, order: int, pace: Fraction = Fraction(1)) -> ExactStatement:
-    """A statement with the derivatives up to an order of its equations along the curve on which "alpha" moves at a
-    pace and the other unknowns follow it; their derivatives are unknowns too: "dname", "ddname". The equations of each
-    arc are those at its end, with all derivatives, and then those at its start."""
-    jets = [dict(statement.unknowns)]
-    for k in range(order):
-        named = {each: unknown("d" * (k + 1) + each) for each in jets[0]}
-        jets.append({**named, "alpha": ZERO if k else exact_number(pace)})
-    own = {jets[k][each]: jets[k + 1][each] for k in range(order) for each in jets[0] if not jets[k][each].is_number}
-    arcs, last = list[ExactArc](), _EndStates((), [])
-    for arc in statement.arcs:
-        found, last = _jet(arc, own, order, last)
-        arcs.append(found)
-    names = {"d" * k + each: jets[k][each] for k in range(order + 1) for each in jets[0]}
-    return ExactStatement({name: each for name, each in names.items() if not each.is_number}, tuple(arcs))
 
 
 def doubling_statement(base: HopStatement, inject: ExactExpression) -> ExactStatement:
@@ -47,44 +30,6 @@ def doubling_statement(base: HopStatement, inject: ExactExpression) -> ExactStat
     *others, change = last.conditions
     arcs = (*first.arcs[:-1], replace(last, conditions=[*others, change - AT_DOUBLING * base.pace]))
     return ExactStatement({**first.unknowns, INJECTION: inject}, arcs)
-
-
-@dataclass(frozen=True)
-class _EndStates:
-    """The last states of an arc with their derivatives up to some order, and the derivatives of all but the highest of
-    these as the unknowns vary, and the time of the arc with them."""
-
-    states: tuple[ExactExpression, ...]
-    changes: Column
-
-
-def _jet(
-    arc: ExactArc, own: Mapping[ExactExpression, ExactExpression], order: int, last: _EndStates
-) -> tuple[ExactArc, _EndStates]:
-    """An arc with the derivatives of its states, for unknowns with these derivatives, and the end states."""
-    size = len(arc.states)
-    states = [*arc.states, *(symbol(f"{'d' * k}({each.value})") for k in range(1, order + 1) for each in arc.states)]
-    lower, higher = states[: order * size], states[size:]
-    places, changes = [*own], [*own.values()]
-
-    def with_derivatives(of: Column, moving: Sequence[ExactExpression], rates: Column) -> Column:
-        found = list(of)
-        for k in range(order):
-            found += [along(each, moving, rates) for each in found[k * len(of) :]]
-        return found
-
-    rates = [with_derivatives(law, lower, higher) for law in arc.rates]
-    start = with_derivatives(arc.start, [*places, *last.states[: len(last.changes)]], [*changes, *last.changes])
-    longer = along(arc.duration, places, changes)
-    at_end = [change + rate * longer for change, rate in zip(higher, rates[0], strict=False)]
-    conditions = with_derivatives(arc.conditions, [*places, *lower], [*changes, *at_end])
-    guards = [with_derivatives(law, [*places, *lower], [*changes, *higher]) for law in arc.guards]
-    before = symbols("before", len(states))
-    ends = _EndStates(tuple(before), substitute(at_end, dict(zip(states, before, strict=True))))
-    found = replace(
-        arc, states=states, rates=rates, start=start, guards=guards, conditions=conditions, before=last.states
-    )
-    return found, ends
 
 
 @dataclass(frozen=True)
