@@ -29,9 +29,9 @@ class HystereticRun(SimulatedRun):
         """The machine with hysteresis."""
         return self.branches.machine
 
-    def energy(self, x: np.ndarray) -> float:
-        """The energy of a flight state, by the mean law."""
-        return self.branches.mean.energy(x)
+    def energies(self, x: np.ndarray) -> np.ndarray:
+        """The energies (m,) of flight states (m, n), by the mean law."""
+        return self.branches.mean.energies(x)
 
     def flight(self, x: np.ndarray, order: int) -> tuple[str | None, np.ndarray, int | None]:
         """Fly until the gap closes, see `SimulatedRun.flight`."""

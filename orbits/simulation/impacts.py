@@ -264,7 +264,7 @@ class Impacts:
     @cached_property
     def _one_release(self) -> float | None:
         """The extension at lift-off, where it is the same at all speeds."""
-        slow, fast = self.model.release(np.array([1.0, 2.0]), self.values)
+        slow, fast = self._releases if self.model.conservative else (0.0, 1.0)  # a damper's depend on the speed
         return float(slow) if slow == fast and self.one_liftoff else None
 
     def opens(self, x: np.ndarray) -> np.ndarray:
@@ -339,20 +339,27 @@ class Impacts:
         return speed, forward & (distance <= self.options.launch_distance * (1 + np.abs(x).max(1)))
 
     def energy(self, x: ArrayLike) -> float:
-        """The energy of a flight state (n,), relative to rest with the spring unloaded and the gap closed: the integral
-        of its gradient along the straight line from there."""
+        """The energy of a flight state (n,), see `energies`."""
+        return float(self.energies(np.asarray(x, dtype=float)[None])[0])
+
+    def energies(self, x: np.ndarray) -> np.ndarray:
+        """The energies (m,) of flight states (m, n), relative to rest with the spring unloaded and the gap closed: the
+        integrals of their gradients along straight lines from there."""
         rest = np.array(self.model.rest(self.values) if self.model.rest else np.zeros(self.flight.size), dtype=float)
-        way = np.asarray(x, dtype=float) - rest
-        edges, pieces = np.linspace(0.0, 1.0, self.options.energy_panels + 1), self.model.flight.pieces
-        if pieces:  # A panel may not reach across a breakpoint of the law.
-            reach, breaks = float(self.flight.coordinate @ way), self.flight.piece_table(self.p)[0]
-            places = (np.array(breaks) - self.flight.coordinate @ rest) / reach if reach else np.zeros(0)
-            edges = np.unique([*edges, *places[(places > 0) & (places < 1)]])
-        widths = np.diff(edges)
-        points = (edges[:-1, None] + widths[:, None] * GAUSS_PLACES).reshape(-1, 1) * way + rest
+        edges = [np.linspace(0.0, 1.0, self.options.energy_panels + 1)] * len(x)
+        if self.model.flight.pieces:  # A panel may not reach across a breakpoint of the law.
+            begin, breaks = self.flight.coordinate @ rest, np.array(self.flight.piece_table(self.p)[0])
+            for i, reach in enumerate((x - rest) @ self.flight.coordinate):
+                places = (breaks - begin) / reach if reach else np.zeros(0)
+                edges[i] = np.unique([*edges[i], *places[(places > 0) & (places < 1)]])
+        owner = np.repeat(np.arange(len(x)), [len(each) - 1 for each in edges])
+        widths = np.concatenate([*map(np.diff, edges)])[:, None]
+        shares = (np.concatenate([each[:-1] for each in edges])[:, None] + widths * GAUSS_PLACES)[:, :, None]
+        points = (shares * (x - rest)[owner, None] + rest).reshape(-1, len(rest))
         gradient = gradients(self.model.flight, self.model.flight_gradient, tuple(self.values))
         (slopes,) = gradient(points, self.flight.data(points, self.p))
-        return float((widths[:, None] * GAUSS_WEIGHTS).ravel() @ (slopes @ way))
+        along = np.einsum("pgn,pn->pg", slopes.reshape(*shares.shape[:2], -1), (x - rest)[owner])
+        return np.bincount(owner, (along * (widths * GAUSS_WEIGHTS)).sum(1), len(x))
 
     def energy_gradient(self, x: np.ndarray) -> np.ndarray:
         """The gradient (n,) of the energy at a flight state (n,)."""
@@ -389,19 +396,24 @@ class Impacts:
         return not self.model.changes_contact and not self.descends
 
     @cached_property
+    def _releases(self) -> np.ndarray:
+        """The extensions (2,) at lift-off with the speeds 1 and 2."""
+        return self.model.release(np.array([1.0, 2.0]), self.values)
+
+    @cached_property
     def one_liftoff(self) -> bool:
         """Whether the energy at lift-off determines the launch speed: it is conserved, and all launches have the same
         configuration."""
         if not self.model.conservative or self.descends:
             return False
-        slow, fast = self.model.release(np.array([1.0, 2.0]), self.values)
+        slow, fast = self._releases
         return bool(abs(fast - slow) <= SAME_LIFTOFF * abs(slow))
 
     @cached_property
     def launch_inertia(self) -> float:
         """Twice the part of the energy at launch due to its speed, over the square of the speed; for an inertia that
         varies, at the configuration of the launch with speed 1, which is that of all where there is `one_liftoff`."""
-        (liftoff,) = self.model.release(np.ones(1), self.values)
+        liftoff = self._releases[0] if self.one_liftoff else self.model.release(np.ones(1), self.values)[0]
         launch = np.array(self.model.launch({"liftoff": liftoff, "alpha": 1.0 + 1e-30j}, self.values), dtype=complex)
         # The launch speed changes speeds alone, and the energy's gradient with respect to these involves no law.
         direction, moved = launch.imag * 1e30, launch.imag != 0

@@ -99,7 +99,7 @@ class SimulatedRun:
         if step and impacts.descends:  # on a slope the next foot stands lower
             label = impacts.model.relabelling
             before = (label.inverse if step > 0 else label)(after, impacts.values)
-            loss += self.energy(before) - self.energy(after)
+            loss += float(-np.diff(self.energies(np.array([before, after])))[0])
         self.add_event("landing" if held else "impact", x, after, float(loss), float(wait), name)
         self.foothold += sum(x[impacts.footing.sticks].tolist())
         if impacts.footing.slips_at_landing(x, float(self.legs[-1].path.times[-1])):
@@ -174,7 +174,7 @@ class SimulatedRun:
             if speed <= 0:
                 return "rests", x
             after = impacts.launch(np.array([speed]))[0]
-        self.add_event("lift-off", before, after, self.energy(before) - self.energy(after), foot=name)
+        self.add_event("lift-off", before, after, foot=name)
         has_speed = is_launch or driven or not impacts.model.one_speed
         self.launches.append(float(speed) if has_speed else np.nan)
         self.impact_count, self.liftoff_count = 0, self.liftoff_count + 1
@@ -218,14 +218,18 @@ class SimulatedRun:
         return "done" if over else status
 
     def add_event(
-        self, kind: str, before: np.ndarray, after: np.ndarray, loss: float, wait: float = 0.0, foot: str = ""
-    ) -> None:
-        """Store an event that happens `wait` after the end of the last leg."""
-        self.events.append(ContactEvent(kind, self.now + wait, before, after, self.energy(before), loss, foot))
+        self, kind: str, before: np.ndarray, after: np.ndarray, loss: float | None = None, wait: float = 0.0,
+        foot: str = "",
+    ) -> None:  # fmt: skip
+        """Store an event that happens `wait` after the end of the last leg, with the difference of the energies where
+        its loss is not known."""
+        first, *last = self.energies(np.array([before] if loss is not None else [before, after])).tolist()
+        lost = loss if loss is not None else first - last[0]
+        self.events.append(ContactEvent(kind, self.now + wait, before, after, first, lost, foot))
 
-    def energy(self, x: np.ndarray) -> float:
-        """The energy of a flight state."""
-        return self.impacts.energy(x)
+    def energies(self, x: np.ndarray) -> np.ndarray:
+        """The energies (m,) of flight states (m, n)."""
+        return self.impacts.energies(x)
 
 
 def force_at_start(impacts: Impacts, way: Exit, y: np.ndarray, p: np.ndarray, tolerance: float) -> tuple[float, bool]:
