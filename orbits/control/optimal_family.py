@@ -10,7 +10,7 @@ when it is asked for, as that of `steer`.
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypedDict
 
 import casadi as ca
 import numpy as np
@@ -45,6 +45,15 @@ FixedParameters = Callable[[float], tuple[Array, Array]]
 
 # The names that pickled families have for the classes of their events and ends.
 OptimalEvent, FamilyEnd = Event, End
+
+
+class _EventRow(TypedDict):
+    """An event in a document."""
+
+    kind: str
+    value: float
+    cost: float
+    what: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,7 +145,7 @@ class OptimalFamily(
 
     @classmethod
     def _fields_in(cls, data: Mapping[str, Any], machine: Machine | None = None) -> dict[str, Any]:
-        rows = conform(data["events"], list[Mapping[str, Any]], "events")
+        rows = conform(data["events"], list[_EventRow], "events")
         events = [{"text" if name == "what" else name: each for name, each in row.items()} for row in rows]
         return super()._fields_in({**data, "events": events}, machine)
 
@@ -149,7 +158,7 @@ class OptimalFamily(
 
     def _rows(self) -> Iterator[Row]:
         cost = f" {self.units['cost']}" if self.units else ""
-        places: list[tuple[float, float, str]] = [(self.values[0], self.costs[0], "first")]
+        places: list[tuple[Any, Any, str]] = [(self.values[0], self.costs[0], "first")]
         places += [(each.value, each.cost, f"{each.kind}: {each.text}") for each in self.events]
         last = " ".join(filter(None, (self.end.kind, self.end.reason)))
         places.append((self.values[-1], self.costs[-1], last))

@@ -283,7 +283,7 @@ class Run:
             part.items += self._block(part.points[part.begun : i + (point is here)])
             part.begun = i + (point is here)
             part.items += self._block(point) if point is not here and does == CHANGES else []
-            event = Event(each.kind, int(self.progress.count[lane]) - 1, point, each.which)
+            event = Event(each.kind, int(self.progress.count[lane]) - 1, point, which=each.which)
             onward = self._after(group.problem, event, does if each.test else "")
             requested = each.kind == VALUE and point.values[0] in self.limits.at and onward is None
             if does != ASKS if each.test else requested:

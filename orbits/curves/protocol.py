@@ -4,7 +4,7 @@ All is in arrays of m points X (m, n + 1), each on one of the curves of the prob
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -91,22 +91,28 @@ class Event:
     kind : of what happens there
     after : the place in its lane of the last point up to it
     point : the point there: `Points` (1) while a curve is followed, a `CriticalPoint` on a curve of minima, a `Point`
-        of a family, or a `PeriodicLaunch`; None on curves of designs and optimal motions, whose events have numbers
+        of a family, or a `PeriodicLaunch`; None on curves of designs and optimal motions, whose events have a value and
+        a text
     which : the number of the function, of a test with several, or that of a limit
     value, cost : of the parameter, and the least cost; those of the point where it has them
-    text : what happens, in words
+    text : what happens, in words; `what` is another name of it
+
+    Raises `InputError` for a kind that is no text.
     """
 
     kind: str
     after: int = 0
     point: Any = None
+    _: KW_ONLY
     which: int = field(default=0, compare=False)
-    value: Any = None
-    cost: Any = None
+    value: float | None = None
+    cost: float | None = None
     text: str = ""
-    what = property(lambda self: self.text)  # as events of optimal motions have called it
+    what = property(lambda self: self.text)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.kind, str):
+            raise InputError(f"an event cannot have the kind {self.kind!r}; it is a text, the first argument")
         for name in ("value", "cost"):
             vars(self)[name] = getattr(self.point, name, getattr(self, name))
 
@@ -116,7 +122,7 @@ class Event:
         return f"Event({', '.join(known)})"
 
     def __setstate__(self, state: Mapping[str, Any]) -> None:
-        """Pickles of optimal motions have called the text `what`, and those of families have no value of their own."""
+        """Restore a pickle, which may have `what` in place of `text`, and no value in addition to that of its point."""
         vars(self).update(state, text=state.get("what", state.get("text", "")))
         self.__post_init__()
 

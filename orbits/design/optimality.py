@@ -23,7 +23,7 @@ from .design_point import Case, DesignPoint, design_points, no_motion
 from .moving_design import MovingDesign
 from .moving_number import Moving, moving_number
 from .problem import DesignProblem, design_problem
-from .traced_designs import program_about, rows_of_events, traced_designs
+from .traced_designs import checked_rows, program_about, rows_of_events, traced_designs
 from .tuned_machine import TunedMachine, motions_near, names_of_designs, tuned_machine_of, tuned_numbers, untuned
 
 
@@ -350,7 +350,8 @@ class DesignCurve(Result, what="curve of designs", dimension="design"):
         rows, name = document["designs"], document["parameter"]
         if not rows:
             raise ValueError("it has no designs")
-        own = cls._fields_in({key: document[key] for key in ("parameter", "events", "end", "seconds")})
+        own = {key: document[key] for key in ("parameter", "end", "seconds")}
+        own = cls._fields_in({**own, "events": checked_rows(document["events"])})
         values, slopes = (conform([row[key] for row in rows], tuple[float, ...], key) for key in ("value", "slope"))
         moves = machine is not None and name in machine.values
         machines = [machine.with_values(**{name: value}) if machine and moves else machine for value in values]

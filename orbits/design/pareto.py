@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from .optimality import Design, column_of, designs_along
 from .optimize import Origin, best_design, multistart, starting_points
 from .problem import Constraint, DesignProblem, design_problem, known_formula
 from .sensitivities import quantities, sensitivities
-from .traced_designs import rows_of_events
+from .traced_designs import checked_rows, rows_of_events
 from .tuned_machine import continued_from, names_of_designs, with_tuning
 
 SAME_OBJECTIVE = 1e-9  # objectives that differ by a smaller share are the same: constraints are met to about this
@@ -107,7 +108,8 @@ class Front(Result, what="front"):
         if not designs or any(design.pair is None for design in designs):
             raise ValueError("it has no designs with two objectives")
         refused = [(each["level"], each["reason"]) for each in document["refused"]]
-        own = cls._fields_in({**document, "texts": document["objectives"], "refused": refused})
+        read = {"texts": document["objectives"], "refused": refused, "events": checked_rows(document.get("events", []))}
+        own = cls._fields_in({**document, **read})
         return cls(designs=designs, **own)
 
 
@@ -230,8 +232,8 @@ class _Levels:
             if level in found and not self._better(design, found[level]):
                 break
             found[level], highest = design, level
-        above = [event for event in events if event.value > highest]
-        return above + [event for event in reversed(happened) if event.value <= highest]
+        values, others = (np.array([event.value for event in each], float) for each in (events, happened))
+        return [*compress(events, values > highest), *reversed([*compress(happened, others <= highest)])]
 
     @staticmethod
     def _better(design: Design, other: Design) -> bool:

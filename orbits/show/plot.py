@@ -327,7 +327,7 @@ def plot_design_curve(curve: "DesignCurve", axes: Axes | None = None) -> Axes:
     axes = axes_or_new(axes, 5.4, 4.2)
     axes.plot(curve.values, curve.objectives, ".-", color=COLOURS[0], ms=5)
     for colour, kind in zip(COLOURS[1:], dict.fromkeys(event.kind for event in curve.events), strict=False):
-        places = [event.value for event in curve.events if event.kind == kind]
+        places = np.array([event.value for event in curve.events if event.kind == kind], float)
         heights = np.interp(places, *np.array(sorted(zip(curve.values, curve.objectives, strict=True))).T)
         axes.plot(places, heights, "o", color=colour, ms=6, label=kind)
     if curve.events:

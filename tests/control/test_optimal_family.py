@@ -122,6 +122,16 @@ def test_a_family_is_printed_tabled_drawn_and_saved(tmp_path):
     assert (same.costs == family.costs).all()
     assert same.events == family.events
     assert [*family.document()["events"][0]] == ["kind", "value", "cost", "what"]  # as files have had them
+    saved = family.saved()
+    for wrong, reason in (
+        ({"cost": "abc"}, "cost = 'abc'"),
+        ({"value": None}, "value = None"),
+        ({"what": 1}, "what = 1"),
+    ):
+        with pytest.raises(InputError, match=rf"events\[0\]\.{reason}"):
+            OptimalFamily.of_saved(saved | {"events": [saved["events"][0] | wrong]})
+    with pytest.raises(InputError, match=r"events\[0\]\.cost is missing"):
+        OptimalFamily.of_saved(saved | {"events": [{"kind": "fold", "value": 1.0, "what": ""}]})
     with pytest.raises(InputError, match="follow it again"):
         same.at(1.2)
     with pytest.raises(InputError, match="follow it again"):

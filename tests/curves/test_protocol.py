@@ -44,6 +44,10 @@ def test_an_event_has_the_value_and_cost_of_its_point():
     assert repr(event) == "Event(kind='enters', value=0.5, text='stroke <=')"
     assert repr(Event("fold", 3, 1.0)) == "Event(kind='fold', after=3, point=1.0)"
     assert pickle.loads(pickle.dumps(event)) == event != replace(event, value=0.6)
+    with pytest.raises(InputError, match=r"an event cannot have the kind 0\.5"):
+        Event(0.5, "enters", "stroke <=")
+    with pytest.raises(TypeError, match="positional"):
+        Event("enters", 0, None, 0.5, 2.0)
 
 
 @pytest.mark.parametrize(

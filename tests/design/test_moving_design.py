@@ -8,7 +8,7 @@ from conftest import slow_after
 from designs import CUBIC, LEG, OVER, RANGE
 from scipy.optimize import brentq
 
-from orbits import Design, DesignCurve, InputError, NoOrbit, find, optimize, quantities
+from orbits import Design, DesignCurve, Front, InputError, NoOrbit, find, optimize, quantities
 from orbits.design.active_set import constraint_sizes
 from orbits.design.design_point import Case, design_points
 from orbits.design.moving_design import MovingDesign
@@ -166,6 +166,24 @@ def test_a_curve_comes_back(linear, tmp_path):
     assert best.follow("foot_mass", 3.1, points=2).designs[1].parameters == curve.designs[1].parameters
     with pytest.raises(InputError, match="is not a saved curve of designs"):
         DesignCurve.load(linear.save(tmp_path / "design.json"), LINEAR)
+
+
+def test_wrong_events_in_files_are_refused(linear):
+    front = {"points": [linear.saved() | {"pair": [1.0, 2.0]}], "objectives": ["alpha", "k"], "refused": []}
+    row = {"parameter": "foot_mass", "designs": [linear.saved() | {"value": 3.0, "slope": 0.0}], "end": ""}
+    wrong = {
+        "value = 'abc'": {"value": "abc", "kind": "enters"},
+        "value is missing": {"kind": "enters"},
+        "value = nan": {"value": float("nan"), "kind": "enters"},
+        "value = None": {"value": None, "kind": "enters"},
+        "kind is missing": {"value": 1.0},
+        "cost = 'abc'": {"value": 1.0, "kind": "enters", "cost": "abc"},
+        "what is unknown": {"value": 1.0, "kind": "enters", "what": ""},
+    }
+    for reason, event in wrong.items():
+        for kind, document in ((DesignCurve, row), (Front, front)):
+            with pytest.raises(InputError, match=rf"events\[0\]\.{reason}"):
+                kind.of_saved(document | {"seconds": 1.0, "events": [event]}, LINEAR)
 
 
 @pytest.mark.slow
