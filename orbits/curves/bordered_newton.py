@@ -60,7 +60,8 @@ def correct(
     reach : Newton step (m,) above which a correction ends without a point
     record : whether the equations are evaluated at the points; by default where the problem records them
 
-    Returns the indices (k,) of the guesses that lead to points, and these. A guess without one raises nothing.
+    Returns the indices (k,), in order, of the guesses that lead to points, and these. A guess without one raises no
+    error.
     """
     m, found, xs = len(guesses), None, border.met(guesses)
     record = problem.records if record is None else record
@@ -77,7 +78,8 @@ def correct(
 
 
 def some(which: Array, count: int) -> Array | slice:
-    """Indices of some of a number of points, or of all of them as a slice, which makes no copies."""
+    """Different indices of points in order; those of all the points, of this number, as a slice, which makes no
+    copies."""
     return which if len(which) < count else slice(None)
 
 
@@ -87,9 +89,9 @@ _Solved = tuple[Array, Array, Array, Array, Any]
 def _newton(
     problem: Problem, lanes: Array, xs: Array, border: Border, limits: Array, least: int, options: Steps, record: bool
 ) -> _Solved:
-    """The indices (k,) of the places X (m, n + 1) from which Newton's method converges, the points and directions
-    (k, n + 1), the amplifications (k,), and the equations if recorded; `limits` are (rough, reach) (2, m), `least` is
-    the least number of steps."""
+    """The indices (k,), in order, of the places X (m, n + 1) from which Newton's method converges, the points and
+    directions (k, n + 1), the amplifications (k,), and the equations if recorded; `limits` are (rough, reach) (2, m),
+    `least` is the least number of steps."""
     final, m, evaluation, moved = options.last, len(xs), None, None
     sizes = problem.size(lanes, xs) if m else xs
     directions, growths, solved = np.zeros(xs.shape), np.ones(m), np.isinf(limits[0]) & record

@@ -81,7 +81,8 @@ class Run:
     at : values of the parameter; each time a curve passes one, it gets a point with exactly this value
     earlier : points of the same curves before the first ones, where a run is resumed
     lengths : lengths (m,) of the first steps; those of the options by default
-    certified : whether the first points are certified already; else they are together with those of the first batch
+    certified : whether the first points are certified already; else they are together with those of the first batch,
+        before they are yielded
 
     It yields `Points`, in order along each lane; each `Event` after the points before it; and an `End` for each lane.
     After each `advance` it can be pickled or copied, and goes on where it was. An error in `advance`, as an interrupt,
@@ -131,8 +132,11 @@ class Run:
         return vars(self) | {"blocks": blocks}
 
     def __iter__(self) -> Iterator[Item]:
+        items = list[Item]()
+        while self.groups and not self.groups[-1].certified:
+            items += self.advance()
         first, self._to_yield = self._to_yield, []
-        yield from first
+        yield from [*first, *items]
         while self.groups:
             yield from self.advance()
 
@@ -153,10 +157,12 @@ class Run:
         """Take a batch of steps along the curves of one problem; returns the items. Raises what the problem raises."""
         heed()
         group = self.groups[-1]
-        if group.is_new and (ends := self._ends(group, {})):  # as at a first point on a bound
-            return ends
         before, blocks = (self.progress.copy(), [group.copy() for group in self.groups]), len(self.blocks)
         try:
+            if group.is_new and (ends := self._ends(group, {})):  # as at a first point on a bound
+                if not group.certified:
+                    self._certify(group, self.blocks[-1][:0])
+                return ends
             progress, limits, group.is_new = self.progress, self.limits, False
             batch, tails = steps_of(group, progress, limits, options := self._steps(group.problem)), group.tails
             points, refused = points_of(group, batch, self._certify, self._last, progress, limits, options)
@@ -171,8 +177,10 @@ class Run:
         """The certified points of a batch, with the errors of others; the first points too, if they are not yet."""
         if group.certified:
             return group.problem.certify(points) if len(points) else (points, {})
-        self.blocks[-1], points, errors = group.problem.certify_first(self.blocks[-1], points)
-        group.values, group.certified = values_of(group.problem, self.blocks[-1])[1], True
+        first, points, errors = group.problem.certify_first(self.blocks[-1], points)
+        self.blocks[-1], self._to_yield = first, [first] if self._to_yield else []
+        left = np.isin(first.lanes, group.lanes)  # others have ended at their bounds
+        group.values, group.certified = values_of(group.problem, first)[1][left], True
         return points, errors
 
     def _items(self, group: Group, points: Points, tails: Tails, refused: dict[int, object]) -> list[Item]:

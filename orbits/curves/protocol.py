@@ -235,12 +235,13 @@ class Problem:
     # The places of those components that all problems of a run have, by which it is seen whether a curve is closed.
     shared: Any = slice(None)
     # Newton's method in one compiled call: (lanes, xs, rows, levels, least, record) -> the indices of the solved
-    # points, X, directions, amplifications and evaluation; None where it does not apply.
+    # points in order, X, directions, amplifications and evaluation; None where it does not apply.
     solver: Callable[..., tuple | None] | None = None
 
     def evaluate(self, lanes: Array, xs: Array, known: Any = None, moved: Array | None = None) -> tuple[Array, Any]:
         """The indices (k,), in order, of points X (m, n + 1) that can be evaluated, and their `Evaluation`, or None.
 
+        xs : a view, whose numbers change after the call
         known, moved : the evaluation before the last Newton step, where `chords` may use it, and the lengths (m,) of
             that step; they are 0 for points at which Newton's method has ended
         """
@@ -277,9 +278,12 @@ class Problem:
         return points, {}
 
     def certify_first(self, first: Points, points: Points) -> tuple[Points, Points, Mapping[int, Exception]]:
-        """First points and those of the first batch as `certify` certifies them, together; raises the error of a first
-        point."""
-        raise NotImplementedError
+        """First points and those of the first batch as `certify` certifies them, by default one after the other; raises
+        the error of a first point."""
+        first, errors = self.certify(first)
+        if errors:
+            raise errors[min(errors)]
+        return first, *(self.certify(points) if len(points) else (points, {}))
 
     def regular(self, points: Points) -> Points:
         """Points at which the equations are singular, as they can be certified."""

@@ -358,6 +358,27 @@ def test_a_curve_ends_after_its_largest_number_of_points_and_where_it_is_lost():
     assert 0 < 0.3 - xs[-1][1] < 1e-3
 
 
+def test_first_points_are_certified_with_the_first_batch_or_before_in_all_lanes():
+    """Lane 0 is at its bound; the test of the others vanishes at 0.1, whatever its sign is in lane 0."""
+    test = Test("level", lambda _, points: points.values - np.where(points.lanes == 0, -1.0, 0.1), bare=True)
+    problem, bounds = Formula(parabolas, [test]), {"stop": np.array([0.0, 0.15, 0.15]), "behind": -1.0}
+    problem.certify = lambda points: (points.having(own=points.lanes), {})
+    starts = np.column_stack([np.sqrt(parabola_constants(np.arange(3))), np.zeros(3)])
+    known = started(problem, starts)
+    items = [*Run(problem, known.having(own=None), **bounds, certified=False)]
+    assert items[0].own.tolist() == [0, 1, 2]
+    levels = [(item.kind, *item.point.lanes.tolist()) for item in items if isinstance(item, Event)]
+    assert levels == [("level", 1), ("level", 2)]
+    assert bits(items) == bits(Run(problem, known, **bounds))
+    (alone, _) = Run(problem, known[:1].having(own=None), 0.0, behind=-1.0, certified=False)
+    assert alone.own.tolist() == [0]
+    problem.certify = lambda points: (points, dict.fromkeys(range(len(points)), ValueError("refused")))
+    run = Run(problem, known, **bounds, certified=False)
+    for _ in range(2):  # the error leaves the run as it was
+        with pytest.raises(ValueError, match="refused"):
+            next(iter(run))
+
+
 def test_what_cannot_be_run_is_refused():
     first = run_of(Formula(circle), (1.0, 0.0), (1.0, 0.0), stop=2.0).blocks[0]
     with pytest.raises(InputError, match="in their order"):
