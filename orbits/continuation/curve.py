@@ -40,7 +40,6 @@ from ..shooting.node_places import growths_along, steady_tangents
 from ..shooting.single_shooting import Evaluation
 from ..simulation.lossless_hops import LosslessHops
 from ..units import Units
-from .curve_corners import CurveCorners
 from .point import RESERVED_NAMES, Point, point_in_units
 
 # A point is at a fold where the tangent's component along the parameter is a smaller share than this. The value of the
@@ -216,11 +215,6 @@ class Curve:
         those there."""
         return self.evaluate(xs)
 
-    @property
-    def corners(self) -> CurveCorners | None:
-        """The corners of the curve; None where they are not passed."""
-        return CurveCorners(self.equations, self.along, self.parameters_at, self.size)
-
     @cached_property
     def hops(self) -> LosslessHops:
         """The map of launches beside the orbits; raises `InputError` where a launch is a speed alone."""
@@ -315,8 +309,8 @@ class Curve:
     def _refused(self, ps: np.ndarray) -> dict[int, OrbitsError]:
         """The errors, by index, of those parameters (m, np) that are inadmissible for the machine."""
         # Parameters between two sets of values that the machine admits are admissible too.
-        corners = (each for each in (ps.min(0), ps.max(0)) if not np.array_equal(each, self.parameters))
-        if len(ps) > 2 and not any(self._refused(each[None]) for each in corners):
+        ends = (each for each in (ps.min(0), ps.max(0)) if not np.array_equal(each, self.parameters))
+        if len(ps) > 2 and not any(self._refused(each[None]) for each in ends):
             return {}
         refused = {}
         for i, p in enumerate(ps):

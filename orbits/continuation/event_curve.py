@@ -350,7 +350,7 @@ class EventEndings(Endings):
     def _grown(self, xs: np.ndarray) -> np.ndarray:
         """Whether the unknowns besides those of the orbit have grown beyond the ratio that counts as an escape."""
         own, ratio = self.curve.equations_of_orbits.own, self.control.escape_ratio
-        return np.abs(self.curve.bare(xs)[:, own:-2]) > ratio * np.maximum(np.abs(self.origin.u[own:-1]), 1.0)
+        return np.abs(self.curve.bare(xs)[:, own:-2]) > ratio * np.maximum(np.abs(self.first.u[own:-1]), 1.0)
 
     @staticmethod
     def _slope_of_first(bound: float) -> Callable[..., tuple[np.ndarray, np.ndarray]]:

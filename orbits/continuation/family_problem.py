@@ -64,9 +64,10 @@ class FamilyProblem(Problem):
 
     @cached_property
     def corners(self) -> CurveCorners | None:
-        """The corners of the curve; None where there are none, or they are not passed."""
-        corners = self.curve.corners
-        return corners if corners and corners.switching is not None else None
+        """The corners of the curve; None where there are none."""
+        curve = self.curve
+        corners = CurveCorners(curve.equations, curve.along, curve.parameters_at, curve.size)
+        return None if corners.switching is None else corners
 
     @property
     def endings(self) -> Endings:

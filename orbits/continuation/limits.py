@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -96,9 +96,8 @@ def limit(
         for error, end in (min(found), *_by_own_power(scale, value, widest, options)):
             ahead = end - value[-1]
             towards = error < options.clear * abs(ahead) and ahead * behind >= 0
-            arrived = abs(ahead) + error < options.arrived * np.ptp(
-                value
-            )  # rounding then decides on which side the limit lies
+            # Where the parameter has arrived, rounding decides on which side the limit lies.
+            arrived = abs(ahead) + error < options.arrived * np.ptp(value)
             if towards or arrived:
                 return (end, error) if bounds[0] - error <= end <= bounds[1] + error else None
         return None
@@ -145,15 +144,16 @@ class Endings:
 
     kinds: Sequence[str] = ()  # of the tests that end the curve between two points
 
-    origin: Any
-
     def __init__(self, curve: Curve, origin: Point | None, start: float, bounds: tuple[float, float], options: Options):
         self.curve, self.origin, self.start, self.bounds = curve, origin, start, bounds
-        self.stop_inadmissible, self.control, self.requested = (
-            options.stop_inadmissible,
-            options.step_control,
-            options.at,
-        )
+        self.stop_inadmissible, self.control = options.stop_inadmissible, options.step_control
+        self.requested = options.at
+
+    @property
+    def first(self) -> Point:
+        """The first orbit, once it is certified."""
+        assert self.origin is not None
+        return self.origin
 
     def with_curve(self, curve: Curve) -> Self:
         """The same for another curve, as one whose motions are divided at nodes."""
@@ -171,7 +171,7 @@ class Endings:
 
     def asks(self, points: Points) -> np.ndarray:
         """At which certified points (m,) the curve may end."""
-        orbits, first, ratio = points.own, self.origin, self.control.escape_ratio
+        orbits, first, ratio = points.own, self.first, self.control.escape_ratio
         alpha, time = orbits.column("alpha"), orbits.column("flight_time")
         speed = np.abs(alpha / first.alpha)
         ends = (speed > ratio) | (time > ratio * first.flight_time) | (speed < 1 / ratio)
@@ -200,7 +200,7 @@ class Endings:
 
     def far(self, last: Points, passed: Sequence[Points]) -> End | None:
         """The end of a curve that goes to infinity or to nothing before the parameter reaches a bound."""
-        orbit, first, ratio, history = last.own[0], self.origin, self.control.escape_ratio, _history(passed)
+        orbit, first, ratio, history = last.own[0], self.first, self.control.escape_ratio, _history(passed)
         place = f"near {self.curve.along} = {last.values[0]:.6g}"
         if (most := float(self.curve.growths(last)[0])) > self.control.largest_amplification:
             if orbit_at_rest := homoclinic(self.curve, last, *_way(passed)):
@@ -301,7 +301,7 @@ class Endings:
         units, speed = self.curve.units_at(value, last.own[0].also), Quantity(alpha, LIFTOFF_SPEED)
         where = Message("{name} = {value:.10g}, alpha = {alpha:.10g}", name=self.curve.along, value=value, alpha=speed)
         where = in_units(where, units)
-        if abs(alpha / self.origin.alpha) > self.control.running_ratio and (found := limit(history, self.bounds, -1)):
+        if abs(alpha / self.first.alpha) > self.control.running_ratio and (found := limit(history, self.bounds, -1)):
             return End("escaped", f"the launch speed grows without bound, and was followed to {where}", *found)
         reason = in_units(self._in_words(error, last), units)
         if isinstance(error, InputError):

@@ -131,12 +131,13 @@ def starts(
     limit : time limit in seconds, as in `find`. Where it is reached, the starts that were found until then are
         returned, with the reason in `stopped`, and a warning is logged
 
-    Returns the unknowns of each hop, by name. For other than linear springs these are followed, all together and round
-    folds, along a homotopy from straight lines through the zero of each force that is nearest to its rest. Hops that
-    end before the springs' own laws are in `ended`, with the reason. Hops that no linear one leads to are not found: a
-    spring that stiffens has hops without number, of ever larger extensions, which lead to linear ones of other `slope`s
-    or longer times, or to none. Raises `InputError` for dampers and other forces, gravity that varies, and extensions
-    that are not linear in the coordinates. Source: for linear springs, after Pankov 2024, arXiv 2402.16010.
+    Returns the unknowns of each hop, by name. Where springs are not linear, the hops of linear ones are followed, all
+    together and round folds, along a homotopy from straight lines through the zero of each force that is nearest to its
+    rest. Hops that end before the springs' own laws are in `ended`, with the reason. Hops that no linear one leads to
+    are not found: a spring that stiffens has hops without number, of ever larger extensions, which lead to linear ones
+    of other `slope`s or longer times, or to none. Raises `InputError` for dampers and other forces, gravity that
+    varies, and extensions that are not linear in the coordinates. Source: for linear springs, after Pankov 2024, arXiv
+    2402.16010.
     """
     machine = machine.stated() if hasattr(machine, "stated") else machine
     springs = _springs_of(machine)

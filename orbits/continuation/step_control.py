@@ -57,27 +57,27 @@ class StepControl:
     'reached'
     """
 
-    first_step: float = from_to(1e-8, 1.0, 5e-3, "first")
-    shortest_step: float = from_to(1e-12, 0.1, 1e-5, "shortest")
-    longest_step: float = from_to(1e-8, 1.0, 0.2, "longest")
-    largest_shortening: float = from_to(0.01, 0.99, 0.3, "shorten")
-    largest_lengthening: float = from_to(1.01, 100.0, 2.0, "lengthen")
-    safety: float = from_to(0.01, 1.0, 0.9, "safety")
-    target_correction: float = from_to(1e-14, 0.1, 1e-5, "aim")
-    largest_correction: float = from_to(1e-10, 1.0, 1e-2, "corrected")
-    largest_turn: float = from_to(1e-3, 1.5, 0.25, "turned")
+    first_step: float = from_to(1e-8, 1.0, 5e-3, of_steps="first")
+    shortest_step: float = from_to(1e-12, 0.1, 1e-5, of_steps="shortest")
+    longest_step: float = from_to(1e-8, 1.0, 0.2, of_steps="longest")
+    largest_shortening: float = from_to(0.01, 0.99, 0.3, of_steps="shorten")
+    largest_lengthening: float = from_to(1.01, 100.0, 2.0, of_steps="lengthen")
+    safety: float = from_to(0.01, 1.0, 0.9, of_steps="safety")
+    target_correction: float = from_to(1e-14, 0.1, 1e-5, of_steps="aim")
+    largest_correction: float = from_to(1e-10, 1.0, 1e-2, of_steps="corrected")
+    largest_turn: float = from_to(1e-3, 1.5, 0.25, of_steps="turned")
     steepest_rate: float = from_to(0.0, 1.0, 0.1)
-    largest_batch: int = from_to(1, 100_000, 640, "batch")
-    batch_growth: int = from_to(1, 1000, 4, "growth")
-    neighbours: int = from_to(1, 8, 3, "beside")
-    separation: float = from_to(0.0, 0.5, 0.1, "separation")
-    most_rejections: int = from_to(0, 100_000, 16, "rejections")
-    recovery: int = from_to(1, 100_000, 20, "recovery")
+    largest_batch: int = from_to(1, 100_000, 640, of_steps="batch")
+    batch_growth: int = from_to(1, 1000, 4, of_steps="growth")
+    neighbours: int = from_to(1, 8, 3, of_steps="beside")
+    separation: float = from_to(0.0, 0.5, 0.1, of_steps="separation")
+    most_rejections: int = from_to(0, 100_000, 16, of_steps="rejections")
+    recovery: int = from_to(1, 100_000, 20, of_steps="recovery")
     largest_amplification: float = from_to(10.0, 1e15, MOST_GROWTH)
     escape_ratio: float = from_to(1.5, 1e12, 1e2)
     running_ratio: float = from_to(1.01, 1e12, 2.0)
     least_progress: float = from_to(0.0, 0.5, 1e-3)
-    same_point: float = from_to(1e-13, 1e-3, 1e-9, "same")
+    same_point: float = from_to(1e-13, 1e-3, 1e-9, of_steps="same")
 
     def __post_init__(self):
         check_bounds(self, "step_control")
@@ -101,8 +101,8 @@ class Options:
     def steps(self, batch: int) -> Steps:
         """The steps along a curve; a batch has at most this number of points."""
         control = self.step_control
-        stated = [(each.metadata["of_steps"], getattr(control, each.name)) for each in fields(control)]
-        own: dict[str, Any] = {name: value for name, value in stated if name}
+        pairs = ((each.metadata.get("of_steps"), each.name) for each in fields(control))
+        own: dict[str, Any] = {of_steps: getattr(control, name) for of_steps, name in pairs if of_steps}
         own |= {"first": min(own["first"], self.longest), "batch": min(batch, own["batch"], self.most)}
         grown = min(LARGEST_ARC_GROWTH, control.largest_amplification)
         return Steps(**own, apart=self.longest, most=self.most, grown=grown)

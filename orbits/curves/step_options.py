@@ -9,14 +9,16 @@ import numpy as np
 from ..errors import InputError, whole_number
 
 
-def from_to(low: float, high: float, default: float, of_steps: str = "") -> Any:
-    """A field with its default and its bounds, a whole number where the default is one; and the name in `Steps` of what
-    it states there, if any."""
-    return field(default=default, metadata={"bounds": (low, high), "of_steps": of_steps})
+def from_to(low: float, high: float, default: float, **metadata: str) -> Any:
+    """A field with its default, its bounds and further metadata; a whole number where the default is one."""
+    return field(default=default, metadata={"bounds": (low, high), **metadata})
 
 
 def check_bounds(options: Any, called: str) -> None:
-    """Raise `InputError` where a field of options, which are `called` so, is out of its bounds."""
+    """Raise `InputError` where a field of options is out of its bounds.
+
+    called : the name of the options in messages
+    """
     for each in fields(options):
         (low, high), value, name = each.metadata["bounds"], getattr(options, each.name), f"{called}.{each.name}"
         if isinstance(each.default, int):

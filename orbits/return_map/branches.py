@@ -28,7 +28,7 @@ class Branching:
 
     beside_lossless : distance from a lossless hop at which fixed points beside it are searched for
     doubled : distances in launch speed, tried in turn, from a flip to the first hops of twice the period
-    doubled_within : the first of these hops have a parameter at most this many such distances away
+    doubled_within : largest distance from the flip to these hops in the parameter, as a multiple of that in speed
     both_sides : their two launches lie on both sides of the flip up to this share of the distance, or they are others
     doubled_change : their multiplier begins at 1, and differs from it by less: else a flip or a fold may lie between
     far_from_lost : at such a distance from where it was lost the curve in all unknowns of the hops is tried again
@@ -52,8 +52,11 @@ BRANCHING = Branching()
 class BranchCurve(LaunchCurve):
     """The launches of a branch, which goes on behind corners of the map and in all unknowns of the hops."""
 
-    def __init__(self, maps: MapsAlong, between: tuple[float, float], period: int, apart: float):
+    def __init__(
+        self, maps: MapsAlong, between: tuple[float, float], period: int, apart: float, options: Branching = BRANCHING
+    ):
         super().__init__(maps, between, period, apart)
+        self.options = options
         if maps.pieces is None and maps.along is not None:
             self.tests = (*self.tests, Test("far", _near_to_lost, ASKS))
 
@@ -100,9 +103,8 @@ class BranchCurve(LaunchCurve):
 def _near_to_lost(curve: Any, points: Points) -> np.ndarray:
     """Negative for launches (m,) that are far from where the curve in all unknowns was lost, or have other impacts."""
     lost = curve.begun
-    near = [
-        launch.impacts == lost.impacts and distance(launch, lost) <= BRANCHING.far_from_lost for launch in points.own
-    ]
+    farthest = curve.options.far_from_lost
+    near = [launch.impacts == lost.impacts and distance(launch, lost) <= farthest for launch in points.own]
     return np.where(near, 1.0, -1.0)
 
 
@@ -119,7 +121,7 @@ class BranchTracer:
         longest: float = STEPS_OF_BRANCHES.apart, options: Branching = BRANCHING,
     ):  # fmt: skip
         self.maps, self.values, self.options = maps, values, options
-        self.curve = BranchCurve(maps, between, period, longest if period <= 2 else 2.0 * longest / period)
+        self.curve = BranchCurve(maps, between, period, longest if period <= 2 else 2.0 * longest / period, options)
         self.borders, self.scale = self.curve.borders, self.curve.scale
 
     def start(self, alpha: float, value: float) -> PeriodicLaunch:

@@ -149,9 +149,10 @@ def test_the_corner_of_a_formula_lies_ahead():
     machine = Hopper("r + 1.5*(r - gap + abs(r - gap))", parameters={"gap": 0.9}, rest_length=60)
     curve, row = Curve(machine, "gap", "relative", 1.0), np.array([0.0, 0.0, 1.0])
     alpha = brentq(lambda a: turn_times(bilinear(0.9, 4.0), a, 2) - a, 3.0, 3.5)
-    point = FamilyProblem(curve, Options()).solved(np.array([0.925, alpha, 0.9]), row, 0.9, row)
+    problem = FamilyProblem(curve, Options())
+    point = problem.solved(np.array([0.925, alpha, 0.9]), row, 0.9, row)
     (x,), (tangent,) = point.xs, point.tangents
-    corner = curve.corners.ahead(x, tangent, 1.0)
+    corner = problem.corners.ahead(x, tangent, 1.0)
     liftoff, _, gap = x + corner.left * tangent
     assert (liftoff, gap) == pytest.approx((1.0, 1.0), abs=1e-13)
-    assert curve.corners.ahead(x, -tangent, 1.0) is None
+    assert problem.corners.ahead(x, -tangent, 1.0) is None
