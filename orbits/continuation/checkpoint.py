@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 
 from ..curves import Points
 from ..errors import InputError
-from ..io import check_ending, refusing, version, writing
+from ..io import check_ending, check_path, refusing, version, writing
 from ..model.machine import machine_in_words
 from ..records import Records
 from ..result import Progress
@@ -31,6 +31,12 @@ _Item: TypeAlias = Points | Event | End
 def versions() -> dict[str, str]:
     """The versions of Python and of the packages that compute the results."""
     return {n: version(n) for n in ("persistent-orbits", "casadi", "numpy")} | {"python": sys.version.split()[0]}
+
+
+def check_output(output: str | Path | None) -> None:
+    """Raise `InputError` where the file of a family cannot be written there; None is no file."""
+    if output is not None:
+        check_path(output, FAMILY_ENDINGS[:1])
 
 
 def collect_family(

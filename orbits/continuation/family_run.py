@@ -22,11 +22,13 @@ class FamilyRun:
     """A run along a curve from its first point (1) towards the bound `stop`, with another bound `behind`.
 
     earlier : the points before the first, in a family that is resumed
+    kind : of the tests for the end
     located : the kinds of events that are located, and to which share of the distance of two points; by default all, as
         precisely as possible
     curve : that of the points that come next, which may be divided at nodes on the way
 
-    The first point is certified together with those of the first batch. Raises the error where it cannot be.
+    The first point is certified together with those of the first batch. Raises the error where it cannot be. The items
+    are iterated over once.
     """
 
     def __init__(

@@ -23,11 +23,12 @@ from ..running.heartbeat import running
 from ..running.time_limit import TimeOver, time_limit
 from ..shooting.formulations import iterative, method_of
 from ..units import without_units
-from .checkpoint import collect_family
+from .checkpoint import check_output, collect_family
 from .curve import Curve, Watch, machine_at, tuned_at
 from .family import Family
 from .family_problem import FamilyProblem
 from .family_run import FamilyRun
+from .limits import Endings
 from .point import End, Event, Point
 from .step_control import Options, StepControl, checked_options
 from .tuned_curve import TunedCurve, checked_tuning, curve_at
@@ -83,7 +84,8 @@ def follow(
         1"), at -1 ("flip"), or as a complex pair ("Neimark-Sacker"); that of the energy is always 1. Where a launch is
         a speed alone there are no others, and this is an `InputError`
     method : the method of `find`; "shooting" uses Ipopt for the first orbit only
-    output : a file to which every point is written as it is found, for `Family.load` and `resume`
+    output : a file to which the points are written as they are found, from the first batch on, for `Family.load` and
+        `resume`
     resume : a family to continue from its last point; the other arguments must be the same
     progress : called with the completed share of the parameter's range
 
@@ -100,6 +102,7 @@ def follow(
     -0.010695215
     """
     options = checked_options(at, watch, longest, most, stop_inadmissible, step_control, multipliers)
+    check_output(output)
     try:
         run = begin_run(machine, along, start, stop, family, method, options, resume, tune)
     except TimeOver as over:
@@ -174,6 +177,7 @@ def follow_branch(
     """
     machine, method = machine_at(machine, branch, along, method)
     options, stop = checked_options(at, watch, longest, most, False, step_control), finite_number("stop", stop)
+    check_output(output)
     if stop == branch.value:
         raise InputError(f"stop = {stop:g} is where the branch point lies: there is no way between")
     curve = curve_at(machine, along, method, abs(stop - branch.value), tuned_at(machine, branch, along), branch)
@@ -250,16 +254,17 @@ def bounds_of(along: str, start: float, stop: object, at: Sequence[float] = ()) 
 
 def begin_run(
     machine: Machine, along: str, start: StartLike | float | None, stop: Any, family: int | None, method: Any,
-    options: Options, resume: Family | None = None, tune: Any = None, **of_run: Any,
+    options: Options, resume: Family | None = None, tune: Any = None,
+    located: tuple[Sequence[str], float] | None = None,
 ) -> FamilyRun:  # fmt: skip
-    """A run from the first orbit, or from the last of a family that is resumed; `of_run` as in `FamilyRun`."""
+    """A run from the first orbit, or from the last of a family that is resumed; `located` as in `FamilyRun`."""
     family = None if family is None else family_number(family)
     orbit, start = (start, None) if isinstance(start, Orbit | Mapping | str | Path) else (None, start)
     tuned = checked_tuning(machine, along, tune)
     if resume is not None and not (isinstance(resume, Family) and resume.settings.get("tune", []) == [*tuned]):
         raise InputError("what is resumed is a family of `follow` with the same `tune`, as Family.load gives it")
     if tuned and resume is None:
-        return _begin_tuned(machine, along, orbit, start, stop, family, method, options, tuned)
+        return _begin_tuned(machine, along, orbit, start, stop, family, method, options, tuned, located)
     if start is None:
         start = machine.values[along] if resume is None else resume.settings["start"]
     start = finite_number("start", start)
@@ -269,20 +274,22 @@ def begin_run(
         if (family, method or resume.settings["method"]) != (resume.settings["family"], resume.settings["method"]):
             which = f"number {resume.settings['family']}, by the method '{resume.settings['method']}'"
             raise InputError(f"the family to resume is {which}: ask for the same")
-        return _resumed(machine, along, behind, stop, resume, options)
+        return _resumed(machine, along, behind, stop, resume, options, located)
     with interrupts.deferred(), without_units(machine.units):
         family, method = 1 if family is None else family, method_of(machine.model, method)
         check_start(machine, orbit)
         orbit = start_in_file(orbit) if isinstance(orbit, str | Path) else orbit
         solved = _of_family(machine, family, method) if orbit is None else solve_near(machine, orbit, method)
         curve = Curve(machine, along, iterative(solved.method), abs(stop - behind))
-    run = start_run(curve, np.append(solved.us[0], start), start, behind, stop, options, **of_run)
+    run = start_run(curve, np.append(solved.us[0], start), start, behind, stop, options, located=located)
     if orbit is None and run.point.family != family:
         raise NoOrbit(another_family(family, run.point.family))
     return run
 
 
-def _begin_tuned(machine, along, orbit, start, stop, family, method, options, tuned: tuple[str, ...]) -> FamilyRun:
+def _begin_tuned(
+    machine, along, orbit, start, stop, family, method, options, tuned: tuple[str, ...], located
+) -> FamilyRun:
     """A run with tuned parameters from the machine's own orbit, or from the one with the first value."""
     if method not in (None, METHOD):
         raise InputError(f"method '{method}' tunes no parameters; leave it out")
@@ -296,8 +303,8 @@ def _begin_tuned(machine, along, orbit, start, stop, family, method, options, tu
     value = float(solved.ps[0, solved.equations.parameters.index(along)])
     behind, stop = bounds_of(along, value, stop, options.at)
     x = np.append(solved.us[0], value)
-    run = start_run(TunedCurve(machine, along, tuned, abs(stop - behind), x), x, value, behind, stop, options)
-    check_determined(*run.curve.solutions(run.first))
+    curve = TunedCurve(machine, along, tuned, abs(stop - behind), x)
+    run = start_run(curve, x, value, behind, stop, options, located=located)
     wanted: Any = first or (family if orbit is None else None)
     if wanted not in (None, run.point.family):
         raise NoOrbit(another_family(wanted, run.point.family))
@@ -320,18 +327,21 @@ def _of_family(machine: Machine, family: int, method: str) -> Solved:
 
 
 def start_run(
-    curve: Curve, x: np.ndarray, start: float, behind: float, stop: float, options: Options, **of_run: Any
-) -> FamilyRun:
-    """A run from near `x` (n + 1,), where the parameter has the value `start`, towards `stop`; `of_run` as in
-    `FamilyRun`."""
+    curve: Curve, x: np.ndarray, start: float, behind: float, stop: float, options: Options,
+    kind: type[Endings] = Endings, located: tuple[Sequence[str], float] | None = None,
+) -> FamilyRun:  # fmt: skip
+    """A run from near `x` (n + 1,), where the parameter has the value `start`, towards `stop`; `kind` and `located` as
+    in `FamilyRun`."""
     with interrupts.deferred(), without_units(curve.units_at(start)):
         along_parameter = np.eye(len(x))[-1]
         problem = FamilyProblem(curve, options)
         problem, first = problem.known(x, along_parameter, along_parameter * np.sign(stop - start))
-        return FamilyRun(problem, first, behind, stop, options, **of_run)
+        if isinstance(curve, TunedCurve):
+            check_determined(*problem.curve.solutions(first))
+        return FamilyRun(problem, first, behind, stop, options, kind=kind, located=located)
 
 
-def _resumed(machine, along: str, behind: float, stop: float, resume: Family, options: Options) -> FamilyRun:
+def _resumed(machine, along: str, behind: float, stop: float, resume: Family, options: Options, located) -> FamilyRun:
     """A run from the last point of a family, in the direction in which the family was followed."""
     _check_resumable(machine, along, behind, stop, resume)
     last, settings = resume.points[-1], resume.settings
@@ -342,7 +352,7 @@ def _resumed(machine, along: str, behind: float, stop: float, resume: Family, op
         problem, first = FamilyProblem(curve, options).known(x, tangent / curve.size(x) ** 2, tangent)
         first = problem.certified_at(first, last.value)
         earlier = [curve.dimensionless(point) for point in resume.points[:-1]]
-        return FamilyRun(problem, first, behind, stop, options, earlier)
+        return FamilyRun(problem, first, behind, stop, options, earlier, located=located)
 
 
 def _check_unknowns(point: Point, curve: Curve) -> None:

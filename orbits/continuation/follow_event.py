@@ -15,7 +15,7 @@ from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..symbolic.formula import parse
 from ..units import without_units
-from .checkpoint import collect_family
+from .checkpoint import check_output, collect_family
 from .curve import check_followed
 from .event_curve import EventCondition, EventCurve, EventEndings
 from .event_place import quantities_used, statement_of_family, tuned_of_family, values_along
@@ -75,6 +75,7 @@ def follow_event(
     >>> round(float(touch.column("beta")[-1]), 6), touch.end.kind
     (-0.003441, 'reached')
     """
+    check_output(output)
     if not isinstance(family, Family):
         if (own := getattr(family, "follow_event", None)) is None:
             raise InputError("an event is one of a family that `follow` returns")

@@ -10,7 +10,7 @@ import pytest
 from browser import wait_for
 from families import GOLDEN, events
 
-from orbits import Family, InputError, follow
+from orbits import Family, InputError, follow, follow_branch, follow_event
 from orbits.continuation import checkpoint
 from orbits.continuation.step_control import StepControl
 from problems import Hopper
@@ -82,6 +82,7 @@ def test_what_cannot_be_resumed_or_watched_is_said(softening_family):
         ({"stop": 1.0, "watch": {"fold": lambda orbit: 1.0}}, "a name of its own"),
         ({"stop": 1.0, "watch": [abs]}, "a mapping of names"),
         ({"stop": 1.0, "at": 0.5}, "a list of values"),
+        ({"stop": 1.0, "watch": {"word": lambda orbit: "x"}, "most": 1}, "watch 'word' gives 'x'"),
     ):
         with pytest.raises(InputError, match=message):
             follow(Hopper("cubic"), "beta", start=0.0, **question)
@@ -89,6 +90,21 @@ def test_what_cannot_be_resumed_or_watched_is_said(softening_family):
         follow(Hopper("r + alpha*r**3", parameters={"alpha": 0.1}), "alpha", 1.0)
     with pytest.raises(InputError, match="it is the name of a parameter"):
         follow(Hopper("cubic"), ["beta"], 1.0)
+
+
+def test_a_file_that_cannot_be_written_is_refused_before_the_run(tmp_path, monkeypatch):
+    machine = Hopper("cubic")
+    family = follow(machine, "beta", 1.0, 0.0, most=2)
+    for name in ("follow.begin_run", "follow.FamilyProblem", "follow_event.run_along_event"):
+        monkeypatch.delattr(f"orbits.continuation.{name}")
+    for name, reason in (("missing/x.jsonl", "there is no folder"), ("x.txt", "its name needs an ending, .jsonl")):
+        path = tmp_path / name
+        with pytest.raises(InputError, match=reason):
+            follow(machine, "beta", 1.0, 0.0, output=path)
+        with pytest.raises(InputError, match=reason):
+            follow_branch(machine, family[0], "beta", 1.0, output=path)
+        with pytest.raises(InputError, match=reason):
+            follow_event(family, "fold", "mass_ratio", 2.0, output=path)
 
 
 def test_a_family_resumed_at_an_asked_value():

@@ -3,6 +3,8 @@
 import pytest
 
 from orbits import Family, InputError, NoOrbit, find, follow, follow_fold, orbit_at, trace
+from orbits.continuation.follow import begin_run
+from orbits.continuation.step_control import Options
 from problems import Hopper, hopper_in_si, runner
 
 B = 4.493409457909064  # B = tan(B), eq. (12) of the paper
@@ -106,6 +108,14 @@ def test_bad_arguments_are_refused(arguments, text):
         follow(LINEAR, stop=6.0, **arguments)
 
 
+def test_a_run_that_is_tuned_or_resumed_locates_the_events_that_are_stated():
+    family = follow(LINEAR, "alpha", 6.0, tune="k", most=2)
+    for resume in (None, family):
+        run = begin_run(LINEAR, "alpha", None, 6.0, 1, None, Options(), resume, "k", located=(("fold",), 1e-3))
+        assert "grazing" not in [test.kind for test in run.problem.tests]
+        assert run.problem.steps.width == 1e-3
+
+
 def test_a_number_that_does_not_matter_is_not_tuned():
     with pytest.raises(NoOrbit, match="alpha does not depend on mass_ratio"):
         follow(LINEAR, "alpha", 6.0, tune="mass_ratio")
@@ -115,8 +125,9 @@ def test_a_number_that_does_not_matter_is_not_tuned():
 @pytest.mark.parametrize(
     ("along", "start", "tuned"), [("inertia", None, "hip_stiffness"), ("speed", 0.0, ("inertia", "hip_stiffness"))]
 )
-def test_numbers_that_the_vertical_hop_does_not_determine_are_not_tuned(along, start, tuned):
-    """Without lateral motion the hip's spring stays unstretched, whatever its stiffness."""
+def test_numbers_that_the_vertical_hop_does_not_determine_are_not_tuned(along, start, tuned, monkeypatch):
+    """Without lateral motion the hip's spring stays unstretched, whatever its stiffness; no step is taken."""
+    monkeypatch.delattr("orbits.continuation.follow.FamilyRun")
     with pytest.raises(
         NoOrbit, match=r"does not determine .*hip_stiffness = .* tune another number; or prescribe a speed"
     ):
