@@ -286,9 +286,11 @@ class _Search:
         """Search one step of each of the motions `found` with these z after it, for the first zero of a function;
         returns which have none there and go on, with the z where they do."""
         at, watch, lanes = self.flow.stepper(0).places, self.watch, lanes[found]
-        event, rows, signs = watch.event(steps, data if len(lanes) == len(data) else data[found])
-        again = (event[:, 2] > 0) | watch.rising
-        if again.any():
+        if watch.rising or not self.flow.stepper(0).watches_in_code(watch):  # what is compiled for a few takes longer
+            event, rows, signs = self._halved(steps, lanes)
+        else:
+            event, rows, signs = watch.event(steps, data if len(lanes) == len(data) else data[found])
+        if (again := event[:, 2] > 0).any():
             some = Watched(*(values[again] for values in steps))
             event[again], rows[again], signs[again] = self._halved(some, lanes[again])
         times = event[:, 0]
@@ -306,7 +308,8 @@ class _Search:
         """The `Watch.event` of steps in which functions may change their signs several times, or rise, by halving."""
         count, functions = len(steps.begins), self.watch.functions
         c = steps.coefficients.reshape(count, -1, TAYLOR_ORDER + 1)
-        event, signs = np.full((count, 3), np.inf), np.empty((count, len(functions)))
+        event, signs = np.zeros((count, 3)), np.empty((count, len(functions)))
+        event[:, 0] = np.inf
         for number, quantity in enumerate(functions):
             order = (self.orders_of(number)[lanes] * steps.begins[:, 1]).astype(int)
             polynomials = PiecewisePolynomials(quantity.series(c), steps.begins[:, 0], np.ones(count, int))

@@ -241,6 +241,10 @@ class TaylorStepper:
         z, (c, begins, signs), counts, going = self._watching[kind](z, data, *own, most=most)
         return z, Watched(c, begins, signs), counts, going
 
+    def watches_in_code(self, watched: Watch) -> bool:
+        """Whether machine code watches motions so."""
+        return watched.kind in self._watching and self._watching[watched.kind].compiled
+
     def watched_state(self, x: Array, count: int, numbers: Array | float) -> Array:
         """The argument z of `watch` with `count` functions: states (m, n) and the numbers (m,) of pieces; the time left
         is not limited."""
@@ -355,7 +359,7 @@ def event_in_step(rows: int, used: tuple[tuple[int, ...], ...], opening: int, si
         series[0] += tests[size * rows + i]
         if i < opening:
             series = without_first_zero(series, fresh * tests[size * (rows + 1) + i])
-        root, end, several = first_root(series, h, before[i])
+        root, end, several = first_root(TAYLOR_ORDER + 1)(series, h, before[i])
         which, first = ca.if_else(root < first, i, which), ca.fmin(root, first)
         unknown = ca.logic_or(unknown, several)
         ends.append(end)

@@ -55,18 +55,20 @@ def refinement(size: int) -> Kernel:
     """Newton's method for a root in a bracket, or bisection where that leads out of it: (z, (coefficients (size,), 1 or
     for a falling root -1)) -> z, which is the root, the bracket and the size of the last step of Newton's method."""
     z, data = ca.SX.sym("z", 4), ca.SX.sym("data", size + 1)
-    after, settled = _refined(z, data[:-1], data[-1])
+    after, settled = _refined(size)(z, data)
     return Kernel(ca.Function("refinement", [z, data], [after, 0, ca.logic_not(settled)]))
 
 
-def _refined(z: ca.SX, series: ca.SX, rises: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """The z of `refinement` after one step, and whether no other is needed."""
+@cached
+def _refined(size: int) -> ca.Function:
+    """(z, data), as of `refinement` -> z after one step, and whether no other is needed."""
+    z, data = ca.SX.sym("z", 4), ca.SX.sym("data", size + 1)
     t, low, high, last = ca.vertsplit(z)
     value = slope = ca.SX(0)
-    for c in reversed(ca.vertsplit(series)):
+    for c in reversed(ca.vertsplit(data[:-1])):
         slope = slope * t + value
         value = value * t + c
-    above = rises * value >= 0
+    above = data[-1] * value >= 0
     low, high = ca.if_else(above, low, t), ca.if_else(above, t, high)
     new = ca.if_else(slope != 0, t - value / slope, low)
     step = ca.fabs(new - t)
@@ -74,25 +76,28 @@ def _refined(z: ca.SX, series: ca.SX, rises: ca.SX) -> tuple[ca.SX, ca.SX]:
     settled = ca.logic_or(settled, ca.fmin(step, high - low) <= CLOSED * high)
     inside = ca.logic_and(low < new, new < high)
     nearer = ca.if_else(inside, new, 0.5 * (low + high))
-    return ca.vertcat(ca.if_else(settled, ca.fmin(ca.fmax(new, low), high), nearer), low, high, inside * step), settled
+    found = ca.if_else(settled, ca.fmin(ca.fmax(new, low), high), nearer)
+    return ca.Function("refined", [z, data], [ca.vertcat(found, low, high, inside * step), settled])
 
 
-def first_root(series: ca.SX, h: ca.SX, before: ca.SX, steps: int = 8) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """The first root on [0, h] of a polynomial that has a sign before, or 0 where it begins, infinite where there is
+@cached
+def first_root(size: int, steps: int = 8) -> ca.Function:
+    """(coefficients (size,), h, sign before or 0) -> the first root on [0, h] of a polynomial, infinite where there is
     none; its sign at h; and whether neither is known, since the Bernstein coefficients have several changes of sign, or
-    Newton's method does not settle in this number of steps."""
-    size = series.numel()
+    Newton's method does not settle in this number of steps. The polynomial has the sign before, which is 0 where it
+    begins."""
+    series, h, before = ca.SX.sym("c", size), ca.SX.sym("h"), ca.SX.sym("before")
     values = bernstein_coefficients(series, ca.vertcat(1, *accumulate([h] * (size - 1), lambda p, h: p * h)))
     values[0] = ca.if_else(before == 0, values[0], before * ca.fmax(ca.fabs(values[0]), TINY))
     changed = [(one >= 0) != (other >= 0) for one, other in pairwise(values)]
     about = ca.SX(0)  # where the polygon of the coefficients crosses zero
     for j, (one, other) in enumerate(pairwise(values)):
         about = ca.if_else(changed[j], (j + one / (one - other)) / (size - 1), about)
-    rises, known = ca.if_else(values[-1] >= 0, 1.0, -1.0), ca.SX(0)
-    z = ca.vertcat(about * h, 0, h, 0)
+    rises, known, z = ca.if_else(values[-1] >= 0, 1.0, -1.0), ca.SX(0), ca.vertcat(about * h, 0, h, 0)
     for _ in range(steps):
-        after, settled = _refined(z, series, rises)
+        after, settled = _refined(size)(z, ca.vertcat(series, rises))
         z, known = ca.if_else(known, z, after), ca.logic_or(known, settled)
     changes = sum(changed, ca.SX(0))
     unknown = ca.logic_or(changes > 1, ca.logic_and(changes == 1, ca.logic_not(known)))
-    return ca.if_else(changes == 0, np.inf, z[0]), rises, unknown
+    found = ca.if_else(changes == 0, np.inf, z[0])
+    return ca.Function("first_root", [series, h, before], [found, rises, unknown])
