@@ -139,6 +139,15 @@ def test_a_changed_number_is_refused(bounce, name):
 
 
 @SLOW
+def test_a_number_beside_the_place_of_the_launch_is_refused():
+    """It is closer than the enclosures of the program, so that only the exact force distinguishes it."""
+    document = saved(prove_fixed_point(Hopper(), 4.5188, "0.03"))
+    assert document["enclosures"]["liftoff"] == ["1", "1"]
+    false = changed(document, "enclosures", "liftoff", to=["1." + "0" * 60 + "1"] * 2)
+    assert check_saved(false) == ["liftoff is not shown to lie in its enclosure"]
+
+
+@SLOW
 def test_motions_that_are_no_hops_of_the_map_are_refused():
     """Zeros of the equations: a contact that goes on through its end, and a fixed point that is said to be of period
     two."""
