@@ -46,7 +46,7 @@ def proof_of_pair():
 
 
 def proof_in_si():
-    return prove_fixed_point(hopper_in_si(30.0, 30.0, stiffness=8000.0, rest_length=2.0), 2.707, "0.02", digits=30)
+    return prove_fixed_point(hopper_in_si(30.0, 30.0, stiffness=8000.0, rest_length=2.0), 2.707, "0.02")
 
 
 TRUE = {
@@ -117,16 +117,15 @@ def test_what_a_file_says_besides(bounce, name):
 
 FALSE = {
     "alpha": (("enclosures", "alpha"), lambda pair: moved(pair, "1e-20")),
-    "flight time": (("enclosures", "flight_time_2"), lambda pair: moved(pair, "-1e-18")),
     "contact time": (("enclosures", "contact_time"), lambda pair: moved(pair, "1e-18")),
     "exact liftoff": (("enclosures", "liftoff"), ["1.000000000000000001"] * 2),
     "multiplier": (("enclosures", "multiplier"), lambda pair: moved(pair, "-2e-13")),
     "injection": (("machine", "injection"), ["0.0300000000000000001"] * 2),
     "spring": (("machine", "springs", 0, "force"), ["r + 1e-18*r**3"]),
-    "mass": (("machine", "masses", 0, 1), "(1 + mass_ratio)/mass_ratio + 1e-18"),
     "a hostile gravity": (("machine", "gravity"), "1e300"),
     "uniqueness": (("parts", 0, "uniqueness_radius"), "3"),
     "separation": (("machine", "separation"), "rest_length + y1 - y2 - 5"),
+    "separation in flight": (("machine", "separation"), "rest_length + y2 - y1 - 5"),
 }
 
 
@@ -170,7 +169,6 @@ def test_a_period_doubling_is_verified(doubling):
 
 
 @SLOW
-@pytest.mark.parametrize(("name", "by"), [("cubic_coefficient", "1e-6"), ("inject", "1e-18")])
-def test_a_changed_number_of_a_doubling_is_refused(doubling, name, by):
-    false = changed(doubling, "enclosures", name, to=lambda pair: moved(pair, by))
-    assert check_saved(false) == [f"{name} lies outside of its enclosure"]
+def test_a_changed_injection_of_a_doubling_is_refused(doubling):
+    false = changed(doubling, "enclosures", "inject", to=lambda pair: moved(pair, "1e-18"))
+    assert check_saved(false) == ["inject lies outside of its enclosure"]
