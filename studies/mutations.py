@@ -43,7 +43,7 @@ TESTED_BY = {
     ),
     "laws": ("laws", "problems/laws", "periodic"),
     "model": ("model", "flow", "periodic", *(f"mechanics/test_{name}.py" for name in ("derived", "parts", "terms"))),
-    "numerics": ("numerics", "simulation/test_impacts.py", "return_map/test_resolved_map.py"),
+    "numerics": ("numerics", "simulation/test_impacts.py", "return_map/test_resolution.py"),
     "periodic": (
         *("periodic", "shooting", "laws/test_features.py", "problems/machines", "design/test_designs_at_once.py"),
         *("sweeps/test_members.py", "continuation/test_table.py"),

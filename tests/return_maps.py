@@ -11,7 +11,8 @@ from orbits.return_map.branches import BranchTracer
 from orbits.return_map.cycles import MapsAlong
 from orbits.return_map.hops import Hops
 from orbits.return_map.launch_curve import PeriodicLaunch
-from orbits.return_map.map_pieces import map_pieces
+from orbits.return_map.limited_hops import PlainMap
+from orbits.return_map.resolution import map_pieces
 from problems import Hopper
 
 
@@ -28,13 +29,13 @@ class KnownMaps(MapsAlong):
         return SimpleNamespace(next=self.following(np.asarray(alpha), value), impacts=self.count(np.asarray(alpha)))
 
     def pieces_at(self, value, low, high):
-        def hops(x):
+        def hops(x, cap):
             following = self.following(x, value)
             status = np.where(np.isfinite(following), "lifts_off", "rests")
             return Hops(x, following, 0 * x, self.count(x), status)
 
         reach = max(high - low, 1e-4)
-        return map_pieces(hops, [], max(low - reach, 1e-6), high + reach, 20)
+        return map_pieces(PlainMap(hops), max(low - reach, 1e-6), high + reach, 20)
 
     def multiplier(self, launches, value):
         return float(np.prod([self.slope(a, value) for a in launches]))

@@ -7,7 +7,7 @@ from typing import Any, Self
 
 from ..errors import InputError
 from ..result import Axes, Result, Row, shown
-from .resolved_map import Intervals
+from .map_pieces import Intervals
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -14,6 +14,7 @@ import numpy as np
 from ..curves import End, Event
 from ..errors import InputError, NoOrbit, finite_number, is_list, range_of, whole_number
 from ..model.machine import Machine, machine_in_words
+from ..numerics.roots import ROUNDING
 from ..result import Progress
 from ..running import interrupts
 from ..running.exclusive import exclusive
@@ -24,7 +25,6 @@ from .cycles import INJECT, MapsAlong
 from .diagram import RESERVED_IN_DIAGRAMS, BifurcationDiagram, Branch
 from .launch_branches import launch_diagram
 from .launch_curve import STEPS_OF_BRANCHES, PeriodicLaunch
-from .resolved_map import ROUNDED
 
 SECTIONS, SECTIONS_OF_STARTS = 9, 3  # values of the parameter at which fixed points are searched for by default
 SAME_PLACE = 1e-6  # launches that differ by a smaller share of the range are the same
@@ -163,7 +163,7 @@ class _Search:
         tracer = self._tracer(period)
         for alpha in self._lossless() if period == 1 else []:
             hop, beside = tracer.start_lossless(alpha)
-            if max(abs(side.value) for side in beside) <= ROUNDED * alpha:
+            if max(abs(side.value) for side in beside) <= ROUNDING * alpha:
                 continue  # nothing is lost beside it either, and every launch returns
             below, above = ([side, *tracer.trace(side, 1, tracer.options.beside_lossless)] for side in beside)
             self._store(1, [*reversed(below), Event("fold", point=hop), *above])

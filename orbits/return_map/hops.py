@@ -1,14 +1,14 @@
 """The results of a return map of launch speeds: hops, fixed points, and what keeps a machine hopping."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from ..io import Document
 from ..result import Axes, Result, Row, known, shown
-from ..units import DIMENSIONS_OF_HOPS, Units
+from ..units import DIMENSIONS_OF_HOPS, LIFTOFF_SPEED, Units
 
 HOP_COLUMNS = ("alpha", "next", "loss", "impacts", "status")
 
@@ -99,6 +99,36 @@ class FixedPoint:
     kind: str
     multiplier: float | None = None
     smallest_separation: float | None = None
+
+
+class FixedPoints(tuple[Any, ...]):
+    """The fixed points of a return map: `FixedPoint`, ascending, or `PeriodicHop` where they were searched from starts.
+
+    unresolved : intervals of launch speeds in which there may be others: borders of the map accumulate there, or hops
+        have so many impacts that the search has ended; a narrower range is resolved farther
+    """
+
+    unresolved: tuple[tuple[float, float], ...]
+
+    def __new__(cls, points: Iterable[Any] = (), unresolved: Iterable[tuple[float, float]] = ()) -> Self:
+        found = super().__new__(cls, points)
+        found.unresolved = tuple(unresolved)
+        return found
+
+    def in_units(self, units: Units) -> Self:
+        """The same in these units."""
+        return type(self)(units.converted(tuple(self), ()), units.converted(self.unresolved, LIFTOFF_SPEED))
+
+    def __repr__(self) -> str:
+        text = super().__repr__()
+        if not self.unresolved:
+            return text
+        low, high = self.unresolved[0][0], self.unresolved[-1][1]
+        number, length = len(self.unresolved), sum(b - a for a, b in self.unresolved)
+        return f"{text}, and maybe others in {number} intervals of the length {length:.2g} from {low:.9g} to {high:.9g}"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (tuple(self), self.unresolved)
 
 
 @dataclass(frozen=True)

@@ -74,7 +74,8 @@ class PeriodicHops(Result, Sequence[Cycle], what="periodic hops", dimension="lau
     period : the number of hops after which a launch comes back, and not before
     low, high, inject : the range of launch speeds, and the injection of the map
     cycles : the hops
-    branches : the monotone branches of the map, ascending, to which the itineraries refer
+    branches : the monotone branches of the map, ascending, to which the itineraries refer; for period one those parts
+        that may touch the identity line
     itineraries : how many itineraries belong to launches
     error_of_map : how far the polynomials that represent the map in the search are from it
     unresolved : intervals of launch speeds in which the map is not resolved, as where its borders accumulate after many
@@ -154,10 +155,15 @@ class PeriodicHops(Result, Sequence[Cycle], what="periodic hops", dimension="lau
         searched = (
             f"all {self.itineraries} itineraries through its {len(self.branches)} monotone branches were searched"
         )
+        if self.period == 1:
+            searched = (
+                f"all {len(self.branches)} monotone parts near the identity line, by launches on a grid, were searched"
+            )
         error = f"{self.error_of_map:.1g}{unit}"
         notes = [f"complete for polynomials that differ from the map by {error} where they are compared: {searched}"]
         if not self.branches:
             none = "complete: no launch has a next one there, or hops lose nothing and an injection adds to each"
+            none = "no launch on a grid there has a next one near it" if self.period == 1 else none
             found = "without injection or damping only lossless hops come back: those that a search finds, as that of"
             notes = [none if self.inject else f"{found} find_all, which does not prove that there are no others"]
             notes = ["not complete: the map is not resolved"] if self.unresolved else notes
@@ -211,6 +217,12 @@ def cycles_of(
             continue
         cycles.append((row, word, counts, error))
     return sorted(cycles, key=lambda each: tuple(each[0].tolist())), len(found.words)
+
+
+def fixed_launches(return_map: Any, pieces: MapPieces) -> list[float]:
+    """The launch speeds, ascending, that come back after one hop of a map whose pieces without injection are known."""
+    branches = MonotoneBranches.of(pieces, return_map.inject)
+    return [float(each[0][0]) for each in cycles_of(branches, return_map, 1)[0]] if len(branches.ends) else []
 
 
 def polished_cycles(

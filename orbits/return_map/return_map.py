@@ -7,7 +7,7 @@ like the power 4/3 of the distance, and the difference would be rounding.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from ..io import fields_in_line
 from ..model.machine import Machine, dimensionless, machine_in_words
 from ..numerics.roots import enclosed_ends
 from ..periodic.find import find
+from ..periodic.lossless_speeds import lossless_speeds
 from ..result import Axes, Progress, cell, shown
 from ..running.exclusive import exclusive, in_threads
 from ..running.time_limit import TimeOver, time_limit
@@ -31,13 +32,16 @@ from ..simulation.simulation import simulate
 from ..tables import number_text
 from ..units import ENERGY, LIFTOFF_SPEED, Message, Quantity, in_own_units, without_units
 from .basins import Basins
-from .hops import FixedPoint, Hops, Upkeep
+from .hops import FixedPoint, FixedPoints, Hops, Upkeep
 from .launch_hops import hops_of_launches
-from .map_pieces import MapPieces, map_pieces
+from .limited_hops import PlainMap
+from .map_pieces import JUMP, Intervals, MapPieces
 from .periodic_hop import PeriodicHop, different_hops, periodic_hop
-from .periodic_hops import PeriodicHops, all_periodic_hops, lossless_hops
-from .resolved_map import JUMP, SLOWEST_LOSSLESS, Intervals, ResolvedMap, lossless_speeds
+from .periodic_hops import PeriodicHops, all_periodic_hops, fixed_launches, lossless_hops
+from .resolution import map_pieces
+from .resolved_map import ResolvedMap
 
+SLOWEST_LOSSLESS = 1e-3  # below this, in the units of the machine, no lossless launch is searched
 BATCH_SIZE = 8192  # launch speeds in one batch: enough to pay for the calls, few enough for the processor's cache
 # The launches in the picture of a map, and the fastest of them where there is no lossless one, in units of the machine.
 SHOWN, HIGH_LAUNCH = 1000, 9.0
@@ -80,7 +84,7 @@ class ReturnMap:
         self._speed: float = self.units.of(LIFTOFF_SPEED) if self.units else 1.0
         self.inject, self.cap = injected(inject, self._speed), whole_number("cap", cap, "impacts")
         self._own = ReturnMap(dimensionless(machine), self.inject / self._speed, self.cap) if self.units else None
-        self._resolved = dict[tuple[float, float, int], MapPieces]()
+        self._resolved = dict[tuple[float, float, int, float | None], MapPieces]()
         self.impacts: Any = self._own.impacts if self._own else _impacts_of(machine)
 
     @cached_property
@@ -165,22 +169,23 @@ class ReturnMap:
     def fixed_points(
         self, low: float | None = None, high: float | None = None, samples: int = 2000, *,
         starts: Sequence[Any] | None = None, progress: Progress = None,
-    ) -> tuple[Any, ...]:  # fmt: skip
+    ) -> FixedPoints:  # fmt: skip
         """The fixed points of the map between two launch speeds, ascending; or those that Newton's method finds from
         `starts`, launches of d numbers: the different ones among their `periodic_hop`, in their order, and beside a
         lossless start the one with less energy too.
 
         Without injection or damping they are the lossless orbits that are motions: all that a search like that of
         `find_all` shows, and of machines that step those of `find`. With either, they are where the map crosses the
-        identity line: next - alpha changes its sign between neighbours of a grid of `samples` launches, refined near
-        lossless ones and near extrema.
-        `progress` is called with the completed share of the starts, and with 0 while the grid is refined.
+        identity line: its smooth pieces are searched that may touch it between the launches of a grid of `samples`,
+        see `orbits.return_map.resolution`. A fixed point may be missed where the map comes to the line and goes away
+        again between two of these. The result states in `unresolved` the intervals of launch speeds in which there may
+        be others since borders accumulate or hops have very many impacts.
+        `progress` is called with the completed share.
 
-        Raises `NoOrbit` where the search takes more than 30 s, as where hops have thousands of impacts, unless
-        `time_limit` allows more; a smaller `cap` of the map ends such hops earlier.
+        Raises `NoOrbit` where the search takes more than 30 s, unless `time_limit` allows more.
         """
         if starts is not None:
-            return different_hops(self._periodic, starts, progress)
+            return FixedPoints(different_hops(self._periodic, starts, progress))
         self._check_one_speed("fixed_points(low, high)")
         if low is None or high is None:
             raise InputError("fixed points are searched for between two launch speeds, low and high, or from starts")
@@ -231,19 +236,26 @@ class ReturnMap:
     def _all_periodic(self, period: int, low: float, high: float, samples: int, progress: Progress) -> PeriodicHops:
         """The `periodic_hops` of a period."""
         if self.inject == 0 and self.impacts.model.conservative and not self.impacts.descends:
-            lossless = lossless_speeds(self.impacts, low, high) if period == 1 else []
+            lossless = lossless_speeds(self.machine, low, high) if period == 1 else []
             return lossless_hops(self, period, low, high, lossless)
         if self.only_gains:
             return PeriodicHops(self._words, period, low, high, self.inject, ())
         half = progress and (lambda share: progress(0.5 * share))  # the other half are the hops
-        pieces = self._pieces(low, high, samples, half)
+        pieces = self._pieces(low, high, samples, half, self.inject if period == 1 else None)
         return all_periodic_hops(self, pieces, period, progress and (lambda share: progress(0.5 + 0.5 * share)))
 
-    def _pieces(self, low: float, high: float, samples: int, progress: Progress = None) -> MapPieces:
-        """The pieces between two launch speeds of the dimensionless map without injection."""
-        if (found := self._resolved.get((low, high, samples))) is None:
-            plain, lossless = ReturnMap(self.machine, cap=self.cap), lossless_speeds(self.impacts, low, high)
-            found = self._resolved[low, high, samples] = map_pieces(plain, lossless, low, high, samples, progress)
+    def _pieces(
+        self, low: float, high: float, samples: int, progress: Progress = None, inject: float | None = None
+    ) -> MapPieces:
+        """The pieces between two launch speeds of the dimensionless map without injection: all of them, or those near
+        the identity line for an injection."""
+        known = (self._resolved.get((low, high, samples, each)) for each in (None, inject))
+        if (found := next((each for each in known if each), None)) is None:
+            maps = cache(lambda cap: ReturnMap(self.machine, cap=cap))
+            lossless = lossless_speeds(self.machine, low, high)
+            plain = PlainMap(lambda x, cap: maps(cap)(x), lossless, self.cap, self._first.descends)
+            found = map_pieces(plain, low, high, samples, inject, progress)
+            self._resolved[low, high, samples, inject] = found
         return found
 
     @property
@@ -255,17 +267,19 @@ class ReturnMap:
         with without_units(self.units):
             return periodic_hop(self.machine, self.section, start, period, self.inject / self._speed, self.cap, below)
 
-    @in_own_units(LIFTOFF_SPEED, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
-    def _fixed_points(self, low: float, high: float, samples: int, progress: Progress = None) -> tuple[FixedPoint, ...]:
+    @in_own_units(lambda found, step: found.in_units(step.units), low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
+    def _fixed_points(self, low: float, high: float, samples: int, progress: Progress = None) -> FixedPoints:
         """The `fixed_points` between two launch speeds."""
         low, high, samples = _checked_grid(low, high, samples)
-        lossless = lossless_speeds(self.impacts, low, high)
         if self.inject == 0 and self.impacts.model.conservative and not self.impacts.descends:
-            return tuple(FixedPoint(alpha, "lossless", None, self._separation(alpha)) for alpha in lossless)
+            lossless = lossless_speeds(self.machine, low, high)
+            return FixedPoints(FixedPoint(alpha, "lossless", None, self._separation(alpha)) for alpha in lossless)
         if self.only_gains:
-            return ()
-        crossings = ResolvedMap(self, lossless, low, high, samples, True, progress).crossings().tolist()
-        return tuple(FixedPoint(a, "crossing", self._slope(a), self._separation(a)) for a in crossings)
+            return FixedPoints()
+        pieces = self._pieces(low, high, samples, progress, self.inject)
+        crossings = fixed_launches(self, pieces)
+        found = (FixedPoint(a, "crossing", self._slope(a), self._separation(a)) for a in crossings)
+        return FixedPoints(found, pieces.unresolved)
 
     @exclusive
     def smallest_separation(self, alpha: ArrayLike) -> np.ndarray | None:
@@ -321,8 +335,8 @@ class ReturnMap:
                 ends = {name: Quantity(x, LIFTOFF_SPEED) for name, x in (("low", low_edge), ("high", high_edge))}
                 text = "edges = ({low:.17g}, {high:.17g}); the launch speeds of an interval are above 0 and ascend"
                 raise InputError(Message(text, **ends))
-        lossless = lossless_speeds(self.impacts, low, high)
-        return ResolvedMap(self, lossless, low, high, samples, False).preimages(edges)
+        lossless = lossless_speeds(self.machine, low, high)
+        return ResolvedMap(self, lossless, low, high, samples).preimages(edges)
 
     @exclusive
     def upkeep(self, alpha: float) -> "Upkeep":
@@ -348,9 +362,13 @@ class ReturnMap:
         if hop.status != "lifts_off":
             text = "the hop from alpha = {alpha:g} ends with '{status}': there is no next launch to keep up"
             raise NoOrbit(Message(text, alpha=Quantity(alpha, LIFTOFF_SPEED), status=str(hop.status)))
-        impacts = self.impacts.first() if isinstance(self.impacts, Branches) else self.impacts
-        before, after = impacts.launch(np.array([float(hop.next), alpha]))
-        return Upkeep(alpha, alpha - float(hop.next), impacts.energy(after) - impacts.energy(before))
+        before, after = self._first.launch(np.array([float(hop.next), alpha]))
+        return Upkeep(alpha, alpha - float(hop.next), self._first.energy(after) - self._first.energy(before))
+
+    @property
+    def _first(self) -> Impacts:
+        """The impacts, with hysteresis those on one branch."""
+        return self.impacts.first() if isinstance(self.impacts, Branches) else self.impacts
 
     def plot(
         self, low: float, high: float, axes: Axes | None = None, start: float | None = None, hops: int = 60,
@@ -384,11 +402,11 @@ class ReturnMap:
         hops = whole_number("hops", hops, "hops", 0)
         if self.inject != 0 or not self.impacts.model.conservative or self.impacts.descends:
             raise InputError(NO_BASIN)
-        lossless = [star for star in lossless_speeds(self.impacts, SLOWEST_LOSSLESS, high) if star < high]
+        lossless = [star for star in lossless_speeds(self.machine, SLOWEST_LOSSLESS, high) if star < high]
         words = machine_in_words(self.machine)
         if not lossless:
             return Basins(words, low, high, ())
-        resolved_map = ResolvedMap(self, lossless, lossless[0], high, samples, False)
+        resolved_map = ResolvedMap(self, lossless, lossless[0], high, samples)
         found = {star: resolved_map.basin(lossless, hops, high - low, only=k) for k, star in enumerate(lossless)}
         inside = {star: tuple((max(a, low), min(b, high)) for a, b in own if b > low) for star, own in found.items()}
         return Basins(words, low, high, tuple((star, own) for star, own in inside.items() if own))
@@ -411,10 +429,10 @@ class ReturnMap:
         if self.inject != 0 or not self.impacts.model.conservative or self.impacts.descends:
             raise InputError(NO_BASIN)
         hops = whole_number("hops", hops, "hops", 0)
-        lossless = lossless_speeds(self.impacts, SLOWEST_LOSSLESS, high)
+        lossless = lossless_speeds(self.machine, SLOWEST_LOSSLESS, high)
         if not lossless or lossless[0] >= high:
             return []
-        resolved_map = ResolvedMap(self, lossless, lossless[0], high, samples, False, progress)
+        resolved_map = ResolvedMap(self, lossless, lossless[0], high, samples, progress)
         intervals = resolved_map.basin(lossless, hops, high - low, progress)
         return [(max(a, low), min(b, high)) for a, b in intervals if b > low]
 

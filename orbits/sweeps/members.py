@@ -107,7 +107,8 @@ def _fixed(question: Question, table: Table, report: Callable[[int], None]) -> N
             continue
         table.columns["count"][row] = len(found)
         table.columns["status"][row] = "certified" if found else "no orbit"
-        table.columns["reason"][row] = "" if found else "the return map has no fixed point between these launch speeds"
+        none = "no resolved fixed point" if found.unresolved else "no fixed point"
+        table.columns["reason"][row] = "" if found else f"the return map has {none} between these launch speeds"
         if found:
             best = min(found, key=lambda point: (point.multiplier is None or abs(point.multiplier) >= 1, point.alpha))
             table.columns["alpha"][row] = best.alpha

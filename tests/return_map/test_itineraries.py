@@ -6,14 +6,14 @@ import pytest
 from orbits.errors import InputError
 from orbits.return_map import itineraries
 from orbits.return_map.itineraries import MonotoneBranches, intervals_of, periodic_launches
-from orbits.return_map.map_pieces import map_pieces
+from orbits.return_map.resolution import map_pieces
 from tests.return_map.test_map_pieces import hops_of
 
 
 def logistic(r):
     """The branches of the logistic map x -> r x (1 - x), shifted by 1."""
     step = hops_of(lambda x: 1 + r * (x - 1) * (2 - x), lambda x: np.ones(len(x)))
-    return MonotoneBranches.of(map_pieces(step, [], 1.0, 2.0, 20), 0.0)
+    return MonotoneBranches.of(map_pieces(step, 1.0, 2.0, 20), 0.0)
 
 
 def launches(branches, period):

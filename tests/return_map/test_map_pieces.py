@@ -4,21 +4,22 @@ import numpy as np
 import pytest
 
 from orbits import ReturnMap, find, multiplier
-from orbits.return_map import map_pieces as map_pieces_of
 from orbits.return_map.hops import Hops
-from orbits.return_map.map_pieces import map_pieces, polynomials
+from orbits.return_map.limited_hops import PlainMap, Resolution
+from orbits.return_map.map_pieces import polynomials
+from orbits.return_map.resolution import map_pieces
 from problems import Hopper
 
 
 def hops_of(function, impacts, rests=lambda x: np.zeros(x.shape, bool)):
-    """The hops of a map in closed form."""
+    """A map in closed form."""
 
-    def hops(x):
+    def hops(x, cap):
         ends = rests(x)
         following = np.where(ends, np.nan, function(x))
         return Hops(x, following, 0 * x, impacts(x).astype(int), np.where(ends, "rests", "lifts_off"))
 
-    return hops
+    return PlainMap(hops)
 
 
 def at(pieces, x):
@@ -37,7 +38,7 @@ def test_a_graze_a_jump_and_a_rest_are_found_with_their_powers():
         return np.where(x < 2.3, 3 * x, np.where(x < 3.7, 6.9 - np.sqrt(np.maximum(x - 2.3, 0)), np.sin(x) + 2))
 
     step = hops_of(function, lambda x: np.digitize(x, [2.3, 3.7]), lambda x: x > 5.1)
-    pieces = map_pieces(step, [], 1.0, 6.0, 50)
+    pieces = map_pieces(step, 1.0, 6.0, 50)
     kinds = [(border.kind, border.powers) for border in pieces.borders]
     assert kinds == [("graze", (1, 2)), ("jump", (1, 1)), ("rests", (1, 1))]
     assert [border.alpha for border in pieces.borders] == pytest.approx([2.3, 3.7, 5.1], rel=1e-15)
@@ -50,23 +51,22 @@ def test_a_graze_a_jump_and_a_rest_are_found_with_their_powers():
 
 def test_borders_that_the_grid_does_not_show_are_found_where_no_polynomial_fits():
     step = hops_of(lambda x: np.where(np.abs(x - 1.50123) < 1e-3, 2.0, x), lambda x: 1 + (np.abs(x - 1.50123) < 1e-3))
-    pieces = map_pieces(step, [], 1.0, 2.0, 500)
+    pieces = map_pieces(step, 1.0, 2.0, 500)
     assert [border.alpha for border in pieces.borders] == pytest.approx([1.50023, 1.50223], rel=1e-14)
 
 
 def test_borders_that_accumulate_are_named():
     step = hops_of(lambda x: 2.0 + (np.floor(np.log2(x)) % 2), lambda x: 1 + np.floor(-np.log2(x)) % 7)
-    pieces = map_pieces(step, [], 1e-12, 1.0, 50)
+    pieces = map_pieces(step, 1e-12, 1.0, 50)
     assert pieces.unresolved
     assert max(b for _, b in pieces.unresolved) < 1e-6
 
 
 def test_cells_that_are_given_up_are_not_resolved(monkeypatch):
     said = list[str]()
-    monkeypatch.setattr("orbits.return_map.map_pieces.SHORTEST_CELL", 0.1)
-    monkeypatch.setattr("orbits.return_map.map_pieces.heartbeat.remark", said.append)
+    monkeypatch.setattr("orbits.return_map.resolution.heartbeat.remark", said.append)
     noise = lambda x: np.where(x < 1.5, x, 1 + np.abs(np.sin(1e9 * x)))  # noqa: E731
-    pieces = map_pieces(hops_of(noise, np.ones_like), [], 1.0, 2.0, 5)
+    pieces = map_pieces(hops_of(noise, np.ones_like), 1.0, 2.0, 5, options=Resolution(shortest=0.1))
     left = sum(b - a for a, b in pieces.unresolved)
     assert left >= 0.5
     assert said[-1].startswith(f"{100 * (1 - left):.4g} % of the launch speeds from 1 to 2 are resolved")
@@ -74,7 +74,7 @@ def test_cells_that_are_given_up_are_not_resolved(monkeypatch):
 
 @pytest.fixture(scope="module")
 def of_hopper():
-    return map_pieces(ReturnMap(Hopper()), [4.493409457909064], 4.3, 5.3, 50)
+    return ReturnMap(Hopper())._pieces(4.3, 5.3, 50)
 
 
 def test_the_law_of_the_power_four_thirds_is_exact_beside_the_lossless_launch(of_hopper):
@@ -126,10 +126,9 @@ def test_cells_end_at_the_rounding_of_the_map():
     assert (impacts[lifts] == hops.impacts[lifts]).all()
 
 
-def test_the_search_ends_where_borders_are_dust(monkeypatch):
+def test_the_search_ends_where_borders_are_dust():
     """A map with a border at each 2^-k, on both sides of which there is a next launch or none: what is left after the
     last impact that the search may follow is unresolved, and the rest is the map."""
-    monkeypatch.setattr(map_pieces_of, "MOST_EFFORT", 2e5)
     launches = []
 
     def rests(x):
@@ -137,7 +136,7 @@ def test_the_search_ends_where_borders_are_dust(monkeypatch):
         return np.floor(-np.log2(np.maximum(x - 1.0, 1e-300)) * 40) % 2 == 1
 
     step = hops_of(lambda x: 2.0 + np.sin(x), lambda x: np.where(x < 1.5, 50, 1), rests)
-    pieces = map_pieces(step, [], 1.0, 2.0, 50)
+    pieces = map_pieces(step, 1.0, 2.0, 50, options=Resolution(effort=2e5))
     assert sum(launches) < 1e5
     assert sum(b - a for a, b in pieces.unresolved) > 0.01
     x = np.random.default_rng(2).uniform(1.0, 2.0, 300)

@@ -1,12 +1,14 @@
 """All hops of a period, against brute force on the map and Newton's method."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 from orbits import InputError, ReturnMap, find, multiplier
-from orbits.return_map import map_pieces
+from orbits.return_map import resolution, return_map
+from orbits.return_map.limited_hops import Resolution
 from orbits.return_map.periodic_hops import PeriodicHops
 from problems import Hopper, hopper_in_si
 
@@ -103,8 +105,14 @@ def test_the_result_says_what_it_rests_on(tmp_path):
 
 
 def test_a_map_that_is_not_resolved_is_not_complete(monkeypatch):
-    monkeypatch.setattr(map_pieces, "MOST_EFFORT", 0.0)
-    hops = ReturnMap(Hopper(), inject=0.1).periodic_hops(1, LOW, HIGH)
+    short = partial(resolution.map_pieces, options=Resolution(effort=0.0))
+    monkeypatch.setattr(return_map, "map_pieces", short)
+    hops = ReturnMap(Hopper(), inject=0.1).periodic_hops(2, LOW, HIGH)
     assert (len(hops), hops.unresolved) == (0, ((LOW, HIGH),))
     assert "not complete" in str(hops)
     assert "no launch has a next one" not in str(hops)
+    points = ReturnMap(Hopper(), inject=0.1).fixed_points(LOW, HIGH, samples=400)
+    assert points == ()
+    known = 4.4773, 4.5553
+    assert all(any(a < alpha < b for a, b in points.unresolved) for alpha in known)
+    assert "maybe others in 2 intervals" in repr(points)
