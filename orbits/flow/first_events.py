@@ -71,7 +71,7 @@ def first_zero(quantity: Affine, skip_start: int = 0, rising: bool = False) -> S
 
 
 def nth_zero(quantity: Affine, count: int) -> StopTest:
-    """A stop test at the sign change of this number of an affine function of the rows."""
+    """A stop test at the count-th sign change of an affine function of the rows."""
     crossings, left = Crossings(), [count]
 
     def stop(c: Array, steps: Array) -> tuple[int, float] | None:
@@ -157,6 +157,8 @@ class _Search:
         self.limit = np.minimum(limit, ends)
         for number, quantity in enumerate(self.watch.functions):
             self._zeros_in_closed_form(form, number, quantity)
+        # A motion may break off while a function is searched whose zero is later than that of another one.
+        self.failed = {i: error for i, error in self.failed.items() if not np.isfinite(self.times[i])}
         if self.watch.turns:
             never = np.isnan(self.times) & (ends <= limit)
             never[[*self.failed]] = False
@@ -185,7 +187,7 @@ class _Search:
             owner, piece, t = polynomials.first_roots(skip, self.watch.rising, signs[remaining])
             signs[remaining] = polynomials.after
             found, hits = began[owner] + length * piece + t, remaining[owner]
-            soon = found <= self.limit[hits]
+            soon = (found < self.limit[hits]) | ((found == self.limit[hits]) & (self.which[hits] < 0))
             self._found(hits[soon], found[soon], number, form.state(self.starts[hits[soon]].T, found[soon]).T)
             if form.pushed:
                 away = ~(np.abs(c[block - 1 :: block, 0]) <= self.flow.control.runaway)
@@ -232,7 +234,7 @@ class _Search:
             if not len(lanes):
                 return
             interrupts.heed()
-            z, steps, counts, going = stepper.watch(z, data, self.watch, on and on.of(lanes), most)
+            z, steps, counts, going = stepper.follow(z, data, self.watch, on and on.of(lanes), most)
             found, over = z[:, at.found] > 0, z[:, at.time] >= self.limit[lanes]
             never = ~found & self._never(z)
             self.times[lanes[never]] = np.inf
@@ -286,7 +288,7 @@ class _Search:
         """Search one step of each of the motions `found` with these z after it, for the first zero of a function;
         returns which have none there and go on, with the z where they do."""
         at, watch, lanes = self.flow.stepper(0).places, self.watch, lanes[found]
-        if watch.rising or not self.flow.stepper(0).watches_in_code(watch):  # what is compiled for a few takes longer
+        if watch.rising or not self.flow.stepper(0).often_finds(watch, len(lanes)):
             event, rows, signs = self._halved(steps, lanes)
         else:
             event, rows, signs = watch.event(steps, data if len(lanes) == len(data) else data[found])
@@ -328,7 +330,7 @@ class _Search:
         if len(indices):
             left = ~self._ended(indices, on and on._replace(tables=on.of(indices), numbers=z[:, at.piece]), z)
             indices, z = indices[left], z[left]
-        self.one_by_one(indices, *(z[:, place] for place in (at.state, at.time, at.fresh)))
+        self.one_by_one(indices, *(z[:, place] for place in (at.state, at.time, at.fresh, at.changes)))
 
     def _ended(self, indices: Array, on: OnPieces | None, z: Array) -> Array:
         """Whether motions `on` pieces end without an event within the steps of one call of `Flow.run`, which decides it
@@ -360,15 +362,16 @@ class _Search:
             self.failed[int(indices[i])] = kind(flow.failure(what, *at)) if self.reasons else BREAKS_OFF
         return none | whole
 
-    def one_by_one(self, indices: Array, x: Array, began: Array, fresh: ArrayLike = 1) -> None:
+    def one_by_one(self, indices: Array, x: Array, began: Array, fresh: ArrayLike = 1, turned: ArrayLike = 0) -> None:
         """Search the motions `indices` one after the other, from the states `x` at the times `began`, which are `fresh`
-        at the very start."""
+        at the very start, and behind which they have `turned` this number of times."""
         watch = self.watch
         orders = (self.orders[indices].T * fresh).T.astype(int).tolist()
-        for index, start, before, own in zip(indices, x, began, orders, strict=True):
+        left_turns = (watch.most_turns - np.broadcast_to(turned, len(x))).astype(int).tolist()
+        for index, start, before, own, turns in zip(indices, x, began, orders, left_turns, strict=True):
             left, zeros = self.limit[index] - before, chain(own, repeat(0))
             stops = [first_zero(each, order, watch.rising) for each, order in zip(watch.functions, zeros, strict=False)]
-            stop = FirstOf(*stops, *([nth_zero(*watch.turns)] if watch.turns else ()))
+            stop = FirstOf(*stops, *([nth_zero(watch.turns[0], turns)] if watch.turns else ()))
             try:
                 path, _ = self.flow.run(start, self.ps[index if len(self.ps) > 1 else 0], left, stop=stop)
             except FlowError as error:

@@ -30,6 +30,8 @@ from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, VectorField, rows_used, sy
 
 # Up to this degree the terms of a watched function are bounded together, the others one by one.
 BOUND_DEGREE = 6
+# Up to this number of searched steps, events are found without a compiled function.
+FEW_SEARCHES = 30
 
 
 class Motions(NamedTuple):
@@ -142,7 +144,8 @@ class TaylorStepper:
         self.rows, left = graph.size + graph.field.numel_out(1), graph.size * (1 + columns)
         numbers = range(left, left + 7)
         self.places = Places(slice(self.n), slice(self.n, left), slice(numbers.stop, None), *numbers)
-        self._watching: dict[tuple, Kernel] = {}  # of `watch`, by the kinds of `Watch`
+        self._searched: dict[tuple, int] = {}  # the number of steps in which events were searched, by the kinds
+        self._watching: dict[tuple, Kernel] = {}  # of `follow`, by the kinds of `Watch`
 
     @exclusive_property
     def kernel(self) -> Kernel:
@@ -222,8 +225,8 @@ class TaylorStepper:
         ends, left, numbers = z[:, at.state], z[:, at.left], z[:, at.piece]
         return Motions(ends, variations, made[:, 0], c, begins, made[:, 1], counts, left, numbers)
 
-    def watch(
-        self, z: Array, data: Array, watched: "Watch", tables: Array | None, most: int = 1
+    def follow(
+        self, z: Array, data: Array, watch: Watch, tables: Array | None, most: int = 1
     ) -> tuple[Array, Watched, Array, Array]:
         """Motions until an affine function may change its sign, or until their times reach their limits.
 
@@ -235,19 +238,21 @@ class TaylorStepper:
         Returns z when each has ended; the steps that are recorded; the number (m,) of these of each motion; and whether
         it would go on (m,), after the last record or after the most steps.
         """
-        if (kind := watched.kind) not in self._watching:
+        if (kind := watch.kind) not in self._watching:
             self._watching[kind] = self.kernel_of(_watch_function(self, *kind))
         own = () if tables is None else (tables,)
         z, (c, begins, signs), counts, going = self._watching[kind](z, data, *own, most=most)
         return z, Watched(c, begins, signs), counts, going
 
-    def watches_in_code(self, watched: Watch) -> bool:
-        """Whether machine code watches motions so."""
-        return watched.kind in self._watching and self._watching[watched.kind].compiled
+    def often_finds(self, watch: Watch, count: int) -> bool:
+        """Whether events were searched in many steps, with this number of further ones, so that `Watch.event` is worth
+        its graph."""
+        self._searched[watch.kind] = self._searched.get(watch.kind, 0) + count
+        return self._searched[watch.kind] > FEW_SEARCHES
 
     def watched_state(self, x: Array, count: int, numbers: Array | float) -> Array:
-        """The argument z of `watch` with `count` functions: states (m, n) and the numbers (m,) of pieces; the time left
-        is not limited."""
+        """The argument z of `follow` with `count` functions: states (m, n) and the numbers (m,) of pieces; the time
+        left is not limited."""
         z, at = np.zeros((len(x), self.places.signs.start + count)), self.places
         z[:, at.state], z[:, at.left], z[:, at.longest], z[:, at.piece] = x, np.inf, LONGEST_STEP, numbers
         z[:, at.fresh] = 1.0
@@ -284,7 +289,7 @@ def _progress(n: int, size: int) -> ca.Function:
 
 
 def _watch_function(stepper: TaylorStepper, used: tuple[tuple[int, ...], ...], opening: int, turns: int) -> ca.Function:
-    """A step of `TaylorStepper.watch` with functions of the rows `used`, as a `Kernel` iterates it; see `Watch`."""
+    """A step of `TaylorStepper.follow` with functions of the rows `used`, as a `Kernel` iterates it; see `Watch`."""
     at, rows, size, count = stepper.places, stepper.rows, len(used), stepper.step_function.numel_in(1)
     z, data = ca.MX.sym("z", at.signs.start + size), ca.MX.sym("p", count + size * (rows + 1) + opening + 2)
     p, tests, limit, all_steps = data[:count], data[count:-2], data[-2], data[-1]

@@ -59,9 +59,8 @@ def flown_hops(impacts: Impacts, alphas: np.ndarray, most: int = MOST_IMPACTS) -
     times, landings = np.full((m, len(flights)), np.nan), np.full((m, len(flights), hops.starts.shape[1]), np.nan)
     for i, (lanes, lasted, states) in enumerate(flights):
         times[lanes, i], landings[lanes, i] = lasted, states
-    contacts = np.where(np.isfinite(hops.contacts), hops.contacts, np.nan)
-    counts = np.where(np.isfinite(contacts), hops.impacts, 0)
-    return FlownHops(alphas, hops.starts, counts, times, landings, contacts)
+    counts = np.where(np.isfinite(hops.contacts), hops.impacts, 0)
+    return FlownHops(alphas, hops.starts, counts, times, landings, hops.contacts)
 
 
 def slopes_of_hops(impacts: Impacts, alphas: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ After many bounces rounding may decide how a hop ends: neighbouring launches sho
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,8 +43,8 @@ class Flown:
     starts : flight states (m, n)
     status : (m,), "lifts_off", or how else they end
     loss, impacts : energies (m,) lost in impacts, and their numbers (m,)
-    standing, ends : contact states (m, k) where sustained contact begins, and where it ends with a lift-off
-    contacts : times (m,) of these contacts, NaN where none ends within the time of a batch
+    standing, ends : contact states (m, k) where sustained contact begins, and where it ends
+    contacts : times (m,) of the contacts that end with a launch's lift-off, NaN for others
     flights : where they are recorded, of each impact in turn the lanes (k,), the times (k,) since the impact before and
         the flight states (k, n)
     """
@@ -60,16 +60,18 @@ class Flown:
 
     @classmethod
     def begun(cls, impacts: Impacts, starts: np.ndarray, record: bool = False) -> "Flown":
-        """Hops of which nothing is flown."""
+        """Hops that are about to be flown; a spring that no flight has is refused."""
+        if impacts.flight.phase.closed_form:
+            impacts.flight.closed_form(impacts.p)
         m, (standing, ends) = len(starts), np.full((2, len(starts), impacts.contact.size), np.nan)
         status = np.where(impacts.opens(starts), "", "no_launch").astype(STATUS)
         loss, counts, contacts = np.zeros(m), np.zeros(m, int), np.full(m, np.nan)
         return cls(starts, status, loss, counts, standing, ends, contacts, [] if record else None)
 
 
-def fly(impacts: Impacts, hops: Flown, cap: int = CAP, watch: Callable | None = None) -> None:
+def fly(impacts: Impacts, hops: Flown, cap: int = CAP, after_impact: Callable | None = None) -> None:
     """Fly hops with the status "" up to sustained contact, "lifts_off", or to another end; each is abandoned after
-    `cap` impacts. `watch` is called after every impact with the states (m, n), which are constant in contact."""
+    `cap` impacts. `after_impact` is called with states (m, n), which are constant in contact, and losses (m,)."""
     state, lanes = hops.starts.copy(), np.flatnonzero(hops.status == "")
     order, foot = np.full(len(state), LIFTOFF_ORDER), np.zeros(len(state), int)
     earlier, compared = np.full_like(state, np.nan), ROUNDING.first_repetition
@@ -98,8 +100,8 @@ def fly(impacts: Impacts, hops: Flown, cap: int = CAP, watch: Callable | None = 
         hops.status[lanes] = np.where(after.held, LIFTS_OFF, after.ended)
         down = lanes[after.held]
         hops.standing[down] = after.state[after.held] @ impacts.onto_contact.T
-        if watch:
-            watch(state, hops.loss)
+        if after_impact:
+            after_impact(state, hops.loss)
         lanes = lanes[~after.held & (after.ended == "")]
         if impact >= ROUNDING.first_repetition:
             # Motions that repeat themselves, as on a heavy hand, have impacts without end.
@@ -121,8 +123,9 @@ def stand(impacts: Impacts, hops: Flown) -> None:
         limit = np.inf if contact.phase.closed_form else impacts.options.batch_contact * (1 + np.abs(ys).max(1))
         found = first_events(contact, ys, impacts.p, impacts.contact_watch, limit, impacts.grazes(ys).T)
         names = np.array([*(each.outcome for each in impacts.exits), FALLS, ""], STATUS)
-        status = np.where(np.isinf(found.times), "rests" if impacts.model.one_speed else "stays", names[found.which])
-        hops.contacts[lanes], hops.ends[lanes] = found.times, found.rows[:, : contact.size]
+        status = np.where(np.isinf(found.times), impacts.most_turns[1], names[found.which])
+        hops.contacts[lanes] = np.where(found.which == 0, found.times, np.nan)
+        hops.ends[lanes] = found.rows[:, : contact.size]
     for i in np.flatnonzero(status == "").tolist():
         path, status[i], _ = impacts.sustained_contact(ys[i])
         if path is not None:
@@ -178,7 +181,7 @@ def decided_hops(
         parted[far] = True
 
     fly(impacts, hops, cap, compare)
-    own = Flown(*(each[:m] for each in vars(hops).values() if each is not None))
+    own = replace(hops, **{name: each[:m] for name, each in vars(hops).items() if each is not None})
     undecided &= own.status != "cap"
     own.status[undecided | (own.status != hops.status[m:])] = "undecided"
     return own

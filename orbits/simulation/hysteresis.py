@@ -242,7 +242,7 @@ class Branches:
 
     @staticmethod
     def _first(flow: Flow, p, starts, quantity: Affine, limit, skip) -> tuple[np.ndarray, np.ndarray, dict]:
-        """`first_zeros`, infinite times as NaN; none of a quantity that vanishes throughout."""
+        """The first zeros of a quantity, infinite times as NaN; none of a quantity that vanishes throughout."""
         if not any(quantity.weights):
             return np.full(len(starts), np.nan), np.zeros((len(starts), flow.size)), {}
         times, _, rows, errors = first_events(

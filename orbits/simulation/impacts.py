@@ -102,8 +102,7 @@ class ContactStop:
         self.force_zeros, self.speed_zeros = [Crossings(int(each)) for each in grazes], Crossings()
         self.slips = SlipTest(impacts.footing, impacts.contact_force, grazes[0])
         self.falls = FallTest(impacts.footing, contact=True)
-        several = not impacts.model.one_speed
-        self.turns_left, self.over = (TURNS_OF_SEVERAL, "stays") if several else (TURNS, "rests")
+        self.turns_left, self.over = impacts.most_turns
         self.outcome: str | None = None
 
     def __call__(self, coefficients: np.ndarray, steps: np.ndarray) -> tuple[int, float] | None:
@@ -176,10 +175,13 @@ class Impacts:
         speed it never ends."""
         falls = self.model.standing_gap(self.values)
         forces = [each.force for each in self.exits]
-        turns = TURNS if self.model.one_speed else TURNS_OF_SEVERAL
-        return Watch(
-            self.contact, [*forces, falls] if falls else forces, len(forces), (self.model.contact_speed, turns)
-        )
+        turns = self.model.contact_speed, self.most_turns[0]
+        return Watch(self.contact, [*forces, falls] if falls else forces, len(forces), turns)
+
+    @property
+    def most_turns(self) -> tuple[int, str]:
+        """The number of turns of its speed after which a contact never ends, and the status then."""
+        return (TURNS, "rests") if self.model.one_speed else (TURNS_OF_SEVERAL, "stays")
 
     def landing(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """The effect of impacts at flight states (m, n) with closed gap: whether (m,) sustained contact follows,
@@ -204,7 +206,7 @@ class Impacts:
         return held, stuck, loss, wait
 
     def _contact_data(self, x: np.ndarray) -> np.ndarray:
-        """The data of the contact at flight states (m, n)."""
+        """The data of the contact at flight states (m, n); impacts change no place, and so no piece."""
         return self.contact.data(x @ self.onto_contact.T if self.contact.phase.pieces else x, self.p)
 
     def direction(self, x: np.ndarray) -> np.ndarray:

@@ -187,7 +187,8 @@ class Kernel:
 
     def _run_compiled(self, seconds: float) -> None:
         """Take from the budget what machine code takes of so many seconds interpreted."""
-        self.optimisation_budget -= COMPILED_SHARE * seconds
+        with LOCK:
+            self.optimisation_budget -= COMPILED_SHARE * seconds
         if self.optimisation_budget < 0:
             self.optimise()
 
@@ -258,8 +259,9 @@ class Kernel:
 
     def _at_one_point(self, inputs: list[np.ndarray], most: int) -> Iterated | None:
         """`__call__` of machine code at one point; None where it needs more room or iterations than usual."""
-        point, code = self.one_point(self.sizes_in, self._capacity), self._code
+        point, code = self.one_point(self.sizes_in, min(self._capacity, CHECKED)), self._code
         assert code is not None
+        interrupts.heed()
         point.run(code, inputs, (min(most, point.capacity), 1.0, CHECKED))
         count, ended, iterations = point.ends.tolist()
         if self.optimisation_budget < np.inf:  # a clock would take as long as the code

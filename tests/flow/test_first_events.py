@@ -9,14 +9,14 @@ from many_at_once import MACHINES
 
 from orbits import ReturnMap
 from orbits.errors import FlowError, OutOfRange
-from orbits.flow.first_events import CLOSED_BLOCK, CLOSED_STEP, FirstOf, first_events, first_zero, until_zero
+from orbits.flow.first_events import CLOSED_BLOCK, CLOSED_STEP, FirstOf, _Search, first_events, first_zero, until_zero
 from orbits.flow.flow import Flow, flow_of
 from orbits.flow.taylor import Watch
 from orbits.flow.vector_field import FlowControl, VectorField
 from orbits.model.phase import Affine
 from orbits.numerics.polynomial_roots import piecewise_roots
 from orbits.simulation.impacts import Impacts
-from problems import Hopper
+from problems import Hopper, rimless_wheel
 
 
 @pytest.mark.parametrize("spring", ["r + 1e-30*sin(r)", "bilinear"])
@@ -284,3 +284,34 @@ def test_the_first_of_several_functions_is_that_of_each_alone(spring):
         assert path.times[-1] == pytest.approx(found.times[i], rel=1e-12)
         assert path.end == pytest.approx(found.rows[i], abs=1e-11)
         assert stop.which == found.which[i]
+
+
+@pytest.mark.parametrize("spring", ["r", "r + 0.2*r**3"])
+def test_of_two_events_at_one_time_the_first_function_has_it(spring):
+    rules, height = Impacts(Hopper(spring)), Affine((1.0, 0.0), 0.8)
+    starts = np.random.default_rng(4).normal(0.0, 2.0, (30, 2))
+    twice = first_events(rules.contact, starts, rules.p, Watch(rules.contact, [height, height]), 20.0)
+    once = first_events(rules.contact, starts, rules.p, Watch(rules.contact, [height]), 20.0)
+    assert np.array_equal(twice.times, once.times, equal_nan=True)
+    assert (twice.which == once.which).all()
+    assert once.which.max() == 0
+
+
+def test_a_motion_with_an_event_does_not_break_off():
+    """On one that runs away, a second function without a zero is searched behind the event of the first."""
+    rules = Impacts(rimless_wheel())
+    starts = rules.launch(np.linspace(0.3, 3.0, 20))
+    found = first_events(rules.flight, starts, rules.p, rules.flight_watch, 500.0, np.array([[3, 0]]))
+    assert np.isfinite(found.times).any()
+    assert not {*found.failed} & {*np.flatnonzero(np.isfinite(found.times)).tolist()}
+
+
+def test_turns_are_counted_on_behind_the_lanes():
+    """The motion comes back to its start after one turn: not where it has made two of three before."""
+    rules, starts = Impacts(Hopper("r + 0.2*r**3")), np.array([[0.4, -2.0], [0.4, -0.5]])
+    watch = Watch(rules.contact, [Affine((1.0, 0.0), -0.4)], turns=(Affine((0.0, 1.0)), 3))
+    for turned in (0, 1, 2):
+        search = _Search(rules.contact, starts, rules.p[None], watch, 50.0, 1)
+        search.one_by_one(np.arange(2), starts, np.zeros(2), turned=np.full(2, turned))
+        assert np.isinf(search.times).all() == (turned == 2)
+        assert np.isfinite(search.times).all() == (turned < 2)

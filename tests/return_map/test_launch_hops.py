@@ -6,7 +6,7 @@ from columns import column, hop_of, next_launch
 
 from orbits import InputError, Mechanism, ReturnMap, simulate
 from orbits.mechanics import Mass, Spring
-from problems import plate_hopper
+from problems import Chain, plate_hopper
 
 LAUNCHES = np.array([[6.4, -1.2, 1.1], [6.1, -1.4, 0.9], [5.0, -0.5, 0.0], [7.0, 0.2, 2.0]])
 
@@ -100,3 +100,9 @@ def test_intervals_of_speeds_are_refused(verb):
 
 def test_the_map_in_a_notebook():
     assert "numbers of a launch" in ReturnMap(column())._repr_html_()
+
+
+def test_a_spring_that_pushes_is_refused_before_anything_flies():
+    """Though no launch of this chain opens the contact."""
+    with pytest.raises(InputError, match=r"stiffness -0\.05"):
+        ReturnMap(Chain([1, 2, 0.5], springs=["r", "-0.05*r"]))(np.ones((3, 3)))
