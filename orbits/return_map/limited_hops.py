@@ -128,10 +128,10 @@ class LimitedHops:
 
     def excess(self, hops: Hops) -> np.ndarray:
         """The next launch speeds, with the injection, less those of the hops: minus infinity where there is none, and
-        NaN where that of an unfinished hop may be as fast."""
+        NaN where that of an unfinished hop, or of one that rounding decides on, may be as fast."""
         excess = np.where(hops.status == LIFTS_OFF, hops.next + (self.inject or 0.0) - hops.alpha, -np.inf)
         most = np.sqrt(np.maximum(hops.alpha**2 - hops.loss, 0.0)) + (self.inject or 0.0)
-        unknown = (hops.status == "unfinished") & ((most >= hops.alpha) | self.plain.gains)
+        unknown = np.isin(hops.status, ("unfinished", "undecided")) & ((most >= hops.alpha) | self.plain.gains)
         return np.where(unknown, np.nan, excess)
 
     def is_away(self, excess: np.ndarray, change: np.ndarray) -> np.ndarray:
