@@ -227,6 +227,7 @@ NO_RESULTS = {
     "of the mechanics": {"LinearEquations", "Affine", "StateFormula", "Units", "Quantity"},
     "a page that is open": {"Exploration"},
     "an argument of other functions": {"Starts", "BranchPoint", "Hold"},
+    "a tuple of parts": {"FixedPoints"},
 }
 
 
