@@ -118,14 +118,13 @@ def stand(impacts: Impacts, hops: Flown) -> None:
     lanes = np.flatnonzero(hops.status == LIFTS_OFF)
     if not len(lanes):
         return
-    contact, ys, status = impacts.contact, hops.standing[lanes], np.full(len(lanes), "", STATUS)
-    if contact.method != "Runge-Kutta":
-        limit = np.inf if contact.phase.closed_form else impacts.options.batch_contact * (1 + np.abs(ys).max(1))
-        found = first_events(contact, ys, impacts.p, impacts.contact_watch, limit, impacts.grazes(ys).T)
-        names = np.array([*(each.outcome for each in impacts.exits), FALLS, ""], STATUS)
-        status = np.where(np.isinf(found.times), impacts.most_turns[1], names[found.which])
-        hops.contacts[lanes] = np.where(found.which == 0, found.times, np.nan)
-        hops.ends[lanes] = found.rows[:, : contact.size]
+    contact, ys = impacts.contact, hops.standing[lanes]
+    limit = np.inf if contact.phase.closed_form else impacts.options.batch_contact * (1 + np.abs(ys).max(1))
+    found = first_events(contact, ys, impacts.p, impacts.contact_watch, limit, impacts.grazes(ys).T)
+    names = np.array([*(each.outcome for each in impacts.exits), FALLS, ""], STATUS)
+    status = np.where(np.isinf(found.times), impacts.most_turns[1], names[found.which])
+    hops.contacts[lanes] = np.where(found.which == 0, found.times, np.nan)
+    hops.ends[lanes] = found.rows[:, : contact.size]
     for i in np.flatnonzero(status == "").tolist():
         path, status[i], _ = impacts.sustained_contact(ys[i])
         if path is not None:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..flow.first_events import first_events
+from ..flow.first_events import first_events, first_zero
 from ..flow.flow import Flow
 from ..flow.taylor import Watch
 from ..laws.law import from_key
@@ -22,7 +22,6 @@ from ..mechanics.elements import Spring
 from ..mechanics.mechanism import Mechanism
 from ..model.model import refuse_steps
 from ..model.phase import Affine
-from ..numerics.polynomial_roots import Crossings
 from .flyer import ROUNDING
 from .impacts import FASTEST_LAUNCH, LIFTOFF_ORDER, STATUS, TURNS, Impacts, status_of_failure
 
@@ -256,5 +255,4 @@ def first_reversal(rate: Affine, order: int | None) -> Callable:
     throughout, in which none is searched."""
     if order is None or not any(rate.weights):
         return lambda coefficients, steps: None
-    crossings = Crossings(order)
-    return lambda coefficients, steps: next(iter(crossings(rate.series(coefficients), steps)), None)
+    return first_zero(rate, order)

@@ -11,7 +11,12 @@ from problems import Hopper, Juggler
 SPEEDS = np.array([2.0, 2.6, 4.3, 4.55, 5.2, 6.9])
 
 
-@pytest.mark.parametrize("machine", [Hopper(), Juggler("cubic", mass_ratio=3.0), Hopper(damping=0.01)], ids=repr)
+WITHOUT_SERIES = Hopper("r + 0.1*sign(r)*abs(r)**1.5")
+
+
+@pytest.mark.parametrize(
+    "machine", [Hopper(), Juggler("cubic", mass_ratio=3.0), Hopper(damping=0.01), WITHOUT_SERIES], ids=repr
+)
 def test_slopes_are_those_of_each_hop(machine):
     """Also where a hop has several impacts, and none where it has no next launch."""
     found = slopes_of_hops(Impacts(machine), SPEEDS)
@@ -20,6 +25,7 @@ def test_slopes_are_those_of_each_hop(machine):
             assert slope == pytest.approx(multiplier(machine, alpha), rel=1e-10)
         except NoOrbit:
             assert np.isnan(slope)
+    assert np.isfinite(found).any()
 
 
 def test_impacts_and_times_are_those_of_a_simulation():
