@@ -29,6 +29,10 @@ from .errors import (
     OutOfRange as OutOfRange,
 )
 from .exact.bounds import Enclosure as Enclosure
+from .hops.multiplier import multiplier
+from .hops.multipliers import HopMultipliers, multipliers
+from .hops.simulated import Simulation
+from .hops.simulation import simulate
 from .mechanics import (
     Body as Body,
     Damper as Damper,
@@ -64,22 +68,18 @@ from .periodic.fold_statement import fold_statement as fold_statement
 from .periodic.orbit import Orbit
 from .proof.prove import prove, prove_absence, prove_fold
 from .proof.theorem import Proof
-from .return_map.bifurcation import Bifurcation as Bifurcation
-from .return_map.bifurcation_curve import BifurcationCurve as BifurcationCurve
-from .return_map.bifurcations import bifurcations
-from .return_map.diagram import BifurcationDiagram, Branch as Branch, BranchEnd as BranchEnd
-from .return_map.hops import FixedPoint as FixedPoint, Hops as Hops
-from .return_map.launch_hops import LaunchHops as LaunchHops
-from .return_map.periodic_hop import PeriodicHop
-from .return_map.periods import PeriodDiagram as PeriodDiagram, period_diagram
-from .return_map.proofs import prove_doubling, prove_fixed_point
-from .return_map.return_map import ReturnMap
+from .returns.bifurcation import Bifurcation as Bifurcation
+from .returns.bifurcation_curve import BifurcationCurve as BifurcationCurve
+from .returns.bifurcations import bifurcations
+from .returns.diagram import BifurcationDiagram, Branch as Branch, BranchEnd as BranchEnd
+from .returns.hops import FixedPoint as FixedPoint, Hops as Hops
+from .returns.launch_hops import LaunchHops as LaunchHops
+from .returns.periodic_hop import PeriodicHop
+from .returns.periods import PeriodDiagram as PeriodDiagram, period_diagram
+from .returns.proofs import prove_doubling, prove_fixed_point
+from .returns.return_map import ReturnMap
 from .running.time_limit import time_limit
 from .shooting.formulations import METHODS as METHODS
-from .simulation.multiplier import multiplier
-from .simulation.multipliers import HopMultipliers, multipliers
-from .simulation.simulated import Simulation
-from .simulation.simulation import simulate
 from .sweeps.existence import Existence, existence
 from .sweeps.progress import SweepProgress as SweepProgress
 from .sweeps.sweep import sweep

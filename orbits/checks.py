@@ -11,6 +11,8 @@ from .consistency.draws import Graphs
 from .consistency.relations import Relation, share
 from .consistency.verdict import algebraic_relations, inconsistent
 from .errors import InconsistentModel, InputError, NoOrbit, refuse_machine
+from .hops.simulated import Simulation
+from .hops.simulation import simulate
 from .model.machine import MACHINE_FIELDS, Machine, dimensionless, machine_in_words
 from .model.phase import Phase
 from .model.relative import Search
@@ -18,10 +20,8 @@ from .periodic.find import find
 from .periodic.guess import guess
 from .periodic.orbit import Orbit
 from .result import Result
-from .return_map.return_map import ReturnMap
+from .returns.return_map import ReturnMap
 from .running.exclusive import exclusive
-from .simulation.simulated import Simulation
-from .simulation.simulation import simulate
 
 # All parts of a machine.
 PARTS = ("model", "values", "with_values", "describe", "units", "restitution", "rest_length")

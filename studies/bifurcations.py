@@ -23,7 +23,7 @@ import numpy as np
 
 from orbits import BifurcationDiagram, ReturnMap, bifurcations
 from orbits.numerics.roots import enclosed_sign_changes
-from orbits.return_map.cycles import MapsAlong
+from orbits.returns.cycles import MapsAlong
 from orbits.show.plot import new_row, save_figure
 from problems import Hopper, hopper_in_si, springs
 

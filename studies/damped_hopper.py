@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from orbits import ReturnMap, find
+from orbits.hops.impacts import Impacts
 from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
-from orbits.simulation.impacts import Impacts
 from problems import Hopper
 from problems.steering import keep_hopping, missed, work
 

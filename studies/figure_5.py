@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from orbits import ReturnMap, find
+from orbits.hops.impacts import CAP
 from orbits.show.plot import COLOURS, new_row, save_figure
-from orbits.simulation.impacts import CAP
 from problems import HeavyHand, Hopper
 
 LIGHT, HEAVY = 0.02, 1e3

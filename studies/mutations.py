@@ -43,19 +43,19 @@ TESTED_BY = {
     ),
     "laws": ("laws", "problems/laws", "periodic"),
     "model": ("model", "flow", "periodic", *(f"mechanics/test_{name}.py" for name in ("derived", "parts", "terms"))),
-    "numerics": ("numerics", "simulation/test_impacts.py", "return_map/test_resolution.py"),
+    "numerics": ("numerics", "hops/test_impacts.py", "returns/test_resolution.py"),
     "periodic": (
         *("periodic", "shooting", "laws/test_features.py", "problems/machines", "design/test_designs_at_once.py"),
         *("sweeps/test_members.py", "continuation/test_table.py"),
     ),
     "proof": ("proof", "exact", "continuation/test_proved_curve.py"),
-    "return_map": (
-        *("return_map", "simulation/test_multiplier.py", "problems/machines/test_juggler.py"),
+    "returns": (
+        *("returns", "hops/test_multiplier.py", "problems/machines/test_juggler.py"),
         "show/test_map_figures.py",
     ),
     "running": ("running", "symbolic", "sweeps/test_execute.py"),
     "shooting": ("shooting", "periodic", "mechanics/test_parts.py", "problems/laws/test_measured.py"),
-    "simulation": ("simulation", "mechanics/test_parts.py", "problems/machines", "return_map/test_return_map.py"),
+    "hops": ("hops", "mechanics/test_parts.py", "problems/machines", "returns/test_return_map.py"),
     "symbolic": (
         *("symbolic", "laws/test_features.py", "laws/test_law_statement.py", "design/test_problem.py"),
         "control/test_steer.py",

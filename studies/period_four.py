@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 
 from orbits import ReturnMap, bifurcations, find, multiplier, period_diagram
+from orbits.hops.impacts import Impacts
 from orbits.numerics.roots import bracketed_root
-from orbits.return_map.flown_hops import slopes_of_hops
+from orbits.returns.flown_hops import slopes_of_hops
 from orbits.show.period_figures import name_curve
 from orbits.show.plot import COLOURS, legend_below, new_axes, new_row, save_figure
-from orbits.simulation.impacts import Impacts
 from problems import Hopper
 
 INJECT, LAUNCHES = (0.0, 0.15), (4.3, 4.8)

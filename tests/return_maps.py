@@ -7,12 +7,12 @@ import numpy as np
 
 from orbits import bifurcations
 from orbits.curves import Event
-from orbits.return_map.branches import BranchTracer
-from orbits.return_map.cycles import MapsAlong
-from orbits.return_map.hops import Hops
-from orbits.return_map.launch_curve import PeriodicLaunch
-from orbits.return_map.limited_hops import PlainMap
-from orbits.return_map.resolution import map_pieces
+from orbits.returns.branches import BranchTracer
+from orbits.returns.cycles import MapsAlong
+from orbits.returns.hops import Hops
+from orbits.returns.launch_curve import PeriodicLaunch
+from orbits.returns.limited_hops import PlainMap
+from orbits.returns.resolution import map_pieces
 from problems import Hopper
 
 

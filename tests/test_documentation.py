@@ -288,7 +288,7 @@ LONG_EXAMPLES = (
     "problems.machines.plate",
     "orbits.continuation.folds",
     "orbits.design.pareto",
-    "orbits.return_map.proofs",
+    "orbits.returns.proofs",
     "orbits.proof.prove",
     "problems.steering.goals",
 )

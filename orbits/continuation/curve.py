@@ -16,6 +16,7 @@ from ..consistency.accepted import check_parameters
 from ..curves import Points
 from ..errors import InputError, NoOrbit, OrbitsError
 from ..flow.phase_field import OUT_OF_LAW
+from ..hops.lossless_hops import LosslessHops
 from ..model.machine import Machine
 from ..model.planar import Planar
 from ..numerics.roots import solve
@@ -38,7 +39,6 @@ from ..shooting.formulations import Cycles, equations_of, iterative, method_of
 from ..shooting.newton_kernel import NewtonKernel, newton_kernel
 from ..shooting.node_places import growths_along, steady_tangents
 from ..shooting.single_shooting import Evaluation
-from ..simulation.lossless_hops import LosslessHops
 from ..units import Units
 from .point import RESERVED_NAMES, Point, point_in_units
 

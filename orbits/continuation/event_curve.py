@@ -20,6 +20,7 @@ import numpy as np
 from ..curves import CHANGES, Points, Test
 from ..design.event_statement import EventStatement
 from ..errors import FlowError, NoOrbit
+from ..hops.lossless_hops import CROSSINGS, angles_left
 from ..model.machine import Machine
 from ..model.model import Model
 from ..numerics.roots import solve
@@ -29,7 +30,6 @@ from ..records import NONE, Records
 from ..shooting.division import SENSITIVE, Division, division_of
 from ..shooting.formulations import Cycles
 from ..shooting.single_shooting import Evaluation, shooting_equations
-from ..simulation.lossless_hops import CROSSINGS, angles_left
 from .curve import AT_A_FOLD, TEST_FUNCTIONS, Curve, TestFunction
 from .limits import Endings
 from .point import End, Event, Point

@@ -8,10 +8,10 @@ from ..design.design_quantities import FRICTION_LEFT
 from ..design.problem import Outputs, known_formula, names_along
 from ..design.sensitivities import quantities
 from ..errors import InputError, NoOrbit
+from ..hops.lossless_hops import CROSSINGS
 from ..model.machine import Machine
 from ..model.phase import Statement
 from ..periodic.certified import orbit_from
-from ..simulation.lossless_hops import CROSSINGS
 from ..symbolic.formula import Formula, suggest
 from .curve import TEST_FUNCTIONS
 from .family import Family

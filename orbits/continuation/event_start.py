@@ -18,6 +18,7 @@ from ..design.extremes import Kind, Place, places_of
 from ..design.problem import Outputs
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import flow_of
+from ..hops.lossless_hops import CROSSINGS
 from ..model.machine import Machine
 from ..model.phase import Statement
 from ..periodic.certificate import Certificate
@@ -25,7 +26,6 @@ from ..periodic.certified import orbit_from
 from ..periodic.orbit import Orbit
 from ..shooting.formulations import vector
 from ..shooting.single_shooting import shooting_equations
-from ..simulation.lossless_hops import CROSSINGS
 from ..symbolic.formula import Formula, parse
 from .event_curve import COLLAPSE, LIMITS, EventCondition
 from .event_place import (

@@ -8,10 +8,10 @@ import numpy as np
 
 from ..curves import BRANCH, FOLD, Points, Test
 from ..errors import InputError, OrbitsError, finite_number
+from ..hops.lossless_hops import CROSSINGS, is_crossing
 from ..numerics.roots import Array
 from ..periodic.orbit import Orbit
 from ..records import NONE
-from ..simulation.lossless_hops import CROSSINGS, is_crossing
 from ..units import LIFTOFF_SPEED
 from .curve import Curve, TestFunction
 from .step_control import Options

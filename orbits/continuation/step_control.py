@@ -7,8 +7,8 @@ from typing import Any
 from ..curves import Steps
 from ..curves.step_options import check_bounds, from_to
 from ..errors import InputError, finite_number, is_list, true_or_false, whole_number
+from ..hops.lossless_hops import CROSSINGS
 from ..shooting.division import LARGEST_ARC_GROWTH, MOST_GROWTH
-from ..simulation.lossless_hops import CROSSINGS
 from .curve import TEST_FUNCTIONS, Watch
 
 # Events that are not among `TEST_FUNCTIONS`. The functions of a user cannot have these names.

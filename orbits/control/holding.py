@@ -19,6 +19,9 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, finite_number, whole_number
 from ..flow.flow import Flow
+from ..hops.impacts import Impacts
+from ..hops.launch_section import LaunchSection
+from ..hops.multiplier import tangential_landing, through_contact
 from ..io import one_line
 from ..laws.law import Algebraic, Parameters
 from ..mechanics.elements import Force
@@ -26,9 +29,6 @@ from ..mechanics.mechanism import Mechanism
 from ..periodic.orbit import Orbit
 from ..running import interrupts
 from ..running.exclusive import exclusive
-from ..simulation.impacts import Impacts
-from ..simulation.launch_section import LaunchSection
-from ..simulation.multiplier import tangential_landing, through_contact
 from ..units import LENGTH, Units
 
 INPUT = "hold"  # the parameter of the force that holds an orbit

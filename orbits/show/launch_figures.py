@@ -9,9 +9,9 @@ from .map_figures import IDENTITY
 from .plot import axes_or_new, finished
 
 if TYPE_CHECKING:
-    from ..return_map.launch_hops import LaunchHops
-    from ..return_map.periodic_hop import PeriodicHop
-    from ..simulation.multipliers import HopMultipliers
+    from ..hops.multipliers import HopMultipliers
+    from ..returns.launch_hops import LaunchHops
+    from ..returns.periodic_hop import PeriodicHop
 
 
 def plot_launch_hops(hops: "LaunchHops", axes: Axes | None = None) -> Axes:

@@ -8,13 +8,13 @@ import numpy as np
 from ..errors import InputError, finite_number, true_or_false
 from ..model.machine import title_of_machine
 from ..result import Axes
-from ..return_map.bifurcation import WORDS_OF_STABILITY, name_of_hops
+from ..returns.bifurcation import WORDS_OF_STABILITY, name_of_hops
 from ..units import LIFTOFF_SPEED
 from .plot import COLOURS, axes_or_new, cobweb, finished, plain, sampled_map
 
 if TYPE_CHECKING:
-    from ..return_map.hops import FixedPoint, Hops
-    from ..return_map.return_map import ReturnMap
+    from ..returns.hops import FixedPoint, Hops
+    from ..returns.return_map import ReturnMap
 
 IDENTITY: dict[str, object] = {"color": "0.6", "lw": 0.8, "zorder": 1}
 # Markers of fixed points: full where they attract, open where they do not, half where they attract from above only.

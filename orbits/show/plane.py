@@ -15,8 +15,8 @@ from ..units import Units
 from .plot import COLOURS, SHADE, new_axes, off_screen, phases_in_words, plain, title, unit_labels
 
 if TYPE_CHECKING:
+    from ..hops.simulated import Simulation
     from ..periodic.orbit import Orbit
-    from ..simulation.simulated import Simulation
 
 # An animation shows so many cycles of a machine that goes on, and two of one that comes back.
 CYCLES_ONWARD = 4

@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from ..continuation.family import Family
     from ..design.optimality import DesignCurve
     from ..design.pareto import Front
+    from ..hops.simulated import Simulation
     from ..periodic.orbit import Orbit
-    from ..return_map.return_map import ReturnMap
-    from ..simulation.simulated import Simulation
+    from ..returns.return_map import ReturnMap
 
 FIGURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".eps")
 RESOLUTION = 160  # of figures that are written, in pixels an inch

@@ -28,8 +28,8 @@ from ..symbolic.calls import MappedFunction
 from .plane import cycles_shown, drawing_of, labelled
 
 if TYPE_CHECKING:
+    from ..hops.simulated import Simulation
     from ..periodic.orbit import Orbit
-    from ..simulation.simulated import Simulation
 
 MOTION_FILE, MODEL_FILE = "motion.csv", "model.xml"
 # The inertia of a point mass, since simulators take none of 0, over its mass times the square of a unit of length.

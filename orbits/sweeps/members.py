@@ -8,7 +8,7 @@ from ..design.designs_at_once import solved_designs, tuned_designs
 from ..design.problem import known_formula
 from ..errors import OrbitsError
 from ..periodic.find import find
-from ..return_map.return_map import ReturnMap
+from ..returns.return_map import ReturnMap
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from .question import LAUNCH_SPEED, Question, Table, empty_table, names_of_quantities

@@ -28,7 +28,7 @@ def digest_of_equations(machine: Machine) -> str:
     """
     models, names = [machine.model], tuple(machine.values)
     if machine.model.hysteretic:
-        from ..simulation.hysteresis import Branches
+        from ..hops.hysteresis import Branches
 
         models += [each.model for each in Branches(machine).of.values()]
     digests = "".join(_digest_of_model(model, names) for model in models)

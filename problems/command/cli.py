@@ -14,8 +14,8 @@ from click.core import ParameterSource
 from . import options
 
 if TYPE_CHECKING:
-    from orbits.return_map.hops import Hops
-    from orbits.return_map.return_map import ReturnMap
+    from orbits.returns.hops import Hops
+    from orbits.returns.return_map import ReturnMap
 
 EXAMPLES = """\b
 Examples:
@@ -169,7 +169,7 @@ def prove_command(
     from orbits.exact.claim import BY_EQUATIONS
     from orbits.periodic.find import find
     from orbits.proof.prove import prove
-    from orbits.return_map.proofs import prove_fixed_point
+    from orbits.returns.proofs import prove_fixed_point
 
     if (inject is None) != (near is None) or ((loss or attraction) and inject is not None):
         raise InputError("--inject EPS and --near ALPHA go together, and without --loss and --attraction")
@@ -360,7 +360,7 @@ def return_map(
     speeds instead of its own."""
     from orbits.errors import InputError
     from orbits.io import to_json
-    from orbits.return_map.return_map import ReturnMap
+    from orbits.returns.return_map import ReturnMap
     from orbits.show.plot import save_figure
 
     speeds = None if alpha is None else options.launch_speeds(alpha)
@@ -435,7 +435,7 @@ def simulate_command(
     plot: str | None, animate: str | None, export: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Simulate the machine from a launch, through every impact and contact."""
-    from orbits.simulation.simulation import simulate
+    from orbits.hops.simulation import simulate
 
     machine = options.machine_of(**stated)
     launch = options.launches_of(machine, hop, alpha)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from orbits.proof.theorem import Proof
-    from orbits.return_map.diagram import BifurcationDiagram
+    from orbits.returns.diagram import BifurcationDiagram
 
     from ..explorer.scene import Scene
     from ..machines.files import MachineOfFile
@@ -306,7 +306,7 @@ def launches_of(machine: "MachineOfFile", hop: str | None, alpha: Any) -> Any:
     from orbits.errors import InputError
     from orbits.periodic.orbit import start_in_file
     from orbits.periodic.stated_start import unknowns_of_start
-    from orbits.return_map.return_map import ReturnMap
+    from orbits.returns.return_map import ReturnMap
 
     started(machine, hop)
     if hop is None and alpha is None:
@@ -321,9 +321,9 @@ def launches_of(machine: "MachineOfFile", hop: str | None, alpha: Any) -> Any:
 def write_launches(step: Any, launches: Any, as_json: bool, plot: str | None, alone: bool) -> None:
     """Write the hops of a map from launches of several numbers, as `write` does; and where one launch stands `alone`,
     its multipliers."""
+    from orbits.hops.multipliers import multipliers
     from orbits.io import to_json
     from orbits.show.plot import save_figure
-    from orbits.simulation.multipliers import multipliers
 
     with progress():
         hops = step(launches)
@@ -430,8 +430,8 @@ def diagram_of(
 ) -> "BifurcationDiagram":  # fmt: skip
     """The bifurcation diagram of the stated machine along a parameter, between the ends of its range `span`."""
     from orbits.periodic.orbit import start_in_file
-    from orbits.return_map.bifurcations import bifurcations
-    from orbits.return_map.cycles import DAMPERS_OF_HOPS, INJECT, RESTITUTION
+    from orbits.returns.bifurcations import bifurcations
+    from orbits.returns.cycles import DAMPERS_OF_HOPS, INJECT, RESTITUTION
 
     between = float(speeds[0]), float(speeds[-1])
     known = along in (INJECT, RESTITUTION, *DAMPERS_OF_HOPS)  # without being a parameter of the formulas

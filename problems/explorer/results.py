@@ -14,7 +14,7 @@ from orbits.model.machine import Machine
 from orbits.periodic.find import find
 from orbits.periodic.orbit import Orbit
 from orbits.periodic.stated_start import stated_unknowns
-from orbits.return_map.return_map import ReturnMap
+from orbits.returns.return_map import ReturnMap
 from orbits.show.pages.family_view import FamilyData, family_data
 from orbits.show.pages.hop_view import HopData, hop_data
 from orbits.show.pages.law_view import LawData, law_data

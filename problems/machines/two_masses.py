@@ -67,7 +67,7 @@ class TwoMasses(Stated):
         None where the spring is no branch of a loop. Raises `NoOrbit` where the hop has no next launch."""
         if self.spring is None or self.spring.loop is None:
             return None
-        from orbits.return_map.return_map import ReturnMap  # most machines need none
+        from orbits.returns.return_map import ReturnMap  # most machines need none
 
         return ReturnMap(replace(self, spring=self.spring.loop())).upkeep(alpha)
 

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from orbits import InputError, Simulation, simulate
 from orbits.errors import finite_number, whole_number
+from orbits.hops.schedule import Inputs
 from orbits.result import Axes, Result
-from orbits.simulation.schedule import Inputs
 from orbits.units import LIFTOFF_SPEED
 
 from .actuated import Actuated, Actuator

@@ -14,13 +14,13 @@ from orbits.control.control import ControlledLeg
 from orbits.errors import whole_number
 from orbits.flow.forces import units_of_springs
 from orbits.flow.same_motion import is_motion_of
+from orbits.hops.simulated import times_within
 from orbits.io import Document, conform
 from orbits.model.machine import Machine, machine_in_words
 from orbits.model.model import CONTACT_FORCE
 from orbits.model.phase import Affine
 from orbits.result import Axes, Progress, Row, is_of
 from orbits.show.animation import SPRING_END, animate_simulation
-from orbits.simulation.simulated import times_within
 from orbits.units import ENERGY, LIFTOFF_SPEED, unit_text
 
 from ..machines.files import machine_stated, statement_for_file

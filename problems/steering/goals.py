@@ -19,10 +19,10 @@ import numpy as np
 from orbits import Control, InputError, NoOrbit, Orbit, Simulation, find, simulate, steer
 from orbits.control.control import control_in_units
 from orbits.errors import finite_number, whole_number
+from orbits.hops.simulated import run_in_units
 from orbits.periodic.stated_start import StartLike
 from orbits.result import Progress
 from orbits.running.exclusive import exclusive
-from orbits.simulation.simulated import run_in_units
 from orbits.units import ENERGY, LIFTOFF_SPEED, Dimension, Message, Quantity, Units, in_own_units
 
 from .actuated import Actuated, Actuator, undamped

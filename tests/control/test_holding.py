@@ -8,8 +8,8 @@ from orbits import find, find_all, multipliers, simulate
 from orbits.control import hold
 from orbits.control.holding import _regulator, _Stage
 from orbits.errors import InputError, NoOrbit
-from orbits.simulation.impacts import Impacts
-from orbits.simulation.launch_section import LaunchSection
+from orbits.hops.impacts import Impacts
+from orbits.hops.launch_section import LaunchSection
 from problems import Chain, Hopper, runner
 
 

@@ -13,9 +13,9 @@ from orbits.flow.first_events import CLOSED_BLOCK, CLOSED_STEP, FirstOf, _Search
 from orbits.flow.flow import Flow, flow_of
 from orbits.flow.taylor import Watch
 from orbits.flow.vector_field import FlowControl, VectorField
+from orbits.hops.impacts import Impacts
 from orbits.model.phase import Affine
 from orbits.numerics.polynomial_roots import piecewise_roots
-from orbits.simulation.impacts import Impacts
 from problems import Hopper, rimless_wheel
 
 

@@ -9,8 +9,8 @@ from looks import check_looks
 
 from orbits import InputError, ReturnMap, find
 from orbits.continuation.point import End
-from orbits.return_map.bifurcation import Bifurcation
-from orbits.return_map.diagram import BifurcationDiagram, Branch
+from orbits.returns.bifurcation import Bifurcation
+from orbits.returns.diagram import BifurcationDiagram, Branch
 from problems import Hopper, hopper_in_si
 
 LEG = hopper_in_si(60.0, 3.0, stiffness=8000.0, rest_length=0.8)

@@ -5,7 +5,7 @@ import numpy as np
 from orbits import PeriodDiagram
 from orbits.continuation.point import End
 from orbits.model.machine import machine_in_words
-from orbits.return_map.bifurcation_curve import BifurcationCurve, PlaceOnCurve
+from orbits.returns.bifurcation_curve import BifurcationCurve, PlaceOnCurve
 from problems import Hopper
 from tests.legibility import faults
 

@@ -578,8 +578,8 @@ def test_mutations(tmp_path):
 def test_mutations_name_tests_in_classes_as_pytest_does(tmp_path):
     copy = mutations.Copy(tmp_path, {})
     for name in ("test_endings.py::TestStatuses::test_a", "test_simulation.py::test_b[1.0-x]"):
-        *place, test = f"tests/simulation/{name}".replace(".py", "").split("::")
-        assert copy._named(".".join(place).replace("/", "."), test) == f"tests/simulation/{name}"
+        *place, test = f"tests/hops/{name}".replace(".py", "").split("::")
+        assert copy._named(".".join(place).replace("/", "."), test) == f"tests/hops/{name}"
 
 
 @pytest.mark.slow

@@ -1,7 +1,7 @@
 """Hops of the return map with injection that come back, and where a fixed point loses its stability, proved.
 
 The map takes the launch speed alpha of a machine of two coordinates to the speed at the next lift-off, and adds the
-injection to it; see `orbits.return_map.return_map`. `exact_hops` has the equations.
+injection to it; see `orbits.returns.return_map`. `exact_hops` has the equations.
 
 Theorem 1. Let the equations of n hops with k_1, ..., k_n impacts have a zero at which, along the enclosed motion,
 

@@ -21,7 +21,7 @@ from .bokeh_figures import (
 )
 
 if TYPE_CHECKING:
-    from ...return_map.return_map import ReturnMap
+    from ...returns.return_map import ReturnMap
 
 MAP_SAMPLES, WEB_HOPS = 1500, 60
 

@@ -5,8 +5,8 @@ import pytest
 from scipy.integrate import trapezoid
 
 from orbits import InputError, Mechanism, simulate
+from orbits.hops.impacts import Impacts
 from orbits.mechanics import Damper, Mass, Spring
-from orbits.simulation.impacts import Impacts
 from problems import Actuated, Actuator, Chain, Hopper, springs, steering
 from problems.laws.springs import as_spring
 

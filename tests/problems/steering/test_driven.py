@@ -10,8 +10,8 @@ from conftest import DAMPED_LEG, slow_after
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
 from orbits import Control, InputError
+from orbits.hops.simulated import Simulation
 from orbits.mechanics import Damper
-from orbits.simulation.simulated import Simulation
 from problems import Actuated, Actuator, Disturbed, Driven, Hopper, Juggler, inerter_hopper, steering
 from problems.laws import springs
 from problems.steering.driven import WithMovedEnd

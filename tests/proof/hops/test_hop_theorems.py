@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from orbits import InputError, ReturnMap, find, prove_doubling, prove_fixed_point
-from orbits.return_map.bifurcation import Bifurcation
-from orbits.return_map.hops import FixedPoint
-from orbits.return_map.periodic_hops import Cycle
-from orbits.return_map.proofs import guess_at
+from orbits.returns.bifurcation import Bifurcation
+from orbits.returns.hops import FixedPoint
+from orbits.returns.periodic_hops import Cycle
+from orbits.returns.proofs import guess_at
 from orbits.running.time_limit import default_limit
 from problems import Hopper, Juggler, hopper_in_si, inerter_hopper
 

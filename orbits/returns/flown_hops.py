@@ -1,0 +1,95 @@
+"""Hops impact by impact, and the slopes of the map at many launch speeds together.
+
+The slope of a hop is its multiplier: the derivative of the next launch speed by the launch speed, which follows from
+the equations of `cycle_statement` with their exact derivatives.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..hops.flyer import Flown, fly, stand
+from ..hops.impacts import Impacts
+from ..hops.multiplier import TANGENTIAL
+from ..numerics.roots import solve
+from ..shooting.formulations import vector
+from ..shooting.single_shooting import shooting_equations
+from .cycle_statement import INJECT, cycle_statement
+
+MOST_IMPACTS = 100  # of a hop that is followed impact by impact
+
+
+@dataclass(frozen=True, eq=False)
+class FlownHops:
+    """Hops from launch speeds (m,), impact by impact, of a machine whose launch is a speed.
+
+    alphas : launch speeds (m,)
+    starts : flight states (m, n) at the launches
+    counts : numbers of impacts (m,), 0 where the hop is not followed to its end
+    times, landings : times (m, k) of the flights and states (m, k, n) at the impacts, NaN behind the last one
+    contacts : times (m,) of the contacts, NaN where there is no lift-off
+    """
+
+    alphas: np.ndarray
+    starts: np.ndarray
+    counts: np.ndarray
+    times: np.ndarray
+    landings: np.ndarray
+    contacts: np.ndarray
+
+    def unknowns(self, impacts: Impacts, which: np.ndarray) -> np.ndarray:
+        """The unknowns (k, 3 + impacts) of the statement of one hop, of those hops `which` (k,) with one number of
+        impacts."""
+        liftoff = impacts.model.release(self.alphas[which], impacts.values)
+        count = int(self.counts[which[0]])
+        columns = np.broadcast_to(liftoff, len(which)), self.alphas[which], self.times[which, :count].T
+        return np.vstack([*columns, self.contacts[which]]).T
+
+    def slowest(self, impacts: Impacts) -> np.ndarray:
+        """The least speeds (m,) of the gap at an impact, as a share of the launch speed."""
+        return np.nanmin(np.abs(self.landings @ impacts.gap_speed), axis=1, initial=np.inf) / self.alphas
+
+
+def flown_hops(impacts: Impacts, alphas: np.ndarray, most: int = MOST_IMPACTS) -> FlownHops:
+    """The hops from launch speeds (m,) without a restitution, with a bounded number of impacts."""
+    hops = Flown.begun(impacts, impacts.launch(alphas := np.asarray(alphas, dtype=float)), record=True)
+    fly(impacts, hops, most)
+    stand(impacts, hops)
+    m, flights = len(alphas), hops.flights or []
+    times, landings = np.full((m, len(flights)), np.nan), np.full((m, len(flights), hops.starts.shape[1]), np.nan)
+    for i, (lanes, lasted, states) in enumerate(flights):
+        times[lanes, i], landings[lanes, i] = lasted, states
+    counts = np.where(np.isfinite(hops.contacts), hops.impacts, 0)
+    return FlownHops(alphas, hops.starts, counts, times, landings, hops.contacts)
+
+
+def slopes_of_hops(impacts: Impacts, alphas: np.ndarray) -> np.ndarray:
+    """The slopes (m,) of the map at launch speeds (m,), as `multiplier` has them one by one; NaN where there is none:
+    the machine does not lift off again, or lands tangentially.
+
+    impacts : of a machine without a restitution whose launch is a speed, and whose spring has no hysteresis
+    """
+    slopes = np.full(np.shape(alphas), np.nan)
+    if not len(slopes):
+        return slopes
+    hops = flown_hops(impacts, alphas)
+    speeds, p = hops.slowest(impacts), {**impacts.values, INJECT: 0.0}
+    for count in np.unique(hops.counts[hops.counts > 0]).tolist():
+        which = np.flatnonzero((hops.counts == count) & (speeds > TANGENTIAL))
+        equations = shooting_equations(cycle_statement(impacts.model, (count,)), tuple(p))
+        if len(which):
+            us = hops.unknowns(impacts, which)
+            done, evaluation = equations.evaluate_lanes(us, np.tile(vector(p), (len(us), 1)), fewest=True)
+            if evaluation is not None:
+                slopes[which[done]] = slopes_of_jacobians(evaluation.jacobian)
+    return slopes
+
+
+def slopes_of_jacobians(jacobians: np.ndarray) -> np.ndarray:
+    """The slopes (k,) from the derivatives (k, n, n) of the equations of one hop, or of a cycle. All but the last
+    equation determine the other unknowns from the launch speed, the second unknown; the last is that of the next speed
+    less this one."""
+    others = np.delete(np.arange(jacobians.shape[1]), 1)
+    rows, last = jacobians[:, :-1], jacobians[:, -1]
+    moved = solve(rows[:, :, others], -rows[:, :, [1]])[:, :, 0]
+    return np.einsum("ki,ki->k", last[:, others], moved) + last[:, 1] + 1.0

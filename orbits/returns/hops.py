@@ -1,0 +1,145 @@
+"""The results of a return map of launch speeds: hops, fixed points, and what keeps a machine hopping."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
+
+import numpy as np
+
+from ..io import Document
+from ..result import Axes, Result, Row, known, shown
+from ..units import DIMENSIONS_OF_HOPS, LIFTOFF_SPEED, Units
+
+HOP_COLUMNS = ("alpha", "next", "loss", "impacts", "status")
+
+
+class OfStatuses:
+    """A table of launches, of which each has a `status`."""
+
+    status: np.ndarray
+
+    def statuses(self) -> dict[str, int]:
+        """The number of launches of each status."""
+        names, counts = np.unique(self.status, return_counts=True)
+        return dict(zip(names.tolist(), counts.tolist(), strict=True))
+
+    def _line(self) -> dict[str, int]:
+        return self.statuses()
+
+    def rows_of_statuses(self: Any, columns: Mapping[str, np.ndarray]) -> Iterator[Row]:
+        """How many launches have each status, and the ranges of columns among these."""
+        for status, count in self.statuses().items():
+            yield Row(status.replace("_", " "), {status: count})
+            for name, column in columns.items():
+                inside = column[self.status == status]
+                if np.isfinite(inside).any():
+                    low, high = float(np.nanmin(inside)), float(np.nanmax(inside))
+                    ends = {f"least {name} of {status}": low, f"largest {name} of {status}": high}
+                    text = f"{{:.10g}} to {{:.10g}} {self.unit_of(name)}".rstrip()
+                    yield Row(f"  {name}".replace("alpha", "launch speed"), ends, (text,))
+
+
+@dataclass(frozen=True, repr=False)
+class Hops(OfStatuses, Result, what="table of hops"):
+    """The hops that begin with launches; each array has the shape of the launch speeds.
+
+    alpha : launch speeds
+    next : launch speeds at the next lift-off, with the injection; NaN where there is none
+    loss : loss of alpha**2 in the hop, without the injection, or in its impacts where there is no next launch
+    impacts : number of impacts in the hop
+    status : "lifts_off", or why there is no next launch: a name of `orbits.hops.impacts.STATUSES`
+    units : of the numbers, by name; empty for a dimensionless machine
+    machine : in words and numbers
+    """
+
+    alpha: np.ndarray
+    next: np.ndarray
+    loss: np.ndarray
+    impacts: np.ndarray
+    status: np.ndarray
+    units: Mapping[str, str] = field(default_factory=dict)
+    machine: Mapping[str, Any] = field(default_factory=dict)
+
+    def in_units(self, units: Units) -> "Hops":
+        """Dimensionless hops in these units."""
+        return replace(units.convert(self, **DIMENSIONS_OF_HOPS), units=units.texts(DIMENSIONS_OF_HOPS))
+
+    def title(self) -> str:
+        return f"{self.status.size} launches: what becomes of them"
+
+    def _rows(self) -> Iterator[Row]:
+        """How many launches have each status, and the ranges of their numbers."""
+        yield from self.rows_of_statuses({name: getattr(self, name) for name in HOP_COLUMNS[:-1]})
+
+    def table(self) -> dict[str, np.ndarray]:
+        return {name: np.ravel(getattr(self, name)) for name in HOP_COLUMNS}
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Plot the next launch speeds against the launch speeds; returns the axes."""
+        return shown("map_figures").plot_hops(self, axes)
+
+    def document(self) -> Document:
+        columns = {name: known(getattr(self, name)) for name in DIMENSIONS_OF_HOPS}
+        columns |= {name: np.ravel(getattr(self, name)).tolist() for name in ("impacts", "status")}
+        return columns | ({"units": self.units} if self.units else {})
+
+
+@dataclass(frozen=True)
+class FixedPoint:
+    """A fixed point of the return map.
+
+    alpha : launch speed
+    kind : "lossless", or "crossing" where the map crosses the identity line
+    multiplier : slope of the map there; None at a lossless hop, and where the hop lands tangentially
+    smallest_separation : of the masses during the hop, None without a rest length; where it is not above 0 they pass
+        through each other, and the hop is no motion of a real machine
+    """
+
+    alpha: float
+    kind: str
+    multiplier: float | None = None
+    smallest_separation: float | None = None
+
+
+class FixedPoints(tuple[Any, ...]):
+    """The fixed points of a return map: `FixedPoint`, ascending, or `PeriodicHop` where they were searched from starts.
+
+    unresolved : intervals of launch speeds in which there may be others: borders of the map accumulate there, or hops
+        have so many impacts that the search has ended; a narrower range is resolved farther
+    """
+
+    unresolved: tuple[tuple[float, float], ...]
+
+    def __new__(cls, points: Iterable[Any] = (), unresolved: Iterable[tuple[float, float]] = ()) -> Self:
+        found = super().__new__(cls, points)
+        found.unresolved = tuple(unresolved)
+        return found
+
+    def in_units(self, units: Units) -> Self:
+        """The same in these units."""
+        return type(self)(units.converted(tuple(self), ()), units.converted(self.unresolved, LIFTOFF_SPEED))
+
+    def __repr__(self) -> str:
+        text = super().__repr__()
+        if not self.unresolved:
+            return text
+        low, high = self.unresolved[0][0], self.unresolved[-1][1]
+        number, length = len(self.unresolved), sum(b - a for a, b in self.unresolved)
+        return f"{text}, and maybe others in {number} intervals of the length {length:.2g} from {low:.9g} to {high:.9g}"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (tuple(self), self.unresolved)
+
+
+@dataclass(frozen=True)
+class Upkeep:
+    """What keeps a machine hopping with a launch speed.
+
+    alpha : launch speed
+    inject : injection, in launch speed per hop, with which it is a fixed point of the return map
+    energy : energy that the injection adds in every hop: what the hop loses
+    """
+
+    alpha: float
+    inject: float
+    energy: float

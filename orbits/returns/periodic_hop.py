@@ -1,0 +1,216 @@
+"""Periodic hops: launches that come back after some hops, found by Newton's method on the map of launches."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError, NoOrbit
+from ..hops.launch_section import LaunchSection
+from ..hops.multipliers import EnergyLoss, HopMultipliers, HopsDerivative, derivative_of_hops
+from ..hops.simulation import simulate
+from ..io import Document
+from ..model.machine import Machine
+from ..result import Axes, Progress, Result, Row, shown, stored
+from ..units import LIFTOFF_SPEED, Message, Quantity
+
+# Newton's method has converged where the launch comes back within this share of it, and is given up after this many
+# steps, or halvings of one.
+COME_BACK, MOST_HOP_STEPS, STEP_HALVINGS = 1e-12, 40, 12
+LONGEST_CHANGE = 0.05  # of Newton's method, as a share of the launch: farther on there are other impacts
+ROUNDED_RETURN = 1e-9  # where no step reduces a distance below this share, rounding decides
+SAME_PERIODIC = 1e-7  # launches that differ by a smaller share are the same
+NOT_LOSSLESS = (
+    "without injection or damping the hops that come back are lossless, and no others: find them with `find` or "
+    "`find_all`, and start from their orbits"
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PeriodicHop(Result, what="periodic hop", in_line=("kind", "launches"), document_is_whole=True):
+    """Hops that come back to their first launch.
+
+    names : of the d numbers of a launch
+    launches : (period, d), each followed by the next one, and the last by the first
+    kind : "lossless", or "crossing" where hops lose what injection or a force adds
+    multipliers : of all hops together, from the first launch
+    smallest_separation : of the masses, None where no separation is stated; where it is not above 0 they pass through
+        each other, and the hops are no motion of a real machine
+    units : of the numbers of a launch, by name; empty for a dimensionless machine
+    machine : in words and numbers
+    """
+
+    names: tuple[str, ...]
+    launches: np.ndarray
+    kind: str
+    multipliers: HopMultipliers
+    smallest_separation: float | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
+    machine: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def period(self) -> int:
+        """The number of hops."""
+        return len(self.launches)
+
+    @property
+    def stability(self) -> str:
+        """As of its `HopMultipliers`."""
+        return self.multipliers.stability
+
+    def title(self) -> str:
+        return f"hops of period {self.period} of a {self.machine.get('machine')}"
+
+    def table(self) -> dict[str, np.ndarray]:
+        """A row for each hop, with the numbers of its launch."""
+        own = {name: self.launches[:, i] for i, name in enumerate(self.names)}
+        return {"hop": np.arange(self.period)} | own
+
+    def _rows(self) -> Iterator[Row]:
+        yield Row.of("kind", self.kind)
+        for i, launch in enumerate(self.launches):
+            for name, number in zip(self.names, launch.tolist(), strict=True):
+                of = f" of hop {i}" if self.period > 1 else ""
+                yield Row.of(f"{name}{of}", number, self.unit_of(name))
+        for i, value in enumerate(self.multipliers.values):
+            text = f"{value.real:.10g}" + (f" {value.imag:+.10g}i" if value.imag else "")
+            yield Row.of(f"multiplier {i}", text)
+        if self.smallest_separation is not None:
+            yield Row.of("smallest_separation", self.smallest_separation)
+
+    def heads(self) -> list[str]:
+        return []
+
+    def _notes(self) -> list[str]:
+        return self.multipliers._notes()
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Plot the numbers of the launches, hop by hop; returns the axes."""
+        return shown("launch_figures").plot_periodic_hop(self, axes)
+
+    def document(self) -> Document:
+        return {**stored(self), "stability": self.stability}
+
+
+def periodic_hop(
+    machine: Machine, section: LaunchSection, start: Any, period: int, inject: float, cap: int, below: bool = False
+) -> PeriodicHop:
+    """The hops of a period that Newton's method finds from a launch; see `ReturnMap.periodic_hop`. From a lossless
+    launch it begins with more energy or, `below`, with less."""
+    y, lossless = section.launch(start), inject == 0 and section.impacts.model.conservative
+    found = derivative_of_hops(section, y, period, inject)
+    if lossless:
+        if _distance(found) > SAME_PERIODIC or not all(hop.tangential for hop in found.hops):
+            raise InputError(NOT_LOSSLESS)
+    else:
+        if loss := found.energy_loss:
+            found = derivative_of_hops(section, _beside_lossless(section, y, loss, inject, below), period, inject)
+        found = returning_hops(section, found, inject)
+    free = section.free(found.launches)
+    for shorter in (k for k in range(1, period) if period % k == 0):
+        if np.abs(free[shorter] - free[0]).max() <= SAME_PERIODIC * (1 + np.abs(free[0]).max()):
+            raise NoOrbit(f"from this launch Newton's method comes to hops of period {shorter}: start elsewhere")
+    own, separation = found.as_result(machine), None
+    if machine.model.separation(machine.values) is not None:
+        u = {name: x * _unit_of(section, name) for name, x in section.unknowns_of(found.launches[0]).items()}
+        launch, added = u["alpha"] if len(u) == 2 else u, inject * _unit_of(section, "alpha")
+        separation = simulate(machine, launch, hops=period, inject=added, cap=cap).smallest_separation
+    kind = "lossless" if lossless else "crossing"
+    return PeriodicHop(section.names, free[:-1] * section.unit, kind, own, separation, own.units, own.machine)
+
+
+def _beside_lossless(section: LaunchSection, y: np.ndarray, loss: EnergyLoss, inject: float, below: bool) -> np.ndarray:
+    """The launch (k,) beside a lossless one that loses about as much as the injection adds."""
+    added = float(loss.powers[section.names.index("alpha")]) * inject
+    if not added > 0:
+        text = "inject = {inject:g} takes energy away here: hops beside the lossless one do not come back"
+        raise NoOrbit(Message(text, inject=Quantity(inject, LIFTOFF_SPEED)))
+    c = loss.coefficients[below]
+    launch = section.free(y) + (-1 if below else 1) * (added / c) ** 0.75 * loss.direction
+    return section.states(launch[None], y[[section.places[section.dependent]]])[0]
+
+
+def _unit_of(section: LaunchSection, name: str) -> float:
+    """The unit of an unknown of a launch."""
+    return section.bound_unit if name == section.dependent else float(section.unit[section.names.index(name)])
+
+
+def returning_hops(section: LaunchSection, found: HopsDerivative, inject: float) -> HopsDerivative:
+    """The hops that come back, by Newton's method from hops that nearly do, with halved steps where a whole one does
+    not come nearer; raises `NoOrbit`."""
+    period, distance = len(found.hops), _distance(found)
+    for _ in range(MOST_HOP_STEPS):
+        if distance <= COME_BACK:
+            break
+        free = section.free(found.launches)
+        matrix = found.matrix - np.eye(len(section.names))
+        try:
+            step = -np.linalg.solve(matrix, free[-1] - free[0])
+        except np.linalg.LinAlgError:
+            raise NoOrbit("a multiplier of the hops is 1: Newton's method cannot go on; start elsewhere") from None
+        step *= min(1.0, LONGEST_CHANGE * (1 + np.abs(free[0]).max()) / max(float(np.abs(step).max()), 1e-300))
+        for _ in range(STEP_HALVINGS):
+            nearer = _from(section, free[0] + step, found, period, inject)
+            if nearer is not None and _distance(nearer) < distance:
+                break
+            step = 0.5 * step
+        else:
+            if distance <= ROUNDED_RETURN:
+                break
+            text = "no step from the launch {launch} comes nearer to hops of period {period}, whose first and last "
+            text += "launch differ by the share {share:.2g}: start elsewhere"
+            launch = section.in_words(found.launches[0])
+            raise NoOrbit(Message(text, launch=launch, period=period, share=distance))
+        found, distance = nearer, _distance(nearer)
+    if distance > ROUNDED_RETURN:
+        raise NoOrbit(f"Newton's method did not settle in {MOST_HOP_STEPS} steps: start nearer to the hops")
+    return found
+
+
+def _from(
+    section: LaunchSection, launch: np.ndarray, near: HopsDerivative, period: int, inject: float
+) -> HopsDerivative | None:
+    """The hops from a launch (d,); None where there are none."""
+    (y,) = section.states(launch[None], near.launches[:1, section.places[section.dependent]])
+    try:
+        return derivative_of_hops(section, y, period, inject) if np.isfinite(y).all() else None
+    except NoOrbit:
+        return None
+
+
+def _distance(found: HopsDerivative) -> float:
+    """How far the last launch is from the first one, as a share of it."""
+    first, last = found.section.free(found.launches[[0, -1]])
+    return float(np.abs(last - first).max() / (1 + np.abs(first).max()))
+
+
+def listed_starts(starts: Any) -> list[Any]:
+    """Starts in a list; a single one may be an orbit, its file, a periodic hop or a mapping. Raises `InputError` for an
+    empty list, and for what is no list."""
+    single = isinstance(starts, Result | Mapping | str | Path)
+    found = [starts] if single else list(starts) if np.iterable(starts) else []
+    if not found:
+        raise InputError(f"starts = {starts!r}; give launches, lossless orbits or periodic hops in a list")
+    return found
+
+
+def different_hops(
+    hop_from: Callable[..., PeriodicHop], starts: Any, progress: Progress = None
+) -> tuple[PeriodicHop, ...]:
+    """The different hops that are found from starts, in their order; starts from which none is found are left out.
+    `progress` is called with the completed share of the starts."""
+    starts, found = listed_starts(starts), list[PeriodicHop]()
+    for i, start in enumerate(starts):
+        if progress:
+            progress(i / len(starts))
+        for below in (False, True):
+            try:
+                hop = hop_from(start, below=below)
+            except NoOrbit:
+                continue
+            size = np.abs(hop.launches[0]).max()
+            if all(np.abs(other.launches[0] - hop.launches[0]).max() > SAME_PERIODIC * size for other in found):
+                found.append(hop)
+    return tuple(found)

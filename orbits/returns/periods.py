@@ -1,0 +1,323 @@
+"""The periods that launches settle to, over two parameters: which period attracts where.
+
+Each value of the machine's parameters has a map, which is resolved into polynomials; many launches are mapped together,
+at all values of the injection. Launches outside of the polynomials' range, and in what they leave out, take the map
+itself.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError, finite_number, range_of, whole_number
+from ..hops.feet import LIFTS_OFF
+from ..hops.impacts import CAP
+from ..io import Document
+from ..model.machine import Machine, machine_in_words, title_of_machine
+from ..result import Axes, Progress, Result, Row, shown, stored
+from ..running import interrupts
+from ..running.exclusive import exclusive
+from ..units import LIFTOFF_SPEED
+from .cycles import INJECT, RESTITUTION, MapsAlong, parameters_of_maps
+from .diagram import RESERVED_IN_DIAGRAMS
+from .return_map import ReturnMap
+
+# What launches settle to besides the statuses of a hop that has no next launch.
+HAS_PERIOD, OUT_OF_RANGE, CHAOTIC, UNSETTLED, ESCAPES = "periodic", "outside", "chaotic", "longer", "leaves"
+FIRST_HOPS = 128  # after this many hops launches are examined, and after each doubling of their number
+# Launches that differ by a share below the first come back; below the second they may be approaching each other.
+SAME_LAUNCH, APPROACHED = 1e-8, 1e-5
+CHAOTIC_SLOPES = 1e-3  # the mean logarithm of the slopes of a chaotic motion is larger
+STARTS_IN_RANGE = 3
+ESCAPED = 10.0  # a launch this many times faster than the range leaves it
+
+
+class SettlingMap:
+    """The map of one machine without injection, as polynomials between two launch speeds and elsewhere itself."""
+
+    def __init__(self, plain: ReturnMap, between: tuple[float, float], samples: int):
+        self.plain, self.pieces = plain, plain._pieces(*between, samples)
+        self.last = len(self.pieces.edges) - 1
+
+    def __call__(self, x: np.ndarray, with_slopes: bool) -> tuple[np.ndarray, np.ndarray, dict[int, str]]:
+        """The next launch speeds (m,), if wanted the slopes (m,), NaN where the map itself is taken, and by index the
+        statuses of launches without a next one."""
+        following, slopes, statuses = np.empty(len(x)), np.full(len(x), np.nan), dict[int, str]()
+        known = np.zeros(len(x), bool)
+        if self.last >= 0:
+            cell = self.pieces.cell(x, np.zeros(len(x), int), np.full(len(x), self.last))
+            known = (x >= self.pieces.edges[cell, 0]) & (x <= self.pieces.edges[cell, 1])
+            following[known] = self.pieces.next(x[known], cell[known])
+            if with_slopes:
+                slopes[known] = self.pieces.slope(x[known], cell[known])
+        if not known.all():
+            others = np.flatnonzero(~known)
+            hops = self.plain(x[others])
+            following[others] = hops.next
+            statuses = {int(i): s for i, s in zip(others, hops.status.tolist(), strict=True) if s != LIFTS_OFF}
+        return following, slopes, statuses
+
+
+def settled(
+    step: SettlingMap, starts: np.ndarray, inject: np.ndarray, longest: int, hops: int, fastest: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """What launches (m,) settle to with injections (m,): the statuses (m,), periods (m,), 0 where there is none, the
+    launch speeds (m,) last visited, the largest of a cycle, and the mean logarithms (m,) of the slopes."""
+    m, window = len(starts), 2 * longest
+    status, periods = np.full(m, UNSETTLED, dtype=object), np.zeros(m, int)
+    last, exponents = np.full(m, np.nan), np.full(m, np.nan)
+    x, going, done, until = starts.copy(), np.arange(m), 0, min(FIRST_HOPS, hops)
+    recent, logs = np.full((window + 1, m), np.nan), np.zeros((2, m))
+    while len(going):
+        interrupts.heed()
+        following, slopes, over = step(x[going], with_slopes=2 * done >= hops)
+        following += inject[going]
+        seen = np.isfinite(slopes) & (slopes != 0)
+        logs[:, going[seen]] += np.log(np.abs(slopes[seen])), np.ones(int(seen.sum()))
+        recent[done % (window + 1), going] = x[going]
+        done += 1
+        for i, name in over.items():
+            status[going[i]] = name
+        stops = (following <= 0) & np.isfinite(following)
+        status[going[stops]] = "rests"
+        away = following > fastest
+        status[going[away]] = ESCAPES
+        alive = np.isfinite(following) & ~stops & ~away
+        x[going[alive]] = following[alive]
+        going = going[alive]
+        if done < until or not len(going):
+            continue
+        order = np.arange(done, done + window + 1) % (window + 1)  # the oldest first
+        path = recent[order][:, going]
+        period = _periods(path, longest, done >= hops)
+        found = going[period > 0]
+        status[found], periods[found], last[found] = HAS_PERIOD, period[period > 0], path[-longest:, period > 0].max(0)
+        going = going[period == 0]
+        if done >= hops:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                exponents[going] = logs[0, going] / logs[1, going]
+            status[going[exponents[going] > CHAOTIC_SLOPES]] = CHAOTIC
+            last[going] = x[going]
+            break
+        until = min(2 * until, hops)
+    return status, periods, last, exponents
+
+
+def _periods(path: np.ndarray, longest: int, final: bool) -> np.ndarray:
+    """The periods (m,) of launch speeds (n, m), the smallest up to the longest after which all come back; else 0. While
+    launches that alternate approach a shorter period, the longer one shows first: unless this is the `final` test, it
+    is 0 where a shorter one is not excluded."""
+    apart = np.array([
+        (np.abs(path[period:] - path[:-period]) / path[period:]).max(0) for period in range(1, longest + 1)
+    ])  # fmt: skip
+    found = np.where((apart <= SAME_LAUNCH).any(0), 1 + np.argmax(apart <= SAME_LAUNCH, axis=0), 0)
+    for i in np.flatnonzero(found > 1).tolist():
+        period = int(found[i])
+        near = [part for part in range(1, period) if period % part == 0 and apart[part - 1, i] <= APPROACHED]
+        if near:
+            found[i] = near[0] if final else 0
+    return found
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PeriodDiagram(Result, what="diagram of periods", dimension="launch"):
+    """The periods that launches of return maps settle to, over two parameters.
+
+    along, second : names of the parameters
+    machine : in words and numbers
+    values, others : of the two parameters, (nx,) and (ny,), ascending
+    starts : the launch speeds (k,) that were mapped
+    status : (ny, nx, k), what each settles to: "periodic", "outside" (periodic, with launches outside of the range),
+        "chaotic" (the slopes are above 1 in the mean), "longer" (no period up to the longest, without chaos: one above
+        it, or one that attracts so slowly that more hops are needed), "leaves" (ever faster), or why there is no next
+        launch: "rests" and other statuses of a hop
+    periods : (ny, nx, k), 0 where there is none
+    launches : (ny, nx, k), the largest launch speed of the cycle, or the last one of others that go on; else NaN
+    exponents : (ny, nx, k), the mean logarithm of the slopes of those without a period, NaN of others
+    longest, hops : the longest period that was tested, and the largest number of hops
+    units : of launch speeds and parameters, by name; empty for a dimensionless machine
+    """
+
+    along: str
+    second: str
+    machine: Mapping[str, Any]
+    values: np.ndarray
+    others: np.ndarray
+    starts: tuple[float, ...]
+    status: np.ndarray
+    periods: np.ndarray
+    launches: np.ndarray
+    exponents: np.ndarray
+    longest: int
+    hops: int
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def title(self) -> str:
+        unit, other = (f" {self.unit_of(name)}".rstrip() for name in (self.along, self.second))
+        (a, b), (c, d) = self.values[[0, -1]].tolist(), self.others[[0, -1]].tolist()
+        ranges = f"{self.along} {a:g} to {b:g}{unit} and {self.second} {c:g} to {d:g}{other}"
+        return f"periods of the hops of {title_of_machine(self.machine)}, {ranges}"
+
+    def _line(self) -> dict[str, object]:
+        return {"along": self.along, "second": self.second, "shape": self.status.shape, "longest": self.longest}
+
+    def heads(self) -> list[str]:
+        return ["", "launches", "share"]
+
+    def _rows(self) -> Iterator[Row]:
+        """The number of launches of each period and of each other status."""
+        for name, chosen in self._kinds():
+            values = {f"launches that are {name}": int(chosen.sum()), f"share {name}": float(chosen.mean())}
+            yield Row(name, values, ("{}", "{:.2%}"))
+
+    def _kinds(self) -> Iterator[tuple[str, np.ndarray]]:
+        """The names of what is found, "period 1" before others, each with where it is (ny, nx, k)."""
+        inside = self.status == HAS_PERIOD
+        for period in np.unique(self.periods[inside]).tolist():
+            yield f"period {period}", inside & (self.periods == period)
+        for name in np.unique(self.status[~inside].astype(str)).tolist():
+            yield name, self.status == name
+
+    def _notes(self) -> list[str]:
+        count, several = int(self.several.sum()), len(self.starts)
+        text = f"{count} of {self.several.size} places lead to different periods from the {several} launches"
+        return [text] if several > 1 and count else []
+
+    def unit_of(self, name: str) -> str:
+        """As in `Result`; a launch speed has the same unit wherever it is."""
+        return super().unit_of("alpha" if name in ("start", "launch") else name)
+
+    @property
+    def first(self) -> np.ndarray:
+        """Of each place (ny, nx), the index of the first start that goes on in the range; of others 0."""
+        return np.argmax(self._stays, axis=2)
+
+    @property
+    def _stays(self) -> np.ndarray:
+        """Which launches (ny, nx, k) go on in the range."""
+        return np.isin(self.status, (HAS_PERIOD, CHAOTIC, UNSETTLED))
+
+    @property
+    def several(self) -> np.ndarray:
+        """The places (ny, nx) where starts that go on in the range lead to different periods."""
+        first = np.take_along_axis(self.periods, self.first[:, :, None], axis=2)
+        return ((self.periods != first) & self._stays).any(axis=2)
+
+    def period(self) -> np.ndarray:
+        """The periods (ny, nx) of the first start that goes on in the range, 0 for none, and -1 where no start does."""
+        found = np.take_along_axis(self.periods, self.first[:, :, None], axis=2)[:, :, 0]
+        return np.where(self._stays.any(axis=2), found, -1)
+
+    def table(self) -> dict[str, np.ndarray]:
+        """A row for each launch: both parameters, the start, what it settles to, its period and launch speed."""
+        ny, nx, k = self.status.shape
+        places = np.meshgrid(self.others, self.values, self.starts, indexing="ij")
+        columns = (places[1], places[0], places[2], self.status, self.periods, self.launches, self.exponents)
+        names = self.along, self.second, "start", "status", "period", "launch", "exponent"
+        return {name: np.reshape(column, ny * nx * k) for name, column in zip(names, columns, strict=True)}
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Plot the periods as coloured cells, the second parameter upwards, with a dot where the starts lead to
+        different ones; returns the axes. A `BifurcationCurve` is drawn over it with its own `plot(axes)`."""
+        return shown("period_figures").plot_periods(self, axes)
+
+    def document(self) -> Document:
+        columns = {name: stored(column.tolist()) for name, column in self.table().items()}
+        whole = {"machine": self.machine, "along": self.along, "second": self.second, "longest": self.longest}
+        return {**whole, "hops": self.hops, **columns, **({"units": self.units} if self.units else {})}
+
+
+@exclusive
+def period_diagram(
+    machine: Machine, over: Mapping[str, tuple[float, float]], between: tuple[float, float], *,
+    samples: tuple[int, int] = (100, 100), starts: Sequence[float] | None = None, inject: float = 0.0,
+    longest: int = 16, hops: int = 2048, grid: int = 400, cap: int = CAP, progress: Progress = None,
+) -> PeriodDiagram:  # fmt: skip
+    """The periods that launches settle to, over two parameters of the return map.
+
+    machine : as for `ReturnMap`, where a launch is a speed
+    over : the ranges of two parameters by name: "inject", "restitution" or parameters of the machine, the second one
+        drawn upwards
+    between : the range of launch speeds in which the map is resolved into polynomials; elsewhere it is slower
+    samples : the numbers of values of the two parameters
+    starts : launch speeds, by default 3 in the range; several show where different periods attract
+    inject : the injection, where that is none of the two
+    longest : the longest period that is tested
+    hops : the most hops from each launch
+    grid : number of launches in the grid on which the borders of the map are searched, as in `periodic_hops`
+    cap : number of impacts in one hop after which its computation is ended
+    progress : called with the completed share
+
+    All values of the injection share a map, which takes some 0.2 s for each value of the other parameter; without the
+    injection among the two each place has its own. A launch is periodic where the launches of twice the longest period
+    come back to a share of 1e-8. Raises `InputError` for invalid arguments.
+    """
+    axes, (low, high) = _checked_axes(machine, over, samples, inject), range_of("between", between)
+    if not low > 0:
+        raise InputError(f"between = {between!r}; launch speeds are above 0")
+    if starts is None:
+        own = np.linspace(low, high, STARTS_IN_RANGE + 2)[1:-1]
+    elif not np.iterable(starts) or isinstance(starts, str):
+        raise InputError(f"starts = {starts!r}; it is a list of launch speeds")
+    else:
+        own = np.array([finite_number("starts", start) for start in starts])
+    if not (len(own) and (own > 0).all()):
+        raise InputError(f"starts = {starts!r}; they are launch speeds above 0")
+    longest, hops = whole_number("longest", longest, "hops"), whole_number("hops", hops, "hops")
+    if hops < 4 * longest:
+        raise InputError(f"hops = {hops}: a period of {longest} shows after {4 * longest} hops at least")
+    grid, (along, second) = whole_number("grid", grid, "launches", 2), axes
+    maps = {name: values for name, values in axes.items() if name != INJECT}
+    injections, shape = axes.get(INJECT, np.array([inject])), [len(values) for values in maps.values()]
+    parts = list[tuple[np.ndarray, ...]]()
+    for index in np.ndindex(*shape):
+        one = _machine_with(machine, {name: float(maps[name][i]) for name, i in zip(maps, index, strict=True)})
+        speed = one.units.of(LIFTOFF_SPEED) if one.units else 1.0
+        step = SettlingMap(ReturnMap(one, cap=cap).dimensionless(), (low / speed, high / speed), grid)
+        many = np.tile(own / speed, len(injections)), np.repeat(injections / speed, len(own))
+        status, periods, launches, exponents = settled(step, *many, longest, hops, ESCAPED * high / speed)
+        launches = launches * speed
+        status[(status == HAS_PERIOD) & ~((launches >= low) & (launches <= high))] = OUT_OF_RANGE
+        parts.append((status, periods, launches, exponents))
+        if progress:
+            progress(len(parts) / int(np.prod(shape)))
+    # The injection, which each map has all values of, comes after the other parameters.
+    places = [[*maps, *([INJECT] if INJECT in axes else [])].index(name) for name in (second, along)]
+    whole = [*shape, *([len(injections)] if INJECT in axes else []), len(own)]
+    found = [np.stack(each).reshape(whole).transpose(*places, 2) for each in zip(*parts, strict=True)]
+    first, last = axes[along][[0, -1]].tolist()
+    texts = MapsAlong(machine, along, first, last, 0.0, cap).units
+    about = along, second, machine_in_words(machine), axes[along], axes[second], tuple(own.tolist())
+    return PeriodDiagram(*about, found[0], found[1], found[2], found[3], longest, hops, texts)
+
+
+def _checked_axes(
+    machine: Machine, over: Mapping[str, tuple[float, float]], samples: tuple[int, int], inject: float
+) -> dict[str, np.ndarray]:
+    """The values of both parameters by name."""
+    if not isinstance(over, Mapping) or len(over) != 2:
+        raise InputError(f"over = {over!r}; it maps the names of two parameters to their ranges")
+    if not machine.model.one_speed:
+        raise InputError(f"a launch of a {machine.model.name} is more than a speed: it has no diagram of periods")
+    for name in over:
+        if name in (*RESERVED_IN_DIAGRAMS, "start", "status", "launch", "exponent"):
+            raise InputError(f"a parameter called '{name}' has the name of a column of diagrams; give it another name")
+        if name not in (known := parameters_of_maps(machine)):
+            raise InputError(f"the return map has no parameter '{name}'; it has {', '.join(known)}")
+    if INJECT in over and finite_number("inject", inject) != 0:
+        raise InputError(f"inject = {inject:g} beside a range of it: the range says it all")
+    try:
+        counts = [whole_number("samples", count, "values", 2) for count in samples]
+        pairs = [*zip(over.items(), counts, strict=True)]
+    except (TypeError, ValueError):
+        raise InputError(f"samples = {samples!r}; they are two numbers of values") from None
+    return {name: np.linspace(*range_of(name, ends), count) for (name, ends), count in pairs}
+
+
+def _machine_with(machine: Machine, values: Mapping[str, float]) -> Machine:
+    """The machine with other values, the restitution among them."""
+    own = {name: value for name, value in values.items() if name != RESTITUTION}
+    machine = machine.with_values(**own) if own else machine
+    return replace(machine, restitution=values[RESTITUTION]) if RESTITUTION in values else machine  # type: ignore

@@ -1,0 +1,506 @@
+"""The one-step return map: from the launch speed at one lift-off after sustained contact to that at the next.
+
+A hop is a flight, impacts after which the machine leaves immediately, and a sustained contact. The loss of a hop is the
+sum of the losses of its impacts. It is not the difference of launch speeds: near a lossless orbit the loss vanishes
+like the power 4/3 of the distance, and the difference would be rounding.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache, cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..consistency.accepted import check_machine
+from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
+from ..hops.flyer import hops_of_speeds, stand
+from ..hops.hysteresis import Branches
+from ..hops.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, injected
+from ..hops.launch_section import LaunchSection
+from ..hops.multiplier import slope_of_hop
+from ..hops.simulation import simulate
+from ..io import fields_in_line
+from ..model.machine import Machine, dimensionless, machine_in_words
+from ..numerics.roots import enclosed_ends
+from ..periodic.find import find
+from ..periodic.lossless_speeds import lossless_speeds
+from ..result import Axes, Progress, cell, shown
+from ..running.exclusive import exclusive, in_threads
+from ..running.time_limit import TimeOver, time_limit
+from ..tables import number_text
+from ..units import ENERGY, LIFTOFF_SPEED, Message, Quantity, in_own_units, without_units
+from .basins import Basins
+from .hops import FixedPoint, FixedPoints, Hops, Upkeep
+from .launch_hops import hops_of_launches
+from .limited_hops import PlainMap
+from .map_pieces import JUMP, Intervals, MapPieces
+from .periodic_hop import PeriodicHop, different_hops, periodic_hop
+from .periodic_hops import PeriodicHops, all_periodic_hops, fixed_launches, lossless_hops
+from .resolution import map_pieces
+from .resolved_map import ResolvedMap
+
+SLOWEST_LOSSLESS = 1e-3  # below this, in the units of the machine, no lossless launch is searched
+BATCH_SIZE = 8192  # launch speeds in one batch: enough to pay for the calls, few enough for the processor's cache
+# The launches in the picture of a map, and the fastest of them where there is no lossless one, in units of the machine.
+SHOWN, HIGH_LAUNCH = 1000, 9.0
+DIMENSIONS_OF_UPKEEP = {**dict.fromkeys(("alpha", "inject"), LIFTOFF_SPEED), "energy": ENERGY}
+NO_BASIN = "with injection or damping, or on a slope, no hop is lossless, and none comes to one"
+
+
+class ReturnMap:
+    """The return map of a machine, with its restitution and damping.
+
+    machine : as in `find`, with its restitution
+    inject : added to the launch speed "alpha" at every lift-off, an impulse on the coordinate that is launched; with a
+        damper the extension at lift-off depends on the speed, and the injection moves the machine to the extension of
+        the new speed
+    cap : number of impacts in one hop after which its computation ends, with the status "cap"
+
+    Called with launch speeds (...) in the machine's units, it returns `Hops`; in an array, a speed that is not a number
+    above 0 has the status "invalid". `smallest_separation` shows whether the masses pass through each other. Raises
+    `InputError` for a single speed that is not above 0.
+
+    A launch of a machine of N coordinates has d = 2 N - 3 numbers, which `names` names: the states of the contact but
+    one, which follows from the others as the contact force vanishes. Called with launches (..., d), or with a mapping
+    of arrays (...) by name, or with an orbit, the map of such a machine returns `LaunchHops`. Its fixed points are
+    those of `periodic_hop` and `fixed_points(starts=)`. What is about intervals of launch speeds, such as basins, is
+    refused with `InputError` where d > 1.
+
+    >>> from orbits import ReturnMap
+    >>> from problems import Hopper
+    >>> hops = ReturnMap(Hopper())([2.0, 4.0, 4.5])
+    >>> hops.status.tolist(), hops.next.round(4).tolist()
+    (['rests', 'lifts_off', 'lifts_off'], [nan, 2.0736, 4.4952])
+    >>> low, high = ReturnMap(Hopper(), inject=0.03).fixed_points(4, 5)
+    >>> round(low.multiplier, 3), round(high.multiplier, 3)
+    (7.274, -0.598)
+    """
+
+    @exclusive
+    def __init__(self, machine: Machine, inject: float = 0.0, cap: int = CAP):
+        self.machine, self.units = machine, getattr(machine, "units", None)
+        self._speed: float = self.units.of(LIFTOFF_SPEED) if self.units else 1.0
+        self.inject, self.cap = injected(inject, self._speed), whole_number("cap", cap, "impacts")
+        self._own = ReturnMap(dimensionless(machine), self.inject / self._speed, self.cap) if self.units else None
+        self._resolved = dict[tuple[float, float, int, float | None], MapPieces]()
+        self.impacts: Any = self._own.impacts if self._own else _impacts_of(machine)
+
+    @cached_property
+    def section(self) -> LaunchSection:
+        """The launches as points of the section on which the contact force vanishes."""
+        if self.impacts.model.hysteretic:
+            raise InputError("hops with hysteresis are followed from launch speeds: call the map, or take fixed_points")
+        return LaunchSection(self.impacts, self.units)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the numbers of a launch."""
+        return ("alpha",) if self.impacts.model.one_speed else self.section.names
+
+    def _check_one_speed(self, what: str) -> None:
+        """Raise `InputError` where a launch is more than a speed, as `what` is about intervals of speeds."""
+        if not self.impacts.model.one_speed:
+            raise InputError(
+                f"{what}: intervals of launch speeds say nothing where a launch has {len(self.names)} numbers, "
+                f"{', '.join(self.names)}; call the map with launches, or take periodic_hop(start)"
+            )
+
+    def dimensionless(self) -> "ReturnMap":
+        """The map of the dimensionless machine; itself where the machine has no units."""
+        return self._own or self
+
+    @cached_property
+    def _words(self) -> dict[str, object]:
+        return machine_in_words(self.machine)
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "machine", "inject", "cap")
+
+    def _repr_html_(self) -> str:
+        speed = self.units.text(LIFTOFF_SPEED) if self.units else ""
+        if not self.impacts.model.one_speed:
+            rows = [("numbers of a launch", ", ".join(self.names)), ("injection", number_text(self.inject, ""))]
+            return cell(f"return map of {self.machine!r}", rows)
+        rows = [("injection", number_text(self.inject, speed)), ("impacts of a hop", f"{self.cap} at most")]
+        return cell(f"return map of {self.machine!r}", rows, self._draw)
+
+    def _draw(self, axes: Axes | None) -> Axes:
+        """Draw the map up to twice the lowest lossless launch speed, or up to a high one."""
+        try:
+            highest = 2.0 * find(self.machine).alpha
+        except OrbitsError:
+            highest = HIGH_LAUNCH * self._speed
+        return self.plot(highest / SHOWN, highest, axes, samples=SHOWN)
+
+    def __reduce__(self) -> tuple[type, tuple[Machine, float, int]]:
+        return type(self), (self.machine, self.inject, self.cap)
+
+    @exclusive
+    def __call__(self, alpha: Any) -> Any:
+        """The `Hops` from launch speeds (...), or the `LaunchHops` from launches (..., d) where d > 1."""
+        if not self.impacts.model.one_speed:
+            return hops_of_launches(self.machine, self.section, alpha, self.inject / self._speed, self.cap)
+        try:
+            alpha = np.array(alpha, dtype=float)
+        except (TypeError, ValueError, OverflowError):
+            raise InputError(f"alpha = {alpha!r}; launch speeds are numbers") from None
+        launches = np.isfinite(alpha) & (alpha > 0)
+        if not (alpha.ndim or launches):
+            raise InputError(f"alpha = {alpha:g}; launch speeds are above 0")
+        return replace(self._hops(alpha, launches), alpha=alpha, machine=self._words)
+
+    @in_own_units(lambda hops, step: hops.in_units(step.units), alpha=LIFTOFF_SPEED)
+    def _hops(self, alpha: np.ndarray, launches: np.ndarray) -> Hops:
+        """The hops from the launch speeds (...) where `launches` (...) is true."""
+        nothing = np.full(alpha.shape, np.nan)
+        hops = Hops(alpha, nothing, nothing.copy(), np.zeros(alpha.shape, int), np.full(alpha.shape, "invalid", STATUS))
+        places = np.flatnonzero(launches)
+        batches = np.array_split(places, -(-len(places) // BATCH_SIZE)) if len(places) else []
+        hops_from = _hysteretic_hops if isinstance(self.impacts, Branches) else _hops_from
+        each = lambda batch: hops_from(self.impacts, alpha.flat[batch], self.inject, self.cap)  # noqa: E731
+        for batch, found in zip(batches, in_threads(each, batches), strict=True):
+            for name in ("next", "loss", "impacts", "status"):
+                getattr(hops, name).reshape(-1)[batch] = getattr(found, name)
+        return hops
+
+    @exclusive
+    def fixed_points(
+        self, low: float | None = None, high: float | None = None, samples: int = 2000, *,
+        starts: Sequence[Any] | None = None, progress: Progress = None,
+    ) -> FixedPoints:  # fmt: skip
+        """The fixed points of the map between two launch speeds, ascending; or those that Newton's method finds from
+        `starts`, launches of d numbers: the different ones among their `periodic_hop`, in their order, and beside a
+        lossless start the one with less energy too.
+
+        Without injection or damping they are the lossless orbits that are motions: all that a search like that of
+        `find_all` shows, and of machines that step those of `find`. With either, they are where the map crosses the
+        identity line: its smooth pieces are searched that may touch it between the launches of a grid of `samples`,
+        see `orbits.returns.resolution`. A fixed point may be missed where the map comes to the line and goes away
+        again between two of these. The result states in `unresolved` the intervals of launch speeds in which there may
+        be others since borders accumulate or hops have very many impacts.
+        `progress` is called with the completed share.
+
+        Raises `NoOrbit` where the search takes more than 30 s, unless `time_limit` allows more.
+        """
+        if starts is not None:
+            return FixedPoints(different_hops(self._periodic, starts, progress))
+        self._check_one_speed("fixed_points(low, high)")
+        if low is None or high is None:
+            raise InputError("fixed points are searched for between two launch speeds, low and high, or from starts")
+        with time_limit(None):
+            try:
+                return self._fixed_points(low, high, samples, progress)
+            except TimeOver as over:
+                remedy = f"hops are followed up to {self.cap} impacts: a smaller cap of the map ends them earlier"
+                raise over.reached(remedy) from None
+
+    @exclusive
+    def periodic_hop(self, start: Any, period: int = 1) -> PeriodicHop:
+        """The hops that come back to their first launch after `period` of them, by Newton's method from a launch.
+
+        start : a launch near it, as for the map: its numbers, or an orbit. From a lossless orbit the search begins with
+            the launch beside it that has more energy and loses what the injection adds, by the power 4/3 of its loss
+
+        Raises `NoOrbit` where the method finds none, or hops of a shorter period. Without injection or damping hops
+        that come back are lossless: those of `find` and `find_all`, whose orbit may be the start.
+        """
+        return self._periodic(start, whole_number("period", period, "hops"))
+
+    @exclusive
+    def periodic_hops(
+        self, period: int, low: float, high: float, samples: int = 400, *, progress: Progress = None
+    ) -> PeriodicHops:
+        """All hops that come back after `period` of them, and not before, with all launch speeds between two.
+
+        samples : number of launches of a grid on which the borders of the map's smooth pieces are searched; others are
+            found where no polynomial fits the map
+        progress : called with the completed share
+
+        The search goes through all itineraries of monotone branches, see `orbits.returns.itineraries`. The result
+        says what it rests on, and names the launches at which the map is not resolved. Without injection or damping
+        the hops of period one are the lossless ones, and there are no others, since landings only lose.
+
+        >>> from orbits import ReturnMap
+        >>> from problems import Hopper
+        >>> hops = ReturnMap(Hopper(), inject=0.135).periodic_hops(3, 4.3, 5.3)
+        >>> [(round(each.alpha, 6), round(each.multiplier, 3)) for each in hops]
+        [(4.475439, -2.448), (4.476508, 3.702)]
+        """
+        self._check_one_speed("periodic_hops")
+        low, high, samples = _checked_grid(low, high, samples)
+        return self._all_periodic(whole_number("period", period, "hops"), low, high, samples, progress)
+
+    @in_own_units(lambda found, step: found.in_units(step.units, step._words), low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
+    def _all_periodic(self, period: int, low: float, high: float, samples: int, progress: Progress) -> PeriodicHops:
+        """The `periodic_hops` of a period."""
+        if self.inject == 0 and self.impacts.model.conservative and not self.impacts.descends:
+            lossless = lossless_speeds(self.machine, low, high) if period == 1 else []
+            return lossless_hops(self, period, low, high, lossless)
+        if self.only_gains:
+            return PeriodicHops(self._words, period, low, high, self.inject, ())
+        half = progress and (lambda share: progress(0.5 * share))  # the other half are the hops
+        pieces = self._pieces(low, high, samples, half, self.inject if period == 1 else None)
+        return all_periodic_hops(self, pieces, period, progress and (lambda share: progress(0.5 + 0.5 * share)))
+
+    def _pieces(
+        self, low: float, high: float, samples: int, progress: Progress = None, inject: float | None = None
+    ) -> MapPieces:
+        """The pieces between two launch speeds of the dimensionless map without injection: all of them, or those near
+        the identity line for an injection."""
+        known = (self._resolved.get((low, high, samples, each)) for each in (None, inject))
+        if (found := next((each for each in known if each), None)) is None:
+            maps = cache(lambda cap: ReturnMap(self.machine, cap=cap))
+            lossless = lossless_speeds(self.machine, low, high)
+            plain = PlainMap(lambda x, cap: maps(cap)(x), lossless, self.cap, self._first.descends)
+            found = map_pieces(plain, low, high, samples, inject, progress)
+            self._resolved[low, high, samples, inject] = found
+        return found
+
+    @property
+    def only_gains(self) -> bool:
+        """Whether hops lose nothing, so that every next launch is faster by the injection and none comes back."""
+        return bool(self.impacts.never_lose and self.impacts.one_liftoff)
+
+    def _periodic(self, start: Any, period: int = 1, below: bool = False) -> PeriodicHop:
+        with without_units(self.units):
+            return periodic_hop(self.machine, self.section, start, period, self.inject / self._speed, self.cap, below)
+
+    @in_own_units(lambda found, step: found.in_units(step.units), low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
+    def _fixed_points(self, low: float, high: float, samples: int, progress: Progress = None) -> FixedPoints:
+        """The `fixed_points` between two launch speeds."""
+        low, high, samples = _checked_grid(low, high, samples)
+        if self.inject == 0 and self.impacts.model.conservative and not self.impacts.descends:
+            lossless = lossless_speeds(self.machine, low, high)
+            return FixedPoints(FixedPoint(alpha, "lossless", None, self._separation(alpha)) for alpha in lossless)
+        if self.only_gains:
+            return FixedPoints()
+        pieces = self._pieces(low, high, samples, progress, self.inject)
+        crossings = fixed_launches(self, pieces)
+        found = (FixedPoint(a, "crossing", self._slope(a), self._separation(a)) for a in crossings)
+        return FixedPoints(found, pieces.unresolved)
+
+    @exclusive
+    def smallest_separation(self, alpha: ArrayLike) -> np.ndarray | None:
+        """The smallest separations (...) of the masses during the hops from launch speeds (...), None without a rest
+        length. Where one is not above 0 the masses pass through each other, which the map ignores. Each hop is
+        simulated, which takes some milliseconds; a speed that is not above 0 has NaN."""
+        self._check_one_speed("smallest_separation")
+        speeds = np.array(alpha, dtype=float)
+        found = [self._separation(each) if 0 < each < np.inf else np.nan for each in speeds.ravel().tolist()]
+        return None if None in found else np.array(found, dtype=float).reshape(speeds.shape)
+
+    def _separation(self, alpha: float) -> float | None:
+        """The smallest separation of the masses during the hop from a launch speed, None where they have none."""
+        if self.impacts.model.separation(self.machine.values) is None:
+            return None
+        return simulate(self.machine, alpha, hops=1, cap=self.cap).smallest_separation
+
+    def _slope(self, alpha: float) -> float | None:
+        """The slope of the map at a launch speed, None where it has none."""
+        try:
+            return slope_of_hop(self.impacts, alpha / self._speed)
+        except NoOrbit:
+            return None
+
+    @exclusive
+    @in_own_units((), hops=())
+    def jumps(self, hops: Hops) -> np.ndarray:
+        """Indices of the launches of hops (m,), ascending, after which the map jumps: the number of impacts changes,
+        and the next launch speed is discontinuous."""
+        self._check_one_speed("jumps")
+        change = np.abs(np.diff(np.nan_to_num(hops.next)))
+        beside = np.maximum(np.append(0.0, change[:-1]), np.append(change[1:], 0.0))
+        # A jump smaller than the changes beside it would not be visible in a plot.
+        i = np.flatnonzero((np.diff(hops.impacts) != 0) & (change > beside))
+        same = lambda alpha, which: self(alpha).impacts == hops.impacts[i[which]]  # noqa: E731
+        a, b = enclosed_ends(same, hops.alpha[i], hops.alpha[i + 1])
+        return i[np.abs(np.nan_to_num(self(a).next) - np.nan_to_num(self(b).next)) > JUMP * a]
+
+    @exclusive
+    @in_own_units(LIFTOFF_SPEED, edges=LIFTOFF_SPEED, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
+    def preimages(self, edges: Intervals, low: float, high: float, samples: int = 2000) -> Intervals:
+        """The intervals of launch speeds between `low` and `high`, ascending, whose next launch speed lies in one of
+        the intervals `edges`. They end where the map passes an edge, or jumps; `samples` is as in `fixed_points`."""
+        self._check_one_speed("preimages")
+        low, high, samples = _checked_grid(low, high, samples)
+        try:
+            pairs = [(a, b) for a, b in edges]
+        except (TypeError, ValueError):
+            raise InputError(f"edges = {edges!r}; they are pairs (low, high) of launch speeds") from None
+        edges = [(finite_number("edges", a), finite_number("edges", b)) for a, b in pairs]
+        for low_edge, high_edge in edges:
+            if not 0 < low_edge <= high_edge:
+                ends = {name: Quantity(x, LIFTOFF_SPEED) for name, x in (("low", low_edge), ("high", high_edge))}
+                text = "edges = ({low:.17g}, {high:.17g}); the launch speeds of an interval are above 0 and ascend"
+                raise InputError(Message(text, **ends))
+        lossless = lossless_speeds(self.machine, low, high)
+        return ResolvedMap(self, lossless, low, high, samples).preimages(edges)
+
+    @exclusive
+    def upkeep(self, alpha: float) -> "Upkeep":
+        """What keeps the machine hopping with a launch speed: the injection at which it is a fixed point, and the
+        energy that this adds in every hop; the machine's own `inject` does not matter. Raises `NoOrbit` where the hop
+        has no next launch.
+
+        >>> from orbits import ReturnMap
+        >>> from problems import Hopper, springs
+        >>> machine = Hopper(springs.lossy("r", loss_factor=0.01))
+        >>> upkeep = ReturnMap(machine).upkeep(4.6)
+        >>> round(upkeep.inject, 6), round(float(ReturnMap(machine, upkeep.inject)(4.6).next), 9)
+        (0.389609, 4.6)
+        """
+        self._check_one_speed("upkeep")
+        if not finite_number("alpha", alpha) > 0:
+            raise InputError(f"alpha = {alpha:g}; launch speeds are above 0")
+        return replace(self._upkeep(float(alpha)), alpha=float(alpha))
+
+    @in_own_units(lambda upkeep, step: step.units.convert(upkeep, **DIMENSIONS_OF_UPKEEP), alpha=LIFTOFF_SPEED)
+    def _upkeep(self, alpha: float) -> "Upkeep":
+        hop = ReturnMap(self.machine, cap=self.cap)(alpha)
+        if hop.status != "lifts_off":
+            text = "the hop from alpha = {alpha:g} ends with '{status}': there is no next launch to keep up"
+            raise NoOrbit(Message(text, alpha=Quantity(alpha, LIFTOFF_SPEED), status=str(hop.status)))
+        before, after = self._first.launch(np.array([float(hop.next), alpha]))
+        return Upkeep(alpha, alpha - float(hop.next), self._first.energy(after) - self._first.energy(before))
+
+    @property
+    def _first(self) -> Impacts:
+        """The impacts, with hysteresis those on one branch."""
+        return self.impacts.first() if isinstance(self.impacts, Branches) else self.impacts
+
+    def plot(
+        self, low: float, high: float, axes: Axes | None = None, start: float | None = None, hops: int = 60,
+        samples: int = 4000, fixed_points: bool = True,
+    ) -> Axes:  # fmt: skip
+        """Plot the map between two launch speeds, with its fixed points, and with a cobweb of `hops` hops from the
+        launch `start`; returns the axes. See `orbits.show.map_figures.plot_map`."""
+        self._check_one_speed("plot")
+        low, high, samples = _checked_grid(low, high, samples)
+        hops = whole_number("hops", hops, "hops", 0)
+        return shown("map_figures").plot_map(self, low, high, axes, samples, start, hops, fixed_points)
+
+    def plot_basin(
+        self, low: float, high: float, axes: Axes | None = None, hops: int = 1000, samples: int = 2000
+    ) -> Axes:
+        """Plot which launches between two speeds come to which lossless hop, with their share of the range;
+        returns the axes. The basin is that of `basin`."""
+        self._check_one_speed("plot_basin")
+        return shown("map_figures").plot_basin(self, low, high, axes, hops, samples)
+
+    @exclusive
+    @in_own_units(
+        lambda found, step: found.in_units(step.units.of(LIFTOFF_SPEED), machine_in_words(step.machine)),
+        low=LIFTOFF_SPEED, high=LIFTOFF_SPEED,
+    )  # fmt: skip
+    def basins(self, low: float, high: float, hops: int = 1000, samples: int = 2000) -> Basins:
+        """The basin of each lossless launch speed below `high`, a mapping by launch speed, while `basin` returns their
+        union; those without launches between `low` and `high` are left out."""
+        self._check_one_speed("basins")
+        low, high, samples = _checked_grid(low, high, samples)
+        hops = whole_number("hops", hops, "hops", 0)
+        if self.inject != 0 or not self.impacts.model.conservative or self.impacts.descends:
+            raise InputError(NO_BASIN)
+        lossless = [star for star in lossless_speeds(self.machine, SLOWEST_LOSSLESS, high) if star < high]
+        words = machine_in_words(self.machine)
+        if not lossless:
+            return Basins(words, low, high, ())
+        resolved_map = ResolvedMap(self, lossless, lossless[0], high, samples)
+        found = {star: resolved_map.basin(lossless, hops, high - low, only=k) for k, star in enumerate(lossless)}
+        inside = {star: tuple((max(a, low), min(b, high)) for a, b in own if b > low) for star, own in found.items()}
+        return Basins(words, low, high, tuple((star, own) for star, own in inside.items() if own))
+
+    @exclusive
+    @in_own_units(LIFTOFF_SPEED, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
+    def basin(
+        self, low: float, high: float, hops: int = 1000, samples: int = 2000,
+        progress: Progress = None,
+    ) -> Intervals:  # fmt: skip
+        """The intervals of launch speeds between `low` and `high` that come to a lossless hop, ascending.
+
+        All launches above a lossless one come down to it, up to the speed where the map falls below it; all others
+        in the basin enter one of these intervals, within at most `hops` hops. Intervals that would add only some 1e-5
+        of the range are left out. `progress` is called after every hop with the share of the range that is found, and
+        with 0 while the grid is refined. Raises `InputError` with injection or damping.
+        """
+        self._check_one_speed("basin")
+        low, high, samples = _checked_grid(low, high, samples)
+        if self.inject != 0 or not self.impacts.model.conservative or self.impacts.descends:
+            raise InputError(NO_BASIN)
+        hops = whole_number("hops", hops, "hops", 0)
+        lossless = lossless_speeds(self.machine, SLOWEST_LOSSLESS, high)
+        if not lossless or lossless[0] >= high:
+            return []
+        resolved_map = ResolvedMap(self, lossless, lossless[0], high, samples, progress)
+        intervals = resolved_map.basin(lossless, hops, high - low, progress)
+        return [(max(a, low), min(b, high)) for a, b in intervals if b > low]
+
+
+def _checked_grid(low: float, high: float, samples: int) -> tuple[float, float, int]:
+    """Two launch speeds and the number of launches of a grid between them, checked."""
+    low, high = finite_number("low", low), finite_number("high", high)
+    if not 0 < low < high:
+        speeds = {name: Quantity(speed, LIFTOFF_SPEED) for name, speed in (("low", low), ("high", high))}
+        raise InputError(Message("low = {low:g}, high = {high:g}: 0 < low < high is needed", **speeds))
+    if high > FASTEST_LAUNCH:
+        speeds = {name: Quantity(speed, LIFTOFF_SPEED) for name, speed in (("high", high), ("most", FASTEST_LAUNCH))}
+        raise InputError(Message("high = {high:g}; a launch speed is at most {most:g}", **speeds))
+    return low, high, whole_number("samples", samples, "launches", 2)
+
+
+def _hops_from(impacts: Impacts, alpha, inject: float, cap: int) -> Hops:
+    """One hop from each of the launch speeds (m,), ended after `cap` impacts, with `inject` added to the next."""
+    hops = hops_of_speeds(impacts, alpha, cap)
+    loss, status = hops.loss / (0.5 * impacts.launch_inertia), hops.status
+    alpha, requested = np.minimum(alpha, FASTEST_LAUNCH), alpha
+    remaining = alpha**2 - loss
+    if impacts.contact.phase.closed_form and impacts.ends_by_energy:  # of a linear force
+        status[(status == "lifts_off") & (remaining < 0)] = "rests"
+    else:
+        stand(impacts, hops)
+        lifting = np.flatnonzero(status == "lifts_off")
+        speed, launches = impacts.liftoff(hops.ends[lifting])
+        status[lifting[~launches]] = "leaves_elsewhere"
+        if not impacts.one_liftoff:
+            lifting, speed = lifting[launches], speed[launches]
+            remaining[lifting] = speed**2
+            loss[lifting] = alpha[lifting] ** 2 - remaining[lifting]
+    next_speed = np.where(status == "lifts_off", np.sqrt(np.maximum(remaining, 0.0)) + inject, np.nan)
+    stopped = next_speed <= 0
+    status[stopped], next_speed[stopped] = "rests", np.nan
+    return Hops(requested, next_speed, loss, hops.impacts, status)
+
+
+def _impacts_of(machine: Machine) -> "Impacts | Branches":
+    """The impacts of a machine, on both branches of a spring with hysteresis."""
+    check_machine(machine, "restitution")
+    if machine.model.sticks:
+        raise InputError(
+            f"{machine.model.sticks[0]} of a {machine.model.name} sticks in contact: its motions are simulated and "
+            "`multipliers` says what is beside an orbit, without a map"
+        )
+    if not machine.model.hysteretic:
+        return Impacts(machine)
+    if not machine.model.one_speed:
+        name = machine.model.name
+        raise InputError(
+            f"a launch of a {name} is more than a speed, and its spring has hysteresis: it is simulated, without a map"
+        )
+    return Branches(machine)
+
+
+def _hysteretic_hops(branches: Branches, alpha, inject: float, cap: int) -> Hops:
+    """`_hops_from` of a machine whose spring has hysteresis."""
+    following, counts, status, lost = branches.hops(alpha, cap)
+    for i in np.flatnonzero(status == "").tolist():
+        run = simulate(branches.machine, float(alpha[i]), hops=1, cap=cap)
+        following[i], counts[i] = run.launches[-1] if run.status == "done" else np.nan, run.impacts
+        lost[i] = sum(event.loss for event in run.events if event.kind in ("impact", "landing"))
+        done = "lifts_off" if np.isfinite(following[i]) else "leaves_elsewhere"
+        status[i] = done if run.status == "done" else run.status
+    in_impacts = lost / (0.5 * branches.first().launch_inertia)
+    loss, following = np.where(np.isfinite(following), alpha**2 - following**2, in_impacts), following + inject
+    stopped = following <= 0
+    status[stopped], following[stopped] = "rests", np.nan
+    return Hops(alpha, following, loss, counts, status)

@@ -1,0 +1,82 @@
+"""Branches of hops whose launches are several numbers."""
+
+import numpy as np
+import pytest
+from columns import column, hop_of
+
+from orbits import InputError, NoOrbit, ReturnMap, bifurcations, find
+from orbits.returns.cycles import MapsAlong
+from orbits.returns.launch_branches import launch_diagram
+from problems import Hopper, chain_hand
+
+
+@pytest.mark.slow
+def test_a_machine_of_one_speed_has_the_flip_of_the_paper():
+    """Found from a start, by derivatives, as by the grid of speeds: at an injection of 0.071587384137."""
+    maps = MapsAlong(Hopper(), "inject", 0.066, 0.078, 0.0, 1000)
+    found = launch_diagram(maps, (4.3, 5.0), [0.066], [find(Hopper())], None, None)
+    (flip,) = found.located()
+    assert (flip.kind, flip.branch) == ("flip", 0)
+    assert flip.value == pytest.approx(0.071587384137, abs=1e-11)
+    assert flip.alpha == pytest.approx(4.541763272853, abs=1e-10)
+    assert flip.note == "hops of period two begin here, stable, toward greater inject"
+    assert [branch.period for branch in found.branches] == [1, 2, 1]
+    doubled = found.branches[1]
+    step = ReturnMap(Hopper(), inject=doubled.values[-1])
+    assert step(doubled.alphas[-1]).next == pytest.approx(doubled.alphas[-1][::-1], rel=1e-9)
+
+
+@pytest.mark.slow
+def test_a_pair_of_multipliers_crosses_the_unit_circle():
+    machine, orbit = hop_of("chain_hand")
+    shares = []
+    diagram = bifurcations(machine, "inject", (0.02, 0.03), (2.5, 3.2), starts=[orbit], progress=shares.append)
+    (event,) = diagram.events
+    branch = diagram.branches[event.branch]
+    assert event.kind == "Neimark-Sacker"
+    at = int(np.argmin(np.abs(branch.values - event.value)))
+    launch, spectrum = branch.launches[at, 0], branch.spectra[at] @ [1, 1j]
+    h, step = 1e-4, ReturnMap(machine, inject=event.value)
+    around = step(launch + h * np.array([-2, -1, 1, 2])[:, None, None] * np.eye(3)).next
+    slopes = ((around[0] - 8 * around[1] + 8 * around[2] - around[3]) / (12 * h)).T
+    moduli = np.sort(np.abs(np.linalg.eigvals(slopes)))
+    assert np.abs(moduli - 1).min() <= 1e-6
+    assert np.sort(np.abs(spectrum)) == pytest.approx(moduli, abs=1e-6)
+    assert step(launch).next == pytest.approx(launch, rel=1e-10)
+    assert "a pair of multipliers exp(+-i 2.7" in event.note
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    assert "Neimark-Sacker" in str(diagram)
+    assert diagram.plot().figure
+
+
+@pytest.mark.slow
+def test_along_a_parameter_of_the_machine():
+    """Points of the branch are fixed points of the machines there."""
+    orbit = hop_of()[1]
+    options = {"inject": 0.01, "starts": [orbit], "sections": 2}
+    branch, *_ = bifurcations(column(), "restitution", (0.0, 0.02), (5.0, 8.0), **options).branches
+    assert branch.ends[1].kind == "reached"
+    step = ReturnMap(column(restitution=float(branch.values[-1])), inject=0.01)
+    assert step(branch.launches[-1, 0]).next == pytest.approx(branch.launches[-1, 0], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, "give starts="), ({"starts": [(6.3, -1.2, 1.0)], "attractor": 5}, "attractor = 5"),
+    ],
+)  # fmt: skip
+def test_refusals(options, message):
+    with pytest.raises(InputError, match=message):
+        bifurcations(chain_hand((1, 1, 1)), "inject", (0.01, 0.02), (2.5, 3.2), **options)
+    with pytest.raises(InputError, match=r"starts = \[\]; give launches"):
+        bifurcations(chain_hand((1, 1, 1)), "inject", (0.01, 0.02), (2.5, 3.2), starts=[])
+    with pytest.raises(InputError, match="leave them out"):
+        bifurcations(Hopper(), "inject", (0.01, 0.02), (4.4, 4.7), starts=[4.5])
+
+
+def test_starts_that_lead_nowhere_are_said_to_and_nothing_of_other_hops():
+    machine, orbit = hop_of("chain_hand")
+    with pytest.raises(NoOrbit, match=r"lead to no hops that come back: inject = -0\.01 takes energy away"):
+        bifurcations(machine, "inject", (-0.02, -0.01), (2.5, 3.2), starts=orbit, sections=2)

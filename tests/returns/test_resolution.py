@@ -1,0 +1,225 @@
+"""Fixed points, preimages and basins of the map: none missed, each told apart from a jump."""
+
+import pickle
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from orbits import InputError, ReturnMap
+from orbits.hops.impacts import STATUS
+from orbits.numerics.roots import enclosed_sign_changes
+from orbits.returns.hops import Hops
+from orbits.returns.limited_hops import PlainMap
+from orbits.returns.periodic_hops import fixed_launches
+from orbits.returns.resolution import map_pieces
+from orbits.returns.resolved_map import ResolvedMap
+from problems import Hopper, rimless_wheel
+
+
+@pytest.mark.parametrize(
+    ("e", "inject", "root", "width", "samples"),
+    [
+        pytest.param(0.9, 0.3, 4.645714373490958, 0.01, 11, marks=pytest.mark.slow),
+        (0.8, 1.5, 5.6082259848818, 0.02, 21), (0.5, 1.5, 4.3758465565328, 0.05, 11),
+    ],
+)  # fmt: skip
+@pytest.mark.slow
+def test_crossings_with_restitution(e, inject, root, width, samples):
+    """Also where the number of impacts changes beside them, and where two lie between neighbours of the grid."""
+    found = ReturnMap(Hopper(restitution=e), inject=inject).fixed_points(root - width, root + width, samples)
+    assert np.abs([point.alpha - root for point in found]).min() < 1e-10
+    step = ReturnMap(Hopper(restitution=e), inject=inject)
+    for point in found:
+        assert float(step(point.alpha).next) == pytest.approx(point.alpha, abs=1e-6)
+
+
+def crossings(step, low, high, launches):
+    """The fixed points that so many launches show: where the map crosses the identity line and does not jump."""
+    over = lambda a, _=None: np.nan_to_num(step(a).next) - a  # noqa: E731
+    x = np.linspace(low, high, launches)
+    y = over(x)
+    i = np.flatnonzero((y[1:] >= 0) != (y[:-1] >= 0))
+    a, b, fa, fb = enclosed_sign_changes(over, x[i], x[i + 1], y[i], y[i + 1])
+    return np.where(np.abs(fa) <= np.abs(fb), a, b)[np.maximum(np.abs(fa), np.abs(fb)) < 1e-6]
+
+
+@pytest.mark.parametrize(
+    ("machine", "inject", "low", "high", "count"),
+    [
+        pytest.param(Hopper(mass_ratio=1000.0), 0.05, 7.285, 7.295, 6, marks=pytest.mark.slow),
+        (Hopper("r + 0.3*r**3"), 0.1, 2.0, 8.0, 10),
+        pytest.param(Hopper(restitution=0.6, mass_ratio=3.0), 0.1, 2.0, 9.0, 4, marks=pytest.mark.slow),
+    ],
+)  # fmt: skip
+def test_fixed_points_are_those_of_many_launches(machine, inject, low, high, count):
+    """Where all bounces are short, and where borders accumulate: below some launch speed they are dust."""
+    step = ReturnMap(machine, inject=inject)
+    found = step.fixed_points(low, high)
+    assert [point.alpha for point in found] == pytest.approx(crossings(step, low, high, 4001), rel=1e-12)
+    assert len(found) == count
+    hops = step.periodic_hops(1, low, high, 2000)
+    assert [hop.alpha for hop in hops] == [point.alpha for point in found]
+    assert hops.unresolved == found.unresolved
+
+
+@pytest.mark.slow
+def test_hops_with_very_many_impacts_are_not_resolved():
+    """A wheel that rolls down a slope: many of its hops have thousands of impacts."""
+    wheel = rimless_wheel(1.0, 1.0, 8, inertia=1.5, body_inertia=1.0, stiffness=50.0, slope=0.08)
+    found = ReturnMap(wheel).fixed_points(0.2, 4.0)
+    assert (found, found.unresolved) == ((), ((0.2, 4.0),))
+    again = pickle.loads(pickle.dumps(found))
+    assert (again, again.unresolved) == (found, found.unresolved)
+
+
+def test_preimages_are_all_there():
+    """Both flanks of all three peaks, however narrow the interval; their ends map onto its ends."""
+    step = ReturnMap(Hopper())
+    found = np.array(step.preimages([(4.4, 4.4001)], 3.0, 12.0))
+    assert found.shape == (6, 2)
+    assert np.sort(step(found).next, axis=1) == pytest.approx(np.tile([4.4, 4.4001], (6, 1)), abs=1e-12)
+    alpha = np.linspace(3.0, 12.0, 20001)
+    wide = step.preimages([(1.0, 2.0), (4.0, 4.2)], 3.0, 12.0)
+    following = step(alpha).next
+    inside = ((following >= 1) & (following <= 2)) | ((following >= 4) & (following <= 4.2))
+    np.testing.assert_array_equal(within(alpha, wide), inside)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("machine", [Hopper(), Hopper(mass_ratio=2.0)])
+def test_the_basin_is_what_comes_to_a_lossless_hop(machine):
+    step, high = ReturnMap(machine), 5.6
+    shares: list[float] = []
+    basin = step.basin(4.5, high, progress=shares.append)
+    assert shares[0] == 0.0  # while the grid is refined
+    assert shares == sorted(shares)
+    stars = [point.alpha for point in step.fixed_points(1.0, high)]
+    start = np.random.default_rng(3).uniform(4.5, high, 100)
+    alpha = start.copy()
+    for _ in range(200):
+        alpha = np.where(np.isfinite(alpha), alpha, 1e-3)
+        alpha = step(alpha).next
+    # launches come down to a lossless one like (3/(C n))^3; all others rest
+    comes = np.array([np.abs(np.array(stars) - a).min() < 1e-3 if np.isfinite(a) else False for a in alpha])
+    np.testing.assert_array_equal(comes, within(start, basin))
+    inside = np.concatenate([np.linspace(a, b, 5)[1:-1] for a, b in basin[:20]])
+    for _ in range(200):
+        inside = step(inside).next
+        assert np.isfinite(inside).all()
+
+
+@pytest.mark.slow
+def test_the_map_is_broken_only_where_it_jumps():
+    """With restitution the number of impacts changes all the time and the map does not; light feet make it jump."""
+
+    def gaps(machine, low, high):
+        axes = ReturnMap(machine).plot(low, high, Figure().subplots(), samples=400, fixed_points=False)
+        y = axes.lines[1].get_ydata()
+        return int(np.isnan(y[1:-1] * y[:-2] * 0 + y[2:] * 0)[np.isfinite(y[:-2]) & np.isfinite(y[2:])].sum())
+
+    assert gaps(Hopper(restitution=0.3), 4.2, 5.4) == 0
+    step = ReturnMap(Hopper(mass_ratio=50.0))
+    alpha = np.linspace(3.0, 9.0, 500)
+    hops = step(alpha)
+    for i in step.jumps(hops):
+        a, b = alpha[i], alpha[i + 1]
+        fine = step(np.linspace(a, b, 60)).next
+        assert np.abs(np.diff(np.nan_to_num(fine))).max() > 0.3 * abs(np.nan_to_num(fine[-1]) - np.nan_to_num(fine[0]))
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda step: step.fixed_points("a", 3), "low = 'a' is not a finite number"),
+        (lambda step: step.fixed_points(3, 2), "0 < low < high"),
+        (lambda step: ReturnMap(Hopper(), inject=0.1).fixed_points(2, 3, samples=0), "samples = 0; it is a"),
+        (lambda step: step.preimages([(4.0, 4.1)], 12, 3), "0 < low < high"),
+        (lambda step: step.preimages([(4.0, 4.1)], 3, 1e308), "a launch speed is at most 1e\\+15"),
+        (lambda step: step.preimages([(4.1, 4.0)], 3, 12), "the launch speeds of an interval"),
+        (lambda step: ReturnMap(Hopper(), inject=0.1).basin(3, 5), "no hop is lossless"),
+        (lambda step: ReturnMap(Hopper(damping=0.1)).basin(3, 5), "no hop is lossless"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_meant(call, words):
+    with pytest.raises(InputError, match=words):
+        call(ReturnMap(Hopper()))
+
+
+class TestMapsInClosedForm:
+    """Of functions whose preimages, fixed points and basins are known."""
+
+    @staticmethod
+    def step(function, borders):
+        """The hops of a function with another number of impacts beyond each border."""
+
+        def hops(x, cap=0):
+            following = function(x)
+            loss, impacts = (x - following) * (x + following), 1 + np.digitize(x, borders)
+            return Hops(x, following, loss, impacts, np.full(x.shape, "lifts_off", STATUS))
+
+        hops.inject = 0.0
+        return hops
+
+    def resolved(self, function, lossless, low, high):
+        return ResolvedMap(self.step(function, []), lossless, low, high, 41)
+
+    def fixed_launches(self, function, borders, low, high):
+        step = self.step(function, borders)
+        pieces = map_pieces(PlainMap(step), low, high, 41, 0.0)
+        assert not pieces.unresolved
+        return fixed_launches(step, pieces)
+
+    def test_a_basin_grows_backward_until_it_is_complete(self):
+        """From 1 to 2 a launch comes to 1, from 2 to 3 to nothing, and a faster one loses 2 in each hop."""
+
+        def function(a):
+            return np.where(a < 2, 0.5 * (1 + a), np.where(a < 3, 0.0, a - 2))
+
+        found, shares = self.resolved(function, [1.0], 1.0, 20.0), list[float]()
+        for hops in range(4):
+            ends = [(2 * k + 1.0, 2 * k + 2.0) for k in range(hops + 1)]
+            assert np.ravel(found.basin([1.0], hops, 19.0)) == pytest.approx(np.ravel(ends), rel=1e-14)
+        assert len(found.basin([1.0], 100, 19.0, shares.append)) == 10
+        assert shares == pytest.approx([*(k / 19 for k in range(2, 11)), 10 / 19])  # the last hop adds none
+
+    def test_basins_end_where_the_map_falls_below_the_lossless_launch(self):
+        """Two lossless launches, 1 and 6; above each the map comes back to it at 4 and at 7.5."""
+
+        def function(a):
+            return np.where(a < 6, 1 + (a - 1) * (4 - a) / 9, 6 + (a - 6) * (7.5 - a) / 9)
+
+        found = self.resolved(function, [1.0, 6.0], 1.0, 9.0)
+        for only, ends in ((0, [(1.0, 4.0)]), (1, [(6.0, 7.5)]), (None, [(1.0, 4.0), (6.0, 7.5)])):
+            basin = found.basin([1.0, 6.0], 0, 8.0, only=only)
+            assert np.ravel(basin) == pytest.approx(np.ravel(ends), rel=1e-14)
+        whole = found.basin([1.0, 6.0], 50, 8.0)
+        inside = within(np.linspace(1.0, 9.0, 400), whole)
+        alpha = np.linspace(1.0, 9.0, 400)
+        for _ in range(200):
+            alpha = np.where(alpha >= 1, function(alpha), -1.0)
+        assert inside.tolist() == ((np.abs(alpha - 1) < 0.3) | (np.abs(alpha - 6) < 0.3)).tolist()
+
+    def test_crossings_of_the_identity_line_but_no_jumps_over_it(self):
+        """Three crossings, a touching pair closer than the grid, and jumps up and down."""
+        curve = lambda a: a + 0.1 * (a - 1.5) * (a - 2.25) * (a - 3.75)  # noqa: E731
+        assert self.fixed_launches(curve, [], 1.0, 5.0) == pytest.approx([1.5, 2.25, 3.75], rel=1e-13)
+        pair = lambda a: a + (a - 2.51) ** 2 - 1e-6  # noqa: E731
+        assert self.fixed_launches(pair, [], 1.0, 5.0) == pytest.approx([2.509, 2.511], rel=1e-12)
+        jumps = lambda a: a + np.where((a < 2) | (a > 3), 0.1, -0.1)  # noqa: E731
+        assert self.fixed_launches(jumps, [2.0, 3.0], 1.0, 5.0) == []
+
+    def test_preimages_of_a_tent(self):
+        """4 - 2 |a - 2|: each interval has one on either side, and two that touch are one."""
+        tent = self.resolved(lambda a: 4 - 2 * np.abs(a - 2), [], 0.1, 3.9)
+        assert np.ravel(tent.preimages([(1.0, 2.0), (3.0, 3.5)])) == pytest.approx(
+            [0.5, 1.0, 1.5, 1.75, 2.25, 2.5, 3.0, 3.5], rel=1e-13
+        )
+        assert np.ravel(tent.preimages([(3.0, 4.5)])) == pytest.approx([1.5, 2.5], rel=1e-13)
+        assert np.ravel(tent.preimages([(0.0, 1.0)])) == pytest.approx([0.1, 0.5, 3.5, 3.9], rel=1e-13)
+        assert tent.preimages([(5.0, 6.0)]) == []
+
+
+def within(values, edges):
+    """Whether values (m,) lie in one of several ascending, disjoint intervals."""
+    return np.any([(a <= values) & (values <= b) for a, b in edges], axis=0)
