@@ -74,10 +74,11 @@ from .returns.bifurcations import bifurcations
 from .returns.diagram import BifurcationDiagram, Branch as Branch, BranchEnd as BranchEnd
 from .returns.hops import FixedPoint as FixedPoint, Hops as Hops
 from .returns.launch_hops import LaunchHops as LaunchHops
-from .returns.periodic_hop import PeriodicHop
+from .returns.periodic_hop import PeriodicHop as PeriodicHop
 from .returns.periods import PeriodDiagram as PeriodDiagram, period_diagram
 from .returns.proofs import prove_doubling, prove_fixed_point
 from .returns.return_map import ReturnMap
+from .returns.returning_hops import ReturningHops
 from .running.time_limit import time_limit
 from .shooting.formulations import METHODS as METHODS
 from .sweeps.existence import Existence, existence
@@ -93,7 +94,7 @@ PLACE_OF: dict[str, str]  # the module of each name
 __all__ = [
     "BifurcationCurve", "BifurcationDiagram", "BranchPoint", "Control", "Design", "DesignCurve", "Existence",
     "Family", "Front", "HopMultipliers", "InputError", "Machine", "Mechanism", "Model", "NoOrbit", "OptimalFamily",
-    "Orbit", "OrbitsError", "PeriodDiagram", "PeriodicHop", "Proof", "ReturnMap", "Simulation", "Sweep",
+    "Orbit", "OrbitsError", "PeriodDiagram", "Proof", "ReturnMap", "ReturningHops", "Simulation", "Sweep",
     "Uncertainty", "Units", "__version__", "bifurcations", "check", "existence", "find", "find_all",
     "find_branch_points", "follow", "follow_branch", "follow_branch_points", "follow_event", "follow_fold",
     "multiplier", "multipliers", "optimize", "orbit_at", "orbit_function", "pareto", "period_diagram", "prove",

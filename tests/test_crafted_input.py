@@ -261,7 +261,7 @@ def test_every_public_name_is_among_the_calls():
     text = Path(valid_calls.__file__).read_text(encoding="utf-8")
     uncalled = {"InputError", "NoOrbit", "OrbitsError", "Machine", "Model", "Units", "__version__"}  # nothing to call
     results = {"BifurcationCurve", "BifurcationDiagram", "BranchPoint", "Control", "Design", "DesignCurve", "Existence"}
-    results |= {"Front", "HopMultipliers", "OptimalFamily", "PeriodDiagram", "PeriodicHop", "Proof", "Simulation"}
+    results |= {"Front", "HopMultipliers", "OptimalFamily", "PeriodDiagram", "Proof", "ReturningHops", "Simulation"}
     results |= {"Sweep", "Uncertainty", "Driven", "DrivenFamily", "Disturbed"}
     names = {*orbits.__all__, *problems.__all__} - uncalled - results - {"explore"}
     assert sorted(name for name in names if not re.search(rf"\b{name}\b", text)) == []

@@ -213,7 +213,7 @@ def test_the_mechanism_that_is_shown_has_its_closed_form():
 PUBLIC = [(package, name) for package in (orbits, problems) for name in package.__all__]
 # What is in a room, and can be imported from the package too.
 FURTHER = {name: place for name, place in orbits.PLACE_OF.items() if name not in orbits.__all__}
-OTHER_NAMES = {"BranchEnd", "DesignEvent"}  # of `End` and `Event`
+OTHER_NAMES = {"BranchEnd", "DesignEvent", "FixedPoint", "PeriodicHop"}  # of `End`, `Event` and `ReturningHops`
 PUBLIC += [(import_module(f"orbits.{place}"), name) for name, place in FURTHER.items() if name not in OTHER_NAMES]
 DOCUMENTED = re.compile(r"^\.\. (?:autofunction|autoclass|autoexception|automodule|data):: (\S+)$", flags=re.MULTILINE)
 

@@ -68,13 +68,12 @@ def made(kind: str):
         "Existence": lambda: existence(cubic, "beta", (0.28, 0.32), "mass_ratio", [0.5, 0.6], samples=3),
         "Hops": lambda: ReturnMap(cubic)([[2.0, 4.0], [4.5, 7.0]]),
         "LaunchHops": lambda: ReturnMap(hop_of()[0])([[6.4, -1.2, 1.1], [-1.0, 0.0, 0.0]]),
-        "PeriodicHop": lambda: ReturnMap(hop_of()[0]).periodic_hop(hop_of()[1]),
+        "ReturningHops": lambda: ReturnMap(hop_of()[0]).periodic_hop(hop_of()[1]),
         "HopMultipliers": lambda: multipliers(*hop_of()),
         "ReturnMap": lambda: ReturnMap(cubic, inject=0.03),
         "BifurcationDiagram": lambda: bifurcations(
             Hopper(), "inject", (0.06, 0.065), (4.5, 4.6), samples=50, sections=2, attractor=6
         ),
-        "FixedPoint": lambda: ReturnMap(Hopper(), inject=0.03).fixed_points(4, 5)[0],
         "Simulation": lambda: simulate(Hopper(restitution=0.3, damping=0.01), 4.6, hops=2),
         "ContactEvent": lambda: simulate(Hopper(), 4.6, hops=1).events[0],
         "Control": lambda: steer([cart(duration=(1, 1))], guess=STRAIGHT),
@@ -109,11 +108,11 @@ WHOLE = (
     "DesignCurve",
     *("Simulation", "Hops", "BifurcationDiagram", "Proof", "Checked", "Driven", "Disturbed", "SpringFit"),
     *("Sensitivities", "Indices", "Basins", "BifurcationCurve", "PeriodDiagram", "OptimalFamily", "DrivenFamily"),
-    *("LaunchHops", "PeriodicHop", "PeriodicHops", "HopMultipliers"),
+    *("LaunchHops", "ReturningHops", "PeriodicHops", "HopMultipliers"),
 )
 RESULTS = (
     *WHOLE,
-    *("Certificate", "Trajectory", "Point", "Event", "End", "ReturnMap", "FixedPoint", "ContactEvent"),
+    *("Certificate", "Trajectory", "Point", "Event", "End", "ReturnMap", "ContactEvent"),
 )
 VERBS = {
     "machine": lambda result: isinstance(result.machine, dict) and "machine" in result.machine,
@@ -221,7 +220,7 @@ def classes_in(hint):
 
 # What is returned and is no result, with what it is.
 NO_RESULTS = {
-    "part of a result": {"Certificate", "Trajectory", "Point", "Event", "End", "FixedPoint", "Stretch", "Upkeep"},
+    "part of a result": {"Certificate", "Trajectory", "Point", "Event", "End", "Stretch", "Upkeep"},
     "a machine": {"Mechanism", "MachineInSI", "Chain", "Actuated", "Model", "ReturnMap"},
     "a law": {"Law", "HystereticLaw"},
     "of the mechanics": {"LinearEquations", "Affine", "StateFormula", "Units", "Quantity"},

@@ -80,7 +80,7 @@ def bifurcations(
         injection, where all are mapped together, and none along other parameters, where this takes longer
     cap : number of impacts in one hop after which its computation is ended
     starts : for a machine whose launch has d > 1 numbers, launches or lossless orbits near which fixed points are
-        searched for at each section by Newton's method, or results `PeriodicHop` of a period
+        searched for at each section by Newton's method, or `ReturningHops` of a period
     periods : of the hops that are searched for, all of each period at each section, see `ReturnMap.periodic_hops`
     doublings : how many times hops of twice the period are followed from flips: 1 for those of period two from flips of
         fixed points, 2 for those of period four from flips of these, and so on. With 1 or more, hops of period two are

@@ -1,15 +1,17 @@
-"""The results of a return map of launch speeds: hops, fixed points, and what keeps a machine hopping."""
+"""The results of a return map of launch speeds: hops, and what keeps a machine hopping."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from ..io import Document
 from ..result import Axes, Result, Row, known, shown
-from ..units import DIMENSIONS_OF_HOPS, LIFTOFF_SPEED, Units
+from ..units import DIMENSIONS_OF_HOPS, Units
+from .returning_hops import FixedPoints as FixedPoints, ReturningHops
 
+FixedPoint = ReturningHops  # its earlier name
 HOP_COLUMNS = ("alpha", "next", "loss", "impacts", "status")
 
 
@@ -82,53 +84,6 @@ class Hops(OfStatuses, Result, what="table of hops"):
         columns = {name: known(getattr(self, name)) for name in DIMENSIONS_OF_HOPS}
         columns |= {name: np.ravel(getattr(self, name)).tolist() for name in ("impacts", "status")}
         return columns | ({"units": self.units} if self.units else {})
-
-
-@dataclass(frozen=True)
-class FixedPoint:
-    """A fixed point of the return map.
-
-    alpha : launch speed
-    kind : "lossless", or "crossing" where the map crosses the identity line
-    multiplier : slope of the map there; None at a lossless hop, and where the hop lands tangentially
-    smallest_separation : of the masses during the hop, None without a rest length; where it is not above 0 they pass
-        through each other, and the hop is no motion of a real machine
-    """
-
-    alpha: float
-    kind: str
-    multiplier: float | None = None
-    smallest_separation: float | None = None
-
-
-class FixedPoints(tuple[Any, ...]):
-    """The fixed points of a return map: `FixedPoint`, ascending, or `PeriodicHop` where they were searched from starts.
-
-    unresolved : intervals of launch speeds in which there may be others: borders of the map accumulate there, or hops
-        have so many impacts that the search has ended; a narrower range is resolved farther
-    """
-
-    unresolved: tuple[tuple[float, float], ...]
-
-    def __new__(cls, points: Iterable[Any] = (), unresolved: Iterable[tuple[float, float]] = ()) -> Self:
-        found = super().__new__(cls, points)
-        found.unresolved = tuple(unresolved)
-        return found
-
-    def in_units(self, units: Units) -> Self:
-        """The same in these units."""
-        return type(self)(units.converted(tuple(self), ()), units.converted(self.unresolved, LIFTOFF_SPEED))
-
-    def __repr__(self) -> str:
-        text = super().__repr__()
-        if not self.unresolved:
-            return text
-        low, high = self.unresolved[0][0], self.unresolved[-1][1]
-        number, length = len(self.unresolved), sum(b - a for a, b in self.unresolved)
-        return f"{text}, and maybe others in {number} intervals of the length {length:.2g} from {low:.9g} to {high:.9g}"
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (tuple(self), self.unresolved)
 
 
 @dataclass(frozen=True)

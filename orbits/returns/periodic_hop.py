@@ -1,20 +1,20 @@
 """Periodic hops: launches that come back after some hops, found by Newton's method on the map of launches."""
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError, NoOrbit
+from ..hops.flyer import hops_of_states
 from ..hops.launch_section import LaunchSection
-from ..hops.multipliers import EnergyLoss, HopMultipliers, HopsDerivative, derivative_of_hops
+from ..hops.multipliers import EnergyLoss, HopsDerivative, derivative_of_hops
 from ..hops.simulation import simulate
-from ..io import Document
 from ..model.machine import Machine
-from ..result import Axes, Progress, Result, Row, shown, stored
+from ..result import Progress, Result
 from ..units import LIFTOFF_SPEED, Message, Quantity
+from .returning_hops import ReturningHops
 
 # Newton's method has converged where the launch comes back within this share of it, and is given up after this many
 # steps, or halvings of one.
@@ -28,75 +28,12 @@ NOT_LOSSLESS = (
 )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class PeriodicHop(Result, what="periodic hop", in_line=("kind", "launches"), document_is_whole=True):
-    """Hops that come back to their first launch.
-
-    names : of the d numbers of a launch
-    launches : (period, d), each followed by the next one, and the last by the first
-    kind : "lossless", or "crossing" where hops lose what injection or a force adds
-    multipliers : of all hops together, from the first launch
-    smallest_separation : of the masses, None where no separation is stated; where it is not above 0 they pass through
-        each other, and the hops are no motion of a real machine
-    units : of the numbers of a launch, by name; empty for a dimensionless machine
-    machine : in words and numbers
-    """
-
-    names: tuple[str, ...]
-    launches: np.ndarray
-    kind: str
-    multipliers: HopMultipliers
-    smallest_separation: float | None = None
-    units: Mapping[str, str] = field(default_factory=dict)
-    machine: Mapping[str, Any] = field(default_factory=dict)
-
-    @property
-    def period(self) -> int:
-        """The number of hops."""
-        return len(self.launches)
-
-    @property
-    def stability(self) -> str:
-        """As of its `HopMultipliers`."""
-        return self.multipliers.stability
-
-    def title(self) -> str:
-        return f"hops of period {self.period} of a {self.machine.get('machine')}"
-
-    def table(self) -> dict[str, np.ndarray]:
-        """A row for each hop, with the numbers of its launch."""
-        own = {name: self.launches[:, i] for i, name in enumerate(self.names)}
-        return {"hop": np.arange(self.period)} | own
-
-    def _rows(self) -> Iterator[Row]:
-        yield Row.of("kind", self.kind)
-        for i, launch in enumerate(self.launches):
-            for name, number in zip(self.names, launch.tolist(), strict=True):
-                of = f" of hop {i}" if self.period > 1 else ""
-                yield Row.of(f"{name}{of}", number, self.unit_of(name))
-        for i, value in enumerate(self.multipliers.values):
-            text = f"{value.real:.10g}" + (f" {value.imag:+.10g}i" if value.imag else "")
-            yield Row.of(f"multiplier {i}", text)
-        if self.smallest_separation is not None:
-            yield Row.of("smallest_separation", self.smallest_separation)
-
-    def heads(self) -> list[str]:
-        return []
-
-    def _notes(self) -> list[str]:
-        return self.multipliers._notes()
-
-    def plot(self, axes: Axes | None = None) -> Axes:
-        """Plot the numbers of the launches, hop by hop; returns the axes."""
-        return shown("launch_figures").plot_periodic_hop(self, axes)
-
-    def document(self) -> Document:
-        return {**stored(self), "stability": self.stability}
+PeriodicHop = ReturningHops  # its earlier name
 
 
 def periodic_hop(
     machine: Machine, section: LaunchSection, start: Any, period: int, inject: float, cap: int, below: bool = False
-) -> PeriodicHop:
+) -> ReturningHops:
     """The hops of a period that Newton's method finds from a launch; see `ReturnMap.periodic_hop`. From a lossless
     launch it begins with more energy or, `below`, with less."""
     y, lossless = section.launch(start), inject == 0 and section.impacts.model.conservative
@@ -117,8 +54,10 @@ def periodic_hop(
         u = {name: x * _unit_of(section, name) for name, x in section.unknowns_of(found.launches[0]).items()}
         launch, added = u["alpha"] if len(u) == 2 else u, inject * _unit_of(section, "alpha")
         separation = simulate(machine, launch, hops=period, inject=added, cap=cap).smallest_separation
-    kind = "lossless" if lossless else "crossing"
-    return PeriodicHop(section.names, free[:-1] * section.unit, kind, own, separation, own.units, own.machine)
+    states = found.launches[:-1] @ section.impacts.model.embed.T
+    counts = tuple(hops_of_states(section.impacts, states, cap).impacts.tolist())
+    about = own, separation, own.units, own.machine, counts
+    return ReturningHops(section.names, free[:-1] * section.unit, "lossless" if lossless else "crossing", *about)
 
 
 def _beside_lossless(section: LaunchSection, y: np.ndarray, loss: EnergyLoss, inject: float, below: bool) -> np.ndarray:
@@ -197,11 +136,11 @@ def listed_starts(starts: Any) -> list[Any]:
 
 
 def different_hops(
-    hop_from: Callable[..., PeriodicHop], starts: Any, progress: Progress = None
-) -> tuple[PeriodicHop, ...]:
+    hop_from: Callable[..., ReturningHops], starts: Any, progress: Progress = None
+) -> tuple[ReturningHops, ...]:
     """The different hops that are found from starts, in their order; starts from which none is found are left out.
     `progress` is called with the completed share of the starts."""
-    starts, found = listed_starts(starts), list[PeriodicHop]()
+    starts, found = listed_starts(starts), list[ReturningHops]()
     for i, start in enumerate(starts):
         if progress:
             progress(i / len(starts))

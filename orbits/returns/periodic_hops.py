@@ -2,17 +2,21 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import zip_longest
 from typing import Any, overload
 
 import numpy as np
 
+from ..io import Document, conform
+from ..model.machine import Machine
 from ..numerics.roots import UNIT, solve
-from ..result import Axes, Progress, Result, Row, reported, shown
-from ..units import LENGTH, LIFTOFF_SPEED, Units
+from ..result import Axes, Progress, Result, Row, reported, shown, stored
+from ..units import LIFTOFF_SPEED, Units
 from .bifurcation import WORDS_OF_STABILITY
 from .hops import Hops
 from .itineraries import MonotoneBranches, intervals_of, periodic_launches
 from .map_pieces import MapPieces
+from .returning_hops import ReturningHops
 
 # Newton's method on all launches of a cycle together ends after this many steps; cycles that agree up to this share of
 # the launch speed are one. The map rounds a launch speed by this share.
@@ -20,40 +24,19 @@ POLISHED_TIMES, SAME_CYCLE, ROUNDED_HOP = 6, 1e-9, 4e-15
 STEEPEST_HOP = 1e12  # a steeper map, as beside a graze, has this slope in Newton's method
 
 
-@dataclass(frozen=True)
-class Cycle:
-    """Hops that come back to their first launch after `period` of them, and not before.
+Cycle = ReturningHops  # its earlier name
 
-    launches : the launch speeds, each followed by the next one, and the last by the first, which is the smallest
-    multiplier : the product of the slopes of the map there; None where a hop lands tangentially
-    impacts : the number of impacts in each hop: one more than the bounces
-    branches : the monotone branch of the map on which each launch lies
-    error : how far the launches may be from those of the map, as their computation rounds
-    smallest_separation : of the masses, None where no separation is stated; where it is not above 0 they pass through
-        each other, and the hops are no motion of a real machine
-    """
+
+@dataclass(frozen=True)
+class _SavedHops:
+    """One of the `PeriodicHops` in their file."""
 
     launches: tuple[float, ...]
-    multiplier: float | None
     impacts: tuple[int, ...]
     branches: tuple[int, ...]
     error: float
+    multiplier: float | None = None
     smallest_separation: float | None = None
-
-    @property
-    def period(self) -> int:
-        """The number of hops."""
-        return len(self.launches)
-
-    @property
-    def alpha(self) -> float:
-        """The smallest of the launch speeds."""
-        return self.launches[0]
-
-    @property
-    def stable(self) -> bool | None:
-        """Whether the hops attract their neighbours; None where there is no multiplier, as at lossless hops."""
-        return None if self.multiplier is None else abs(self.multiplier) < 1
 
 
 @dataclass(frozen=True)
@@ -67,8 +50,8 @@ class MonotoneBranch:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PeriodicHops(Result, Sequence[Cycle], what="periodic hops", dimension="launch"):
-    """All hops of a period of a return map whose launch speeds lie between two; a sequence of `Cycle`, ascending.
+class PeriodicHops(Result, Sequence[ReturningHops], what="periodic hops", dimension="launch", document_is_whole=True):
+    """All hops of a period of a return map with launch speeds between two; a sequence of `ReturningHops`, ascending.
 
     machine : in words and numbers
     period : the number of hops after which a launch comes back, and not before
@@ -88,19 +71,19 @@ class PeriodicHops(Result, Sequence[Cycle], what="periodic hops", dimension="lau
     low: float
     high: float
     inject: float
-    cycles: tuple[Cycle, ...]
+    cycles: tuple[ReturningHops, ...]
     branches: tuple[MonotoneBranch, ...] = ()
     itineraries: int = 0
     error_of_map: float = 0.0
     unresolved: tuple[tuple[float, float], ...] = field(default=())
 
     @overload
-    def __getitem__(self, index: int) -> Cycle: ...
+    def __getitem__(self, index: int) -> ReturningHops: ...
 
     @overload
-    def __getitem__(self, index: slice) -> Sequence[Cycle]: ...
+    def __getitem__(self, index: slice) -> Sequence[ReturningHops]: ...
 
-    def __getitem__(self, index: int | slice) -> Cycle | Sequence[Cycle]:
+    def __getitem__(self, index: int | slice) -> ReturningHops | Sequence[ReturningHops]:
         return self.cycles[index]
 
     def __len__(self) -> int:
@@ -108,17 +91,10 @@ class PeriodicHops(Result, Sequence[Cycle], what="periodic hops", dimension="lau
 
     def in_units(self, units: Units, machine: Mapping[str, Any]) -> "PeriodicHops":
         """The same in these units, of the machine in words."""
-        speed, length = units.of(LIFTOFF_SPEED), units.of(LENGTH)
-        cycles = tuple(
-            replace(
-                each, launches=tuple(speed * alpha for alpha in each.launches), error=speed * each.error,
-                smallest_separation=each.smallest_separation and length * each.smallest_separation,
-            )
-            for each in self.cycles
-        )  # fmt: skip
+        speed = units.of(LIFTOFF_SPEED)
         return replace(
             self, machine=machine, low=speed * self.low, high=speed * self.high, inject=speed * self.inject,
-            cycles=cycles, error_of_map=speed * self.error_of_map,
+            cycles=tuple(each.in_units(units, machine) for each in self.cycles), error_of_map=speed * self.error_of_map,
             branches=tuple(replace(each, low=speed * each.low, high=speed * each.high) for each in self.branches),
             unresolved=tuple((speed * a, speed * b) for a, b in self.unresolved),
         )  # fmt: skip
@@ -142,11 +118,11 @@ class PeriodicHops(Result, Sequence[Cycle], what="periodic hops", dimension="lau
         """A row for each cycle."""
         for i, each in enumerate(self.cycles):
             values = {
-                f"next ones of {i}": ", ".join(f"{x:.9g}" for x in each.launches[1:]),
+                f"next ones of {i}": ", ".join(f"{x:.9g}" for x in each.alphas[1:]),
                 f"multiplier of {i}": each.multiplier,
                 f"stable {i}": WORDS_OF_STABILITY[each.stable],
                 f"impacts of {i}": " ".join(map(str, each.impacts)),
-                f"branches of {i}": " ".join(map(str, each.branches)),
+                f"branches of {i}": " ".join(map(str, each.itinerary)),
             }
             yield Row(each.alpha, values, ("{}",) * len(values))
 
@@ -179,12 +155,40 @@ class PeriodicHops(Result, Sequence[Cycle], what="periodic hops", dimension="lau
         """A row for each launch: the number of its cycle, the hop, the launch speed, the impacts and the branch, and
         the multiplier, the stability and the error of the cycle."""
         rows = [
-            (i, hop, alpha, each.impacts[hop], each.branches[hop], each.multiplier, each.stable, each.error)
+            (i, hop, *row, each.multiplier, each.stable, each.error)
             for i, each in enumerate(self.cycles)
-            for hop, alpha in enumerate(each.launches)
+            for hop, row in enumerate(zip_longest(each.alphas.tolist(), each.impacts, each.itinerary))
         ]
         names = "cycle", "hop", "alpha", "impacts", "branch", "multiplier", "stable", "error"
         return {name: [row[i] for row in rows] for i, name in enumerate(names)}
+
+    def document(self) -> Document:
+        cycles = [
+            stored(
+                _SavedHops(
+                    tuple(each.alphas.tolist()), each.impacts, each.itinerary, each.error or 0.0, each.multiplier,
+                    each.smallest_separation,
+                )
+            )
+            for each in self.cycles
+        ]  # fmt: skip
+        return {**stored(replace(self, cycles=())), "cycles": cycles}
+
+    @classmethod
+    def of_saved(cls, document: object, machine: Machine | None = None) -> "PeriodicHops":
+        """As in `Result`."""
+        whole = cls._conform(document, Mapping[str, Any])
+        found = cls(**cls._fields_in({**whole, "cycles": []}, machine))
+        texts = {"alpha": found.unit_of("alpha")} if found.units else {}
+        cycles = tuple(
+            ReturningHops.of_speeds(
+                each.launches, each.multiplier, "crossing" if each.branches else "lossless", texts, found.machine,
+                smallest_separation=each.smallest_separation, impacts=each.impacts, error=each.error,
+                itinerary=each.branches,
+            )
+            for each in conform(whole.get("cycles"), tuple[_SavedHops, ...], "cycles")
+        )  # fmt: skip
+        return replace(found, cycles=cycles)
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot each cycle as its itinerary: the launch speeds hop by hop, with the branches of the map behind; returns
@@ -217,12 +221,6 @@ def cycles_of(
             continue
         cycles.append((row, word, counts, error))
     return sorted(cycles, key=lambda each: tuple(each[0].tolist())), len(found.words)
-
-
-def fixed_launches(return_map: Any, pieces: MapPieces) -> list[float]:
-    """The launch speeds, ascending, that come back after one hop of a map whose pieces without injection are known."""
-    branches = MonotoneBranches.of(pieces, return_map.inject)
-    return [float(each[0][0]) for each in cycles_of(branches, return_map, 1)[0]] if len(branches.ends) else []
 
 
 def polished_cycles(
@@ -261,10 +259,12 @@ def polished_cycles(
 def lossless_hops(return_map: Any, period: int, low: float, high: float, lossless: list[float]) -> PeriodicHops:
     """The `PeriodicHops` of a map without injection and damping, of which all that come back are lossless."""
     impacts = return_map(np.array(lossless)).impacts.tolist()
+    hops = ReturningHops.of_speeds
     cycles = tuple(
-        Cycle((alpha,), None, (count,), (), 0.0, return_map._separation(alpha))
+        hops([alpha], None, "lossless", machine=return_map._words, smallest_separation=return_map._separation(alpha),
+             impacts=(count,), error=0.0)
         for alpha, count in zip(lossless, impacts, strict=True)
-    )
+    )  # fmt: skip
     return PeriodicHops(return_map._words, period, low, high, 0.0, cycles)
 
 
@@ -277,10 +277,13 @@ def all_periodic_hops(return_map: Any, pieces: MapPieces, period: int, progress:
         slopes, apart = zip(
             *((return_map._slope(a), return_map._separation(a)) for a in launches.tolist()), strict=True
         )
-        multiplier = None if None in slopes else float(np.prod(slopes))
         separation = None if None in apart else min(apart)
-        own = (tuple(each.tolist()) for each in (launches, counts, word))
-        cycles.append(Cycle(next(own), multiplier, next(own), next(own), error, separation))
+        cycles.append(
+            ReturningHops.of_speeds(
+                launches, None if None in slopes else float(np.prod(slopes)), machine=return_map._words, error=error,
+                smallest_separation=separation, impacts=tuple(counts.tolist()), itinerary=tuple(word.tolist()),
+            )
+        )  # fmt: skip
     kinds = tuple(
         MonotoneBranch(a, b, rising, int(pieces.impacts[cell]))
         for (a, b), rising, cell in zip(

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ..consistency.accepted import check_machine
 from ..errors import InputError, NoOrbit, finite_number
 from ..exact.stated import exact_values
@@ -21,9 +19,8 @@ from ..proof.theorem import Proof
 from ..running.exclusive import exclusive
 from ..running.time_limit import time_limit
 from .bifurcation import Bifurcation
-from .periodic_hop import PeriodicHop
-from .periodic_hops import Cycle
-from .return_map import FixedPoint, ReturnMap
+from .return_map import ReturnMap
+from .returning_hops import ReturningHops
 
 if TYPE_CHECKING:
     from ..proof.hops.hop_theorems import HopGuess
@@ -34,7 +31,7 @@ MOST_STEPS_TO_FIXED_POINT, FIXED_TO = 20, 1e-13
 
 @exclusive
 def prove_fixed_point(
-    machine: Machine, point: FixedPoint | Cycle | PeriodicHop | float, inject: Decimal | tuple[Decimal, Decimal], *,
+    machine: Machine, point: ReturningHops | float, inject: Decimal | tuple[Decimal, Decimal], *,
     digits: int | None = None, parameters: Exact = None, limit: float | None = None,
 ) -> Proof:  # fmt: skip
     """Prove that the return map with an injection has a fixed point, that no other is nearby, and whether it is stable.
@@ -69,15 +66,11 @@ def prove_fixed_point(
     if not low > 0:
         raise InputError(f"inject = {inject!r}; it is above 0: without it fixed points are lossless: prove(orbit)")
     middle, said = float((low + high) / 2), None
-    if isinstance(point, FixedPoint):
-        said = SaidHops((point.alpha,), point.multiplier)
-    elif isinstance(point, Cycle):
-        said = SaidHops(point.launches, point.multiplier, point.impacts, point.error)
-    elif isinstance(point, PeriodicHop):
-        said = SaidHops(tuple(point.launches[:, 0].tolist()), float(np.prod(point.multipliers.values).real))
-    lossless = point.multiplier is None if isinstance(point, Cycle) else getattr(point, "kind", "") == "lossless"
-    if lossless:
-        raise InputError("this fixed point is a lossless orbit: prove(orbit)")
+    if isinstance(point, ReturningHops):
+        if point.kind == "lossless":
+            raise InputError("this fixed point is a lossless orbit: prove(orbit)")
+        launches = tuple(point.alphas.tolist())
+        said = SaidHops(launches, point.multiplier, point.impacts or None, point.error or 0.0)
     with time_limit(limit):
         if said is None or len(said.launches) == 1:
             guess = guessed_hop(machine, finite_number("point", said.launches[0] if said else point), middle)

@@ -32,14 +32,15 @@ from ..running.time_limit import TimeOver, time_limit
 from ..tables import number_text
 from ..units import ENERGY, LIFTOFF_SPEED, Message, Quantity, in_own_units, without_units
 from .basins import Basins
-from .hops import FixedPoint, FixedPoints, Hops, Upkeep
+from .hops import Hops, Upkeep
 from .launch_hops import hops_of_launches
 from .limited_hops import PlainMap
 from .map_pieces import JUMP, Intervals, MapPieces
-from .periodic_hop import PeriodicHop, different_hops, periodic_hop
-from .periodic_hops import PeriodicHops, all_periodic_hops, fixed_launches, lossless_hops
+from .periodic_hop import different_hops, periodic_hop
+from .periodic_hops import PeriodicHops, all_periodic_hops, lossless_hops
 from .resolution import map_pieces
 from .resolved_map import ResolvedMap
+from .returning_hops import FixedPoints, ReturningHops
 
 SLOWEST_LOSSLESS = 1e-3  # below this, in the units of the machine, no lossless launch is searched
 BATCH_SIZE = 8192  # launch speeds in one batch: enough to pay for the calls, few enough for the processor's cache
@@ -189,15 +190,17 @@ class ReturnMap:
         self._check_one_speed("fixed_points(low, high)")
         if low is None or high is None:
             raise InputError("fixed points are searched for between two launch speeds, low and high, or from starts")
+        low, high, samples = _checked_grid(low, high, samples)
         with time_limit(None):
             try:
-                return self._fixed_points(low, high, samples, progress)
+                found = self._all_periodic(1, low, high, samples, progress)
+                return FixedPoints(found.cycles, found.unresolved)
             except TimeOver as over:
                 remedy = f"hops are followed up to {self.cap} impacts: a smaller cap of the map ends them earlier"
                 raise over.reached(remedy) from None
 
     @exclusive
-    def periodic_hop(self, start: Any, period: int = 1) -> PeriodicHop:
+    def periodic_hop(self, start: Any, period: int = 1) -> ReturningHops:
         """The hops that come back to their first launch after `period` of them, by Newton's method from a launch.
 
         start : a launch near it, as for the map: its numbers, or an orbit. From a lossless orbit the search begins with
@@ -263,23 +266,9 @@ class ReturnMap:
         """Whether hops lose nothing, so that every next launch is faster by the injection and none comes back."""
         return bool(self.impacts.never_lose and self.impacts.one_liftoff)
 
-    def _periodic(self, start: Any, period: int = 1, below: bool = False) -> PeriodicHop:
+    def _periodic(self, start: Any, period: int = 1, below: bool = False) -> ReturningHops:
         with without_units(self.units):
             return periodic_hop(self.machine, self.section, start, period, self.inject / self._speed, self.cap, below)
-
-    @in_own_units(lambda found, step: found.in_units(step.units), low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
-    def _fixed_points(self, low: float, high: float, samples: int, progress: Progress = None) -> FixedPoints:
-        """The `fixed_points` between two launch speeds."""
-        low, high, samples = _checked_grid(low, high, samples)
-        if self.inject == 0 and self.impacts.model.conservative and not self.impacts.descends:
-            lossless = lossless_speeds(self.machine, low, high)
-            return FixedPoints(FixedPoint(alpha, "lossless", None, self._separation(alpha)) for alpha in lossless)
-        if self.only_gains:
-            return FixedPoints()
-        pieces = self._pieces(low, high, samples, progress, self.inject)
-        crossings = fixed_launches(self, pieces)
-        found = (FixedPoint(a, "crossing", self._slope(a), self._separation(a)) for a in crossings)
-        return FixedPoints(found, pieces.unresolved)
 
     @exclusive
     def smallest_separation(self, alpha: ArrayLike) -> np.ndarray | None:

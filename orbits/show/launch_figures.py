@@ -11,7 +11,7 @@ from .plot import axes_or_new, finished
 if TYPE_CHECKING:
     from ..hops.multipliers import HopMultipliers
     from ..returns.launch_hops import LaunchHops
-    from ..returns.periodic_hop import PeriodicHop
+    from ..returns.returning_hops import ReturningHops
 
 
 def plot_launch_hops(hops: "LaunchHops", axes: Axes | None = None) -> Axes:
@@ -24,7 +24,7 @@ def plot_launch_hops(hops: "LaunchHops", axes: Axes | None = None) -> Axes:
     return finished(axes, xlabel="number of the launch", ylabel="the same of the next launch")
 
 
-def plot_periodic_hop(hop: "PeriodicHop", axes: Axes | None = None) -> Axes:
+def plot_periodic_hop(hop: "ReturningHops", axes: Axes | None = None) -> Axes:
     """Plot the numbers of the launches against the hop, up to the first launch again; return the axes."""
     axes = axes_or_new(axes, 5.2, 3.8)
     for i, name in enumerate(hop.names):

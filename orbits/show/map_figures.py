@@ -13,8 +13,9 @@ from ..units import LIFTOFF_SPEED
 from .plot import COLOURS, axes_or_new, cobweb, finished, plain, sampled_map
 
 if TYPE_CHECKING:
-    from ..returns.hops import FixedPoint, Hops
+    from ..returns.hops import Hops
     from ..returns.return_map import ReturnMap
+    from ..returns.returning_hops import ReturningHops
 
 IDENTITY: dict[str, object] = {"color": "0.6", "lw": 0.8, "zorder": 1}
 # Markers of fixed points: full where they attract, open where they do not, half where they attract from above only.
@@ -80,11 +81,11 @@ def _labelled_map(axes: Axes, step: "ReturnMap", low: float, high: float) -> Axe
     return finished(axes, xlim=(low, high), ylim=(bottom, high), **labels)
 
 
-def _stability(point: "FixedPoint") -> str:
+def _stability(point: "ReturningHops") -> str:
     """The name of a fixed point's stability in a legend."""
     if point.kind == "lossless":
         return "lossless, attracts from above"
-    return "stable" if point.multiplier is not None and abs(point.multiplier) < 1 else "unstable"
+    return "stable" if point.stable else "unstable"
 
 
 def _mark(axes: Axes, points: list[tuple[float, str]]) -> None:
@@ -143,9 +144,9 @@ def plot_periodic_hops(hops: Any, axes: Axes | None = None) -> Axes:
         axes.axhline(branch.low, color="0.85", lw=0.8, zorder=0)
     shown, count = hops.cycles[:SHOWN_CYCLES], np.arange(hops.period + 1)
     for each, colour in zip(shown, cycle(COLOURS[1:])):
-        label = f"{' '.join(map(str, each.branches))}: {WORDS_OF_STABILITY[each.stable]}"
+        label = f"{' '.join(map(str, each.itinerary))}: {WORDS_OF_STABILITY[each.stable]}"
         style = "o-" if each.stable else "o--"
-        axes.plot(count, [*each.launches, each.alpha], style, color=colour, ms=4, lw=1.0, label=label)
+        axes.plot(count, [*each.alphas, each.alpha], style, color=colour, ms=4, lw=1.0, label=label)
     axes.set_xticks(count)
     return finished(axes, xlabel="hop", ylabel=hops.heading("alpha").replace("alpha", "launch speed"))
 

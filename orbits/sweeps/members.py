@@ -110,6 +110,6 @@ def _fixed(question: Question, table: Table, report: Callable[[int], None]) -> N
         none = "no resolved fixed point" if found.unresolved else "no fixed point"
         table.columns["reason"][row] = "" if found else f"the return map has {none} between these launch speeds"
         if found:
-            best = min(found, key=lambda point: (point.multiplier is None or abs(point.multiplier) >= 1, point.alpha))
+            best = min(found, key=lambda point: (not point.stable, point.alpha))
             table.columns["alpha"][row] = best.alpha
             table.columns["multiplier"][row] = np.nan if best.multiplier is None else best.multiplier

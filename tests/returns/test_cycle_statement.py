@@ -29,7 +29,7 @@ def test_two_hops_in_a_row():
     eps, machine = 0.1, Hopper()
     (cycle,) = ReturnMap(machine, inject=eps).periodic_hops(2, 4.4, 4.7)
     equations = shooting_equations(cycle_statement(machine.model, cycle.impacts), (*machine.values, INJECT))
-    hops = flown_hops(Impacts(machine), np.array(cycle.launches))
+    hops = flown_hops(Impacts(machine), cycle.alphas)
     own = [hops.unknowns(Impacts(machine), np.array([i]))[0] for i in (0, 1)]
     u = np.concatenate([*(each[:2] for each in own), *(each[2:] for each in own)])
     evaluation = equations.evaluate(u, np.array([1.0, eps]))
@@ -39,7 +39,7 @@ def test_two_hops_in_a_row():
     others = np.delete(np.arange(len(u)), place)
     moved = np.linalg.solve(jacobian[:-1][:, others], -jacobian[:-1, place])
     slope = jacobian[-1, others] @ moved + jacobian[-1, place] + 1.0
-    assert slope == pytest.approx(np.prod([multiplier(machine, alpha) for alpha in cycle.launches]), rel=1e-10)
+    assert slope == pytest.approx(np.prod([multiplier(machine, alpha) for alpha in cycle.alphas]), rel=1e-10)
 
 
 def test_names_and_numbers_of_equations():

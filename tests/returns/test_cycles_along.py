@@ -85,7 +85,7 @@ def test_all_hops_of_a_period_in_the_units_of_each_value():
     maps = maps_along(machine, "stiffness", 80.0, 120.0, inject)
     found = maps.all_cycles(105.0, (4.3 * own, 4.8 * own), 2)
     same = ReturnMap(Hopper(), inject=inject / there).periodic_hops(2, 4.3 * own / there, 4.8 * own / there)
-    assert np.array(found) == pytest.approx(there * np.array([hops.launches for hops in same]), rel=1e-10)
+    assert np.array(found) == pytest.approx(there * np.array([hops.alphas for hops in same]), rel=1e-10)
     assert len(found) == 1
     (launches,), _ = maps.cycles(found[0][:1], 105.0, 2)
     assert launches[2] == pytest.approx(launches[0], rel=1e-10)

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from tests.return_map.test_map_pieces import hops_of
 
 from orbits.errors import InputError
 from orbits.returns import itineraries
 from orbits.returns.itineraries import MonotoneBranches, intervals_of, periodic_launches
 from orbits.returns.resolution import map_pieces
+from tests.returns.test_map_pieces import hops_of
 
 
 def logistic(r):

@@ -34,7 +34,7 @@ def test_brute_force_finds_no_others(inject):
     step = ReturnMap(Hopper(), inject=inject)
     found = {n: step.periodic_hops(n, LOW, HIGH) for n in (1, 2, 3, 4)}
     for period in found:
-        known = np.sort(np.concatenate([np.ravel([c.launches for c in found[d]]) for d in found if period % d == 0]))
+        known = np.sort(np.concatenate([np.ravel([c.alphas for c in found[d]]) for d in found if period % d == 0]))
         a, b = sign_changes(step, period, 4000)
         assert len(a)
         assert (np.searchsorted(known, b + 1e-12) > np.searchsorted(known, a - 1e-12)).all()
@@ -45,7 +45,7 @@ def test_brute_force_on_many_launches_finds_no_others():
     step = ReturnMap(Hopper(), inject=0.1189)
     found = {n: step.periodic_hops(n, LOW, HIGH) for n in (1, 2, 3, 5, 6)}
     for period in (5, 6):
-        known = np.sort(np.concatenate([np.ravel([c.launches for c in found[d]]) for d in found if period % d == 0]))
+        known = np.sort(np.concatenate([np.ravel([c.alphas for c in found[d]]) for d in found if period % d == 0]))
         a, b = sign_changes(step, period, 20_000)
         assert (np.searchsorted(known, b + 1e-12) > np.searchsorted(known, a - 1e-12)).all()
 
@@ -53,9 +53,9 @@ def test_brute_force_on_many_launches_finds_no_others():
 def test_the_hops_come_back_and_have_exact_multipliers():
     step = ReturnMap(Hopper(), inject=0.135)
     for each in step.periodic_hops(6, LOW, HIGH):
-        launches = np.array(each.launches)
+        launches = each.alphas
         assert step(launches).next == pytest.approx(np.roll(launches, -1), abs=1e-13)
-        assert each.multiplier == pytest.approx(np.prod([multiplier(Hopper(), a) for a in each.launches]), rel=1e-12)
+        assert each.multiplier == pytest.approx(np.prod([multiplier(Hopper(), a) for a in launches]), rel=1e-12)
         assert each.impacts == tuple(step(launches).impacts)
         assert 0 < each.error < 1e-12
         newton = step.periodic_hop(each.alpha, 6)
@@ -71,7 +71,7 @@ def test_period_two_is_stable_between_its_flips():
     alpha = 4.5
     for _ in range(400):
         alpha = float(step(alpha).next)
-    assert min(abs(alpha - each) for each in pair.launches) < 1e-12
+    assert min(abs(alpha - each) for each in pair.alphas) < 1e-12
 
 
 def test_without_injection_hops_are_lossless():

@@ -26,7 +26,7 @@ def test_periods_at_equal_masses(diagram):
 
 def test_the_launches_are_those_of_the_map(diagram):
     step = ReturnMap(Hopper(), inject=0.1)
-    known = max(step.periodic_hops(2, 4.4, 4.7)[0].launches)
+    known = max(step.periodic_hops(2, 4.4, 4.7)[0].alphas)
     assert diagram.launches[0, 2, 0] == pytest.approx(known, rel=1e-8)
 
 
@@ -72,7 +72,7 @@ def test_in_si():
     over = {"inject": (0.09 * speed, 0.1 * speed), next(name for name in leg.values if "stiffness" in name): (100, 101)}
     launches = tuple(each * speed for each in (4.4, 4.7))
     found = period_diagram(leg, over, launches, samples=(2, 2), starts=(4.52 * speed,), hops=256)
-    known = max(ReturnMap(Hopper(), inject=0.1).periodic_hops(2, 4.4, 4.7)[0].launches)
+    known = max(ReturnMap(Hopper(), inject=0.1).periodic_hops(2, 4.4, 4.7)[0].alphas)
     assert found.launches[0, 1, 0] == pytest.approx(known * speed, rel=1e-8)
     assert found.heading("launch") == "launch (m/s)"
 

@@ -3,7 +3,7 @@
 import pytest
 
 from orbits import InputError, NoOrbit, ReturnMap, prove_fixed_point
-from orbits.returns.periodic_hops import Cycle
+from orbits.returns.returning_hops import ReturningHops
 from problems import Chain, Hopper
 
 
@@ -30,4 +30,4 @@ def test_a_guess_far_from_any_fixed_point():
         with pytest.raises(InputError, match="lossless orbit"):
             prove_fixed_point(Hopper(), found[0], "0.03")
     with pytest.raises(NoOrbit, match="does not come back"):
-        prove_fixed_point(Hopper(), Cycle((1e-9, 4.5), -2.0, (1, 1), (0, 0), 0.0), "0.03")
+        prove_fixed_point(Hopper(), ReturningHops.of_speeds((1e-9, 4.5), -2.0), "0.03")

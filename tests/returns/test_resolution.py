@@ -10,8 +10,9 @@ from orbits import InputError, ReturnMap
 from orbits.hops.impacts import STATUS
 from orbits.numerics.roots import enclosed_sign_changes
 from orbits.returns.hops import Hops
+from orbits.returns.itineraries import MonotoneBranches
 from orbits.returns.limited_hops import PlainMap
-from orbits.returns.periodic_hops import fixed_launches
+from orbits.returns.periodic_hops import cycles_of
 from orbits.returns.resolution import map_pieces
 from orbits.returns.resolved_map import ResolvedMap
 from problems import Hopper, rimless_wheel
@@ -168,7 +169,7 @@ class TestMapsInClosedForm:
         step = self.step(function, borders)
         pieces = map_pieces(PlainMap(step), low, high, 41, 0.0)
         assert not pieces.unresolved
-        return fixed_launches(step, pieces)
+        return [float(each[0][0]) for each in cycles_of(MonotoneBranches.of(pieces, 0.0), step, 1)[0]]
 
     def test_a_basin_grows_backward_until_it_is_complete(self):
         """From 1 to 2 a launch comes to 1, from 2 to 3 to nothing, and a faster one loses 2 in each hop."""

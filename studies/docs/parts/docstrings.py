@@ -16,7 +16,7 @@ SPECIAL = re.compile(r"[*|\\]|(?<=\w)_(?!\w)")
 RESULTS = {
     *("Active", "Bifurcation", "BifurcationCurve", "BifurcationDiagram", "Branch", "Disturbed", "Exploration"),
     *("Certificate", "Checked", "Control", "Design", "Driven", "Enclosure", "End", "Event", "Existence"),
-    *("Family", "FixedPoint", "Front", "Hops", "Modes", "Orbit", "Point", "Proof", "Simulation", "Sweep"),
+    *("Family", "Front", "Hops", "Modes", "Orbit", "Point", "Proof", "ReturningHops", "Simulation", "Sweep"),
     *("PeriodDiagram", "PlaceOnCurve", "SweepProgress", "Uncertainty", "Machine", "Law", "MachineInSI"),
 }
 

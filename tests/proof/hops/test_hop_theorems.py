@@ -10,9 +10,8 @@ import pytest
 
 from orbits import InputError, ReturnMap, find, prove_doubling, prove_fixed_point
 from orbits.returns.bifurcation import Bifurcation
-from orbits.returns.hops import FixedPoint
-from orbits.returns.periodic_hops import Cycle
 from orbits.returns.proofs import guess_at
+from orbits.returns.returning_hops import ReturningHops
 from orbits.running.time_limit import default_limit
 from problems import Hopper, Juggler, hopper_in_si, inerter_hopper
 
@@ -97,7 +96,7 @@ def cycle_near(alpha, inject, period):
 @pytest.mark.parametrize(("inject", "first", "impacts"), PERIODIC)
 def test_hops_of_a_longer_period_in_closed_form(inject, first, impacts):
     cycle = cycle_near(first, inject, len(impacts))
-    flights = guess_at(Hopper(), cycle.launches, float(inject)).flights
+    flights = guess_at(Hopper(), cycle.alphas, float(inject)).flights
 
     def launches(alpha):
         found = [alpha]
@@ -127,7 +126,7 @@ def test_hops_of_a_longer_period_in_closed_form(inject, first, impacts):
 @pytest.mark.slow
 def test_hops_that_are_said_otherwise_are_not_proved():
     cycle = cycle_near(4.4929, "0.12", 2)
-    moved = replace(cycle, launches=(cycle.alpha, cycle.launches[1] + 1e-10), impacts=(1, 1), multiplier=-7.6)
+    moved = ReturningHops.of_speeds(np.add(cycle.alphas, [0, 1e-10]), -7.6, impacts=(1, 1), error=cycle.error)
     proof = prove_fixed_point(Hopper(), moved, "0.12")
     assert not proof.proved
     assert [each.partition(":")[0] for each in proof.reasons] == ["alpha_2", "multiplier", "impacts"]
@@ -136,7 +135,8 @@ def test_hops_that_are_said_otherwise_are_not_proved():
 @pytest.mark.slow
 def test_hops_that_come_back_earlier_than_is_said():
     cycle = cycle_near(4.4929, "0.12", 2)
-    twice = Cycle(2 * cycle.launches, cycle.multiplier**2, 2 * cycle.impacts, 2 * cycle.branches, cycle.error)
+    rate, impacts = cycle.multiplier**2, 2 * cycle.impacts
+    twice = ReturningHops.of_speeds([*cycle.alphas] * 2, rate, impacts=impacts, error=cycle.error)
     proof = prove_fixed_point(Hopper(), twice, "0.12")
     assert not proof.proved
     assert proof.conditions["least_period"] == "undecided"
@@ -162,7 +162,7 @@ def test_hops_of_period_two_of_other_machines(machine, inject):
         with default_limit(300):  # of processor time
             proof = prove_fixed_point(machine, step.periodic_hop(cycle.alpha, 2), str(inject))
         assert proof.proved
-        assert [float(proof.enclosures[name].low) for name in ("alpha", "alpha_2")] == pytest.approx(cycle.launches)
+        assert [float(proof.enclosures[name].low) for name in ("alpha", "alpha_2")] == pytest.approx(cycle.alphas)
         multiplier = proof.enclosures["multiplier"]
         assert float(multiplier.low) - 1e-8 <= cycle.multiplier <= float(multiplier.high) + 1e-8
 
@@ -265,5 +265,5 @@ def test_what_is_said_otherwise_is_not_proved():
     assert not other.proved
     assert Decimal(other.alpha.low) > Decimal(proved.alpha.high)
     assert other.reasons[0].startswith("alpha: the fixed point says 4.51882885947")
-    crossed = prove_fixed_point(Hopper(), FixedPoint(low.alpha, "crossing", high.multiplier), "0.03")
+    crossed = prove_fixed_point(Hopper(), replace(low, multipliers=high.multipliers), "0.03")
     assert crossed.reasons[0].startswith("multiplier: the fixed point says -0.5976")
