@@ -15,16 +15,16 @@ from ..curves import End, Event
 from ..errors import InputError, NoOrbit, finite_number, is_list, range_of, whole_number
 from ..hops.impacts import CAP
 from ..model.machine import Machine, machine_in_words
-from ..numerics.roots import ROUNDING
 from ..result import Progress
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from .bifurcation import Bifurcation, name_of_hops
-from .branches import BranchTracer
+from .branches import tracer_of
 from .cycles import INJECT, MapsAlong
 from .diagram import RESERVED_IN_DIAGRAMS, BifurcationDiagram, Branch
 from .launch_branches import launch_diagram
-from .launch_curve import STEPS_OF_BRANCHES, PeriodicLaunch
+from .launch_curve import STEPS_OF_BRANCHES
+from .periodic_launch import PeriodicLaunch
 
 SECTIONS, SECTIONS_OF_STARTS = 9, 3  # values of the parameter at which fixed points are searched for by default
 SAME_PLACE = 1e-6  # launches that differ by a smaller share of the range are the same
@@ -153,8 +153,8 @@ class _Search:
         self._depths = list[int]()
         self._followed = 0  # events whose doubled hops are followed
 
-    def _tracer(self, period: int) -> BranchTracer:
-        return BranchTracer(self.maps, self.between, period, tuple(self.values))
+    def _tracer(self, period: int) -> Any:
+        return tracer_of(self.maps, self.between, period, tuple(self.values))
 
     def periodic(self, period: int, depth: int = 0) -> None:
         """Follow the hops of a period that are found in a section and lie on no branch yet, this many doublings away
@@ -162,19 +162,15 @@ class _Search:
         come first."""
         tracer = self._tracer(period)
         for alpha in self._lossless() if period == 1 else []:
-            hop, beside = tracer.start_lossless(alpha)
-            if max(abs(side.value) for side in beside) <= ROUNDING * alpha:
-                continue  # nothing is lost beside it either, and every launch returns
-            below, above = ([side, *tracer.trace(side, 1, tracer.options.beside_lossless)] for side in beside)
-            self._store(1, [*reversed(below), Event("fold", point=hop), *above])
+            self._store(1, tracer.lossless(alpha))
         starts = list(self._starts(period, sampled=depth > 0))
         near = SAME_PLACE * (self.between[1] - self.between[0])
-        for i, (value, alpha) in enumerate(starts):
+        for i, (value, alphas) in enumerate(starts):
             self._report(0.5 + 0.5 * i / len(starts))
             known = (b for b in self.branches if b.period == period)
-            if any(((b.values == value) & (np.abs(b.alphas - alpha) <= near).any(axis=1)).any() for b in known):
+            if any(((b.values == value) & (np.abs(b.alphas - alphas[0]) <= near).any(axis=1)).any() for b in known):
                 continue
-            start = tracer.start(alpha, value)
+            start = tracer.start(alphas, value)
             ahead = list(tracer.trace(start, 1))
             back = ahead[-1:] if _ends_as(ahead, "closed") else list(tracer.trace(start, -1))
             self._store(period, [*reversed(back), start, *ahead], depth)
@@ -184,10 +180,13 @@ class _Search:
         maps = self.maps
         if maps.name != INJECT or not maps.low <= 0.0 <= maps.high or not maps.lossless(0.0):
             return []
-        return [point.alpha for point in maps.at(0.0).fixed_points(*self.between, self.samples)]
+        step = maps.at(0.0)
+        if step.only_gains:  # every launch returns
+            return []
+        return [point.alpha for point in step.fixed_points(*self.between, self.samples)]
 
-    def _starts(self, period: int, sampled: bool = False) -> Iterator[tuple[float, float]]:
-        """Periodic launches (value, launch speed) at the sections, except lossless hops.
+    def _starts(self, period: int, sampled: bool = False) -> Iterator[tuple[float, tuple[float, ...]]]:
+        """Periodic launches (value, launch speeds, at least the first one) at the sections, except lossless hops.
 
         sampled : whether to pass over a section whose sampled launches all become faster, or all slower: a hop of a
             period has both
@@ -199,10 +198,10 @@ class _Search:
                 continue
             if period == 1 and self.maps.pieces is None:
                 for point in self.maps.at(value).fixed_points(*self.between, self.samples):
-                    yield value, point.alpha
+                    yield value, (point.alpha,)
             else:
                 for launches in self.maps.all_cycles(value, self.between, period):
-                    yield value, float(launches[0])
+                    yield value, tuple(launches.tolist())
 
     def _step_both_ways(self, value: float) -> bool:
         """Whether some sampled launches become faster, and others slower."""

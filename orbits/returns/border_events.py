@@ -11,15 +11,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..curves import Event
-from ..errors import NoOrbit, OrbitsError
+from ..errors import NoOrbit
 from ..numerics.roots import bracketed_root, solve
-from .cycle_statement import MULTIPLIER_AT, Border
 from .cycles import INJECT
-from .followed_events import located_border
-from .launch_curve import AROUND, LaunchCurve, PeriodicLaunch, place_in_words
+from .hop_borders import COLLISIONS, kind_of_border
+from .launch_curve import AROUND, LaunchCurve, place_in_words
 from .map_pieces import CONTINUOUS, MapBorder
+from .periodic_launch import MULTIPLIER_AT, PeriodicLaunch
 
-COLLISION, NON_SMOOTH_FOLD = COLLISIONS = "border collision", "non-smooth fold"
 ANGLES = np.radians(np.linspace(-150, 150, 21))  # of the circle round a corner
 
 
@@ -28,7 +27,6 @@ class BorderSearch:
     """The search for events and corners at borders of the map; lengths are shares of the ranges.
 
     halvings : of a step in which the number of impacts changes and the map may jump
-    halvings_to_bounce : of a step until Newton's method finds the bounce in it
     secants, located : steps of the secant method to the value at which a launch is at a border, and the length of a
         step after which it is there
     beyond : a border is that between two points up to this many times their distance from them
@@ -38,7 +36,6 @@ class BorderSearch:
     """
 
     halvings: int = 12
-    halvings_to_bounce: int = 5
     secants: int = 30
     located: float = 1e-14
     beyond: float = 2.0
@@ -55,7 +52,6 @@ class BordersOfCurve:
 
     def __init__(self, curve: LaunchCurve, options: BorderSearch = BORDER_SEARCH):
         self.curve, self.maps, self.scale, self.options = curve, curve.maps, curve.scale, options
-        self._bounces = dict[tuple[PeriodicLaunch, PeriodicLaunch, int], Event | None]()
 
     def in_order(self, before: PeriodicLaunch, behind: PeriodicLaunch, found: list[Event]) -> Iterator[Event]:
         """The events between two neighbouring points in order: those that are found, and those at which a launch passes
@@ -77,8 +73,6 @@ class BordersOfCurve:
     def _at_border(self, before: PeriodicLaunch, behind: PeriodicLaunch, hop: int) -> Event | None:
         """The event at which a launch is at a border: the parameter for which the border's own launch comes back, by
         the secant method. None where it is not found between the points."""
-        if found := self.bounce(before, behind, hop):
-            return found
         ends, values = (before.alphas[hop], behind.alphas[hop]), [before.value, behind.value]
         if values[0] == values[1]:
             values[1] += self.options.apart * self.curve.span
@@ -102,7 +96,7 @@ class BordersOfCurve:
         multiplier = (
             sides[0] if abs(sides[1] - sides[0]) <= self.options.same_sides * (1 + abs(sides[0])) else float("nan")
         )
-        about = counts, place, behind.tangent, None, border.kind, sides
+        about = counts, place, behind.tangent, border.kind, sides
         return Event(kind_of_border(sides), point=PeriodicLaunch(values[1], alphas, multiplier, *about))
 
     def _of_border(
@@ -136,49 +130,6 @@ class BordersOfCurve:
             raise NoOrbit("a hop from the border has no next launch")
         return launches, impacts, self.maps.multiplier(tuple(launches[0, :-1].tolist()), value)
 
-    def bounce(self, before: PeriodicLaunch, behind: PeriodicLaunch, hop: int) -> Event | None:
-        """The event between two points at which the contact force vanishes after a landing of a hop and then grows, so
-        that the map and its slope are continuous; None where it is not found there."""
-        if self.maps.pieces is not None or self.maps.along is None:
-            return None
-        ends = before, behind, hop
-        if ends not in self._bounces:
-            self._bounces[ends] = self._bounce(*ends)
-        return self._bounces[ends]
-
-    def _bounce(self, before: PeriodicLaunch, behind: PeriodicLaunch, hop: int) -> Event | None:
-        """The event of `bounce` by Newton's method on its equations, from points nearer and nearer to it."""
-        for _ in range(self.options.halvings_to_bounce):
-            if abs(before.impacts[hop] - behind.impacts[hop]) != 1:
-                return None
-            try:
-                return self._bounce_near(before, behind, hop)
-            except (OrbitsError, np.linalg.LinAlgError):
-                pass
-            try:
-                middle = self._middle(before, behind)
-            except NoOrbit:
-                return None
-            before, behind = (middle, behind) if middle.impacts == before.impacts else (before, middle)
-        return None
-
-    def _bounce_near(self, before: PeriodicLaunch, behind: PeriodicLaunch, hop: int) -> Event:
-        """The event of `bounce` by Newton's method on its equations; raises `NoOrbit`."""
-        maps, fewer = self.maps, min(before, behind, key=lambda each: each.impacts[hop])
-        assert maps.along is not None
-        if (hops := maps.along.nearest(fewer)) is None:
-            raise NoOrbit("no hops are known near the border")
-        value = float(self.curve.possible(0.5 * (before.value + behind.value)))
-        inject, border = value if maps.name == INJECT else maps.inject, Border(hop, fewer.impacts[hop] - 1)
-        found = located_border(maps.machine_at(value), maps.name, value, inject, border, hops.unknowns)
-        value, alphas, slope = found
-        place = np.array([alphas[0], value]) / self.scale
-        apart = np.linalg.norm(0.5 * (before.place + behind.place) - place)
-        if apart > self.options.beyond * max(float(np.linalg.norm(behind.place - before.place)), AROUND):
-            raise NoOrbit("the border is elsewhere")
-        about = fewer.impacts, place, behind.tangent, None, "bounce", (slope, slope)
-        return Event(kind_of_border((slope, slope)), point=PeriodicLaunch(value, alphas, slope, *about))
-
     def _middle(self, before: PeriodicLaunch, behind: PeriodicLaunch) -> PeriodicLaunch:
         """The point of the curve half-way between two; raises `NoOrbit`."""
         chord, middle = behind.place - before.place, 0.5 * (before.place + behind.place)
@@ -192,9 +143,6 @@ class BordersOfCurve:
         curves; None without one."""
         size, impacts = distance(before, behind), before.impacts
         if impacts == behind.impacts or (self.maps.pieces is not None and not self._jumps(before, behind)):
-            return None
-        differ = [i for i, count in enumerate(impacts) if count != behind.impacts[i]]
-        if all(self.bounce(before, behind, hop) for hop in differ):
             return None
         pairs, reach = zip(before.alphas, behind.alphas, strict=True), size * float(self.scale[0])
         spans = [(min(pair) - reach, max(pair) + reach) for pair in pairs]
@@ -288,9 +236,3 @@ class BordersOfCurve:
 def distance(a: PeriodicLaunch, b: PeriodicLaunch) -> float:
     """The distance of two launches in shares of the ranges."""
     return float(np.linalg.norm(a.place - b.place))
-
-
-def kind_of_border(sides: tuple[float, float]) -> str:
-    """The kind of a collision with a border by the multipliers on both sides: the launches go on in the parameter, or
-    turn round where one multiplier is above 1 and one below."""
-    return COLLISION if (sides[0] - 1) * (sides[1] - 1) > 0 else NON_SMOOTH_FOLD

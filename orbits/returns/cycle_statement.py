@@ -17,11 +17,8 @@ from ..model.model import CONTACT_FORCE, Model
 from ..model.phase import Arc, Phase, Statement
 from ..periodic.fold_statement import fold_statement
 from ..units import LIFTOFF_SPEED
-
-INJECT = "inject"  # the parameter of these statements beside those of the model
-# The multipliers of bifurcations, by their kind.
-MULTIPLIER_AT = {"fold": 1.0, "flip": -1.0}
-
+from .hops_along import INJECT
+from .periodic_launch import MULTIPLIER_AT
 
 LEAVES_OR_STAYS, GRAZES, LOSSLESS = "leaves", "grazes", "lossless"  # the kinds of borders
 

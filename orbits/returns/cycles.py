@@ -15,8 +15,7 @@ from ..consistency.accepted import check_machine
 from ..errors import InputError
 from ..model.machine import Machine, free_parameters, machine_in_words
 from ..units import LIFTOFF_SPEED
-from .cycle_statement import INJECT
-from .cycles_along import CyclesAlong
+from .hops_along import INJECT, HopsAlong
 from .itineraries import MonotoneBranches
 from .map_pieces import MapPieces
 from .periodic_hops import cycles_of
@@ -136,23 +135,20 @@ class MapsAlong:
         return step.dimensionless()._pieces(low / unit, high / unit, samples).in_units(unit)
 
     @cached_property
-    def along(self) -> CyclesAlong | None:
+    def along(self) -> HopsAlong | None:
         """The hops by their equations, None where these do not state them at all values: along a restitution, with one,
-        with several numbers of a launch, hysteresis or laws in pieces."""
+        of machines that step or stick, with hysteresis or laws in pieces."""
         if self.name == RESTITUTION or getattr(self.machine, RESTITUTION, 0.0) > 0:
             return None
         machine, *others = (self.machine_at(self.low + share * (self.high - self.low)) for share in (0.5, 0.3, 0.7))
         model, varied = machine.model, {**machine.values, self.name: 0.0}
         same = all(each.model is model and {**each.values, self.name: 0.0} == varied for each in others)
-        if (
-            not (same and self.name in (*machine.values, INJECT) and model.one_speed and model.plain)
-            or model.hysteretic
-        ):
+        if not (same and self.name in (*machine.values, INJECT) and model.one_speed and model.plain):
             return None
-        if model.flight.pieces or model.contact.pieces:
+        if model.hysteretic or model.sticks or model.flight.pieces or model.contact.pieces:
             return None
         impacts_at = lambda value: self.at(0.0 if self.name == INJECT else value).impacts  # noqa: E731
-        return CyclesAlong(machine, self.name, self.inject, self.high - self.low, impacts_at)
+        return HopsAlong(machine, self.name, self.inject, self.high - self.low, ("alpha",), impacts_at)
 
     def all_cycles(self, value: float, between: tuple[float, float], period: int) -> list[np.ndarray]:
         """The launches (period,) of all cycles between two launch speeds at a value of the parameter."""
@@ -214,19 +210,10 @@ class MapsAlong:
                 return float("nan")
         return product
 
-    def smooth_cycles(
-        self, alpha: np.ndarray, value: np.ndarray, period: int, exact: bool = True
-    ) -> "SmoothCycles | None":
-        """The `cycles` with their derivatives where the `pieces` of the map have all of their launches, or else where
-        no hop is near a border of the map; else None. They may have errors unless they are to be `exact`."""
-        known = self._cycles_on_pieces(alpha, value, period) if self.pieces is not None or not period else None
-        if known or not period:
-            return known
-        found = self.along and self.along(alpha, np.broadcast_to(value, alpha.shape), period, exact)
-        return SmoothCycles(*found) if found else None
-
-    def _cycles_on_pieces(self, alpha: np.ndarray, value: np.ndarray, period: int) -> "SmoothCycles | None":
-        """The `smooth_cycles` from the `pieces` of the map."""
+    def smooth_cycles(self, alpha: np.ndarray, value: np.ndarray, period: int) -> "SmoothCycles | None":
+        """The `cycles` with their derivatives, where the `pieces` of the map have all of their launches; else None."""
+        if self.pieces is None and period:
+            return None
         launches, impacts = np.empty((len(alpha), period + 1)), np.empty((len(alpha), period), int)
         changes, slopes = np.zeros((len(alpha), period + 1, 2)), np.empty((len(alpha), period))
         launches[:, 0], changes[:, 0, 0] = alpha, 1.0
@@ -236,7 +223,7 @@ class MapsAlong:
             launches[:, hop + 1] = following + value
             changes[:, hop + 1] = slopes[:, hop, None] * changes[:, hop] + [0.0, 1.0]
         known = np.isfinite(launches).all()
-        return SmoothCycles(launches, impacts, slopes, changes, np.zeros(len(alpha))) if known else None
+        return SmoothCycles(launches, impacts, slopes, changes) if known else None
 
     def excess(self, alpha: np.ndarray, value: float | np.ndarray, period: int) -> np.ndarray:
         """The `excess_of` the cycles from launches (m,) at values (m,) of the parameter."""
@@ -272,14 +259,12 @@ class SmoothCycles(NamedTuple):
     launches, impacts : as of `MapsAlong.cycles`
     slopes : (m, period), of the map at the launches
     changes : (m, period + 1, 2), the derivatives of the launch speeds by the first one and by the parameter
-    errors : (m,), of all these numbers, relative, those of the launches about their squares; 0 where it is rounding
     """
 
     launches: np.ndarray
     impacts: np.ndarray
     slopes: np.ndarray
     changes: np.ndarray
-    errors: np.ndarray
 
     @property
     def excess(self) -> tuple[np.ndarray, np.ndarray]:

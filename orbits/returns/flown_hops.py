@@ -1,7 +1,7 @@
 """Hops impact by impact, and the slopes of the map at many launch speeds together.
 
 The slope of a hop is its multiplier: the derivative of the next launch speed by the launch speed, which follows from
-the equations of `cycle_statement` with their exact derivatives.
+the equations of `hop_statement` with their exact derivatives.
 """
 
 from dataclasses import dataclass
@@ -11,10 +11,7 @@ import numpy as np
 from ..hops.flyer import Flown, fly, stand
 from ..hops.impacts import Impacts
 from ..hops.multiplier import TANGENTIAL
-from ..numerics.roots import solve
-from ..shooting.formulations import vector
-from ..shooting.single_shooting import shooting_equations
-from .cycle_statement import INJECT, cycle_statement
+from .hop_statement import hop_equations
 
 MOST_IMPACTS = 100  # of a hop that is followed impact by impact
 
@@ -27,7 +24,7 @@ class FlownHops:
     starts : flight states (m, n) at the launches
     counts : numbers of impacts (m,), 0 where the hop is not followed to its end
     times, landings : times (m, k) of the flights and states (m, k, n) at the impacts, NaN behind the last one
-    contacts : times (m,) of the contacts, NaN where there is no lift-off
+    contacts, ends : times (m,) of the contacts and states (m, j) at their ends, NaN where there is no lift-off
     """
 
     alphas: np.ndarray
@@ -36,6 +33,7 @@ class FlownHops:
     times: np.ndarray
     landings: np.ndarray
     contacts: np.ndarray
+    ends: np.ndarray
 
     def unknowns(self, impacts: Impacts, which: np.ndarray) -> np.ndarray:
         """The unknowns (k, 3 + impacts) of the statement of one hop, of those hops `which` (k,) with one number of
@@ -60,7 +58,7 @@ def flown_hops(impacts: Impacts, alphas: np.ndarray, most: int = MOST_IMPACTS) -
     for i, (lanes, lasted, states) in enumerate(flights):
         times[lanes, i], landings[lanes, i] = lasted, states
     counts = np.where(np.isfinite(hops.contacts), hops.impacts, 0)
-    return FlownHops(alphas, hops.starts, counts, times, landings, hops.contacts)
+    return FlownHops(alphas, hops.starts, counts, times, landings, hops.contacts, hops.ends)
 
 
 def slopes_of_hops(impacts: Impacts, alphas: np.ndarray) -> np.ndarray:
@@ -73,23 +71,12 @@ def slopes_of_hops(impacts: Impacts, alphas: np.ndarray) -> np.ndarray:
     if not len(slopes):
         return slopes
     hops = flown_hops(impacts, alphas)
-    speeds, p = hops.slowest(impacts), {**impacts.values, INJECT: 0.0}
+    speeds = hops.slowest(impacts)
     for count in np.unique(hops.counts[hops.counts > 0]).tolist():
         which = np.flatnonzero((hops.counts == count) & (speeds > TANGENTIAL))
-        equations = shooting_equations(cycle_statement(impacts.model, (count,)), tuple(p))
         if len(which):
-            us = hops.unknowns(impacts, which)
-            done, evaluation = equations.evaluate_lanes(us, np.tile(vector(p), (len(us), 1)), fewest=True)
-            if evaluation is not None:
-                slopes[which[done]] = slopes_of_jacobians(evaluation.jacobian)
+            us, hop = hops.unknowns(impacts, which), hop_equations(impacts.model, count, tuple(impacts.values))
+            done, found = hop.equations.evaluate_lanes(us, np.tile(impacts.p, (len(us), 1)), fewest=True)
+            if found is not None:
+                slopes[which[done]] = hop.derivatives(found.jacobian)[:, 0, 0]
     return slopes
-
-
-def slopes_of_jacobians(jacobians: np.ndarray) -> np.ndarray:
-    """The slopes (k,) from the derivatives (k, n, n) of the equations of one hop, or of a cycle. All but the last
-    equation determine the other unknowns from the launch speed, the second unknown; the last is that of the next speed
-    less this one."""
-    others = np.delete(np.arange(jacobians.shape[1]), 1)
-    rows, last = jacobians[:, :-1], jacobians[:, -1]
-    moved = solve(rows[:, :, others], -rows[:, :, [1]])[:, :, 0]
-    return np.einsum("ki,ki->k", last[:, others], moved) + last[:, 1] + 1.0

@@ -39,8 +39,8 @@ from .cycle_statement import (
     pressing,
 )
 from .cycles import RESTITUTION, parameters_of_maps
-from .cycles_along import rows_within
-from .flown_hops import flown_hops, slopes_of_jacobians
+from .flown_hops import flown_hops
+from .hop_curve import rows_within
 
 # Shares of the time of a flight or contact at which the gap and the contact force are tested; the places nearer to its
 # ends, where they vanish, belong to the events there.
@@ -224,29 +224,6 @@ def located(machine: Machine, along: str, event: Bifurcation, inject: float = 0.
     (x,) = _bifurcation_near(curve, x, 1.0, Steps()).xs
     alphas = tuple(curve.alphas_at(x[None])[0].tolist())
     return replace(event, value=float(x[-2]), alphas=alphas, multiplier=MULTIPLIER_AT.get(event.kind, np.nan))
-
-
-def located_border(
-    machine: Machine, along: str, value: float, inject: float, border: Border, hops: Sequence[np.ndarray]
-) -> tuple[float, tuple[float, ...], float]:
-    """The value of the parameter at which the contact force vanishes after an impact of a cycle, by Newton's method
-    from a guess, the launch speeds (period,) there, and the multiplier of the hops whose contact is sustained.
-
-    hops : the unknowns of each hop near it, as in the statement of one hop
-
-    Raises `NoOrbit` where the method does not converge to hops that have these impacts alone.
-    """
-    impacts, second = tuple(len(u) - 3 for u in hops), _other_than(along, machine)
-    u = np.concatenate([*(each[:2] for each in hops), *(each[2:] for each in hops)])
-    fixed = inject if second == INJECT else machine.values[second]
-    curve = EventEquations(machine, along, second, border, impacts, inject, 1.0)
-    found = _bifurcation_near(curve, np.array([*u, value, fixed]), 1.0, Steps())
-    (tests,), (x,), ps = found.own, found.xs, curve.parameters_at(found.xs)
-    if over := [name for name, least in tests.items() if not least > 0]:
-        raise NoOrbit(f"{over[0]}: the hops have other impacts")
-    equations = shooting_equations(cycle_statement(machine.model, impacts), curve.names)
-    slopes = slopes_of_jacobians(equations.evaluate(x[:-2], ps[0]).jacobian[None])
-    return float(x[-2]), tuple(curve.alphas_at(found.xs)[0].tolist()), float(slopes[0])
 
 
 def _event_equations(

@@ -1,20 +1,19 @@
 """Periodic launches as a curve in the launch speed and a parameter of the return map, a problem of `orbits.curves`.
 
-Its points are measured in shares of the two ranges. Its equation is that of `excess_of`, with exact derivatives where
-the hops are known with theirs, else with differences.
+It is for maps whose hops have no statement. Its points are measured in shares of the two ranges. Its equation is that
+of `excess_of`, with the derivatives of the pieces of the map where it is resolved, else with differences.
 """
 
-from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple, Self, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from ..curves import Border, Points, Problem, Steps, Test, solved_at
 from ..errors import NoOrbit, OrbitsError
-from .cycle_statement import MULTIPLIER_AT
 from .cycles import INJECT, MapsAlong, excess_of
+from .periodic_launch import MULTIPLIER_AT, PeriodicLaunch
 
 # Beside lossless hops the curvature has no bound, so that the first steps there are as short as the distance to them.
 STEPS_OF_BRANCHES = Steps(
@@ -32,36 +31,11 @@ STEP_ACROSS, JUMP_OF_SLOPES = 1e-9, 1e5
 # The slope along the parameter, which needs other machines, is not computed anew within this share of the ranges: it
 # decides how fast Newton's method converges, not to which point.
 SAME_RATE, INEXACT = 1e-4, 100.0
-LARGEST_ERROR_OF_HOPS = 1e-6  # hops with larger errors do not end Newton's method across the curve
-
-
-@dataclass(frozen=True, eq=False)
-class PeriodicLaunch:
-    """A point of a branch: the parameter's value, the launch speeds and the multiplier of the hops, the numbers of
-    impacts, the place and tangent (2,) in (launch speed, parameter), as shares of the ranges, and the rates (period,)
-    of the launch speeds along the tangent where these are known; where a launch is at a border of the map, the kind of
-    the border, and the multipliers on both sides of it, that before it first."""
-
-    value: float
-    alphas: tuple[float, ...]
-    multiplier: float
-    impacts: tuple[int, ...]
-    place: np.ndarray
-    tangent: np.ndarray
-    rates: np.ndarray | None = None
-    border: str = ""
-    sides: tuple[float, ...] = ()
-
-    @property
-    def alpha(self) -> float:
-        """The first of the launch speeds."""
-        return self.alphas[0]
 
 
 class MapEquations(NamedTuple):
     """The equation at points of the curve: residual (m, 1), Jacobian (m, 1, 2), the hops' launch speeds and numbers of
-    impacts (m, period), and their multipliers (m,) where these are known together with the slopes, with their errors
-    (m,)."""
+    impacts (m, period), and their multipliers (m,) where these are known together with the slopes."""
 
     residual: np.ndarray
     jacobian: np.ndarray
@@ -69,31 +43,37 @@ class MapEquations(NamedTuple):
     impacts: np.ndarray
     multipliers: np.ndarray | None = None
     changes: np.ndarray | None = None
-    errors: np.ndarray | None = None
 
     @property
     def amplification(self) -> np.ndarray:
-        """The factors (m,) by which the last Newton step is to be smaller, where the slopes are not exact; infinite
-        where the hops are not known well enough for a last step."""
-        if self.errors is None:
-            return np.full(len(self.residual), INEXACT)
-        return np.where(self.errors > LARGEST_ERROR_OF_HOPS, np.inf, 1.0)
+        """The factor (m,) by which the last Newton step is to be smaller, where the slopes are not exact."""
+        return np.full(len(self.residual), INEXACT if self.multipliers is None else 1.0)
 
 
-class CurveOfHops(Problem):
-    """A curve of hops that repeat themselves, with their `PeriodicLaunch`es as `own` of its points.
+def _above(level: float, problem: Problem, points: Points) -> np.ndarray:
+    """The multipliers (m,) of points above a level, NaN where there are none, and at points exactly at the level, which
+    are no events between points."""
+    excess = np.array([each.multiplier for each in points.own]) - level
+    return np.where(excess == 0, np.nan, excess)
+
+
+class LaunchCurve(Problem):
+    """The curve of periodic launches; its points X are (launch speed, parameter).
 
     maps : the maps along the parameter
     between : range of launch speeds
+    apart : largest distance of points, as a share of the ranges
     """
 
     steps: Steps
 
-    def __init__(self, maps: MapsAlong, between: tuple[float, float], period: int, steps: Steps):
-        self.maps, self.between, self.period, self.steps = maps, between, period, steps
+    def __init__(self, maps: MapsAlong, between: tuple[float, float], period: int, apart: float = 0.02):
+        self.maps, self.between, self.period = maps, between, period
+        self.steps = replace(STEPS_OF_BRANCHES if period <= 2 else STEPS_OF_SHEETS, apart=apart)
         self.along, self.span = maps.name, maps.high - maps.low
         self.scale = np.array([between[1] - between[0], self.span])
         self.tests = tuple(Test(kind, partial(_above, level)) for kind, level in MULTIPLIER_AT.items())
+        self._rates = np.empty((0, 2)), np.empty(0)  # the points of the latest slopes along the parameter, and these
 
     def accepts(self, before: Points, points: Points) -> np.ndarray:
         if points.own is None:
@@ -121,36 +101,8 @@ class CurveOfHops(Problem):
         own[0] = launch
         return Points(zero, x[None], tangent[None], np.ones(1), None, zero, np.zeros(1), own)
 
-
-def _above(level: float, problem: Problem, points: Points) -> np.ndarray:
-    """The multipliers (m,) of points above a level, NaN where there are none, and at points exactly at the level, which
-    are no events between points."""
-    excess = np.array([each.multiplier for each in points.own]) - level
-    return np.where(excess == 0, np.nan, excess)
-
-
-class LaunchCurve(CurveOfHops):
-    """The curve of periodic launches; its points X are (launch speed, parameter).
-
-    apart : largest distance of points, as a share of the ranges
-    begun : where it is followed from, if that is known
-    """
-
-    begun: PeriodicLaunch | None = None
-
-    def __init__(self, maps: MapsAlong, between: tuple[float, float], period: int, apart: float = 0.02):
-        steps = replace(STEPS_OF_BRANCHES if period <= 2 else STEPS_OF_SHEETS, apart=apart)
-        super().__init__(maps, between, period, steps)
-        self._rates = np.empty((0, 2)), np.empty(0)  # the points of the latest slopes along the parameter, and these
-
     def size(self, lanes: np.ndarray, xs: np.ndarray) -> np.ndarray:
         return np.broadcast_to(self.scale, xs.shape)
-
-    def begun_at(self, launch: PeriodicLaunch) -> Self:
-        """The same curve, followed from a launch."""
-        curve = copy(self)
-        curve.begun = launch
-        return curve
 
     def possible(self, values: Any) -> Any:
         """Values of the parameter inside of its range, beyond which there may be no machine; any injection is one."""
@@ -159,19 +111,19 @@ class LaunchCurve(CurveOfHops):
     def evaluate(
         self, lanes: np.ndarray, xs: np.ndarray, known: object = None, moved: np.ndarray | None = None
     ) -> tuple[np.ndarray, MapEquations | None]:
-        """The equation at points (m, 2); where Newton's method has not ended, the hops may have errors."""
+        """The equation at points (m, 2)."""
         try:
-            return np.arange(len(xs)), self.equation(xs, exact=moved is not None and not moved.any())
+            return np.arange(len(xs)), self.equation(xs)
         except OrbitsError:  # there is no such machine
             return np.empty(0, int), None
 
-    def equation(self, xs: np.ndarray, exact: bool = True) -> MapEquations:
-        """The equation at points (m, 2); unless it is to be `exact`, the hops may have errors."""
+    def equation(self, xs: np.ndarray) -> MapEquations:
+        """The equation at points (m, 2)."""
         alpha, values = xs[:, 0], self.possible(xs[:, 1])
-        if smooth := self.maps.smooth_cycles(alpha, values, self.period, exact):
+        if smooth := self.maps.smooth_cycles(alpha, values, self.period):
             excess, slopes = smooth.excess
             numbers = smooth.launches[:, :-1], smooth.impacts, smooth.slopes.prod(axis=1), smooth.changes[:, :-1]
-            return MapEquations(excess[:, None], slopes[:, None], *numbers, smooth.errors)
+            return MapEquations(excess[:, None], slopes[:, None], *numbers)
         step, m = STEP_ACROSS * np.abs(alpha), len(alpha)
         alphas = np.concatenate([alpha, alpha - step, alpha + step])
         launches, impacts = self.maps.cycles(alphas, np.tile(values, 3), self.period)
@@ -203,7 +155,7 @@ class LaunchCurve(CurveOfHops):
             else:
                 slope = float(found.multipliers[k])
             rates = None if found.changes is None else found.changes[k] @ points.tangents[i]
-            own[i] = PeriodicLaunch(float(points.values[i]), launches, slope, impacts, places[i], ways[i], rates)
+            own[i] = PeriodicLaunch(float(points.values[i]), launches, slope, impacts, places[i], ways[i], rates=rates)
         return points.having(own=own), {}
 
     def at(self, x: np.ndarray, before: np.ndarray) -> PeriodicLaunch:

@@ -13,7 +13,7 @@ from orbits.curves import Event
 from orbits.numerics.roots import bracketed_root
 from orbits.returns.bifurcations import _Search, _with_events_at_points
 from orbits.returns.cycles import MapsAlong
-from orbits.returns.launch_curve import PeriodicLaunch
+from orbits.returns.periodic_launch import PeriodicLaunch
 from problems import Chain, HeavyHand, Hopper, hopper_in_si
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha

@@ -6,7 +6,7 @@ from return_maps import LOGISTIC, KnownMaps, traced
 
 from orbits.curves import Event
 from orbits.returns.branches import BranchTracer
-from orbits.returns.launch_curve import PeriodicLaunch
+from orbits.returns.periodic_launch import PeriodicLaunch
 
 
 def test_the_logistic_map_doubles_its_period():

@@ -1,0 +1,462 @@
+"""Hops that return as curves in all of their unknowns and a parameter: a problem of `orbits.curves` for each word.
+
+The unknowns are those of each hop in turn, and the equations those of `hop_statement`, of which the last ones of a hop
+are that the next launch, with the injection, is that of the hop behind it. A lossless hop is a regular point. Where a
+slack of the word vanishes, the curve goes on as that of another word, or ends: see `hop_borders`.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..curves import ASKS, CHANGES, FOLD, Barrier, Border, End, Event, Points, Problem, Start, Steps, Test, solved_at
+from ..errors import NoOrbit
+from ..flow.trajectory import Trajectories
+from ..numerics.polynomial_roots import evaluate
+from ..numerics.roots import UNIT, solve
+from ..shooting.single_shooting import Evaluation
+from .hop_statement import (
+    CONTACT,
+    FORCE,
+    GAP,
+    REST,
+    SPEED,
+    HopEquations,
+    Slack,
+    Word,
+    force_in_contact,
+    slacks_of,
+)
+from .hops_along import INJECT, HopsAlong
+from .periodic_launch import PeriodicLaunch, crossings, dominant
+
+Array = np.ndarray
+STEPS_OF_HOPS = Steps(
+    first=1e-2, shortest=1e-8, corrected=0.2, turned=0.6, aim=1e-4, lengthen=4.0, beside=3, least=1, rough=1e-6,
+    batch=64, rejections=100, most=20_000, last=1e-10,
+)  # fmt: skip
+SHARES_OF_ARC = np.linspace(0.03, 0.97, 32)  # of the time of an arc, at which gap and force are sampled
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tolerances:
+    """The tolerances of curves of hops.
+
+    others : the unit of times and extensions, as a multiple of that of launches: the length of a curve is that in the
+        launches and the parameter
+    begun : the time of a flight after an impact when it begins and when it ends: in shorter ones rounding counts
+    same_time : times that differ by a smaller share are the same
+    lossless, force : a first landing of a lossless hop is slower, with a smaller force after it
+    ahead : a step along a tangent for differences
+    at_fold : share of the parameter in the tangent at a fold, which is larger at a branch point
+    at_bifurcation : multipliers farther from their value at a bifurcation jump there
+    """
+
+    others: float = 30.0
+    begun: float = 1e-3
+    same_time: float = 1e-6
+    lossless: float = 1e-9
+    force: float = 1e-2
+    ahead: float = 1e-5
+    at_fold: float = 1e-5
+    at_bifurcation: float = 1e-4
+
+
+TOLERANCES = Tolerances()
+
+
+class HopValues(NamedTuple):
+    """The equations at points (m, n + 1).
+
+    residual, jacobian : (m, n), (m, n, n + 1)
+    slacks, steps : (m, k), those with a row in the statement, and their derivatives (m, k, n + 1)
+    slopes : derivatives (m, period, d, d) of each next launch by the launch before it
+    xs : the points
+    first : (m, period, 2), the speed of the gap at the first landing of each hop and the force after it
+    hops : the equations of the hops of all points by their number of impacts
+    """
+
+    residual: Array
+    jacobian: Array
+    slacks: Array
+    slopes: Array
+    steps: Array
+    xs: Array
+    first: Array
+    hops: Mapping[int, Evaluation]
+
+    @property
+    def amplification(self) -> Array:
+        """As motions, hops are short and amplify nothing."""
+        return np.ones(len(self.residual))
+
+
+class SameHops(NamedTuple):
+    """The hops (h,) of a word with the same number of impacts: their equations, the places of their unknowns (h, n),
+    and those of their slacks (h, k) with the rows (k,) and signs (k,) of these."""
+
+    impacts: int
+    hops: Array
+    equations: HopEquations
+    blocks: Array
+    slacks: Array
+    rows: Array
+    signs: Array
+
+
+class HopCurve(Problem):
+    """The curve of hops with a word that return.
+
+    hops : the machines along the parameter
+    word : the numbers of impacts
+    between : range of launch speeds, in the machine's units
+    border : what follows where a slack vanishes: (curve, point (1), slack) -> `Start`, `End` or None
+    family : the curves of all words, to which this one is added
+    """
+
+    steps: Steps
+
+    def __init__(
+        self, hops: HopsAlong, word: Word, between: tuple[float, float], border: Callable, steps: Steps = STEPS_OF_HOPS,
+        family: dict[Word, "HopCurve"] | None = None,
+    ):  # fmt: skip
+        self.hops, self.word, self.between, self.border, self.steps = hops, word, between, border, steps
+        self.family = {} if family is None else family
+        self.family[word] = self
+        self.period, self.d, self.along = len(word), len(hops.free), hops.name
+        unit = float(hops.units(np.array([float(hops.machine.values.get(self.along, 0.0))]))[0][0])
+        self.scale = np.array([between[1] - between[0], hops.span])
+        sizes = [hops.hop(count).equations.size for count in word]
+        ends = np.cumsum(sizes)
+        self.blocks = [np.arange(end - size, end) for end, size in zip(ends, sizes, strict=True)]
+        self.free = np.array([own[hops.hop(c).free] for own, c in zip(self.blocks, word, strict=True)])  # (period, d)
+        speed = hops.free.index("alpha")
+        self.speeds, self.speed = self.free[:, speed], speed
+        self.sizes = np.full(ends[-1] + 1, TOLERANCES.others * self.scale[0] / unit)
+        self.sizes[self.free] = self.scale[0] / unit * np.sqrt(self.period)
+        self.sizes[-1] = self.scale[1]
+        self.slacks = slacks_of(word)
+        self.exact = sum(each.kind in (FORCE, SPEED, REST) for each in self.slacks)
+        self.shared = np.array([self.speeds[0], ends[-1]])
+        self.groups = [self._group(impacts) for impacts in sorted({*word})]
+        # The last rows of each hop are those of its next launch.
+        self.last = np.array([own[-self.d :] for own in self.blocks])
+        self.tests = (
+            Test("fold", FOLD.values, bare=True),
+            *(Test(kind, partial(_of_matrix, i), confirmed=_confirmed) for i, kind in enumerate(KINDS_OF_TESTS)),
+            Test("border", lambda _, points: _slacks(points)[:, : self.exact], CHANGES, _slope_of_slack),
+            Test("touch", lambda _, points: _slacks(points)[:, self.exact :], CHANGES),
+            Test("left", _inside, CHANGES, bare=True),
+            Test("short", _is_long, ASKS),
+        )
+
+    def of(self, word: Word) -> "HopCurve":
+        """The curve of another word."""
+        if word not in self.family:
+            HopCurve(self.hops, word, self.between, self.border, self.steps, self.family)
+        return self.family[word]
+
+    def size(self, lanes: Array, xs: Array) -> Array:
+        return np.broadcast_to(self.sizes, xs.shape)
+
+    def time(self, hop: int, flight: int) -> int:
+        """The place among the unknowns of the time of a flight, or behind the last one of the contact."""
+        return int(self.blocks[hop][flight] + len(self.hops.model.launch_unknowns))
+
+    def evaluate(
+        self, lanes: Array, xs: Array, known: object = None, moved: Array | None = None
+    ) -> tuple[Array, HopValues | None]:
+        """The equations at points (m, n + 1), without those at which a hop cannot be followed."""
+        m, n, d, values = len(xs), xs.shape[1] - 1, self.d, xs[:, -1]
+        ps, (unit, growing) = self.hops.parameters_at(values), self.hops.units(values)
+        vary = () if self.along == INJECT else (self.along,)
+        residual, jacobian = np.zeros((m, n)), np.zeros((m, n, n + 1))
+        slacks, steps = np.zeros((m, self.exact)), np.zeros((m, self.exact, n + 1))
+        slopes, first = np.zeros((m, self.period, d, d)), np.zeros((m, self.period, 2))
+        found = dict[int, Evaluation]()
+        for group in self.groups:
+            equations, count = group.equations, len(group.hops)
+            own, of_hops = xs[:, group.blocks].reshape(m * count, -1), np.repeat(ps, count, axis=0)
+            with np.errstate(all="ignore"):
+                done, evaluation = equations.equations.evaluate_lanes(own, of_hops, vary, fewest=True)
+            if evaluation is None or len(done) < len(own):
+                able = np.setdiff1d(np.arange(m), np.setdiff1d(np.arange(len(own)), done) // count)
+                which, others = self.evaluate(lanes[able], xs[able]) if len(able) else (able, None)
+                return able[which], others
+            found[group.impacts] = evaluation
+            rows = evaluation.residual.reshape(m, count, -1)
+            changes = evaluation.jacobian.reshape(m, count, rows.shape[2], -1)
+            slopes[:, group.hops] = equations.derivatives(evaluation.jacobian).reshape(m, count, d, d)
+            first[:, group.hops] = rows[:, :, [equations.speeds[0], equations.forces[0]]]
+            chosen, places = [*equations.inner, *equations.next], group.blocks
+            if vary:
+                places = np.column_stack([places, np.full(count, n)])
+            residual[:, group.blocks] = rows[:, :, chosen]
+            jacobian[:, group.blocks[:, :, None], places[:, None]] = changes[:, :, chosen]
+            slacks[:, group.slacks] = group.signs * rows[:, :, group.rows]
+            steps[:, group.slacks[:, :, None], places[:, None]] = group.signs[:, None] * changes[:, :, group.rows]
+        following = np.roll(self.free, -1, axis=0)
+        injected, rate = values / unit if self.along == INJECT else self.hops.inject / unit, -growing / unit**2
+        rate = rate * (values if self.along == INJECT else self.hops.inject) + (self.along == INJECT) / unit
+        residual[:, self.last] -= xs[:, following]
+        residual[:, self.last[:, self.speed]] += injected[:, None]
+        for hop in range(self.period):
+            jacobian[:, self.last[hop], following[hop]] -= 1.0
+        jacobian[:, self.last[:, self.speed], n] += rate[:, None]
+        if self.period % 2 == 0 and d == 1:
+            self._leave_out_half(xs, residual, jacobian)
+        return np.arange(m), HopValues(residual, jacobian, slacks, slopes, steps, xs.copy(), first, found)
+
+    def _group(self, impacts: int) -> "SameHops":
+        """The hops of the word with a number of impacts."""
+        hops, equations = np.flatnonzero(np.array(self.word) == impacts), self.hops.hop(impacts)
+        last = np.arange(impacts) + 1 == impacts
+        rows = np.concatenate([equations.forces, equations.speeds[~last], equations.next[[self.speed]]])
+        signs = np.concatenate([np.where(last, 1.0, -1.0), np.full(impacts - 1, -1.0), [1.0]])
+        kinds = slacks_of((impacts,))[: len(rows)]
+        own = [[self.slacks.index(each._replace(hop=int(hop))) for each in kinds] for hop in hops]
+        blocks = np.array([self.blocks[hop] for hop in hops])
+        return SameHops(impacts, hops, equations, blocks, np.array(own), rows, signs)
+
+    def _leave_out_half(self, xs: Array, residual: Array, jacobian: Array) -> None:
+        """Divide what the last equation is more than that of the middle of the hops by the difference of the launches,
+        so that hops of half the period are no solutions but at a flip, through which the curve goes smoothly."""
+        half = self.period // 2
+        first, middle, (before, last) = self.free[0, 0], self.free[half, 0], self.last[[half - 1, -1], 0]
+        apart = xs[:, middle] - xs[:, first]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            residual[:, last] = (residual[:, last] - residual[:, before]) / apart
+            jacobian[:, last] = (jacobian[:, last] - jacobian[:, before]) / apart[:, None]
+            jacobian[:, last, middle] -= residual[:, last] / apart
+            jacobian[:, last, first] += residual[:, last] / apart
+
+    def rounding(self, evaluation: HopValues, rows: Array) -> Array | float:
+        """Equations are rounded as the products of their derivatives and the unknowns are, and the more the shorter the
+        flights or the nearer the launches are by which they are divided."""
+        bordered = np.concatenate([evaluation.jacobian, rows[:, None]], axis=1)
+        noise = UNIT * (np.abs(evaluation.jacobian) @ np.abs(evaluation.xs)[:, :, None])
+        inverses = np.abs(solve(bordered, np.tile(np.eye(rows.shape[1]), (len(rows), 1, 1))))
+        return (inverses[:, :, :-1] @ noise)[:, :, 0]
+
+    def certify(self, points: Points) -> tuple[Points, dict[int, Exception]]:
+        """The points with their `PeriodicLaunch`es."""
+        own, errors = np.empty(len(points), object), dict[int, Exception]()
+        unit, growing = self.hops.units(points.values)
+        found, places = points.evaluation, points.places
+        matrices = self.matrices(found, places)
+        slacks = np.column_stack([found.slacks[places], self._sampled(points)])
+        launches = points.xs[:, self.free]
+        alphas = launches[:, :, self.speed] * unit[:, None]
+        speeds, ahead = launches[:, 0, self.speed], points.tangents
+        rates = ahead[:, self.speeds[0]] * unit + growing * ahead[:, -1] * speeds
+        ways = np.column_stack([rates, points.tangents[:, -1]]) / self.scale
+        at = np.column_stack([alphas[:, 0], points.values]) / self.scale
+        for i in range(len(points)):
+            value = float(points.values[i])
+            if not (launches[i, :, self.speed] > 0).all():
+                errors[i] = NoOrbit(f"the hops have no launch near {self.along} = {value:g}")
+            about = tuple(alphas[i].tolist()), dominant(matrices[i]), self.word, at[i], ways[i]
+            known = {"launches": launches[i], "matrix": matrices[i], "slacks": slacks[i]}
+            own[i] = PeriodicLaunch(value, *about, **known, x=points.xs[i], direction=points.tangents[i])
+        return points.having(own=own, evaluation=found._replace(hops={})), errors  # without the motions
+
+    def matrices(self, found: HopValues, places: Array) -> Array:
+        """The derivatives (m, d, d) of the last launch by the first one, at places (m,)."""
+        matrices = np.eye(self.d)
+        for hop in range(self.period):
+            slopes = found.slopes[places, hop]
+            if self.d == 1 and self.hops.model.conservative:
+                # A lossless hop has one-sided derivatives of higher order alone.
+                lossless = (np.abs(found.first[places, hop]) <= [TOLERANCES.lossless, TOLERANCES.force]).all(1)
+                slopes = np.where(lossless[:, None, None], 1.0, slopes)
+            matrices = slopes @ matrices
+        return matrices
+
+    def _sampled(self, points: Points) -> Array:
+        """The least gaps in flights and forces in contacts (m, k) at points, as the slacks behind the exact ones."""
+        m, model = len(points), self.hops.model
+        sampled = np.empty((m, len(self.slacks) - self.exact))
+        ps = dict(zip(self.hops.names, self.hops.parameters_at(points.values).T, strict=True))
+        for group in self.groups:
+            count = len(group.hops)
+            which = (points.places[:, None] * count + np.arange(count)).ravel()
+            many = {name: np.repeat(values, count * len(SHARES_OF_ARC)) for name, values in ps.items()}
+            for i, motions in enumerate(points.evaluation.hops[group.impacts].trajectories):
+                flies = i < group.impacts
+                phase = model.flight if flies else model.contact
+                x = [*rows_within(motions[which], SHARES_OF_ARC, len(phase.states)).T]
+                values = model.gap(many).at(x) if flies else force_in_contact(model, x, many)
+                least = np.broadcast_to(values, x[0].shape).reshape(m, count, -1).min(2)
+                slacks = [Slack(GAP, hop, i) if flies else Slack(CONTACT, hop) for hop in group.hops.tolist()]
+                sampled[:, [self.slacks.index(each) - self.exact for each in slacks]] = least
+        return sampled
+
+    def barriers(self, lanes: Array, xs: Array, tangents: Array, lengths: Array) -> Mapping[int, Barrier]:
+        """Where flights after impacts are about to vanish, without which the equations have no motions."""
+        found = dict[int, Barrier]()
+        for i, (x, tangent, length) in enumerate(zip(xs, tangents, lengths.tolist(), strict=True)):
+            for k, *_ in self.later_flights:
+                if tangent[k] < 0 and x[k] > (1.0 + TOLERANCES.same_time) * TOLERANCES.begun:
+                    left = float((x[k] - TOLERANCES.begun) / -tangent[k])
+                    if left <= length and (i not in found or left < found[i].left):
+                        found[i] = ShortFlight(left, k, len(x))
+        return found
+
+    def changed(self, event: Event, passed: Sequence[Points]) -> Start | End | None:
+        """What follows where a slack vanishes, a launch leaves the range, or a flight is about to vanish."""
+        if event.kind == "left":
+            return End("left", "")
+        if event.kind == "short":
+            hop, impact = self.shortest(event.point)
+            return self.border(self, event.point, Slack(FORCE, hop, impact))
+        return self.border(self, event.point, self.slacks[event.which + (event.kind == "touch") * self.exact])
+
+    def shortest(self, point: Points) -> tuple[int, int]:
+        """The hop and the impact before the shortest flight after an impact that becomes shorter at a point (1)."""
+        falls = [(point.xs[0, k], hop, i) for k, hop, i in self.later_flights if point.tangents[0, k] < 0]
+        _, hop, impact = min(falls)
+        return hop, impact
+
+    @cached_property
+    def later_flights(self) -> list[tuple[int, int, int]]:
+        """The places of the times of flights after impacts, with their hop and the impact before."""
+        return [(self.time(hop, i), hop, i - 1) for hop, count in enumerate(self.word) for i in range(1, count)]
+
+    def slopes(self, xs: Array) -> Array:
+        """The derivatives (m, period, d, d) of each next launch at points X (m, n + 1); raises `NoOrbit`."""
+        which, found = self.evaluate(np.zeros(len(xs), int), xs)
+        if found is None or len(which) < len(xs):
+            raise NoOrbit(f"the hops cannot be followed near {self.along} = {xs[0, -1]:g}")
+        return found.slopes
+
+    def _motions(self, xs: Array, slack: Slack, flight: int) -> Any:
+        """The motions of a flight of the hop of a slack at X (1, n + 1)."""
+        _, found = self.evaluate(np.zeros(1, int), xs)
+        if found is None:
+            raise NoOrbit(f"the hops cannot be followed near {self.along} = {xs[0, -1]:g}")
+        count = self.word[slack.hop]
+        hops = [each for each, other in enumerate(self.word) if other == count]
+        return found.hops[count].trajectories[flight][np.array([hops.index(slack.hop)])]
+
+    def landing(self, point: Points, slack: Slack) -> Array:
+        """The flight state (n,) before the impact of a slack at a point (1)."""
+        return self._motions(point.xs, slack, slack.impact).finals[0, : len(self.hops.model.flight.states)]
+
+    def lowest(self, point: Points, slack: Slack) -> float:
+        """The time in the flight of a slack at which the gap is least, nearly."""
+        motions, model = self._motions(point.xs, slack, slack.impact), self.hops.model
+        p = dict(zip(self.hops.names, self.hops.parameters_at(point.values)[0], strict=True))
+        gaps = model.gap(p).at([*rows_within(motions, SHARES_OF_ARC, len(model.flight.states)).T])
+        return float(SHARES_OF_ARC[int(np.argmin(gaps))] * motions.ends[0])
+
+    def grows(self, point: Points, slack: Slack) -> bool:
+        """Whether a slack that is sampled grows along the tangent at a point (1)."""
+        values = list[float]()
+        for xs in (point.xs, point.xs + TOLERANCES.ahead * point.tangents):
+            _, found = self.evaluate(np.zeros(1, int), xs)
+            if found is None:
+                raise NoOrbit(f"the hops cannot be followed near {self.along} = {xs[0, -1]:g}")
+            columns = self._sampled(point.having(xs=xs, evaluation=found, places=np.zeros(1, int)))
+            values.append(float(columns[0, self.slacks.index(slack) - self.exact]))
+        return values[1] > values[0]
+
+    def solved(self, x: Array, row: Array, onward: Array) -> Points:
+        """The point (1) of the curve near X (n + 1,) at the level of a row (n + 1,) through it; raises `NoOrbit`."""
+        border = Border(row[None], (row @ x)[None])
+        points = solved_at(self, np.zeros(1, int), x[None], border, onward[None], self.steps)
+        if not len(points):
+            raise NoOrbit(f"no hops return near {self.along} = {x[-1]:g}")
+        return points
+
+    def solved_at_border(self, x: Array, slack: Slack, onward: Array) -> Points:
+        """The point (1) of the curve near X (n + 1,) at which a slack with a row vanishes, with the tangent along which
+        it grows; raises `NoOrbit`."""
+        k = self.slacks.index(slack)
+
+        def bends(which: Array, xs: Array, evaluation: Any) -> tuple[Array, Array]:
+            rows = evaluation.steps[:, k]
+            return rows, (rows * xs).sum(1) - evaluation.slacks[:, k]
+
+        border = Border(np.zeros((1, len(x))), np.zeros(1), bends)
+        points = solved_at(self, np.zeros(1, int), x[None], border, onward[None], self.steps)
+        if not len(points):
+            raise NoOrbit(f"no border is found near {self.along} = {x[-1]:g}")
+        slope = points.evaluation.steps[points.places[0], k] @ points.tangents[0]
+        return points if slope > 0 else turned(points)
+
+
+KINDS_OF_TESTS = "flip", "branch point", "Neimark-Sacker"
+
+
+def turned(points: Points) -> Points:
+    """A point (1) with its tangent the other way."""
+    own = np.empty(1, object)
+    own[0] = replace(points.own[0], tangent=-points.own[0].tangent, direction=-points.tangents[0])
+    return points.having(tangents=-points.tangents, own=own)
+
+
+def _of_matrix(i: int, problem: Problem, points: Points) -> Array:
+    """The `crossings` of one kind at points (m,); NaN where one is exactly 0, which is no event between points."""
+    values = np.array([crossings(each.matrix)[i] for each in points.own])
+    return np.where(values == 0, np.nan, values)
+
+
+def _confirmed(problem: Any, point: Points, _: int) -> str | None:
+    """The kind of a bifurcation where a test of the multipliers changes its sign; None where there is none, as at a
+    fold, and where two real multipliers have the product 1."""
+    own = point.own[0]
+    flip, fold, pairs = (abs(each) for each in crossings(own.matrix))
+    kind = KINDS_OF_TESTS[int(np.argmin([flip, fold, pairs if len(own.matrix) > 1 else np.inf]))]
+    if kind == "Neimark-Sacker":
+        pair = own.spectrum[(own.spectrum.imag > 0) & (np.abs(np.abs(own.spectrum) - 1) <= TOLERANCES.at_bifurcation)]
+        return kind if len(pair) else None
+    if kind == "branch point" and abs(own.tangent[1]) <= TOLERANCES.at_fold:
+        return None
+    return kind
+
+
+def _slacks(points: Points) -> Array:
+    """The slacks (m, k) at points (m,)."""
+    return np.array([each.slacks for each in points.own])
+
+
+def _slope_of_slack(problem: Any, xs: Array, evaluation: Any, number: int) -> tuple[Array, Array]:
+    return evaluation.slacks[:, number], evaluation.steps[:, number]
+
+
+def _inside(problem: Any, points: Points) -> Array:
+    """How far (m, 2) the first launch speeds are inside of the range."""
+    unit, _ = problem.hops.units(points.values)
+    speeds = points.xs[:, problem.speeds[0]] * unit
+    return np.column_stack([speeds - problem.between[0], problem.between[1] - speeds])
+
+
+def _is_long(problem: Any, points: Points) -> Array:
+    """Negative for points (m,) at which a flight after an impact is about to vanish."""
+    places = [k for k, *_ in problem.later_flights]
+    short = (points.xs[:, places] <= (1.0 + TOLERANCES.same_time) * TOLERANCES.begun) & (points.tangents[:, places] < 0)
+    return np.where(short.any(1), -1.0, 1.0)
+
+
+class ShortFlight(NamedTuple):
+    """The barrier at which a flight after an impact, an unknown of this place among n + 1, is about to vanish, at this
+    distance along the tangent."""
+
+    left: float
+    place: int
+    size: int
+
+    def border(self, x: Array) -> tuple[Array, float]:
+        """The row and the level of the time of the flight."""
+        return np.eye(1, self.size, self.place)[0], TOLERANCES.begun
+
+
+def rows_within(motions: Trajectories, shares: Array, count: int) -> Array:
+    """The first rows (m k, count) of motions (m,) at k shares of the time of each."""
+    places, apart = shares * motions.ends[:, None], 2.0 * float(motions.ends.max())
+    each = apart * np.arange(len(motions))
+    step = np.searchsorted(motions.starts + apart * motions.owner, places + each[:, None], side="right") - 1
+    return evaluate(motions.coefficients[step.ravel(), :count], (places - motions.starts[step]).ravel()[:, None])
