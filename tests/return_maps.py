@@ -53,7 +53,7 @@ LOGISTIC = KnownMaps(2.5, 3.6, lambda a, r: r * a * (1 - a), lambda a, r: r * (1
 def traced(maps, between, alpha, value, side=1, period=1):
     """The points, events and the end of a branch from a periodic launch; the side is that of growing parameters."""
     tracer = BranchTracer(maps, between, period, (), 0.02)
-    start = tracer.start([alpha], value)
+    start = tracer.start([[alpha]], value)
     items = list(tracer.trace(start, side * (1 if start.tangent[1] > 0 else -1)))
     points = [item for item in items if isinstance(item, PeriodicLaunch)]
     return points, [item for item in items if isinstance(item, Event)], items[-1]

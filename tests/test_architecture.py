@@ -126,7 +126,7 @@ TOO_MANY = {
     "orbits/periodic/linear_hops": 8, "orbits/periodic/loss_coefficient": 5, "orbits/periodic/run_start": 6,
     "orbits/periodic/tuned": 6, "orbits/proof/branch_piece": 4, "orbits/proof/branch_way": 11, "orbits/proof/digits": 5,
     "orbits/proof/launches": 4, "orbits/result": 5, "orbits/returns/cycles": 6,
-    "orbits/returns/itineraries": 7, "orbits/returns/launch_branches": 10,
+    "orbits/returns/itineraries": 7,
     "orbits/returns/periodic_hop": 6, "orbits/returns/periodic_hops": 4, "orbits/returns/periods": 6,
     "orbits/shooting/division": 11, "orbits/shooting/newton_kernel": 5,
     "orbits/shooting/single_shooting": 8, "orbits/show/plane": 7, "orbits/show/plot": 6, "orbits/show/simulators": 6,

@@ -6,7 +6,7 @@ are followed too.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,8 +22,8 @@ from .bifurcation import Bifurcation, name_of_hops
 from .branches import tracer_of
 from .cycles import INJECT, MapsAlong
 from .diagram import RESERVED_IN_DIAGRAMS, BifurcationDiagram, Branch
-from .launch_branches import launch_diagram
 from .launch_curve import STEPS_OF_BRANCHES
+from .periodic_hop import PeriodicHop, listed_starts
 from .periodic_launch import PeriodicLaunch
 
 SECTIONS, SECTIONS_OF_STARTS = 9, 3  # values of the parameter at which fixed points are searched for by default
@@ -120,8 +120,11 @@ def bifurcations(
             "speed; give starts=[...] of that period"
         )
     if several:
-        found = launch_diagram(maps, (slow, fast), values, starts, attractor, progress)
-        return BifurcationDiagram(*about, tuple(found.branches), found.located(), units=maps.units, **own)
+        listed = _checked_starts(maps, starts, attractor)
+        search = _Search(maps, (slow, fast), values, samples, progress, listed)
+        search.from_starts()
+        visits = np.zeros((0, 2))
+        return BifurcationDiagram(*about, tuple(search.branches), search.located(), visits, units=maps.units, **own)
     if starts is not None:
         raise InputError(
             "starts: where a launch is a speed, fixed points are searched for in all of the range: leave them out"
@@ -140,12 +143,29 @@ def bifurcations(
     return BifurcationDiagram(*about, tuple(search.branches), search.located(), visits=visits, units=maps.units, **own)
 
 
+def _checked_starts(maps: MapsAlong, starts: Any, attractor: int | None) -> list[Any]:
+    """The starts of a search for hops from launches of several numbers in a list; raises `InputError` without any."""
+    if starts is None:
+        raise InputError(
+            f"a launch of a {maps.machine.model.name} has {len(maps.at(maps.low).names)} numbers, which no grid covers:"
+            " give starts=[...], lossless orbits or periodic hops"
+        )
+    if attractor:
+        raise InputError(
+            f"attractor = {attractor}: the attractor is searched for where a launch is a speed; of launches of several "
+            "numbers call the ReturnMap again and again"
+        )
+    return listed_starts(starts)
+
+
 class _Search:
     """The branches found so far, and their events with the index of the branch."""
 
     def __init__(
-        self, maps: MapsAlong, between: tuple[float, float], values: list[float], samples: int, progress: Progress
-    ):
+        self, maps: MapsAlong, between: tuple[float, float], values: list[float], samples: int, progress: Progress,
+        starts: Sequence[Any] = (),
+    ):  # fmt: skip
+        self.starts, self._done = starts, 0.0
         self.maps, self.between, self.values, self.samples, self.progress = maps, between, values, samples, progress
         self.branches: list[Branch] = []
         self.events: list[tuple[int, Event]] = []
@@ -164,16 +184,46 @@ class _Search:
         for alpha in self._lossless() if period == 1 else []:
             self._store(1, tracer.lossless(alpha))
         starts = list(self._starts(period, sampled=depth > 0))
-        near = SAME_PLACE * (self.between[1] - self.between[0])
-        for i, (value, alphas) in enumerate(starts):
+        for i, (value, launches) in enumerate(starts):
             self._report(0.5 + 0.5 * i / len(starts))
-            known = (b for b in self.branches if b.period == period)
-            if any(((b.values == value) & (np.abs(b.alphas - alphas[0]) <= near).any(axis=1)).any() for b in known):
-                continue
-            start = tracer.start(alphas, value)
-            ahead = list(tracer.trace(start, 1))
-            back = ahead[-1:] if _ends_as(ahead, "closed") else list(tracer.trace(start, -1))
-            self._store(period, [*reversed(back), start, *ahead], depth)
+            self._follow(tracer, period, np.reshape(launches, (len(launches), -1)), value, depth)
+
+    def from_starts(self) -> None:
+        """Follow the hops of launches of several numbers that are found from starts, each in its period, and lie on no
+        branch yet, and those of twice the period from flips of fixed points. Raises `NoOrbit` where none are found."""
+        found, refused = list[tuple[float, Any]](), ""
+        for i, value in enumerate(value for value in self.values if not self.maps.lossless(value)):
+            for start, below in ((start, below) for start in self.starts for below in (False, True)):
+                interrupts.heed()
+                try:
+                    hops = self.maps.at(value)._periodic(
+                        start, start.period if isinstance(start, PeriodicHop) else 1, below
+                    )
+                    found.append((value, hops))
+                except NoOrbit as error:
+                    refused = str(error)
+            self._report(0.5 * (i + 1) / len(self.values))
+        for i, (value, hops) in enumerate(found):
+            self._report(0.5 + 0.5 * i / len(found))
+            tracer = self._tracer(hops.period)
+            self._follow(tracer, hops.period, hops.launches, value, depth=0 if hops.period == 1 else 1)
+        if not self.branches:
+            raise NoOrbit(f"the starts lead to no hops that come back: {refused}")
+        self.doubled(1)
+        self._report(1.0)
+
+    def _follow(self, tracer: Any, period: int, launches: np.ndarray, value: float, depth: int) -> None:
+        """Follow the branch of hops with launches (h, d) at a value of the parameter to both sides, unless it is
+        known."""
+        near = SAME_PLACE * (self.between[1] - self.between[0])
+        for branch in (branch for branch in self.branches if branch.period == period):
+            known = branch.alphas[..., None] if branch.launches is None else branch.launches
+            if ((branch.values == value) & (np.abs(known - launches[0]).max(2) <= near).any(1)).any():
+                return
+        start = tracer.start(launches, value)
+        ahead = list(tracer.trace(start, 1))
+        back = ahead[-1:] if _ends_as(ahead, "closed") else list(tracer.trace(start, -1))
+        self._store(period, [*reversed(back), start, *ahead], depth)
 
     def _lossless(self) -> list[float]:
         """The lossless launches that are fixed points of a map without injection."""
@@ -210,9 +260,10 @@ class _Search:
         return bool((change > 0).any() and (change < 0).any())
 
     def _report(self, share: float) -> None:
-        """Report the completed share: half of it is the search at the sections."""
+        """Report the completed share, which never falls: half of it is the search at the sections."""
+        self._done = max(self._done, min(share, 1.0))
         if self.progress:
-            self.progress(share)
+            self.progress(self._done)
 
     def doubled(self, doublings: int) -> None:
         """Follow the hops of twice the period from each flip that was found since the last time, on branches that are
@@ -249,12 +300,27 @@ class _Search:
         self._depths.append(depth)
         ends = [item for item in items if isinstance(item, End)]
         items = _with_events_at_points(items)
-        points = [(x, x.multiplier) if isinstance(x, PeriodicLaunch) else (x.point, _slope(x))
+        several = not self.maps.one_speed
+        points = [(x, x.multiplier) if isinstance(x, PeriodicLaunch) else
+                  (x.point, x.point.multiplier if several else _slope(x))
                   for x in items if not isinstance(x, End)]  # fmt: skip
         self.events += [(len(self.branches), item) for item in items if isinstance(item, Event)]
         values, alphas, slopes = zip(*((p.value, p.alphas, slope) for p, slope in points), strict=True)
-        columns = np.array(values), np.array(alphas), np.array(slopes)
-        self.branches.append(Branch(period, *columns, (ends[0], ends[-1])))
+        columns, both = (np.array(values), np.array(alphas), np.array(slopes)), (ends[0], ends[-1])
+        self.branches.append(Branch(period, *columns, both, *self._launches([point for point, _ in points])))
+
+    def _launches(self, points: list[PeriodicLaunch]) -> tuple[Any, ...]:
+        """The names of the numbers of a launch, the launches (n, period, d) and the parts (n, d, 2) of the multipliers,
+        where launches have several numbers."""
+        if self.maps.one_speed:
+            return ()
+        names, units = self.maps.at(self.values[0]).names, self.maps.machine.model.units
+        launches = np.array([point.launches for point in points])
+        if units:
+            values = [self.maps.machine_at(point.value).values for point in points]
+            launches *= np.array([units(own).of_states(names) for own in values])[:, None]
+        spectra = np.array([point.spectrum for point in points])
+        return names, launches, np.stack([spectra.real, spectra.imag], axis=-1)
 
     def located(self) -> tuple[Bifurcation, ...]:
         """The events, ascending in the parameter."""
@@ -268,6 +334,11 @@ class _Search:
         period = self.branches[branch].period
         if event.kind == "flip":
             return self.notes.get(id(event.point), f"{name_of_hops(2 * period)} branch off here" if period > 1 else "")
+        if event.kind == "Neimark-Sacker":
+            spectrum = event.point.spectrum
+            near = np.where(spectrum.imag > 0, np.abs(np.abs(spectrum) - 1), np.inf)
+            angle = float(np.angle(spectrum[np.argmin(near)]))
+            return f"a pair of multipliers exp(+-i {angle:.9g}) crosses the unit circle"
         if event.point.border:
             before, behind = event.point.sides
             slopes = f"multipliers {before:.6g} and {behind:.6g} beside it"
@@ -302,7 +373,11 @@ def _ends_as(items: list, kind: str) -> bool:
 
 def _twice(flip: PeriodicLaunch, along: PeriodicLaunch) -> PeriodicLaunch:
     """The fixed point at a flip as a point of a branch of period two, from another point `along` that branch."""
-    return PeriodicLaunch(flip.value, flip.alphas * 2, 1.0, flip.impacts * 2, flip.place, along.tangent)
+    launches, matrix = flip.launches, flip.matrix
+    if launches is not None:
+        launches, matrix = np.concatenate([launches, launches]), matrix @ matrix
+    twice = replace(flip, alphas=flip.alphas * 2, multiplier=1.0, impacts=flip.impacts * 2, tangent=along.tangent)
+    return replace(twice, launches=launches, matrix=matrix)
 
 
 def _flip_beside(items: list, flips: list[PeriodicLaunch], but: PeriodicLaunch) -> PeriodicLaunch | None:
@@ -322,7 +397,7 @@ def _flip_beside(items: list, flips: list[PeriodicLaunch], but: PeriodicLaunch) 
 
 def _slope(event: Event) -> float:
     """The multiplier at an event, by the definition of its kind; NaN where there are two."""
-    known = {"fold": 1.0, "branch point": 1.0, "flip": -1.0}
+    known = {"fold": 1.0, "branch point": 1.0, "flip": -1.0, "Neimark-Sacker": 1.0}
     return known.get(event.kind, event.point.multiplier if event.point.border else float("nan"))
 
 

@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from ..curves import End, Event, Points, Run, Start
+from ..curves import Border, End, Event, Points, Run, Start, solved_at
 from ..errors import NoOrbit
 from ..hops.impacts import STATUSES
 from .bifurcation import name_of_hops
 from .border_events import BordersOfCurve, distance
 from .cycles import INJECT, MapsAlong
+from .flown_curve import FlownCurve
 from .hop_borders import COLLISION, COLLISIONS, beyond
 from .hop_curve import STEPS_OF_HOPS, HopCurve, turned
 from .hop_statement import FORCE, Slack, Word
@@ -80,21 +81,27 @@ class Tracer:
 
     def start_beside_flip(self, flip: PeriodicLaunch) -> PeriodicLaunch:
         """Hops of twice the period beside those whose multiplier is -1; raises `NoOrbit` where none are found."""
+        half = len(flip.alphas)
         # The fixed point moves with the parameter too, possibly faster, so that there are hops on one side only.
         for step in (side * length for length in self.options.doubled for side in (1, -1)):
             try:
                 first = self.doubled_near(flip, step)
             except NoOrbit:
                 continue
-            mirrored = 2.0 * flip.alpha - first.alpha  # near the flip the launch after half of the hops
-            beside = abs(first.alphas[len(flip.alphas)] - mirrored) <= self.options.both_sides * abs(
-                first.alpha - flip.alpha
-            )
-            beside &= abs(first.multiplier - 1.0) <= self.options.doubled_change
+            here, there, launch = (self.launches_of(each)[i] for each, i in ((first, 0), (first, half), (flip, 0)))
+            # Near the flip the launch after half of the hops lies on its other side.
+            away = float(np.abs(here - launch).max())
+            beside = float(np.abs(there + here - 2.0 * launch).max()) <= self.options.both_sides * away
+            multipliers = first.multiplier if first.matrix is None else first.spectrum
+            beside &= bool(np.abs(multipliers - 1.0).min() <= self.options.doubled_change)
             if beside and abs(first.place[1] - flip.place[1]) <= self.options.doubled_within * abs(step):
                 onward = first.tangent @ (first.place - flip.place) >= 0
                 return first if onward else self.reversed(first)
         raise NoOrbit("no hops of twice the period are found beside the flip")
+
+    def launches_of(self, launch: PeriodicLaunch) -> np.ndarray:
+        """The launches (period, d) at a point, in one unit."""
+        return np.array(launch.alphas)[:, None] if launch.launches is None else launch.launches
 
     def doubled_near(self, flip: PeriodicLaunch, step: float) -> PeriodicLaunch:
         """Hops of twice the period of a flip, whose first launch is this share of the range away from it."""
@@ -127,6 +134,9 @@ class Tracer:
     def why_stuck(self, launch: PeriodicLaunch) -> End:
         """Why a curve cannot be followed further."""
         place = f"near {place_in_words(self.maps, launch)}"
+        lost = End("stuck", f"{place} the map is not smooth, and the curve is lost")
+        if not self.maps.one_speed:
+            return lost
         speed, value = (np.array([launch.alpha, launch.value]) + AROUND * launch.tangent * self.scale).tolist()
         value = value if self.maps.name == INJECT else float(np.clip(value, self.maps.low, self.maps.high))
         reach = AROUND * float(self.scale[0])
@@ -136,7 +146,7 @@ class Tracer:
         for alpha in launch.alphas:
             if self.maps.jumps_between((alpha - reach, alpha + reach), value):
                 return End("jump", f"the map jumps {place}")
-        return End("stuck", f"{place} the map is not smooth, and the curve is lost")
+        return lost
 
     def reached(self, bound: float) -> End:
         """The end at a bound of the parameter."""
@@ -161,6 +171,8 @@ class HopTracer(Tracer):
 
     def __init__(self, *about: Any, **options: Any):
         super().__init__(*about, **options)
+        assert self.maps.along is not None
+        self.hops = self.maps.along
         self.family, self.steps = dict[Word, HopCurve](), replace(STEPS_OF_HOPS, apart=self.apart)
         # Without an injection every hop is lossless, so that a curve turns round there and does not pass it.
         at_zero = self.maps.name == INJECT and self.maps.lossless(0.0)
@@ -171,41 +183,46 @@ class HopTracer(Tracer):
     def curve(self, word: Word) -> HopCurve:
         """The curve of hops with a word."""
         if word not in self.family:
-            assert self.maps.along is not None
-            HopCurve(self.maps.along, word, self.between, beyond, self.steps, self.family)
+            HopCurve(self.hops, word, self.between, beyond, self.steps, self.family)
         return self.family[word]
 
-    def start(self, alphas: Sequence[float], value: float) -> PeriodicLaunch:
-        """The point of hops with these launch speeds, all of them or the first, at a value of the parameter; raises
+    def start(self, launches: np.ndarray, value: float) -> PeriodicLaunch:
+        """The point of hops with launches (h, d), all of them or the first, at a value of the parameter; raises
         `NoOrbit`."""
-        curve, x = self._flown(alphas, value)
+        curve, x = self._flown(launches / self.units(value), value)
         row = np.eye(1, len(x), len(x) - 1)[0]
         return curve.solved(x, row, row).own[0]
 
-    def _flown(self, alphas: Sequence[float], value: float) -> tuple[HopCurve, np.ndarray]:
-        """The curve of the word of hops with launch speeds, and X."""
-        assert self.maps.along is not None
-        if (flown := self.maps.along.flown(alphas, value, self.period)) is None:
+    def units(self, value: float) -> np.ndarray:
+        """The units (d,) of the free numbers of a launch at a value of the parameter."""
+        hops = self.hops
+        if hops.model.units is None:
+            return np.ones(len(hops.free))
+        values = dict(zip(hops.names, hops.parameters_at(np.array([value]))[0].tolist(), strict=True))
+        return hops.model.units(values).of_states(hops.free)
+
+    def _flown(self, launches: np.ndarray, value: float) -> tuple[HopCurve, np.ndarray]:
+        """The curve of the word of hops with launches (h, d) without units, and X."""
+        if (flown := self.hops.flown(launches, value, self.period)) is None:
             raise NoOrbit(f"a hop near {self.maps.name} = {value:g} has no next launch")
         return self.curve(flown[0]), np.append(flown[1], value)
 
     def doubled_near(self, flip: PeriodicLaunch, step: float) -> PeriodicLaunch:
-        assert self.maps.along is not None
-        half, away = len(flip.alphas), [step * self.scale[0]]
-        curve = HopCurve(self.maps.along, flip.impacts, self.between, beyond, self.steps)
-        slopes = curve.slopes(flip.x[None])[0, :, 0, 0]
-        for slope in slopes[:-1]:
-            away.append(away[-1] * slope)
-        alphas = [*(np.array(flip.alphas) + away), *(np.array(flip.alphas) - away)]
-        curve, x = self._flown(alphas, flip.value)
-        row = np.eye(1, len(x), int(curve.speeds[0]))[0]
-        launch = curve.solved(x, row, step * row).own[0]
-        assert len(launch.alphas) == 2 * half
-        return launch
+        values, vectors = np.linalg.eig(flip.matrix)
+        onward = vectors[:, np.argmin(np.abs(values + 1))].real
+        sizes = HopCurve(self.hops, flip.impacts, self.between, beyond, self.steps)
+        away = [onward * step * float(sizes.sizes[sizes.free[0, 0]]) / np.sqrt(sizes.period)]
+        for slope in sizes.slopes(flip.x[None])[0, :-1]:
+            away.append(slope @ away[-1])
+        launches = np.concatenate([flip.launches + away, flip.launches - np.array(away)])
+        curve, x = self._flown(launches, flip.value)
+        row = np.zeros(len(x))
+        row[curve.free[0]] = onward
+        return curve.solved(x, row, step * row).own[0]
 
     def lossless(self, alpha: float) -> list[Any]:
         """The items of the branch of fixed points through a lossless hop, from one end to the other."""
-        curve, x = self._flown([alpha * (1.0 + self.options.faster)], 0.0)
+        curve, x = self._flown(np.array([[alpha * (1.0 + self.options.faster)]]) / self.units(0.0), 0.0)
         slack, later = Slack(FORCE, 0, curve.word[0] - 1), np.eye(1, len(x), curve.time(0, 0))[0]
         point = curve.solved_at_border(x, slack, later)
         behind = beyond(curve, turned(point), slack)
@@ -220,11 +237,11 @@ class HopTracer(Tracer):
     def trace(self, start: PeriodicLaunch, side: int) -> Items:
         """The points and events from one, in order along its tangent (`side` 1) or against it (-1); an end is last."""
         start = start if side > 0 else self.reversed(start)
-        curve, zero, own = self.curve(start.impacts), np.zeros(1, int), np.empty(1, object)
+        zero, own = np.zeros(1, int), np.empty(1, object)
         own[0] = start
         first = Points(zero, start.x[None], start.direction[None], np.ones(1), None, zero, np.zeros(1), own)
         last, (low, high), held = start, self.bounds, list[PeriodicLaunch]()
-        for item in Run(curve, first, high, behind=low, at=self.values):
+        for item in Run(self.curve(start.impacts), first, high, behind=low, at=self.values):
             if isinstance(item, End):
                 yield from held
                 yield self.ended(item, last)
@@ -262,9 +279,37 @@ class HopTracer(Tracer):
 EVENTS = "fold", "flip", "branch point", "Neimark-Sacker", *COLLISIONS
 
 
+class FlownTracer(HopTracer):
+    """Follows the branches of launches of several numbers whose hops have no statement."""
+
+    def __init__(self, *about: Any, **options: Any):
+        Tracer.__init__(self, *about, **options)
+        self.flown, self.bounds = FlownCurve(self.maps, self.between, self.period), [self.maps.low, self.maps.high]
+
+    def curve(self, word: Word) -> Any:
+        return self.flown
+
+    def start(self, launches: np.ndarray, value: float) -> PeriodicLaunch:
+        x = np.append(launches[0] / self.maps.at(value).section.unit, value)
+        return self._solved(x, np.eye(1, len(x), len(x) - 1)[0])
+
+    def _solved(self, x: np.ndarray, row: np.ndarray) -> PeriodicLaunch:
+        border = Border(row[None], (row @ x)[None])
+        points = solved_at(self.flown, np.zeros(1, int), x[None], border, row[None], self.flown.steps)
+        if not len(points):
+            raise NoOrbit(f"no hops return near {self.maps.name} = {x[-1]:g}")
+        return points.own[0]
+
+    def doubled_near(self, flip: PeriodicLaunch, step: float) -> PeriodicLaunch:
+        values, vectors = np.linalg.eig(flip.matrix)
+        row = np.append(vectors[:, np.argmin(np.abs(values + 1))].real, 0.0)
+        return self._solved(flip.x + step * float(self.flown.sizes[0]) * row, row)
+
+
 def tracer_of(maps: MapsAlong, between: tuple[float, float], period: int, values: tuple[float, ...]) -> Any:
     """The tracer of branches of a period."""
-    return (HopTracer if maps.along else BranchTracer)(maps, between, period, values)
+    kind = HopTracer if maps.along else BranchTracer if maps.one_speed else FlownTracer
+    return kind(maps, between, period, values)
 
 
 class BranchCurve(LaunchCurve):
@@ -294,9 +339,9 @@ class BranchTracer(Tracer):
         self.curve = BranchCurve(self.maps, self.between, self.period, self.apart)
         self.borders = self.curve.borders
 
-    def start(self, alphas: Sequence[float], value: float) -> PeriodicLaunch:
+    def start(self, launches: np.ndarray, value: float) -> PeriodicLaunch:
         """The point of a periodic launch found at a value of the parameter."""
-        return self.curve.at(np.array([alphas[0], value]), np.array([0.0, 1.0]))
+        return self.curve.at(np.array([launches[0][0], value]), np.array([0.0, 1.0]))
 
     def doubled_near(self, flip: PeriodicLaunch, step: float) -> PeriodicLaunch:
         away = np.array([step, 0.0])

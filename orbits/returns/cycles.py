@@ -13,6 +13,7 @@ import numpy as np
 
 from ..consistency.accepted import check_machine
 from ..errors import InputError
+from ..hops.launch_section import LaunchSection
 from ..model.machine import Machine, free_parameters, machine_in_words
 from ..units import LIFTOFF_SPEED
 from .hops_along import INJECT, HopsAlong
@@ -80,10 +81,11 @@ class MapsAlong:
 
     units: Mapping[str, str] = {}
     pieces: MapPieces | None = None
+    one_speed = True  # whether a launch is a speed
 
     def __init__(self, machine: Machine, name: str, low: float, high: float, inject: float, cap: int):
         self.machine, self.name, self.low, self.high, self.cap = machine, name, low, high, cap
-        self.inject = inject
+        self.inject, self.one_speed = inject, machine.model.one_speed
         self._cache: OrderedDict[float, ReturnMap] = OrderedDict()
         self._known: tuple[KnownHops, KnownHops | None] | None = None  # of the map without injection, where that varies
         check_machine(machine, "with_values", "restitution")
@@ -143,12 +145,13 @@ class MapsAlong:
         machine, *others = (self.machine_at(self.low + share * (self.high - self.low)) for share in (0.5, 0.3, 0.7))
         model, varied = machine.model, {**machine.values, self.name: 0.0}
         same = all(each.model is model and {**each.values, self.name: 0.0} == varied for each in others)
-        if not (same and self.name in (*machine.values, INJECT) and model.one_speed and model.plain):
+        if not (same and self.name in (*machine.values, INJECT) and model.plain):
             return None
         if model.hysteretic or model.sticks or model.flight.pieces or model.contact.pieces:
             return None
         impacts_at = lambda value: self.at(0.0 if self.name == INJECT else value).impacts  # noqa: E731
-        return HopsAlong(machine, self.name, self.inject, self.high - self.low, ("alpha",), impacts_at)
+        free = ("alpha",) if model.one_speed else LaunchSection(impacts_at(self.low)).names
+        return HopsAlong(machine, self.name, self.inject, self.high - self.low, free, impacts_at)
 
     def all_cycles(self, value: float, between: tuple[float, float], period: int) -> list[np.ndarray]:
         """The launches (period,) of all cycles between two launch speeds at a value of the parameter."""

@@ -36,21 +36,23 @@ class FlownHops:
     ends: np.ndarray
 
     def unknowns(self, impacts: Impacts, which: np.ndarray) -> np.ndarray:
-        """The unknowns (k, 3 + impacts) of the statement of one hop, of those hops `which` (k,) with one number of
-        impacts."""
-        liftoff = impacts.model.release(self.alphas[which], impacts.values)
-        count = int(self.counts[which[0]])
-        columns = np.broadcast_to(liftoff, len(which)), self.alphas[which], self.times[which, :count].T
-        return np.vstack([*columns, self.contacts[which]]).T
+        """The unknowns (k, n) of the statement of one hop, of those hops `which` (k,) with one number of impacts."""
+        count, places = int(self.counts[which[0]]), [*impacts.model.launch_places.values()]
+        launches = (self.starts[which] @ impacts.onto_contact.T)[:, places]
+        return np.column_stack([launches, self.times[which, :count], self.contacts[which]])
 
     def slowest(self, impacts: Impacts) -> np.ndarray:
         """The least speeds (m,) of the gap at an impact, as a share of the launch speed."""
         return np.nanmin(np.abs(self.landings @ impacts.gap_speed), axis=1, initial=np.inf) / self.alphas
 
 
-def flown_hops(impacts: Impacts, alphas: np.ndarray, most: int = MOST_IMPACTS) -> FlownHops:
-    """The hops from launch speeds (m,) without a restitution, with a bounded number of impacts."""
-    hops = Flown.begun(impacts, impacts.launch(alphas := np.asarray(alphas, dtype=float)), record=True)
+def flown_hops(
+    impacts: Impacts, alphas: np.ndarray, most: int = MOST_IMPACTS, starts: np.ndarray | None = None
+) -> FlownHops:
+    """The hops from launch speeds (m,), or from flight states (m, n) at lift-off, without a restitution, with a bounded
+    number of impacts."""
+    alphas = np.asarray(alphas, dtype=float)
+    hops = Flown.begun(impacts, impacts.launch(alphas) if starts is None else starts, record=True)
     fly(impacts, hops, most)
     stand(impacts, hops)
     m, flights = len(alphas), hops.flights or []

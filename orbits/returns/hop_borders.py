@@ -134,7 +134,9 @@ def _grazes(more: HopCurve, point: Points, other: Points, is_before: bool) -> tu
     infinite = float(np.copysign(np.inf, steep)) if more.d == 1 else np.nan
     sides = infinite, other.own[0].multiplier
     sides = sides[::-1] if is_before else sides
-    return _event(kind_of_border(sides), point, replace(point.own[0], multiplier=np.nan, border="graze", sides=sides))
+    turns = point.tangents[0, -1] * other.tangents[0, -1] < 0
+    passed = replace(point.own[0], multiplier=np.nan, border="graze", sides=sides)
+    return _event(NON_SMOOTH_FOLD if turns else COLLISION, point, passed)
 
 
 def _event(kind: str, point: Points, launch: PeriodicLaunch) -> tuple[str, Points]:

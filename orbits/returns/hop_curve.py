@@ -15,6 +15,7 @@ import numpy as np
 from ..curves import ASKS, CHANGES, FOLD, Barrier, Border, End, Event, Points, Problem, Start, Steps, Test, solved_at
 from ..errors import NoOrbit
 from ..flow.trajectory import Trajectories
+from ..hops.impacts import LIFTOFF_ORDER
 from ..numerics.polynomial_roots import evaluate
 from ..numerics.roots import UNIT, solve
 from ..shooting.single_shooting import Evaluation
@@ -22,6 +23,7 @@ from .hop_statement import (
     CONTACT,
     FORCE,
     GAP,
+    ORDER_OF_IMPACT,
     REST,
     SPEED,
     HopEquations,
@@ -36,9 +38,10 @@ from .periodic_launch import PeriodicLaunch, crossings, dominant
 Array = np.ndarray
 STEPS_OF_HOPS = Steps(
     first=1e-2, shortest=1e-8, corrected=0.2, turned=0.6, aim=1e-4, lengthen=4.0, beside=3, least=1, rough=1e-6,
-    batch=64, rejections=100, most=20_000, last=1e-10,
+    batch=64, rejections=100, most=5_000, last=1e-10,
 )  # fmt: skip
-SHARES_OF_ARC = np.linspace(0.03, 0.97, 32)  # of the time of an arc, at which gap and force are sampled
+# The shares of the time of an arc at which gap and force are sampled, more densely towards its ends.
+SHARES_OF_ARC = 0.5 - 0.5 * np.cos(np.pi * (np.arange(48) + 0.5) / 48)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,10 +149,10 @@ class HopCurve(Problem):
         self.last = np.array([own[-self.d :] for own in self.blocks])
         self.tests = (
             Test("fold", FOLD.values, bare=True),
-            *(Test(kind, partial(_of_matrix, i), confirmed=_confirmed) for i, kind in enumerate(KINDS_OF_TESTS)),
+            *(Test(kind, partial(of_matrix, i), confirmed=confirmed) for i, kind in enumerate(KINDS_OF_TESTS)),
             Test("border", lambda _, points: _slacks(points)[:, : self.exact], CHANGES, _slope_of_slack),
             Test("touch", lambda _, points: _slacks(points)[:, self.exact :], CHANGES),
-            Test("left", _inside, CHANGES, bare=True),
+            Test("left", inside, CHANGES, bare=True),
             Test("short", _is_long, ASKS),
         )
 
@@ -161,6 +164,10 @@ class HopCurve(Problem):
 
     def size(self, lanes: Array, xs: Array) -> Array:
         return np.broadcast_to(self.sizes, xs.shape)
+
+    def alphas(self, points: Points) -> Array:
+        """The first launch speeds (m,) of points, in the machine's units."""
+        return points.xs[:, self.speeds[0]] * self.hops.units(points.values)[0]
 
     def time(self, hop: int, flight: int) -> int:
         """The place among the unknowns of the time of a flight, or behind the last one of the contact."""
@@ -268,10 +275,10 @@ class HopCurve(Problem):
         matrices = np.eye(self.d)
         for hop in range(self.period):
             slopes = found.slopes[places, hop]
-            if self.d == 1 and self.hops.model.conservative:
-                # A lossless hop has one-sided derivatives of higher order alone.
+            if self.hops.model.conservative:
+                # A lossless hop has one-sided derivatives of higher order alone in the direction of the energy.
                 lossless = (np.abs(found.first[places, hop]) <= [TOLERANCES.lossless, TOLERANCES.force]).all(1)
-                slopes = np.where(lossless[:, None, None], 1.0, slopes)
+                slopes = np.where(lossless[:, None, None], 1.0 if self.d == 1 else np.nan, slopes)
             matrices = slopes @ matrices
         return matrices
 
@@ -289,10 +296,17 @@ class HopCurve(Problem):
                 phase = model.flight if flies else model.contact
                 x = [*rows_within(motions[which], SHARES_OF_ARC, len(phase.states)).T]
                 values = model.gap(many).at(x) if flies else force_in_contact(model, x, many)
-                least = np.broadcast_to(values, x[0].shape).reshape(m, count, -1).min(2)
+                least = self._divided(np.reshape(values, (m, count, -1)), i if flies else None).min(2)
                 slacks = [Slack(GAP, hop, i) if flies else Slack(CONTACT, hop) for hop in group.hops.tolist()]
                 sampled[:, [self.slacks.index(each) - self.exact for each in slacks]] = least
         return sampled
+
+    @staticmethod
+    def _divided(values: Array, flight: int | None) -> Array:
+        """The gaps in a flight, or the forces in contact for None, at the shares (..., k) of an arc, divided by their
+        zeros at its ends."""
+        order = 0 if flight is None else ORDER_OF_IMPACT if flight else LIFTOFF_ORDER
+        return values / (SHARES_OF_ARC**order * (1.0 - SHARES_OF_ARC))
 
     def barriers(self, lanes: Array, xs: Array, tangents: Array, lengths: Array) -> Mapping[int, Barrier]:
         """Where flights after impacts are about to vanish, without which the equations have no motions."""
@@ -350,7 +364,7 @@ class HopCurve(Problem):
         motions, model = self._motions(point.xs, slack, slack.impact), self.hops.model
         p = dict(zip(self.hops.names, self.hops.parameters_at(point.values)[0], strict=True))
         gaps = model.gap(p).at([*rows_within(motions, SHARES_OF_ARC, len(model.flight.states)).T])
-        return float(SHARES_OF_ARC[int(np.argmin(gaps))] * motions.ends[0])
+        return float(SHARES_OF_ARC[int(np.argmin(self._divided(gaps, slack.impact)))] * motions.ends[0])
 
     def grows(self, point: Points, slack: Slack) -> bool:
         """Whether a slack that is sampled grows along the tangent at a point (1)."""
@@ -398,13 +412,13 @@ def turned(points: Points) -> Points:
     return points.having(tangents=-points.tangents, own=own)
 
 
-def _of_matrix(i: int, problem: Problem, points: Points) -> Array:
+def of_matrix(i: int, problem: Problem, points: Points) -> Array:
     """The `crossings` of one kind at points (m,); NaN where one is exactly 0, which is no event between points."""
     values = np.array([crossings(each.matrix)[i] for each in points.own])
     return np.where(values == 0, np.nan, values)
 
 
-def _confirmed(problem: Any, point: Points, _: int) -> str | None:
+def confirmed(problem: Any, point: Points, _: int) -> str | None:
     """The kind of a bifurcation where a test of the multipliers changes its sign; None where there is none, as at a
     fold, and where two real multipliers have the product 1."""
     own = point.own[0]
@@ -415,7 +429,8 @@ def _confirmed(problem: Any, point: Points, _: int) -> str | None:
         return kind if len(pair) else None
     if kind == "branch point" and abs(own.tangent[1]) <= TOLERANCES.at_fold:
         return None
-    return kind
+    level = -1.0 if kind == "flip" else 1.0
+    return kind if np.abs(own.spectrum - level).min() <= TOLERANCES.at_bifurcation else "border collision"
 
 
 def _slacks(points: Points) -> Array:
@@ -427,11 +442,10 @@ def _slope_of_slack(problem: Any, xs: Array, evaluation: Any, number: int) -> tu
     return evaluation.slacks[:, number], evaluation.steps[:, number]
 
 
-def _inside(problem: Any, points: Points) -> Array:
+def inside(problem: Any, points: Points) -> Array:
     """How far (m, 2) the first launch speeds are inside of the range."""
-    unit, _ = problem.hops.units(points.values)
-    speeds = points.xs[:, problem.speeds[0]] * unit
-    return np.column_stack([speeds - problem.between[0], problem.between[1] - speeds])
+    low, high = problem.between
+    return np.column_stack([(alphas := problem.alphas(points)) - low, high - alphas])
 
 
 def _is_long(problem: Any, points: Points) -> Array:

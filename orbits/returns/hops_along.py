@@ -1,10 +1,12 @@
 """The machines along one of their parameters, or the injection, whose hops have a statement."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 
 from ..hops.impacts import Impacts
+from ..hops.launch_section import LaunchSection
 from ..model.machine import Machine
 from ..units import LIFTOFF_SPEED
 from .flown_hops import flown_hops
@@ -51,20 +53,34 @@ class HopsAlong:
             ps[:, self.names.index(self.name)] = values
         return ps
 
-    def flown(self, alphas: Sequence[float], value: float, period: int) -> tuple[Word, Array] | None:
-        """The word and the unknowns of hops from launch speeds in the machine's units, of all hops or of the first one;
-        None where one has no next launch."""
+    @cached_property
+    def places(self) -> list[int]:
+        """The places of the free numbers of a launch in contact states."""
+        return [self.model.launch_places[name] for name in self.free]
+
+    def starts(self, impacts: Impacts, launches: Array) -> Array:
+        """The flight states (m, n) at launches (m, d) without units, NaN where there is none."""
+        if self.model.one_speed:
+            return impacts.launch(launches[:, 0])
+        return LaunchSection(impacts).states(launches) @ self.model.embed.T
+
+    def flown(self, launches: Array, value: float, period: int) -> tuple[Word, Array] | None:
+        """The word and the unknowns of hops from launches (h, d) without units, of all hops or of the first one; None
+        where one has no next launch."""
         impacts, (unit, _) = self.impacts_at(value), self.units(np.array([value]))
-        speeds, us, word = [each / float(unit[0]) for each in alphas], list[Array](), list[int]()
+        added = (value if self.name == INJECT else self.inject) / float(unit[0])
+        word, us, known, speed = list[int](), list[Array](), [*launches], self.free.index("alpha")
         for hop in range(period):
-            hops = flown_hops(impacts, np.array(speeds[hop : hop + 1]))
+            start = self.starts(impacts, np.array(known[hop : hop + 1]))
+            if not np.isfinite(start).all():
+                return None
+            hops = flown_hops(impacts, known[hop][speed : speed + 1], starts=start)
             if not hops.counts[0]:
                 return None
             word.append(int(hops.counts[0]))
             us.append(hops.unknowns(impacts, np.zeros(1, int))[0])
-            if hop + 1 == len(speeds):
-                speed = float(impacts.model.contact_speed.at(hops.ends[0].tolist()))
-                speeds.append(speed + (value if self.name == INJECT else self.inject) / float(unit[0]))
-            if not speeds[-1] > 0:
+            if hop + 1 == len(known):
+                known.append(hops.ends[0, self.places] + added * (np.arange(len(self.free)) == speed))
+            if not known[-1][speed] > 0:
                 return None
         return tuple(word), np.concatenate(us)

@@ -37,7 +37,7 @@ class PeriodicLaunch:
     border: str = ""
     sides: tuple[float, ...] = ()
     rates: np.ndarray | None = None
-    launches: np.ndarray | None = None
+    launches: Any = None
     matrix: Any = None
     slacks: np.ndarray | None = None
     x: Any = None

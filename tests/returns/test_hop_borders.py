@@ -17,7 +17,7 @@ def test_a_curve_goes_through_a_lossless_hop():
     star = find(machine).alpha
     maps, alpha = MapsAlong(machine, "inject", 0.0, 0.05, 0.0, 1000), star + 0.02
     loss = alpha - float(plain(alpha).next)
-    word, us = maps.along.flown([alpha], loss, 1)
+    word, us = maps.along.flown(np.array([[alpha]]), loss, 1)
     curve, x = HopCurve(maps.along, word, (2.8, 3.1), beyond), np.append(us, loss)
     row = np.eye(1, len(x), 1)[0]
     items = list(Run(curve, curve.solved(x, row, -row), -0.01, behind=0.05))

@@ -23,7 +23,7 @@ UNIT = SI.units.of("alpha")
 )
 def test_the_equations_and_their_derivatives(machine, name, span, value, alpha, inject, period):
     maps = MapsAlong(machine, name, *span, inject, 1000)
-    word, us = maps.along.flown([alpha], value, period)
+    word, us = maps.along.flown(np.array([[alpha]]) / maps.along.units(np.array([value]))[0], value, period)
     curve, x = HopCurve(maps.along, word, (0.9 * alpha, 1.1 * alpha), beyond), np.append(us, value)
     row = np.eye(1, len(x), len(x) - 1)[0]
     point = curve.solved(x, row, row)

@@ -10,11 +10,11 @@ from problems import Hopper, hopper_in_si
 
 def test_the_word_and_the_launches_of_hops_are_those_of_the_map():
     maps, step = MapsAlong(Hopper(), "inject", 0.05, 0.1, 0.0, 1000), ReturnMap(Hopper(), inject=0.08)
-    word, us = maps.along.flown([4.47], 0.08, 2)
+    word, us = maps.along.flown(np.array([[4.47]]), 0.08, 2)
     first = step(4.47)
     assert word == (int(first.impacts), int(step(float(first.next)).impacts))
     assert us[[1, 1 + 3 + word[0]]] == pytest.approx([4.47, float(first.next)], abs=1e-12)
-    assert maps.along.flown([0.1], -0.5, 1) is None
+    assert maps.along.flown(np.array([[0.1]]), -0.5, 1) is None
 
 
 def test_the_unit_of_speed_changes_with_a_parameter():

@@ -1,12 +1,14 @@
-"""Branches of hops whose launches are several numbers."""
+"""Branches of hops whose launches are several numbers, with and without a statement of their hops."""
 
 import numpy as np
 import pytest
 from columns import column, hop_of
 
 from orbits import InputError, NoOrbit, ReturnMap, bifurcations, find
+from orbits.curves import Event
+from orbits.returns.bifurcations import _Search
+from orbits.returns.branches import FlownTracer
 from orbits.returns.cycles import MapsAlong
-from orbits.returns.launch_branches import launch_diagram
 from problems import Hopper, chain_hand
 
 
@@ -14,16 +16,28 @@ from problems import Hopper, chain_hand
 def test_a_machine_of_one_speed_has_the_flip_of_the_paper():
     """Found from a start, by derivatives, as by the grid of speeds: at an injection of 0.071587384137."""
     maps = MapsAlong(Hopper(), "inject", 0.066, 0.078, 0.0, 1000)
-    found = launch_diagram(maps, (4.3, 5.0), [0.066], [find(Hopper())], None, None)
-    (flip,) = found.located()
+    search = _Search(maps, (4.3, 5.0), [0.066], 100, None, [find(Hopper())])
+    search.from_starts()
+    (flip,) = search.located()
     assert (flip.kind, flip.branch) == ("flip", 0)
     assert flip.value == pytest.approx(0.071587384137, abs=1e-11)
     assert flip.alpha == pytest.approx(4.541763272853, abs=1e-10)
     assert flip.note == "hops of period two begin here, stable, toward greater inject"
-    assert [branch.period for branch in found.branches] == [1, 2, 1]
-    doubled = found.branches[1]
+    assert [branch.period for branch in search.branches] == [1, 1, 2]
+    doubled = search.branches[2]
     step = ReturnMap(Hopper(), inject=doubled.values[-1])
     assert step(doubled.alphas[-1]).next == pytest.approx(doubled.alphas[-1][::-1], rel=1e-9)
+
+
+def test_without_a_statement_of_the_hops_too():
+    maps = MapsAlong(Hopper(), "inject", 0.066, 0.078, 0.0, 1000)
+    tracer = FlownTracer(maps, (4.3, 5.0), 1, ())
+    launch = ReturnMap(Hopper(), inject=0.066).fixed_points(4.5, 4.6)[0].alpha
+    events = [item for item in tracer.trace(tracer.start(np.array([[launch]]), 0.066), 1) if isinstance(item, Event)]
+    assert [event.kind for event in events] == ["flip"]
+    assert events[0].point.value == pytest.approx(0.071587384137, abs=1e-11)
+    first = FlownTracer(maps, (4.3, 5.0), 2, ()).start_beside_flip(events[0].point)
+    assert first.alphas == pytest.approx(ReturnMap(Hopper(), inject=first.value)(first.alphas).next[::-1], rel=1e-9)
 
 
 @pytest.mark.slow
