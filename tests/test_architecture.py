@@ -95,7 +95,7 @@ TESTED_WITH = {
     "returns/cycles": "returns/test_bifurcations",
     "returns/hops": "returns/test_return_map",
     "returns/limited_hops": "returns/test_resolution",
-    "returns/resolved_map": "returns/test_resolution",
+    "returns/passages": "returns/test_resolution",
     "show/diagram_cells": "show/test_sweep_figures",
     "show/pages/bokeh_figures": "show/pages/test_hop_view",
     "show/pages/map_view": "problems/explorer/test_page",

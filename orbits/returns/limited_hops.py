@@ -65,6 +65,8 @@ class Resolution:
 
 
 RESOLUTION = Resolution()
+# Where the pieces near levels are not resolved, launches of the grid show the passages: less effort will do.
+NEAR_LEVELS = Resolution(effort=1e5)
 
 
 class PlainMap(NamedTuple):
@@ -88,14 +90,16 @@ class EffortSpent(Exception):
 
 class LimitedHops:
     """The hops of a map without injection, until the effort is spent; with an injection also which of them are away
-    from the identity line.
+    from the identity line, and otherwise from `levels` of the next launch speed.
 
     effort, most_effort : what was spent, and where the search ends for now
+    levels : of what `excess` is, ascending; None where all launches matter
     """
 
     def __init__(self, plain: PlainMap, inject: float | None, options: Resolution):
         self.plain, self.inject, self.options = plain, inject, options
         self.effort, self.most_effort = 0.0, options.part * options.effort
+        self.levels = None if inject is None else np.zeros(1)
 
     def hops_from(self, x: np.ndarray) -> Hops:
         """The hops from launch speeds, some "unfinished" where they have more impacts than the effort allows; raises
@@ -127,17 +131,24 @@ class LimitedHops:
         return hops
 
     def excess(self, hops: Hops) -> np.ndarray:
-        """The next launch speeds, with the injection, less those of the hops: minus infinity where there is none, and
-        NaN where that of an unfinished hop, or of one that rounding decides on, may be as fast."""
-        excess = np.where(hops.status == LIFTS_OFF, hops.next + (self.inject or 0.0) - hops.alpha, -np.inf)
-        most = np.sqrt(np.maximum(hops.alpha**2 - hops.loss, 0.0)) + (self.inject or 0.0)
-        unknown = np.isin(hops.status, ("unfinished", "undecided")) & ((most >= hops.alpha) | self.plain.gains)
+        """The next launch speeds, with an injection less those of the hops: minus infinity where there is none, and NaN
+        where that of an unfinished hop, or of one that rounding decides on, may reach a level."""
+        less = 0.0 if self.inject is None else hops.alpha - self.inject
+        excess = np.where(hops.status == LIFTS_OFF, hops.next - less, -np.inf)
+        most = np.sqrt(np.maximum(hops.alpha**2 - hops.loss, 0.0)) - less
+        lowest = -np.inf if self.levels is None else self.levels[0]
+        unknown = np.isin(hops.status, ("unfinished", "undecided")) & ((most >= lowest) | self.plain.gains)
         return np.where(unknown, np.nan, excess)
 
     def is_away(self, excess: np.ndarray, change: np.ndarray) -> np.ndarray:
-        """Whether all of the launches (..., n) are away from the identity line, from their `changes`."""
-        one_way = (excess > 0).all(-1) | (excess < 0).all(-1)
-        return (self.inject is not None) & one_way & (np.abs(excess).min(-1) > self.options.clear * change.max(-1))
+        """Whether all of the launches (..., n) are away from the levels, from their `changes`."""
+        if self.levels is None:
+            return np.zeros(excess.shape[:-1], bool)
+        ends, place = np.concatenate([[-np.inf], self.levels, [np.inf]]), np.searchsorted(self.levels, excess)
+        with np.errstate(invalid="ignore"):
+            below = np.where(place > 0, excess - ends[place], np.inf)
+        apart = np.minimum(below, ends[place + 1] - excess).min(-1)
+        return (place == place[..., :1]).all(-1) & (apart > self.options.clear * change.max(-1))
 
     def labels(self, hops: Hops) -> np.ndarray:
         """The numbers of impacts of hops, or minus a number for each status without a next launch."""
@@ -145,7 +156,7 @@ class LimitedHops:
         return np.array([count if status == LIFTS_OFF else LABELS[status] for count, status in pairs])
 
     def near(self, excess: np.ndarray) -> list[slice]:
-        """The parts of launches in order (n,) between which the map is not away from the identity line."""
+        """The parts of launches in order (n,) between which the map is not away from the levels."""
         pairs = [np.stack([each[:-1], each[1:]], axis=1) for each in (excess, changes(excess))]
         away = self.is_away(*pairs)
         switches = np.flatnonzero(np.diff(np.concatenate([[0], ~away, [0]])))

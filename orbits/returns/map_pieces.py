@@ -21,6 +21,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 # (lowest, highest) of each interval, ascending.
 Intervals = list[tuple[float, float]]
@@ -184,3 +185,10 @@ def without_seams(intervals: Sequence[tuple[float, float]]) -> Intervals:
         else:
             found.append((a, b))
     return found
+
+
+def within(values: np.ndarray, edges: ArrayLike) -> np.ndarray:
+    """Whether values (m,) lie in one of several ascending, disjoint intervals."""
+    pairs = np.reshape(edges, (-1, 2))
+    i = np.searchsorted(pairs[:, 0], values, side="right") - 1
+    return (i >= 0) & (values <= pairs[i, 1]) if len(pairs) else np.zeros(len(values), bool)

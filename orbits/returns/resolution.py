@@ -11,7 +11,7 @@ injection, is faster for all of them or slower for all of them, by more than it 
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import cache
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -21,8 +21,9 @@ from ..hops.feet import LIFTS_OFF
 from ..numerics.roots import enclosed_ends
 from ..result import Progress
 from ..running import heartbeat, interrupts
+from .hops import Hops
 from .limited_hops import RESOLUTION, UNFINISHED, EffortSpent, LimitedHops, PlainMap, Resolution, changes
-from .map_pieces import JUMP, OF_LOSSLESS, MapBorder, MapPieces, without_seams
+from .map_pieces import JUMP, OF_LOSSLESS, MapBorder, MapPieces, within, without_seams
 
 
 class _Cell(NamedTuple):
@@ -66,8 +67,9 @@ class _Refused(NamedTuple):
         return bool((self.labels == self.labels[0]).all())
 
 
-class _Resolving(LimitedHops):
-    """The search for the pieces of a map without injection; with an injection for those near the identity line.
+class Resolving(LimitedHops):
+    """The search for the pieces of a map without injection; with an injection for those near the identity line, or near
+    levels of the next launch speed.
 
     powers : of the distance from borders by (launch speed, side), -1 below and 1 above; elsewhere they are 1
     """
@@ -81,7 +83,7 @@ class _Resolving(LimitedHops):
         self.lossless = {each for each in plain.lossless if low <= each <= high}
         self.cuts = set(self.lossless) - {low, high}
         self.powers = {(each, side): OF_LOSSLESS for each in self.lossless for side in (-1, 1)}
-        self.short = None if inject is None else list[_Refused]()  # cells in which borders are located last
+        self.short: list[_Refused] | None = None  # cells in which borders are located last
         self.fitted, self.unresolved = list[_FittedCell](), list[tuple[float, float]]()
 
     def borders(self, rows: Sequence[np.ndarray], labels: np.ndarray) -> None:
@@ -138,19 +140,34 @@ class _Resolving(LimitedHops):
         rooted &= np.abs(second - first) > self.options.unchanged * np.abs(first)
         self.powers |= {each[:2]: 2 if root else 1 for each, root in zip(sides, rooted.tolist(), strict=True)}
 
-    def doubtful(self, grid: np.ndarray) -> list[tuple[float, float]]:
-        """The parts of a grid that are not away from the identity line: first those in which all hops have a next
-        launch, or none, and then the others, as a finer grid shows them."""
-        spans = self._spans([grid])
+    @cached_property
+    def grid(self) -> np.ndarray:
+        """The launch speeds of the grid."""
+        grid = np.linspace(self.low, self.high, self.samples)
+        for star in sorted(self.lossless):  # there rounding decides on the number of impacts
+            beside = [star - self.shortest, star, star + self.shortest]
+            grid = np.append(grid[np.abs(grid - star) > self.shortest], beside)
+        return np.unique(grid[(grid >= self.low) & (grid <= self.high)])
+
+    @cached_property
+    def hops_of_grid(self) -> Hops:
+        """Their hops."""
+        return self.hops_from(self.grid)
+
+    def doubtful(self) -> list[tuple[float, float]]:
+        """The parts of the grid that are not away from the levels: first those in which all hops have a next launch, or
+        none, and then the others, as a finer grid shows them."""
+        spans = self._spans([self.grid], self.hops_of_grid)
         mixed = [span for span, kinds in spans if kinds > 1]
         fine = [np.unique(np.linspace(span[:-1], span[1:], self.options.more + 1)) for span in mixed]
-        spans = [each for each in spans if each[1] == 1] + (self._spans(fine) if fine else [])
+        spans = [each for each in spans if each[1] == 1]
+        spans += self._spans(fine, self.hops_from(np.concatenate(fine))) if fine else []
         return [(float(span[0]), float(span[-1])) for span, _ in sorted(spans, key=lambda each: each[1])]
 
-    def _spans(self, rows: Sequence[np.ndarray]) -> list[tuple[np.ndarray, int]]:
-        """The parts of rows, ascending launch speeds, that are not away from the identity line, each with the number of
-        kinds of hops in it."""
-        hops, found = self.hops_from(np.concatenate(rows)), list[tuple[np.ndarray, int]]()
+    def _spans(self, rows: Sequence[np.ndarray], hops: Hops) -> list[tuple[np.ndarray, int]]:
+        """The parts of rows, ascending launch speeds, that are not away from the levels, each with the number of kinds
+        of hops in it."""
+        found = list[tuple[np.ndarray, int]]()
         labels, ends = self.labels(hops), np.cumsum([len(row) for row in rows])[:-1]
         kinds = np.where((labels > 0) | (labels == UNFINISHED), 1, labels)
         for row, excess, own in zip(rows, *(np.split(each, ends) for each in (self.excess(hops), kinds)), strict=True):
@@ -161,20 +178,17 @@ class _Resolving(LimitedHops):
     def resolve(self, progress: Progress = None) -> None:
         """Find the borders between the launches of a grid, and fit the cells between them; `progress` is called with
         the share of the range that is resolved, or not to be."""
-        grid = np.linspace(self.low, self.high, self.samples)
-        for star in sorted(self.lossless):  # there rounding decides on the number of impacts
-            beside = [star - self.shortest, star, star + self.shortest]
-            grid = np.append(grid[np.abs(grid - star) > self.shortest], beside)
-        grid = np.unique(grid[(grid >= self.low) & (grid <= self.high)])
         spans = [(self.low, self.high)]
+        known = np.array(sorted([*(each.cell.ends for each in self.fitted), *self.unresolved])).reshape(-1, 2)
         try:
-            if self.inject is None:
+            if self.levels is None:
                 with suppress(EffortSpent):
-                    self.borders([grid], self.labels(self.hops_from(grid)))
+                    self.borders([self.grid], self.labels(self.hops_of_grid))
             else:
-                spans = self.doubtful(grid)
-            self.most_effort, cuts = self.options.effort, sorted(self.cuts)
-            pending = self.cells([[a, *(each for each in cuts if a < each < b), b] for a, b in spans])
+                spans, self.short = self.doubtful(), []
+            self.most_effort, cuts = self.options.effort, np.unique([*self.cuts, *known.ravel()])
+            rows = [pair for a, b in spans for pair in pairwise([a, *cuts[(a < cuts) & (cuts < b)].tolist(), b])]
+            pending = self.cells([pair for pair in rows if not within(np.mean(pair, keepdims=True), known)[0]])
         except EffortSpent:
             self.unresolved += spans
             return
@@ -214,7 +228,7 @@ class _Resolving(LimitedHops):
 
     def parts(self, refused: Sequence[_Refused]) -> list[_Cell]:
         """Parts of cells that no polynomial fits; none of those that are too short, or shorter than the grid shows
-        where hops have more impacts than are followed. Beside the identity line the shortest ones wait."""
+        where hops have more impacts than are followed. Near levels the shortest ones wait."""
         found, wide = list[list[float]](), list[_Refused]()
         for each in refused:
             (a, b), unfinished = each.cell.ends, each.labels == UNFINISHED
@@ -248,7 +262,7 @@ class _Resolving(LimitedHops):
         """The ends of the parts of a cell with hops of several kinds that are not away from the identity line; None
         where they are not much shorter than the cell."""
         (a, b), launches, excess = refused.cell.ends, refused.launches, refused.excess
-        if self.inject is None or refused.is_of_a_kind:
+        if self.levels is None or refused.is_of_a_kind:
             return None
         x = np.array([a, *launches, b])
         parts = self.near(excess[[0, *range(len(excess)), -1]])
@@ -268,7 +282,8 @@ class _Resolving(LimitedHops):
             following, loss, labels = (each.reshape(x.shape) for each in (hops.next, hops.loss, self.labels(hops)))
             values = np.where(beside, loss / (x + following), following)  # the loss is of the speed's square
             excess = self.excess(hops).reshape(x.shape)
-            excess = np.where(beside & np.isfinite(values), (self.inject or 0.0) - values, excess)
+            if self.inject is not None:
+                excess = np.where(beside & np.isfinite(values), self.inject - values, excess)
             waiting, away = list[_Cell](), self.is_away(excess, changes(excess))
             rounded = beside & (np.abs(x - [[cell.origin] for cell in cells]) <= self.shortest)
             labels = np.where(rounded, labels[:, :1], labels)
@@ -358,6 +373,6 @@ def map_pieces(
 ) -> MapPieces:  # fmt: skip
     """The pieces of a map without injection between two launch speeds; lossless ones are known, other borders are
     searched for between the launches of a grid. With an injection, the pieces that may touch the identity line."""
-    found = _Resolving(plain, low, high, samples, inject, options)
+    found = Resolving(plain, low, high, samples, inject, options)
     found.resolve(progress)
     return found.result()

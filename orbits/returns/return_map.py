@@ -34,12 +34,12 @@ from ..units import ENERGY, LIFTOFF_SPEED, Message, Quantity, in_own_units, with
 from .basins import Basins
 from .hops import Hops, Upkeep
 from .launch_hops import hops_of_launches
-from .limited_hops import PlainMap
+from .limited_hops import NEAR_LEVELS, PlainMap
 from .map_pieces import JUMP, Intervals, MapPieces
+from .passages import Passages
 from .periodic_hop import different_hops, periodic_hop
 from .periodic_hops import PeriodicHops, all_periodic_hops, lossless_hops
-from .resolution import map_pieces
-from .resolved_map import ResolvedMap
+from .resolution import Resolving, map_pieces
 from .returning_hops import FixedPoints, ReturningHops
 
 SLOWEST_LOSSLESS = 1e-3  # below this, in the units of the machine, no lossless launch is searched
@@ -254,12 +254,19 @@ class ReturnMap:
         the identity line for an injection."""
         known = (self._resolved.get((low, high, samples, each)) for each in (None, inject))
         if (found := next((each for each in known if each), None)) is None:
-            maps = cache(lambda cap: ReturnMap(self.machine, cap=cap))
-            lossless = lossless_speeds(self.machine, low, high)
-            plain = PlainMap(lambda x, cap: maps(cap)(x), lossless, self.cap, self._first.descends)
+            plain = self._plain(lossless_speeds(self.machine, low, high))
             found = map_pieces(plain, low, high, samples, inject, progress)
             self._resolved[low, high, samples, inject] = found
         return found
+
+    def _plain(self, lossless: Sequence[float]) -> PlainMap:
+        """The map without injection."""
+        maps = cache(lambda cap: ReturnMap(self.machine, cap=cap))
+        return PlainMap(lambda x, cap: maps(cap)(x), lossless, self.cap, self._first.descends)
+
+    def _passages(self, low: float, high: float, samples: int, lossless: Sequence[float]) -> Passages:
+        """Where the map passes levels, between two launch speeds."""
+        return Passages(self, Resolving(self._plain(lossless), low, high, samples, None, NEAR_LEVELS), self.inject)
 
     @property
     def only_gains(self) -> bool:
@@ -311,7 +318,8 @@ class ReturnMap:
     @in_own_units(LIFTOFF_SPEED, edges=LIFTOFF_SPEED, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
     def preimages(self, edges: Intervals, low: float, high: float, samples: int = 2000) -> Intervals:
         """The intervals of launch speeds between `low` and `high`, ascending, whose next launch speed lies in one of
-        the intervals `edges`. They end where the map passes an edge, or jumps; `samples` is as in `fixed_points`."""
+        the intervals `edges`. They end where the map passes an edge, or jumps; `samples` is as in `fixed_points`, and
+        the map is resolved near the edges, see `orbits.returns.passages`."""
         self._check_one_speed("preimages")
         low, high, samples = _checked_grid(low, high, samples)
         try:
@@ -324,8 +332,7 @@ class ReturnMap:
                 ends = {name: Quantity(x, LIFTOFF_SPEED) for name, x in (("low", low_edge), ("high", high_edge))}
                 text = "edges = ({low:.17g}, {high:.17g}); the launch speeds of an interval are above 0 and ascend"
                 raise InputError(Message(text, **ends))
-        lossless = lossless_speeds(self.machine, low, high)
-        return ResolvedMap(self, lossless, low, high, samples).preimages(edges)
+        return self._passages(low, high, samples, lossless_speeds(self.machine, low, high)).preimages(edges)
 
     @exclusive
     def upkeep(self, alpha: float) -> "Upkeep":
@@ -395,8 +402,8 @@ class ReturnMap:
         words = machine_in_words(self.machine)
         if not lossless:
             return Basins(words, low, high, ())
-        resolved_map = ResolvedMap(self, lossless, lossless[0], high, samples)
-        found = {star: resolved_map.basin(lossless, hops, high - low, only=k) for k, star in enumerate(lossless)}
+        passages = self._passages(lossless[0], high, samples, lossless)
+        found = {star: passages.basin(lossless, hops, high - low, only=k) for k, star in enumerate(lossless)}
         inside = {star: tuple((max(a, low), min(b, high)) for a, b in own if b > low) for star, own in found.items()}
         return Basins(words, low, high, tuple((star, own) for star, own in inside.items() if own))
 
@@ -421,8 +428,9 @@ class ReturnMap:
         lossless = lossless_speeds(self.machine, SLOWEST_LOSSLESS, high)
         if not lossless or lossless[0] >= high:
             return []
-        resolved_map = ResolvedMap(self, lossless, lossless[0], high, samples, progress)
-        intervals = resolved_map.basin(lossless, hops, high - low, progress)
+        if progress:
+            progress(0.0)
+        intervals = self._passages(lossless[0], high, samples, lossless).basin(lossless, hops, high - low, progress)
         return [(max(a, low), min(b, high)) for a, b in intervals if b > low]
 
 

@@ -11,10 +11,10 @@ from orbits.hops.impacts import STATUS
 from orbits.numerics.roots import enclosed_sign_changes
 from orbits.returns.hops import Hops
 from orbits.returns.itineraries import MonotoneBranches
-from orbits.returns.limited_hops import PlainMap
+from orbits.returns.limited_hops import RESOLUTION, PlainMap
+from orbits.returns.passages import Passages
 from orbits.returns.periodic_hops import cycles_of
-from orbits.returns.resolution import map_pieces
-from orbits.returns.resolved_map import ResolvedMap
+from orbits.returns.resolution import Resolving, map_pieces
 from problems import Hopper, rimless_wheel
 
 
@@ -111,6 +111,17 @@ def test_the_basin_is_what_comes_to_a_lossless_hop(machine):
 
 
 @pytest.mark.slow
+def test_a_basin_ends_at_the_first_dip_where_borders_accumulate():
+    """Behind many short bounces the map of a heavy foot dips below the lossless launch between other launches."""
+    step = ReturnMap(Hopper(mass_ratio=20.0))
+    _, (star, end) = step.basin(4.5, 10.2, hops=0)
+    launches = np.linspace(star, 10.2, 40_001)[1:]
+    below = launches[np.nan_to_num(step(launches).next) < star]
+    assert end == pytest.approx(10.0324, abs=1e-4)
+    assert 0 <= below[0] - end < 1e-4
+
+
+@pytest.mark.slow
 def test_the_map_is_broken_only_where_it_jumps():
     """With restitution the number of impacts changes all the time and the map does not; light feet make it jump."""
 
@@ -163,7 +174,8 @@ class TestMapsInClosedForm:
         return hops
 
     def resolved(self, function, lossless, low, high):
-        return ResolvedMap(self.step(function, []), lossless, low, high, 41)
+        step = self.step(function, [])
+        return Passages(step, Resolving(PlainMap(step, lossless), low, high, 41, None, RESOLUTION))
 
     def fixed_launches(self, function, borders, low, high):
         step = self.step(function, borders)
