@@ -14,24 +14,8 @@ import numpy as np
 
 from ..curves import ASKS, CHANGES, FOLD, Barrier, Border, End, Event, Points, Problem, Start, Steps, Test, solved_at
 from ..errors import NoOrbit
-from ..flow.trajectory import Trajectories
-from ..hops.impacts import LIFTOFF_ORDER
-from ..numerics.polynomial_roots import evaluate
-from ..numerics.roots import UNIT, solve
-from ..shooting.single_shooting import Evaluation
-from .hop_statement import (
-    CONTACT,
-    FORCE,
-    GAP,
-    ORDER_OF_IMPACT,
-    REST,
-    SPEED,
-    HopEquations,
-    Slack,
-    Word,
-    force_in_contact,
-    slacks_of,
-)
+from .hop_problem import HopProblem, HopValues
+from .hop_statement import FORCE, Slack, Word
 from .hops_along import INJECT, HopsAlong
 from .periodic_launch import PeriodicLaunch, crossings, dominant
 
@@ -40,8 +24,6 @@ STEPS_OF_HOPS = Steps(
     first=1e-2, shortest=1e-8, corrected=0.2, turned=0.6, aim=1e-4, lengthen=4.0, beside=3, least=1, rough=1e-6,
     batch=64, rejections=100, most=5_000, last=1e-10,
 )  # fmt: skip
-# The shares of the time of an arc at which gap and force are sampled, more densely towards its ends.
-SHARES_OF_ARC = 0.5 - 0.5 * np.cos(np.pi * (np.arange(48) + 0.5) / 48)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +35,6 @@ class Tolerances:
     begun : the time of a flight after an impact when it begins and when it ends: in shorter ones rounding counts
     same_time : times that differ by a smaller share are the same
     lossless, force : a first landing of a lossless hop is slower, with a smaller force after it
-    ahead : a step along a tangent for differences
     at_fold : share of the parameter in the tangent at a fold, which is larger at a branch point
     at_bifurcation : multipliers farther from their value at a bifurcation jump there
     """
@@ -63,7 +44,6 @@ class Tolerances:
     same_time: float = 1e-6
     lossless: float = 1e-9
     force: float = 1e-2
-    ahead: float = 1e-5
     at_fold: float = 1e-5
     at_bifurcation: float = 1e-4
 
@@ -71,46 +51,7 @@ class Tolerances:
 TOLERANCES = Tolerances()
 
 
-class HopValues(NamedTuple):
-    """The equations at points (m, n + 1).
-
-    residual, jacobian : (m, n), (m, n, n + 1)
-    slacks, steps : (m, k), those with a row in the statement, and their derivatives (m, k, n + 1)
-    slopes : derivatives (m, period, d, d) of each next launch by the launch before it
-    xs : the points
-    first : (m, period, 2), the speed of the gap at the first landing of each hop and the force after it
-    hops : the equations of the hops of all points by their number of impacts
-    """
-
-    residual: Array
-    jacobian: Array
-    slacks: Array
-    slopes: Array
-    steps: Array
-    xs: Array
-    first: Array
-    hops: Mapping[int, Evaluation]
-
-    @property
-    def amplification(self) -> Array:
-        """As motions, hops are short and amplify nothing."""
-        return np.ones(len(self.residual))
-
-
-class SameHops(NamedTuple):
-    """The hops (h,) of a word with the same number of impacts: their equations, the places of their unknowns (h, n),
-    and those of their slacks (h, k) with the rows (k,) and signs (k,) of these."""
-
-    impacts: int
-    hops: Array
-    equations: HopEquations
-    blocks: Array
-    slacks: Array
-    rows: Array
-    signs: Array
-
-
-class HopCurve(Problem):
+class HopCurve(HopProblem):
     """The curve of hops with a word that return.
 
     hops : the machines along the parameter
@@ -126,32 +67,21 @@ class HopCurve(Problem):
         self, hops: HopsAlong, word: Word, between: tuple[float, float], border: Callable, steps: Steps = STEPS_OF_HOPS,
         family: dict[Word, "HopCurve"] | None = None,
     ):  # fmt: skip
-        self.hops, self.word, self.between, self.border, self.steps = hops, word, between, border, steps
+        super().__init__(hops, word, (hops.name,), hops.hop)
+        self.between, self.border, self.steps, self.along = between, border, steps, hops.name
         self.family = {} if family is None else family
         self.family[word] = self
-        self.period, self.d, self.along = len(word), len(hops.free), hops.name
         unit = float(hops.units(np.array([float(hops.machine.values.get(self.along, 0.0))]))[0][0])
         self.scale = np.array([between[1] - between[0], hops.span])
-        sizes = [hops.hop(count).equations.size for count in word]
-        ends = np.cumsum(sizes)
-        self.blocks = [np.arange(end - size, end) for end, size in zip(ends, sizes, strict=True)]
-        self.free = np.array([own[hops.hop(c).free] for own, c in zip(self.blocks, word, strict=True)])  # (period, d)
-        speed = hops.free.index("alpha")
-        self.speeds, self.speed = self.free[:, speed], speed
-        self.sizes = np.full(ends[-1] + 1, TOLERANCES.others * self.scale[0] / unit)
+        self.sizes = np.full(self.count + 1, TOLERANCES.others * self.scale[0] / unit)
         self.sizes[self.free] = self.scale[0] / unit * np.sqrt(self.period)
         self.sizes[-1] = self.scale[1]
-        self.slacks = slacks_of(word)
-        self.exact = sum(each.kind in (FORCE, SPEED, REST) for each in self.slacks)
-        self.shared = np.array([self.speeds[0], ends[-1]])
-        self.groups = [self._group(impacts) for impacts in sorted({*word})]
-        # The last rows of each hop are those of its next launch.
-        self.last = np.array([own[-self.d :] for own in self.blocks])
+        self.shared = np.array([self.speeds[0], self.count])
         self.tests = (
             Test("fold", FOLD.values, bare=True),
             *(Test(kind, partial(of_matrix, i), confirmed=confirmed) for i, kind in enumerate(KINDS_OF_TESTS)),
-            Test("border", lambda _, points: _slacks(points)[:, : self.exact], CHANGES, _slope_of_slack),
-            Test("touch", lambda _, points: _slacks(points)[:, self.exact :], CHANGES),
+            Test("border", lambda _, points: slacks_at(points)[:, : self.exact], CHANGES, slope_of_slack),
+            Test("touch", lambda _, points: slacks_at(points)[:, self.exact :], CHANGES),
             Test("left", inside, CHANGES, bare=True),
             Test("short", _is_long, ASKS),
         )
@@ -169,69 +99,21 @@ class HopCurve(Problem):
         """The first launch speeds (m,) of points, in the machine's units."""
         return points.xs[:, self.speeds[0]] * self.hops.units(points.values)[0]
 
-    def time(self, hop: int, flight: int) -> int:
-        """The place among the unknowns of the time of a flight, or behind the last one of the contact."""
-        return int(self.blocks[hop][flight] + len(self.hops.model.launch_unknowns))
+    def parameters(self, xs: Array) -> Array:
+        return self.hops.parameters_at(xs[:, -1])
 
-    def evaluate(
-        self, lanes: Array, xs: Array, known: object = None, moved: Array | None = None
-    ) -> tuple[Array, HopValues | None]:
-        """The equations at points (m, n + 1), without those at which a hop cannot be followed."""
-        m, n, d, values = len(xs), xs.shape[1] - 1, self.d, xs[:, -1]
-        ps, (unit, growing) = self.hops.parameters_at(values), self.hops.units(values)
-        vary = () if self.along == INJECT else (self.along,)
-        residual, jacobian = np.zeros((m, n)), np.zeros((m, n, n + 1))
-        slacks, steps = np.zeros((m, self.exact)), np.zeros((m, self.exact, n + 1))
-        slopes, first = np.zeros((m, self.period, d, d)), np.zeros((m, self.period, 2))
-        found = dict[int, Evaluation]()
-        for group in self.groups:
-            equations, count = group.equations, len(group.hops)
-            own, of_hops = xs[:, group.blocks].reshape(m * count, -1), np.repeat(ps, count, axis=0)
-            with np.errstate(all="ignore"):
-                done, evaluation = equations.equations.evaluate_lanes(own, of_hops, vary, fewest=True)
-            if evaluation is None or len(done) < len(own):
-                able = np.setdiff1d(np.arange(m), np.setdiff1d(np.arange(len(own)), done) // count)
-                which, others = self.evaluate(lanes[able], xs[able]) if len(able) else (able, None)
-                return able[which], others
-            found[group.impacts] = evaluation
-            rows = evaluation.residual.reshape(m, count, -1)
-            changes = evaluation.jacobian.reshape(m, count, rows.shape[2], -1)
-            slopes[:, group.hops] = equations.derivatives(evaluation.jacobian).reshape(m, count, d, d)
-            first[:, group.hops] = rows[:, :, [equations.speeds[0], equations.forces[0]]]
-            chosen, places = [*equations.inner, *equations.next], group.blocks
-            if vary:
-                places = np.column_stack([places, np.full(count, n)])
-            residual[:, group.blocks] = rows[:, :, chosen]
-            jacobian[:, group.blocks[:, :, None], places[:, None]] = changes[:, :, chosen]
-            slacks[:, group.slacks] = group.signs * rows[:, :, group.rows]
-            steps[:, group.slacks[:, :, None], places[:, None]] = group.signs[:, None] * changes[:, :, group.rows]
-        following = np.roll(self.free, -1, axis=0)
-        injected, rate = values / unit if self.along == INJECT else self.hops.inject / unit, -growing / unit**2
-        rate = rate * (values if self.along == INJECT else self.hops.inject) + (self.along == INJECT) / unit
-        residual[:, self.last] -= xs[:, following]
-        residual[:, self.last[:, self.speed]] += injected[:, None]
-        for hop in range(self.period):
-            jacobian[:, self.last[hop], following[hop]] -= 1.0
-        jacobian[:, self.last[:, self.speed], n] += rate[:, None]
-        if self.period % 2 == 0 and d == 1:
-            self._leave_out_half(xs, residual, jacobian)
-        return np.arange(m), HopValues(residual, jacobian, slacks, slopes, steps, xs.copy(), first, found)
+    def injection(self, xs: Array) -> tuple[Array, Array]:
+        value, (unit, growing) = self.hops.inject, self.hops.units(xs[:, -1])
+        injected = xs[:, -1] if self.along == INJECT else np.full(len(xs), value)
+        return injected / unit, (((self.along == INJECT) - injected * growing / unit) / unit)[:, None]
 
-    def _group(self, impacts: int) -> "SameHops":
-        """The hops of the word with a number of impacts."""
-        hops, equations = np.flatnonzero(np.array(self.word) == impacts), self.hops.hop(impacts)
-        last = np.arange(impacts) + 1 == impacts
-        rows = np.concatenate([equations.forces, equations.speeds[~last], equations.next[[self.speed]]])
-        signs = np.concatenate([np.where(last, 1.0, -1.0), np.full(impacts - 1, -1.0), [1.0]])
-        kinds = slacks_of((impacts,))[: len(rows)]
-        own = [[self.slacks.index(each._replace(hop=int(hop))) for each in kinds] for hop in hops]
-        blocks = np.array([self.blocks[hop] for hop in hops])
-        return SameHops(impacts, hops, equations, blocks, np.array(own), rows, signs)
-
-    def _leave_out_half(self, xs: Array, residual: Array, jacobian: Array) -> None:
-        """Divide what the last equation is more than that of the middle of the hops by the difference of the launches,
-        so that hops of half the period are no solutions but at a flip, through which the curve goes smoothly."""
-        half = self.period // 2
+    def close(self, values: HopValues, bends: Array) -> None:
+        """For an even period of launches that are speeds, divide what the last equation is more than that of the middle
+        of the hops by the difference of the launches, so that hops of half the period are no solutions but at a flip,
+        through which the curve goes smoothly."""
+        if self.period % 2 or self.d > 1:
+            return
+        half, (xs, residual, jacobian) = self.period // 2, (values.xs, values.residual, values.jacobian)
         first, middle, (before, last) = self.free[0, 0], self.free[half, 0], self.last[[half - 1, -1], 0]
         apart = xs[:, middle] - xs[:, first]
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -240,21 +122,13 @@ class HopCurve(Problem):
             jacobian[:, last, middle] -= residual[:, last] / apart
             jacobian[:, last, first] += residual[:, last] / apart
 
-    def rounding(self, evaluation: HopValues, rows: Array) -> Array | float:
-        """Equations are rounded as the products of their derivatives and the unknowns are, and the more the shorter the
-        flights or the nearer the launches are by which they are divided."""
-        bordered = np.concatenate([evaluation.jacobian, rows[:, None]], axis=1)
-        noise = UNIT * (np.abs(evaluation.jacobian) @ np.abs(evaluation.xs)[:, :, None])
-        inverses = np.abs(solve(bordered, np.tile(np.eye(rows.shape[1]), (len(rows), 1, 1))))
-        return (inverses[:, :, :-1] @ noise)[:, :, 0]
-
     def certify(self, points: Points) -> tuple[Points, dict[int, Exception]]:
         """The points with their `PeriodicLaunch`es."""
         own, errors = np.empty(len(points), object), dict[int, Exception]()
         unit, growing = self.hops.units(points.values)
         found, places = points.evaluation, points.places
         matrices = self.matrices(found, places)
-        slacks = np.column_stack([found.slacks[places], self._sampled(points)])
+        slacks = np.column_stack([found.slacks[places], self.sampled(points)])
         launches = points.xs[:, self.free]
         alphas = launches[:, :, self.speed] * unit[:, None]
         speeds, ahead = launches[:, 0, self.speed], points.tangents
@@ -281,32 +155,6 @@ class HopCurve(Problem):
                 slopes = np.where(lossless[:, None, None], 1.0 if self.d == 1 else np.nan, slopes)
             matrices = slopes @ matrices
         return matrices
-
-    def _sampled(self, points: Points) -> Array:
-        """The least gaps in flights and forces in contacts (m, k) at points, as the slacks behind the exact ones."""
-        m, model = len(points), self.hops.model
-        sampled = np.empty((m, len(self.slacks) - self.exact))
-        ps = dict(zip(self.hops.names, self.hops.parameters_at(points.values).T, strict=True))
-        for group in self.groups:
-            count = len(group.hops)
-            which = (points.places[:, None] * count + np.arange(count)).ravel()
-            many = {name: np.repeat(values, count * len(SHARES_OF_ARC)) for name, values in ps.items()}
-            for i, motions in enumerate(points.evaluation.hops[group.impacts].trajectories):
-                flies = i < group.impacts
-                phase = model.flight if flies else model.contact
-                x = [*rows_within(motions[which], SHARES_OF_ARC, len(phase.states)).T]
-                values = model.gap(many).at(x) if flies else force_in_contact(model, x, many)
-                least = self._divided(np.reshape(values, (m, count, -1)), i if flies else None).min(2)
-                slacks = [Slack(GAP, hop, i) if flies else Slack(CONTACT, hop) for hop in group.hops.tolist()]
-                sampled[:, [self.slacks.index(each) - self.exact for each in slacks]] = least
-        return sampled
-
-    @staticmethod
-    def _divided(values: Array, flight: int | None) -> Array:
-        """The gaps in a flight, or the forces in contact for None, at the shares (..., k) of an arc, divided by their
-        zeros at its ends."""
-        order = 0 if flight is None else ORDER_OF_IMPACT if flight else LIFTOFF_ORDER
-        return values / (SHARES_OF_ARC**order * (1.0 - SHARES_OF_ARC))
 
     def barriers(self, lanes: Array, xs: Array, tangents: Array, lengths: Array) -> Mapping[int, Barrier]:
         """Where flights after impacts are about to vanish, without which the equations have no motions."""
@@ -345,37 +193,6 @@ class HopCurve(Problem):
         if found is None or len(which) < len(xs):
             raise NoOrbit(f"the hops cannot be followed near {self.along} = {xs[0, -1]:g}")
         return found.slopes
-
-    def _motions(self, xs: Array, slack: Slack, flight: int) -> Any:
-        """The motions of a flight of the hop of a slack at X (1, n + 1)."""
-        _, found = self.evaluate(np.zeros(1, int), xs)
-        if found is None:
-            raise NoOrbit(f"the hops cannot be followed near {self.along} = {xs[0, -1]:g}")
-        count = self.word[slack.hop]
-        hops = [each for each, other in enumerate(self.word) if other == count]
-        return found.hops[count].trajectories[flight][np.array([hops.index(slack.hop)])]
-
-    def landing(self, point: Points, slack: Slack) -> Array:
-        """The flight state (n,) before the impact of a slack at a point (1)."""
-        return self._motions(point.xs, slack, slack.impact).finals[0, : len(self.hops.model.flight.states)]
-
-    def lowest(self, point: Points, slack: Slack) -> float:
-        """The time in the flight of a slack at which the gap is least, nearly."""
-        motions, model = self._motions(point.xs, slack, slack.impact), self.hops.model
-        p = dict(zip(self.hops.names, self.hops.parameters_at(point.values)[0], strict=True))
-        gaps = model.gap(p).at([*rows_within(motions, SHARES_OF_ARC, len(model.flight.states)).T])
-        return float(SHARES_OF_ARC[int(np.argmin(self._divided(gaps, slack.impact)))] * motions.ends[0])
-
-    def grows(self, point: Points, slack: Slack) -> bool:
-        """Whether a slack that is sampled grows along the tangent at a point (1)."""
-        values = list[float]()
-        for xs in (point.xs, point.xs + TOLERANCES.ahead * point.tangents):
-            _, found = self.evaluate(np.zeros(1, int), xs)
-            if found is None:
-                raise NoOrbit(f"the hops cannot be followed near {self.along} = {xs[0, -1]:g}")
-            columns = self._sampled(point.having(xs=xs, evaluation=found, places=np.zeros(1, int)))
-            values.append(float(columns[0, self.slacks.index(slack) - self.exact]))
-        return values[1] > values[0]
 
     def solved(self, x: Array, row: Array, onward: Array) -> Points:
         """The point (1) of the curve near X (n + 1,) at the level of a row (n + 1,) through it; raises `NoOrbit`."""
@@ -433,12 +250,12 @@ def confirmed(problem: Any, point: Points, _: int) -> str | None:
     return kind if np.abs(own.spectrum - level).min() <= TOLERANCES.at_bifurcation else "border collision"
 
 
-def _slacks(points: Points) -> Array:
+def slacks_at(points: Points) -> Array:
     """The slacks (m, k) at points (m,)."""
     return np.array([each.slacks for each in points.own])
 
 
-def _slope_of_slack(problem: Any, xs: Array, evaluation: Any, number: int) -> tuple[Array, Array]:
+def slope_of_slack(problem: Any, xs: Array, evaluation: Any, number: int) -> tuple[Array, Array]:
     return evaluation.slacks[:, number], evaluation.steps[:, number]
 
 
@@ -466,11 +283,3 @@ class ShortFlight(NamedTuple):
     def border(self, x: Array) -> tuple[Array, float]:
         """The row and the level of the time of the flight."""
         return np.eye(1, self.size, self.place)[0], TOLERANCES.begun
-
-
-def rows_within(motions: Trajectories, shares: Array, count: int) -> Array:
-    """The first rows (m k, count) of motions (m,) at k shares of the time of each."""
-    places, apart = shares * motions.ends[:, None], 2.0 * float(motions.ends.max())
-    each = apart * np.arange(len(motions))
-    step = np.searchsorted(motions.starts + apart * motions.owner, places + each[:, None], side="right") - 1
-    return evaluate(motions.coefficients[step.ravel(), :count], (places - motions.starts[step]).ravel()[:, None])

@@ -20,6 +20,7 @@ from ..laws.law import Algebraic, Parameters, Scalars
 from ..model.model import CONTACT_FORCE, Model
 from ..model.phase import Arc, Phase, Statement, weighted_sum
 from ..numerics.roots import solve
+from ..periodic.fold_statement import fold_statement
 from ..shooting.single_shooting import Shooting, shooting_equations
 
 Array = np.ndarray
@@ -78,6 +79,8 @@ class HopEquations(NamedTuple):
     inner : rows (n - d,) that vanish: lift-off at launch, the divided gaps, and the force at the end of the contact
     next : rows (d,), the next launch without injection
     speeds, forces : rows (count,), the speed of the gap at each impact and the contact force after it
+    slope : the row of the derivative of the next launch by the launch, where the equations are those of the hop and its
+        variation; else None
     """
 
     equations: Shooting
@@ -86,18 +89,27 @@ class HopEquations(NamedTuple):
     next: Array
     speeds: Array
     forces: Array
+    slope: int | None = None
+
+    @property
+    def rows(self) -> Array:
+        """The rows that determine the unknowns, the next launch last."""
+        return np.append(self.inner, self.next)
 
     @property
     def bound(self) -> Array:
         """The places of the unknowns that the inner rows determine."""
         return np.delete(np.arange(self.equations.size), self.free)
 
+    def moved(self, jacobian: Array) -> Array:
+        """The derivatives (k, n - d, d) of the bound unknowns by the launch, from those (k, rows, n) of all rows."""
+        rows = jacobian[:, self.inner]
+        return solve(rows[:, :, self.bound], -rows[:, :, self.free])
+
     def derivatives(self, jacobian: Array) -> Array:
         """The derivatives (k, d, d) of the next launch by the launch, from the derivatives (k, rows, n) of all rows."""
-        rows, bound = jacobian[:, self.inner], self.bound
-        moved = solve(rows[:, :, bound], -rows[:, :, self.free])
         last = jacobian[:, self.next]
-        return last[:, :, self.free] + last[:, :, bound] @ moved
+        return last[:, :, self.free] + last[:, :, self.bound] @ self.moved(jacobian)
 
 
 @lru_cache(maxsize=256)
@@ -110,6 +122,20 @@ def hop_equations(model: Model, count: int, names: tuple[str, ...], free: tuple[
     places = np.array([statement.unknowns.index(name) for name in free])
     inner, following = np.array([0, *rows, last]), last + 1 + np.arange(len(free))
     return HopEquations(shooting_equations(statement, names), places, inner, following, rows + 1, rows + 2)
+
+
+@lru_cache(maxsize=256)
+def varied_hop_equations(model: Model, count: int, names: tuple[str, ...], along: str) -> HopEquations:
+    """The equations of a hop with `count` impacts and of its variation, of a launch that is a speed. The unknowns are
+    those of the hop, their derivatives by the launch speed, and the parameter `along`. Raises `InputError` where the
+    pieces of a law move with that."""
+    statement = fold_statement(hop_statement(model, count), along)
+    rows = 2 + 2 * ROWS_OF_FLIGHT * np.arange(count)
+    last = 2 + 2 * ROWS_OF_FLIGHT * count
+    inner = np.array([0, *rows, last, 1, *(rows + ROWS_OF_FLIGHT), last + 2])
+    places = np.array([statement.unknowns.index("alpha")])
+    equations = shooting_equations(statement, names)
+    return HopEquations(equations, places, inner, np.array([last + 1]), rows + 1, rows + 2, slope=last + 3)
 
 
 @lru_cache(maxsize=64)
