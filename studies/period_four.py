@@ -19,9 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import ReturnMap, bifurcations, find, multiplier, period_diagram
-from orbits.hops.impacts import Impacts
 from orbits.numerics.roots import bracketed_root
-from orbits.returns.flown_hops import slopes_of_hops
 from orbits.show.period_figures import name_curve
 from orbits.show.plot import COLOURS, legend_below, new_axes, new_row, save_figure
 from problems import Hopper
@@ -48,9 +46,9 @@ def crisis(mass_ratio: float = 1.0) -> float:
 
 def cycle(launches: np.ndarray, eps: float) -> tuple[np.ndarray, float]:
     """Launches (n,) of hops near some that come back, and their multiplier, by Newton's method on all of them."""
-    step, impacts = ReturnMap(Hopper(), inject=eps), Impacts(Hopper())
+    step = ReturnMap(Hopper(), inject=eps)
     for _ in range(20):
-        slopes = slopes_of_hops(impacts, launches)
+        slopes = [multiplier(Hopper(), alpha) for alpha in launches]
         missing = np.roll(launches, -1) - step(launches).next
         change = np.linalg.solve(np.diag(slopes) - np.roll(np.eye(len(launches)), 1, axis=1), missing)
         launches = launches + change

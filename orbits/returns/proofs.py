@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from ..consistency.accepted import check_machine
 from ..errors import InputError, NoOrbit, finite_number
 from ..exact.stated import exact_values
-from ..hops.multiplier import multiplier
 from ..hops.simulation import simulate
 from ..model.machine import Machine
 from ..model.model import refuse_steps
@@ -24,9 +23,6 @@ from .returning_hops import ReturningHops
 
 if TYPE_CHECKING:
     from ..proof.hops.hop_theorems import HopGuess
-
-# The most Newton steps toward a fixed point, and the size of the last one relative to the launch speed.
-MOST_STEPS_TO_FIXED_POINT, FIXED_TO = 20, 1e-13
 
 
 @exclusive
@@ -128,15 +124,10 @@ def _check_plastic(machine: Machine) -> None:
 
 def guessed_hop(machine: Machine, alpha: float, inject: float) -> "HopGuess":
     """The hop of the fixed point near a launch speed, in floats; raises `NoOrbit` where none is found."""
-    step = ReturnMap(machine, inject)
-    for _ in range(MOST_STEPS_TO_FIXED_POINT):
-        hops = step(alpha)
-        if hops.status != "lifts_off":
-            raise NoOrbit(f"no fixed point near: the hop from alpha = {alpha:g} ends with '{hops.status}'")
-        change = float(hops.next - alpha) / (1 - multiplier(machine, alpha))
-        alpha += change
-        if not abs(change) > FIXED_TO * abs(alpha):
-            break
+    try:
+        alpha = ReturnMap(machine, inject).periodic_hop(alpha).alpha
+    except NoOrbit as error:
+        raise NoOrbit(f"no fixed point near: {error}") from None
     return guess_at(machine, (alpha,), inject)
 
 
