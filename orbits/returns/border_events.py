@@ -1,8 +1,8 @@
 """What happens to a branch of periodic launches at borders of the map.
 
 The map is smooth only in pieces. Where the number of impacts changes, the map may jump, which ends a branch. Where its
-slope alone jumps, the curve has a corner, behind which it is found again: where a small circle round its last point
-cuts it, or beyond the border. Where the slope is the same on both sides, the curve goes on and a border is an event.
+slope alone jumps, the curve has a corner, behind which it is found again at a launch speed beyond the border. Where the
+slope is the same on both sides, the curve goes on and a border is an event.
 """
 
 from collections.abc import Iterator
@@ -12,14 +12,11 @@ import numpy as np
 
 from ..curves import Event
 from ..errors import NoOrbit
-from ..numerics.roots import bracketed_root, solve
-from .cycles import INJECT
+from ..numerics.roots import solve
 from .hop_borders import COLLISIONS, kind_of_border
 from .launch_curve import AROUND, LaunchCurve, place_in_words
 from .map_pieces import CONTINUOUS, MapBorder
 from .periodic_launch import MULTIPLIER_AT, PeriodicLaunch
-
-ANGLES = np.radians(np.linspace(-150, 150, 21))  # of the circle round a corner
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +29,7 @@ class BorderSearch:
     beyond : a border is that between two points up to this many times their distance from them
     apart : difference of two values of the parameter for the secant method, where those of the points are the same
     same_sides : the multipliers on both sides of a border agree up to this share
-    beside : angle on the circle round a corner at which both sides of the curve are checked for a jump
+    corner : the curve behind a corner is at most this multiple of the distance of its points away
     """
 
     halvings: int = 12
@@ -41,7 +38,7 @@ class BorderSearch:
     beyond: float = 2.0
     apart: float = 1e-6
     same_sides: float = 1e-6
-    beside: float = 1e-5
+    corner: float = 1e3
 
 
 BORDER_SEARCH = BorderSearch()
@@ -183,54 +180,24 @@ class BordersOfCurve:
         return [Event(kind_of_border(sides), point=replace(a, multiplier=float("nan"), sides=sides))]
 
     def behind(self, before: PeriodicLaunch, last: PeriodicLaunch) -> PeriodicLaunch | None:
-        """The curve behind a border at the last launch, which it comes to from another one; None where there is none,
-        or the map jumps there."""
-        return self._round_corner(before, last) or self._beyond(before, last)
-
-    def _beyond(self, before: PeriodicLaunch, last: PeriodicLaunch) -> PeriodicLaunch | None:
-        """The curve behind a border near the first launch, at a launch speed on the other side than `before`. Behind a
-        graze the curve bends away at once, so that no circle cuts it as it should."""
-        reach = 10.0 * AROUND * float(self.scale[0])
-        ends = last.alpha - reach, last.alpha + reach
-        borders = self.maps.pieces_at(float(self.curve.possible(last.value)), *ends).borders
-        near = [each.alpha for each in borders if each.kind in CONTINUOUS and abs(each.alpha - last.alpha) <= reach]
-        if not near:
+        """The curve behind a border or a corner of the map at the last launch, which it comes to from another one, at a
+        launch speed on the other side; None where there is none, or the map jumps there. Behind a graze it bends away
+        at once."""
+        reach, value = 10.0 * AROUND * float(self.scale[0]), float(self.curve.possible(last.value))
+        borders = self.maps.pieces_at(value, last.alpha - reach, last.alpha + reach).borders
+        near = [each for each in borders if abs(each.alpha - last.alpha) <= reach]
+        continuous = [each.alpha for each in near if each.kind in CONTINUOUS]
+        if near and not continuous:
             return None
-        border = min(near, key=lambda each: abs(each - last.alpha))
-        ahead = np.array([np.sign(border - before.alpha) * reach, 0.0])
+        at = min(continuous, key=lambda each: abs(each - last.alpha), default=last.alpha)
+        side = np.sign(at - before.alpha) if continuous else np.sign(last.tangent[0])
+        ahead = np.array([side * reach, 0.0])
         try:
-            return self.curve.near(np.array([border + ahead[0], last.value]), ahead)
+            found = self.curve.near(np.array([at, last.value]) + ahead, ahead)
         except NoOrbit:
             return None
-
-    def _round_corner(self, before: PeriodicLaunch, last: PeriodicLaunch) -> PeriodicLaunch | None:
-        """The curve behind a corner of the map, where a small circle round the last launch cuts it; None where it does
-        not, or where the map jumps there. The direction at the last launch is that from an earlier one, since
-        differences reach round the corner."""
-        apart, x = distance(before, last), np.array([last.alpha, last.value])
-        ahead = (last.place - before.place) / apart if apart >= AROUND else last.tangent
-        sideways = np.array([-ahead[1], ahead[0]])
-
-        def away(angle: float) -> np.ndarray:
-            return AROUND * (np.cos(angle) * ahead + np.sin(angle) * sideways) * self.scale
-
-        def excess(angle: float) -> float:
-            alpha, value = x + away(angle)
-            return float(self.maps.excess(np.array([alpha]), self.curve.possible(value), self.curve.period)[0])
-
-        reach = AROUND * self.curve.span
-        if self.curve.along != INJECT and not self.maps.low < last.value - reach < last.value < self.maps.high:
-            return None
-        values = np.array([excess(angle) for angle in ANGLES])
-        for i in np.flatnonzero((values[1:] >= 0) != (values[:-1] >= 0)):
-            fa, fb = float(values[i]), float(values[i + 1])
-            if not np.isfinite(fa + fb):
-                continue
-            angle = bracketed_root(excess, ANGLES[i], ANGLES[i + 1], fa, fb)
-            # At a jump the excess is small on one side only.
-            if max(abs(excess(angle + side * self.options.beside)) for side in (-1, 1)) <= 1e-2 * (abs(fa) + abs(fb)):
-                return self.curve.at(x + away(angle), away(angle))
-        return None
+        corner = not near and distance(found, last) > self.options.corner * AROUND
+        return None if corner else found
 
 
 def distance(a: PeriodicLaunch, b: PeriodicLaunch) -> float:
