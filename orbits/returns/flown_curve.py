@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..curves import CHANGES, FOLD, Points, Problem, Test
+from ..curves import CHANGES, Points, Problem, Test
 from ..errors import OrbitsError
 from ..hops.multipliers import derivative_of_hops
 from .cycles import INJECT, STEP_ALONG, MapsAlong
@@ -51,7 +51,6 @@ class FlownCurve(Problem):
         self.scale = np.array([between[1] - between[0], maps.high - maps.low])
         self.sizes = np.append(np.full(len(self.names), self.scale[0] / self.unit), self.scale[1])
         self.tests = (
-            Test("fold", FOLD.values, bare=True),
             *(Test(kind, partial(of_matrix, i), confirmed=confirmed) for i, kind in enumerate(KINDS_OF_TESTS)),
             Test("left", inside, CHANGES, bare=True),
         )

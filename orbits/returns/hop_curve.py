@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..curves import ASKS, CHANGES, FOLD, Barrier, Border, End, Event, Points, Problem, Start, Steps, Test, solved_at
+from ..curves import ASKS, CHANGES, Barrier, Border, End, Event, Points, Problem, Start, Steps, Test, solved_at
 from ..errors import NoOrbit
 from .hop_problem import HopProblem, HopValues
 from .hop_statement import FORCE, Slack, Word
@@ -21,7 +21,7 @@ from .periodic_launch import PeriodicLaunch, crossings, dominant
 
 Array = np.ndarray
 STEPS_OF_HOPS = Steps(
-    first=1e-2, shortest=1e-8, corrected=0.2, turned=0.6, aim=1e-4, lengthen=4.0, beside=3, least=1, rough=1e-6,
+    first=1e-2, shortest=1e-8, corrected=0.2, turned=0.6, aim=1e-3, lengthen=4.0, beside=3, least=1, rough=1e-6,
     batch=64, rejections=100, most=5_000, last=1e-10,
 )  # fmt: skip
 
@@ -35,6 +35,8 @@ class Tolerances:
     begun : the time of a flight after an impact when it begins and when it ends: in shorter ones rounding counts
     same_time : times that differ by a smaller share are the same
     lossless, force : a first landing of a lossless hop is slower, with a smaller force after it
+    ahead : a step for differences, in the units of the unknowns
+    together : derivatives are differences of at most this number of components together
     at_fold : share of the parameter in the tangent at a fold, which is larger at a branch point
     at_bifurcation : multipliers farther from their value at a bifurcation jump there
     """
@@ -44,6 +46,8 @@ class Tolerances:
     same_time: float = 1e-6
     lossless: float = 1e-9
     force: float = 1e-2
+    ahead: float = 1e-7
+    together: int = 100
     at_fold: float = 1e-5
     at_bifurcation: float = 1e-4
 
@@ -78,8 +82,10 @@ class HopCurve(HopProblem):
         self.sizes[-1] = self.scale[1]
         self.shared = np.array([self.speeds[0], self.count])
         self.tests = (
-            Test("fold", FOLD.values, bare=True),
-            *(Test(kind, partial(of_matrix, i), confirmed=confirmed) for i, kind in enumerate(KINDS_OF_TESTS)),
+            *(
+                Test(kind, partial(of_matrix, i), gradient=partial(_slope_of_matrix, i), confirmed=confirmed)
+                for i, kind in enumerate(KINDS_OF_TESTS)
+            ),
             Test("border", lambda _, points: slacks_at(points)[:, : self.exact], CHANGES, slope_of_slack),
             Test("touch", lambda _, points: slacks_at(points)[:, self.exact :], CHANGES),
             Test("left", inside, CHANGES, bare=True),
@@ -236,8 +242,8 @@ def of_matrix(i: int, problem: Problem, points: Points) -> Array:
 
 
 def confirmed(problem: Any, point: Points, _: int) -> str | None:
-    """The kind of a bifurcation where a test of the multipliers changes its sign; None where there is none, as at a
-    fold, and where two real multipliers have the product 1."""
+    """The kind of a bifurcation where a test of the multipliers changes its sign; None where there is none, as where
+    two real multipliers have the product 1."""
     own = point.own[0]
     flip, fold, pairs = (abs(each) for each in crossings(own.matrix))
     kind = KINDS_OF_TESTS[int(np.argmin([flip, fold, pairs if len(own.matrix) > 1 else np.inf]))]
@@ -245,9 +251,27 @@ def confirmed(problem: Any, point: Points, _: int) -> str | None:
         pair = own.spectrum[(own.spectrum.imag > 0) & (np.abs(np.abs(own.spectrum) - 1) <= TOLERANCES.at_bifurcation)]
         return kind if len(pair) else None
     if kind == "branch point" and abs(own.tangent[1]) <= TOLERANCES.at_fold:
-        return None
+        return "fold"
     level = -1.0 if kind == "flip" else 1.0
     return kind if np.abs(own.spectrum - level).min() <= TOLERANCES.at_bifurcation else "border collision"
+
+
+def _slope_of_matrix(i: int, problem: Any, xs: Array, evaluation: Any, _: int) -> tuple[Array, Array] | None:
+    """The `crossings` of one kind at points X (m, n + 1) and their derivatives, by differences of all components
+    together; None where these are too many, or hops cannot be followed."""
+    m, n = xs.shape
+    if m * n > TOLERANCES.together:
+        return None
+    steps = TOLERANCES.ahead * problem.sizes
+    beside = (xs[:, None] + np.diag(steps)).reshape(-1, n)
+    which, found = problem.evaluate(np.zeros(len(beside), int), beside)
+    if len(which) < len(beside):
+        return None
+    here, there = (
+        np.array([crossings(each)[i] for each in problem.matrices(own, np.arange(len(own.xs)))])
+        for own in (evaluation, found)
+    )
+    return here, (there.reshape(m, n) - here[:, None]) / steps
 
 
 def slacks_at(points: Points) -> Array:
