@@ -34,9 +34,9 @@ class Passages:
 
     def preimages(self, edges: Intervals) -> Intervals:
         """The intervals of launch speeds, ascending, whose next one lies in one of the intervals `edges`."""
-        levels = np.unique(edges)
-        self._resolve(levels[np.isfinite(levels) & [level not in self._passages for level in levels.tolist()]])
-        ends = np.unique(np.concatenate([self._ends, *(self._passages[x] for x in levels.tolist() if np.isfinite(x))]))
+        levels = [level for level in np.unique(edges).tolist() if np.isfinite(level)]
+        self._resolve(levels)
+        ends = np.unique(np.concatenate([self._ends, *(self._passages[level] for level in levels)]))
         ends = ends[np.append(True, np.diff(ends) > 1e-15 * ends[1:])]
         inside = within(self._next(0.5 * (ends[1:] + ends[:-1])), edges)
         switches = np.flatnonzero(np.diff(np.concatenate([[0], inside, [0]])))
@@ -46,8 +46,9 @@ class Passages:
         """The next launch speeds (m,), 0 where there are none."""
         return np.nan_to_num(self.hops_from(x).next)
 
-    def _resolve(self, levels: np.ndarray) -> None:
-        """Find where the map passes levels (k,) that are not known, and its borders beside these places."""
+    def _resolve(self, which: Sequence[float]) -> None:
+        """Find where the map passes levels, ascending, and its borders beside these places, unless they are known."""
+        levels = np.array([level for level in which if level not in self._passages])
         if not len(levels):
             return
         search = self.resolving
@@ -80,6 +81,7 @@ class Passages:
     ) -> Intervals:
         """The intervals of launch speeds that come to one of the `lossless` ones, ascending, within `hops` hops, in a
         range of this width; with `only` to the one with this index."""
+        self._resolve(lossless)
         pairs = list(zip(lossless, [*lossless[1:], float(self._ends[1])], strict=True))
         intervals = [(star, self._end_of_basin(star, end)) for star, end in (pairs if only is None else [pairs[only]])]
         total = 0.0

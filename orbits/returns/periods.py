@@ -39,21 +39,13 @@ class SettlingMap:
 
     def __init__(self, plain: ReturnMap, between: tuple[float, float], samples: int):
         self.plain, self.pieces = plain, plain._pieces(*between, samples)
-        self.last = len(self.pieces.edges) - 1
 
-    def __call__(self, x: np.ndarray, with_slopes: bool) -> tuple[np.ndarray, np.ndarray, dict[int, str]]:
-        """The next launch speeds (m,), if wanted the slopes (m,), NaN where the map itself is taken, and by index the
-        statuses of launches without a next one."""
-        following, slopes, statuses = np.empty(len(x)), np.full(len(x), np.nan), dict[int, str]()
-        known = np.zeros(len(x), bool)
-        if self.last >= 0:
-            cell = self.pieces.cell(x, np.zeros(len(x), int), np.full(len(x), self.last))
-            known = (x >= self.pieces.edges[cell, 0]) & (x <= self.pieces.edges[cell, 1])
-            following[known] = self.pieces.next(x[known], cell[known])
-            if with_slopes:
-                slopes[known] = self.pieces.slope(x[known], cell[known])
-        if not known.all():
-            others = np.flatnonzero(~known)
+    def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict[int, str]]:
+        """The next launch speeds (m,), the slopes (m,), NaN where the map itself is taken, and by index the statuses of
+        launches without a next one."""
+        following, slopes, _ = self.pieces.hops(x)
+        others, statuses = np.flatnonzero(np.isnan(following)), dict[int, str]()
+        if len(others):
             hops = self.plain(x[others])
             following[others] = hops.next
             statuses = {int(i): s for i, s in zip(others, hops.status.tolist(), strict=True) if s != LIFTS_OFF}
@@ -72,9 +64,9 @@ def settled(
     recent, logs = np.full((window + 1, m), np.nan), np.zeros((2, m))
     while len(going):
         interrupts.heed()
-        following, slopes, over = step(x[going], with_slopes=2 * done >= hops)
+        following, slopes, over = step(x[going])
         following += inject[going]
-        seen = np.isfinite(slopes) & (slopes != 0)
+        seen = np.isfinite(slopes) & (slopes != 0) & (2 * done >= hops)
         logs[:, going[seen]] += np.log(np.abs(slopes[seen])), np.ones(int(seen.sum()))
         recent[done % (window + 1), going] = x[going]
         done += 1
