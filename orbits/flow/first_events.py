@@ -4,6 +4,7 @@ Along one motion it is a `stop` of the flow, along many that are integrated toge
 start, as that of the gap at a lift-off, is divided out exactly.
 """
 
+from collections.abc import Sequence
 from itertools import chain, repeat
 from typing import NamedTuple
 
@@ -110,7 +111,8 @@ def until_zero(
 
 
 def first_events(
-    flow: Flow, starts: ArrayLike, p: Array, watch: Watch, limit: ArrayLike, orders: ArrayLike = 0, reasons: bool = True
+    flow: Flow, starts: ArrayLike, p: Array, watch: Watch, limit: ArrayLike, orders: ArrayLike = 0,
+    reasons: bool = True, stops: Sequence[StopTest] = (),
 ) -> Events:  # fmt: skip
     """The first events on motions from states (m, n).
 
@@ -118,10 +120,13 @@ def first_events(
     limit : times (m,) by which they must happen
     orders : (m, opening), the orders of the zeros at the start, which are divided out exactly; or a number or (m, 1)
     reasons : whether each `FlowError` states its reason
+    stops : further tests of a single motion, whose numbers follow those of the functions
     """
     starts, ps = np.asarray(starts, dtype=float), np.atleast_2d(p)
     search = _Search(flow, starts, ps, watch, limit, orders, reasons)
-    if flow.phase.closed_form:
+    if stops:
+        search.one_by_one(np.zeros(1, int), search.starts, np.zeros(1), stops=stops)
+    elif flow.phase.closed_form:
         with apart():
             search.in_closed_form()
     elif isinstance(flow.stepper(0), TaylorStepper):
@@ -362,22 +367,25 @@ class _Search:
             self.failed[int(indices[i])] = kind(flow.failure(what, *at)) if self.reasons else BREAKS_OFF
         return none | whole
 
-    def one_by_one(self, indices: Array, x: Array, began: Array, fresh: ArrayLike = 1, turned: ArrayLike = 0) -> None:
+    def one_by_one(
+        self, indices: Array, x: Array, began: Array, fresh: ArrayLike = 1, turned: ArrayLike = 0,
+        stops: Sequence[StopTest] = (),
+    ) -> None:  # fmt: skip
         """Search the motions `indices` one after the other, from the states `x` at the times `began`, which are `fresh`
-        at the very start, and behind which they have `turned` this number of times."""
+        at the very start, and behind which they have `turned` this number of times; with further tests."""
         watch = self.watch
         orders = (self.orders[indices].T * fresh).T.astype(int).tolist()
         left_turns = (watch.most_turns - np.broadcast_to(turned, len(x))).astype(int).tolist()
         for index, start, before, own, turns in zip(indices, x, began, orders, left_turns, strict=True):
             left, zeros = self.limit[index] - before, chain(own, repeat(0))
-            stops = [first_zero(each, order, watch.rising) for each, order in zip(watch.functions, zeros, strict=False)]
-            stop = FirstOf(*stops, *([nth_zero(watch.turns[0], turns)] if watch.turns else ()))
+            tests = [first_zero(each, order, watch.rising) for each, order in zip(watch.functions, zeros, strict=False)]
+            stop = FirstOf(*tests, *stops, *([nth_zero(watch.turns[0], turns)] if watch.turns else ()))
             try:
                 path, _ = self.flow.run(start, self.ps[index if len(self.ps) > 1 else 0], left, stop=stop)
             except FlowError as error:
                 self.failed[int(index)] = error
                 continue
-            if stop.which == len(watch.functions):
+            if watch.turns and stop.which == len(stop.tests) - 1:
                 self.times[index] = np.inf
             elif stop.which is not None and path.times[-1] < left:
                 self._found(np.array([index]), before + path.times[-1], stop.which, path.end[None])

@@ -26,6 +26,7 @@ from ..symbolic.kernels import ElementwiseFunction
 # A landing slower than this, relative to the state, loses nothing but rounding.
 SLOW = 1e-8
 LIFTS_OFF, STEPS_BACK = "lifts_off", "steps_back"  # how a contact ends, by the force that vanishes
+REVERSES = "reversal"  # how an arc of a spring with hysteresis ends
 
 
 class Foot:

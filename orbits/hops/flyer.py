@@ -1,18 +1,32 @@
-"""Hops flown in lanes: from lift-off through all impacts to sustained contact, and through it to the next lift-off.
+"""The one loop that flies motions, in lanes: arcs of flight and contact, and the events between them.
 
-After many bounces rounding may decide how a hop ends: neighbouring launches show where it does.
+An arc ends at the first event of its phase: the gap of a foot closes, the contact force vanishes, a spring with
+hysteresis reverses, or the machine falls or slips. A reset follows: an impact, a lift-off, or another branch of the
+spring. Maps, simulations and multipliers are views of it: of the states in which hops end, of their arcs, and of what
+becomes of small changes along these.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..flow.first_events import first_events
-from .feet import LIFTS_OFF, STEPS_BACK
-from .footing import FALLS
-from .hand_over import landed
-from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, STATUS, Impacts, status_of_failure
+from ..flow.taylor import Watch
+from ..flow.trajectory import Trajectory
+from .arcs import Arcs, Flown, Phase, Rules
+from .feet import LIFTS_OFF, REVERSES, STEPS_BACK, Exit
+from .footing import FALLS, SLIPS, FallTest
+from .hand_over import Landed, landed
+from .hysteresis import SLIPPED, Branches, first_reversal
+from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, STATUS, STATUSES, TURNS, Impacts, status_of_failure
+
+if TYPE_CHECKING:
+    from .course import Course
+
+TOUCHING = 1e-9  # a gap, gap speed or contact force below this, relative to the state, is zero: rounding is smaller
+CUT, DONE = "cut", "done"  # how an arc ends where other parameters come into force, or the time of a simulation is over
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,113 +50,344 @@ class Rounding:
 ROUNDING = Rounding()
 
 
-@dataclass(eq=False)
-class Flown:
-    """Hops that are flown from m flight states at lift-off.
+class Flyer:
+    """Flies motions by the rules of their machine.
 
-    starts : flight states (m, n)
-    status : (m,), "lifts_off", or how else they end
-    loss, impacts : energies (m,) lost in impacts, and their numbers (m,)
-    standing, ends : contact states (m, k) where sustained contact begins, and where it ends
-    contacts : times (m,) of the contacts that end with a launch's lift-off, NaN for others
-    flights : where they are recorded, of each impact in turn the lanes (k,), the times (k,) since the impact before and
-        the flight states (k, n)
+    cap : a hop is abandoned after this number of impacts
+    after_impact : called with states (m, n), which are constant in contact, and losses (m,)
+    thorough : whether slip and the fall of any height end a motion too, which is then followed alone
+    course : of a simulation of one motion; None for hops up to sustained contact, or through it
     """
 
-    starts: np.ndarray
-    status: np.ndarray
-    loss: np.ndarray
-    impacts: np.ndarray
-    standing: np.ndarray
-    ends: np.ndarray
-    contacts: np.ndarray
-    flights: list[tuple[np.ndarray, np.ndarray, np.ndarray]] | None = None
+    def __init__(
+        self, rules: Rules, hops: Flown, cap: int = CAP, after_impact: Callable | None = None, *,
+        thorough: bool = False, course: "Course | None" = None,
+    ):  # fmt: skip
+        self.rules, self.hops, self.cap, self.after_impact = rules, hops, cap, after_impact
+        self.thorough, self.course, self.branches = thorough, course, rules if isinstance(rules, Branches) else None
+        self.time, self.until, self.endless = np.inf, np.inf, True
+        if course:
+            self.time, self.endless = course.time, course.endless
 
-    @classmethod
-    def begun(cls, impacts: Impacts, starts: np.ndarray, record: bool = False) -> "Flown":
-        """Hops that are about to be flown; a spring that no flight has is refused."""
-        if impacts.flight.phase.closed_form:
-            impacts.flight.closed_form(impacts.p)
-        m, (standing, ends) = len(starts), np.full((2, len(starts), impacts.contact.size), np.nan)
-        status = np.where(impacts.opens(starts), "", "no_launch").astype(STATUS)
-        loss, counts, contacts = np.zeros(m), np.zeros(m, int), np.full(m, np.nan)
-        return cls(starts, status, loss, counts, standing, ends, contacts, [] if record else None)
+    def fly(self, contacts: bool = True) -> None:
+        """Fly until no motion is left; without `contacts` up to sustained contact, with the status "lifts_off"."""
+        hops, impact = self.hops, 0
+        earlier, compared = np.full_like(hops.states, np.nan), ROUNDING.first_repetition
+        while len(lanes := np.flatnonzero((hops.status == "") & (contacts | ~hops.on_ground))):
+            self._update(lanes)
+            down = hops.on_ground[lanes]
+            for phase, own in self._phases(lanes[~down], False):
+                self._flights(own, phase)
+            if self.after_impact:
+                self.after_impact(hops.states, hops.loss)
+            for phase, own in self._phases(lanes[down], True):
+                self._contacts(own, phase)
+            if impact >= ROUNDING.first_repetition and not self.course and not self.branches:
+                # Motions that repeat themselves, as on a heavy hand, have impacts without end.
+                here, there = hops.states[lanes], earlier[lanes]
+                repeats = np.abs(here - there).max(1) <= ROUNDING.repetition * np.abs(here).max(1)
+                again = lanes[repeats & ~hops.on_ground[lanes] & (hops.status[lanes] == "")]
+                hops.impacts[again], hops.status[again] = self.cap, "cap"
+                if impact == compared:  # as in Brent's method for cycles
+                    earlier, compared = hops.states.copy(), 2 * compared
+            impact += 1
+        hops.status[(hops.status == "") & hops.on_ground] = LIFTS_OFF
 
+    def _phases(self, lanes: np.ndarray, contact: bool) -> Iterator[tuple[Phase, np.ndarray]]:
+        """The phases of motions (k,), with those in each: on each branch of the spring, and alone where it sticks."""
+        hops, branches = self.hops, self.branches
+        if not branches:
+            if len(lanes):
+                yield Phase(contact, self.rules, 1), lanes
+            return
+        states = Phase(contact, branches.of[1], 1).states(hops.states[lanes])
+        side, hops.turning[lanes] = branches.branches(states, contact)
+        for sign in (1, -1):
+            if (own := lanes[side == sign]).size:
+                yield Phase(contact, branches.of[sign], sign), own
+        for i in np.flatnonzero(side == 0).tolist():
+            yield Phase(contact, branches.stuck(states[i], contact), 0), lanes[[i]]
 
-def fly(impacts: Impacts, hops: Flown, cap: int = CAP, after_impact: Callable | None = None) -> None:
-    """Fly hops with the status "" up to sustained contact, "lifts_off", or to another end; each is abandoned after
-    `cap` impacts. `after_impact` is called with states (m, n), which are constant in contact, and losses (m,)."""
-    state, lanes = hops.starts.copy(), np.flatnonzero(hops.status == "")
-    order, foot = np.full(len(state), LIFTOFF_ORDER), np.zeros(len(state), int)
-    earlier, compared = np.full_like(state, np.nan), ROUNDING.first_repetition
-    for impact in range(cap):
-        if not len(lanes):
-            break
-        x = state[lanes]
-        limit = impacts.longest_flight(x)
-        orders = order[lanes, None] * (np.arange(len(impacts.feet)) == foot[lanes, None])
-        found = first_events(impacts.flight, x, impacts.p, impacts.flight_watch, limit, orders)
-        touches, times, rows = found.which, found.times, found.rows[:, : impacts.flight.size]
-        lands = (touches >= 0) & (touches < len(impacts.feet))
-        if not lands.all():
-            hops.status[lanes[~lands]] = np.where(touches[~lands] < 0, "carried_off", FALLS)
-            for i, error in found.failed.items():
-                hops.status[lanes[i]] = status_of_failure(error, "flight")
-            lanes, touches, times, rows = lanes[lands], touches[lands], times[lands], rows[lands]
-            if not len(lanes):
-                break
-        if hops.flights is not None:
-            hops.flights.append((lanes, times, rows))
-        after = landed(impacts, rows, touches)
+    def _update(self, lanes: np.ndarray) -> None:
+        """Use the rules that are in force now, in a simulation."""
+        if self.course:
+            (now,), (x,) = self.hops.now[lanes].tolist(), self.hops.states[lanes]
+            self.rules, self.until = self.course.rules(now, x, self.rules)
+
+    def _watch(self, phase: Phase) -> Watch:
+        """What a phase is watched for."""
+        if self.branches and phase.side:
+            return self.branches.watches[phase.side, phase.contact]
+        if not phase.contact:
+            return phase.impacts.flight_watch
+        return phase.impacts.contact_watch if self.endless else phase.impacts.timed_watch
+
+    def _orders(self, lanes: np.ndarray, watch: Watch, orders: np.ndarray) -> np.ndarray:
+        """The orders (k, opening) of the zeros at the start: of gaps or forces (k, ·) and, where it is watched, of the
+        rate of the spring."""
+        return np.append(orders, self.hops.turning[lanes, None], 1)[:, : watch.kind[1]] if self.branches else orders
+
+    def _left(self, lanes: np.ndarray) -> np.ndarray | float:
+        """The times (k,) up to the end of the simulation, or of the parameters in force."""
+        return np.inf if self.endless else min(self.time, self.until) - self.hops.now[lanes]
+
+    def _arrive(
+        self, lanes: np.ndarray, phase: Phase, durations: np.ndarray, ends: np.ndarray, kind: str = "", status: str = ""
+    ) -> None:
+        """Go on to the ends of arcs, flight states (k, n), and record them."""
+        hops = self.hops
+        if hops.arcs is not None and len(lanes):
+            begun, starts = hops.now[lanes], hops.states[lanes]
+            hops.arcs.append(Arcs(phase, lanes, begun, durations, starts, ends, kind, ends, phase.impacts))
+        hops.now[lanes] += np.nan_to_num(durations)
+        hops.states[lanes] = ends
+        if status:
+            hops.status[lanes] = status
+
+    def _mark(self, **event: Any) -> None:
+        """Record the event at the ends of the latest arcs."""
+        if self.hops.arcs is not None:
+            vars(self.hops.arcs[-1]).update(event)
+
+    def _finish(self, lanes: np.ndarray, reason: Any = "", status: str = "lost") -> None:
+        """End motions that cannot be followed."""
+        self.hops.status[lanes] = status
+        if reason:
+            self.hops.reasons.update(dict.fromkeys(lanes.tolist(), reason))
+
+    def _is_over(self, lanes: np.ndarray, durations: np.ndarray) -> np.ndarray:
+        """Whether (k,) the time of the simulation is over as arcs end; these are cut there."""
+        now = self.hops.now[lanes]
+        return (durations >= self.time - now) | (now + durations >= self.time)
+
+    def _flights(self, lanes: np.ndarray, phase: Phase) -> None:
+        """Fly motions up to their next events."""
+        hops, impacts, x, watch = self.hops, phase.impacts, self.hops.states[lanes], self._watch(phase)
+        if (fresh := np.isnan(hops.left[lanes])).any():
+            hops.left[lanes[fresh]] = impacts.longest_flight(x[fresh])
+            if self.course and hops.order[lanes] == LIFTOFF_ORDER:
+                (self.course.launch,) = x
+                if not impacts.feet[hops.foot[lanes[0]]].opens(x, impacts.p)[0]:
+                    return self._finish(lanes, status="no_launch")
+        limit = np.minimum(hops.left[lanes], self._left(lanes))
+        opening = hops.order[lanes, None] * (np.arange(len(impacts.feet)) == hops.foot[lanes, None])
+        falls = [FallTest(impacts.footing)] if self.thorough and impacts.footing.falls_by_formula else []
+        orders = self._orders(lanes, watch, opening)
+        found = first_events(impacts.flight, x, impacts.p, watch, limit, orders, stops=falls)
+        which, times, rows = found.which, found.times, found.rows[:, : impacts.flight.size]
+        for k, error in found.failed.items():
+            self._finish(lanes[[k]], error.args[0], status_of_failure(error, "flight"))
+        if not phase.side and not found.failed:
+            path, _ = impacts.flight.run(x[0], impacts.p, float(times[0] if which[0] >= 0 else limit[0]))
+            if not self._sticks(lanes, phase, path):
+                return None
+        lands = (which >= 0) & (which < len(impacts.feet))
+        if not lands.all() or not self.endless:
+            ends = (which >= 0) & (times < limit)
+            for k in np.flatnonzero(~ends & (hops.status[lanes] == "")).tolist():
+                self._fly_on(lanes[[k]], phase, x[k], limit[[k]])
+            if not self.endless and (over := ends & self._is_over(lanes, times)).any():
+                self._arrive(lanes[over], phase, times[over], rows[over], status=DONE)
+                hops.now[lanes[over]], ends = self.time, ends & ~over
+            lands &= ends
+            turns = ends & ~lands & (which < watch.kind[1])
+            fallen, closed = ends & ~lands & ~turns, turns & (impacts.gap(rows) <= 0)
+            self._arrive(lanes[fallen], phase, times[fallen], rows[fallen], FALLS, FALLS)
+            which[closed], lands, turns = 0, lands | closed, turns & ~closed
+            hops.left[lanes[turns]] -= times[turns]
+            self._reverse(lanes[turns], phase, times[turns], rows[turns])
+            lanes, which, times, rows = lanes[lands], which[lands], times[lands], rows[lands]
+        if len(lanes):
+            self._arrive(lanes, phase, times, rows)
+            self._land(lanes, which)
+        return None
+
+    def _fly_on(self, lane: np.ndarray, phase: Phase, x: np.ndarray, limit: np.ndarray) -> None:
+        """What becomes of a flight in which nothing happens: it has no end, or the time or the parameters end it."""
+        hops = self.hops
+        if hops.arcs is None:
+            return self._finish(lane, status="carried_off")
+        left, cut = hops.left[lane] - limit, self.until < min(self.time, *(hops.now[lane] + hops.left[lane]))
+        over = not cut and self._is_over(lane, limit).any()
+        path, _ = phase.flow.run(x, phase.impacts.p, float(limit[0]))
+        self._arrive(
+            lane, phase, limit, path.end[None, : len(x)], status="" if cut else DONE if over else "carried_off"
+        )
+        if over:
+            hops.now[lane] = self.time
+        if cut:
+            hops.now[lane], hops.left[lane], hops.order[lane] = self.until, left, 0
+            if phase.impacts.gap(hops.states[lane])[0] <= 0:
+                self._land(lane, np.zeros(1, int))
+        return None
+
+    def _reverse(self, lanes: np.ndarray, phase: Phase, times: np.ndarray, ends: np.ndarray) -> None:
+        """Reverse the spring, whose other branch or sticking follows."""
+        self._arrive(lanes, phase, times, ends, REVERSES)
+        self.hops.turns[lanes], self.hops.order[lanes] = self.hops.turns[lanes] + 1, 0
+        reason = f"its spring turned {self.cap} times in one {phase.flow.phase.name}"
+        self._finish(lanes[self.hops.turns[lanes] > self.cap], reason)
+
+    def _sticks(self, lane: np.ndarray, phase: Phase, path: Trajectory) -> bool:
+        """Whether a spring that sticks with a constant force keeps its extension on a path; else the motion is lost."""
+        states, branches = path.coefficients[:, : phase.flow.size, 0], self.branches
+        branches.check_width(states, phase.contact)
+        if np.abs(branches.rates[phase.contact](states)).max() <= SLIPPED * (1 + np.abs(states).max()):
+            return True
+        self._finish(lane, "its spring sticks while the force that keeps it changes, which is not followed")
+        return False
+
+    def _land(self, lanes: np.ndarray, touches: np.ndarray) -> None:
+        """Land on the feet that touch."""
+        hops, rows = self.hops, self.hops.states[lanes]
+        self._update(lanes)
+        after = self._landed_on_branches(rows, touches) if self.branches else landed(self.rules, rows, touches)
+        if hops.arcs is not None:
+            kind, event = np.where(after.held, "landing", "impact"), {"landed": after, "foot": touches}
+            self._mark(kind=kind, after=after.state, impacts=self.rules.first(), **event)
+        hops.states[lanes], hops.status[lanes], hops.on_ground[lanes] = after.state, after.ended, after.held
         hops.impacts[lanes] += 1
         hops.loss[lanes] += after.loss
-        state[lanes], order[lanes], foot[lanes] = after.state, after.order, after.foot
-        hops.status[lanes] = np.where(after.held, LIFTS_OFF, after.ended)
-        down = lanes[after.held]
-        hops.standing[down] = after.state[after.held] @ impacts.onto_contact.T
-        if after_impact:
-            after_impact(state, hops.loss)
-        lanes = lanes[~after.held & (after.ended == "")]
-        if impact >= ROUNDING.first_repetition:
-            # Motions that repeat themselves, as on a heavy hand, have impacts without end.
-            here, there = state[lanes], earlier[lanes]
-            repeats = np.abs(here - there).max(1) <= ROUNDING.repetition * np.abs(here).max(1)
-            hops.impacts[lanes[repeats]], lanes = cap, lanes[~repeats]
-            if impact == compared:  # as in Brent's method for cycles
-                earlier, compared = state.copy(), 2 * compared
-    hops.status[hops.status == ""] = "cap"
+        hops.order[lanes], hops.foot[lanes], hops.left[lanes], hops.turns[lanes] = after.order, after.foot, np.nan, 0
+        hops.status[lanes[~after.held & (after.ended == "") & (hops.impacts[lanes] >= self.cap)]] = "cap"
+        if self.course:
+            self._land_on_course(lanes, rows[0], after)
+
+    def _landed_on_branches(self, rows: np.ndarray, touches: np.ndarray) -> Landed:
+        """The effect of landings by the rules of the branches that hold after them."""
+        sides = self.branches.landed(rows)
+        parts = {sign: np.flatnonzero(sides == sign) for sign in np.unique(sides).tolist()}
+        found = [landed(self.branches.of[sign], rows[own], touches[own]) for sign, own in parts.items()]
+        order = np.argsort(np.concatenate([*parts.values()]))
+        return Landed(*(np.concatenate(columns)[order] for columns in zip(*found, strict=True)))
+
+    def _land_on_course(self, lane: np.ndarray, x: np.ndarray, after: Landed) -> None:
+        """End a simulation at a landing in a flight state (n,) where the foot slips, or where rounding decides."""
+        rules, (ended,), (last,) = self.rules.first(), after.ended.tolist(), self.hops.arcs[-1].durations
+        if ended:
+            self._finish(lane, STATUSES[ended], ended)
+        if rules.footing.slips_at_landing(x, float(last)):
+            self._arrive(lane, Phase(True, rules, 1), np.full(1, np.nan), after.state, SLIPS, SLIPS)
+        elif after.held[0] and self.course.undecided(self.rules, self.cap):
+            self._finish(lane, status="undecided")
+
+    def _contacts(self, lanes: np.ndarray, phase: Phase) -> None:
+        """Stand up to the next events."""
+        hops, impacts = self.hops, phase.impacts
+        if self.branches and not len(lanes := self._that_stand_on(lanes, phase)):
+            return
+        ys, watch, limit = phase.states(hops.states[lanes]), self._watch(phase), self._left(lanes)
+        if (self.thorough and impacts.footing.watched_alone) or not phase.side:
+            times, rows, outcome = np.full(len(ys), np.nan), ys.copy(), np.full(len(ys), "", STATUS)
+        else:
+            if self.endless and (self.branches or not impacts.contact.phase.closed_form):
+                limit = impacts.options.batch_contact * (1 + np.abs(ys).max(1))
+            orders = self._orders(lanes, watch, impacts.grazes(ys).T)
+            found = first_events(impacts.contact, ys, impacts.p, watch, limit, orders)
+            times, rows = found.times, found.rows[:, : impacts.contact.size]
+            names = [*(each.outcome for each in impacts.exits), REVERSES if self.branches else FALLS, ""]
+            outcome = np.where(np.isinf(times), impacts.most_turns[1], np.array(names, STATUS)[found.which])
+        hops.contacts[lanes] = np.where(outcome == LIFTS_OFF, times, np.nan)
+        for k in np.flatnonzero((outcome == "") | (np.isinf(times) & (hops.arcs is not None))).tolist():
+            times[k], outcome[k], rows[k] = self._contact_alone(lanes[[k]], phase, ys[k])
+        hops.ends[lanes], ends = rows, rows @ impacts.model.embed.T
+        if not self.endless:
+            outcome[self._is_over(lanes, times)] = DONE
+        back, turns = outcome == STEPS_BACK, outcome == REVERSES
+        if (lifts := back | (outcome == LIFTS_OFF)).any():
+            self._arrive(lanes[lifts], phase, times[lifts], ends[lifts])
+            self._lift_off(lanes[lifts], phase, back[lifts])
+        self._reverse(lanes[turns], phase, times[turns], ends[turns])
+        others = ~lifts & ~turns
+        if hops.arcs is None:
+            hops.status[lanes[others]] = outcome[others]
+            return
+        for k in np.flatnonzero(others).tolist():
+            name, kind = str(outcome[k]), outcome[k] if outcome[k] in (SLIPS, FALLS) else ""
+            self._arrive(lanes[[k]], phase, times[[k]], ends[[k]], kind, name.replace(CUT, ""))
+            if name == DONE:
+                hops.now[lanes[k]] = self.time
+            elif name == CUT:
+                self._stand_on(lanes[[k]], rows[k])
+
+    def _that_stand_on(self, lanes: np.ndarray, phase: Phase) -> np.ndarray:
+        """The motions (k,) of a spring with hysteresis that stand on: others rest, or lift off as the force jumps."""
+        hops, impacts, turns = self.hops, phase.impacts, self.hops.turns[lanes]
+        # One coordinate that sticks is at rest, and after some turns it never lifts off, see `ContactStop`.
+        if self.endless and impacts.model.one_speed:
+            hops.status[lanes[(turns == TURNS) | (phase.side == 0)]] = "rests"
+        leaps = (hops.status[lanes] == "") & (turns > 0) & (impacts.pressing(hops.states[lanes]) < 0)
+        if (own := lanes[leaps]).size:
+            hops.ends[own] = phase.states(hops.states[own])
+            self._arrive(own, phase, np.full(len(own), np.nan), hops.states[own])
+            self._lift_off(own, phase, np.zeros(len(own), bool))
+        return lanes[(hops.status[lanes] == "") & ~leaps]
+
+    def _contact_alone(self, lane: np.ndarray, phase: Phase, y: np.ndarray) -> tuple[float, str, np.ndarray]:
+        """How long a contact from a state (k,) lasts, how it ends, and in which state."""
+        reverses, left = None, np.inf if self.endless else float(self._left(lane)[0])
+        if self.branches:
+            reverses = first_reversal(
+                self.branches.rates[True], int(self.hops.turning[lane[0]]) if phase.side else None
+            )
+        path, outcome, reason = phase.impacts.sustained_contact(y, left, reverses)
+        if reason:
+            self.hops.reasons[int(lane[0])] = reason
+        if path is None:
+            return np.nan, str(outcome), y
+        if not phase.side and not self._sticks(lane, phase, path):
+            return np.nan, "lost", y
+        return float(path.times[-1]), outcome or CUT, path.end[: len(y)]
+
+    def _stand_on(self, lane: np.ndarray, y: np.ndarray) -> None:
+        """Stand on with other parameters, or lift off: the force may vanish by rounding, or because of them."""
+        self.hops.now[lane] = self.until
+        self._update(lane)
+        impacts, tolerance = self.rules, TOUCHING * (1 + np.abs(y).max())
+        force, lifts_off = impacts.force_at_start(impacts.exits[0], y, impacts.p, tolerance)
+        if lifts_off or force <= 0:
+            self._lift_off(lane, Phase(True, impacts, 1), np.zeros(1, bool))
+
+    def _lift_off(self, lanes: np.ndarray, phase: Phase, back: np.ndarray) -> None:
+        """Leave the ground, some with a step `back`, in other labels."""
+        hops, impacts = self.hops, phase.impacts
+        if self.course:
+            return self._lift_off_on_course(lanes, phase, impacts.exits[int(back[0])])
+        status = np.full(len(lanes), LIFTS_OFF, STATUS)
+        if back.any():  # a launch in other labels, where the same point opens
+            way, own = impacts.exits[1], lanes[back]
+            status[back] = "leaves_elsewhere" if way.foot else LIFTS_OFF
+            hops.ends[own] = phase.states(way.opened(hops.states[own], impacts.values))
+        if self.branches:
+            hops.speeds[lanes], launches = impacts.liftoff(hops.ends[lanes])
+            status[~launches] = "leaves_elsewhere"
+        hops.status[lanes] = status
+        self._mark(kind="lift-off", step=-back.astype(int))
+        return None
+
+    def _lift_off_on_course(self, lane: np.ndarray, phase: Phase, way: Exit) -> None:
+        """Lift off in a simulation, and go on to the next hop."""
+        hops, course = self.hops, self.course
+        self._update(lane)
+        impacts = phase.impacts if self.branches else self.rules
+        if (found := course.lifted(impacts, float(hops.now[lane[0]]), hops.states[lane[0]], way)) is None:
+            return self._finish(lane, status="rests")
+        hops.states[lane], hops.order[lane] = found
+        event = {"foot": way.foot, "step": -int(way.labels is not None), "speed": course.speed}
+        self._mark(kind="lift-off", impacts=impacts, after=hops.states[lane], **event)
+        hops.impacts[lane], hops.turns[lane], hops.on_ground[lane] = 0, 0, False
+        hops.foot[lane], hops.left[lane] = way.foot, np.nan
+        hops.status[lane] = DONE if course.count == course.lift_offs else ""
+        return None
 
 
-def stand(impacts: Impacts, hops: Flown) -> None:
-    """Follow the sustained contacts of hops with the status "lifts_off" to their ends."""
-    lanes = np.flatnonzero(hops.status == LIFTS_OFF)
-    if not len(lanes):
-        return
-    contact, ys = impacts.contact, hops.standing[lanes]
-    limit = np.inf if contact.phase.closed_form else impacts.options.batch_contact * (1 + np.abs(ys).max(1))
-    found = first_events(contact, ys, impacts.p, impacts.contact_watch, limit, impacts.grazes(ys).T)
-    names = np.array([*(each.outcome for each in impacts.exits), FALLS, ""], STATUS)
-    status = np.where(np.isinf(found.times), impacts.most_turns[1], names[found.which])
-    hops.contacts[lanes] = np.where(found.which == 0, found.times, np.nan)
-    hops.ends[lanes] = found.rows[:, : contact.size]
-    for i in np.flatnonzero(status == "").tolist():
-        path, status[i], _ = impacts.sustained_contact(ys[i])
-        if path is not None:
-            hops.ends[lanes[i]] = path.end[: contact.size]
-    if (back := status == STEPS_BACK).any():  # a launch in other labels, where the same point opens
-        way, own = impacts.exits[1], lanes[back]
-        status[back] = "leaves_elsewhere" if way.foot else LIFTS_OFF
-        hops.ends[own] = way.opened(hops.ends[own] @ impacts.model.embed.T, impacts.values) @ impacts.onto_contact.T
-    hops.status[lanes] = status
-
-
-def hops_of_speeds(impacts: Impacts, alpha: np.ndarray, cap: int) -> Flown:
-    """Hops from launches with speeds (m,) up to sustained contact."""
-    too_fast, followed = alpha > FASTEST_LAUNCH, np.minimum(alpha, FASTEST_LAUNCH)
+def hops_of_speeds(rules: Rules, alpha: np.ndarray, cap: int) -> Flown:
+    """Hops from launches with speeds (m,), up to sustained contact, of a spring with hysteresis through it."""
+    impacts, too_fast, followed = rules.first(), alpha > FASTEST_LAUNCH, np.minimum(alpha, FASTEST_LAUNCH)
     nearly, many = np.minimum(alpha * (1 + ROUNDING.neighbour), FASTEST_LAUNCH), impacts.restitution
     neighbours = impacts.launch(nearly) if many >= ROUNDING.many_bounces else None
     available = 0.5 * impacts.launch_inertia * followed**2 if impacts.model.conservative else np.inf
-    return decided_hops(impacts, impacts.launch(followed), cap, neighbours, available, too_fast)
+    return decided_hops(rules, impacts.launch(followed), cap, neighbours, available, too_fast)
 
 
 def hops_of_states(impacts: Impacts, states: np.ndarray, cap: int) -> Flown:
@@ -153,10 +398,10 @@ def hops_of_states(impacts: Impacts, states: np.ndarray, cap: int) -> Flown:
 
 
 def decided_hops(
-    impacts: Impacts, states: np.ndarray, cap: int, neighbours: np.ndarray | None = None,
+    rules: Rules, states: np.ndarray, cap: int, neighbours: np.ndarray | None = None,
     available: np.ndarray | float = np.inf, too_fast: np.ndarray | None = None,
 ) -> Flown:  # fmt: skip
-    """Hops from flight states (m, n) at lift-off up to sustained contact.
+    """Hops from flight states (m, n) at lift-off up to sustained contact, of a spring with hysteresis through it.
 
     neighbours : states (m, n) that differ by some roundings; None where bounces are few
     available : losses (m,) of energy beyond which the machine rests in any case
@@ -165,13 +410,10 @@ def decided_hops(
     The status is "undecided" where the neighbour leads to another motion after many bounces. It is not "undecided"
     where the remaining energy is too little for any launch.
     """
-    m = len(states)
-    hops = Flown.begun(impacts, states if neighbours is None else np.concatenate([states, neighbours]))
+    m, branches = len(states), isinstance(rules, Branches)
+    hops = Flown.begun(rules, states if neighbours is None else np.concatenate([states, neighbours]))
     if too_fast is not None and too_fast.any():
         hops.status[np.resize(too_fast, len(hops.status))] = "lost"
-    if neighbours is None:
-        fly(impacts, hops, cap)
-        return hops
     parted, undecided = np.zeros((2, m), bool)
 
     def compare(states: np.ndarray, loss: np.ndarray) -> None:
@@ -179,8 +421,20 @@ def decided_hops(
         undecided[far & ~parted & ~(loss[:m] > available)] = True
         parted[far] = True
 
-    fly(impacts, hops, cap, compare)
-    own = replace(hops, **{name: each[:m] for name, each in vars(hops).items() if each is not None})
+    Flyer(rules, hops, cap, None if neighbours is None or branches else compare).fly(contacts=branches)
+    if neighbours is None:
+        return hops
+    own, other = hops.of(slice(m)), hops.of(slice(m, None))
+    if branches:  # reversals part the events of neighbours, and their launches alone are compared
+        speeds = np.nan_to_num([own.speeds, other.speeds])
+        undecided = (own.status == LIFTS_OFF) & (np.abs(speeds[0] - speeds[1]) > ROUNDING.parted * speeds[0])
+        undecided |= own.status != other.status
     undecided &= own.status != "cap"
-    own.status[undecided | (own.status != hops.status[m:])] = "undecided"
+    own.status[undecided | (own.status != other.status)] = "undecided"
     return own
+
+
+def stand(impacts: Impacts, hops: Flown) -> None:
+    """Follow the sustained contacts of hops with the status "lifts_off" to their ends."""
+    hops.status[(hops.status == LIFTS_OFF) & hops.on_ground] = ""
+    Flyer(impacts, hops).fly()

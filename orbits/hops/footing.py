@@ -111,6 +111,16 @@ class Footing:
                     found.append(Foot(self.flight, "", Affine(tuple(-turned), at)))
         return tuple(found)
 
+    @property
+    def falls_by_formula(self) -> bool:
+        """Whether a height in flight reaches the ground where none of the `tilts` closes."""
+        return len(self.tilts) < len(self.heights)
+
+    @property
+    def watched_alone(self) -> bool:
+        """Whether contacts end by slip or by heights that are no functions of the contact state."""
+        return bool(self.cone) or (bool(self.heights) and not self.model.changes_contact)
+
     def refuse_fallen(self, x: np.ndarray) -> None:
         """Raise `InputError` for a flight state (n,) in which one of the heights lies below the ground."""
         for name, each in {**self.heights, **self.in_contact}.items():

@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike
 
 from ..consistency.accepted import check_machine
 from ..errors import BreaksDown, FlowError, InputError, OutOfRange, RunsAway, finite_number
-from ..flow.flow import flow_of
+from ..flow.first_events import FirstOf
+from ..flow.flow import StopTest, flow_of
 from ..flow.taylor import Watch
 from ..flow.trajectory import Trajectory
 from ..model.machine import Machine
@@ -30,7 +31,7 @@ from ..shooting.formulations import vector
 from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction
 from ..units import LIFTOFF_SPEED, Message, Quantity
-from .feet import Foot, exits_of, feet_of
+from .feet import REVERSES, Exit, Foot, exits_of, feet_of
 from .footing import FALLS, SLIPS, FallTest, Footing, SlipTest
 
 # The endings of a hop other than "lifts_off" (of a map) and "done" (of a simulation).
@@ -173,10 +174,18 @@ class Impacts:
     def contact_watch(self) -> Watch:
         """What a contact is watched for: the forces of the exits, and the height that falls; after some turns of its
         speed it never ends."""
-        falls = self.model.standing_gap(self.values)
-        forces = [each.force for each in self.exits]
-        turns = self.model.contact_speed, self.most_turns[0]
-        return Watch(self.contact, [*forces, falls] if falls else forces, len(forces), turns)
+        timed = self.timed_watch
+        return Watch(self.contact, timed.functions, timed.kind[1], (self.model.contact_speed, self.most_turns[0]))
+
+    @cached_property
+    def timed_watch(self) -> Watch:
+        """What a contact of limited time is watched for."""
+        falls, forces = self.model.standing_gap(self.values), [each.force for each in self.exits]
+        return Watch(self.contact, [*forces, falls] if falls else forces, len(forces))
+
+    def first(self) -> "Impacts":
+        """The impacts by which launches are, as of `Branches`."""
+        return self
 
     @property
     def most_turns(self) -> tuple[int, str]:
@@ -283,24 +292,37 @@ class Impacts:
         """The time after which a contact from a state (k,) counts as endless."""
         return float(self.options.longest_contact * (1 + np.abs(y).max()))
 
-    def sustained_contact(self, y: np.ndarray, left: float = np.inf) -> tuple[Trajectory | None, str | None, str]:
+    def sustained_contact(
+        self, y: np.ndarray, left: float = np.inf, reverses: StopTest | None = None
+    ) -> tuple[Trajectory | None, str | None, str]:
         """Follow the contact from a state (k,) for at most the time `left`: its motion, its outcome and the reason.
 
-        The outcome is "lifts_off", a status, or None at the end of the time; rest is only searched when the time is not
-        limited. The motion is None where it could not be integrated.
+        The outcome is "lifts_off", a status, None at the end of the time, or that of the test whether a spring
+        `reverses`. Rest is only searched when the time is not limited. The motion is None where it could not be
+        integrated.
         """
         endless = left == np.inf
         limit = self.longest_contact(y) if endless else left
         if self.footing.slips_at_once(y):
             return None, SLIPS, ""
-        end = ContactStop(self, self.model.contact_speed if endless else None, self.grazes(y[None])[:, 0])
+        speed = self.model.contact_speed if endless and (self.model.one_speed or not reverses) else None
+        end = ContactStop(self, speed, self.grazes(y[None])[:, 0])
+        first = FirstOf(end, reverses) if reverses else end
         try:
-            path, _ = self.contact.run(y, self.p, limit, stop=end)
+            path, _ = self.contact.run(y, self.p, limit, stop=first)
         except FlowError as error:
             return None, status_of_failure(error, "contact"), error.args[0]
+        if reverses and first.which == 1:
+            return path, REVERSES, ""
         if end.outcome or not endless:
             return path, end.outcome, ""
         return path, "collapses" if np.abs(path.end).max() > limit else "rests", ""
+
+    def force_at_start(self, way: Exit, y: np.ndarray, p: np.ndarray, tolerance: float) -> tuple[float, bool]:
+        """The force of an exit in a contact state (k,), and whether it is 0 up to a tolerance and falls: it opens."""
+        path, _ = self.contact.run(y, p, tolerance)
+        force, rise = way.force.series(path.coefficients)[0, :2]
+        return float(force), bool(abs(force) <= tolerance and rise < 0)
 
     @cached_property
     def force_slope(self) -> ca.Function:

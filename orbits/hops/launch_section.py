@@ -91,7 +91,7 @@ class LaunchSection:
             slope = float(gradient[self._bound])
             return -float(force) / slope if slope != 0 else np.nan
 
-        found = newton_root(step, float(y[self._bound]))
+        found = newton_root(step, float(y[self._bound]), float(np.abs(y).max()))
         return np.nan if found is None else found
 
     def parsed(self, launch: Any) -> tuple[np.ndarray, np.ndarray | None]:

@@ -11,18 +11,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
-from ..flow.first_events import FirstOf, first_zero
 from ..flow.flow import Flow
 from ..model.machine import Machine
+from ..model.phase import Affine
 from ..periodic.certificate import mass_of_landing
 from ..periodic.loss_coefficient import MOST_LEFT, bounce_factors, hand_over_factors, jerk_jumps, loss_coefficient
 from ..running.exclusive import exclusive
 from ..units import DIMENSIONS, LIFTOFF_SPEED, SPEED, Message, Quantity, in_own_units
-from .feet import LIFTS_OFF, STEPS_BACK, Foot
-from .footing import FALLS, SLIPS, FallTest
-from .hand_over import landed, share_left, standing
-from .hysteresis import Branches, first_reversal
-from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, STATUSES, ContactStop, Impacts, no_launch
+from .arcs import Arcs, Flown, Rules
+from .feet import LIFTS_OFF, REVERSES, STEPS_BACK, Foot
+from .flyer import Flyer
+from .footing import FALLS, SLIPS
+from .hand_over import share_left, standing
+from .hysteresis import Branches
+from .impacts import CAP, FASTEST_LAUNCH, STATUSES, ContactStop, Impacts, no_launch
 
 RESTS = "the machine rests: it does not lift off again"
 SLOWEST_LAUNCH_VARIED = 1e-150  # the square of a slower launch, and its inverse, are no numbers
@@ -65,21 +67,21 @@ def _slope_of_hop(machine: Machine, alpha: float) -> float:
     return slope_of_hop(Branches(machine) if machine.model.hysteretic else Impacts(machine), alpha)
 
 
-def slope_of_hop(impacts: Impacts | Branches, alpha: float) -> float:
+def slope_of_hop(rules: Rules, alpha: float) -> float:
     """The `multiplier` of the hop of a dimensionless machine, of which these are the impacts."""
-    if isinstance(impacts, Branches):
-        return _slope_with_hysteresis(impacts, alpha)
+    impacts = rules.first()
     x = impacts.launch(np.array([alpha]))[0]
     step = 1e-5 * alpha  # The extension of the launch state depends on the launch speed too where there is damping.
     low, high = impacts.launch(np.array([alpha - step, alpha + step]))
     if not impacts.opens(x[None])[0]:
         raise NoOrbit(no_launch(alpha))
-    hop = hop_derivative(impacts, x, (high - low)[:, None] / (2 * step))
+    hop = hop_derivative(rules, x, (high - low)[:, None] / (2 * step))
     if hop.tangential:
-        text = "the landing is tangential, at speed {speed:.1e}: no multiplier; {law}"
-        law = _one_sided(impacts, alpha, hop)
+        text, law = "the landing is tangential, at speed {speed:.1e}: no multiplier", None
+        if rules is impacts:
+            text, law = text + "; {law}", _one_sided(impacts, alpha, hop)
         raise NoOrbit(Message(text, speed=Quantity(hop.speed, SPEED), law=law))
-    if not impacts.liftoff(hop.liftoff[None])[1][0]:
+    if not hop.impacts.liftoff(hop.liftoff[None])[1][0]:
         raise NoOrbit("the contact ends where no launch does: the map has no next launch speed")
     return float(np.array(impacts.model.contact_speed.weights) @ hop.derivative[:, 0])
 
@@ -94,6 +96,7 @@ class HopDerivative:
     landing, speed, gap_slopes : flight state (n,) at the first landing, the speed of the gap, and the derivative (c,)
         of the gap at the time of that landing
     foot : that touches at that landing
+    impacts : the rules at the lift-off
     """
 
     liftoff: np.ndarray
@@ -103,42 +106,75 @@ class HopDerivative:
     speed: float
     gap_slopes: np.ndarray
     foot: Foot
+    impacts: Impacts
 
 
-def hop_derivative(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> HopDerivative:
+def hop_derivative(rules: Rules, x: np.ndarray, change: np.ndarray) -> HopDerivative:
     """The hop from a flight state (n,) at lift-off, and its derivative along changes (n, c) of that state.
 
     Raises `NoOrbit` where the machine does not lift off again.
     """
-    launch_speed = float(np.abs(x[[name.endswith("'") for name in impacts.flight.phase.states]]).max())
+    launch_speed = float(np.abs(x[[name.endswith("'") for name in rules.first().flight.phase.states]]).max())
     if launch_speed < SLOWEST_LAUNCH_VARIED:
         text = "the launch has no speed above {low:g}: a slower one cannot be varied"
         raise NoOrbit(Message(text, low=Quantity(SLOWEST_LAUNCH_VARIED, SPEED)))
-    order, opens, feet = LIFTOFF_ORDER, 0, impacts.feet
-    first: tuple[np.ndarray, float, np.ndarray, Foot] | None = None
-    for _ in range(CAP):
-        start, limit = (x, change), float(impacts.longest_flight(x))
-        gaps = (first_zero(each.gap, order * (i == opens)) for i, each in enumerate(feet))
-        closes = FirstOf(*gaps, FallTest(impacts.footing))
-        x, change, lasted = _follow(impacts.flight, impacts.p, x, change, limit, closes)
-        if closes.which == len(feet):
-            raise NoOrbit(STATUSES[FALLS])
-        touches = closes.which or 0
-        speed = float(feet[touches].speed @ x)
-        if first is None:
-            first = x, speed, np.array(feet[touches].gap.weights) @ change, feet[touches]
-            # Later bounces may be arbitrarily slow.
-            if abs(speed) < TANGENTIAL * launch_speed:
-                contact = tangential_landing(impacts, start, lasted, x, feet[touches])
-                liftoff, derivative = through_contact(impacts, *contact, grazes=True)
-                return HopDerivative(liftoff, derivative, True, *first)
-        change = _at_landing(impacts, feet[touches], x, change)
-        x, change, held, order, opens = _through_impact(impacts, x, change, touches)
-        if held:
-            contact = impacts.onto_contact @ x, impacts.onto_contact @ change
-            liftoff, derivative = through_contact(impacts, *contact, grazes=False)
-            return HopDerivative(liftoff, derivative, False, *first)
-    raise NoOrbit(f"after {CAP} impacts the machine has not come to rest on the ground")
+    hops, passed, first = Flown.begun(rules, x[None], record=True), 0, None
+    for contact in (False, True):
+        hops.status[hops.status == LIFTS_OFF] = ""
+        Flyer(rules, hops, thorough=True).fly(contact)
+        for arc in hops.arcs[passed:]:
+            change, start = _along(arc, change), change
+            if arc.kind == REVERSES:
+                change = _at_reversal(arc, rules.rates[contact], change)
+            elif arc.landed is not None:
+                impacts, end = arc.phase.impacts, arc.ends[0]
+                foot = impacts.feet[int(arc.foot[0])]
+                landing = end, float(foot.speed @ end), np.array(foot.gap.weights) @ change, foot
+                # Later bounces may be arbitrarily slow.
+                if (first is None or landing[1] == 0) and abs(landing[1]) < TANGENTIAL * launch_speed:
+                    if not isinstance(rules, Branches):
+                        stood = tangential_landing(impacts, (arc.starts[0], start), float(arc.durations[0]), end, foot)
+                        end, change = through_contact(impacts, *stood, grazes=True)
+                    return HopDerivative(end, change, True, *landing, impacts)
+                first = first or landing
+                change = _through_impact(arc, _at_landing(impacts, foot, end, change))
+        passed = len(hops.arcs)
+        if hops.status[0] != LIFTS_OFF:
+            raise NoOrbit(_reason(hops, rules.first()))
+        change = change if contact else impacts.onto_contact @ change
+    impacts = hops.arcs[-1].phase.impacts
+    if hops.arcs[-1].step:
+        change = impacts.onto_contact @ (
+            np.array(impacts.model.relabelling.signs)[:, None] * (impacts.model.embed @ change)
+        )
+    return HopDerivative(hops.ends[0], _at_liftoff(impacts, hops.ends[0], change), False, *first, impacts)
+
+
+def _reason(hops: Flown, impacts: Impacts) -> str | Message:
+    """Why a motion does not lift off again."""
+    status, phase = str(hops.status[0]), impacts.contact if hops.on_ground[0] else impacts.flight
+    if 0 in hops.reasons:
+        return Message("the {name} does not end: {error}", name=phase.phase.name, error=hops.reasons[0])
+    if status == "cap":
+        return f"after {CAP} impacts the machine has not come to rest on the ground"
+    if status == "leaves_elsewhere":
+        return "the contact ends where no launch does: the map has no next launch speed"
+    return RESTS if status in ("rests", "collapses") else STATUSES[status]
+
+
+def _along(arc: Arcs, change: np.ndarray) -> np.ndarray:
+    """The change (k, c) of the state at the end of an arc, at a fixed time, from that at its start."""
+    (start,), flow = arc.phase.states(arc.starts), arc.phase.flow
+    return flow.run(start, arc.phase.impacts.p, float(arc.durations[0]), seeds=change)[1]
+
+
+def _at_reversal(arc: Arcs, rate: Affine, change: np.ndarray) -> np.ndarray:
+    """The change (k, c) of the state in which a spring with hysteresis reverses, from that at a fixed time."""
+    (x,), flow, weights = arc.phase.states(arc.ends), arc.phase.flow, np.array(rate.weights)
+    rates = flow.rates(x, flow.data(x[None], arc.phase.impacts.p)[0])
+    if (turning_rate := float(weights @ rates)) == 0.0:
+        raise NoOrbit("the spring stops without turning: no multiplier is computed there")
+    return change - np.outer(rates, weights @ change) / turning_rate
 
 
 def _at_landing(impacts: Impacts, foot: Foot, x: np.ndarray, change: np.ndarray) -> np.ndarray:
@@ -147,24 +183,18 @@ def _at_landing(impacts: Impacts, foot: Foot, x: np.ndarray, change: np.ndarray)
     return change - np.outer(rates, weights @ change) / float(foot.speed @ x)
 
 
-def _through_impact(
-    impacts: Impacts, x: np.ndarray, change: np.ndarray, touches: int = 0
-) -> tuple[np.ndarray, np.ndarray, bool, int, int]:
-    """The state after an impact of a foot and its change (n, c), whether contact follows, and else the order of the
-    zero of the gap of the foot that opens, and its number."""
-    found = landed(impacts, x[None], np.array([touches]))
-    if found.ended[0]:
-        raise NoOrbit(STATUSES[str(found.ended[0])])
-    held, foot, left, order = bool(found.held[0]), int(found.foot[0]), float(found.left[0]), int(found.order[0])
-    if labels := impacts.feet[touches].labels:
+def _through_impact(arc: Arcs, change: np.ndarray) -> np.ndarray:
+    """The change (n, c) of the state after a landing, from that of the state in which the gap is closed."""
+    impacts, x, held, left = arc.phase.impacts, arc.ends[0], bool(arc.landed.held[0]), float(arc.landed.left[0])
+    if labels := impacts.feet[int(arc.foot[0])].labels:
         x, change = labels(x, impacts.values), np.array(labels.signs)[:, None] * change
     moved = np.stack([impacts.change_after(x, each, 1.0 - left).full().ravel() for each in change.T], axis=1)
     if left > 0:  # a hand-over, whose share may depend on where it happens
         slope = impacts.share_slope(x).full().ravel() @ change
         moved += float(impacts.gap_speed @ x) * np.outer(impacts.direction(x[None])[0], slope)
-    if foot and not held:  # a step back
+    if arc.landed.foot[0] and not held:  # a step back
         moved = np.array(impacts.model.relabelling.signs)[:, None] * moved
-    return found.state[0], moved, held, order, foot
+    return moved
 
 
 def tangential_landing(
@@ -269,46 +299,3 @@ def _at_liftoff(impacts: Impacts, y: np.ndarray, change: np.ndarray) -> np.ndarr
     gradient = impacts.force_gradient(y)
     rates = impacts.contact.rates(y, impacts.contact.data(y[None], impacts.p)[0])
     return change - np.outer(rates, gradient @ change) / (gradient @ rates)
-
-
-def _slope_with_hysteresis(branches: Branches, alpha: float) -> float:
-    """The `multiplier` of a machine whose spring has hysteresis: a reversal is an event too."""
-    impacts, order, step, contact, landed = branches.first(), LIFTOFF_ORDER, 1e-5 * alpha, False, False
-    x = impacts.launch(np.array([alpha]))[0]
-    low, high = impacts.launch(np.array([alpha - step, alpha + step]))
-    change = (high - low)[:, None] / (2 * step)
-    if not impacts.opens(x[None])[0]:
-        raise NoOrbit(no_launch(alpha))
-    for _ in range(CAP):
-        side, turning = branches.branch(x, contact)
-        if not side:
-            raise NoOrbit(RESTS if contact else "the spring sticks in flight: no multiplier is computed there")
-        impacts = branches.of[side]
-        flow, rate = (impacts.contact, branches.rate_in_contact) if contact else (impacts.flight, branches.rate)
-        ends = ContactStop(impacts, None) if contact else first_zero(impacts.gap, order)
-        stop = FirstOf(ends, first_reversal(rate, turning))
-        limit = impacts.longest_contact(x) if contact else float(impacts.longest_flight(x))
-        x, change, _ = _follow(flow, impacts.p, x, change, limit, stop)
-        if stop.which is None:
-            raise NoOrbit(RESTS)
-        if stop.which == 1:
-            weights, rates = np.array(rate.weights), flow.rates(x, flow.data(x[None], impacts.p)[0])
-            if (turning_rate := float(weights @ rates)) == 0.0:
-                raise NoOrbit("the spring stops without turning: no multiplier is computed there")
-            change, order = change - np.outer(rates, weights @ change) / turning_rate, 0
-        elif contact:
-            if not impacts.liftoff(x[None])[1][0]:
-                raise NoOrbit("the contact ends where no launch does: the map has no next launch speed")
-            return float(np.array(impacts.model.contact_speed.weights) @ _at_liftoff(impacts, x, change)[:, 0])
-        else:
-            speed = float(impacts.gap_speed @ x)
-            # Later bounces may be arbitrarily slow.
-            if abs(speed) < TANGENTIAL * alpha and not (landed and speed):
-                text = "the landing is tangential, at speed {speed:.1e}: no multiplier"
-                raise NoOrbit(Message(text, speed=Quantity(speed, SPEED)))
-            landed, change = True, _at_landing(impacts, impacts.feet[0], x, change)
-            impacts = branches.of[int(branches.landed(x[None])[0])]
-            x, change, contact, *_ = _through_impact(impacts, x, change)
-            order = impacts.bounce_order
-            x, change = (impacts.onto_contact @ each for each in (x, change)) if contact else (x, change)
-    raise NoOrbit(f"after {CAP} events the machine has not lifted off again")

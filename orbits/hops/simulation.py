@@ -22,14 +22,16 @@ from ..periodic.stated_start import StartLike, unknowns_of_start
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..units import LENGTH, LIFTOFF_SPEED, TIME, Message, Quantity, described, in_own_units
+from .arcs import Flown
+from .course import Course
+from .flyer import TOUCHING, Flyer
 from .hand_over import standing
 from .hysteresis import Branches
-from .hysteretic_run import HystereticRun
 from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, Impacts, injected, no_launch
 from .launch_section import LaunchSection
-from .schedule import Feedback, Inputs, Schedule, check_scheduled, parsed_schedule
+from .recorded import recorded
+from .schedule import Decisions, Feedback, Inputs, Schedule, check_scheduled, parsed_schedule
 from .simulated import Simulation, run_in_units
-from .simulated_run import TOUCHING, SimulatedRun, force_at_start
 
 
 @exclusive
@@ -136,13 +138,18 @@ def _simulated(
     known = Schedule(machine, inputs)
     x, launch_speed, order, foot = _initial_state(impacts, known(0.0)[0], alpha, state)
     impacts.footing.refuse_fallen(x)
+    foothold = sum(state[impacts.footing.sticks].tolist()) if state is not None and order != 0 else 0.0
+    decisions = Decisions(feedback) if feedback is not None else None
+    if decisions and order == LIFTOFF_ORDER:
+        decisions.lift_off(0.0)
+    course = Course(hops, time, inject, known, decisions, np.nan if launch_speed is None else launch_speed)
+    rules = branches or impacts
+    motion = Flown.begun(rules, x[None], record=True)
+    motion.status[:], motion.order[:], motion.foot[:], motion.on_ground[:] = "", order or 0, foot, order is None
     with interrupts.deferred():
-        if branches:
-            return HystereticRun(branches, inject, hops, time, cap, known).simulate(x, order, launch_speed)
-        start = sum(state[impacts.footing.sticks].tolist()) if state is not None and order != 0 else 0.0
-        run = SimulatedRun(impacts, inject, hops, time, cap, known, feedback)
-        found = run.simulate(x, order, launch_speed, foot, start)
-    return replace(found, schedule=run.decisions.applied(found.end) if run.decisions else inputs)
+        Flyer(rules, motion, cap, thorough=True, course=course).fly()
+        found = recorded(machine, rules, motion, launch_speed, foothold)
+    return replace(found, schedule=decisions.applied(found.end) if decisions else inputs)
 
 
 def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float | None, int | None, int]:
@@ -163,7 +170,7 @@ def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float
             impacts.footing.refuse_sliding(x, tolerance)
             several = len(impacts.feet) > 1
             stands = standing(impacts, x[None], np.array([foot]))[0][0] if several else impacts.footing.placed(x)
-            ends = [force_at_start(impacts, e, impacts.onto_contact @ stands, p, tolerance) for e in impacts.exits]
+            ends = [impacts.force_at_start(e, impacts.onto_contact @ stands, p, tolerance) for e in impacts.exits]
             opens = min(range(len(ends)), key=lambda i: (not ends[i][1], ends[i][0]))
             force, lifts_off = ends[opens]
             if not lifts_off and force >= 0:

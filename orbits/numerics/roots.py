@@ -36,10 +36,10 @@ def run_search(search: Generator[_Place, _Value, _Found], function: Callable[[_P
         return end.value
 
 
-def newton_root(step: Callable[[float], float], place: float) -> float | None:
+def newton_root(step: Callable[[float], float], place: float, scale: float = 0.0) -> float | None:
     """The root of a function to which Newton's method, with these steps, leads from a place, up to the rounding of the
-    function; None where it does not settle."""
-    largest, before = abs(place), np.inf
+    function, which may be that of numbers of this scale; None where it does not settle."""
+    largest, before = max(abs(place), scale), np.inf
     for _ in range(MOST_ITERATIONS):
         move = step(place)
         if not np.isfinite(move):

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..hops.flyer import Flown, fly, stand
+from ..hops.arcs import Flown
+from ..hops.flyer import Flyer
 from ..hops.impacts import Impacts
 
 MOST_IMPACTS = 100  # of a hop that is followed impact by impact
@@ -43,11 +44,10 @@ def flown_hops(
     number of impacts."""
     alphas = np.asarray(alphas, dtype=float)
     hops = Flown.begun(impacts, impacts.launch(alphas) if starts is None else starts, record=True)
-    fly(impacts, hops, most)
-    stand(impacts, hops)
-    m, flights = len(alphas), hops.flights or []
+    Flyer(impacts, hops, most).fly()
+    m, flights = len(alphas), hops.flights
     times, landings = np.full((m, len(flights)), np.nan), np.full((m, len(flights), hops.starts.shape[1]), np.nan)
-    for i, (lanes, lasted, states) in enumerate(flights):
-        times[lanes, i], landings[lanes, i] = lasted, states
+    for i, arc in enumerate(flights):
+        times[arc.lanes, i], landings[arc.lanes, i] = arc.durations, arc.ends
     counts = np.where(np.isfinite(hops.contacts), hops.impacts, 0)
     return FlownHops(alphas, hops.starts, counts, times, landings, hops.contacts, hops.ends)

@@ -489,15 +489,10 @@ def _impacts_of(machine: Machine) -> "Impacts | Branches":
 
 def _hysteretic_hops(branches: Branches, alpha, inject: float, cap: int) -> Hops:
     """`_hops_from` of a machine whose spring has hysteresis."""
-    following, counts, status, lost = branches.hops(alpha, cap)
-    for i in np.flatnonzero(status == "").tolist():
-        run = simulate(branches.machine, float(alpha[i]), hops=1, cap=cap)
-        following[i], counts[i] = run.launches[-1] if run.status == "done" else np.nan, run.impacts
-        lost[i] = sum(event.loss for event in run.events if event.kind in ("impact", "landing"))
-        done = "lifts_off" if np.isfinite(following[i]) else "leaves_elsewhere"
-        status[i] = done if run.status == "done" else run.status
-    in_impacts = lost / (0.5 * branches.first().launch_inertia)
+    hops = hops_of_speeds(branches, alpha, cap)
+    following, status = np.where(hops.status == "lifts_off", hops.speeds, np.nan), hops.status
+    in_impacts = hops.loss / (0.5 * branches.first().launch_inertia)
     loss, following = np.where(np.isfinite(following), alpha**2 - following**2, in_impacts), following + inject
     stopped = following <= 0
     status[stopped], following[stopped] = "rests", np.nan
-    return Hops(alpha, following, loss, counts, status)
+    return Hops(alpha, following, loss, hops.impacts, status)

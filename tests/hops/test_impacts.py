@@ -7,7 +7,8 @@ from many_at_once import MACHINES
 
 from orbits import ReturnMap, simulate
 from orbits.flow.first_events import first_events
-from orbits.hops.flyer import Flown, Rounding, stand
+from orbits.hops.arcs import Flown
+from orbits.hops.flyer import Rounding, stand
 from orbits.hops.impacts import ImpactOptions, Impacts
 from problems import HeavyHand, Hopper, Juggler
 
@@ -18,7 +19,7 @@ def test_contacts_to_their_ends(name):
     speeds = np.linspace(0.05, 6, 40)
     standing = np.column_stack([np.full(40, rules.launch(speeds)[0, 0] * 0.9), -speeds])
     hops = Flown.begun(rules, rules.launch(speeds))
-    hops.status[:], hops.standing[:] = "lifts_off", standing
+    hops.states[:], hops.on_ground[:] = standing @ rules.model.embed.T, True
     stand(rules, hops)
     for start, how, end in zip(standing, hops.status, hops.ends, strict=True):
         path, expected, _ = rules.sustained_contact(start)
