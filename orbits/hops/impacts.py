@@ -9,7 +9,7 @@ also end elsewhere, or at the extension of a launch while the machine moves down
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -444,6 +444,31 @@ class Impacts:
         q = [0.0] * (self.model.flight.pieces.size if self.model.flight.pieces else 0)
         gradient = np.array([float(g) for g in self.model.flight_gradient(launch.real.tolist(), self.values, q)])
         return float(gradient[moved] @ direction[moved])
+
+
+class _Stated:
+    """A machine as a key: machines with the same model, parameters and restitution have the same impacts."""
+
+    def __init__(self, machine: Machine):
+        check_machine(machine, "restitution")
+        self.machine = machine
+        self.key = machine.model, *machine.values.items(), machine.restitution
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Stated) and self.key == other.key
+
+
+def impacts_of(machine: Machine) -> Impacts:
+    """The `Impacts` of a machine; those of the latest machines are stored, with all that was found for them."""
+    return _latest_impacts(_Stated(machine))
+
+
+@lru_cache(maxsize=16)
+def _latest_impacts(stated: _Stated) -> Impacts:
+    return Impacts(stated.machine)
 
 
 @cached

@@ -20,7 +20,7 @@ from ..numerics.roots import Array
 from ..periodic.energy_changes import gradients
 from ..shooting.formulations import columns, through_mirror
 from ..shooting.single_shooting import Evaluation
-from .impacts import Impacts
+from .impacts import impacts_of
 from .launch_section import LaunchSection
 
 # A pair of multipliers is complex where its imaginary part is larger than this.
@@ -40,7 +40,7 @@ class LosslessHops:
                 "that of the energy, and crosses nothing; bifurcations(...) has the multipliers of hops with an "
                 "injection, which do"
             )
-        self.impacts = Impacts(dimensionless(machine))
+        self.impacts = impacts_of(dimensionless(machine))
         self.section = LaunchSection(self.impacts)
 
     def derivatives(self, unknowns: tuple[str, ...], us: Array, ps: Array, evaluation: Evaluation) -> Array:

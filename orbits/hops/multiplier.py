@@ -24,7 +24,7 @@ from .flyer import Flyer
 from .footing import FALLS, SLIPS
 from .hand_over import share_left, standing
 from .hysteresis import Branches
-from .impacts import CAP, FASTEST_LAUNCH, STATUSES, ContactStop, Impacts, no_launch
+from .impacts import CAP, FASTEST_LAUNCH, STATUSES, ContactStop, Impacts, impacts_of, no_launch
 
 RESTS = "the machine rests: it does not lift off again"
 SLOWEST_LAUNCH_VARIED = 1e-150  # the square of a slower launch, and its inverse, are no numbers
@@ -64,7 +64,7 @@ def _slope_of_hop(machine: Machine, alpha: float) -> float:
         text = "alpha = {alpha:g}; a launch speed that can be varied lies between {low:g} and {high:g}"
         bounds = {"alpha": alpha, "low": SLOWEST_LAUNCH_VARIED, "high": FASTEST_LAUNCH}
         raise InputError(Message(text, **{name: Quantity(x, LIFTOFF_SPEED) for name, x in bounds.items()}))
-    return slope_of_hop(Branches(machine) if machine.model.hysteretic else Impacts(machine), alpha)
+    return slope_of_hop(Branches(machine) if machine.model.hysteretic else impacts_of(machine), alpha)
 
 
 def slope_of_hop(rules: Rules, alpha: float) -> float:

@@ -13,7 +13,7 @@ from ..model.machine import Machine, dimensionless, machine_in_words
 from ..result import Axes, Result, Row, shown, stored
 from ..running.exclusive import exclusive
 from ..units import LIFTOFF_SPEED, Message, Quantity, Units, without_units
-from .impacts import FASTEST_LAUNCH, Impacts, injected
+from .impacts import FASTEST_LAUNCH, impacts_of, injected
 from .launch_section import LaunchSection
 from .multiplier import HopDerivative, hop_derivative, losses_beside
 
@@ -164,7 +164,7 @@ def multipliers(machine: Machine, launch: Any, *, hops: int = 1, inject: float =
     """
     units = getattr(machine, "units", None)
     speed = units.of(LIFTOFF_SPEED) if units else 1.0
-    section = LaunchSection(Impacts(dimensionless(machine)), units)
+    section = LaunchSection(impacts_of(dimensionless(machine)), units)
     first = section.launch(launch)
     count, added = whole_number("hops", hops, "hops"), injected(inject, speed) / speed
     with without_units(units):

@@ -27,7 +27,7 @@ from .course import Course
 from .flyer import TOUCHING, Flyer
 from .hand_over import standing
 from .hysteresis import Branches
-from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, Impacts, injected, no_launch
+from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, Impacts, impacts_of, injected, no_launch
 from .launch_section import LaunchSection
 from .recorded import recorded
 from .schedule import Decisions, Feedback, Inputs, Schedule, check_scheduled, parsed_schedule
@@ -131,7 +131,7 @@ def _simulated(
         raise InputError(f"a schedule for a {machine.model.name}: {remedy}")
     if inputs is not None and not machine.model.sticks:
         refuse_steps(machine.model, "a schedule")
-    impacts = branches.first(state) if branches else Impacts(machine)
+    impacts = branches.first(state) if branches else impacts_of(machine)
     if branches and inject != 0 and not impacts.model.one_speed:
         name = impacts.model.name
         raise InputError(f"inject = {inject:g}: a launch of a {name} is more than the speed that it adds to")

@@ -17,7 +17,7 @@ from ..consistency.accepted import check_machine
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
 from ..hops.flyer import hops_of_speeds, stand
 from ..hops.hysteresis import Branches
-from ..hops.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, injected
+from ..hops.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, impacts_of, injected
 from ..hops.launch_section import LaunchSection
 from ..hops.multiplier import slope_of_hop
 from ..hops.simulation import simulate
@@ -478,7 +478,7 @@ def _impacts_of(machine: Machine) -> "Impacts | Branches":
             "`multipliers` says what is beside an orbit, without a map"
         )
     if not machine.model.hysteretic:
-        return Impacts(machine)
+        return impacts_of(machine)
     if not machine.model.one_speed:
         name = machine.model.name
         raise InputError(
