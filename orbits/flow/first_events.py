@@ -293,7 +293,7 @@ class _Search:
         """Search one step of each of the motions `found` with these z after it, for the first zero of a function;
         returns which have none there and go on, with the z where they do."""
         at, watch, lanes = self.flow.stepper(0).places, self.watch, lanes[found]
-        if watch.rising or not self.flow.stepper(0).often_finds(watch, len(lanes)):
+        if watch.rising:
             event, rows, signs = self._halved(steps, lanes)
         else:
             event, rows, signs = watch.event(steps, data if len(lanes) == len(data) else data[found])

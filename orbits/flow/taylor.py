@@ -30,8 +30,6 @@ from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, VectorField, rows_used, sy
 
 # Up to this degree the terms of a watched function are bounded together, the others one by one.
 BOUND_DEGREE = 6
-# Up to this number of searched steps, events are found without a compiled function.
-FEW_SEARCHES = 30
 
 
 class Motions(NamedTuple):
@@ -144,7 +142,6 @@ class TaylorStepper:
         self.rows, left = graph.size + graph.field.numel_out(1), graph.size * (1 + columns)
         numbers = range(left, left + 7)
         self.places = Places(slice(self.n), slice(self.n, left), slice(numbers.stop, None), *numbers)
-        self._searched: dict[tuple, int] = {}  # the number of steps in which events were searched, by the kinds
         self._watching: dict[tuple, Kernel] = {}  # of `follow`, by the kinds of `Watch`
 
     @exclusive_property
@@ -243,12 +240,6 @@ class TaylorStepper:
         own = () if tables is None else (tables,)
         z, (c, begins, signs), counts, going = self._watching[kind](z, data, *own, most=most)
         return z, Watched(c, begins, signs), counts, going
-
-    def often_finds(self, watch: Watch, count: int) -> bool:
-        """Whether events were searched in many steps, with this number of further ones, so that `Watch.event` is worth
-        its graph."""
-        self._searched[watch.kind] = self._searched.get(watch.kind, 0) + count
-        return self._searched[watch.kind] > FEW_SEARCHES
 
     def watched_state(self, x: Array, count: int, numbers: Array | float) -> Array:
         """The argument z of `follow` with `count` functions: states (m, n) and the numbers (m,) of pieces; the time

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..errors import FlowError
 from ..flow.first_events import first_events
 from ..flow.taylor import Watch
 from ..flow.trajectory import Trajectory
@@ -209,7 +210,10 @@ class Flyer:
             return self._finish(lane, status="carried_off")
         left, cut = hops.left[lane] - limit, self.until < min(self.time, *(hops.now[lane] + hops.left[lane]))
         over = not cut and self._is_over(lane, limit).any()
-        path, _ = phase.flow.run(x, phase.impacts.p, float(limit[0]))
+        try:
+            path, _ = phase.flow.run(x, phase.impacts.p, float(limit[0]))
+        except FlowError as error:
+            return self._finish(lane, error.args[0], status_of_failure(error, "flight"))
         self._arrive(
             lane, phase, limit, path.end[None, : len(x)], status="" if cut else DONE if over else "carried_off"
         )
