@@ -335,7 +335,8 @@ class _Search:
         if len(indices):
             left = ~self._ended(indices, on and on._replace(tables=on.of(indices), numbers=z[:, at.piece]), z)
             indices, z = indices[left], z[left]
-        self.one_by_one(indices, *(z[:, place] for place in (at.state, at.time, at.fresh, at.changes)))
+        x, began, fresh, turned = (z[:, place] for place in (at.state, at.time, at.fresh, at.changes))
+        self.one_by_one(indices, x, began, fresh, turned)
 
     def _ended(self, indices: Array, on: OnPieces | None, z: Array) -> Array:
         """Whether motions `on` pieces end without an event within the steps of one call of `Flow.run`, which decides it

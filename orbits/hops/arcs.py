@@ -1,6 +1,7 @@
 """Motions in lanes while they are flown, and the record of their arcs of flight and contact, each up to an event."""
 
-from dataclasses import dataclass, field, replace
+from copy import copy
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -53,8 +54,8 @@ class Arcs:
     after: np.ndarray
     impacts: Impacts
     landed: Landed | None = None
-    foot: np.ndarray | int = 0
-    step: np.ndarray | int = 0
+    foot: Any = 0
+    step: Any = 0
     speed: float = np.nan
 
 
@@ -67,7 +68,7 @@ class Flown:
     loss, impacts : energies (m,) lost in impacts, and the numbers (m,) of the impacts of the last hop
     ends : contact states (m, k) where sustained contact ends
     contacts : times (m,) of the contacts that end with a launch's lift-off, NaN for others
-    arcs : all arcs in turn, where they are recorded
+    record, arcs : whether arcs are recorded, and all of these in turn
     reasons : by motion, why it could not be followed, in words
 
     While they are flown, the motions are in `states` (m, n) at the times `now` (m,), on the ground or not. After the
@@ -82,7 +83,8 @@ class Flown:
     impacts: np.ndarray
     ends: np.ndarray
     contacts: np.ndarray
-    arcs: list[Arcs] | None = None
+    record: bool = False
+    arcs: list[Arcs] = field(default_factory=list)
     reasons: dict[int, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -100,17 +102,15 @@ class Flown:
         ends = np.full((m, impacts.contact.size), np.nan)
         status = np.where(impacts.opens(starts), "", "no_launch").astype(STATUS)
         loss, counts, contacts = np.zeros(m), np.zeros(m, int), np.full(m, np.nan)
-        return cls(starts, status, loss, counts, ends, contacts, [] if record else None)
+        return cls(starts, status, loss, counts, ends, contacts, record)
 
     def of(self, which: slice) -> "Flown":
         """Some of the motions, whose end is known."""
-        columns = {name: each[which] for name, each in vars(self).items() if isinstance(each, np.ndarray)}
-        first = ("starts", "status", "loss", "impacts", "ends", "contacts")
-        found = replace(self, **{name: columns[name] for name in first})
-        vars(found).update(columns)
+        found = copy(self)
+        vars(found).update({name: each[which] for name, each in vars(self).items() if isinstance(each, np.ndarray)})
         return found
 
     @property
     def flights(self) -> list[Arcs]:
         """The arcs in flight."""
-        return [arc for arc in self.arcs or () if not arc.phase.contact]
+        return [arc for arc in self.arcs if not arc.phase.contact]

@@ -1,14 +1,11 @@
-"""How a simulation goes on, hop after hop: the parameters in force, injections, and whether rounding decides."""
+"""How a simulation goes on, hop after hop: the parameters in force, and the injection at each lift-off."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from .arcs import Rules
 from .feet import Exit
-from .flyer import ROUNDING, TOUCHING, hops_of_speeds, hops_of_states
-from .hysteresis import Branches
-from .impacts import LIFTOFF_ORDER, Impacts
+from .impacts import LIFTOFF_ORDER, TOUCHING, Impacts
 from .launch_section import LaunchSection
 from .schedule import Decisions, Schedule
 
@@ -43,16 +40,14 @@ class Course:
         """Whether contacts may take any time."""
         return self.time == np.inf and not self.driven and self.decisions is None
 
-    def rules(self, now: float, x: np.ndarray, rules: Rules) -> tuple[Rules, float]:
-        """The rules in force from now on, in a flight state (n,), and the time until which they are."""
-        if isinstance(rules, Branches):
-            return rules, np.inf
+    def rules(self, now: float, x: np.ndarray, impacts: Impacts) -> tuple[Impacts, float]:
+        """The impacts in force from now on, in a flight state (n,), and the time until which they are."""
         if self.decisions and (inputs := self.decisions.at(now, x)):
-            self.schedule = Schedule(rules.machine, inputs)
+            self.schedule = Schedule(impacts.machine, inputs)
         p, until = self.schedule(now)
-        if (p != rules.p).any():
-            rules = Impacts(rules.machine, dict(zip(rules.values, p.tolist(), strict=True)))
-        return rules, until
+        if (p != impacts.p).any():
+            impacts = Impacts(impacts.machine, dict(zip(impacts.values, p.tolist(), strict=True)))
+        return impacts, until
 
     def lifted(self, impacts: Impacts, now: float, x: np.ndarray, way: Exit) -> tuple[np.ndarray, int] | None:
         """The flight state (n,) after a lift-off in a flight state (n,), with the injection, and the order of the zero
@@ -79,16 +74,3 @@ class Course:
         # New inputs may pull immediately.
         pulls = self.driven and impacts.pressing(after[None])[0] < -TOUCHING * (1 + np.abs(after).max())
         return after, 2 if pulls else LIFTOFF_ORDER
-
-    def undecided(self, rules: Rules, cap: int) -> bool:
-        """Whether rounding decides how the hop ends that has just landed, by the test of the map for its launch."""
-        impacts = rules.first()
-        if impacts.restitution < ROUNDING.many_bounces or self.launch is None:
-            return False
-        if not impacts.model.one_speed:
-            if self.driven or rules is not impacts:
-                return False  # such hops have no map
-            return bool(hops_of_states(impacts, self.launch[None], cap).status[0] == "undecided")
-        alpha = np.array([self.speed])
-        launched = alpha[0] > 0 and np.array_equal(impacts.launch(alpha)[0], self.launch)
-        return bool(launched and hops_of_speeds(rules, alpha, cap).status[0] == "undecided")

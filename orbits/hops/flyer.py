@@ -8,7 +8,7 @@ becomes of small changes along these.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,16 +17,13 @@ from ..flow.first_events import first_events
 from ..flow.taylor import Watch
 from ..flow.trajectory import Trajectory
 from .arcs import Arcs, Flown, Phase, Rules
+from .course import Course
 from .feet import LIFTS_OFF, REVERSES, STEPS_BACK, Exit
 from .footing import FALLS, SLIPS, FallTest
 from .hand_over import Landed, landed
 from .hysteresis import SLIPPED, Branches, first_reversal
-from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, STATUS, STATUSES, TURNS, Impacts, status_of_failure
+from .impacts import CAP, LIFTOFF_ORDER, STATUS, STATUSES, TOUCHING, TURNS, status_of_failure
 
-if TYPE_CHECKING:
-    from .course import Course
-
-TOUCHING = 1e-9  # a gap, gap speed or contact force below this, relative to the state, is zero: rounding is smaller
 CUT, DONE = "cut", "done"  # how an arc ends where other parameters come into force, or the time of a simulation is over
 
 
@@ -58,15 +55,17 @@ class Flyer:
     after_impact : called with states (m, n), which are constant in contact, and losses (m,)
     thorough : whether slip and the fall of any height end a motion too, which is then followed alone
     course : of a simulation of one motion; None for hops up to sustained contact, or through it
+    undecided : (course, rules, cap) -> whether rounding decides how the hop ends that has just landed
     """
 
     def __init__(
         self, rules: Rules, hops: Flown, cap: int = CAP, after_impact: Callable | None = None, *,
-        thorough: bool = False, course: "Course | None" = None,
+        thorough: bool = False, course: Course | None = None, undecided: Callable | None = None,
     ):  # fmt: skip
-        self.rules, self.hops, self.cap, self.after_impact = rules, hops, cap, after_impact
-        self.thorough, self.course, self.branches = thorough, course, rules if isinstance(rules, Branches) else None
-        self.time, self.until, self.endless = np.inf, np.inf, True
+        self.hops, self.cap, self.after_impact, self.thorough, self.course = hops, cap, after_impact, thorough, course
+        self.branches = rules if isinstance(rules, Branches) else None
+        self.impacts = rules.first()  # those in force, of a spring with hysteresis those of launches
+        self.undecided, self.time, self.until, self.endless = undecided, np.inf, np.inf, True
         if course:
             self.time, self.endless = course.time, course.endless
 
@@ -99,7 +98,7 @@ class Flyer:
         hops, branches = self.hops, self.branches
         if not branches:
             if len(lanes):
-                yield Phase(contact, self.rules, 1), lanes
+                yield Phase(contact, self.impacts, 1), lanes
             return
         states = Phase(contact, branches.of[1], 1).states(hops.states[lanes])
         side, hops.turning[lanes] = branches.branches(states, contact)
@@ -111,9 +110,9 @@ class Flyer:
 
     def _update(self, lanes: np.ndarray) -> None:
         """Use the rules that are in force now, in a simulation."""
-        if self.course:
+        if self.course and not self.branches:
             (now,), (x,) = self.hops.now[lanes].tolist(), self.hops.states[lanes]
-            self.rules, self.until = self.course.rules(now, x, self.rules)
+            self.impacts, self.until = self.course.rules(now, x, self.impacts)
 
     def _watch(self, phase: Phase) -> Watch:
         """What a phase is watched for."""
@@ -137,7 +136,7 @@ class Flyer:
     ) -> None:
         """Go on to the ends of arcs, flight states (k, n), and record them."""
         hops = self.hops
-        if hops.arcs is not None and len(lanes):
+        if hops.record and len(lanes):
             begun, starts = hops.now[lanes], hops.states[lanes]
             hops.arcs.append(Arcs(phase, lanes, begun, durations, starts, ends, kind, ends, phase.impacts))
         hops.now[lanes] += np.nan_to_num(durations)
@@ -147,7 +146,7 @@ class Flyer:
 
     def _mark(self, **event: Any) -> None:
         """Record the event at the ends of the latest arcs."""
-        if self.hops.arcs is not None:
+        if self.hops.record:
             vars(self.hops.arcs[-1]).update(event)
 
     def _finish(self, lanes: np.ndarray, reason: Any = "", status: str = "lost") -> None:
@@ -178,9 +177,9 @@ class Flyer:
         which, times, rows = found.which, found.times, found.rows[:, : impacts.flight.size]
         for k, error in found.failed.items():
             self._finish(lanes[[k]], error.args[0], status_of_failure(error, "flight"))
-        if not phase.side and not found.failed:
+        if self.branches and not phase.side and not found.failed:
             path, _ = impacts.flight.run(x[0], impacts.p, float(times[0] if which[0] >= 0 else limit[0]))
-            if not self._sticks(lanes, phase, path):
+            if not self._sticks(self.branches, lanes, phase, path):
                 return None
         lands = (which >= 0) & (which < len(impacts.feet))
         if not lands.all() or not self.endless:
@@ -206,7 +205,7 @@ class Flyer:
     def _fly_on(self, lane: np.ndarray, phase: Phase, x: np.ndarray, limit: np.ndarray) -> None:
         """What becomes of a flight in which nothing happens: it has no end, or the time or the parameters end it."""
         hops = self.hops
-        if hops.arcs is None:
+        if not hops.record:
             return self._finish(lane, status="carried_off")
         left, cut = hops.left[lane] - limit, self.until < min(self.time, *(hops.now[lane] + hops.left[lane]))
         over = not cut and self._is_over(lane, limit).any()
@@ -232,9 +231,9 @@ class Flyer:
         reason = f"its spring turned {self.cap} times in one {phase.flow.phase.name}"
         self._finish(lanes[self.hops.turns[lanes] > self.cap], reason)
 
-    def _sticks(self, lane: np.ndarray, phase: Phase, path: Trajectory) -> bool:
+    def _sticks(self, branches: Branches, lane: np.ndarray, phase: Phase, path: Trajectory) -> bool:
         """Whether a spring that sticks with a constant force keeps its extension on a path; else the motion is lost."""
-        states, branches = path.coefficients[:, : phase.flow.size, 0], self.branches
+        states = path.coefficients[:, : phase.flow.size, 0]
         branches.check_width(states, phase.contact)
         if np.abs(branches.rates[phase.contact](states)).max() <= SLIPPED * (1 + np.abs(states).max()):
             return True
@@ -245,34 +244,27 @@ class Flyer:
         """Land on the feet that touch."""
         hops, rows = self.hops, self.hops.states[lanes]
         self._update(lanes)
-        after = self._landed_on_branches(rows, touches) if self.branches else landed(self.rules, rows, touches)
-        if hops.arcs is not None:
+        branches = self.branches
+        after = _landed_on_branches(branches, rows, touches) if branches else landed(self.impacts, rows, touches)
+        if hops.record:
             kind, event = np.where(after.held, "landing", "impact"), {"landed": after, "foot": touches}
-            self._mark(kind=kind, after=after.state, impacts=self.rules.first(), **event)
+            self._mark(kind=kind, after=after.state, impacts=self.impacts, **event)
         hops.states[lanes], hops.status[lanes], hops.on_ground[lanes] = after.state, after.ended, after.held
         hops.impacts[lanes] += 1
         hops.loss[lanes] += after.loss
         hops.order[lanes], hops.foot[lanes], hops.left[lanes], hops.turns[lanes] = after.order, after.foot, np.nan, 0
         hops.status[lanes[~after.held & (after.ended == "") & (hops.impacts[lanes] >= self.cap)]] = "cap"
         if self.course:
-            self._land_on_course(lanes, rows[0], after)
+            self._land_on_course(self.course, lanes, rows[0], after)
 
-    def _landed_on_branches(self, rows: np.ndarray, touches: np.ndarray) -> Landed:
-        """The effect of landings by the rules of the branches that hold after them."""
-        sides = self.branches.landed(rows)
-        parts = {sign: np.flatnonzero(sides == sign) for sign in np.unique(sides).tolist()}
-        found = [landed(self.branches.of[sign], rows[own], touches[own]) for sign, own in parts.items()]
-        order = np.argsort(np.concatenate([*parts.values()]))
-        return Landed(*(np.concatenate(columns)[order] for columns in zip(*found, strict=True)))
-
-    def _land_on_course(self, lane: np.ndarray, x: np.ndarray, after: Landed) -> None:
+    def _land_on_course(self, course: Course, lane: np.ndarray, x: np.ndarray, after: Landed) -> None:
         """End a simulation at a landing in a flight state (n,) where the foot slips, or where rounding decides."""
-        rules, (ended,), (last,) = self.rules.first(), after.ended.tolist(), self.hops.arcs[-1].durations
+        (ended,), (last,) = after.ended.tolist(), self.hops.arcs[-1].durations
         if ended:
             self._finish(lane, STATUSES[ended], ended)
-        if rules.footing.slips_at_landing(x, float(last)):
-            self._arrive(lane, Phase(True, rules, 1), np.full(1, np.nan), after.state, SLIPS, SLIPS)
-        elif after.held[0] and self.course.undecided(self.rules, self.cap):
+        if self.impacts.footing.slips_at_landing(x, float(last)):
+            self._arrive(lane, Phase(True, self.impacts, 1), np.full(1, np.nan), after.state, SLIPS, SLIPS)
+        elif after.held[0] and self.undecided and self.undecided(course, self.branches or self.impacts, self.cap):
             self._finish(lane, status="undecided")
 
     def _contacts(self, lanes: np.ndarray, phase: Phase) -> None:
@@ -292,7 +284,7 @@ class Flyer:
             names = [*(each.outcome for each in impacts.exits), REVERSES if self.branches else FALLS, ""]
             outcome = np.where(np.isinf(times), impacts.most_turns[1], np.array(names, STATUS)[found.which])
         hops.contacts[lanes] = np.where(outcome == LIFTS_OFF, times, np.nan)
-        for k in np.flatnonzero((outcome == "") | (np.isinf(times) & (hops.arcs is not None))).tolist():
+        for k in np.flatnonzero((outcome == "") | (np.isinf(times) & hops.record)).tolist():
             times[k], outcome[k], rows[k] = self._contact_alone(lanes[[k]], phase, ys[k])
         hops.ends[lanes], ends = rows, rows @ impacts.model.embed.T
         if not self.endless:
@@ -303,7 +295,7 @@ class Flyer:
             self._lift_off(lanes[lifts], phase, back[lifts])
         self._reverse(lanes[turns], phase, times[turns], ends[turns])
         others = ~lifts & ~turns
-        if hops.arcs is None:
+        if not hops.record:
             hops.status[lanes[others]] = outcome[others]
             return
         for k in np.flatnonzero(others).tolist():
@@ -329,7 +321,7 @@ class Flyer:
 
     def _contact_alone(self, lane: np.ndarray, phase: Phase, y: np.ndarray) -> tuple[float, str, np.ndarray]:
         """How long a contact from a state (k,) lasts, how it ends, and in which state."""
-        reverses, left = None, np.inf if self.endless else float(self._left(lane)[0])
+        reverses, left = None, np.inf if self.endless else float(np.min(self._left(lane)))
         if self.branches:
             reverses = first_reversal(
                 self.branches.rates[True], int(self.hops.turning[lane[0]]) if phase.side else None
@@ -339,7 +331,7 @@ class Flyer:
             self.hops.reasons[int(lane[0])] = reason
         if path is None:
             return np.nan, str(outcome), y
-        if not phase.side and not self._sticks(lane, phase, path):
+        if self.branches and not phase.side and not self._sticks(self.branches, lane, phase, path):
             return np.nan, "lost", y
         return float(path.times[-1]), outcome or CUT, path.end[: len(y)]
 
@@ -347,7 +339,7 @@ class Flyer:
         """Stand on with other parameters, or lift off: the force may vanish by rounding, or because of them."""
         self.hops.now[lane] = self.until
         self._update(lane)
-        impacts, tolerance = self.rules, TOUCHING * (1 + np.abs(y).max())
+        impacts, tolerance = self.impacts, TOUCHING * (1 + np.abs(y).max())
         force, lifts_off = impacts.force_at_start(impacts.exits[0], y, impacts.p, tolerance)
         if lifts_off or force <= 0:
             self._lift_off(lane, Phase(True, impacts, 1), np.zeros(1, bool))
@@ -356,7 +348,7 @@ class Flyer:
         """Leave the ground, some with a step `back`, in other labels."""
         hops, impacts = self.hops, phase.impacts
         if self.course:
-            return self._lift_off_on_course(lanes, phase, impacts.exits[int(back[0])])
+            return self._lift_off_on_course(self.course, lanes, phase, impacts.exits[int(back[0])])
         status = np.full(len(lanes), LIFTS_OFF, STATUS)
         if back.any():  # a launch in other labels, where the same point opens
             way, own = impacts.exits[1], lanes[back]
@@ -369,11 +361,11 @@ class Flyer:
         self._mark(kind="lift-off", step=-back.astype(int))
         return None
 
-    def _lift_off_on_course(self, lane: np.ndarray, phase: Phase, way: Exit) -> None:
+    def _lift_off_on_course(self, course: Course, lane: np.ndarray, phase: Phase, way: Exit) -> None:
         """Lift off in a simulation, and go on to the next hop."""
-        hops, course = self.hops, self.course
+        hops = self.hops
         self._update(lane)
-        impacts = phase.impacts if self.branches else self.rules
+        impacts = phase.impacts if self.branches else self.impacts
         if (found := course.lifted(impacts, float(hops.now[lane[0]]), hops.states[lane[0]], way)) is None:
             return self._finish(lane, status="rests")
         hops.states[lane], hops.order[lane] = found
@@ -385,60 +377,10 @@ class Flyer:
         return None
 
 
-def hops_of_speeds(rules: Rules, alpha: np.ndarray, cap: int) -> Flown:
-    """Hops from launches with speeds (m,), up to sustained contact, of a spring with hysteresis through it."""
-    impacts, too_fast, followed = rules.first(), alpha > FASTEST_LAUNCH, np.minimum(alpha, FASTEST_LAUNCH)
-    nearly, many = np.minimum(alpha * (1 + ROUNDING.neighbour), FASTEST_LAUNCH), impacts.restitution
-    neighbours = impacts.launch(nearly) if many >= ROUNDING.many_bounces else None
-    available = 0.5 * impacts.launch_inertia * followed**2 if impacts.model.conservative else np.inf
-    return decided_hops(rules, impacts.launch(followed), cap, neighbours, available, too_fast)
-
-
-def hops_of_states(impacts: Impacts, states: np.ndarray, cap: int) -> Flown:
-    """Hops from flight states (m, n) at lift-off, of launches of several numbers, up to sustained contact."""
-    speeds = [name.endswith("'") for name in impacts.flight.phase.states]
-    many = impacts.restitution >= ROUNDING.many_bounces
-    return decided_hops(impacts, states, cap, states * np.where(speeds, 1 + ROUNDING.neighbour, 1.0) if many else None)
-
-
-def decided_hops(
-    rules: Rules, states: np.ndarray, cap: int, neighbours: np.ndarray | None = None,
-    available: np.ndarray | float = np.inf, too_fast: np.ndarray | None = None,
-) -> Flown:  # fmt: skip
-    """Hops from flight states (m, n) at lift-off up to sustained contact, of a spring with hysteresis through it.
-
-    neighbours : states (m, n) that differ by some roundings; None where bounces are few
-    available : losses (m,) of energy beyond which the machine rests in any case
-    too_fast : whether (m,) the launch is too fast to be followed, with the status "lost"
-
-    The status is "undecided" where the neighbour leads to another motion after many bounces. It is not "undecided"
-    where the remaining energy is too little for any launch.
-    """
-    m, branches = len(states), isinstance(rules, Branches)
-    hops = Flown.begun(rules, states if neighbours is None else np.concatenate([states, neighbours]))
-    if too_fast is not None and too_fast.any():
-        hops.status[np.resize(too_fast, len(hops.status))] = "lost"
-    parted, undecided = np.zeros((2, m), bool)
-
-    def compare(states: np.ndarray, loss: np.ndarray) -> None:
-        far = np.abs(states[:m] - states[m:]).max(1) > ROUNDING.parted * np.abs(states[:m]).max(1)
-        undecided[far & ~parted & ~(loss[:m] > available)] = True
-        parted[far] = True
-
-    Flyer(rules, hops, cap, None if neighbours is None or branches else compare).fly(contacts=branches)
-    if neighbours is None:
-        return hops
-    own, other = hops.of(slice(m)), hops.of(slice(m, None))
-    if branches:  # reversals part the events of neighbours, and their launches alone are compared
-        speeds = np.nan_to_num([own.speeds, other.speeds])
-        undecided = (own.status == LIFTS_OFF) & (np.abs(speeds[0] - speeds[1]) > ROUNDING.parted * speeds[0])
-        undecided |= own.status != other.status
-    undecided &= own.status != "cap"
-    own.status[undecided | (own.status != other.status)] = "undecided"
-    return own
-
-
-def stand(impacts: Impacts, hops: Flown) -> None:
-    """Follow the sustained contacts of hops with the status "lifts_off" to their ends."""
-    hops.status[(hops.status == LIFTS_OFF) & hops.on_ground] = ""
-    Flyer(impacts, hops).fly()
+def _landed_on_branches(branches: Branches, rows: np.ndarray, touches: np.ndarray) -> Landed:
+    """The effect of landings by the rules of the branches that hold after them."""
+    sides = branches.landed(rows)
+    parts = {sign: np.flatnonzero(sides == sign) for sign in np.unique(sides).tolist()}
+    found = [landed(branches.of[sign], rows[own], touches[own]) for sign, own in parts.items()]
+    order = np.argsort(np.concatenate([*parts.values()]))
+    return Landed(*(np.concatenate(columns)[order] for columns in zip(*found, strict=True)))

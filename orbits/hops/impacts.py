@@ -61,6 +61,7 @@ TURNS = 3  # after this many zeros of its speed a contact never ends, see `Conta
 TURNS_OF_SEVERAL = 100  # of the launched coordinate's speed, up to which a contact of several coordinates is followed
 # A contact whose rates are all below this is at rest. An overdamped contact reaches rest without turning.
 STILL_RATE = 1e-12
+TOUCHING = 1e-9  # a gap, gap speed or contact force below this, relative to the state, is zero: rounding is smaller
 GRAZING = 1e-12  # a contact force below this, relative to the state, vanishes
 SAME_LIFTOFF = 1e-12  # extensions at lift-off that differ by a smaller share are rounding
 
@@ -307,12 +308,12 @@ class Impacts:
             return None, SLIPS, ""
         speed = self.model.contact_speed if endless and (self.model.one_speed or not reverses) else None
         end = ContactStop(self, speed, self.grazes(y[None])[:, 0])
-        first = FirstOf(end, reverses) if reverses else end
+        first = FirstOf(end, *([reverses] if reverses else ()))
         try:
             path, _ = self.contact.run(y, self.p, limit, stop=first)
         except FlowError as error:
             return None, status_of_failure(error, "contact"), error.args[0]
-        if reverses and first.which == 1:
+        if first.which == 1:
             return path, REVERSES, ""
         if end.outcome or not endless:
             return path, end.outcome, ""

@@ -22,7 +22,7 @@ from .arcs import Arcs, Flown, Rules
 from .feet import LIFTS_OFF, REVERSES, STEPS_BACK, Foot
 from .flyer import Flyer
 from .footing import FALLS, SLIPS
-from .hand_over import share_left, standing
+from .hand_over import Landed, share_left, standing
 from .hysteresis import Branches
 from .impacts import CAP, FASTEST_LAUNCH, STATUSES, ContactStop, Impacts, impacts_of, no_launch
 
@@ -118,13 +118,14 @@ def hop_derivative(rules: Rules, x: np.ndarray, change: np.ndarray) -> HopDeriva
     if launch_speed < SLOWEST_LAUNCH_VARIED:
         text = "the launch has no speed above {low:g}: a slower one cannot be varied"
         raise NoOrbit(Message(text, low=Quantity(SLOWEST_LAUNCH_VARIED, SPEED)))
-    hops, passed, first = Flown.begun(rules, x[None], record=True), 0, None
+    hops, passed = Flown.begun(rules, x[None], record=True), 0
+    first: tuple[np.ndarray, float, np.ndarray, Foot] | None = None
     for contact in (False, True):
         hops.status[hops.status == LIFTS_OFF] = ""
         Flyer(rules, hops, thorough=True).fly(contact)
         for arc in hops.arcs[passed:]:
             change, start = _along(arc, change), change
-            if arc.kind == REVERSES:
+            if arc.kind == REVERSES and isinstance(rules, Branches):
                 change = _at_reversal(arc, rules.rates[contact], change)
             elif arc.landed is not None:
                 impacts, end = arc.phase.impacts, arc.ends[0]
@@ -137,16 +138,16 @@ def hop_derivative(rules: Rules, x: np.ndarray, change: np.ndarray) -> HopDeriva
                         end, change = through_contact(impacts, *stood, grazes=True)
                     return HopDerivative(end, change, True, *landing, impacts)
                 first = first or landing
-                change = _through_impact(arc, _at_landing(impacts, foot, end, change))
+                change = _through_impact(arc, arc.landed, _at_landing(impacts, foot, end, change))
         passed = len(hops.arcs)
-        if hops.status[0] != LIFTS_OFF:
+        if hops.status[0] != LIFTS_OFF or first is None:
             raise NoOrbit(_reason(hops, rules.first()))
         change = change if contact else impacts.onto_contact @ change
+    assert first is not None
     impacts = hops.arcs[-1].phase.impacts
     if hops.arcs[-1].step:
-        change = impacts.onto_contact @ (
-            np.array(impacts.model.relabelling.signs)[:, None] * (impacts.model.embed @ change)
-        )
+        signs = np.array(impacts.model.relabelling.signs)[:, None]
+        change = impacts.onto_contact @ (signs * (impacts.model.embed @ change))
     return HopDerivative(hops.ends[0], _at_liftoff(impacts, hops.ends[0], change), False, *first, impacts)
 
 
@@ -183,16 +184,16 @@ def _at_landing(impacts: Impacts, foot: Foot, x: np.ndarray, change: np.ndarray)
     return change - np.outer(rates, weights @ change) / float(foot.speed @ x)
 
 
-def _through_impact(arc: Arcs, change: np.ndarray) -> np.ndarray:
+def _through_impact(arc: Arcs, landed: Landed, change: np.ndarray) -> np.ndarray:
     """The change (n, c) of the state after a landing, from that of the state in which the gap is closed."""
-    impacts, x, held, left = arc.phase.impacts, arc.ends[0], bool(arc.landed.held[0]), float(arc.landed.left[0])
+    impacts, x, held, left = arc.phase.impacts, arc.ends[0], bool(landed.held[0]), float(landed.left[0])
     if labels := impacts.feet[int(arc.foot[0])].labels:
         x, change = labels(x, impacts.values), np.array(labels.signs)[:, None] * change
     moved = np.stack([impacts.change_after(x, each, 1.0 - left).full().ravel() for each in change.T], axis=1)
     if left > 0:  # a hand-over, whose share may depend on where it happens
         slope = impacts.share_slope(x).full().ravel() @ change
         moved += float(impacts.gap_speed @ x) * np.outer(impacts.direction(x[None])[0], slope)
-    if arc.landed.foot[0] and not held:  # a step back
+    if landed.foot[0] and not held:  # a step back
         moved = np.array(impacts.model.relabelling.signs)[:, None] * moved
     return moved
 

@@ -1,7 +1,7 @@
 """The simulation that recorded arcs are: its legs, integrated once more between their known ends, and its events."""
 
 from collections.abc import Sequence
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
 import numpy as np
 
@@ -27,7 +27,7 @@ def recorded(machine: Machine, rules: Rules, hops: Flown, launch: float | None, 
     foothold : the place along the ground where what sticks begins
     """
     legs, events = list[Leg](), list[_Event]()
-    speeds, stance, arcs = [] if launch is None else [launch], 0, hops.arcs or []
+    speeds, stance, arcs = [] if launch is None else [launch], 0, hops.arcs
     status, reason, last = str(hops.status[0]), hops.reasons.get(0, ""), float(hops.now[0])
     for arc, path in zip(arcs, paths_of(arcs, rules), strict=True):
         impacts, now, before, after = arc.impacts, float(arc.begun[0]), arc.ends[0], arc.after[0]
@@ -43,15 +43,16 @@ def recorded(machine: Machine, rules: Rules, hops: Flown, launch: float | None, 
                 for when, how in unheld(impacts.model, path, arc.phase.impacts.values):
                     state = path(when)[: impacts.flight.size]
                     events.append((impacts, how, now + when, state, state, 0.0, "standing foot"))
-        end, name, loss = now + np.nan_to_num(float(arc.durations[0])), "", 0.0
+        end, name, loss = now + np.nan_to_num(float(arc.durations[0])), "", cast("float | None", 0.0)
         if arc.landed is not None:
             name, step = impacts.feet[int(arc.foot[0])].name, int(arc.landed.step[0])
-            end, loss = end + float(arc.landed.wait[0]), float(arc.landed.loss[0])
+            end, lost = end + float(arc.landed.wait[0]), float(arc.landed.loss[0])
             foothold, stance = foothold + sum(before[impacts.footing.sticks].tolist()), stance + step
             if step and impacts.descends:  # on a slope the next foot stands lower
                 label = impacts.model.relabelling
                 other = (label.inverse if step > 0 else label)(after, impacts.values)
-                loss += float(-np.diff(impacts.energies(np.array([other, after])))[0])
+                lost += float(-np.diff(impacts.energies(np.array([other, after])))[0])
+            loss = lost
         elif kind == "lift-off":
             name, loss, stance = impacts.feet[arc.foot].name, None, stance + arc.step
             speeds.append(arc.speed)

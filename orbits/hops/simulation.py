@@ -24,10 +24,11 @@ from ..running.exclusive import exclusive
 from ..units import LENGTH, LIFTOFF_SPEED, TIME, Message, Quantity, described, in_own_units
 from .arcs import Flown
 from .course import Course
-from .flyer import TOUCHING, Flyer
+from .decided_hops import undecided
+from .flyer import Flyer
 from .hand_over import standing
 from .hysteresis import Branches
-from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, Impacts, impacts_of, injected, no_launch
+from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, TOUCHING, Impacts, impacts_of, injected, no_launch
 from .launch_section import LaunchSection
 from .recorded import recorded
 from .schedule import Decisions, Feedback, Inputs, Schedule, check_scheduled, parsed_schedule
@@ -147,7 +148,7 @@ def _simulated(
     motion = Flown.begun(rules, x[None], record=True)
     motion.status[:], motion.order[:], motion.foot[:], motion.on_ground[:] = "", order or 0, foot, order is None
     with interrupts.deferred():
-        Flyer(rules, motion, cap, thorough=True, course=course).fly()
+        Flyer(rules, motion, cap, thorough=True, course=course, undecided=undecided).fly()
         found = recorded(machine, rules, motion, launch_speed, foothold)
     return replace(found, schedule=decisions.applied(found.end) if decisions else inputs)
 

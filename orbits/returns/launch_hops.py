@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..hops.flyer import hops_of_states, stand
+from ..hops.decided_hops import hops_of_states, stand
 from ..hops.impacts import FASTEST_LAUNCH, STATUS
 from ..hops.launch_section import LaunchSection
 from ..io import Document

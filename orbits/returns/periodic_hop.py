@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, NoOrbit
-from ..hops.flyer import hops_of_states
+from ..hops.decided_hops import hops_of_states
 from ..hops.launch_section import LaunchSection
 from ..hops.multipliers import EnergyLoss, HopsDerivative, derivative_of_hops
 from ..hops.simulation import simulate

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from ..consistency.accepted import check_machine
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
-from ..hops.flyer import hops_of_speeds, stand
+from ..hops.decided_hops import hops_of_speeds, stand
 from ..hops.hysteresis import Branches
 from ..hops.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, impacts_of, injected
 from ..hops.launch_section import LaunchSection

@@ -8,7 +8,8 @@ from many_at_once import MACHINES
 from orbits import ReturnMap, simulate
 from orbits.flow.first_events import first_events
 from orbits.hops.arcs import Flown
-from orbits.hops.flyer import Rounding, stand
+from orbits.hops.decided_hops import stand
+from orbits.hops.flyer import Rounding
 from orbits.hops.impacts import ImpactOptions, Impacts
 from problems import HeavyHand, Hopper, Juggler
 
