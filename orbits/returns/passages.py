@@ -95,6 +95,6 @@ class Passages:
         return intervals
 
     def _end_of_basin(self, star: float, end: float) -> float:
-        """The launch speed from which on the map falls below the lossless one, `star`; `end` if not before."""
+        """The launch speed, at most `end`, from which on the map falls below the lossless one, `star`."""
         ends = (min(b, end) for a, b in self.preimages([(star, np.inf)]) if a <= star * (1 + LEAST_PART) < b)
-        return next(ends, end)
+        return next(ends, star)
