@@ -139,7 +139,7 @@ class Flyer:
         if hops.record and len(lanes):
             begun, starts = hops.now[lanes], hops.states[lanes]
             hops.arcs.append(Arcs(phase, lanes, begun, durations, starts, ends, kind, ends, phase.impacts))
-        hops.now[lanes] += np.nan_to_num(durations)
+            hops.now[lanes] = begun + np.where(np.isnan(durations), 0.0, durations)
         hops.states[lanes] = ends
         if status:
             hops.status[lanes] = status
