@@ -72,10 +72,10 @@ class Flown:
     reasons : by motion, why it could not be followed, in words
 
     While they are flown, the motions are in `states` (m, n), on the ground or not, at the times `now` (m,) where arcs
-    are recorded. After the time `left` (m,) a flight counts as endless; it is NaN before its start. At the start of an
-    arc the gap of a `foot` (m,) has a zero of an `order` (m,). The rate of a spring with hysteresis has one of the order
-    `turning` (m,), it has turned `turns` (m,) times in the phase, and `speeds` (m,) are those of the next launches, NaN
-    where there are none.
+    are recorded. After the time `left` (m,) a flight counts as endless; it is NaN before its start. At the start of
+    an arc the gap of a `foot` (m,) has a zero of an `order` (m,). The rate of a spring with hysteresis has one of the
+    order `turning` (m,), it has turned `turns` (m,) times in the phase, and `speeds` (m,) are those of the next
+    launches, NaN where there are none.
     """
 
     starts: np.ndarray
