@@ -41,7 +41,7 @@ class FlownCurve(Problem):
     """
 
     # Each point takes many flights: those at the ends of steps suffice.
-    steps = replace(STEPS_OF_HOPS, apart=np.inf, longest=0.05, shortest=1e-6, rejections=16)
+    steps = replace(STEPS_OF_HOPS, apart=np.inf, longest=0.05, shortest=1e-6, rejections=16, rough=0.0, last=1e-12)
 
     def __init__(self, maps: MapsAlong, between: tuple[float, float], period: int):
         self.maps, self.between, self.period, self.along = maps, between, period, maps.name

@@ -93,7 +93,7 @@ def _touches(curve: HopCurve, point: Points, slack: Slack) -> Start:
     place, time = curve.time(slack.hop, slack.impact), curve.lowest(point, slack)
     x = np.insert(point.xs[0], place, time)
     x[place + 1] -= time
-    onward = np.insert(point.tangents[0], place, 0.0)
+    onward = np.eye(1, len(x), place)[0]  # at a graze the curve is tangent to the times of the flights
     found = other.solved_at_border(x, Slack(SPEED, slack.hop, slack.impact), onward)
     return Start.at(other, found, _grazes(other, found, point, is_before=True))
 

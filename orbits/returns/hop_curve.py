@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..curves import ASKS, CHANGES, Barrier, Border, End, Event, Points, Problem, Start, Steps, Test, solved_at
+from ..curves import ASKS, CHANGES, Barrier, Border, End, Event, Points, Problem, Start, Steps, Test, correct, solved_at
 from ..errors import NoOrbit
 from .hop_problem import HopProblem, HopValues
 from .hop_statement import FORCE, Slack, Word
@@ -37,6 +37,7 @@ class Tolerances:
     lossless, force : a first landing of a lossless hop is slower, with a smaller force after it
     ahead : a step for differences, in the units of the unknowns
     together : derivatives are differences of at most this number of components together
+    steps : of Newton's method to a border, at least
     at_fold : share of the parameter in the tangent at a fold, which is larger at a branch point
     at_bifurcation : multipliers farther from their value at a bifurcation jump there
     """
@@ -48,6 +49,7 @@ class Tolerances:
     force: float = 1e-2
     ahead: float = 1e-7
     together: int = 100
+    steps: int = 4
     at_fold: float = 1e-5
     at_bifurcation: float = 1e-4
 
@@ -217,9 +219,11 @@ class HopCurve(HopProblem):
             rows = evaluation.steps[:, k]
             return rows, (rows * xs).sum(1) - evaluation.slacks[:, k]
 
-        border = Border(np.zeros((1, len(x))), np.zeros(1), bends)
-        points = solved_at(self, np.zeros(1, int), x[None], border, onward[None], self.steps)
-        if not len(points):
+        border, zero = Border(np.zeros((1, len(x))), np.zeros(1), bends), np.zeros(1, int)
+        # The first steps need not shrink: a border is guessed from places between samples.
+        _, points = correct(self, zero, x[None], border, onward[None], self.steps, least=TOLERANCES.steps)
+        points, errors = self.certify(points.having(lengths=np.zeros(len(points)))) if len(points) else (points, {})
+        if not len(points) or errors:
             raise NoOrbit(f"no border is found near {self.along} = {x[-1]:g}")
         slope = points.evaluation.steps[points.places[0], k] @ points.tangents[0]
         return points if slope > 0 else turned(points)

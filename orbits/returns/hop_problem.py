@@ -26,15 +26,16 @@ from .hop_statement import (
     HopEquations,
     Slack,
     Word,
-    force_in_contact,
+    forces_in_contact,
     slacks_of,
 )
 from .hops_along import INJECT, HopsAlong
 
 Array = np.ndarray
+ROUNDED_GAP = 1e-14  # gaps are rounded by less, which counts in short flights
 AHEAD = 1e-5  # a step along a tangent for differences
 # The shares of the time of an arc at which gap and force are sampled, more densely towards its ends.
-SHARES_OF_ARC = 0.5 - 0.5 * np.cos(np.pi * (np.arange(48) + 0.5) / 48)
+SHARES_OF_ARC = 0.5 - 0.5 * np.cos(np.pi * (np.arange(128) + 0.5) / 128)
 
 
 class HopValues(NamedTuple):
@@ -196,17 +197,18 @@ class HopProblem(Problem):
         """The least gaps in flights and forces in contacts (m, k) at points, as the slacks behind the exact ones."""
         m, model = len(points), self.hops.model
         sampled = np.empty((m, len(self.slacks) - self.exact))
-        ps = dict(zip(self.hops.names, self.parameters(points.xs).T, strict=True))
+        ps, force = self.parameters(points.xs), forces_in_contact(model, self.hops.names)
         for group in self.groups:
             count = len(group.hops)
             which = (points.places[:, None] * count + np.arange(count)).ravel()
-            many = {name: np.repeat(values, count * len(SHARES_OF_ARC)) for name, values in ps.items()}
+            many = np.repeat(ps, count * len(SHARES_OF_ARC), axis=0)
+            named = dict(zip(self.hops.names, many.T, strict=True))
             for i, motions in enumerate(points.evaluation.hops[group.impacts].trajectories):
                 flies = i < group.impacts
                 phase = model.flight if flies else model.contact
-                x = [*rows_within(motions[which], SHARES_OF_ARC, len(phase.states)).T]
-                values = model.gap(many).at(x) if flies else force_in_contact(model, x, many)
-                least = self._divided(np.reshape(values, (m, count, -1)), i if flies else None).min(2)
+                x = rows_within(motions[which], SHARES_OF_ARC, len(phase.states))
+                values = model.gap(named).at([*x.T]) if flies else force(x, many)[0]
+                least = _least(self._divided(np.reshape(values, (m, count, -1)), i if flies else None))
                 slacks = [Slack(GAP, hop, i) if flies else Slack(CONTACT, hop) for hop in group.hops.tolist()]
                 sampled[:, [self.slacks.index(each) - self.exact for each in slacks]] = least
         return sampled
@@ -216,7 +218,7 @@ class HopProblem(Problem):
         """The gaps in a flight, or the forces in contact for None, at the shares (..., k) of an arc, divided by their
         zeros at its ends."""
         order = 0 if flight is None else ORDER_OF_IMPACT if flight else LIFTOFF_ORDER
-        return values / (SHARES_OF_ARC**order * (1.0 - SHARES_OF_ARC))
+        return (values + ROUNDED_GAP) / (SHARES_OF_ARC**order * (1.0 - SHARES_OF_ARC))
 
     def _motions(self, xs: Array, slack: Slack, flight: int) -> Any:
         """The motions of a flight of the hop of a slack at X (1, n + 1)."""
@@ -248,6 +250,18 @@ class HopProblem(Problem):
             columns = self.sampled(point.having(xs=xs, evaluation=found, places=np.zeros(1, int)))
             values.append(float(columns[0, self.slacks.index(slack) - self.exact]))
         return values[1] > values[0]
+
+
+def _least(values: Array) -> Array:
+    """The least values (...) of functions with these values (..., k) at the shares of an arc, by the parabolas through
+    three of them, which are exact beside a lossless hop."""
+    widths, middle = np.diff(SHARES_OF_ARC), values[..., 1:-1]
+    slopes = np.diff(values) / widths
+    bend = np.diff(slopes) / (widths[1:] + widths[:-1])
+    slope = slopes[..., :-1] + bend * widths[:-1]
+    inside = (middle <= values[..., :-2]) & (middle <= values[..., 2:]) & (bend > 0)
+    deeper = middle - np.where(inside, slope**2, 0.0) / np.where(inside, 4 * bend, 1.0)
+    return np.minimum(values.min(-1), deeper.min(-1))
 
 
 def rows_within(motions: Trajectories, shares: Array, count: int) -> Array:

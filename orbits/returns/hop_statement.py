@@ -13,6 +13,7 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 
 from ..hops.impacts import LIFTOFF_ORDER
@@ -22,6 +23,7 @@ from ..model.phase import Arc, Phase, Statement, weighted_sum
 from ..numerics.roots import solve
 from ..periodic.fold_statement import fold_statement
 from ..shooting.single_shooting import Shooting, shooting_equations
+from ..symbolic.kernels import ElementwiseFunction
 
 Array = np.ndarray
 Word = tuple[int, ...]
@@ -69,6 +71,14 @@ def pressing(model: Model, x: Scalars, p: Parameters) -> Algebraic:
 def gap_speed(model: Model, x: Scalars, p: Parameters) -> Algebraic:
     """The speed of the gap in the flight state x."""
     return model.speeds_of_landing(x, p)[0]
+
+
+@lru_cache(maxsize=64)
+def forces_in_contact(model: Model, names: tuple[str, ...]) -> ElementwiseFunction:
+    """(contact states, parameters of these names) -> the contact forces, at several states."""
+    x, p = ca.SX.sym("x", len(model.contact.states)), ca.SX.sym("p", len(names))
+    force = force_in_contact(model, ca.vertsplit(x), dict(zip(names, ca.vertsplit(p), strict=True)))
+    return ElementwiseFunction(ca.Function("force", [x, p], [ca.densify(ca.SX(force))]))
 
 
 class HopEquations(NamedTuple):
