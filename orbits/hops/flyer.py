@@ -278,7 +278,7 @@ class Flyer:
         else:
             if self.endless and (self.branches or not impacts.contact.phase.closed_form):
                 limit = impacts.options.batch_contact * (1 + np.abs(ys).max(1))
-            orders = self._orders(lanes, watch, impacts.grazes(ys).T)
+            orders = self._orders(lanes, watch, impacts.grazes(ys).T | (hops.order[lanes, None] == 1))
             found = first_events(impacts.contact, ys, impacts.p, watch, limit, orders)
             times, rows = found.times, found.rows[:, : impacts.contact.size]
             names = [*(each.outcome for each in impacts.exits), REVERSES if self.branches else FALLS, ""]
@@ -337,7 +337,7 @@ class Flyer:
 
     def _stand_on(self, lane: np.ndarray, y: np.ndarray) -> None:
         """Stand on with other parameters, or lift off: the force may vanish by rounding, or because of them."""
-        self.hops.now[lane] = self.until
+        self.hops.now[lane], self.hops.order[lane] = self.until, 0
         self._update(lane)
         impacts, tolerance = self.impacts, TOUCHING * (1 + np.abs(y).max())
         force, lifts_off = impacts.force_at_start(impacts.exits[0], y, impacts.p, tolerance)

@@ -26,7 +26,8 @@ class Landed(NamedTuple):
     held : whether (m,) contact follows, immediately or after infinitely many bounces or hand-overs
     state : states (m, n) after them; that which a contact begins with, or those that leave at once
     loss, wait : energies (m,) lost and times (m,) of infinitely many bounces or hand-overs
-    order, foot : numbers (m,) of the feet that leave at once, with the orders (m,) of the zeros of their gaps
+    order, foot : numbers (m,) of the feet that leave at once, with the orders (m,) of the zeros of their gaps; of
+        contact, the order of the zero of its force
     step : numbers (m,) of relabellings, those back below 0
     ended : (m,) "", or the status with which the motion ends
     left : shares (m,) of the speed of the gap, in the labels in which the machine stands, that are left
@@ -48,8 +49,8 @@ def landed(impacts: Any, x: np.ndarray, foot: np.ndarray) -> Landed:
     z, step = standing(impacts, x, foot)
     if impacts.model.changes_contact:
         return _hand_overs(impacts, z, step)
-    held, after, loss, wait = impacts.landing(z)
-    order, none = np.full(len(x), impacts.bounce_order), np.zeros(len(x), int)
+    held, after, loss, wait, rises = impacts.landing(z)
+    order, none = np.where(held, rises, impacts.bounce_order), np.zeros(len(x), int)
     left = np.where(held, 0.0, -impacts.restitution)
     return Landed(held, after, loss, wait, order, none, step, np.full(len(x), ""), left)
 
@@ -91,7 +92,7 @@ def _hand_overs(impacts: Any, z: np.ndarray, step: np.ndarray) -> Landed:
         way = impacts.exits[1]
         state = np.where(leaves_back[:, None], way.opened(state, impacts.values), state)
         foot, step = np.where(leaves_back, way.foot, foot), step - leaves_back
-    order = np.where(rho > 0, 1, 2)
+    order = np.where(held, 0, np.where(rho > 0, 1, 2))
     return Landed(held, state, loss, np.where(held & (rho > 0), wait, 0.0), order, foot, step, ended, left)
 
 

@@ -77,6 +77,7 @@ class ImpactOptions:
     # Bounces are summed as a geometric series once the pressing acceleration changes by less than this share while they
     # last. Their effect on the rest of the motion is of third order in that time.
     summed_change: float = 1e-8
+    no_force: float = 2e-15  # a contact force below this, relative to the state, may vanish
     slowest_bounce: float = 1e-15  # a slower one, relative to the state, is rounding and without a force never ends
     # A contact that ends within this relative distance of a launch state is taken to end there, so that lossless hops
     # stay lossless to the last bit. Two lift-offs that close would be one fold of the spring's force.
@@ -193,15 +194,20 @@ class Impacts:
         """The number of turns of its speed after which a contact never ends, and the status then."""
         return (TURNS, "rests") if self.model.one_speed else (TURNS_OF_SEVERAL, "stays")
 
-    def landing(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def landing(self, x: np.ndarray) -> tuple[np.ndarray, ...]:
         """The effect of impacts at flight states (m, n) with closed gap: whether (m,) sustained contact follows,
         immediately or after infinitely many bounces; the states (m, n) after the impact, which move away where it
-        bounces; the loss of energy (m,); and the time (m,) that infinitely many bounces take."""
+        bounces; the loss of energy (m,); the time (m,) that infinitely many bounces take; and whether (m,) the contact
+        force rises from 0."""
         e, m = self.restitution, len(x)
         own = np.array([[*self.gap_speed, e]]), self.flight.data(x, self.p), self._contact_data(x)
         stuck, direction, found, *bounces = landing_function(self.model, tuple(self.values), e > 0)(x, *own)
         speed, pressing, mass, loss = found.T
         held, wait = pressing >= 0, np.zeros(m)
+        # A force that vanishes by rounding presses if it rises, as the gap does not open then.
+        if (rises := ~held & (pressing >= -self.options.no_force * (1 + np.abs(x).max(1)))).any():
+            rises[rises] = self.gap_rates(stuck[rises])[0] < 0
+            held |= rises
         if e > 0:
             closing, jerk, snap = bounces[0].T
             # All bounces to come are summed where the acceleration that closes the gap hardly changes while they last.
@@ -212,8 +218,9 @@ class Impacts:
             held &= summed | (np.abs(speed) <= self.options.slowest_bounce * np.abs(x).max(1))
             wait = np.where(held & summed, wait, 0.0)
             left = np.where(held, 0.0, e)
-            return held, stuck - (left * speed)[:, None] * direction, loss - 0.5 * mass * (left * speed) ** 2, wait
-        return held, stuck, loss, wait
+            after, loss = stuck - (left * speed)[:, None] * direction, loss - 0.5 * mass * (left * speed) ** 2
+            return held, after, loss, wait, held & rises
+        return held, stuck, loss, wait, rises
 
     def _contact_data(self, x: np.ndarray) -> np.ndarray:
         """The data of the contact at flight states (m, n); impacts change no place, and so no piece."""

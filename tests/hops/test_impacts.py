@@ -53,7 +53,7 @@ def test_the_gap_is_open_while_no_landing_is_searched(mass_ratio, restitution):
             assert not end or impacts.gap(form.state(start, np.linspace(0.0, end, 2001)[20:-1]).T).min() > 0
         limit = impacts.longest_flight(states)
         rows = first_events(impacts.flight, states, impacts.p, impacts.flight_watch, limit, order).rows
-        held, after, _, _ = impacts.landing(rows)
+        held, after, *_ = impacts.landing(rows)
         states, order = after[~held], impacts.bounce_order
         if not len(states):
             break
@@ -121,3 +121,13 @@ def test_impacts_that_repeat_themselves(monkeypatch):
     all_impacts = ReturnMap(HeavyHand(), cap=1000)(speeds)
     assert found.status.tolist() == all_impacts.status.tolist()
     assert (found.impacts == np.where(found.status == "cap", 10_000, all_impacts.impacts)).all()
+
+
+@pytest.mark.parametrize(("mass_ratio", "alpha"), [(0.05, 2 * np.pi), (1e-3, 4 * np.pi)])
+def test_a_force_that_vanishes_by_rounding_at_a_landing(mass_ratio, alpha):
+    """The launch lies on a border of the map, which is continuous there."""
+    step = ReturnMap(Hopper(mass_ratio=mass_ratio))
+    below, here, above = step(alpha * np.array([1 - 1e-9, 1.0, 1 + 1e-9])).next
+    assert [here, here] == pytest.approx([below, above], rel=1e-8)
+    run = simulate(Hopper(mass_ratio=mass_ratio), alpha, hops=1)
+    assert run.launches[1] == pytest.approx(here, rel=1e-12)
