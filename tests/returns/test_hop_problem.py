@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from conftest import slow_after
 
 from orbits import Bifurcation
 from orbits.returns.followed_events import _event_curve
@@ -14,10 +15,10 @@ LOSSLESS = Bifurcation("border collision", 0.115057432704, (4.60846689061, 4.493
 
 @pytest.mark.parametrize(
     ("machine", "along", "event", "inject"),
-    [
+    slow_after(1, [
         (Hopper(), "inject", FLIP_OF_TWO, 0.0), (Hopper(damping=0.001), "damping", FOLD, 0.1),
         (Hopper(), "inject", LOSSLESS, 0.0),
-    ],
+    ]),
 )  # fmt: skip
 def test_the_equations_of_bifurcations_and_their_derivatives(machine, along, event, inject):
     _, curve, x, _ = _event_curve(machine, along, event, "mass_ratio", inject)
