@@ -1,21 +1,27 @@
 """Motions in lanes while they are flown, and the record of their arcs of flight and contact, each up to an event."""
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from ..errors import FlowError
 from ..flow.flow import Flow
+from ..flow.trajectory import Trajectory
+from ..flow.vector_field import TAYLOR_ORDER
 from .hand_over import Landed
 from .hysteresis import Branches
 from .impacts import LIFTOFF_ORDER, STATUS, Impacts
 
+BRIEF = 1e-12  # in such a time the terms of second order are below rounding
 Rules: TypeAlias = Impacts | Branches  # of the impacts and contacts of a machine
 
 
 class Phase(NamedTuple):
-    """A phase of motions: flight or contact, by these rules, on this branch of a spring with hysteresis."""
+    """A phase of motions: flight or contact, by these rules, on this branch of a spring with hysteresis: 1 while it
+    grows, -1 while it shrinks, 0 where it sticks; 1 without such a spring."""
 
     contact: bool
     impacts: Impacts
@@ -38,7 +44,7 @@ class Arcs:
     begun, durations : (k,), when they begin and how long they last, NaN for an event without an arc before it
     starts, ends, after : flight states (k, n), those after the events
     kind : "landing", "impact", "lift-off", "reversal", "slips" or "falls", of each (k,) or of all; "" without an event
-    impacts : the rules of the events, which may be others than those of the phase
+    impacts : the rules at the events, where other parameters may come into force
     landed : what landings lead to
     foot, step : (k,) or of all, the numbers of the feet that touch or open, and of steps forward
     speed : of the launch; NaN where there is none
@@ -115,3 +121,47 @@ class Flown:
     def flights(self) -> list[Arcs]:
         """The arcs in flight."""
         return [arc for arc in self.arcs if not arc.phase.contact]
+
+
+def integrated(arcs: Sequence[Arcs], sensitive: bool = False) -> list[tuple[Trajectory, np.ndarray] | FlowError | None]:
+    """The arcs of one motion, integrated between their known ends: their paths and, where these are `sensitive`, the
+    derivatives (k, k) of their ends by their starts; or why that cannot be done; None for those without a duration."""
+    found = list[tuple[Trajectory, np.ndarray] | FlowError | None]([None] * len(arcs))
+    phases = dict[tuple[int, bool], list[int]]()
+    for i, arc in enumerate(arcs):
+        if arc.durations[0] < BRIEF:
+            found[i] = _briefly(arc, sensitive)
+        elif np.isfinite(arc.durations[0]):
+            phases.setdefault((id(arc.phase.impacts), arc.phase.contact), []).append(i)
+    for places in phases.values():
+        phase = arcs[places[0]].phase
+        starts = phase.states(np.concatenate([arcs[i].starts for i in places]))
+        durations = np.concatenate([arcs[i].durations for i in places])
+        for i, each in zip(places, _together(phase, starts, durations, sensitive), strict=True):
+            found[i] = each
+    return found
+
+
+def _together(phase: Phase, starts: np.ndarray, durations: np.ndarray, sensitive: bool):
+    """Motions of a phase from states (m, k) for times (m,), as `integrated` has them."""
+    flow, p, found = phase.flow, phase.impacts.p, list[tuple[Trajectory, np.ndarray] | FlowError]()
+    seeds, fixed = np.eye(flow.size)[:, : flow.size * sensitive], np.zeros((len(p), flow.size * sensitive))
+    try:
+        paths, ends = flow.run_all(starts, np.tile(p, (len(starts), 1)), durations, seeds, fixed)
+        return [*zip(paths, ends, strict=True)]
+    except FlowError:
+        for start, duration in zip(starts, durations.tolist(), strict=True):
+            try:
+                found.append(flow.run(start, p, duration, seeds))
+            except FlowError as error:
+                found.append(error)
+    return found
+
+
+def _briefly(arc: Arcs, sensitive: bool) -> tuple[Trajectory, np.ndarray]:
+    """An arc so short that it is a straight line."""
+    flow, (x,) = arc.phase.flow, arc.phase.states(arc.starts)
+    rates, watched = (each[0] for each in flow.field(x[None], arc.phase.impacts.p))
+    c = np.zeros((1, len(x) + len(watched), TAYLOR_ORDER + 1))
+    c[0, :, 0], c[0, : len(x), 1] = [*x, *watched], rates
+    return Trajectory(np.array([0.0, *arc.durations]), c, flow.names), np.eye(len(x))[:, : len(x) * sensitive]

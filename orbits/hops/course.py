@@ -35,11 +35,6 @@ class Course:
         """Whether parameters change in time."""
         return len(self.schedule.times) > 0
 
-    @property
-    def endless(self) -> bool:
-        """Whether contacts may take any time."""
-        return self.time == np.inf and not self.driven and self.decisions is None
-
     def rules(self, now: float, x: np.ndarray, impacts: Impacts) -> tuple[Impacts, float]:
         """The impacts in force from now on, in a flight state (n,), and the time until which they are."""
         if self.decisions and (inputs := self.decisions.at(now, x)):

@@ -53,7 +53,11 @@ def decided_hops(
         undecided[far & ~parted & ~(loss[:m] > available)] = True
         parted[far] = True
 
-    Flyer(rules, hops, cap, None if neighbours is None or branches else compare).fly(contacts=branches)
+    flyer = Flyer(rules, hops, cap, None if neighbours is None or branches else compare)
+    if branches:
+        flyer.fly()
+    else:
+        flyer.to_contact()
     if neighbours is None:
         return hops
     own, other = hops.of(slice(m)), hops.of(slice(m, None))
@@ -82,5 +86,4 @@ def undecided(course: Course, rules: Rules, cap: int) -> bool:
 
 def stand(impacts: Impacts, hops: Flown) -> None:
     """Follow the sustained contacts of hops with the status "lifts_off" to their ends."""
-    hops.status[(hops.status == LIFTS_OFF) & hops.on_ground] = ""
     Flyer(impacts, hops).fly()

@@ -16,7 +16,7 @@ from ..errors import FlowError
 from ..flow.first_events import first_events
 from ..flow.taylor import Watch
 from ..flow.trajectory import Trajectory
-from .arcs import Arcs, Flown, Phase, Rules
+from .arcs import BRIEF, Arcs, Flown, Phase, Rules
 from .course import Course
 from .feet import LIFTS_OFF, REVERSES, STEPS_BACK, Exit
 from .footing import FALLS, SLIPS, FallTest
@@ -65,12 +65,24 @@ class Flyer:
         self.hops, self.cap, self.after_impact, self.thorough, self.course = hops, cap, after_impact, thorough, course
         self.branches = rules if isinstance(rules, Branches) else None
         self.impacts = rules.first()  # those in force, of a spring with hysteresis those of launches
-        self.undecided, self.time, self.until, self.endless = undecided, np.inf, np.inf, True
-        if course:
-            self.time, self.endless = course.time, course.endless
+        self.undecided, self.time, self.until = undecided, course.time if course else np.inf, np.inf
 
-    def fly(self, contacts: bool = True) -> None:
-        """Fly until no motion is left; without `contacts` up to sustained contact, with the status "lifts_off"."""
+    @property
+    def endless(self) -> bool:
+        """Whether phases may take any time, so that rest is an end."""
+        return self.time == self.until == np.inf
+
+    def to_contact(self) -> None:
+        """Fly up to sustained contact, with the status "lifts_off", or to another end."""
+        self._fly(contacts=False)
+        self.hops.status[(self.hops.status == "") & self.hops.on_ground] = LIFTS_OFF
+
+    def fly(self) -> None:
+        """Fly to the ends of hops, also of those up to sustained contact; or to the end of a simulation."""
+        self.hops.status[(self.hops.status == LIFTS_OFF) & self.hops.on_ground] = ""
+        self._fly(contacts=True)
+
+    def _fly(self, contacts: bool) -> None:
         hops, impact = self.hops, 0
         earlier, compared = np.full_like(hops.states, np.nan), ROUNDING.first_repetition
         while len(lanes := np.flatnonzero((hops.status == "") & (contacts | ~hops.on_ground))):
@@ -91,7 +103,6 @@ class Flyer:
                 if impact == compared:  # as in Brent's method for cycles
                     earlier, compared = hops.states.copy(), 2 * compared
             impact += 1
-        hops.status[(hops.status == "") & hops.on_ground] = LIFTS_OFF
 
     def _phases(self, lanes: np.ndarray, contact: bool) -> Iterator[tuple[Phase, np.ndarray]]:
         """The phases of motions (k,), with those in each: on each branch of the spring, and alone where it sticks."""
@@ -109,8 +120,8 @@ class Flyer:
             yield Phase(contact, branches.stuck(states[i], contact), 0), lanes[[i]]
 
     def _update(self, lanes: np.ndarray) -> None:
-        """Use the rules that are in force now, in a simulation."""
-        if self.course and not self.branches:
+        """Use the rules that are in force now, in a simulation whose parameters change."""
+        if self.course and not self.branches and (self.course.driven or self.course.decisions):
             (now,), (x,) = self.hops.now[lanes].tolist(), self.hops.states[lanes]
             self.impacts, self.until = self.course.rules(now, x, self.impacts)
 
@@ -210,12 +221,10 @@ class Flyer:
         left, cut = hops.left[lane] - limit, self.until < min(self.time, *(hops.now[lane] + hops.left[lane]))
         over = not cut and self._is_over(lane, limit).any()
         try:
-            path, _ = phase.flow.run(x, phase.impacts.p, float(limit[0]))
+            end = phase.flow.run(x, phase.impacts.p, float(limit[0]))[0].end[: len(x)] if limit[0] >= BRIEF else x
         except FlowError as error:
             return self._finish(lane, error.args[0], status_of_failure(error, "flight"))
-        self._arrive(
-            lane, phase, limit, path.end[None, : len(x)], status="" if cut else DONE if over else "carried_off"
-        )
+        self._arrive(lane, phase, limit, end[None], status="" if cut else DONE if over else "carried_off")
         if over:
             hops.now[lane] = self.time
         if cut:
@@ -263,7 +272,7 @@ class Flyer:
         if ended:
             self._finish(lane, STATUSES[ended], ended)
         if self.impacts.footing.slips_at_landing(x, float(last)):
-            self._arrive(lane, Phase(True, self.impacts, 1), np.full(1, np.nan), after.state, SLIPS, SLIPS)
+            self._arrive(lane, Phase(False, self.impacts, 1), np.full(1, np.nan), after.state, SLIPS, SLIPS)
         elif after.held[0] and self.undecided and self.undecided(course, self.branches or self.impacts, self.cap):
             self._finish(lane, status="undecided")
 
@@ -283,10 +292,10 @@ class Flyer:
             times, rows = found.times, found.rows[:, : impacts.contact.size]
             names = [*(each.outcome for each in impacts.exits), REVERSES if self.branches else FALLS, ""]
             outcome = np.where(np.isinf(times), impacts.most_turns[1], np.array(names, STATUS)[found.which])
-        hops.contacts[lanes] = np.where(outcome == LIFTS_OFF, times, np.nan)
         for k in np.flatnonzero((outcome == "") | (np.isinf(times) & hops.record)).tolist():
             times[k], outcome[k], rows[k] = self._contact_alone(lanes[[k]], phase, ys[k])
         hops.ends[lanes], ends = rows, rows @ impacts.model.embed.T
+        hops.contacts[lanes] = np.where(outcome == LIFTS_OFF, times, np.nan)
         if not self.endless:
             outcome[self._is_over(lanes, times)] = DONE
         back, turns = outcome == STEPS_BACK, outcome == REVERSES
@@ -357,7 +366,7 @@ class Flyer:
         if self.branches:
             hops.speeds[lanes], launches = impacts.liftoff(hops.ends[lanes])
             status[~launches] = "leaves_elsewhere"
-        hops.status[lanes] = status
+        hops.status[lanes], hops.on_ground[lanes] = status, False
         self._mark(kind="lift-off", step=-back.astype(int))
         return None
 

@@ -6,7 +6,9 @@ tangentially, so that the time of landing moves like the cube root of the pertur
 the map behaves like C d**(4/3) instead (`Certificate.loss_coefficient`).
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias, cast
 
 import numpy as np
 
@@ -18,7 +20,7 @@ from ..periodic.certificate import mass_of_landing
 from ..periodic.loss_coefficient import MOST_LEFT, bounce_factors, hand_over_factors, jerk_jumps, loss_coefficient
 from ..running.exclusive import exclusive
 from ..units import DIMENSIONS, LIFTOFF_SPEED, SPEED, Message, Quantity, in_own_units
-from .arcs import Arcs, Flown, Rules
+from .arcs import Arcs, Flown, Rules, integrated
 from .feet import LIFTS_OFF, REVERSES, STEPS_BACK, Foot
 from .flyer import Flyer
 from .footing import FALLS, SLIPS
@@ -29,6 +31,10 @@ from .impacts import CAP, FASTEST_LAUNCH, STATUSES, ContactStop, Impacts, impact
 RESTS = "the machine rests: it does not lift off again"
 SLOWEST_LAUNCH_VARIED = 1e-150  # the square of a slower launch, and its inverse, are no numbers
 TANGENTIAL = 1e-7  # an impact slower than this, relative to the launch speed, is tangential
+
+
+# The state at the first landing, the speed of the gap, its derivatives there, and the foot.
+_FirstLanding: TypeAlias = tuple[np.ndarray, float, np.ndarray, Foot]
 
 
 @exclusive
@@ -118,37 +124,50 @@ def hop_derivative(rules: Rules, x: np.ndarray, change: np.ndarray) -> HopDeriva
     if launch_speed < SLOWEST_LAUNCH_VARIED:
         text = "the launch has no speed above {low:g}: a slower one cannot be varied"
         raise NoOrbit(Message(text, low=Quantity(SLOWEST_LAUNCH_VARIED, SPEED)))
-    hops, passed = Flown.begun(rules, x[None], record=True), 0
-    first: tuple[np.ndarray, float, np.ndarray, Foot] | None = None
-    for contact in (False, True):
-        hops.status[hops.status == LIFTS_OFF] = ""
-        Flyer(rules, hops, thorough=True).fly(contact)
-        for arc in hops.arcs[passed:]:
-            change, start = _along(arc, change), change
-            if arc.kind == REVERSES and isinstance(rules, Branches):
-                change = _at_reversal(arc, rules.rates[contact], change)
-            elif arc.landed is not None:
-                impacts, end = arc.phase.impacts, arc.ends[0]
-                foot = impacts.feet[int(arc.foot[0])]
-                landing = end, float(foot.speed @ end), np.array(foot.gap.weights) @ change, foot
-                # Later bounces may be arbitrarily slow.
-                if (first is None or landing[1] == 0) and abs(landing[1]) < TANGENTIAL * launch_speed:
-                    if not isinstance(rules, Branches):
-                        stood = tangential_landing(impacts, (arc.starts[0], start), float(arc.durations[0]), end, foot)
-                        end, change = through_contact(impacts, *stood, grazes=True)
-                    return HopDerivative(end, change, True, *landing, impacts)
-                first = first or landing
-                change = _through_impact(arc, arc.landed, _at_landing(impacts, foot, end, change))
-        passed = len(hops.arcs)
-        if hops.status[0] != LIFTS_OFF or first is None:
-            raise NoOrbit(_reason(hops, rules.first()))
-        change = change if contact else impacts.onto_contact @ change
-    assert first is not None
+    hops = Flown.begun(rules, x[None], record=True)
+    flyer, first, change = Flyer(rules, hops, thorough=True), cast("_FirstLanding | None", None), np.array(change)
+    flyer.to_contact()
+    for arc, derivative in _derivatives(hops.arcs):
+        impacts, end, start = arc.phase.impacts, arc.ends[0], change
+        if not arc.phase.side:
+            raise NoOrbit("the spring sticks in flight: no multiplier is computed there")
+        change = derivative @ change
+        if arc.kind == REVERSES and isinstance(rules, Branches):
+            change = _at_reversal(arc, rules.rates[0], change)
+        elif arc.landed is not None:
+            foot = impacts.feet[int(arc.foot[0])]
+            speed = float(foot.speed @ end)
+            # Later bounces may be arbitrarily slow.
+            if (first is None or speed == 0) and abs(speed) < TANGENTIAL * launch_speed:
+                landing = end, speed, np.array(foot.gap.weights) @ change, foot
+                if not isinstance(rules, Branches):
+                    stood = tangential_landing(impacts, (arc.starts[0], start), float(arc.durations[0]), end, foot)
+                    end, change = through_contact(impacts, *stood, grazes=True)
+                return HopDerivative(end, change, True, *landing, impacts)
+            first = first or (end, speed, np.array(foot.gap.weights) @ change, foot)
+            change = _through_impact(arc, arc.landed, _at_landing(impacts, foot, end, change))
+    flights = len(hops.arcs)
+    flyer.fly()
+    if hops.status[0] != LIFTS_OFF or first is None:
+        raise NoOrbit(_reason(hops, rules.first()))
+    change = rules.first().onto_contact @ change
+    for arc, derivative in _derivatives(hops.arcs[flights:]):
+        change = derivative @ change
+        if arc.kind == REVERSES and isinstance(rules, Branches):
+            change = _at_reversal(arc, rules.rates[1], change)
     impacts = hops.arcs[-1].phase.impacts
     if hops.arcs[-1].step:
         signs = np.array(impacts.model.relabelling.signs)[:, None]
         change = impacts.onto_contact @ (signs * (impacts.model.embed @ change))
     return HopDerivative(hops.ends[0], _at_liftoff(impacts, hops.ends[0], change), False, *first, impacts)
+
+
+def _derivatives(arcs: Sequence[Arcs]) -> Iterator[tuple[Arcs, np.ndarray]]:
+    """Arcs of one motion, with the derivatives (k, k) of their ends by their starts."""
+    for arc, again in zip(arcs, integrated(arcs, sensitive=True), strict=True):
+        if isinstance(again, FlowError):
+            raise NoOrbit(Message("the {name} does not end: {error}", name=arc.phase.flow.phase.name, error=again))
+        yield arc, np.eye(arc.phase.flow.size) if again is None else again[1]
 
 
 def _reason(hops: Flown, impacts: Impacts) -> str | Message:
@@ -158,15 +177,11 @@ def _reason(hops: Flown, impacts: Impacts) -> str | Message:
         return Message("the {name} does not end: {error}", name=phase.phase.name, error=hops.reasons[0])
     if status == "cap":
         return f"after {CAP} impacts the machine has not come to rest on the ground"
+    if status == "leaves_elsewhere" and np.any(hops.arcs[-1].step):
+        return "the contact ends with a step back: the map has no next launch speed"
     if status == "leaves_elsewhere":
         return "the contact ends where no launch does: the map has no next launch speed"
     return RESTS if status in ("rests", "collapses") else STATUSES[status]
-
-
-def _along(arc: Arcs, change: np.ndarray) -> np.ndarray:
-    """The change (k, c) of the state at the end of an arc, at a fixed time, from that at its start."""
-    (start,), flow = arc.phase.states(arc.starts), arc.phase.flow
-    return flow.run(start, arc.phase.impacts.p, float(arc.durations[0]), seeds=change)[1]
 
 
 def _at_reversal(arc: Arcs, rate: Affine, change: np.ndarray) -> np.ndarray:

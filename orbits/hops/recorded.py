@@ -1,15 +1,13 @@
 """The simulation that recorded arcs are: its legs, integrated once more between their known ends, and its events."""
 
-from collections.abc import Sequence
 from typing import TypeAlias, cast
 
 import numpy as np
 
 from ..errors import FlowError
-from ..flow.trajectory import Trajectory
 from ..model.machine import Machine
 from ..units import TIME, Message, Quantity
-from .arcs import Arcs, Flown, Phase, Rules
+from .arcs import Arcs, Flown, Rules, integrated
 from .feet import unheld
 from .footing import FALLS, SLIPS
 from .hysteresis import Branches
@@ -25,17 +23,22 @@ def recorded(machine: Machine, rules: Rules, hops: Flown, launch: float | None, 
     """The simulation of a machine whose arcs are recorded, from a launch with this speed if it began with one.
 
     foothold : the place along the ground where what sticks begins
+
+    Raises `InputError` where the branches of a spring with hysteresis are crossed.
     """
     legs, events = list[Leg](), list[_Event]()
     speeds, stance, arcs = [] if launch is None else [launch], 0, hops.arcs
     status, reason, last = str(hops.status[0]), hops.reasons.get(0, ""), float(hops.now[0])
-    for arc, path in zip(arcs, paths_of(arcs, rules), strict=True):
+    for arc, again in zip(arcs, integrated(arcs), strict=True):
         impacts, now, before, after = arc.impacts, float(arc.begun[0]), arc.ends[0], arc.after[0]
         (kind,) = np.broadcast_to(arc.kind, 1).tolist()
-        if isinstance(path, FlowError):
-            status, reason, last = status_of_failure(path, arc.phase.flow.phase.name), path.args[0], now
+        if isinstance(again, FlowError):
+            status, reason, last = status_of_failure(again, arc.phase.flow.phase.name), again.args[0], now
             break
-        if path is not None:
+        if again is not None:
+            path, _ = again
+            if isinstance(rules, Branches):
+                rules.check_width(path.coefficients[:, : arc.phase.flow.size, 0], arc.phase.contact)
             contact, side = arc.phase.contact, arc.phase.side if isinstance(rules, Branches) else None
             name = "contact" if contact else "flight"
             legs.append(Leg(name, now, path, branch=side, stance=stance, foothold=foothold))
@@ -43,7 +46,7 @@ def recorded(machine: Machine, rules: Rules, hops: Flown, launch: float | None, 
                 for when, how in unheld(impacts.model, path, arc.phase.impacts.values):
                     state = path(when)[: impacts.flight.size]
                     events.append((impacts, how, now + when, state, state, 0.0, "standing foot"))
-        end, name, loss = now + np.nan_to_num(float(arc.durations[0])), "", cast("float | None", 0.0)
+        end, name, loss = now + (0.0 if again is None else float(arc.durations[0])), "", cast("float | None", 0.0)
         if arc.landed is not None:
             name, step = impacts.feet[int(arc.foot[0])].name, int(arc.landed.step[0])
             end, lost = end + float(arc.landed.wait[0]), float(arc.landed.loss[0])
@@ -64,43 +67,6 @@ def recorded(machine: Machine, rules: Rules, hops: Flown, launch: float | None, 
         reason = _reason_of_fall(events[-1], last) if status == FALLS else _reason_of_slip(arcs[-1], last)
     found = _with_energies(rules, events)
     return Simulation(tuple(legs), found, status, np.array(speeds), last, machine, reason)
-
-
-def paths_of(arcs: Sequence[Arcs], rules: Rules) -> list[Trajectory | FlowError | None]:
-    """The motions of arcs of one motion, None for those without a duration; those of one phase are integrated together.
-
-    Raises `InputError` where the branches of a spring with hysteresis are crossed.
-    """
-    found, phases = list[Trajectory | FlowError | None]([None] * len(arcs)), dict[tuple[int, bool], list[int]]()
-    for i, arc in enumerate(arcs):
-        if np.isfinite(arc.durations[0]):
-            phases.setdefault((id(arc.phase.impacts), arc.phase.contact), []).append(i)
-    for places in phases.values():
-        phase, some = arcs[places[0]].phase, [arcs[i] for i in places]
-        durations = np.concatenate([arc.durations for arc in some])
-        paths = _integrated(phase, np.concatenate([arc.starts for arc in some]), durations)
-        for i, path in zip(places, paths, strict=True):
-            found[i] = path
-            if isinstance(rules, Branches) and isinstance(path, Trajectory):
-                rules.check_width(path.coefficients[:, : phase.flow.size, 0], phase.contact)
-    return found
-
-
-def _integrated(phase: Phase, starts: np.ndarray, durations: np.ndarray) -> list[Trajectory | FlowError]:
-    """Motions of a phase from flight states (m, n) for times (m,); or why one cannot be followed."""
-    flow, p, found = phase.flow, phase.impacts.p, list[Trajectory | FlowError]()
-    try:
-        every = np.tile(p, (len(starts), 1))
-        return [
-            *flow.run_all(phase.states(starts), every, durations, np.zeros((flow.size, 0)), np.zeros((len(p), 0)))[0]
-        ]
-    except FlowError:
-        for start, duration in zip(phase.states(starts), durations.tolist(), strict=True):
-            try:
-                found.append(flow.run(start, p, duration)[0])
-            except FlowError as error:
-                found.append(error)
-    return found
 
 
 def _with_energies(rules: Rules, events: list[_Event]) -> tuple[ContactEvent, ...]:
@@ -125,6 +91,6 @@ def _reason_of_fall(event: _Event, now: float) -> Message:
 
 
 def _reason_of_slip(arc: Arcs, now: float) -> Message:
-    how = "" if np.isfinite(arc.durations[0]) else " as it lands"
+    how = "" if arc.phase.contact else " as it lands"
     text = "the foot slips{how} at t = {time:.6g}: slipping is not simulated"
     return Message(text, how=how, time=Quantity(now, TIME))

@@ -127,9 +127,10 @@ def _simulated(
 ) -> Simulation:  # fmt: skip
     """The simulation of a machine, from checked arguments."""
     branches = Branches(machine) if machine.model.hysteretic else None
-    if branches and inputs is not None:
-        remedy = "its spring has hysteresis, which no schedule takes; give it the law's `.mean`"
-        raise InputError(f"a schedule for a {machine.model.name}: {remedy}")
+    if branches and (inputs is not None or feedback is not None):
+        what = "schedule" if feedback is None else "feedback"
+        remedy = f"its spring has hysteresis, which no {what} takes; give it the law's `.mean`"
+        raise InputError(f"a {what} for a {machine.model.name}: {remedy}")
     if inputs is not None and not machine.model.sticks:
         refuse_steps(machine.model, "a schedule")
     impacts = branches.first(state) if branches else impacts_of(machine)

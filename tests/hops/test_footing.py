@@ -304,3 +304,9 @@ def test_multipliers_against_differences(run):
     for size, bar in ((1e-6, 0.03), (1e-8, 0.01)):
         slope = (after(of_run.launch + size * way) - of_run.launch) / size
         assert np.abs(slope - of_run.matrix @ way).max() < bar * np.abs(of_run.matrix @ way).max()
+
+
+def test_a_foot_that_slips_from_the_start_does_not_land():
+    state = [0, 0, 0, 0, 3.3, 0, 0.5, 0, 0.5, 0]
+    run = simulate(runner(foot_mass=0.1, rest_length=3.7, friction=0.1), state=state, time=1.0)
+    assert (run.status, str(run.reason)) == ("slips", "the foot slips at t = 0: slipping is not simulated")

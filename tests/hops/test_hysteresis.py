@@ -303,3 +303,12 @@ def test_branches_that_cross_are_refused_where_the_spring_turns():
     machine = Hopper(springs.hysteretic("r", "r - h", h=0.1)).with_values(h=-0.1)
     with pytest.raises(InputError, match="the branches of the spring with hysteresis cross"):
         simulate(machine, 4.0, hops=1)
+
+
+def test_no_multiplier_where_the_spring_sticks_in_flight():
+    """The force that keeps the extension depends on where it sticks."""
+    masses, sticky = [Mass("y1", "2"), Mass("y2", "2")], springs.hysteretic("f + s*r", "-f + s*r", f=1.0, s=0.5)
+    elements = [*masses, Spring("y1 - y2", sticky), Spring("y1 - y2", "c*r")]
+    named = {"name": "hop", "coordinates": ("y1", "y2"), "gap": "y2", "surface_gravity": "0.5"}
+    with pytest.raises(NoOrbit, match="sticks in flight"):
+        multiplier(Mechanism(elements=elements, parameters={"c": 0.5}, **named), 6.0)

@@ -8,7 +8,7 @@ from many_at_once import MACHINES
 from orbits import ReturnMap, simulate
 from orbits.flow.first_events import first_events
 from orbits.hops.arcs import Flown
-from orbits.hops.decided_hops import stand
+from orbits.hops.decided_hops import hops_of_speeds, stand
 from orbits.hops.flyer import Rounding
 from orbits.hops.impacts import ImpactOptions, Impacts
 from problems import HeavyHand, Hopper, Juggler
@@ -131,3 +131,11 @@ def test_a_force_that_vanishes_by_rounding_at_a_landing(mass_ratio, alpha):
     assert [here, here] == pytest.approx([below, above], rel=1e-8)
     run = simulate(Hopper(mass_ratio=mass_ratio), alpha, hops=1)
     assert run.launches[1] == pytest.approx(here, rel=1e-12)
+
+
+def test_the_times_of_long_contacts():
+    """Nearly a whole oscillation of the heavy body, of the period 2 pi/sqrt(M), however long that is."""
+    rules = Impacts(Hopper("r + 1e-30*r**3", mass_ratio=1e-6))
+    hops = hops_of_speeds(rules, np.array([0.5, 3.0]), 1000)
+    stand(rules, hops)
+    assert hops.contacts == pytest.approx(2 * np.pi * 1e3, rel=2e-3)

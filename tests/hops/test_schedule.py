@@ -46,3 +46,18 @@ def test_a_schedule_names_what_may_change_in_time():
     for machine in (Hopper(rest_length=20.0), linear):
         with pytest.raises(InputError, match="schedule: the machine has no parameter 'zz'"):
             simulate(machine, 4.0, hops=1, schedule=([0.0, 1.0], {"zz": [1.0]}))
+
+
+def test_a_schedule_that_changes_as_the_foot_lands():
+    """The parameters in force at the impact are the new ones, however the times round."""
+    machine = Hopper("k*r + b*r**3", mass_ratio=0.7, restitution=0.3, parameters={"k": 1.0, "b": 0.2})
+    lands = next(event.time for event in simulate(machine, 3.2, time=20.0).events if event.kind == "impact")
+    times = lands + np.array([-8, -1, 0, 1, 8]) * np.spacing(lands)
+    runs = [simulate(machine, 3.2, hops=2, schedule=([t, t + 1, t + 4], {"k": [1.3, 0.8]})) for t in times]
+    assert {run.status for run in runs} == {runs[0].status}
+    assert [run.launches[-1] for run in runs] == pytest.approx([runs[0].launches[-1]] * 5, rel=1e-9)
+
+
+def test_a_machine_rests_after_the_end_of_a_schedule():
+    machine = Hopper("k*r", damping=0.2, parameters={"k": 1.0})
+    assert simulate(machine, 1.2, hops=5, schedule=([0.5, 1.0], {"k": [1.1]})).status == "rests"

@@ -126,3 +126,15 @@ def test_a_cap_ends_with_a_status():
 def test_what_cannot_be_meant(arguments, words):
     with pytest.raises(InputError, match=words):
         simulate(Hopper(), **arguments)
+
+
+@pytest.mark.parametrize(
+    ("law", "b", "restitution", "gap"), [("k*r + b*r**3", 0.2, 0.3, 1e-17), ("k*r", 0.0, 0.6, 1e-16)]
+)
+def test_a_flight_as_short_as_rounding(law, b, restitution, gap):
+    """It is a straight line, and the same motion follows as from the ground."""
+    machine = Hopper(law, mass_ratio=0.7, restitution=restitution, parameters={"k": 1.0, **({"b": b} if b else {})})
+    short, none = (simulate(machine, state=[-2.9, -2.5, start, -0.5], time=3.0) for start in (gap, 1e-13))
+    assert short.status == none.status == "done"
+    assert short(3.0) == pytest.approx(none(3.0), rel=1e-10, abs=1e-10)
+    assert {type(event.time) for event in short.events} == {float}
