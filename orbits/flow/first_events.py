@@ -19,7 +19,7 @@ from ..running import interrupts
 from ..running.exclusive import apart
 from .flow import Flow, StopTest
 from .taylor import OnPieces, TaylorStepper, Watch, Watched
-from .trajectory import Trajectories, begins_of_steps
+from .trajectory import Trajectories, Trajectory, begins_of_steps
 from .vector_field import TAYLOR_ORDER
 
 # Closed forms are expanded about points this far apart, in units of the oscillation's 1 / frequency. The terms beyond
@@ -40,12 +40,14 @@ class Events(NamedTuple):
     which : (m,), the numbers of the functions that change their sign, -1 where none does
     rows : (m, rows), at these times
     failed : by index the `FlowError` of each motion that breaks off before
+    paths : by index the motions up to their events or limits, as far as they were recorded
     """
 
     times: Array
     which: Array
     rows: Array
     failed: dict[int, FlowError]
+    paths: dict[int, Trajectory]
 
 
 class FirstOf:
@@ -112,7 +114,7 @@ def until_zero(
 
 def first_events(
     flow: Flow, starts: ArrayLike, p: Array, watch: Watch, limit: ArrayLike, orders: ArrayLike = 0,
-    reasons: bool = True, stops: Sequence[StopTest] = (),
+    reasons: bool = True, stops: Sequence[StopTest] = (), record: bool = False,
 ) -> Events:  # fmt: skip
     """The first events on motions from states (m, n).
 
@@ -121,9 +123,10 @@ def first_events(
     orders : (m, opening), the orders of the zeros at the start, which are divided out exactly; or a number or (m, 1)
     reasons : whether each `FlowError` states its reason
     stops : further tests of a single motion, whose numbers follow those of the functions
+    record : whether the paths are recorded of motions that take steps
     """
     starts, ps = np.asarray(starts, dtype=float), np.atleast_2d(p)
-    search = _Search(flow, starts, ps, watch, limit, orders, reasons)
+    search = _Search(flow, starts, ps, watch, limit, orders, reasons, record, record)
     if stops:
         search.one_by_one(np.zeros(1, int), search.starts, np.zeros(1), stops=stops)
     elif flow.phase.closed_form:
@@ -133,15 +136,18 @@ def first_events(
         search.by_taylor_steps()
     else:
         search.one_by_one(np.arange(len(search.starts)), search.starts, np.zeros(len(search.starts)))
-    return Events(search.times, search.which, search.rows, search.failed)
+    ended = (~np.isinf(search.times)).nonzero()[0].tolist() if search.steps else ()
+    paths = {i: search.path(i) for i in ended if i not in search.failed}
+    return Events(search.times, search.which, search.rows, search.failed, paths)
 
 
 class _Search:
     """The search of `first_events`, with its arguments and its results `times`, `which`, `rows` and `failed`; the
     parameters are (m, np), or (1, np) for all."""
 
-    def __init__(self, flow, starts, ps, watch: Watch, limit, orders, reasons=True, all_steps=False):
+    def __init__(self, flow, starts, ps, watch: Watch, limit, orders, reasons=True, all_steps=False, whole=False):
         count = len(starts)
+        self.whole = whole  # whether all steps of motions of more than one block are recorded too
         self.flow, self.starts, self.ps, self.watch = flow, starts, ps, watch
         self.reasons, self.all_steps = reasons, all_steps
         self.limit, self.orders = np.empty(count), np.empty((count, watch.kind[1]))
@@ -245,13 +251,15 @@ class _Search:
             self.times[lanes[never]] = np.inf
             ended = found | never | over
             stays = ~flow.inside(on, z[:, at.piece]) & ~ended if on else np.zeros(len(lanes), bool)
-            if not self.all_steps:
-                if not (known := ended | stays).all():
-                    self._give_up(lanes[going & ~known])
-                    broken = ~going & ~known
-                    self._beyond(lanes[broken], on, z[broken])
-            else:
-                self._record(lanes, steps, counts, found)
+            if (self.whole or not self.all_steps) and not (known := ended | stays).all():
+                broken, longer = ~going & ~known, going & ~known
+                if self.whole:
+                    stays |= longer
+                else:
+                    self._give_up(lanes[longer])
+                self._beyond(lanes[broken], on, z[broken])
+            if self.all_steps:
+                self._record(lanes, steps, counts, found | self.whole)
                 last = np.cumsum(counts)[found] - 1
                 steps = Watched(*(values[last] for values in steps))
             if found.any():
@@ -282,6 +290,14 @@ class _Search:
         chosen, rows = np.repeat(found, counts), len(self.flow.names)
         coefficients = steps.coefficients[chosen].reshape(-1, rows, TAYLOR_ORDER + 1)
         self.steps.append((owners[chosen], steps.begins[chosen, 0], coefficients))
+
+    def path(self, lane: int) -> Trajectory:
+        """The steps of a motion up to its event or limit."""
+        parts = [(steps[owners == lane], c[owners == lane]) for owners, steps, c in self.steps]
+        steps, c = map(np.concatenate, zip(*parts, strict=True))
+        begins, end = begins_of_steps(steps, np.array([len(steps)])), self.limit[lane]
+        count = max(1, int((begins < end).sum()))
+        return Trajectory(np.append(begins[:count], end), c[:count], self.flow.names)
 
     def _never(self, z: Array) -> Array:
         """Which motions have turned so often that they never have an event."""
@@ -386,6 +402,8 @@ class _Search:
             except FlowError as error:
                 self.failed[int(index)] = error
                 continue
+            if self.whole:
+                self.steps.append((np.full(len(path.steps), index), path.steps, path.coefficients))
             if watch.turns and stop.which == len(stop.tests) - 1:
                 self.times[index] = np.inf
             elif stop.which is not None and path.times[-1] < left:

@@ -48,6 +48,7 @@ class Arcs:
     landed : what landings lead to
     foot, step : (k,) or of all, the numbers of the feet that touch or open, and of steps forward
     speed : of the launch; NaN where there is none
+    path : of a single motion, where it is known
     """
 
     phase: Phase
@@ -63,6 +64,7 @@ class Arcs:
     foot: Any = 0
     step: Any = 0
     speed: float = np.nan
+    path: Trajectory | None = None
 
 
 @dataclass(eq=False)
@@ -129,7 +131,9 @@ def integrated(arcs: Sequence[Arcs], sensitive: bool = False) -> list[tuple[Traj
     found = list[tuple[Trajectory, np.ndarray] | FlowError | None]([None] * len(arcs))
     phases = dict[tuple[int, bool], list[int]]()
     for i, arc in enumerate(arcs):
-        if arc.durations[0] < BRIEF:
+        if arc.path is not None and not sensitive:
+            found[i] = arc.path, np.zeros((arc.phase.flow.size, 0))
+        elif arc.durations[0] < BRIEF:
             found[i] = _briefly(arc, sensitive)
         elif np.isfinite(arc.durations[0]):
             phases.setdefault((id(arc.phase.impacts), arc.phase.contact), []).append(i)

@@ -143,13 +143,14 @@ class Flyer:
         return np.inf if self.endless else min(self.time, self.until) - self.hops.now[lanes]
 
     def _arrive(
-        self, lanes: np.ndarray, phase: Phase, durations: np.ndarray, ends: np.ndarray, kind: str = "", status: str = ""
-    ) -> None:
-        """Go on to the ends of arcs, flight states (k, n), and record them."""
+        self, lanes: np.ndarray, phase: Phase, durations: np.ndarray, ends: np.ndarray, kind: str = "",
+        status: str = "", path: Trajectory | None = None,
+    ) -> None:  # fmt: skip
+        """Go on to the ends of arcs, flight states (k, n), and record them, with the path of a single motion."""
         hops = self.hops
         if hops.record and len(lanes):
             begun, starts = hops.now[lanes], hops.states[lanes]
-            hops.arcs.append(Arcs(phase, lanes, begun, durations, starts, ends, kind, ends, phase.impacts))
+            hops.arcs.append(Arcs(phase, lanes, begun, durations, starts, ends, kind, ends, phase.impacts, path=path))
             hops.now[lanes] = begun + np.where(np.isnan(durations), 0.0, durations)
         hops.states[lanes] = ends
         if status:
@@ -184,36 +185,41 @@ class Flyer:
         opening = hops.order[lanes, None] * (np.arange(len(impacts.feet)) == hops.foot[lanes, None])
         falls = [FallTest(impacts.footing)] if self.thorough and impacts.footing.falls_by_formula else []
         orders = self._orders(lanes, watch, opening)
-        found = first_events(impacts.flight, x, impacts.p, watch, limit, orders, stops=falls)
+        found = first_events(
+            impacts.flight, x, impacts.p, watch, limit, orders, stops=falls, record=self.course is not None
+        )
+        path = found.paths.get(0) if self.course else None
         which, times, rows = found.which, found.times, found.rows[:, : impacts.flight.size]
         for k, error in found.failed.items():
             self._finish(lanes[[k]], error.args[0], status_of_failure(error, "flight"))
         if self.branches and not phase.side and not found.failed:
-            path, _ = impacts.flight.run(x[0], impacts.p, float(times[0] if which[0] >= 0 else limit[0]))
-            if not self._sticks(self.branches, lanes, phase, path):
+            run, _ = impacts.flight.run(x[0], impacts.p, float(times[0] if which[0] >= 0 else limit[0]))
+            if not self._sticks(self.branches, lanes, phase, path or run):
                 return None
         lands = (which >= 0) & (which < len(impacts.feet))
         if not lands.all() or not self.endless:
             ends = (which >= 0) & (times < limit)
             for k in np.flatnonzero(~ends & (hops.status[lanes] == "")).tolist():
-                self._fly_on(lanes[[k]], phase, x[k], limit[[k]])
+                self._fly_on(lanes[[k]], phase, x[k], limit[[k]], path)
             if not self.endless and (over := ends & self._is_over(lanes, times)).any():
-                self._arrive(lanes[over], phase, times[over], rows[over], status=DONE)
+                self._arrive(lanes[over], phase, times[over], rows[over], status=DONE, path=path)
                 hops.now[lanes[over]], ends = self.time, ends & ~over
             lands &= ends
             turns = ends & ~lands & (which < watch.kind[1])
             fallen, closed = ends & ~lands & ~turns, turns & (impacts.gap(rows) <= 0)
-            self._arrive(lanes[fallen], phase, times[fallen], rows[fallen], FALLS, FALLS)
+            self._arrive(lanes[fallen], phase, times[fallen], rows[fallen], FALLS, FALLS, path)
             which[closed], lands, turns = 0, lands | closed, turns & ~closed
             hops.left[lanes[turns]] -= times[turns]
-            self._reverse(lanes[turns], phase, times[turns], rows[turns])
+            self._reverse(lanes[turns], phase, times[turns], rows[turns], path)
             lanes, which, times, rows = lanes[lands], which[lands], times[lands], rows[lands]
         if len(lanes):
-            self._arrive(lanes, phase, times, rows)
+            self._arrive(lanes, phase, times, rows, path=path)
             self._land(lanes, which)
         return None
 
-    def _fly_on(self, lane: np.ndarray, phase: Phase, x: np.ndarray, limit: np.ndarray) -> None:
+    def _fly_on(
+        self, lane: np.ndarray, phase: Phase, x: np.ndarray, limit: np.ndarray, path: Trajectory | None
+    ) -> None:
         """What becomes of a flight in which nothing happens: it has no end, or the time or the parameters end it."""
         hops = self.hops
         if not hops.record:
@@ -221,10 +227,12 @@ class Flyer:
         left, cut = hops.left[lane] - limit, self.until < min(self.time, *(hops.now[lane] + hops.left[lane]))
         over = not cut and self._is_over(lane, limit).any()
         try:
-            end = phase.flow.run(x, phase.impacts.p, float(limit[0]))[0].end[: len(x)] if limit[0] >= BRIEF else x
+            if path is None and limit[0] >= BRIEF:
+                path, _ = phase.flow.run(x, phase.impacts.p, float(limit[0]))
         except FlowError as error:
             return self._finish(lane, error.args[0], status_of_failure(error, "flight"))
-        self._arrive(lane, phase, limit, end[None], status="" if cut else DONE if over else "carried_off")
+        end = path.end[: len(x)] if path else x
+        self._arrive(lane, phase, limit, end[None], status="" if cut else DONE if over else "carried_off", path=path)
         if over:
             hops.now[lane] = self.time
         if cut:
@@ -233,9 +241,11 @@ class Flyer:
                 self._land(lane, np.zeros(1, int))
         return None
 
-    def _reverse(self, lanes: np.ndarray, phase: Phase, times: np.ndarray, ends: np.ndarray) -> None:
+    def _reverse(
+        self, lanes: np.ndarray, phase: Phase, times: np.ndarray, ends: np.ndarray, path: Trajectory | None = None
+    ) -> None:
         """Reverse the spring, whose other branch or sticking follows."""
-        self._arrive(lanes, phase, times, ends, REVERSES)
+        self._arrive(lanes, phase, times, ends, REVERSES, path=path)
         self.hops.turns[lanes], self.hops.order[lanes] = self.hops.turns[lanes] + 1, 0
         reason = f"its spring turned {self.cap} times in one {phase.flow.phase.name}"
         self._finish(lanes[self.hops.turns[lanes] > self.cap], reason)
@@ -282,34 +292,37 @@ class Flyer:
         if self.branches and not len(lanes := self._that_stand_on(lanes, phase)):
             return
         ys, watch, limit = phase.states(hops.states[lanes]), self._watch(phase), self._left(lanes)
+        alone, path = self.course is not None, None
         if (self.thorough and impacts.footing.watched_alone) or not phase.side:
             times, rows, outcome = np.full(len(ys), np.nan), ys.copy(), np.full(len(ys), "", STATUS)
         else:
             if self.endless and (self.branches or not impacts.contact.phase.closed_form):
                 limit = impacts.options.batch_contact * (1 + np.abs(ys).max(1))
             orders = self._orders(lanes, watch, impacts.grazes(ys).T | (hops.order[lanes, None] == 1))
-            found = first_events(impacts.contact, ys, impacts.p, watch, limit, orders)
+            found = first_events(impacts.contact, ys, impacts.p, watch, limit, orders, record=alone)
+            path = found.paths.get(0) if alone else None
             times, rows = found.times, found.rows[:, : impacts.contact.size]
             names = [*(each.outcome for each in impacts.exits), REVERSES if self.branches else FALLS, ""]
             outcome = np.where(np.isinf(times), impacts.most_turns[1], np.array(names, STATUS)[found.which])
         for k in np.flatnonzero((outcome == "") | (np.isinf(times) & hops.record)).tolist():
-            times[k], outcome[k], rows[k] = self._contact_alone(lanes[[k]], phase, ys[k])
+            times[k], outcome[k], rows[k], last = self._contact_alone(lanes[[k]], phase, ys[k])
+            path = last if alone else None
         hops.ends[lanes], ends = rows, rows @ impacts.model.embed.T
         hops.contacts[lanes] = np.where(outcome == LIFTS_OFF, times, np.nan)
         if not self.endless:
             outcome[self._is_over(lanes, times)] = DONE
         back, turns = outcome == STEPS_BACK, outcome == REVERSES
         if (lifts := back | (outcome == LIFTS_OFF)).any():
-            self._arrive(lanes[lifts], phase, times[lifts], ends[lifts])
+            self._arrive(lanes[lifts], phase, times[lifts], ends[lifts], path=path)
             self._lift_off(lanes[lifts], phase, back[lifts])
-        self._reverse(lanes[turns], phase, times[turns], ends[turns])
+        self._reverse(lanes[turns], phase, times[turns], ends[turns], path)
         others = ~lifts & ~turns
         if not hops.record:
             hops.status[lanes[others]] = outcome[others]
             return
         for k in np.flatnonzero(others).tolist():
             name, kind = str(outcome[k]), outcome[k] if outcome[k] in (SLIPS, FALLS) else ""
-            self._arrive(lanes[[k]], phase, times[[k]], ends[[k]], kind, name.replace(CUT, ""))
+            self._arrive(lanes[[k]], phase, times[[k]], ends[[k]], kind, name.replace(CUT, ""), path)
             if name == DONE:
                 hops.now[lanes[k]] = self.time
             elif name == CUT:
@@ -328,8 +341,10 @@ class Flyer:
             self._lift_off(own, phase, np.zeros(len(own), bool))
         return lanes[(hops.status[lanes] == "") & ~leaps]
 
-    def _contact_alone(self, lane: np.ndarray, phase: Phase, y: np.ndarray) -> tuple[float, str, np.ndarray]:
-        """How long a contact from a state (k,) lasts, how it ends, and in which state."""
+    def _contact_alone(
+        self, lane: np.ndarray, phase: Phase, y: np.ndarray
+    ) -> tuple[float, str, np.ndarray, Trajectory | None]:
+        """How long a contact from a state (k,) lasts, how it ends, in which state, and its path."""
         reverses, left = None, np.inf if self.endless else float(np.min(self._left(lane)))
         if self.branches:
             reverses = first_reversal(
@@ -339,10 +354,10 @@ class Flyer:
         if reason:
             self.hops.reasons[int(lane[0])] = reason
         if path is None:
-            return np.nan, str(outcome), y
+            return np.nan, str(outcome), y, None
         if self.branches and not phase.side and not self._sticks(self.branches, lane, phase, path):
-            return np.nan, "lost", y
-        return float(path.times[-1]), outcome or CUT, path.end[: len(y)]
+            return np.nan, "lost", y, None
+        return float(path.times[-1]), outcome or CUT, path.end[: len(y)], path
 
     def _stand_on(self, lane: np.ndarray, y: np.ndarray) -> None:
         """Stand on with other parameters, or lift off: the force may vanish by rounding, or because of them."""

@@ -71,12 +71,11 @@ def recorded(machine: Machine, rules: Rules, hops: Flown, launch: float | None, 
 
 def _with_energies(rules: Rules, events: list[_Event]) -> tuple[ContactEvent, ...]:
     """The events with their energies, by the mean law of a spring with hysteresis, and the losses that these show."""
-    counts = [rules.mean if isinstance(rules, Branches) else event[0] for event in events]
-    energies = np.empty((len(events), 2))
-    for impacts in {id(each): each for each in counts}.values():
-        own = [i for i, each in enumerate(counts) if each is impacts]
-        states = np.array([(events[i][3], events[i][4]) for i in own])
-        energies[own] = impacts.energies(states.reshape(-1, states.shape[2])).reshape(-1, 2)
+    by = [rules.mean if isinstance(rules, Branches) else event[0] for event in events]
+    energies = np.full((len(events), 2), np.nan)
+    for impacts in {id(each): each for each in by}.values():
+        own = [(i, k) for i, each in enumerate(by) if each is impacts for k in range(1 + (events[i][5] is None))]
+        energies[tuple(zip(*own, strict=True))] = impacts.energies(np.array([events[i][3 + k] for i, k in own]))
     found = list[ContactEvent]()
     for (_, kind, time, before, after, loss, name), (first, last) in zip(events, energies.tolist(), strict=True):
         found.append(ContactEvent(kind, time, before, after, first, first - last if loss is None else loss, name))
