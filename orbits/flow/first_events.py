@@ -40,14 +40,12 @@ class Events(NamedTuple):
     which : (m,), the numbers of the functions that change their sign, -1 where none does
     rows : (m, rows), at these times
     failed : by index the `FlowError` of each motion that breaks off before
-    paths : by index the motions up to their events or limits, as far as they were recorded
     """
 
     times: Array
     which: Array
     rows: Array
     failed: dict[int, FlowError]
-    paths: dict[int, Trajectory]
 
 
 class FirstOf:
@@ -114,7 +112,7 @@ def until_zero(
 
 def first_events(
     flow: Flow, starts: ArrayLike, p: Array, watch: Watch, limit: ArrayLike, orders: ArrayLike = 0,
-    reasons: bool = True, stops: Sequence[StopTest] = (), record: bool = False,
+    reasons: bool = True, stops: Sequence[StopTest] = (),
 ) -> Events:  # fmt: skip
     """The first events on motions from states (m, n).
 
@@ -123,22 +121,20 @@ def first_events(
     orders : (m, opening), the orders of the zeros at the start, which are divided out exactly; or a number or (m, 1)
     reasons : whether each `FlowError` states its reason
     stops : further tests of a single motion, whose numbers follow those of the functions
-    record : whether the paths are recorded of motions that take steps
     """
-    starts, ps = np.asarray(starts, dtype=float), np.atleast_2d(p)
-    search = _Search(flow, starts, ps, watch, limit, orders, reasons, record, record)
-    if stops:
-        search.one_by_one(np.zeros(1, int), search.starts, np.zeros(1), stops=stops)
-    elif flow.phase.closed_form:
-        with apart():
-            search.in_closed_form()
-    elif isinstance(flow.stepper(0), TaylorStepper):
-        search.by_taylor_steps()
-    else:
-        search.one_by_one(np.arange(len(search.starts)), search.starts, np.zeros(len(search.starts)))
-    ended = (~np.isinf(search.times)).nonzero()[0].tolist() if search.steps else ()
-    paths = {i: search.path(i) for i in ended if i not in search.failed}
-    return Events(search.times, search.which, search.rows, search.failed, paths)
+    return _Search(flow, starts, p, watch, limit, orders, reasons).events(stops)
+
+
+def recorded_event(
+    flow: Flow, start: ArrayLike, p: Array, watch: Watch, limit: ArrayLike, orders: ArrayLike,
+    stops: Sequence[StopTest] = (),
+) -> tuple[Events, Trajectory | None]:  # fmt: skip
+    """The `first_events` of a single motion, from a state (1, n), and its path up to the event or the limit; None in
+    closed form, and where the motion breaks off or never has one."""
+    search = _Search(flow, start, p, watch, limit, orders, all_steps=True, whole=True)
+    events = search.events(stops)
+    known = bool(search.steps) and not search.failed and not np.isinf(search.times[0])
+    return events, search.path(0) if known else None
 
 
 class _Search:
@@ -146,6 +142,7 @@ class _Search:
     parameters are (m, np), or (1, np) for all."""
 
     def __init__(self, flow, starts, ps, watch: Watch, limit, orders, reasons=True, all_steps=False, whole=False):
+        starts, ps = np.asarray(starts, dtype=float), np.atleast_2d(ps)
         count = len(starts)
         self.whole = whole  # whether all steps of motions of more than one block are recorded too
         self.flow, self.starts, self.ps, self.watch = flow, starts, ps, watch
@@ -156,6 +153,19 @@ class _Search:
         self.times[:], self.which[:], self.rows[:] = np.nan, -1, np.nan
         self.failed: dict[int, FlowError] = {}
         self.steps: list[tuple] = []  # the motion, length and coefficients of `all_steps` up to the zeros
+
+    def events(self, stops: Sequence[StopTest]) -> Events:
+        """The first events, by the way in which the flow takes its steps; with further tests of a single motion."""
+        if stops:
+            self.one_by_one(np.zeros(1, int), self.starts, np.zeros(1), stops=stops)
+        elif self.flow.phase.closed_form:
+            with apart():
+                self.in_closed_form()
+        elif isinstance(self.flow.stepper(0), TaylorStepper):
+            self.by_taylor_steps()
+        else:
+            self.one_by_one(np.arange(len(self.starts)), self.starts, np.zeros(len(self.starts)))
+        return Events(self.times, self.which, self.rows, self.failed)
 
     def orders_of(self, number: int) -> Array:
         """The orders (m,) of the zeros of a function at the start."""

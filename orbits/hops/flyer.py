@@ -6,14 +6,15 @@ spring. Maps, simulations and multipliers are views of it: of the states in whic
 becomes of small changes along these.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..errors import FlowError
-from ..flow.first_events import first_events
+from ..flow.first_events import Events, first_events, recorded_event
+from ..flow.flow import StopTest
 from ..flow.taylor import Watch
 from ..flow.trajectory import Trajectory
 from .arcs import BRIEF, Arcs, Flown, Phase, Rules
@@ -138,6 +139,14 @@ class Flyer:
         rate of the spring."""
         return np.append(orders, self.hops.turning[lanes, None], 1)[:, : watch.kind[1]] if self.branches else orders
 
+    def _events(
+        self, phase: Phase, starts: np.ndarray, limit: np.ndarray | float, orders: np.ndarray,
+        stops: Sequence[StopTest] = (),
+    ) -> tuple[Events, Trajectory | None]:  # fmt: skip
+        """The first events from states (m, k) of a phase; of a simulation with the path."""
+        wanted = phase.flow, starts, phase.impacts.p, self._watch(phase), limit, orders
+        return recorded_event(*wanted, stops) if self.course else (first_events(*wanted, stops=stops), None)
+
     def _left(self, lanes: np.ndarray) -> np.ndarray | float:
         """The times (k,) up to the end of the simulation, or of the parameters in force."""
         return np.inf if self.endless else min(self.time, self.until) - self.hops.now[lanes]
@@ -185,10 +194,7 @@ class Flyer:
         opening = hops.order[lanes, None] * (np.arange(len(impacts.feet)) == hops.foot[lanes, None])
         falls = [FallTest(impacts.footing)] if self.thorough and impacts.footing.falls_by_formula else []
         orders = self._orders(lanes, watch, opening)
-        found = first_events(
-            impacts.flight, x, impacts.p, watch, limit, orders, stops=falls, record=self.course is not None
-        )
-        path = found.paths.get(0) if self.course else None
+        found, path = self._events(phase, x, limit, orders, falls)
         which, times, rows = found.which, found.times, found.rows[:, : impacts.flight.size]
         for k, error in found.failed.items():
             self._finish(lanes[[k]], error.args[0], status_of_failure(error, "flight"))
@@ -292,21 +298,20 @@ class Flyer:
         if self.branches and not len(lanes := self._that_stand_on(lanes, phase)):
             return
         ys, watch, limit = phase.states(hops.states[lanes]), self._watch(phase), self._left(lanes)
-        alone, path = self.course is not None, None
+        path = None
         if (self.thorough and impacts.footing.watched_alone) or not phase.side:
             times, rows, outcome = np.full(len(ys), np.nan), ys.copy(), np.full(len(ys), "", STATUS)
         else:
             if self.endless and (self.branches or not impacts.contact.phase.closed_form):
                 limit = impacts.options.batch_contact * (1 + np.abs(ys).max(1))
             orders = self._orders(lanes, watch, impacts.grazes(ys).T | (hops.order[lanes, None] == 1))
-            found = first_events(impacts.contact, ys, impacts.p, watch, limit, orders, record=alone)
-            path = found.paths.get(0) if alone else None
+            found, path = self._events(phase, ys, limit, orders)
             times, rows = found.times, found.rows[:, : impacts.contact.size]
             names = [*(each.outcome for each in impacts.exits), REVERSES if self.branches else FALLS, ""]
             outcome = np.where(np.isinf(times), impacts.most_turns[1], np.array(names, STATUS)[found.which])
         for k in np.flatnonzero((outcome == "") | (np.isinf(times) & hops.record)).tolist():
             times[k], outcome[k], rows[k], last = self._contact_alone(lanes[[k]], phase, ys[k])
-            path = last if alone else None
+            path = last if self.course else None
         hops.ends[lanes], ends = rows, rows @ impacts.model.embed.T
         hops.contacts[lanes] = np.where(outcome == LIFTS_OFF, times, np.nan)
         if not self.endless:

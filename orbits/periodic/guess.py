@@ -216,7 +216,7 @@ def times_of_turns(
         if not len(going):
             break
         some = ps[going] if len(ps) > 1 else ps[0]
-        found, _, rows, failed, _ = first_events(
+        found, _, rows, failed = first_events(
             flow, states[going], some, Watch(flow, [rate]), longest[going], int(turn > 0), reasons=False
         )
         broken[going[[*failed]]], times[turn, going] = True, found

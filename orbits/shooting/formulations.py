@@ -328,11 +328,8 @@ def _contacts(model: Model, u: Mapping, p: Mapping, limits: ndarray):
     rest = np.array(sorted({*range(len(starts))} - found.keys()), int)
     if len(rest) and together and flow.in_lanes and not flow.phase.closed_form:
         # A contact that never ends takes thousands of steps, so that it is detected without storing them.
-        events = first_events(flow, starts[rest], ps[rest], Watch(flow, [end[0]]), limits[rest], end[1])
-        found |= {
-            int(rest[k]): _end_of_contact(model, events.failed.get(k))
-            for k in (~np.isfinite(events.times)).nonzero()[0]
-        }
+        times, *_, failed = first_events(flow, starts[rest], ps[rest], Watch(flow, [end[0]]), limits[rest], end[1])
+        found |= {int(rest[k]): _end_of_contact(model, failed.get(k)) for k in (~np.isfinite(times)).nonzero()[0]}
     for i in {*range(len(starts))} - found.keys():
         try:
             own = end if together else (replace(end[0], offset=np.broadcast_to(end[0].offset, len(starts))[i]), end[1])
