@@ -199,8 +199,9 @@ class Flyer:
         for k, error in found.failed.items():
             self._finish(lanes[[k]], error.args[0], status_of_failure(error, "flight"))
         if self.branches and not phase.side and not found.failed:
-            run, _ = impacts.flight.run(x[0], impacts.p, float(times[0] if which[0] >= 0 else limit[0]))
-            if not self._sticks(self.branches, lanes, phase, path or run):
+            if path is None:
+                path, _ = impacts.flight.run(x[0], impacts.p, float(times[0] if which[0] >= 0 else limit[0]))
+            if not self._sticks(self.branches, lanes, phase, path):
                 return None
         lands = (which >= 0) & (which < len(impacts.feet))
         if not lands.all() or not self.endless:

@@ -127,14 +127,12 @@ def hop_derivative(rules: Rules, x: np.ndarray, change: np.ndarray) -> HopDeriva
     hops = Flown.begun(rules, x[None], record=True)
     flyer, first, change = Flyer(rules, hops, thorough=True), cast("_FirstLanding | None", None), np.array(change)
     flyer.to_contact()
-    for arc, derivative in _derivatives(hops.arcs):
+    for arc, derivative in _derivatives(hops.arcs, rules):
         impacts, end, start = arc.phase.impacts, arc.ends[0], change
         if not arc.phase.side:
             raise NoOrbit("the spring sticks in flight: no multiplier is computed there")
         change = derivative @ change
-        if arc.kind == REVERSES and isinstance(rules, Branches):
-            change = _at_reversal(arc, rules.rates[0], change)
-        elif arc.landed is not None:
+        if arc.landed is not None:
             foot = impacts.feet[int(arc.foot[0])]
             speed = float(foot.speed @ end)
             # Later bounces may be arbitrarily slow.
@@ -151,10 +149,8 @@ def hop_derivative(rules: Rules, x: np.ndarray, change: np.ndarray) -> HopDeriva
     if hops.status[0] != LIFTS_OFF or first is None:
         raise NoOrbit(_reason(hops, rules.first()))
     change = rules.first().onto_contact @ change
-    for arc, derivative in _derivatives(hops.arcs[flights:]):
+    for _, derivative in _derivatives(hops.arcs[flights:], rules):
         change = derivative @ change
-        if arc.kind == REVERSES and isinstance(rules, Branches):
-            change = _at_reversal(arc, rules.rates[1], change)
     impacts = hops.arcs[-1].phase.impacts
     if hops.arcs[-1].step:
         signs = np.array(impacts.model.relabelling.signs)[:, None]
@@ -162,12 +158,16 @@ def hop_derivative(rules: Rules, x: np.ndarray, change: np.ndarray) -> HopDeriva
     return HopDerivative(hops.ends[0], _at_liftoff(impacts, hops.ends[0], change), False, *first, impacts)
 
 
-def _derivatives(arcs: Sequence[Arcs]) -> Iterator[tuple[Arcs, np.ndarray]]:
-    """Arcs of one motion, with the derivatives (k, k) of their ends by their starts."""
+def _derivatives(arcs: Sequence[Arcs], rules: Rules) -> Iterator[tuple[Arcs, np.ndarray]]:
+    """Arcs of one motion, with the derivatives (k, k) of their ends by their starts: at a fixed time, or where the
+    spring reverses."""
     for arc, again in zip(arcs, integrated(arcs, sensitive=True), strict=True):
         if isinstance(again, FlowError):
             raise NoOrbit(Message("the {name} does not end: {error}", name=arc.phase.flow.phase.name, error=again))
-        yield arc, np.eye(arc.phase.flow.size) if again is None else again[1]
+        derivative = np.eye(arc.phase.flow.size) if again is None else again[1]
+        if arc.kind == REVERSES and isinstance(rules, Branches):
+            derivative = _at_reversal(arc, rules.rates[arc.phase.contact], derivative)
+        yield arc, derivative
 
 
 def _reason(hops: Flown, impacts: Impacts) -> str | Message:

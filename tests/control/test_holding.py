@@ -10,7 +10,7 @@ from orbits.control.holding import _regulator, _Stage
 from orbits.errors import InputError, NoOrbit
 from orbits.hops.impacts import Impacts
 from orbits.hops.launch_section import LaunchSection
-from problems import Chain, Hopper, runner
+from problems import Chain, Hopper, runner, springs
 
 
 @pytest.fixture(scope="module")
@@ -166,3 +166,6 @@ def test_what_is_not_held(run, held):
         simulate(held.machine, run, hops=1, feedback=held, schedule=([0.0, 1.0], {"hold": [0.0]}))
     with pytest.raises(InputError, match="feedback: a launch that is a speed has none"):
         simulate(Hopper(), 4.6, hops=1, feedback=held)
+    lossy = Chain((1.0, 1.0, 1.0), [springs.lossy("r", loss_factor=0.1), "r"])
+    with pytest.raises(InputError, match=r"feedback for a chain.*hysteresis"):
+        simulate(lossy, state=np.ones(6), hops=1, feedback=held)
