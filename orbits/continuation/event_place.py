@@ -14,7 +14,7 @@ from ..model.phase import Statement
 from ..periodic.certified import orbit_from
 from ..symbolic.formula import Formula, suggest
 from .curve import TEST_FUNCTIONS
-from .family import Family
+from .family import Family, names_of_numbers, varied_at
 from .point import Event, Point, point_in_units
 from .step_control import OTHER_EVENTS
 from .table import names_of_motions
@@ -82,9 +82,10 @@ def turn_of(machine: Machine, family: Family, formula: Formula, number: int) -> 
 
 def values_along(machine: Machine, family: Family, formula: Formula) -> np.ndarray:
     """The values (m,) of a formula at the points of a family."""
-    varied = [family._varied(point) for point in family.points]
+    varied = [varied_at(family, point) for point in family.points]
     own = {name: np.array([each.get(name, value) for each in varied]) for name, value in machine.values.items()}
-    known, used = {*family._numbers_of(family.points), *names_of_motions(machine)}, quantities_used(machine, formula)
+    known = {*names_of_numbers(family, family.points), *names_of_motions(machine)}
+    used = quantities_used(machine, formula)
     values = {name: family.column(name) for name in used if name in known}
     if FRICTION_LEFT in used and machine.model.planar and machine.model.planar.friction:
         stated = machine.model.planar.friction(own)
@@ -120,7 +121,7 @@ def quantities_used(machine: Machine, formula: Formula) -> list[str]:
 
 def bare_point(machine: Machine, family: Family, point: Point) -> Point:
     """A point of a family without dimensions."""
-    units = machine.with_values(**family._varied(point)).units
+    units = machine.with_values(**varied_at(family, point)).units
     return point_in_units(point, units and units.inverse())
 
 

@@ -39,7 +39,7 @@ from .event_place import (
     tuned_of_family,
     turn_of,
 )
-from .family import Family
+from .family import Family, varied_at
 from .point import Event, Point
 from .tuned_curve import values_of
 
@@ -88,7 +88,7 @@ def event_start(machine: Machine, family: Family, event: Event | str | Mapping[s
         condition = EventCondition(event, formula.text, None)
         return _of_formula(machine, family, turn_of(machine, family, formula, number), formula, condition)
     found = located_event(family, event, number)
-    own, here = bare_point(machine, family, found.point), machine.with_values(**family._varied(found.point))
+    own, here = bare_point(machine, family, found.point), machine.with_values(**varied_at(family, found.point))
     if found.kind == "fold":
         return start_of_fold(here, statement_of_family(machine, family), own, family.name)
     if found.kind in CROSSINGS:
@@ -125,7 +125,7 @@ def _of_formula(
     machine: Machine, family: Family, point: Point, formula: Formula, condition: EventCondition
 ) -> EventStart:  # fmt: skip
     """The start of a curve on which a formula has a value or is stationary."""
-    here = machine.with_values(**family._varied(point))
+    here = machine.with_values(**varied_at(family, point))
     used = tuple(quantities_used(here, formula))
     kinds: tuple[Kind, ...] = ()
     times, contact = list[float](), None
@@ -178,7 +178,7 @@ def _places_on(machine: Machine, orbit: Orbit, extremes: Sequence[str]) -> list[
 
 def _of_collapse(machine: Machine, family: Family, point: Point) -> EventStart:
     """The start of a curve of collapses."""
-    here, base = machine.with_values(**family._varied(point)), statement_of_family(machine, family)
+    here, base = machine.with_values(**varied_at(family, point)), statement_of_family(machine, family)
     u = dict(zip(base.unknowns, point.u, strict=False))
     place, speed = map(float, here.model.touchdown(u, here.values))
     side = float(np.sign(speed))

@@ -176,7 +176,7 @@ class Family(
         """
         if strange := [each for each in points if not hasattr(each, "numbers")]:
             raise InputError(f"points: {strange[0]!r} is no point of a family")
-        numbers = self._numbers_of(points)
+        numbers = names_of_numbers(self, points)
         if name in (*numbers, "value"):
             return numbers_at(points, "value" if name == self.name else name)
         further = names_of_motions(self.source) if self.source else ()
@@ -196,22 +196,12 @@ class Family(
         """The parameter along which the family goes; none where it goes along a quantity of its orbits."""
         return () if self.settings.get("tune") and self.name in QUANTITIES_ALONG else (self.name,)
 
-    def _varied(self, point: Point) -> dict[str, float]:
-        """The values of the parameters that vary along the family, at a point."""
-        quantities = QUANTITIES_ALONG if self.settings.get("tune") else ()
-        also = {name: value for name, value in point.also.items() if name not in quantities}
-        return {**also, **dict.fromkeys(self._along, point.value)}
-
-    def _numbers_of(self, points: Sequence[Point]) -> list[str]:
-        """The names of the numbers that points of the curve have."""
-        return list(dict.fromkeys((self.name, *(points[0].numbers if points else KNOWN))))
-
     def _of_motions(self, machine: Machine | None, points: Sequence[Point]) -> dict[str, np.ndarray]:
         """The quantities of the motions at points of the curve, by name; empty without the machine."""
         if machine is None or not points:
             return {}
         check_parameters(machine, *self._along)
-        varied = [self._varied(point) for point in points]
+        varied = [varied_at(self, point) for point in points]
         return numbers_of_motions(machine, self.settings["method"], varied, points)
 
     def table(self, machine: Machine | None = None, *, events: bool = False) -> dict[str, Any]:
@@ -229,7 +219,7 @@ class Family(
                 rows.pop()
             rows.append((point, event.kind if event else ""))
         points = [point for point, _ in rows]
-        data: dict[str, Any] = {name: self.values_at(points, name) for name in self._numbers_of(points)}
+        data: dict[str, Any] = {name: self.values_at(points, name) for name in names_of_numbers(self, points)}
         data |= {"admissible": data["admissible"] == 1, "family": data["family"].astype(int)}
         data |= {name: values for name, values in self._of_motions(machine, points).items() if name not in data}
         data |= {name: [getattr(point, name) for point in points] for name in SIDES}
@@ -303,7 +293,7 @@ class Family(
 
     def _claim(self, machine: Machine, point: Point) -> Claim:
         """The claim of a point about the machine there."""
-        here = machine.with_values(**self._varied(point))
+        here = machine.with_values(**varied_at(self, point))
         model = here.model
         names = model.reduction.statement.unknowns if model.reduction else model.half_unknowns
         if len(names) != len(point.u):
@@ -378,7 +368,7 @@ class Family(
 
     def _orbit(self, machine: Machine, point: Point) -> Orbit:
         """The whole orbit at a point."""
-        here = machine.with_values(**self._varied(point))
+        here = machine.with_values(**varied_at(self, point))
         bare = point_in_units(point, here.units and here.units.inverse())
         return orbit_from(here, self.settings["method"], point.u, bare.error)
 
@@ -454,6 +444,18 @@ class Family(
         settings = {name: to_json(getattr(self, name)) for name in ("settings", "versions")}
         settings |= {"events": to_json([stated(event) for event in self.events]), "end": to_json(stated(self.end))}
         return super().dataset.assign_attrs(settings).set_coords(self.name)
+
+
+def varied_at(family: Family, point: Point) -> dict[str, float]:
+    """The values of the parameters that vary along a family, at a point of it."""
+    quantities = QUANTITIES_ALONG if family.settings.get("tune") else ()
+    also = {name: value for name, value in point.also.items() if name not in quantities}
+    return {**also, **dict.fromkeys(family._along, point.value)}
+
+
+def names_of_numbers(family: Family, points: Sequence[Point]) -> list[str]:
+    """The names of the numbers that points of a family have."""
+    return list(dict.fromkeys((family.name, *(points[0].numbers if points else KNOWN))))
 
 
 def _modernised(family: Family) -> Family:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..flow.vector_field import runge_kutta
+from ..flow.vector_field import runge_kutta_step
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..symbolic.caches import cached
 from ..symbolic.ipopt import Minimiser, Minimum
@@ -63,7 +63,7 @@ def advance(stage: Stage, names: tuple[str, ...], substeps: int) -> ca.Function:
         rates = [graph.field(state_at(share * float(place)), graph.p)[0][size + 1] for place in GAUSS_PLACES]
         end[size + 1] = graph.x[size + 1] + share * ca.dot(ca.vertcat(*rates), ca.DM(GAUSS_WEIGHTS))
     else:
-        end = runge_kutta(graph, graph.x, share)
+        end = runge_kutta_step(graph, graph.x, share)
     step = ca.Function("step", [graph.x, share, graph.p], [end])
     x, p = ca.SX.sym("x", size), graph.p[:count]
     z, named = ca.vertcat(x, 0, 0), flow.symbols(ca.SX(0, 1), p)[1]

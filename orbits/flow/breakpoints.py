@@ -5,7 +5,7 @@ Taylor steps find these themselves, see `taylor.PieceRows`.
 
 import numpy as np
 
-from ..numerics.polynomial_roots import roots
+from ..numerics.polynomial_roots import roots_within
 from ..numerics.roots import Array
 from .vector_field import SHORTEST_CUT
 
@@ -47,7 +47,7 @@ class ActivePiece:
             distance = coordinate.copy()
             distance[0] -= level
             order = int(np.argmax(distance[1:] != 0)) + 1 if level == self.level else 0
-            found = roots(distance[order:], h)
+            found = roots_within(distance[order:], h)
             if found and found[0] < h:
                 h, crossed = max(found[0], SHORTEST_CUT * h), side
         self.level = None

@@ -8,7 +8,7 @@ import numpy as np
 from ..numerics.roots import Array
 from ..symbolic.calls import BufferedFunction
 from .breakpoints import ActivePiece
-from .vector_field import FLOW_CONTROL, VectorField, runge_kutta
+from .vector_field import FLOW_CONTROL, VectorField, runge_kutta_step
 
 # The first step that is tried. Later ones try four times the step before, so that the length can also grow.
 FIRST_STEP, GROWTH = 0.1, 4.0
@@ -40,7 +40,7 @@ class RungeKuttaStepper:
         self.n, self.columns, self.varied = graph.size, columns, list(varied)
         h = ca.SX.sym("h")
         dx, dp = ca.SX.sym("dx", self.n, columns), ca.SX.sym("dp", len(varied), columns)
-        end = runge_kutta(graph, x, h)
+        end = runge_kutta_step(graph, x, h)
         moving = ca.vertcat(x, *[p[i] for i in varied])
         slope = ca.jtimes(end, moving, ca.vertcat(dx, dp)) if columns else ca.SX(self.n, 0)
         step = ca.Function("step", [x, h, p, dx, dp], [end, ca.densify(slope)])

@@ -116,7 +116,7 @@ class VectorField:
         """One step of length h, a function (x, h, p) -> x for equations that other solvers differentiate."""
         h = ca.SX.sym("h")
         if not self.has_series:
-            return ca.Function("step", [self.x, h, self.p], [runge_kutta(self, self.x, h)])
+            return ca.Function("step", [self.x, h, self.p], [runge_kutta_step(self, self.x, h)])
         series = taylor_coefficients(self.field, self.x, self.p, STEP_ORDER)
         end = series[: self.size, :] @ symbolic_powers(h)[: STEP_ORDER + 1]
         return ca.Function("step", [self.x, h, self.p], [end])
@@ -127,7 +127,7 @@ def symbolic_powers(h: ca.SX) -> ca.SX:
     return ca.vertcat(ca.SX(1), *accumulate([h] * TAYLOR_ORDER, lambda power, h: h * power))
 
 
-def runge_kutta(graph: VectorField, x: ca.SX, h: ca.SX) -> ca.SX:
+def runge_kutta_step(graph: VectorField, x: ca.SX, h: ca.SX) -> ca.SX:
     """The state after one Runge-Kutta step of order 8 and length `h` from `x`."""
     stages, weights = _cooper_verner()
     rates = ca.SX(graph.size, 0)  # of the state, one column for each stage

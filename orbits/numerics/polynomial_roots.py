@@ -81,7 +81,7 @@ def _binomial(count: int) -> tuple[np.ndarray, np.ndarray]:
     return np.maximum(np.subtract.outer(np.arange(count), np.arange(count)), 0), factors
 
 
-def roots(coefficients: np.ndarray, h: float) -> list[float]:
+def roots_within(coefficients: np.ndarray, h: float) -> list[float]:
     """All roots in (0, h], ascending; 0 counts as positive, and a double root that rounding cannot separate is none."""
     brackets = _brackets(bernstein(coefficients, powers(h, len(coefficients)))[None], np.array([False]))[1:]
     return [_refine(coefficients, h, *bracket) for bracket in zip(*brackets, strict=True)]

@@ -25,6 +25,7 @@ from .diagram import RESERVED_IN_DIAGRAMS, BifurcationDiagram, Branch
 from .launch_curve import STEPS_OF_BRANCHES
 from .periodic_hop import PeriodicHop, listed_starts
 from .periodic_launch import PeriodicLaunch
+from .return_map import hops_near
 
 SECTIONS, SECTIONS_OF_STARTS = 9, 3  # values of the parameter at which fixed points are searched for by default
 SAME_PLACE = 1e-6  # launches that differ by a smaller share of the range are the same
@@ -196,8 +197,8 @@ class _Search:
             for start, below in ((start, below) for start in self.starts for below in (False, True)):
                 interrupts.heed()
                 try:
-                    hops = self.maps.at(value)._periodic(
-                        start, start.period if isinstance(start, PeriodicHop) else 1, below
+                    hops = hops_near(
+                        self.maps.at(value), start, start.period if isinstance(start, PeriodicHop) else 1, below
                     )
                     found.append((value, hops))
                 except NoOrbit as error:

@@ -16,11 +16,12 @@ from ..errors import InputError
 from ..hops.launch_section import LaunchSection
 from ..model.machine import Machine, free_parameters, machine_in_words
 from ..units import LIFTOFF_SPEED
+from .hops import Hops
 from .hops_along import INJECT, HopsAlong
 from .itineraries import MonotoneBranches
 from .map_pieces import MapPieces
-from .periodic_hops import cycles_of
-from .return_map import Hops, ReturnMap
+from .periodic_hops import cycles_of, slope_at
+from .return_map import ReturnMap, pieces_between
 
 RESTITUTION = "restitution"
 DAMPERS_OF_HOPS = ("damping", "drag")  # a machine may have these at 0 without its model having such a parameter
@@ -134,7 +135,7 @@ class MapsAlong:
         depends on that value."""
         units, step = self.machine_at(value).units, self.at(value)
         unit = units.of(LIFTOFF_SPEED) if units else 1.0
-        return step.dimensionless()._pieces(low / unit, high / unit, samples).in_units(unit)
+        return pieces_between(step.dimensionless(), low / unit, high / unit, samples).in_units(unit)
 
     @cached_property
     def along(self) -> HopsAlong | None:
@@ -207,7 +208,7 @@ class MapsAlong:
         derivatives of higher order."""
         step, product = self.at(value), 1.0
         for alpha in launches:
-            if (slope := step._slope(alpha)) is not None:
+            if (slope := slope_at(step, alpha)) is not None:
                 product *= slope
             elif not step.impacts.model.conservative:
                 return float("nan")

@@ -133,7 +133,7 @@ class MapPieces:
     def _beside_lossless(self) -> np.ndarray:
         return self.power == OF_LOSSLESS
 
-    def _beside(self, border: MapBorder) -> list[np.ndarray]:
+    def beside(self, border: MapBorder) -> list[np.ndarray]:
         """The cells (1,) that end at a border below it and above it, (0,) where there is none."""
         return [
             np.flatnonzero(np.abs(self.edges[:, side] - border.alpha) <= SAME_EDGE * border.alpha)[:1]
@@ -143,12 +143,12 @@ class MapPieces:
     def slopes_at(self, border: MapBorder) -> tuple[float, float]:
         """The slopes of the map below and above a border, NaN where there is none."""
         at = np.array([border.alpha])
-        below, above = (float(self.slope(at, cell)[0]) if len(cell) else np.nan for cell in self._beside(border))
+        below, above = (float(self.slope(at, cell)[0]) if len(cell) else np.nan for cell in self.beside(border))
         return below, above
 
     def impacts_at(self, border: MapBorder) -> int:
         """The larger number of impacts in the hops on both sides of a border."""
-        return max(int(self.impacts[cell[0]]) for cell in self._beside(border) if len(cell))
+        return max(int(self.impacts[cell[0]]) for cell in self.beside(border) if len(cell))
 
     @cached_property
     def _derivatives(self) -> np.ndarray:

@@ -7,8 +7,11 @@ from typing import Any, overload
 
 import numpy as np
 
+from ..errors import NoOrbit
+from ..hops.multiplier import slope_of_hop
+from ..hops.simulation import simulate
 from ..io import Document, conform
-from ..model.machine import Machine
+from ..model.machine import Machine, machine_in_words
 from ..numerics.roots import UNIT, solve
 from ..result import Axes, Progress, Result, Row, reported, shown, stored
 from ..units import LIFTOFF_SPEED, Units
@@ -256,32 +259,47 @@ def polished_cycles(
     return found, errors, impacts
 
 
+def slope_at(step: Any, alpha: float) -> float | None:
+    """The slope of a return map at a launch speed, in the machine's units, None where it has none."""
+    try:
+        return slope_of_hop(step.impacts, alpha / (step.units.of(LIFTOFF_SPEED) if step.units else 1.0))
+    except NoOrbit:
+        return None
+
+
+def separation_at(step: Any, alpha: float) -> float | None:
+    """The smallest separation of the masses during the hop from a launch speed, None where they have none."""
+    if step.impacts.model.separation(step.machine.values) is None:
+        return None
+    return simulate(step.machine, alpha, hops=1, cap=step.cap).smallest_separation
+
+
 def lossless_hops(return_map: Any, period: int, low: float, high: float, lossless: list[float]) -> PeriodicHops:
     """The `PeriodicHops` of a map without injection and damping, of which all that come back are lossless."""
-    impacts = return_map(np.array(lossless)).impacts.tolist()
+    impacts, words = return_map(np.array(lossless)).impacts.tolist(), machine_in_words(return_map.machine)
     hops = ReturningHops.of_speeds
     cycles = tuple(
-        hops([alpha], None, "lossless", machine=return_map._words, smallest_separation=return_map._separation(alpha),
+        hops([alpha], None, "lossless", machine=words, smallest_separation=separation_at(return_map, alpha),
              impacts=(count,), error=0.0)
         for alpha, count in zip(lossless, impacts, strict=True)
     )  # fmt: skip
-    return PeriodicHops(return_map._words, period, low, high, 0.0, cycles)
+    return PeriodicHops(words, period, low, high, 0.0, cycles)
 
 
 def all_periodic_hops(return_map: Any, pieces: MapPieces, period: int, progress: Progress = None) -> PeriodicHops:
     """The `PeriodicHops` of a dimensionless return map whose pieces without injection are known."""
     branches = MonotoneBranches.of(pieces, return_map.inject)
     found, itineraries = cycles_of(branches, return_map, period) if len(branches.ends) else ([], 0)
-    cycles = []
+    cycles, words = [], machine_in_words(return_map.machine)
     for launches, word, counts, error in reported(found, progress):
-        slopes, apart = zip(
-            *((return_map._slope(a), return_map._separation(a)) for a in launches.tolist()), strict=True
-        )
-        separation = None if None in apart else min(apart)
+        slopes = [slope for a in launches.tolist() if (slope := slope_at(return_map, a)) is not None]
+        apart = [each for a in launches.tolist() if (each := separation_at(return_map, a)) is not None]
+        multiplier = float(np.prod(slopes)) if len(slopes) == len(launches) else None
         cycles.append(
             ReturningHops.of_speeds(
-                launches, None if None in slopes else float(np.prod(slopes)), machine=return_map._words, error=error,
-                smallest_separation=separation, impacts=tuple(counts.tolist()), itinerary=tuple(word.tolist()),
+                launches, multiplier, machine=words, error=error,
+                smallest_separation=min(apart, default=None), impacts=tuple(counts.tolist()),
+                itinerary=tuple(word.tolist()),
             )
         )  # fmt: skip
     kinds = tuple(
@@ -291,6 +309,6 @@ def all_periodic_hops(return_map: Any, pieces: MapPieces, period: int, progress:
         )
     )
     return PeriodicHops(
-        return_map._words, period, pieces.low, pieces.high, return_map.inject, tuple(cycles), kinds, itineraries,
+        words, period, pieces.low, pieces.high, return_map.inject, tuple(cycles), kinds, itineraries,
         float(pieces.errors.max(initial=0.0)), pieces.unresolved,
     )  # fmt: skip

@@ -22,7 +22,7 @@ from ..running.exclusive import exclusive
 from ..units import LIFTOFF_SPEED
 from .cycles import INJECT, RESTITUTION, MapsAlong, parameters_of_maps
 from .diagram import RESERVED_IN_DIAGRAMS
-from .return_map import ReturnMap
+from .return_map import ReturnMap, pieces_between
 
 # What launches settle to besides the statuses of a hop that has no next launch.
 HAS_PERIOD, OUT_OF_RANGE, CHAOTIC, UNSETTLED, ESCAPES = "periodic", "outside", "chaotic", "longer", "leaves"
@@ -38,7 +38,7 @@ class SettlingMap:
     """The map of one machine without injection, as polynomials between two launch speeds and elsewhere itself."""
 
     def __init__(self, plain: ReturnMap, between: tuple[float, float], samples: int):
-        self.plain, self.pieces = plain, plain._pieces(*between, samples)
+        self.plain, self.pieces = plain, pieces_between(plain, *between, samples)
 
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict[int, str]]:
         """The next launch speeds (m,), the slopes (m,), NaN where the map itself is taken, and by index the statuses of

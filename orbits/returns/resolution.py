@@ -329,7 +329,7 @@ class Resolving(LimitedHops):
 
     def borders_of(self, pieces: MapPieces, cuts: np.ndarray) -> tuple[MapBorder, ...]:
         """The borders at launch speeds with their kinds."""
-        beside = [pieces._beside(MapBorder(alpha, "", (1, 1), (np.nan, np.nan))) for alpha in cuts.tolist()]
+        beside = [pieces.beside(MapBorder(alpha, "", (1, 1), (np.nan, np.nan))) for alpha in cuts.tolist()]
         open_to = np.array([0 if len(a) and len(b) else -1 if not len(a) else 1 for a, b in beside], int)
         beyond = cuts[open_to != 0] + 0.1 * self.shortest * open_to[open_to != 0]
         ends = self.plain.hops(beyond, min(self.options.first_impacts, self.plain.cap)).status.tolist()

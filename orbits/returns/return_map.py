@@ -7,7 +7,7 @@ like the power 4/3 of the distance, and the difference would be rounding.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -19,8 +19,6 @@ from ..hops.decided_hops import hops_of_speeds, stand
 from ..hops.hysteresis import Branches
 from ..hops.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, impacts_of, injected
 from ..hops.launch_section import LaunchSection
-from ..hops.multiplier import slope_of_hop
-from ..hops.simulation import simulate
 from ..io import fields_in_line
 from ..model.machine import Machine, dimensionless, machine_in_words
 from ..numerics.roots import enclosed_ends
@@ -38,7 +36,7 @@ from .limited_hops import NEAR_LEVELS, PlainMap
 from .map_pieces import JUMP, Intervals, MapPieces
 from .passages import Passages
 from .periodic_hop import different_hops, periodic_hop
-from .periodic_hops import PeriodicHops, all_periodic_hops, lossless_hops
+from .periodic_hops import PeriodicHops, all_periodic_hops, lossless_hops, separation_at
 from .resolution import Resolving, map_pieces
 from .returning_hops import FixedPoints, ReturningHops
 
@@ -186,7 +184,7 @@ class ReturnMap:
         Raises `NoOrbit` where the search takes more than 30 s, unless `time_limit` allows more.
         """
         if starts is not None:
-            return FixedPoints(different_hops(self._periodic, starts, progress))
+            return FixedPoints(different_hops(partial(hops_near, self), starts, progress))
         self._check_one_speed("fixed_points(low, high)")
         if low is None or high is None:
             raise InputError("fixed points are searched for between two launch speeds, low and high, or from starts")
@@ -209,7 +207,7 @@ class ReturnMap:
         Raises `NoOrbit` where the method finds none, or hops of a shorter period. Without injection or damping hops
         that come back are lossless: those of `find` and `find_all`, whose orbit may be the start.
         """
-        return self._periodic(start, whole_number("period", period, "hops"))
+        return hops_near(self, start, whole_number("period", period, "hops"))
 
     @exclusive
     def periodic_hops(
@@ -244,20 +242,8 @@ class ReturnMap:
         if self.only_gains:
             return PeriodicHops(self._words, period, low, high, self.inject, ())
         half = progress and (lambda share: progress(0.5 * share))  # the other half are the hops
-        pieces = self._pieces(low, high, samples, half, self.inject if period == 1 else None)
+        pieces = pieces_between(self, low, high, samples, half, self.inject if period == 1 else None)
         return all_periodic_hops(self, pieces, period, progress and (lambda share: progress(0.5 + 0.5 * share)))
-
-    def _pieces(
-        self, low: float, high: float, samples: int, progress: Progress = None, inject: float | None = None
-    ) -> MapPieces:
-        """The pieces between two launch speeds of the dimensionless map without injection: all of them, or those near
-        the identity line for an injection."""
-        known = (self._resolved.get((low, high, samples, each)) for each in (None, inject))
-        if (found := next((each for each in known if each), None)) is None:
-            plain = self._plain(lossless_speeds(self.machine, low, high))
-            found = map_pieces(plain, low, high, samples, inject, progress)
-            self._resolved[low, high, samples, inject] = found
-        return found
 
     def _plain(self, lossless: Sequence[float]) -> PlainMap:
         """The map without injection."""
@@ -273,10 +259,6 @@ class ReturnMap:
         """Whether hops lose nothing, so that every next launch is faster by the injection and none comes back."""
         return bool(self.impacts.never_lose and self.impacts.one_liftoff)
 
-    def _periodic(self, start: Any, period: int = 1, below: bool = False) -> ReturningHops:
-        with without_units(self.units):
-            return periodic_hop(self.machine, self.section, start, period, self.inject / self._speed, self.cap, below)
-
     @exclusive
     def smallest_separation(self, alpha: ArrayLike) -> np.ndarray | None:
         """The smallest separations (...) of the masses during the hops from launch speeds (...), None without a rest
@@ -284,21 +266,8 @@ class ReturnMap:
         simulated, which takes some milliseconds; a speed that is not above 0 has NaN."""
         self._check_one_speed("smallest_separation")
         speeds = np.array(alpha, dtype=float)
-        found = [self._separation(each) if 0 < each < np.inf else np.nan for each in speeds.ravel().tolist()]
+        found = [separation_at(self, each) if 0 < each < np.inf else np.nan for each in speeds.ravel().tolist()]
         return None if None in found else np.array(found, dtype=float).reshape(speeds.shape)
-
-    def _separation(self, alpha: float) -> float | None:
-        """The smallest separation of the masses during the hop from a launch speed, None where they have none."""
-        if self.impacts.model.separation(self.machine.values) is None:
-            return None
-        return simulate(self.machine, alpha, hops=1, cap=self.cap).smallest_separation
-
-    def _slope(self, alpha: float) -> float | None:
-        """The slope of the map at a launch speed, None where it has none."""
-        try:
-            return slope_of_hop(self.impacts, alpha / self._speed)
-        except NoOrbit:
-            return None
 
     @exclusive
     @in_own_units((), hops=())
@@ -432,6 +401,24 @@ class ReturnMap:
             progress(0.0)
         intervals = self._passages(lossless[0], high, samples, lossless).basin(lossless, hops, high - low, progress)
         return [(max(a, low), min(b, high)) for a, b in intervals if b > low]
+
+
+def pieces_between(
+    step: ReturnMap, low: float, high: float, samples: int, progress: Progress = None, inject: float | None = None
+) -> MapPieces:
+    """The pieces between two launch speeds of a dimensionless map without injection: all of them, or those near the
+    identity line for an injection."""
+    known = (step._resolved.get((low, high, samples, each)) for each in (None, inject))
+    if (found := next((each for each in known if each), None)) is None:
+        plain = step._plain(lossless_speeds(step.machine, low, high))
+        found = step._resolved[low, high, samples, inject] = map_pieces(plain, low, high, samples, inject, progress)
+    return found
+
+
+def hops_near(step: ReturnMap, start: Any, period: int = 1, below: bool = False) -> ReturningHops:
+    """The hops of a map that come back after `period` of them, near a start; `below` a lossless orbit if stated."""
+    with without_units(step.units):
+        return periodic_hop(step.machine, step.section, start, period, step.inject / step._speed, step.cap, below)
 
 
 def _checked_grid(low: float, high: float, samples: int) -> tuple[float, float, int]:

@@ -8,7 +8,7 @@ from numpy import ndarray
 from ..errors import NoOrbit
 from ..flow.flow import Flow
 from ..flow.trajectory import Trajectories, Trajectory
-from ..flow.vector_field import TAYLOR_ORDER, runge_kutta, symbolic_powers
+from ..flow.vector_field import TAYLOR_ORDER, runge_kutta_step, symbolic_powers
 from ..numerics.polynomial_roots import powers
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..numerics.roots import solve
@@ -289,5 +289,5 @@ def _end_by_another_method(flow: Flow, start: ndarray, p: ndarray, path: Traject
 def _order_eight(flow: Flow, count: int) -> BufferedFunction:
     """`count` Runge-Kutta steps as a call (start, lengths, parameters with data) -> states (n, count)."""
     field, h = flow.vector_field, ca.SX.sym("h")
-    step = ca.Function("step", [field.x, h, field.p], [runge_kutta(field, field.x, h)])
+    step = ca.Function("step", [field.x, h, field.p], [runge_kutta_step(field, field.x, h)])
     return BufferedFunction(step.mapaccum(count))

@@ -15,7 +15,7 @@ from orbits.numerics.polynomial_roots import (
     lowest,
     piecewise_roots,
     powers,
-    roots,
+    roots_within,
     shifted,
 )
 from orbits.symbolic import kernels
@@ -38,7 +38,7 @@ def test_roots_are_those_of_the_companion_matrix():
         if len(inside) > 1 and np.diff(inside).min() < 1e-2:
             continue
         c = np.poly([*inside, -1.0, 4.0])[::-1].copy()
-        assert roots(c, 2.0) == pytest.approx(inside, rel=1e-9)
+        assert roots_within(c, 2.0) == pytest.approx(inside, rel=1e-9)
 
 
 @pytest.mark.parametrize("exponent", range(1, 9))
@@ -48,9 +48,9 @@ def test_no_grazing_pair_is_missed_and_none_invented(exponent):
     for _ in range(100):
         place, dip = RNG.uniform(0.4, 0.6), 10.0**-exponent * RNG.uniform(0.3, 1)
         shape = np.polynomial.polynomial.polymul([place**2 - dip, -2 * place, 1.0], [1.0, RNG.uniform(-0.9, 2)])
-        assert len(roots(shape, 1.0)) == 2
+        assert len(roots_within(shape, 1.0)) == 2
         above = np.polynomial.polynomial.polymul([place**2 + dip, -2 * place, 1.0], [1.0, RNG.uniform(-0.9, 2)])
-        assert roots(above, 1.0) == []
+        assert roots_within(above, 1.0) == []
 
 
 def test_piecewise_roots_are_found_once_at_the_joints():
@@ -111,7 +111,7 @@ def test_many_roots_at_once_are_the_same_as_one_by_one():
     least = list(zip(*polynomials.lowest(), strict=True))
     assert len(owner) > 6
     for p in range(15):
-        alone = [(k, s) for k in range(3) for s in roots(c[p, k], steps[p, k])]
+        alone = [(k, s) for k in range(3) for s in roots_within(c[p, k], steps[p, k])]
         assert [k for k, _ in found[p]] == [k for k, _ in alone]
         assert [s for _, s in found[p]] == pytest.approx([s for _, s in alone], rel=1e-13, abs=1e-15)
         value, k, s = least[p]

@@ -13,6 +13,7 @@ from orbits.curves import Event
 from orbits.numerics.roots import bracketed_root
 from orbits.returns.bifurcations import _Search, _with_events_at_points
 from orbits.returns.cycles import MapsAlong
+from orbits.returns.periodic_hops import slope_at
 from orbits.returns.periodic_launch import PeriodicLaunch
 from problems import Chain, HeavyHand, Hopper, hopper_in_si
 
@@ -376,7 +377,7 @@ def slope_of(alpha, inject, hops):
     for _ in range(3):
         slope, launch = 1.0, alpha
         for _ in range(hops):
-            slope, launch = slope * PLAIN._slope(launch), after(launch, inject, 1)
+            slope, launch = slope * slope_at(PLAIN, launch), after(launch, inject, 1)
         alpha -= (launch - alpha) / (slope - 1)
     return slope
 

@@ -8,6 +8,7 @@ from orbits.returns.hops import Hops
 from orbits.returns.limited_hops import PlainMap, Resolution
 from orbits.returns.map_pieces import polynomials
 from orbits.returns.resolution import map_pieces
+from orbits.returns.return_map import pieces_between
 from problems import Hopper
 
 
@@ -74,7 +75,7 @@ def test_cells_that_are_given_up_are_not_resolved(monkeypatch):
 
 @pytest.fixture(scope="module")
 def of_hopper():
-    return ReturnMap(Hopper())._pieces(4.3, 5.3, 50)
+    return pieces_between(ReturnMap(Hopper()), 4.3, 5.3, 50)
 
 
 def test_the_law_of_the_power_four_thirds_is_exact_beside_the_lossless_launch(of_hopper):
@@ -101,7 +102,7 @@ def test_a_law_in_pieces_is_resolved_beside_the_lossless_launch():
     """Rounding of its flights decides on the number of impacts there; the map has the slope 1 from both sides."""
     machine = Hopper("bilinear")
     star = find(machine).alpha
-    pieces = ReturnMap(machine)._pieces(star - 0.02, star + 0.02, 40)
+    pieces = pieces_between(ReturnMap(machine), star - 0.02, star + 0.02, 40)
     (border,) = pieces.borders
     assert (border.kind, border.alpha, pieces.unresolved) == ("lossless", star, ())
     assert pieces.slopes_at(border) == pytest.approx((1.0, 1.0), abs=1e-12)
@@ -115,7 +116,7 @@ def test_cells_end_at_the_rounding_of_the_map():
     """The cubic hopper rounds a launch speed by some 1e-13: fewer than 100 cells, all hops up to that, and no launch
     where the machine rests."""
     step = ReturnMap(Hopper("r+0.3*r**3"))
-    pieces = step._pieces(2.0, 8.0, 400)
+    pieces = pieces_between(step, 2.0, 8.0, 400)
     assert len(pieces.edges) < 100
     assert not pieces.unresolved
     x = np.linspace(2.0, 8.0, 701)
