@@ -26,18 +26,11 @@ from ..periodic.orbit import Orbit
 from ..periodic.quantities import motion_numbers
 from ..periodic.tuned import METHOD, counts, is_quantity
 from ..records import NONE, Records
-from ..shooting.division import (
-    LARGEST_ARC_GROWTH,
-    Division,
-    are_divided,
-    counts_of_parts,
-    division_at,
-    growths_without_nodes,
-)
+from ..shooting.division import Division, are_divided, counts_of_parts, division_at, growths_without_nodes
 from ..shooting.error_bound import rounding_of_unknowns
 from ..shooting.formulations import Cycles, equations_of, iterative, method_of
 from ..shooting.newton_kernel import NewtonKernel, newton_kernel
-from ..shooting.node_places import growths_along, steady_tangents
+from ..shooting.node_places import DIVISION, growths_along, steady_tangents
 from ..shooting.single_shooting import Evaluation
 from ..units import Units
 from .point import RESERVED_NAMES, Point, point_in_units
@@ -171,7 +164,7 @@ class Curve:
         """Whether the motions at certified points (m,) are divided at nodes, or divided anew, from there on."""
         growths = growths_without_nodes(self.division, points.evaluation)[points.places]
         if not (self.takes_nodes and self.takes_nodes_early):
-            return growths > LARGEST_ARC_GROWTH
+            return growths > DIVISION.arc_growth
         return are_divided(growths, points.own.column("error"), points.own.column("alpha"))
 
     def divided(

@@ -27,8 +27,9 @@ from ..numerics.roots import solve
 from ..periodic.certificate import Certificate
 from ..periodic.certified import Solved
 from ..records import NONE, Records
-from ..shooting.division import SENSITIVE, Division, division_of
+from ..shooting.division import Division, division_of
 from ..shooting.formulations import Cycles
+from ..shooting.node_places import DIVISION
 from ..shooting.single_shooting import Evaluation, shooting_equations
 from .curve import AT_A_FOLD, TEST_FUNCTIONS, Curve, TestFunction
 from .limits import Endings
@@ -155,13 +156,13 @@ class EventCurve(Curve):
         found = super().asks_for_nodes(points)
         # Second derivatives, and their differences, grow as powers of first ones.
         if self.condition.stationary and self.takes_nodes and self.takes_nodes_early:
-            found |= points.evaluation.amplification[points.places] > SENSITIVE
+            found |= points.evaluation.amplification[points.places] > DIVISION.sensitive
         return found
 
     def begun_near(self, x: np.ndarray) -> tuple["EventCurve", np.ndarray]:
         """The curve and a place (n + 1,) near its first point, with nodes (N + 1,) where small changes grow much."""
         evaluation = super().evaluate(x[None])
-        if not self.takes_nodes or evaluation.amplification[0] <= SENSITIVE:
+        if not self.takes_nodes or evaluation.amplification[0] <= DIVISION.sensitive:
             return self, x
         curve, x, _ = self.divided(x, x, evaluation)
         return curve, x

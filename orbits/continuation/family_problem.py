@@ -16,7 +16,7 @@ from ..curves.curve_batch import ANOTHER
 from ..errors import FlowError, NoOrbit, NoStep, OrbitsError
 from ..numerics.hermite import through
 from ..numerics.roots import Array
-from ..shooting.division import DIVIDED_GROWTH, LARGEST_ARC_GROWTH
+from ..shooting.node_places import DIVISION
 from ..shooting.single_shooting import Evaluation, joined
 from .curve import Curve, evaluation_at
 from .curve_corners import AWAY_FROM_CORNER, CurveCorner, CurveCorners
@@ -161,7 +161,7 @@ class FamilyProblem(Problem):
             return endings.at(event)
         if end := endings.after(point, passed):
             return end
-        if self.curve.largest_growths(point)[0] > DIVIDED_GROWTH and self.curve.asks_for_nodes(point)[0]:
+        if self.curve.largest_growths(point)[0] > DIVISION.growth and self.curve.asks_for_nodes(point)[0]:
             try:
                 if divided := self._divided(point):
                     return divided
@@ -185,7 +185,7 @@ class FamilyProblem(Problem):
     def _divided(self, last: Points) -> Start | None:
         """The last point (1) on the same curve, whose motions are divided at nodes from now on; None where they can do
         without, and nodes do not make the error smaller, as where small changes grow within a short time."""
-        needed = self.curve.largest_growths(last)[0] > LARGEST_ARC_GROWTH
+        needed = self.curve.largest_growths(last)[0] > DIVISION.arc_growth
         try:
             curve, x, tangent = self.curve.divided(last.xs[0], last.tangents[0], evaluation_at(last))
             problem, row = self.with_curve(curve), tangent / curve.size(x) ** 2
@@ -266,12 +266,12 @@ class FamilyProblem(Problem):
         the one stated; and the problem, divided at nodes where the motion amplifies small changes."""
         try:
             found = self.solved(x, row, row @ x, tangent)
-            if self.curve.largest_growths(found)[0] <= LARGEST_ARC_GROWTH:
+            if self.curve.largest_growths(found)[0] <= DIVISION.arc_growth:
                 return self, found
             evaluation = self.curve.evaluate(x[None])
         except NoOrbit:
             evaluation = self.curve.evaluate(x[None])
-            if evaluation.largest_growth[0] <= LARGEST_ARC_GROWTH:
+            if evaluation.largest_growth[0] <= DIVISION.arc_growth:
                 raise
         curve, x, tangent = self.curve.divided(x, tangent, evaluation)
         row = np.insert(row, self.curve.equations.own, np.zeros(len(x) - len(row)))

@@ -11,7 +11,7 @@ import numpy as np
 from ..curves import End, Event, Points, Test
 from ..errors import BreaksDown, InputError, NoStep, OrbitsError, RunsAway
 from ..numerics.roots import bracketed_root
-from ..shooting.division import DIVIDED_GROWTH, LARGEST_ARC_GROWTH
+from ..shooting.node_places import DIVISION
 from ..units import LIFTOFF_SPEED, TIME, Message, Quantity, in_units
 from .curve import Curve
 from .homoclinic import Homoclinic, homoclinic
@@ -184,7 +184,7 @@ class Endings:
 
     def hangs(self, points: Points) -> np.ndarray:
         """At which points (m,) motions stay near an unstable equilibrium."""
-        return self.curve.largest_growths(points) > LARGEST_ARC_GROWTH
+        return self.curve.largest_growths(points) > DIVISION.arc_growth
 
     def after(self, last: Points, passed: Sequence[Points]) -> End | None:
         """The end of the curve at its last point (1), if it ends there. Motions that hang are judged where they begin
@@ -207,7 +207,7 @@ class Endings:
                 return self._homoclinic(orbit_at_rest, last)
             growth = f"{most:.0e}-fold"
             return self.lost(f"small changes grow {growth} over the flight, and rounding decides", last, passed)
-        if self.curve.largest_growths(last)[0] > LARGEST_ARC_GROWTH and (end := self._hanging(last, passed)):
+        if self.curve.largest_growths(last)[0] > DIVISION.arc_growth and (end := self._hanging(last, passed)):
             return end
         if isinstance(self.curve, TunedCurve) and (away := self._tuned_away(self.curve, last)):
             return away
@@ -288,7 +288,7 @@ class Endings:
         growth = float(self.curve.largest_growths(last)[0])
         text = "no orbit is found beside it" if isinstance(error, NoStep) else "the motion beside it does not come back"
         text += " ({error}): "
-        if growth > DIVIDED_GROWTH:
+        if growth > DIVISION.growth:
             text += "as near an unstable equilibrium, small changes grow {growth:.0e}-fold. Follow another parameter"
         else:
             text += "allow steps shorter than {step:.0e} by `shortest_step` of `StepControl`"

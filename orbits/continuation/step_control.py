@@ -8,7 +8,7 @@ from ..curves import Steps
 from ..curves.step_options import check_bounds, from_to
 from ..errors import InputError, finite_number, is_list, true_or_false, whole_number
 from ..hops.lossless_hops import CROSSINGS
-from ..shooting.division import LARGEST_ARC_GROWTH, MOST_GROWTH
+from ..shooting.node_places import DIVISION
 from .curve import TEST_FUNCTIONS, Watch
 
 # Events that are not among `TEST_FUNCTIONS`. The functions of a user cannot have these names.
@@ -73,7 +73,7 @@ class StepControl:
     separation: float = from_to(0.0, 0.5, 0.1, of_steps="separation")
     most_rejections: int = from_to(0, 100_000, 16, of_steps="rejections")
     recovery: int = from_to(1, 100_000, 20, of_steps="recovery")
-    largest_amplification: float = from_to(10.0, 1e15, MOST_GROWTH)
+    largest_amplification: float = from_to(10.0, 1e15, DIVISION.most_growth)
     escape_ratio: float = from_to(1.5, 1e12, 1e2)
     running_ratio: float = from_to(1.01, 1e12, 2.0)
     least_progress: float = from_to(0.0, 0.5, 1e-3)
@@ -104,7 +104,7 @@ class Options:
         pairs = ((each.metadata.get("of_steps"), each.name) for each in fields(control))
         own: dict[str, Any] = {of_steps: getattr(control, name) for of_steps, name in pairs if of_steps}
         own |= {"first": min(own["first"], self.longest), "batch": min(batch, own["batch"], self.most)}
-        grown = min(LARGEST_ARC_GROWTH, control.largest_amplification)
+        grown = min(DIVISION.arc_growth, control.largest_amplification)
         return Steps(**own, apart=self.longest, most=self.most, grown=grown)
 
 

@@ -17,7 +17,7 @@ from ..errors import InputError, NoOrbit, OrbitsError
 from ..model.machine import Machine
 from ..periodic.orbit import Orbit
 from ..running import interrupts
-from ..shooting.single_shooting import SMALLEST_UNIT
+from ..shooting.single_shooting import NEWTON
 from ..symbolic.quadratic_models import Weights
 from .active_set import constraint_sizes, demands_of
 from .design_point import DEMAND_MARGIN, Case, DesignPoint, Ties, design_points, no_motion
@@ -231,7 +231,7 @@ def _ends(steps: Sequence[tuple[LocalSearch, DesignStep]], problem: DesignProble
     for i, ((search, step), near) in enumerate(zip(steps, found, strict=True)):
         own = len(step.u) - len(statement_of_orbits(step.machine).tuned)
         u, expected = (step.u if near is None else unknowns_of(*near))[:own], step.u[:own]
-        least = SMALLEST_UNIT if step.machine.model.one_speed else 0.1 * np.abs(u).max()
+        least = NEWTON.smallest_unit if step.machine.model.one_speed else 0.1 * np.abs(u).max()
         if near is None or np.max(np.abs(u - expected) / np.maximum(np.abs(u), least)) > LARGEST_CORRECTION:
             found[i] = NoOrbit("no orbit of the family is found near that of the models")
         else:

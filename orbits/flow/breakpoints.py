@@ -7,7 +7,7 @@ import numpy as np
 
 from ..numerics.polynomial_roots import roots_within
 from ..numerics.roots import Array
-from .vector_field import SHORTEST_CUT
+from .vector_field import TAYLOR
 
 # How far from a breakpoint the limits of the field on its two sides are evaluated, relative to the breakpoint. They are
 # extrapolated to it from this distance and its double, so that an error of second order, 1e-12, remains.
@@ -49,7 +49,7 @@ class ActivePiece:
             order = int(np.argmax(distance[1:] != 0)) + 1 if level == self.level else 0
             found = roots_within(distance[order:], h)
             if found and found[0] < h:
-                h, crossed = max(found[0], SHORTEST_CUT * h), side
+                h, crossed = max(found[0], TAYLOR.shortest_cut * h), side
         self.level = None
         return h, crossed
 

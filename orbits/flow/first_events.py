@@ -17,18 +17,11 @@ from ..numerics.polynomial_roots import Crossings, PiecewisePolynomials, evaluat
 from ..numerics.roots import Array
 from ..running import interrupts
 from ..running.exclusive import apart
-from .flow import Flow, StopTest
+from .flow import CLOSED_FORM, Flow, StopTest
 from .taylor import OnPieces, TaylorStepper, Watch, Watched
 from .trajectory import Trajectories, Trajectory, begins_of_steps
-from .vector_field import TAYLOR_ORDER
+from .vector_field import TAYLOR
 
-# Closed forms are expanded about points this far apart, in units of the oscillation's 1 / frequency. The terms beyond
-# this order are below rounding there, 1 / 19! = 8e-18. The last number is that of the expansions searched in one call.
-CLOSED_STEP, CLOSED_ORDER, CLOSED_BLOCK = 1.0, 18, 2
-# After this number of these steps the phase of the oscillation has fewer than four digits left: the motion is given up.
-MOST_CLOSED_STEPS = 1e12
-# The search resumes this number of expansions before the end of a range without zeros, which is known to rounding.
-EARLY = 0.01
 # The error of all motions that break off, where no reasons are requested.
 BREAKS_OFF = FlowError("the motion breaks off")
 
@@ -189,7 +182,7 @@ class _Search:
 
     def _zeros_in_closed_form(self, form, number: int, quantity: Affine) -> None:
         """Search the zeros of one function, some expansions at a time."""
-        block, length = CLOSED_BLOCK, CLOSED_STEP / np.sqrt(form.square)
+        block, length = CLOSED_FORM.block, CLOSED_FORM.step / np.sqrt(form.square)
         remaining = np.arange(len(self.starts))
         orders = self.orders_of(number)
         rises, falls = form.positive_between(quantity, self.starts.T)
@@ -201,7 +194,7 @@ class _Search:
                 break
             interrupts.heed()
             times = began[:, None] + length * np.arange(block)
-            c = form.along(quantity.weights, self.starts[remaining].T[:, :, None], times, CLOSED_ORDER)
+            c = form.along(quantity.weights, self.starts[remaining].T[:, :, None], times, CLOSED_FORM.order)
             c[:, 0] += quantity.offset
             polynomials = PiecewisePolynomials(c, np.full(len(c), length), np.full(len(remaining), block))
             skip = np.where(began > 0, 0, orders[remaining]).astype(int)
@@ -219,9 +212,9 @@ class _Search:
                 owner = np.append(owner, away.nonzero()[0])
             remaining, began = np.delete(remaining, owner), np.delete(began, owner) + block * length
             # While the quantity stays positive nothing is searched, until shortly before that ends.
-            jump = falls[remaining] - EARLY * length
+            jump = falls[remaining] - CLOSED_FORM.early * length
             began = np.where(began >= rises[remaining], np.maximum(began, jump), began)
-            left, followed = began < self.limit[remaining], began < MOST_CLOSED_STEPS * length
+            left, followed = began < self.limit[remaining], began < CLOSED_FORM.most_steps * length
             self._give_up(remaining[left & ~followed])
             remaining, began = remaining[left & followed], began[left & followed]
         self._give_up(remaining)
@@ -232,8 +225,8 @@ class _Search:
         if self.watch.rising or not orders.any() or (orders != orders[0]).any():
             return np.zeros(len(orders))
         rate = np.sqrt(form.square)
-        ahead = form.positive_until(quantity, self.starts.T, int(orders[0])) - EARLY / rate
-        return np.where((ahead > 0) & (ahead < self.limit) & (ahead * rate < MOST_CLOSED_STEPS), ahead, 0.0)
+        ahead = form.positive_until(quantity, self.starts.T, int(orders[0])) - CLOSED_FORM.early / rate
+        return np.where((ahead > 0) & (ahead < self.limit) & (ahead * rate < CLOSED_FORM.most_steps), ahead, 0.0)
 
     def _found(self, lanes: Array, times: Array, which: ArrayLike, rows: Array) -> None:
         """Store events, at rows (k, r) that begin with the states."""
@@ -298,7 +291,7 @@ class _Search:
         """Record the steps of the motions that have `found` one that may hold a zero."""
         owners = np.repeat(lanes, counts)
         chosen, rows = np.repeat(found, counts), len(self.flow.names)
-        coefficients = steps.coefficients[chosen].reshape(-1, rows, TAYLOR_ORDER + 1)
+        coefficients = steps.coefficients[chosen].reshape(-1, rows, TAYLOR.order + 1)
         self.steps.append((owners[chosen], steps.begins[chosen, 0], coefficients))
 
     def path(self, lane: int) -> Trajectory:
@@ -340,7 +333,7 @@ class _Search:
     def _halved(self, steps: Watched, lanes: Array) -> tuple[Array, Array, Array]:
         """The `Watch.event` of steps in which functions may change their signs several times, or rise, by halving."""
         count, functions = len(steps.begins), self.watch.functions
-        c = steps.coefficients.reshape(count, -1, TAYLOR_ORDER + 1)
+        c = steps.coefficients.reshape(count, -1, TAYLOR.order + 1)
         event, signs = np.zeros((count, 3)), np.empty((count, len(functions)))
         event[:, 0] = np.inf
         for number, quantity in enumerate(functions):

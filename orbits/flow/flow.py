@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,11 +26,26 @@ from .runge_kutta import RungeKuttaMotion, RungeKuttaStepper
 from .taylor import OnPieces, TaylorMotion, TaylorStepper
 from .taylor_step import PieceRows
 from .trajectory import Trajectories, Trajectory, begins_of_steps
-from .vector_field import FLOW_CONTROL, TAYLOR_ORDER
+from .vector_field import FLOW_CONTROL, TAYLOR
 
 # Shares of a duration that are rounding: of a remaining time in closed form, and of a difference of two times.
-STEP_ROUNDING, SAME_TIME = 1e-12, 1e-15
-LARGEST_BLOCK = 4000  # steps in closed form that are searched in one call
+
+
+class ClosedFormOptions(NamedTuple):
+    """Motions in closed form, in steps about whose beginnings they are expanded."""
+
+    rounding: float = 1e-12  # share of a duration that is rounding
+    largest_block: int = 4000  # steps that are searched in one call
+    step: float = 1.0  # distance of the points of expansion, in units of the oscillation's 1 / frequency
+    order: int = 18  # of expansions: the terms beyond are below rounding there, 1 / 19! = 8e-18
+    block: int = 2  # expansions whose events are searched in one call
+    # After these the phase of the oscillation has fewer than four digits left: the motion is given up.
+    most_steps: float = 1e12
+    # Expansions before the end of a range without zeros, known to rounding, at which the search resumes.
+    early: float = 0.01
+
+
+CLOSED_FORM = ClosedFormOptions()
 # (coefficients (m, rows, K + 1), steps (m,)) -> the step and the time in it at which to stop, None to go on.
 StopTest = Callable[[Array, Array], tuple[int, float] | None]
 
@@ -249,14 +265,14 @@ class Flow(PhaseField):
         """Polynomials of the exact flow, each from the exact state at its start, so that no error accumulates."""
         form, control = self.closed_form(p), self.control
         step = 1.0 / np.sqrt(form.square)  # The series has long converged at this step.
-        count = int(np.clip(np.ceil(duration / step * (1 - STEP_ROUNDING)), 1, control.max_steps))
+        count = int(np.clip(np.ceil(duration / step * (1 - CLOSED_FORM.rounding)), 1, control.max_steps))
         blocks, halt, end, first = [], None, duration, 0
         while first < count:
             interrupts.heed()
             # The further a motion has come, the more steps are searched in one call.
-            block = min(max(first, control.look_ahead), LARGEST_BLOCK) if stop else count
+            block = min(max(first, control.look_ahead), CLOSED_FORM.largest_block) if stop else count
             times = step * np.arange(first, first := min(first + block, count))
-            c = form.series(start, times, TAYLOR_ORDER)
+            c = form.series(start, times, TAYLOR.order)
             if stop and (halt := stop(c, np.minimum(step, duration - times))):
                 c, end = c[: halt[0] + 1], times[halt[0]] + halt[1]
             blocks.append(c)
@@ -264,7 +280,7 @@ class Flow(PhaseField):
                 raise RunsAway(self.failure("runs away", times[-1], c[-1, : self.size, 0]))
             if halt:
                 break
-        if not halt and count * step < duration * (1 - STEP_ROUNDING):
+        if not halt and count * step < duration * (1 - CLOSED_FORM.rounding):
             text = "the {name} takes too many steps, at {place}"
             raise FlowError(Message(text, name=self.phase.name, place=described(self.phase.states, start)))
         c = np.concatenate(blocks)
@@ -300,7 +316,7 @@ class Flow(PhaseField):
                 raise kind(self.failure("runs away", times[-1], motion.x))
             if stopped:
                 break
-            if duration - times[-1] < SAME_TIME * max(duration, 1.0):
+            if duration - times[-1] < self.control.same_time * max(duration, 1.0):
                 times[-1] = duration
         with_variations = np.concatenate(begins) if columns else None
         return Trajectory(np.array(times), np.concatenate(coefficients), self.names, with_variations), motion.variations

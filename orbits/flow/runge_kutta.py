@@ -10,14 +10,20 @@ from ..symbolic.calls import BufferedFunction
 from .breakpoints import ActivePiece
 from .vector_field import FLOW_CONTROL, VectorField, runge_kutta_step
 
-# The first step that is tried. Later ones try four times the step before, so that the length can also grow.
-FIRST_STEP, GROWTH = 0.1, 4.0
-# Largest error of a step of double length, relative to the state. That of the step taken is 2^9 times smaller.
-DOUBLE_STEP_ERROR = 2e-14
-# A step of this length may lead across a kink of the field: what it then misses of the state is below rounding.
-ACROSS_KINK = 1e-12
-# States smaller than this are measured against it, since the error of a state near 0 cannot be relative.
-SMALLEST_SCALE = 1e-3
+
+class RungeKuttaOptions(NamedTuple):
+    """The lengths of steps, which step doubling controls."""
+
+    first_step: float = 0.1  # that is tried
+    growth: float = 4.0  # later steps try this times the step before, so that the length can also grow
+    double_step_error: float = 2e-14  # largest one, relative to the state. That of the step taken is 2^9 times smaller
+    # A step of this length may lead across a kink of the field: what it then misses is below rounding.
+    across_kink: float = 1e-12
+    # Smaller states are measured against it, as the error of a state near 0 cannot be relative.
+    smallest_scale: float = 1e-3
+
+
+RUNGE_KUTTA = RungeKuttaOptions()
 
 
 class Steps(NamedTuple):
@@ -74,13 +80,13 @@ class RungeKuttaStepper:
         room, closing, bends, kinks = (each[:, 0] for each in self.guarded(x, p))
         with np.errstate(all="ignore"):
             times = 2 * room / (closing + np.sqrt(closing**2 + 4 * bends * room))
-        h = min(h, max(np.nanmin(times, initial=np.inf), ACROSS_KINK))
+        h = min(h, max(np.nanmin(times, initial=np.inf), RUNGE_KUTTA.across_kink))
         while h > FLOW_CONTROL.shortest_step:
             whole, half = (self.step(x, length, p, dx, dp)[0].ravel() for length in (2 * h, h))
             error = np.abs(whole - self.step(half, h, p, dx, dp)[0].ravel()).max()
-            bound = DOUBLE_STEP_ERROR * max(SMALLEST_SCALE, np.abs(x).max())
+            bound = RUNGE_KUTTA.double_step_error * max(RUNGE_KUTTA.smallest_scale, np.abs(x).max())
             if error <= bound:
-                if h <= ACROSS_KINK or (self.guarded(half, p)[3][:, 0] * kinks >= 0).all():
+                if h <= RUNGE_KUTTA.across_kink or (self.guarded(half, p)[3][:, 0] * kinks >= 0).all():
                     return h
                 error = bound  # the step before this one comes nearer to the kink
             h *= min(0.5, max(0.1, 0.9 * (bound / error) ** (1 / 9))) if np.isfinite(error) else 0.1
@@ -106,13 +112,15 @@ class RungeKuttaMotion:
 
     def __init__(self, flow, stepper: RungeKuttaStepper, p: Array, seeds: Array, x: Array, variations: Array):
         self.flow, self.stepper, self.x, self.variations = flow, stepper, x, variations
-        self.piece, self.before = ActivePiece(flow, p, x, seeds), FIRST_STEP / GROWTH
+        self.piece, self.before = ActivePiece(flow, p, x, seeds), RUNGE_KUTTA.first_step / RUNGE_KUTTA.growth
         self.side = 0  # at which the last step found ends its piece
 
     def advance(self, count: int, left: float) -> Steps:
         """One step, whatever `count` is, which lasts no longer than `left`; its length is NaN where none is accepted.
         Raises `OutOfRange` where no piece is left."""
-        h, c = self.stepper.step_from(self.x, self.piece.data, self.variations, self.piece.seeds, GROWTH * self.before)
+        h, c = self.stepper.step_from(
+            self.x, self.piece.data, self.variations, self.piece.seeds, RUNGE_KUTTA.growth * self.before
+        )
         self.before, self.side = h, 0
         if h >= left * (1 - FLOW_CONTROL.rounding):
             h = left

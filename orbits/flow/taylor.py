@@ -16,20 +16,8 @@ from ..symbolic.calls import BufferedFunction, with_common_parts
 from ..symbolic.kernels import ElementwiseFunction, Kernel
 from ..symbolic.series_loops import InLoops, VariationsInLoops
 from .phase_field import PhaseField
-from .taylor_step import (
-    LONGEST_STEP,
-    NO_PIECES,
-    PieceRows,
-    Places,
-    after_step,
-    length_function,
-    step_expansion,
-    step_function_of,
-)
-from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, VectorField, rows_used, symbolic_powers
-
-# Up to this degree the terms of a watched function are bounded together, the others one by one.
-BOUND_DEGREE = 6
+from .taylor_step import NO_PIECES, PieceRows, Places, after_step, length_function, step_expansion, step_function_of
+from .vector_field import FLOW_CONTROL, TAYLOR, VectorField, rows_used, symbolic_powers
 
 
 class Motions(NamedTuple):
@@ -158,10 +146,10 @@ class TaylorStepper:
         """The `motion_function` with loops; None where its graph is not long, or has operations without a loop."""
         if self.columns < 2 or not self.graph.in_loops:
             return None
-        loops = VariationsInLoops(self.graph.field, self.varied, self.columns, TAYLOR_ORDER)
+        loops = VariationsInLoops(self.graph.field, self.varied, self.columns, TAYLOR.order)
         if not loops.able:
             return None
-        graph, at, orders, count_p = self.graph, self.places, TAYLOR_ORDER + 1, self.graph.p.numel()
+        graph, at, orders, count_p = self.graph, self.places, TAYLOR.order + 1, self.graph.p.numel()
         z, data = ca.MX.sym("z", at.time), ca.MX.sym("p", count_p + len(self.varied) * self.columns)
         c, ends_of_columns = ca.MX.sym("c", orders, self.rows), ca.MX.sym("dc", 4, self.n * self.columns)
         x, p, dx, dp = z[at.state], data[:count_p], z[at.sensitivities], data[count_p:]
@@ -213,12 +201,12 @@ class TaylorStepper:
         z = np.empty((size, self.kernel.sizes_in[0]))
         data = np.empty((max(len(p), len(dp) if dp.ndim > 2 else 1), self.kernel.sizes_in[1]))
         z[:, at.state], z[:, at.sensitivities] = x, dx.reshape(*dx.shape[:-2], -1)
-        z[:, at.left], z[:, at.longest], z[:, at.piece] = durations, LONGEST_STEP, on.numbers if on else 0.0
+        z[:, at.left], z[:, at.longest], z[:, at.piece] = durations, TAYLOR.longest_step, on.numbers if on else 0.0
         data[:, :count_p], data[:, count_p:] = p, dp.reshape(*dp.shape[:-2], -1)
         z, (c, begins, made), counts, _ = self.kernel(z, data, *(on[:1] if on else ()), most=count)
         moving = z[:, at.sensitivities], begins
         variations, begins = (each.reshape(len(each), columns, n).swapaxes(1, 2) for each in moving)
-        c = c.reshape(-1, self.rows, TAYLOR_ORDER + 1)
+        c = c.reshape(-1, self.rows, TAYLOR.order + 1)
         ends, left, numbers = z[:, at.state], z[:, at.left], z[:, at.piece]
         return Motions(ends, variations, made[:, 0], c, begins, made[:, 1], counts, left, numbers)
 
@@ -245,7 +233,7 @@ class TaylorStepper:
         """The argument z of `follow` with `count` functions: states (m, n) and the numbers (m,) of pieces; the time
         left is not limited."""
         z, at = np.zeros((len(x), self.places.signs.start + count)), self.places
-        z[:, at.state], z[:, at.left], z[:, at.longest], z[:, at.piece] = x, np.inf, LONGEST_STEP, numbers
+        z[:, at.state], z[:, at.left], z[:, at.longest], z[:, at.piece] = x, np.inf, TAYLOR.longest_step, numbers
         z[:, at.fresh] = 1.0
         return z
 
@@ -316,17 +304,17 @@ def _may_change_sign(rows: int, used: tuple[tuple[int, ...], ...], opening: int,
     may be smaller: the other terms are at most their sum times t, and the first terms at least that much, if the value
     at the start has the same sign.
     """
-    c, size = ca.SX.sym("c", TAYLOR_ORDER + 1, rows), len(used)
+    c, size = ca.SX.sym("c", TAYLOR.order + 1, rows), len(used)
     h, fresh = ca.SX.sym("h"), ca.SX.sym("fresh")
     tests, before = ca.SX.sym("w", size * (rows + 1) + opening), ca.SX.sym("s", size)
     terms, change, after, turned = ca.diag(symbolic_powers(h)) @ c, ca.SX(0), [], ca.SX(0)
     for i, own in enumerate(used):
-        series = sum((terms[:, row] * tests[i * rows + row] for row in own), ca.SX.zeros(TAYLOR_ORDER + 1))
+        series = sum((terms[:, row] * tests[i * rows + row] for row in own), ca.SX.zeros(TAYLOR.order + 1))
         series[0] += tests[size * rows + i]
-        rest, first = ca.sum1(ca.fabs(series[BOUND_DEGREE + 1 :])), [series[: BOUND_DEGREE + 1]]
+        rest, first = ca.sum1(ca.fabs(series[TAYLOR.bound_degree + 1 :])), [series[: TAYLOR.bound_degree + 1]]
         order = fresh * tests[size * (rows + 1) + i] if i < opening else 0
         for skipped in range(1, HIGHEST_ORDER + 1) if i < opening else ():
-            first.append(series[skipped : skipped + BOUND_DEGREE + 1])
+            first.append(series[skipped : skipped + TAYLOR.bound_degree + 1])
             series[skipped - 1] = ca.if_else(order >= skipped, 0, series[skipped - 1])
         start, ends = first[0], ca.sum1(series)
         for skipped, shifted in enumerate(first[1:], start=1):
@@ -346,16 +334,16 @@ def _may_change_sign(rows: int, used: tuple[tuple[int, ...], ...], opening: int,
 def event_in_step(rows: int, used: tuple[tuple[int, ...], ...], opening: int, size: int) -> ElementwiseFunction:
     """(coefficients (rows (K + 1),) of a step; its length, whether it is the first, the time and changes before it; the
     signs (size,) before it; the tests of `Watch.data` and the orders of zeros) -> as `Watch.event` returns it."""
-    c, begins, before = ca.SX.sym("c", rows * (TAYLOR_ORDER + 1)), ca.SX.sym("b", 4), ca.SX.sym("s", size)
-    tests, coefficients = ca.SX.sym("w", size * (rows + 1) + opening), ca.reshape(c, TAYLOR_ORDER + 1, rows)
+    c, begins, before = ca.SX.sym("c", rows * (TAYLOR.order + 1)), ca.SX.sym("b", 4), ca.SX.sym("s", size)
+    tests, coefficients = ca.SX.sym("w", size * (rows + 1) + opening), ca.reshape(c, TAYLOR.order + 1, rows)
     h, fresh, begun, _ = ca.vertsplit(begins)
     first, which, unknown, ends = ca.SX(np.inf), ca.SX(-1), ca.SX(0), list[ca.SX]()
     for i, own in enumerate(used):
-        series = sum((coefficients[:, row] * tests[i * rows + row] for row in own), ca.SX.zeros(TAYLOR_ORDER + 1))
+        series = sum((coefficients[:, row] * tests[i * rows + row] for row in own), ca.SX.zeros(TAYLOR.order + 1))
         series[0] += tests[size * rows + i]
         if i < opening:
             series = without_first_zero(series, fresh * tests[size * (rows + 1) + i])
-        root, end, several = first_root(TAYLOR_ORDER + 1)(series, h, before[i])
+        root, end, several = first_root(TAYLOR.order + 1)(series, h, before[i])
         which, first = ca.if_else(root < first, i, which), ca.fmin(root, first)
         unknown = ca.logic_or(unknown, several)
         ends.append(end)

@@ -16,23 +16,7 @@ from ..numerics.roots import Array
 from ..symbolic.caches import cached
 from ..symbolic.local_scales import Room
 from ..symbolic.taylor_series import driven_coefficients, tangent, variations
-from .vector_field import SHORTEST_CUT, TAYLOR_ORDER, VectorField, symbolic_powers
-
-# Truncation error of a step relative to the state: a tenth of the rounding error of the sum.
-TRUNCATION = 1e-17
-# A step of larger defect, relative to the state, leads beyond what the series can describe. Rounding is far smaller.
-LARGEST_DEFECT = 1e-10
-# No step is longer than this. A state at rest needs the bound, since its series has no last terms to choose a step by.
-LONGEST_STEP = 1e9
-# No bound is set for a coordinate that may go farther than this, and none that makes a step shorter than this: places
-# and times are rounded to as much.
-UNBOUNDED, SHORTEST_BOUND = 1e30, 1e-14
-# Where less than this many steps are left of the duration, the last two share it evenly, so that none is tiny.
-SHARED_STEPS = 1.5
-# The lengths of a step on a piece that are tried, each half of the one before; the steps of Newton's method to the end
-# of a piece, which converges quadratically, as the speed changes by less than half; and the change of a coordinate,
-# relative to it, that is rounding.
-TRIED_LENGTHS, STEPS_TO_END, ROUNDED_CHANGE = 8, 7, 1e-16
+from .vector_field import TAYLOR, VectorField, symbolic_powers
 
 
 class Places(NamedTuple):
@@ -113,8 +97,8 @@ NO_PIECES = _NoPieces(0, 0)
 def step_expansion(graph: VectorField, columns: int, varied: tuple[int, ...]) -> ca.Function:
     """(x, p, dx, dp) -> the coefficients of a step and those of its sensitivities."""
     if columns == 1:
-        return tangent(graph.field, varied, TAYLOR_ORDER)
-    return variations(graph.field, varied, columns, TAYLOR_ORDER)
+        return tangent(graph.field, varied, TAYLOR.order)
+    return variations(graph.field, varied, columns, TAYLOR.order)
 
 
 def step_function_of(
@@ -129,13 +113,13 @@ def step_function_of(
     x, dx = z[at.state], ca.reshape(z[at.sensitivities], n, columns)
     p, dp = ca.vertcat(data[:count_p], q), ca.reshape(data[count_p:], len(own), columns)
     dp = ca.vertcat(dp, dq.T) if piece_rows.varied else dp
-    base, shares = ca.SX(n, TAYLOR_ORDER + 1), ca.SX.eye(n)
+    base, shares = ca.SX(n, TAYLOR.order + 1), ca.SX.eye(n)
     if columns:
         c, dc = step_expansion(graph, columns, varied)(x, p, dx, dp)
         series = c[:, :n]
     else:
-        base, shares, driven = driven_coefficients(graph.field, graph.x, graph.p, TAYLOR_ORDER)
-        series, dc = ca.Function("series", [graph.x, graph.p], [ca.densify(driven.T)])(x, p), ca.MX(TAYLOR_ORDER + 1, 0)
+        base, shares, driven = driven_coefficients(graph.field, graph.x, graph.p, TAYLOR.order)
+        series, dc = ca.Function("series", [graph.x, graph.p], [ca.densify(driven.T)])(x, p), ca.MX(TAYLOR.order + 1, 0)
         symbols = graph.x, graph.p, ca.SX.sym("series", *series.shape)
         c = ca.Function("rows", symbols, [ca.densify((base + shares @ symbols[-1].T).T)])(x, p, series)
         base, shares = base[:n, :], shares[:n, :]
@@ -173,14 +157,14 @@ def _saltation(graph: VectorField, columns: int, varied: tuple[int, ...]) -> ca.
 
 
 def length_function(
-    graph: VectorField, base: ca.SX, shares: ca.SX, columns: int, varied: int, of_columns: int = TAYLOR_ORDER + 1
+    graph: VectorField, base: ca.SX, shares: ca.SX, columns: int, varied: int, of_columns: int = TAYLOR.order + 1
 ) -> ca.Function:
     """The choice of a step's length: the series of a step, its coefficients, those of the sensitivities, x, p, dp, the
     time left, the longest step to try and the ends of the piece -> the state after the length tried, the powers
     (K + 1,) of this length, the time left then and the next longest step, the lengths taken and tried, and the side on
     which the step reaches an end of the piece, 0 for none. The coefficients are those of `base` (n, K + 1) and of the
     series in these `shares` (n, s); those of the sensitivities may be the first two and last two alone."""
-    n, orders = graph.size, TAYLOR_ORDER + 1
+    n, orders = graph.size, TAYLOR.order + 1
     series, c = (ca.SX.sym("c", orders, count) for count in (shares.shape[1], n))
     dc = ca.SX.sym("dc", of_columns, n * columns)
     dp, left, longest = ca.SX.sym("dp", varied * columns), ca.SX.sym("left"), ca.SX.sym("longest")
@@ -193,7 +177,7 @@ def length_function(
     h = ca.fmin(longest, length)
     for weights, change in graph.reaches:
         h = _within_reach(weights @ c.T, change, h)
-    h = ca.if_else(h >= left, left, ca.if_else(SHARED_STEPS * h >= left, 0.5 * left, h))
+    h = ca.if_else(h >= left, left, ca.if_else(TAYLOR.shared_steps * h >= left, 0.5 * left, h))
     within, side = ca.SX(1), ca.SX(0)
     if graph.coordinate:
         places = c @ ca.DM(graph.coordinate) * graph.unit
@@ -203,11 +187,11 @@ def length_function(
     powers = symbolic_powers(h)
     terms, free = ca.diag(powers) @ series, ca.diag(powers) @ base.T
     ends = ca.sum1(free).T + shares @ ca.sum1(terms).T
-    accepted = _defect(graph, ends, free, terms, shares, h) <= LARGEST_DEFECT * size
+    accepted = _defect(graph, ends, free, terms, shares, h) <= TAYLOR.largest_defect * size
     accepted = ca.logic_and(accepted, within) if graph.coordinate else accepted
     # A step that is far too long for the rate of the state is shortened in one go instead of halved many times.
     shorter = 0.5 * ca.fmin(h, ca.sqrt(h * size / ca.norm_inf(c[1, :])))
-    taken, next_longest = ca.if_else(accepted, h, 0), ca.if_else(accepted, LONGEST_STEP, shorter)
+    taken, next_longest = ca.if_else(accepted, h, 0), ca.if_else(accepted, TAYLOR.longest_step, shorter)
     results = [ends, powers, left - taken, next_longest, ca.vertcat(taken, h), side]
     return ca.Function("measure", [series, c, dc, graph.x, graph.p, dp, left, longest, ends_of_piece], results)
 
@@ -220,14 +204,14 @@ def _on_piece(s: ca.SX, h: ca.SX, low: ca.SX, high: ca.SX) -> tuple[ca.SX, ca.SX
     that it is monotone and its end shows whether it has reached an end of the piece.
     """
     start, room = s[0], ca.fmin(high - s[0], s[0] - low)
-    length, terms, steep, within = h, ca.SX.zeros(TAYLOR_ORDER), ca.SX(0), ca.SX(0)
-    orders = ca.DM(range(1, TAYLOR_ORDER + 1))
-    for halvings in range(TRIED_LENGTHS):
+    length, terms, steep, within = h, ca.SX.zeros(TAYLOR.order), ca.SX(0), ca.SX(0)
+    orders = ca.DM(range(1, TAYLOR.order + 1))
+    for halvings in range(TAYLOR.tried_lengths):
         tried = h * 0.5**halvings
         moves = symbolic_powers(tried)[1:] * s[1:]
         sizes, weighted = ca.fabs(moves), orders * ca.fabs(moves)
         outweighs = [2 * ca.sum1(weighted[k + 1 :]) <= weighted[k] for k in range(2)]
-        rounded = sizes[0] ** 2 <= ROUNDED_CHANGE * sizes[1] * (ca.fabs(start) + sizes[1])
+        rounded = sizes[0] ** 2 <= TAYLOR.rounded_change * sizes[1] * (ca.fabs(start) + sizes[1])
         valid = ca.logic_or(ca.sum1(sizes) < room, ca.logic_or(outweighs[0], ca.logic_and(rounded, outweighs[1])))
         chosen = ca.logic_and(valid, ca.logic_not(within))
         length, terms, steep = (
@@ -241,10 +225,10 @@ def _on_piece(s: ca.SX, h: ca.SX, low: ca.SX, high: ca.SX) -> tuple[ca.SX, ca.SX
     distance = ca.if_else(rises, high, low) - start
     share = distance / move
     share = ca.if_else(steep, share, ca.sqrt(share))
-    for _ in range(STEPS_TO_END):
+    for _ in range(TAYLOR.steps_to_end):
         value = share * ca.polyval(terms[::-1], share) - distance
         slope = ca.polyval((orders * terms)[::-1], share)
-        share = ca.fmin(ca.fmax(share - value / slope, SHORTEST_CUT), 1)
+        share = ca.fmin(ca.fmax(share - value / slope, TAYLOR.shortest_cut), 1)
     return length * ca.if_else(side == 0, 1, share), within, side
 
 
@@ -252,7 +236,7 @@ def _truncated_length(c: ca.SX, size: ca.SX | float) -> ca.SX:
     """The step at which the last two terms of series (K + 1, rows) vanish beside the first two and `size`, by Jorba and
     Zou (2005), the source of `taylor_series`."""
     scale, before, last = (ca.norm_inf(ca.vec(part)) for part in (c[:2, :], c[-2, :], c[-1, :]))
-    bound, order = TRUNCATION * (scale + size), TAYLOR_ORDER
+    bound, order = TAYLOR.truncation * (scale + size), TAYLOR.order
     # The lesser one of two roots, chosen before it is taken, since a root takes as long as a hundred products.
     sooner = bound / before <= (before / last) ** (order - 1)
     return (bound / ca.if_else(sooner, before, last)) ** ca.if_else(sooner, 1 / (order - 1), 1 / order)
@@ -265,11 +249,11 @@ def _within_reach(coordinate: ca.SX, change: Room, h: ca.SX) -> ca.SX:
     for farthest, each in zip(change, (-terms, terms), strict=True):
         # The terms after the first that lead to this side bound the change: it is a convex function of the length, by
         # the speed and the acceleration alone and by all terms.
-        speed, later, distance = each[0], ca.fmax(each[1:], 0), ca.fmin(farthest, UNBOUNDED)
+        speed, later, distance = each[0], ca.fmax(each[1:], 0), ca.fmin(farthest, TAYLOR.unbounded)
         h = ca.fmin(h, 2 * distance / (speed + ca.sqrt(speed**2 + 4 * later[0] * distance)))
         moved = h * ca.polyval(ca.vertcat(speed, later.T)[::-1], h)
         h = h * ca.if_else(moved > distance, distance / moved, 1)
-    return ca.fmax(h, ca.fmin(longest, SHORTEST_BOUND))
+    return ca.fmax(h, ca.fmin(longest, TAYLOR.shortest_bound))
 
 
 def _defect(graph: VectorField, ends: ca.SX, free: ca.SX, terms: ca.SX, shares: ca.SX, h: ca.SX) -> ca.SX:
@@ -278,7 +262,7 @@ def _defect(graph: VectorField, ends: ca.SX, free: ca.SX, terms: ca.SX, shares: 
 
     It shows what a series cannot show where a law is flat to the last digit, as a saturated spring is.
     """
-    orders, defects = ca.DM(range(TAYLOR_ORDER + 1)), [ca.SX(0)]  # A state whose rate is another state has no defect.
+    orders, defects = ca.DM(range(TAYLOR.order + 1)), [ca.SX(0)]  # A state whose rate is another state has no defect.
     rows = [i for i, rate in enumerate(ca.vertsplit(graph.field(graph.x, graph.p)[0])) if not rate.is_symbolic()]
     rates = [(ca.diag(orders) @ part)[1:, :] for part in (free, terms)]
     for part in (0.25, 0.5, 0.75, 1.0):

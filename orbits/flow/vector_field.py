@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -11,15 +12,36 @@ from ..numerics.roots import Array
 from ..symbolic.local_scales import Reach, kinks_of, reaches_of
 from ..symbolic.taylor_series import has_taylor_series, taylor_coefficients
 
-# A high order makes few and long steps, and each step costs a fixed amount besides its series.
-TAYLOR_ORDER = 28
-# Order of a step in equations that other solvers differentiate, at a cost that grows with its square. On a mesh a fifth
-# finer than steps of the order above, whose last terms are below a tenth of rounding, it leaves a few roundings.
-STEP_ORDER = 20
-# Where the series of as many sensitivities as there are states take more products than this, they are loops.
-FEWEST_PRODUCTS = 25_000
-# A step is cut where its piece ends, but to no shorter share of its length, as it would be no step.
-SHORTEST_CUT = 1e-12
+
+class TaylorOptions(NamedTuple):
+    """The orders of Taylor series in time, and the lengths of steps that are chosen by them."""
+
+    order: int = 28  # high, as it makes few and long steps, and each step costs a fixed amount besides its series
+    # Of a step in equations that other solvers differentiate, at a cost that grows with its square. On a mesh a fifth
+    # finer than steps of the order above, whose last terms are below a tenth of rounding, it leaves a few roundings.
+    step_order: int = 20
+    # Where the series of one sensitivity for each state take more than this, they are loops.
+    fewest_products: int = 25_000
+    # A step is cut where its piece ends, but to no shorter share of its length: it would be no step.
+    shortest_cut: float = 1e-12
+    truncation: float = 1e-17  # error of a step relative to the state: a tenth of the rounding error of the sum
+    # Relative to the state: a step of a larger one leads beyond what the series can describe. Rounding is far smaller.
+    largest_defect: float = 1e-10
+    # A bound that a state at rest needs, since its series has no last terms to choose a step by.
+    longest_step: float = 1e9
+    unbounded: float = 1e30  # no bound is set for a coordinate that may go farther
+    shortest_bound: float = 1e-14  # no bound makes a step shorter than this: places and times are rounded to as much
+    # Where fewer steps are left of the duration, the last two share it evenly, so that none is tiny.
+    shared_steps: float = 1.5
+    tried_lengths: int = 8  # lengths of a step on a piece that are tried, each half of the one before
+    # Of Newton's method to the end of a piece: it converges quadratically, as the speed changes by less than half.
+    steps_to_end: int = 7
+    rounded_change: float = 1e-16  # of a coordinate, relative to it
+    # Up to this degree the terms of a watched function are bounded together, the others one by one.
+    bound_degree: int = 6
+
+
+TAYLOR = TaylorOptions()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +57,7 @@ class FlowControl:
     max_block: int = 512  # most steps of one call, which bounds the memory that it takes
     longer: int = 8  # where motions that can be followed are sought, those with more steps may take this times as many
     rounding: float = 1e-14  # the rest of a duration is dropped when it is less than this share of it
+    same_time: float = 1e-15  # times that differ by a smaller share of a duration are one
 
 
 FLOW_CONTROL = FlowControl()
@@ -83,8 +106,8 @@ class VectorField:
     @cached_property
     def in_loops(self) -> bool:
         """Whether the series of sensitivities are loops: those of smooth fields with many derivatives."""
-        products = self.field.jac_sparsity(0, 0).nnz() * self.size * TAYLOR_ORDER * (TAYLOR_ORDER + 1) // 2
-        return not self.coordinate and self.has_series and products > FEWEST_PRODUCTS
+        products = self.field.jac_sparsity(0, 0).nnz() * self.size * TAYLOR.order * (TAYLOR.order + 1) // 2
+        return not self.coordinate and self.has_series and products > TAYLOR.fewest_products
 
     @cached_property
     def drift(self) -> tuple[np.ndarray, np.ndarray] | None:
@@ -117,14 +140,14 @@ class VectorField:
         h = ca.SX.sym("h")
         if not self.has_series:
             return ca.Function("step", [self.x, h, self.p], [runge_kutta_step(self, self.x, h)])
-        series = taylor_coefficients(self.field, self.x, self.p, STEP_ORDER)
-        end = series[: self.size, :] @ symbolic_powers(h)[: STEP_ORDER + 1]
+        series = taylor_coefficients(self.field, self.x, self.p, TAYLOR.step_order)
+        end = series[: self.size, :] @ symbolic_powers(h)[: TAYLOR.step_order + 1]
         return ca.Function("step", [self.x, h, self.p], [end])
 
 
 def symbolic_powers(h: ca.SX) -> ca.SX:
-    """The powers (TAYLOR_ORDER + 1,) of a symbol, from 0 on."""
-    return ca.vertcat(ca.SX(1), *accumulate([h] * TAYLOR_ORDER, lambda power, h: h * power))
+    """The powers (TAYLOR.order + 1,) of a symbol, from 0 on."""
+    return ca.vertcat(ca.SX(1), *accumulate([h] * TAYLOR.order, lambda power, h: h * power))
 
 
 def runge_kutta_step(graph: VectorField, x: ca.SX, h: ca.SX) -> ca.SX:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .feet import Exit
-from .impacts import LIFTOFF_ORDER, TOUCHING, Impacts
+from .impacts import LIFTOFF_ORDER, Impacts
 from .launch_section import LaunchSection
 from .schedule import Decisions, Schedule
 
@@ -67,5 +67,5 @@ class Course:
         if self.decisions:
             self.decisions.lift_off(now)
         # New inputs may pull immediately.
-        pulls = self.driven and impacts.pressing(after[None])[0] < -TOUCHING * (1 + np.abs(after).max())
+        pulls = self.driven and impacts.pressing(after[None])[0] < -impacts.options.touching * (1 + np.abs(after).max())
         return after, 2 if pulls else LIFTOFF_ORDER

@@ -22,8 +22,8 @@ from .course import Course
 from .feet import LIFTS_OFF, REVERSES, STEPS_BACK, Exit
 from .footing import FALLS, SLIPS, FallTest
 from .hand_over import Landed, landed
-from .hysteresis import SLIPPED, Branches, first_reversal
-from .impacts import CAP, LIFTOFF_ORDER, STATUS, STATUSES, TOUCHING, TURNS, status_of_failure
+from .hysteresis import Branches, first_reversal
+from .impacts import CAP, LIFTOFF_ORDER, STATUS, STATUSES, status_of_failure
 
 CUT, DONE = "cut", "done"  # how an arc ends where other parameters come into force, or the time of a simulation is over
 
@@ -261,7 +261,9 @@ class Flyer:
         """Whether a spring that sticks with a constant force keeps its extension on a path; else the motion is lost."""
         states = path.coefficients[:, : phase.flow.size, 0]
         branches.check_width(states, phase.contact)
-        if np.abs(branches.rates[phase.contact](states)).max() <= SLIPPED * (1 + np.abs(states).max()):
+        if np.abs(branches.rates[phase.contact](states)).max() <= phase.impacts.options.touching * (
+            1 + np.abs(states).max()
+        ):
             return True
         self._finish(lane, "its spring sticks while the force that keeps it changes, which is not followed")
         return False
@@ -339,7 +341,7 @@ class Flyer:
         hops, impacts, turns = self.hops, phase.impacts, self.hops.turns[lanes]
         # One coordinate that sticks is at rest, and after some turns it never lifts off, see `ContactStop`.
         if self.endless and impacts.model.one_speed:
-            hops.status[lanes[(turns == TURNS) | (phase.side == 0)]] = "rests"
+            hops.status[lanes[(turns == impacts.options.turns) | (phase.side == 0)]] = "rests"
         leaps = (hops.status[lanes] == "") & (turns > 0) & (impacts.pressing(hops.states[lanes]) < 0)
         if (own := lanes[leaps]).size:
             hops.ends[own] = phase.states(hops.states[own])
@@ -369,7 +371,7 @@ class Flyer:
         """Stand on with other parameters, or lift off: the force may vanish by rounding, or because of them."""
         self.hops.now[lane], self.hops.order[lane] = self.until, 0
         self._update(lane)
-        impacts, tolerance = self.impacts, TOUCHING * (1 + np.abs(y).max())
+        impacts, tolerance = self.impacts, self.impacts.options.touching * (1 + np.abs(y).max())
         force, lifts_off = impacts.force_at_start(impacts.exits[0], y, impacts.p, tolerance)
         if lifts_off or force <= 0:
             self._lift_off(lane, Phase(True, impacts, 1), np.zeros(1, bool))

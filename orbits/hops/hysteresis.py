@@ -8,7 +8,7 @@ sticks, and has the force between its branches that keeps its extension.
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,11 +23,17 @@ from ..model.model import refuse_steps
 from ..model.phase import Affine
 from .impacts import Impacts
 
-SLIPPED = 1e-9  # a spring that sticks moves slower, relative to the state, where its constant force keeps it
-TURNING_RATE = 1e-13  # a rate of the extension below this, relative to the state, is that of a reversal
-# Branches that cross feed energy to the motion. Measured ones may cross by noise, by this share of the loop's largest
-# width, and all by this share of the accelerations, which is rounding.
-NOISE, ROUNDING_OF_WIDTH, SAMPLES_OF_WIDTH = 0.05, 1e-9, 513
+
+class HysteresisOptions(NamedTuple):
+    """When a spring turns or sticks, and by how much its branches may cross, which feeds energy to the motion."""
+
+    turning: float = 1e-13  # a rate of the extension below this, relative to the state, is that of a reversal
+    noise: float = 0.05  # measured branches may cross by this share of the loop's largest width
+    rounding: float = 1e-9  # all branches may cross by this share of the accelerations
+    samples: int = 513  # of the width of a loop between the ends of its branches
+
+
+HYSTERESIS = HysteresisOptions()
 
 
 class Branches:
@@ -77,7 +83,7 @@ class Branches:
     def branches(self, x: np.ndarray, contact: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """`branch` at several states (m, n): branches (m,) and orders (m,)."""
         rate = self.rates[contact](x)
-        still = np.abs(rate) <= TURNING_RATE * (1 + np.abs(x).max(1))
+        still = np.abs(rate) <= HYSTERESIS.turning * (1 + np.abs(x).max(1))
         side = np.where(rate > 0, 1, -1)
         if still.any():
             growing, shrinking = (self._turns(self.of[sign], x[still], contact) for sign in (1, -1))
@@ -95,7 +101,7 @@ class Branches:
         growing, shrinking = (self._turns(self.of[sign], x, contact) for sign in (1, -1))
         free, pulled = (self._turns(each, x, contact) for each in self._pulls)
         gain = (growing - shrinking) / (free - pulled) if self._noise else growing - shrinking
-        if (gain > self._noise + ROUNDING_OF_WIDTH * (np.abs(growing) + np.abs(shrinking))).any():
+        if (gain > self._noise + HYSTERESIS.rounding * (np.abs(growing) + np.abs(shrinking))).any():
             raise InputError(
                 "the branches of the spring with hysteresis cross: the motion comes to extensions where the force is "
                 "larger while the spring shrinks, and which would feed it energy; exchange the branches, state them "
@@ -109,8 +115,8 @@ class Branches:
         low, high = max(law.range()[0] for law in laws), min(law.range()[1] for law in laws)
         if not np.isfinite(high - low):
             return 0.0
-        places = np.linspace(low, high, SAMPLES_OF_WIDTH)
-        return NOISE * float(np.abs(laws[0](places) - laws[1](places)).max())
+        places = np.linspace(low, high, HYSTERESIS.samples)
+        return HYSTERESIS.noise * float(np.abs(laws[0](places) - laws[1](places)).max())
 
     def on(self, side: int, x: np.ndarray, contact: bool = False) -> Impacts:
         """The impacts on a branch, as `branch` has it from a flight or a contact state on."""

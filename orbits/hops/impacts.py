@@ -57,13 +57,6 @@ STATUS = f"<U{max(map(len, STATUSES))}"  # the type of arrays of statuses
 FASTEST_LAUNCH = 1e15  # a launch speed beyond this has no digits left for the motion between two impacts
 CAP = 10_000  # a hop is abandoned after this many impacts
 LIFTOFF_ORDER = 3  # order of the gap's zero at a lift-off
-TURNS = 3  # after this many zeros of its speed a contact never ends, see `ContactStop`
-TURNS_OF_SEVERAL = 100  # of the launched coordinate's speed, up to which a contact of several coordinates is followed
-# A contact whose rates are all below this is at rest. An overdamped contact reaches rest without turning.
-STILL_RATE = 1e-12
-TOUCHING = 1e-9  # a gap, gap speed or contact force below this, relative to the state, is zero: rounding is smaller
-GRAZING = 1e-12  # a contact force below this, relative to the state, vanishes
-SAME_LIFTOFF = 1e-12  # extensions at lift-off that differ by a smaller share are rounding
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,6 +76,14 @@ class ImpactOptions:
     # stay lossless to the last bit. Two lift-offs that close would be one fold of the spring's force.
     launch_distance: float = 1e-7
     energy_panels: int = 32  # straight panels between the origin and a state along which its energy is integrated
+    turns: int = 3  # after this many zeros of its speed a contact never ends, see `ContactStop`
+    turns_of_several: int = 100  # of the launched coordinate's speed until a contact of several coordinates is given up
+    # A contact whose rates are all below this is at rest: an overdamped one reaches rest without turning.
+    still: float = 1e-12
+    # A gap, gap speed or contact force below this, relative to the state, is zero: rounding is smaller.
+    touching: float = 1e-9
+    grazing: float = 1e-12  # a contact force below this, relative to the state, vanishes
+    same_liftoff: float = 1e-12  # extensions at lift-off that differ by a smaller share are rounding
 
 
 class ContactStop:
@@ -101,6 +102,7 @@ class ContactStop:
 
     def __init__(self, impacts: "Impacts", speed: Affine | None, grazes: Iterable[bool] = (False, False)):
         self.size, self.exits, self.speed = impacts.contact.size, impacts.exits, speed
+        self.still = impacts.options.still
         grazes = [*grazes]
         self.force_zeros, self.speed_zeros = [Crossings(int(each)) for each in grazes], Crossings()
         self.slips = SlipTest(impacts.footing, impacts.contact_force, grazes[0])
@@ -125,7 +127,7 @@ class ContactStop:
         """Places from which the force never ends the contact: the last turn, and where a step starts at rest."""
         turns = self.speed_zeros(speed.series(coefficients), steps)
         last, self.turns_left = turns[self.turns_left - 1 : self.turns_left], self.turns_left - len(turns)
-        still = np.flatnonzero(np.abs(coefficients[:, : self.size, 1]).max(1) < STILL_RATE)[:1]
+        still = np.flatnonzero(np.abs(coefficients[:, : self.size, 1]).max(1) < self.still)[:1]
         return last, [(int(i), float(steps[i])) for i in still]
 
 
@@ -192,7 +194,7 @@ class Impacts:
     @property
     def most_turns(self) -> tuple[int, str]:
         """The number of turns of its speed after which a contact never ends, and the status then."""
-        return (TURNS, "rests") if self.model.one_speed else (TURNS_OF_SEVERAL, "stays")
+        return (self.options.turns, "rests") if self.model.one_speed else (self.options.turns_of_several, "stays")
 
     def landing(self, x: np.ndarray) -> tuple[np.ndarray, ...]:
         """The effect of impacts at flight states (m, n) with closed gap: whether (m,) sustained contact follows,
@@ -355,7 +357,7 @@ class Impacts:
         difference, and False is returned."""
         found = np.zeros((len(self.exits), len(ys)), bool)
         if not self.model.one_speed or self.model.changes_contact:
-            forces, tolerance = self.contact.field(ys, self.p)[1], GRAZING * (1 + np.abs(ys).max(1))
+            forces, tolerance = self.contact.field(ys, self.p)[1], self.options.grazing * (1 + np.abs(ys).max(1))
             for i, each in enumerate(self.exits):
                 if i or not self.model.one_speed:
                     found[i] = np.abs(forces[:, each.row - self.contact.size]) <= tolerance
@@ -439,7 +441,7 @@ class Impacts:
         if not self.model.conservative or self.descends:
             return False
         slow, fast = self._releases
-        return bool(abs(fast - slow) <= SAME_LIFTOFF * abs(slow))
+        return bool(abs(fast - slow) <= self.options.same_liftoff * abs(slow))
 
     @cached_property
     def launch_inertia(self) -> float:

@@ -28,7 +28,7 @@ from .decided_hops import undecided
 from .flyer import Flyer
 from .hand_over import standing
 from .hysteresis import Branches
-from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, TOUCHING, Impacts, impacts_of, injected, no_launch
+from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, Impacts, impacts_of, injected, no_launch
 from .launch_section import LaunchSection
 from .recorded import recorded
 from .schedule import Decisions, Feedback, Inputs, Schedule, check_scheduled, parsed_schedule
@@ -165,7 +165,7 @@ def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float
             raise InputError(no_launch(alpha))
         return x[0], alpha, LIFTOFF_ORDER, 0
     x = np.array(state)
-    tolerance, order, opening = TOUCHING * (1 + np.abs(x).max()), 0, 0
+    tolerance, order, opening = impacts.options.touching * (1 + np.abs(x).max()), 0, 0
     for foot, each in enumerate(impacts.feet):
         gap, speed = each.gap(x), float(x @ each.speed)
         if abs(gap) <= tolerance and abs(speed) <= tolerance:

@@ -18,22 +18,27 @@ from ..symbolic.kernels import ElementwiseFunction, Kernel
 from ..symbolic.local_scales import kinks_of, reaches_of
 from .law import Algebraic, Key, Law, Parameters, evaluated, from_key, symbols_of, values_and_slopes
 
-# The number of sampled slopes, up to this distance from rest in units of length, and up to twice the height. A hop of
-# the linear spring's third family stays within it.
-LAW_SAMPLES, FARTHEST = 4096, 20.0
-SAMPLED_SHARES = np.linspace(0.0, 1.0, LAW_SAMPLES)
-BLOCK = 16  # laws whose slopes are sampled together, so that these stay in the processor's cache
-# Slopes below this, or above its inverse, set no unit of length.
-SOFTEST = 1e-12
-# Differences of slopes below this multiple of their rounding are rounding. Where a slope is this many times 1 over the
-# unit of length, the law has a singularity, and beyond it another branch.
-SLOPE_ROUNDING, SINGULAR_SLOPE = 1e3 * float(np.finfo(float).eps), 1e6
+
+class FeatureOptions(NamedTuple):
+    """How laws are sampled for what is finer than an integration step."""
+
+    samples: int = 4096  # of the slope of a law, some 100 for each unit of length
+    farthest: float = 20.0  # from rest, in units of length; a hop of the linear spring's third family stays within it
+    block: int = 16  # laws whose slopes are sampled together, so that these stay in the processor's cache
+    softest: float = 1e-12  # slopes below this, or above its inverse, set no unit of length
+    # Smaller differences of slopes, relative to these, are rounding.
+    slope_rounding: float = 1e3 * float(np.finfo(float).eps)
+    # Where a slope times the unit of length is this large, the law has a singularity, and beyond it another branch.
+    singular_slope: float = 1e6
+    # Share of the distance that a series sees at which a force is sampled: an eighth of a bump's width.
+    sampled_scale: float = 0.125
+    secants_to_kink: int = 3  # where a kink is that of straight lines, the first one finds it
+    halvings: int = 60  # of the distance between samples, at most: enough for a bump of the width 1e-12
+    most_samples: int = 100_000  # of a law: one that varies faster is refused
 
 
-# Where a law may vary unseen its force is sampled at this share of the distance that a series sees, an eighth of the
-# width of a bump, with its kinks, which one secant finds where they are those of straight lines; in at most so many
-# halvings, which a width of 1e-12 takes, and places.
-SAMPLED_SCALE, SECANTS_TO_KINK, HALVED_SAMPLES, MOST_CLOSER = 0.125, 3, 60, 100_000
+FEATURES = FeatureOptions()
+SAMPLED_SHARES = np.linspace(0.0, 1.0, FEATURES.samples)
 
 
 class Features(NamedTuple):
@@ -63,8 +68,8 @@ def features(key: Key, unit: float, p: Mapping[str, float]) -> Features:
 def ends_of_features(key: Key, p: Parameters, unit: Algebraic) -> tuple[Algebraic, Algebraic]:
     """How far features are searched for on either side, of one law or of many (m,)."""
     if key.variable == "r":
-        return -FARTHEST * unit, FARTHEST * unit
-    return 0.0 * unit, p.get("rest_length", 0.0) + 2 * FARTHEST * unit
+        return -FEATURES.farthest * unit, FEATURES.farthest * unit
+    return 0.0 * unit, p.get("rest_length", 0.0) + 2 * FEATURES.farthest * unit
 
 
 def units_of_length(spring: Key, p: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -72,14 +77,14 @@ def units_of_length(spring: Key, p: Mapping[str, np.ndarray]) -> np.ndarray:
     _, slopes = values_and_slopes(spring, p, np.zeros((len(next(iter(p.values()))), 1)))
     slope = slopes[:, 0]
     with np.errstate(all="ignore"):
-        return np.where((slope > SOFTEST) & (slope < 1 / SOFTEST), 1 / slope, 1.0)
+        return np.where((slope > FEATURES.softest) & (slope < 1 / FEATURES.softest), 1 / slope, 1.0)
 
 
 def unit_of_length(spring: Key, p: Mapping[str, float]) -> float:
     """The length over which a spring of constant slope, that at rest, comes to the foot's weight; 1 without a slope."""
     law = from_key(spring, p)
     slope = float(law.with_slope(law.rest())[1])
-    return 1 / slope if SOFTEST < slope < 1 / SOFTEST else 1.0
+    return 1 / slope if FEATURES.softest < slope < 1 / FEATURES.softest else 1.0
 
 
 @lru_cache(maxsize=256)
@@ -100,9 +105,9 @@ def _features_of_branch(places: np.ndarray, slopes: np.ndarray, unit: float) -> 
     """The features of a law with slopes (n,) at places (n,), between the singularities nearest to rest."""
     rest = int(np.abs(places).argmin())
     with np.errstate(invalid="ignore"):
-        ends = (~(np.abs(slopes) < SINGULAR_SLOPE / unit)).nonzero()[0]
+        ends = (~(np.abs(slopes) < FEATURES.singular_slope / unit)).nonzero()[0]
     after = int(np.searchsorted(ends, rest))
-    first, last = np.append(-1, ends)[after] + 1, np.append(ends, LAW_SAMPLES)[after]
+    first, last = np.append(-1, ends)[after] + 1, np.append(ends, FEATURES.samples)[after]
     if last - first < 5:
         return NO_FEATURES
     lengths, bends = _lengths_and_bends(slopes[None, first:last], np.array([unit]), places[None, 1] - places[None, 0])
@@ -120,15 +125,15 @@ def features_of_many(key: Key, spring: Key, p: Mapping[str, np.ndarray]) -> tupl
     values = np.column_stack([p[name] for name in key.names]) if key.names else np.zeros((len(units), 0))
     low, high = ends_of_features(key, p, units)
     start = np.array([[0.0, 0.0, 0.0, 0.0, 1.0]])
-    *_, turns, plain = _turns(key)(start, np.column_stack([low, high, SINGULAR_SLOPE / units, values])).z.T
+    *_, turns, plain = _turns(key)(start, np.column_stack([low, high, FEATURES.singular_slope / units, values])).z.T
     steady = (plain == 1) & (turns <= 1)  # a law that bends at most once needs no more of its samples
     lengths[steady], bends[steady] = math.inf, turns[steady]
     others = (~steady).nonzero()[0]
-    for first in range(0, len(others), BLOCK):
-        block = others[first : first + BLOCK]
+    for first in range(0, len(others), FEATURES.block):
+        block = others[first : first + FEATURES.block]
         places, slopes = _sampled_slopes(key, values[block], low[block], high[block])
         with np.errstate(invalid="ignore"):
-            whole = (np.abs(slopes) < SINGULAR_SLOPE / units[block, None]).all(axis=1)
+            whole = (np.abs(slopes) < FEATURES.singular_slope / units[block, None]).all(axis=1)
         if whole.any():
             spacing = (places[:, 1] - places[:, 0])[whole]
             found = _lengths_and_bends(slopes[whole], units[block[whole]], spacing)
@@ -149,20 +154,20 @@ def _turns(key: Key) -> Kernel:
     falls = slope < before
     turned = ca.logic_and(count >= 2, falls != fell)
     turns, plain = turns + turned, ca.logic_and(plain, ca.fabs(slope) < singular)
-    goes = ca.logic_and(ca.logic_and(plain, turns <= 1), count + 1 < LAW_SAMPLES)
+    goes = ca.logic_and(ca.logic_and(plain, turns <= 1), count + 1 < FEATURES.samples)
     return Kernel(ca.Function("turns", [z, data], [ca.vertcat(count + 1, slope, falls, turns, plain), 0, goes]))
 
 
 def _sampled_slopes(key: Key, values: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Places (m, n) between bounds (m,), and the slopes (m, n) there of laws with parameters (m, k)."""
     places = low[:, None] + (high - low)[:, None] * SAMPLED_SHARES
-    p = np.repeat(values, LAW_SAMPLES, axis=0) if len(values) > 1 else values
+    p = np.repeat(values, FEATURES.samples, axis=0) if len(values) > 1 else values
     return places, _slopes(key)(places.reshape(-1, 1), p)[0].reshape(places.shape)
 
 
 def _lengths_and_bends(slopes: np.ndarray, units: np.ndarray, spacing: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The features (m,) of laws with slopes (m, n) at places with these distances (m,), in units of length (m,)."""
-    floor = SLOPE_ROUNDING * np.maximum(np.abs(slopes), 1 / units[:, None])
+    floor = FEATURES.slope_rounding * np.maximum(np.abs(slopes), 1 / units[:, None])
     change = slopes[:, 1:] - slopes[:, :-1]
     rises = [row[beyond] > 0 for row, beyond in zip(change, np.abs(change) > floor[:, 1:], strict=True)]
     bends = np.array([np.count_nonzero(row[1:] != row[:-1]) for row in rises])
@@ -180,25 +185,25 @@ def sampled_closely(law: Law, places: np.ndarray) -> np.ndarray:
     """Places (n,), ascending or descending, with further ones between them where the law may vary unseen, and at its
     kinks.
 
-    Raises `NoOrbit` for a law that would take more than `MOST_CLOSER`.
+    Raises `NoOrbit` for a law that would take more than `FEATURES.most_samples`.
     """
     if _scale_of_law(law.key) is None:
         return places
     p = {name: np.array([value]) for name, value in law.parameters.items()}
-    for turn in range(HALVED_SAMPLES):
+    for turn in range(FEATURES.halvings):
         distances, *kinks = (each[0] for each in evaluated(_scale_of_law, law.key, p, places[None]))  # type: ignore[arg-type]
         low, high = places[:-1], places[1:]
         with np.errstate(all="ignore"):
-            unseen = np.abs(high - low) > SAMPLED_SCALE * np.fmax(distances[:-1], distances[1:])
+            unseen = np.abs(high - low) > FEATURES.sampled_scale * np.fmax(distances[:-1], distances[1:])
             new = [0.5 * (low + high)[unseen]]
-            for kink in kinks if turn < SECANTS_TO_KINK else ():
+            for kink in kinks if turn < FEATURES.secants_to_kink else ():
                 crossed = (kink[:-1] * kink[1:] < 0).nonzero()[0]
                 share = kink[crossed] / (kink[crossed] - kink[crossed + 1])
                 new.append(places[crossed] + share * (places[crossed + 1] - places[crossed]))
         found = np.unique(np.concatenate([places, *new]))
         if len(found) == len(places):
             break
-        if len(found) > MOST_CLOSER:
+        if len(found) > FEATURES.most_samples:
             fine = np.abs(np.diff(found)).min()
             raise NoOrbit(f"'{law.text[:60]}' varies within {fine:.1g} of {law.variable} over a long way: smooth it")
         places = found if places[-1] > places[0] else found[::-1]

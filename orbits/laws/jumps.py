@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from itertools import pairwise, product
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -18,7 +19,7 @@ from ..errors import InputError
 from ..running.exclusive import LOCK, exclusive
 from ..symbolic.calls import single_assignment
 from ..symbolic.taylor_series import applied
-from .features import FARTHEST
+from .features import FEATURES
 from .law import Law, LawPieces, Parameters
 from .law_expressions import Expression, break_table
 
@@ -47,23 +48,31 @@ _ON_CONDITIONS: dict[int, Callable] = {
 }
 _CONDITIONS = {ca.OP_LT, ca.OP_LE, ca.OP_NOT, ca.OP_AND, ca.OP_OR}
 _UNDECIDED = {ca.OP_FLOOR, ca.OP_CEIL, ca.OP_COPYSIGN, ca.OP_FMOD, ca.OP_REMAINDER, ca.OP_EQ, ca.OP_NE}
-# Comparisons of what others decide, as abs(r) > 1, are resolved for all outcomes of at most this many.
-MOST_INSIDE = 3
-# Forces that differ by less than the first share of their size and of 1 are equal, and places by less than the second.
-# Pieces shorter than the third are not compared with the law, as samples inside of them are rounded.
-EQUAL_SHARE, COINCIDENT, SHORTEST_COMPARED = 1e-9, 1e-14, 1e-12
-# The force beside a breakpoint is that at this distance, a share of its place and of 1, where roundings end. Ten times
-# as far from it the difference of the two sides is hardly larger where it jumps; of abs(r)**0.1 it is by a quarter.
-BESIDE_JUMP, FARTHER_BESIDE, LEAST_RATIO_OF_JUMP = 1e-13, 10.0, 0.95
-# A comparison whose sides meet farther from rest than this, or nowhere, has one outcome wherever a motion leads.
-FARTHEST_BREAK = 1e12
-# By this share parameters are moved, and those that are 0 by as much, to tell what holds whatever their values are: a
-# jump of the size 0 is one.
-MOVED_SHARE = 0.1
+
+
+class JumpOptions(NamedTuple):
+    """How pieces of a formula, and the jumps between them, are found and compared with it."""
+
+    # Comparisons of what others decide, as abs(r) > 1, that are resolved for all of their outcomes.
+    most_inside: int = 3
+    equal: float = 1e-9  # forces that differ by a smaller share of their size and of 1 are equal
+    coincident: float = 1e-14  # places that differ by a smaller share of their size and of 1 are one
+    shortest: float = 1e-12  # piece that is compared with the law: in shorter ones samples are rounded
+    beside: float = 1e-13  # distance from a breakpoint, a share of its place and of 1, where roundings end
+    farther: float = 10.0  # how many times as far from the breakpoint the two sides are compared again
+    least_ratio: float = 0.95  # of a jump to the difference of the sides farther away; of abs(r)**0.1 it is 0.8
+    farthest: float = 1e12  # from rest at which the sides of a comparison meet: beyond it no motion leads
+    # Share by which parameters are moved, and those that are 0 by as much, to tell what holds whatever their values
+    # are: a jump of the size 0 is one.
+    moved: float = 0.1
+    halvings: int = 60  # that bracket a jump without a formula of its place
+
+
+JUMPS = JumpOptions()
 # Where a piece is compared with the law: shares of its length, or of this length where it has no end.
 COMPARED_SHARES = np.linspace(0.001, 0.999, 200)
 # Jumps without a formula of their place are searched for at these extensions, and bracketed by this many halvings.
-PLACES_OF_JUMPS, JUMP_HALVINGS = np.linspace(-FARTHEST, FARTHEST, 4002), 60
+PLACES_OF_JUMPS = np.linspace(-FEATURES.farthest, FEATURES.farthest, 4002)
 
 
 @exclusive
@@ -79,7 +88,7 @@ def in_pieces(law: Law, breakpoints: Sequence[float] = ()) -> Law:
     if not parts.compares:
         return plain
     values = np.array([*law.parameters.values()], dtype=float)
-    moved = values + MOVED_SHARE * np.cos(np.arange(len(values))) * np.where(values == 0, 1.0, values)
+    moved = values + JUMPS.moved * np.cos(np.arange(len(values))) * np.where(values == 0, 1.0, values)
     breaks = parts.breaks([values, moved], stated) if parts.smooth is not None else ()
     if not breaks:
         if not stated and parts.steps:
@@ -174,17 +183,17 @@ class _Parts:
 
     @cached_property
     def roots(self) -> list[ca.SX] | None:
-        """Where comparisons change their outcomes, for each outcome of those inside, at `FARTHEST_BREAK` where they do
+        """Where comparisons change their outcomes, for each outcome of those inside, at `JUMPS.farthest` where they do
         not; None where one is not of straight lines."""
         found = list[ca.SX]()
         for _, line, _ in self.outcomes:
             inside = [symbol for *_, symbol in self.outcomes if ca.depends_on(line, symbol)]
             slope = ca.jacobian(line, self.x)
-            if len(inside) > MOST_INSIDE or ca.depends_on(slope, self.x):
+            if len(inside) > JUMPS.most_inside or ca.depends_on(slope, self.x):
                 return None
             level = ca.substitute(line, self.x, 0)
-            nowhere = FARTHEST_BREAK * ca.fabs(slope) <= ca.fabs(level)
-            root = ca.if_else(nowhere, FARTHEST_BREAK, -level / ca.if_else(nowhere, 1.0, slope))
+            nowhere = JUMPS.farthest * ca.fabs(slope) <= ca.fabs(level)
+            root = ca.if_else(nowhere, JUMPS.farthest, -level / ca.if_else(nowhere, 1.0, slope))
             for outcomes in product((-1.0, 1.0), repeat=len(inside)):
                 found.append(ca.substitute(root, ca.vertcat(*inside), ca.vertcat(*outcomes)) if inside else root)
         return found
@@ -199,37 +208,39 @@ class _Parts:
         for i, each in enumerate(places):
             if np.isnan(each).any():
                 return stated
-            if (each < FARTHEST_BREAK).any() and not any(_are_near(places[k], each, COINCIDENT).all() for k in found):
+            if (each < JUMPS.farthest).any() and not any(
+                _are_near(places[k], each, JUMPS.coincident).all() for k in found
+            ):
                 found.append(i)
-        return *found, *(x for x in stated if not any(_are_near(x, places[k, 0], COINCIDENT) for k in found))
+        return *found, *(x for x in stated if not any(_are_near(x, places[k, 0], JUMPS.coincident) for k in found))
 
     def jumps(self, table: Callable, values: np.ndarray) -> bool:
         """Whether the law jumps at a breakpoint of the table, at values of the parameters."""
         ends = np.array(table(dict(zip(self.names, values.tolist(), strict=True)))[0][1:-1])
-        ends = ends[np.abs(ends) < FARTHEST_BREAK]
+        ends = ends[np.abs(ends) < JUMPS.farthest]
         if not len(ends):
             return False
-        distances = BESIDE_JUMP * np.array([[1.0], [FARTHER_BESIDE]]) * (1 + np.abs(ends))
+        distances = JUMPS.beside * np.array([[1.0], [JUMPS.farther]]) * (1 + np.abs(ends))
         below, above = (
             self._law_at((ends + side * distances).reshape(1, -1), values).full().reshape(distances.shape)
             for side in (-1, 1)
         )
         near, far = np.abs(above - below)
         # What the slopes on both sides, or roots there, add to a difference shrinks with the distance.
-        return bool(((near > EQUAL_SHARE * (1 + np.abs(below[0]))) & (near > LEAST_RATIO_OF_JUMP * far)).any())
+        return bool(((near > JUMPS.equal * (1 + np.abs(below[0]))) & (near > JUMPS.least_ratio * far)).any())
 
     def are_smooth(self, table: Callable, values: np.ndarray) -> bool:
         """Whether the pieces are the law, and have derivatives at their ends, at values of the parameters."""
         levels, rows = table(dict(zip(self.names, values.tolist(), strict=True)))
         for low, high, row in zip(levels[:-1], levels[1:], rows, strict=True):
-            ends = [x for x in (low, high) if abs(x) < FARTHEST_BREAK]
-            if not ends or _are_near(low, high, SHORTEST_COMPARED):
+            ends = [x for x in (low, high) if abs(x) < JUMPS.farthest]
+            if not ends or _are_near(low, high, JUMPS.shortest):
                 continue
-            first = low if low in ends else high - FARTHEST
-            inside = first + ((high if high in ends else low + FARTHEST) - first) * COMPARED_SHARES
+            first = low if low in ends else high - FEATURES.farthest
+            inside = first + ((high if high in ends else low + FEATURES.farthest) - first) * COMPARED_SHARES
             own, law = self._on_piece(inside[None], values, row).full(), self._law_at(inside[None], values).full()
             at_ends = self._on_piece(np.array([ends]), values, row).full()
-            if not np.isfinite(at_ends).all() or not (_are_near(own[0], law[0], EQUAL_SHARE) | np.isnan(law[0])).all():
+            if not np.isfinite(at_ends).all() or not (_are_near(own[0], law[0], JUMPS.equal) | np.isnan(law[0])).all():
                 return False
         return True
 
@@ -259,12 +270,12 @@ class _Parts:
         if not len(cells):
             return
         low, high = PLACES_OF_JUMPS[cells], PLACES_OF_JUMPS[cells + 1]
-        for _ in range(JUMP_HALVINGS):
+        for _ in range(JUMPS.halvings):
             middle = 0.5 * (low + high)
             before = (steps(middle) == found[:, cells]).all(0)
             low, high = np.where(before, middle, low), np.where(before, high, middle)
         below, above = (self._law_at(places[None], values).full()[0] for places in (low, high))
-        jumps = (np.abs(above - below) > EQUAL_SHARE * (1 + np.abs(below))).nonzero()[0]
+        jumps = (np.abs(above - below) > JUMPS.equal * (1 + np.abs(below))).nonzero()[0]
         if len(jumps):
             nearest = jumps[np.abs(high[jumps]).argmin()]
             raise InputError(

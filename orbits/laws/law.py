@@ -29,8 +29,10 @@ from .law_expressions import UNIT_FORCE, UNIT_LENGTH, Expression, scaled_express
 Algebraic: TypeAlias = Any
 Scalars: TypeAlias = Sequence[Algebraic]
 Parameters: TypeAlias = Mapping[str, Algebraic]
-# On both sides of a breakpoint, at this share of the pieces, value and slope differ by the second share if they jump.
-SIDE, CORNER = 1e-6, 1e-4
+# Value and slope are compared at this share of the pieces on either side of a breakpoint. They jump there if they
+# differ by the share `CORNER`.
+SIDE = 1e-6
+CORNER = 1e-4
 # The message about a spring whose force falls as it is stretched from rest.
 ONE_SIDED = "it was measured in compression alone, and the foot is lifted in tension: measure extensions above 0 too"
 WRONG_SIGN = "is tension positive? A force acts against the extension, as in k*r, and the sign is that of r"

@@ -1,13 +1,21 @@
 """Where several smooth functions of two variables vanish together: a search on a grid whose cells are halved."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
-# A cell is halved at most so often; in it a function has a curvature of at most this multiple of what its second
-# differences show; and a zero that is predicted further outside, in halves of its side, is not one of it, the second
-# number for cells that are not nearly linear.
-DEEPEST_CELL, CURVATURE_SAFETY, BESIDE_CELL, NEAR_CELL = 5, 4.0, 1.6, 4.0
+
+class CellOptions(NamedTuple):
+    """When a cell is halved, and which predicted zeros are its own."""
+
+    halvings: int = 5  # of a cell, at most
+    curvature: float = 4.0  # the largest ratio of the curvature in a cell to that which its second differences show
+    beside: float = 1.6  # distance from the middle, in halves of a side, of zeros predicted by nearly linear functions
+    near: float = 4.0  # the same distance where functions are not nearly linear
+
+
+CELLS = CellOptions()
 
 
 def near_common_zeros(values_of: Callable[[np.ndarray], np.ndarray], count: int) -> tuple[np.ndarray, int]:
@@ -26,9 +34,9 @@ def near_common_zeros(values_of: Callable[[np.ndarray], np.ndarray], count: int)
     values = values_of(nodes)
     cells, middles = _Cells(values[at[..., 0], at[..., 1]]), nodes[at[:, 1, 1, 0], at[:, 1, 1, 1]]
     radius, found = float(axis[1]), list[np.ndarray]()
-    for halving in range(DEEPEST_CELL + 1):
-        linear, last, left = cells.linear, halving == DEEPEST_CELL, ~cells.linear & ~cells.excluded
-        near = (linear & cells.within(BESIDE_CELL)) | (left & cells.within(NEAR_CELL) & last)
+    for halving in range(CELLS.halvings + 1):
+        linear, last, left = cells.linear, halving == CELLS.halvings, ~cells.linear & ~cells.excluded
+        near = (linear & cells.within(CELLS.beside)) | (left & cells.within(CELLS.near) & last)
         found.append((middles + radius * cells.predicted)[near])
         middles = middles[left]
         if last or not len(middles):
@@ -70,7 +78,7 @@ class _Cells:
         """Whether the functions have at most one common zero in each cell, since they are nearly linear."""
         v = self.values
         mixed = np.abs(v[:, 0, 0] - v[:, 0, 2] - v[:, 2, 0] + v[:, 2, 2]) / 4
-        return CURVATURE_SAFETY * np.linalg.norm(self.bends + mixed, axis=1) < self.steepest
+        return CELLS.curvature * np.linalg.norm(self.bends + mixed, axis=1) < self.steepest
 
     def within(self, distance: float) -> np.ndarray:
         """Whether straight lines vanish within a distance of the middle of each cell, in halves of its side."""
@@ -86,5 +94,5 @@ class _Cells:
         values = np.concatenate([self.values, np.einsum("mijc,mc->mij", self.values, rest)[..., None]], axis=-1)
         bends = np.column_stack([self.bends, np.einsum("mc,mc->m", self.bends, np.abs(rest))])
         one_sign = np.abs(np.sign(values).sum((1, 2))) == 9
-        far = np.abs(values).min((1, 2)) > CURVATURE_SAFETY / 8 * bends
+        far = np.abs(values).min((1, 2)) > CELLS.curvature / 8 * bends
         return (one_sign & far).any(1) | ~np.isfinite(self.values).all((1, 2, 3))

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction, Kernel
-from .roots import CLOSED
+from .roots import ROOTS
 
 # The highest order of a zero at the start that is divided out; where it is higher, fewer polynomials are excluded.
 HIGHEST_ORDER = 3
@@ -73,7 +73,7 @@ def _refined(size: int) -> ca.Function:
     new = ca.if_else(slope != 0, t - value / slope, low)
     step = ca.fabs(new - t)
     settled = ca.logic_and(last > 0, step * (step / last) ** 2 <= NEGLIGIBLE * high)
-    settled = ca.logic_or(settled, ca.fmin(step, high - low) <= CLOSED * high)
+    settled = ca.logic_or(settled, ca.fmin(step, high - low) <= ROOTS.closed * high)
     inside = ca.logic_and(low < new, new < high)
     nearer = ca.if_else(inside, new, 0.5 * (low + high))
     found = ca.if_else(settled, ca.fmin(ca.fmax(new, low), high), nearer)

@@ -7,24 +7,29 @@ Bernstein polynomial basis: a centennial retrospective", CAGD 29 (2012).
 
 from functools import cache
 from math import comb
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .exclusion import NEGLIGIBLE, TINY, refinement, sign_changes
-from .roots import CLOSED, MOST_ITERATIONS, Array
+from .roots import ROOTS, Array
 
 _Crossed = list[tuple[int, float]]
 _Places = tuple[Array, Array, Array]
 
-# Halving stops here: 2**-40 of a step is less than double precision can resolve at a grazing pair.
-MOST_HALVINGS = 40
-# Up to this many pieces are searched faster without excluding most of them first.
-FEW_PIECES = 100
-# Up to this many roots are found faster one by one: a single root takes 15 microseconds, and the call of a kernel 80.
-FEW = 6
-# From this many numbers on, their powers are computed faster by doubling the number of powers.
-MANY = 200
+
+class PolynomialOptions(NamedTuple):
+    """When roots of polynomials are searched for one by one, and when together."""
+
+    halvings: int = 40  # 2**-40 of a step is less than double precision can resolve at a grazing pair
+    few_pieces: int = 100  # up to this many are searched faster without excluding most of them first
+    # Up to this many are found faster one by one: one takes 15 microseconds, the call of a kernel 80.
+    few_roots: int = 6
+    many_numbers: int = 200  # from this many on, their powers are computed faster by doubling the number of powers
+
+
+POLYNOMIALS = PolynomialOptions()
 
 
 @cache
@@ -39,7 +44,7 @@ def _to_bernstein(degree: int) -> np.ndarray:
 def powers(t: ArrayLike, count: int) -> np.ndarray:
     """The powers t**0 ... t**(count - 1), (..., count), by multiplication, which is many times faster than `**`."""
     t = np.asarray(t, dtype=float)
-    if t.size < MANY:
+    if t.size < POLYNOMIALS.many_numbers:
         values = np.empty((*t.shape, count))
         values[..., 0], values[..., 1:] = 1.0, t[..., None]
         return np.multiply.accumulate(values, axis=-1, out=values)
@@ -152,7 +157,7 @@ class PiecewisePolynomials:
         orders = np.zeros(len(self.steps))
         orders[self.first] = start
         which = np.arange(len(self.steps))
-        if len(which) > FEW_PIECES:
+        if len(which) > POLYNOMIALS.few_pieces:
             which, self._ends = self._doubtful(orders, rises, by_rate, before)
         series, steps = self.coefficients[which], self.steps[which]
         if (rated := by_rate[which]).any():
@@ -165,7 +170,7 @@ class PiecewisePolynomials:
         rows, *places = brackets
         self.rising = places[2]
         places = [series[rows], steps[rows], *places]
-        times = _refine_together(*places) if len(rows) > FEW else np.array([*map(_refine, *places)])
+        times = _refine_together(*places) if len(rows) > POLYNOMIALS.few_roots else np.array([*map(_refine, *places)])
         pieces = which[rows]
         owner = self.owner[pieces]
         return owner, pieces - self.first[owner], times
@@ -249,7 +254,7 @@ def _brackets(values: np.ndarray, rising: np.ndarray) -> list[np.ndarray]:
     bracket (low, high) in it, in shares of the interval; whether the root rises; and where it is about. No column is
     returned where there is no root. On pieces that are `rising` (N,), only rising roots count."""
     which, low, share, size, found = np.arange(len(values)), np.zeros(len(values)), 1.0, values.shape[1], []
-    for halvings in range(MOST_HALVINGS + 1):
+    for halvings in range(POLYNOMIALS.halvings + 1):
         flat = values.ravel()
         positive = flat >= 0
         changes = (positive[1:] != positive[:-1]).nonzero()[0]
@@ -260,7 +265,7 @@ def _brackets(values: np.ndarray, rising: np.ndarray) -> list[np.ndarray]:
         begins = np.ones(len(rows) + 1, bool)  # whether the changes of a piece begin there
         begins[1:-1] = rows[1:] != rows[:-1]
         here, several = begins[:-1] & begins[1:], rows[begins[:-1] & ~begins[1:]]
-        if halvings == MOST_HALVINGS:  # rounding has made several changes of one
+        if halvings == POLYNOMIALS.halvings:  # rounding has made several changes of one
             here = begins[:-1] & (positive[rows * size] != positive[rows * size + size - 1])
         here &= positive[changes + 1] | ~rising[which[rows]]
         changes, rows, j = changes[here], rows[here], j[here]
@@ -290,8 +295,8 @@ def _refine(coefficients, h, low, high, rising, t) -> float:
     """The root (in time) in a bracket (in shares of h) by Newton's method, or bisection where that leads out of it."""
     c = coefficients.tolist()
     low, high, t = float(low * h), float(high * h), float(t * h)
-    sign, last = 1.0 if rising else -1.0, 0.0
-    for _ in range(MOST_ITERATIONS):
+    sign, last, closed = 1.0 if rising else -1.0, 0.0, ROOTS.closed
+    for _ in range(ROOTS.iterations):
         value = slope = 0.0
         for a in reversed(c):
             slope = slope * t + value
@@ -299,7 +304,7 @@ def _refine(coefficients, h, low, high, rising, t) -> float:
         low, high = (low, t) if sign * value >= 0 else (t, high)
         new = t - value / slope if slope else low
         step = abs(new - t)
-        if min(step, high - low) <= CLOSED * high or (last and step * (step / last) ** 2 <= NEGLIGIBLE * high):
+        if min(step, high - low) <= closed * high or (last and step * (step / last) ** 2 <= NEGLIGIBLE * high):
             return min(max(new, low), high)
         t, last = (new, step) if low < new < high else (0.5 * (low + high), 0.0)
     return t

@@ -1,26 +1,31 @@
 """Roots of functions of one variable, and of linear systems; importing a library's root finders takes longer."""
 
 from collections.abc import Callable, Generator
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 Array = np.ndarray
-# A grid is refined this many times beside each extremum, with points at these shares of the two cells next to it.
-REFINEMENTS = 2
+
+
+class RootOptions(NamedTuple):
+    """When searches for roots end, and where grids are refined."""
+
+    refinements: int = 2  # of a grid beside each extremum
+    rounding: float = 1e-13  # smaller changes between neighbours are rounding and show no extremum
+    unit: float = 2.3e-16  # rounding of a number, as a share of it, which a shorter step may not change
+    closed: float = 4.5e-16  # a bracket of two such roundings is closed
+    iterations: int = 200  # at most: bisection alone takes some 60 steps to close a bracket
+    settling: float = 1e-6  # size of a last step of Newton's method, as a share of the largest place
+    # Ratio of settling steps that no longer shrink: what is left is the rounding of the function, at any scale.
+    stalled_ratio: float = 0.7
+
+
+ROOTS = RootOptions()
 SHARES = np.arange(1, 8) / 8
-# Smaller changes between neighbours are rounding and show no extremum.
-ROUNDING = 1e-13
-# The rounding of a number, as a share of it, which a shorter step may not change; a bracket of two roundings is closed.
-UNIT, CLOSED = 2.3e-16, 4.5e-16
 # Where each call takes long whatever the number of places, an interval is cut at these shares at once.
 SHARES_AT_ONCE = np.arange(1, 16) / 16
-# Bisection alone takes some 60 steps to close a bracket, so that no safeguarded iteration takes this many.
-MOST_ITERATIONS = 200
-# Newton's method has settled when a step that is a smaller share of the largest place than the first number shrinks by
-# no more than the second one: what is left is the rounding of the function, which may cancel digits, at any scale.
-SETTLING, NO_LONGER_SHRINKS = 1e-6, 0.7
 _Place = TypeVar("_Place")
 _Value = TypeVar("_Value")
 _Found = TypeVar("_Found")
@@ -40,13 +45,13 @@ def newton_root(step: Callable[[float], float], place: float, scale: float = 0.0
     """The root of a function to which Newton's method, with these steps, leads from a place, up to the rounding of the
     function, which may be that of numbers of this scale; None where it does not settle."""
     largest, before = max(abs(place), scale), np.inf
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(ROOTS.iterations):
         move = step(place)
         if not np.isfinite(move):
             return None
         place += move
         largest, size = max(largest, abs(place)), abs(move)
-        if size <= UNIT * largest or SETTLING * largest > size > NO_LONGER_SHRINKS * before:
+        if size <= ROOTS.unit * largest or ROOTS.settling * largest > size > ROOTS.stalled_ratio * before:
             return place
         before = size
     return None
@@ -71,8 +76,8 @@ def root_search(
     if abs(fa) < abs(fb):
         a, b, fa, fb = b, a, fb, fa
     c, fc, wider = a, fa, 1.0  # b is the best point, a the other end of the bracket, c the previous b
-    for _ in range(MOST_ITERATIONS):
-        least = max(UNIT * max(abs(a), abs(b)), 0.5 * width)
+    for _ in range(ROOTS.iterations):
+        least = max(ROOTS.unit * max(abs(a), abs(b)), 0.5 * width)
         if fb == 0 or abs(a - b) <= 2 * least:
             break
         middle = 0.5 * (a + b)
@@ -104,9 +109,9 @@ def resolved(function: Callable[[Array], Array], grid: Array, toward_zero: bool)
         than from a neighbour's value
     """
     values = function(grid)
-    for _ in range(REFINEMENTS):
+    for _ in range(ROOTS.refinements):
         change = np.diff(values)
-        turns = (change[1:] * change[:-1] < 0) & (np.abs(change[1:]) + np.abs(change[:-1]) > ROUNDING)
+        turns = (change[1:] * change[:-1] < 0) & (np.abs(change[1:]) + np.abs(change[:-1]) > ROOTS.rounding)
         turn = np.flatnonzero(turns) + 1
         if toward_zero:
             reach = np.maximum(np.abs(change[turn - 1]), np.abs(change[turn]))
@@ -129,8 +134,8 @@ def enclosed_ends(holds: Callable[[Array, Array], Array], a: ArrayLike, b: Array
     """
     a, b = (np.array(ends, dtype=float) for ends in (a, b))
     going = np.arange(len(a))
-    for _ in range(MOST_ITERATIONS):
-        going = going[b[going] - a[going] > CLOSED * np.abs(a[going])]
+    for _ in range(ROOTS.iterations):
+        going = going[b[going] - a[going] > ROOTS.closed * np.abs(a[going])]
         if not len(going):
             break
         low, high = a[going, None], b[going, None]
@@ -155,8 +160,8 @@ def enclosed_sign_changes(
     x1, x2, f1, f2 = (np.array(values, dtype=float) for values in (a, b, fa, fb))
     x3, f3, t = x2.copy(), f2.copy(), np.full(len(x1), 0.5)
     going = np.arange(len(x1))
-    for _ in range(MOST_ITERATIONS):
-        going = going[np.abs(x2[going] - x1[going]) > CLOSED * np.abs(x1[going])]
+    for _ in range(ROOTS.iterations):
+        going = going[np.abs(x2[going] - x1[going]) > ROOTS.closed * np.abs(x1[going])]
         if not len(going):
             break
         i = going
@@ -167,7 +172,7 @@ def enclosed_sign_changes(
         x2[i], f2[i] = np.where(same, x2[i], x1[i]), np.where(same, f2[i], f1[i])
         x1[i], f1[i] = new, value
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            least = UNIT * np.abs(new) / np.abs(x2[i] - x1[i])
+            least = ROOTS.unit * np.abs(new) / np.abs(x2[i] - x1[i])
             share, rise = (x1[i] - x2[i]) / (x3[i] - x2[i]), (f1[i] - f2[i]) / (f3[i] - f2[i])
             inverse = f1[i] / (f2[i] - f1[i]) * f3[i] / (f2[i] - f3[i])
             inverse += (x3[i] - x1[i]) / (x2[i] - x1[i]) * f1[i] / (f3[i] - f1[i]) * f2[i] / (f3[i] - f2[i])

@@ -12,7 +12,7 @@ from ..io import fields_in_line
 from ..model.model import Model
 from ..model.phase import weighted_sum
 from ..records import NONE, Records
-from ..shooting.error_bound import DOUBTFUL_RATIO, EPS, NARROW
+from ..shooting.error_bound import EPS, ERRORS, NARROW
 from ..shooting.formulations import Cycles, vectors
 from .energy_changes import energy_changes
 from .loss_coefficient import (
@@ -169,7 +169,7 @@ def certify(model: Model, cycles: Cycles) -> tuple[Records[Certificate], dict[in
         loss, bounce_factor = _losses(model, cycles, jerk, power)
     finite = np.all(np.isfinite([cycles.error, cycles.residual, drift, jerk]), axis=0)
     finite &= np.all([np.isfinite(each) | (each == NONE) for each in (loss, separation, smallest_force)], axis=0)
-    leaps = (changes > np.maximum(WORST_DRIFT * launch[:, None], DOUBTFUL_RATIO * floors)).any(1)
+    leaps = (changes > np.maximum(WORST_DRIFT * launch[:, None], ERRORS.doubtful_ratio * floors)).any(1)
     refused = dict[int, NoOrbit]()
     for i in (~finite | leaps).nonzero()[0].tolist():
         overflow = "its numbers overflow; state the machine in units nearer to 1"

@@ -22,7 +22,7 @@ from ..running import interrupts
 from ..shooting.division import NodedSolution
 from ..shooting.error_bound import error_bounds
 from ..shooting.formulations import equations_of, iterative, method_of, vector
-from ..shooting.single_shooting import SMALLEST_UNIT, Evaluation, Shooting, settles
+from ..shooting.single_shooting import NEWTON, Evaluation, Shooting, settles
 from .certified import Certified, Solved, certified, certified_orbit, solve_from
 from .orbit import Orbit
 from .stated_start import stated_unknowns
@@ -213,7 +213,7 @@ def _at_ends(
             break
         left = left[which]
         steps = solve(evaluation.jacobian, -evaluation.residual[:, :, None])[:, :, 0]
-        sizes = (np.abs(steps) / np.maximum(np.abs(us[left]), SMALLEST_UNIT)).max(1)
+        sizes = (np.abs(steps) / np.maximum(np.abs(us[left]), NEWTON.smallest_unit)).max(1)
         ended = settles(sizes, last[left], evaluation.amplification) > 0
         us[left] += steps
         done[left[ended]], last[left] = True, sizes

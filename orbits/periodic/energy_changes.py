@@ -7,7 +7,7 @@ import numpy as np
 
 from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories
-from ..flow.vector_field import TAYLOR_ORDER
+from ..flow.vector_field import TAYLOR
 from ..model.model import Model
 from ..model.phase import Phase
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
@@ -59,7 +59,7 @@ def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -
     ends = motions.step_ends[:, : flow.size]
     works, rates = _works(phase, gradient, names)(states, ends, data)
     off = EPS * np.maximum(np.abs(states), np.abs(ends))
-    if motions.coefficients.shape[2] > TAYLOR_ORDER:  # the last term of a series is as large as those left out
+    if motions.coefficients.shape[2] > TAYLOR.order:  # the last term of a series is as large as those left out
         off += np.abs(motions.coefficients[:, : flow.size, -1]) * motions.of_steps[:, -1:]
     changes = np.cumsum(works)
     before = np.where(first > 0, changes[first - 1], 0.0)

@@ -16,7 +16,7 @@ from ..model.machine import Machine
 from ..model.model import Model
 from ..shooting.formulations import equations_of, iterative, method_of
 from ..shooting.newton_kernel import NewtonKernel, Solutions, newton_kernel
-from ..shooting.single_shooting import SMALLEST_UNIT, Evaluation, Shooting
+from ..shooting.single_shooting import NEWTON, Evaluation, Shooting
 from .certified import Certified, Solved, certified, certified_orbit, orbits_of, solve_from
 from .family_orbits import none_found, with_search
 from .family_search import Lateness
@@ -241,7 +241,7 @@ def _at_value(kernel: NewtonKernel, us: np.ndarray, ps: np.ndarray, recorded: in
     """The solutions to which Newton's method converges from guesses (m, n), with fixed parameters (m, np), and their
     motions of at most so many `recorded` steps."""
     xs = np.column_stack([us, ps[:, kernel.place]])
-    rows, units = np.zeros(xs.shape), np.maximum(np.abs(xs), SMALLEST_UNIT)
+    rows, units = np.zeros(xs.shape), np.maximum(np.abs(xs), NEWTON.smallest_unit)
     rows[:, -1] = 1.0
     return kernel(xs, rows, xs[:, -1], units, ps, 1, recorded > 0, recorded or None)
 

@@ -17,12 +17,12 @@ from ..errors import FlowError, NoOrbit
 from ..numerics.polynomial_roots import TINY
 from ..numerics.roots import Array, solve
 from ..running import interrupts
-from ..shooting.division import DIVIDED_GROWTH, SENSITIVE, Division, NodedSolution, PartsOfArcs, Undetermined
-from ..shooting.newton_kernel import MOST_NEWTON_STEPS
-from ..shooting.single_shooting import Shooting
+from ..shooting.division import Division, NodedSolution, PartsOfArcs, Undetermined
+from ..shooting.node_places import DIVISION
+from ..shooting.single_shooting import NEWTON, Shooting
 
 # What a `_Stretch` has as `most_growth` where motions pass two unstable equilibria, and why they are not led further.
-NOT_DIVIDED = np.inf, SENSITIVE
+NOT_DIVIDED = np.inf, DIVISION.sensitive
 PASSES_TWO = "the motion passes two unstable equilibria one after the other: follow the family there"
 
 
@@ -54,7 +54,7 @@ class WayOptions:
     moved: float = 0.1
     aim: float = 0.3
     across_branch: float = 0.02
-    corrections: int = MOST_NEWTON_STEPS
+    corrections: int = NEWTON.steps
     rough: float = 1e-2
     contraction: float = 0.3
     towards_fold: float = 0.6
@@ -88,7 +88,7 @@ class _Stretch(NamedTuple):
     xs: Array
     rounds: Array
     division: Division | None = None
-    most_growth: tuple[float, float] = (DIVIDED_GROWTH, SENSITIVE)
+    most_growth: tuple[float, float] = (DIVISION.growth, DIVISION.sensitive)
 
 
 def along_ways(

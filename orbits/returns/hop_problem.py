@@ -14,7 +14,7 @@ from ..errors import NoOrbit
 from ..flow.trajectory import Trajectories
 from ..hops.impacts import LIFTOFF_ORDER
 from ..numerics.polynomial_roots import evaluate
-from ..numerics.roots import UNIT, solve
+from ..numerics.roots import ROOTS, solve
 from ..shooting.single_shooting import Evaluation
 from .hop_statement import (
     CONTACT,
@@ -189,7 +189,7 @@ class HopProblem(Problem):
         """Equations are rounded as the products of their derivatives and the unknowns are, and the more the shorter the
         flights or the nearer the launches are by which they are divided."""
         bordered = np.concatenate([evaluation.jacobian, rows[:, None]], axis=1)
-        noise = UNIT * (np.abs(evaluation.jacobian) @ np.abs(evaluation.xs)[:, :, None])
+        noise = ROOTS.unit * (np.abs(evaluation.jacobian) @ np.abs(evaluation.xs)[:, :, None])
         inverses = np.abs(solve(bordered, np.tile(np.eye(rows.shape[1]), (len(rows), 1, 1))))
         return (inverses[:, :, :-1] @ noise)[:, :, 0]
 

@@ -12,7 +12,7 @@ from ..hops.multiplier import slope_of_hop
 from ..hops.simulation import simulate
 from ..io import Document, conform
 from ..model.machine import Machine, machine_in_words
-from ..numerics.roots import UNIT, solve
+from ..numerics.roots import ROOTS, solve
 from ..result import Axes, Progress, Result, Row, reported, shown, stored
 from ..units import LIFTOFF_SPEED, Units
 from .bifurcation import WORDS_OF_STABILITY
@@ -252,7 +252,7 @@ def polished_cycles(
         rounding = ROUNDED_HOP * launches.max(1)
         errors[better] = (norms * (np.minimum(size, 1.0) + rounding))[better]
         step = (inverse @ residual[:, :, None])[:, :, 0]
-        moves = better & np.isfinite(step).all(1) & (size > UNIT * launches.max(1))
+        moves = better & np.isfinite(step).all(1) & (size > ROOTS.unit * launches.max(1))
         if not moves.any():
             break
         launches = np.where(moves[:, None], launches - step, found)

@@ -20,30 +20,9 @@ from ..model.phase import Arc, Statement
 from ..numerics.roots import Array
 from ..symbolic.caches import cached
 from .error_bound import error_bounds
-from .node_places import GrowthAlong, growths_along, largest_growths, lengths_of_parts
-from .single_shooting import SMALLEST_UNIT, Evaluation, Shooting, joined, settles, shooting_equations
+from .node_places import DIVISION, GrowthAlong, growths_along, largest_growths, lengths_of_parts
+from .single_shooting import NEWTON, Evaluation, Shooting, joined, settles, shooting_equations
 
-# A motion is divided where a small change grows more than this over an arc: with larger growth its derivatives lose
-# their rank to rounding.
-LARGEST_ARC_GROWTH = 3e7
-# It is divided before where the launch speed, or 1 if it is less, may be off by more than the first share and a small
-# change grows more than the second number: with less growth the error has other reasons.
-DIVIDED_ERROR, DIVIDED_GROWTH = 3e-12, 3e3
-# Where small changes grow more than this on the motions from which Newton's method begins, it begins with nodes.
-SENSITIVE = 4e4
-# With more growth the launch does not determine the motion any more in 16 digits.
-MOST_GROWTH = 1e14
-# The largest growth from one node to the next where a motion is divided: it is not the same everywhere, and increases
-# along a curve. And the largest number of parts.
-LARGEST_PART_GROWTH, MOST_DIVISIONS = 1e3, 100
-# How many times finer nodes are tried. Where a motion passes several equilibria there are no nodes on the ways between,
-# however fine the others are.
-FINER_NODES = 1, 2, 4, 8, 16, 32, 64
-# Unknowns are not determined, and stay as they are, in directions in which the equations change by less than this.
-UNDETERMINED = 1e-8
-MOST_STEPS_TO_NEAREST = 30
-# States at nodes smaller than this share of the largest are measured in it.
-LEAST_OF_STATES = 0.1
 # The parts of each arc, by the shares of its duration that they take.
 PartsOfArcs: TypeAlias = tuple[tuple[float, ...], ...]
 
@@ -102,9 +81,9 @@ class Division:
 
     def least_units(self, x: Array) -> Array:
         """The least units (N,) of unknowns (N,): near the middle of a passage a rate is small, and has few digits."""
-        units = np.full(len(x), SMALLEST_UNIT)
+        units = np.full(len(x), NEWTON.smallest_unit)
         if self.is_uneven:
-            units[self.nodes] = LEAST_OF_STATES * np.abs(x[self.nodes]).max()
+            units[self.nodes] = DIVISION.least_state * np.abs(x[self.nodes]).max()
         return units
 
     def bare(self, xs: Array) -> Array:
@@ -173,9 +152,11 @@ class Division:
         """The undivided equations (1) at the solution nearest to unknowns (N,), which are those of a solution nearly:
         those that the equations do not determine stay as they are. Raises `NoOrbit`."""
         xs, ps, last = x[None], p[None], np.inf
-        for _ in range(MOST_STEPS_TO_NEAREST):
+        for _ in range(DIVISION.steps_to_nearest):
             evaluation, sizes = self.equations.evaluate_all(xs, ps), np.maximum(np.abs(xs), 0.1 * np.abs(xs).max())
-            step = np.linalg.lstsq(evaluation.jacobian[0] * sizes, -evaluation.residual[0], rcond=UNDETERMINED)[0]
+            step = np.linalg.lstsq(
+                evaluation.jacobian[0] * sizes, -evaluation.residual[0], rcond=DIVISION.undetermined
+            )[0]
             size, xs = float(np.abs(step).max()), xs + step * sizes
             if settles(size, last, evaluation.amplification[0]):
                 return self.whole(self.equations.evaluate_all(xs, ps))
@@ -197,13 +178,13 @@ def division_at(
     along : how a small change grows along each arc
     u, p, paths : the unknowns (n,), the parameters (np,), and the motions over the arcs
     """
-    for finer in FINER_NODES:
+    for finer in DIVISION.finer:
         parts = tuple(lengths_of_parts(each, finer) for each in along)
-        if max(map(len, parts)) > MOST_DIVISIONS:
+        if max(map(len, parts)) > DIVISION.parts:
             break
         division = division_of(undivided, parts)
         x = division.lifted(u, paths)
-        if division.equations.evaluate(x, p).amplification < LARGEST_PART_GROWTH:
+        if division.equations.evaluate(x, p).amplification < DIVISION.largest_part_growth:
             return division, x
     most = max(each.growths.max() for each in along)
     raise NoOrbit(f"small changes grow {most:.0e}-fold, most of it within a short time")
@@ -218,8 +199,8 @@ def growths_without_nodes(division: Division | None, evaluation: Evaluation) -> 
 def are_divided(growths: Array, errors: Array, alphas: Array) -> Array:
     """Whether motions with these growths (m,) over an arc, or between their nodes, and launch speeds (m,) with bounds
     on their errors are divided, or divided anew."""
-    off = errors > DIVIDED_ERROR * np.maximum(np.abs(alphas), 1.0)
-    return (growths > LARGEST_ARC_GROWTH) | (off & (growths > DIVIDED_GROWTH))
+    off = errors > DIVISION.error * np.maximum(np.abs(alphas), 1.0)
+    return (growths > DIVISION.arc_growth) | (off & (growths > DIVISION.growth))
 
 
 class Undetermined(NoOrbit):
@@ -259,20 +240,20 @@ class NodedSolution:
 
     def near(self, x: Array, p: Array) -> "NodedSolution":
         """The solution with parameters (np,) near unknowns (N,) with the same nodes; raises `NoOrbit`."""
-        least = self.division.least_units(x) if self.division else SMALLEST_UNIT
+        least = self.division.least_units(x) if self.division else NEWTON.smallest_unit
         x, evaluation = self.equations.newton(x, p, least=least)
         return replace(self, x=x, p=p, evaluation=evaluation).divided()
 
     def divided(self) -> "NodedSolution":
         """The same with the nodes that its motions ask for; raises `NoOrbit` where its launch does not determine it."""
-        if self.division and (most := self.growths.max()) > MOST_GROWTH:
+        if self.division and (most := self.growths.max()) > DIVISION.most_growth:
             raise Undetermined(
                 f"it stays so long near an unstable equilibrium that small changes grow {most:.0e}-fold: its launch "
                 "does not determine it any more in 16 digits"
             )
-        if (growth := float(growths_without_nodes(self.division, self.evaluation)[0])) > LARGEST_ARC_GROWTH:
+        if (growth := float(growths_without_nodes(self.division, self.evaluation)[0])) > DIVISION.arc_growth:
             return self.with_nodes()
-        if growth > DIVIDED_GROWTH and are_divided(np.array([growth]), self.error, self.alpha)[0]:
+        if growth > DIVISION.growth and are_divided(np.array([growth]), self.error, self.alpha)[0]:
             with suppress(NoOrbit, FlowError):
                 return self.or_nearer(self.with_nodes())
         return self
@@ -290,7 +271,7 @@ class NodedSolution:
 
     def simplest(self) -> "NodedSolution":
         """The same without nodes where they are not needed, and do not make the error smaller."""
-        if self.growths.max() <= LARGEST_ARC_GROWTH:
+        if self.growths.max() <= DIVISION.arc_growth:
             with suppress(NoOrbit, FlowError):
                 return self.or_nearer(self.without_nodes())
         return self
@@ -332,10 +313,10 @@ def solved_with_nodes(undivided: Shooting, u: Array, p: Array, solve: Callable |
     Raises `NoOrbit` without convergence.
     """
     evaluation = undivided.evaluate_all(u[None], p[None])
-    if evaluation.amplification[0] > SENSITIVE:
+    if evaluation.amplification[0] > DIVISION.sensitive:
         with suppress(NoOrbit, FlowError):
             found = NodedSolution(undivided, None, u, p, evaluation).with_nodes()
-            if found.growths.max() > DIVIDED_GROWTH:
+            if found.growths.max() > DIVISION.growth:
                 return found.simplest()
             u, evaluation = found.u, found.whole
     u, evaluation = solve(u, p) if solve else undivided.newton(u, p, evaluation=evaluation)
@@ -350,7 +331,7 @@ def counts_of_parts(division: Division | None, undivided: Shooting) -> list[int]
 def with_nodes(undivided: Shooting, us: Array, ps: Array, evaluation: Evaluation) -> Evaluation:
     """The equations at known solutions (m, n), by way of nodes where the motions amplify small changes; raises
     `NoOrbit`."""
-    hanging = np.flatnonzero(evaluation.largest_growth > LARGEST_ARC_GROWTH).tolist()
+    hanging = np.flatnonzero(evaluation.largest_growth > DIVISION.arc_growth).tolist()
     if not hanging:
         return evaluation
     parts = [evaluation[np.array([i])] for i in range(len(us))]

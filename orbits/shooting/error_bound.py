@@ -1,6 +1,8 @@
 """The bound on the error of an unknown of a solved orbit, by default its launch speed; only the inverse Jacobian of its
 equations is reused."""
 
+from typing import NamedTuple
+
 import casadi as ca
 import numpy as np
 from numpy import ndarray
@@ -8,7 +10,7 @@ from numpy import ndarray
 from ..errors import NoOrbit
 from ..flow.flow import Flow
 from ..flow.trajectory import Trajectories, Trajectory
-from ..flow.vector_field import TAYLOR_ORDER, runge_kutta_step, symbolic_powers
+from ..flow.vector_field import TAYLOR, runge_kutta_step, symbolic_powers
 from ..numerics.polynomial_roots import powers
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..numerics.roots import solve
@@ -18,18 +20,25 @@ from ..symbolic.kernels import ElementwiseFunction
 from ..units import UNKNOWNS, Message, Quantity
 from .single_shooting import Evaluation, Shooting, relative
 
-# Rounding errors of n steps add up at random, like the square root of n, and by their bias, like n. The two are equal
-# at a number of steps whose square root is this.
-RANDOM_STEPS = 20.0
-# Order-8 steps are taken in one call, their number a multiple of this, so that few functions are built.
-STEPS_PER_CALL = 32
-# An error beyond the first share, and beyond the second times what rounding explains: the steps leapt over a feature.
-WORST_ERROR, DOUBTFUL_RATIO = 1e-11, 1e4
-# Order-8 steps are so short that the ninth Taylor term, their error, is below this share of rounding.
-NINTH_TERM = 0.01
-# Errors that defects of the integration steps bound are multiplied by this: in long flights through hard bends of a law
-# alpha was off by up to 2.7 times the bound in 1 of some hundred orbits, against quadrature in 34 digits.
-DEFECTS_SAFETY = 3.0
+
+class ErrorOptions(NamedTuple):
+    """How errors of alpha are bounded."""
+
+    # Rounding errors of n steps add up at random, like the square root of n, and by their bias, like n. The two are
+    # equal at a number of steps whose square root is this.
+    random_steps: float = 20.0
+    # Order-8 steps in one call, whose number is a multiple of this, so that few functions are built.
+    steps_per_call: int = 32
+    worst: float = 1e-11  # share of alpha: with a larger error the steps may have leapt over a feature
+    doubtful_ratio: float = 1e4  # of an error to what rounding explains, beyond which a large one is that of a leap
+    # Order-8 steps are so short that the ninth Taylor term, their error, is below this share of rounding.
+    ninth_term: float = 0.01
+    # Factor of errors that defects of the integration steps bound: in long flights through hard bends of a law alpha
+    # was off by up to 2.7 times the bound in 1 of some hundred orbits, against quadrature in 34 digits.
+    defects_safety: float = 3.0
+
+
+ERRORS = ErrorOptions()
 EPS = float(np.finfo(float).eps)
 Rows = ndarray | None
 NARROW = (
@@ -84,11 +93,11 @@ def error_bounds(
     )
     floor = shared + np.spacing(np.abs(values)) + _rounded_pieces(equations, ps, evaluation, weights)
     name, dimension = "launch speed" if unknown == "alpha" else unknown, UNKNOWNS.get(unknown, ())
-    for i in (found > np.maximum(WORST_ERROR * np.abs(values), DOUBTFUL_RATIO * floor)).nonzero()[0].tolist():
+    for i in (found > np.maximum(ERRORS.worst * np.abs(values), ERRORS.doubtful_ratio * floor)).nonzero()[0].tolist():
         text = "the orbit cannot be certified: {name} {value:.6g} may be off by {error:.1e}{narrow}"
         numbers = {"value": Quantity(values[i], dimension), "error": Quantity(found[i], dimension)}
         refused.setdefault(i, NoOrbit(Message(text, name=name, **numbers, narrow=NARROW)))
-    return (found + floor) * (DEFECTS_SAFETY if quickly else 1.0), refused
+    return (found + floor) * (ERRORS.defects_safety if quickly else 1.0), refused
 
 
 def _grown_rounding(
@@ -109,7 +118,7 @@ def _grown_rounding(
         by_unknowns = np.abs(evaluation.jacobian[:, rows, : equations.size])
         at_launch += np.einsum("mi,mij,mj->m", at_start, by_unknowns, np.abs(us))
         shares.append(np.linalg.norm(np.einsum("mi,mij->mj", own, by_end) * sizes, axis=1))
-        roundings.append(at_random * (1 + at_random / RANDOM_STEPS) * np.maximum(1.0, growth))
+        roundings.append(at_random * (1 + at_random / ERRORS.random_steps) * np.maximum(1.0, growth))
     if not by_nodes:
         # The conditions of all arcs are those of one motion, on which roundings of places become those of rates: on 720
         # pairs of methods alpha differed by up to 0.36 of the sum of both bounds, by 0.63 of it without the factor 2.
@@ -152,12 +161,12 @@ def by_pieces(equations: Shooting, u: ndarray, p: ndarray, evaluation: Evaluatio
 def _by_data(flow: Flow) -> ElementwiseFunction:
     """The derivatives of a number by the data of the pieces over steps, by Gauss's rule, (coefficients of the states,
     one state after the other, length, derivatives by the state at the start and at the end, parameters with data)."""
-    c, h, p = ca.SX.sym("c", TAYLOR_ORDER + 1, flow.size), ca.SX.sym("h"), flow.vector_field.p
+    c, h, p = ca.SX.sym("c", TAYLOR.order + 1, flow.size), ca.SX.sym("h"), flow.vector_field.p
     ends, count = (ca.SX.sym("start", flow.size), ca.SX.sym("end", flow.size)), len(flow.parameters)
     x, terms = flow.vector_field.x, ca.diag(symbolic_powers(h)) @ c
     rates = flow.vector_field.field(x, p)[0]
     slopes = ca.Function("slopes", [x, p], [ca.jacobian(rates, x), ca.jacobian(rates, p)[:, count:]])
-    places = ca.vertsplit(ca.DM(powers(np.array([0.0, 1.0, *GAUSS_PLACES]), TAYLOR_ORDER + 1)) @ terms)
+    places = ca.vertsplit(ca.DM(powers(np.array([0.0, 1.0, *GAUSS_PLACES]), TAYLOR.order + 1)) @ terms)
     falls = [-h * end.T @ slopes(place.T, p)[0] for end, place in zip(ends, places[:2], strict=True)]
     total = ca.SX(1, flow.phase.pieces.size if flow.phase.pieces else 0)
     for t, weight, place in zip(GAUSS_PLACES.tolist(), GAUSS_WEIGHTS.tolist(), places[2:], strict=True):
@@ -200,7 +209,7 @@ def _carried_rounding(evaluation: Evaluation, weights: list[Rows]) -> ndarray:
         if back is not None:
             errors = ((back * motions.step_ends[:, : back.shape[1]]) ** 2).sum(1)
             squares, counts = squares + np.add.reduceat(errors, motions.first), np.maximum(counts, motions.counts)
-    return EPS * np.sqrt(squares) * (1 + np.sqrt(counts) / RANDOM_STEPS)
+    return EPS * np.sqrt(squares) * (1 + np.sqrt(counts) / ERRORS.random_steps)
 
 
 def _rounded_pieces(equations: Shooting, ps: ndarray, evaluation: Evaluation, weights: list[Rows]) -> ndarray:
@@ -255,8 +264,8 @@ def _mean_rates(flow: Flow) -> ElementwiseFunction:
 def _states_in_steps(flow: Flow) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
     """Symbols of a step's coefficients, its length and the flow's parameters with data, and states (k, n) at Gauss's
     places in it."""
-    c, h = ca.SX.sym("c", TAYLOR_ORDER + 1, flow.size), ca.SX.sym("h")
-    states = ca.DM(powers(GAUSS_PLACES, TAYLOR_ORDER + 1)) @ ca.diag(symbolic_powers(h)) @ c
+    c, h = ca.SX.sym("c", TAYLOR.order + 1, flow.size), ca.SX.sym("h")
+    states = ca.DM(powers(GAUSS_PLACES, TAYLOR.order + 1)) @ ca.diag(symbolic_powers(h)) @ c
     return c, h, flow.vector_field.p, states
 
 
@@ -268,8 +277,8 @@ def _end_by_another_method(flow: Flow, start: ndarray, p: ndarray, path: Traject
         # least 8, since a feature of the law between fewer samples could be missed.
         c = np.abs(path.coefficients[:, : flow.size])
         ninth = c[:, :, 9].max(1) * path.steps**9 / np.maximum(c[:, :, 0].max(1), 1e-300)
-        counts = np.clip(np.ceil((ninth / (NINTH_TERM * EPS)) ** (1 / 8)), 8, 2000).astype(int)
-        count = int(np.ceil(counts.sum() / STEPS_PER_CALL)) * STEPS_PER_CALL
+        counts = np.clip(np.ceil((ninth / (ERRORS.ninth_term * EPS)) ** (1 / 8)), 8, 2000).astype(int)
+        count = int(np.ceil(counts.sum() / ERRORS.steps_per_call)) * ERRORS.steps_per_call
         idle = count - counts.sum()  # the number of steps is rounded up by steps of length 0
         lengths = np.zeros(count)
         lengths[: count - idle] = (path.steps / counts).repeat(counts)

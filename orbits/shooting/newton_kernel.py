@@ -1,22 +1,26 @@
 """Newton's method for many points of a curve together: in each lane the motions, the equations at their ends, steps."""
 
+from enum import IntEnum
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from ..flow.taylor import TaylorStepper
-from ..flow.taylor_step import LONGEST_STEP
 from ..flow.trajectory import Trajectories, begins_of_steps
-from ..flow.vector_field import rows_used
+from ..flow.vector_field import TAYLOR, rows_used
 from ..numerics.roots import Array
 from ..symbolic.caches import cached
-from .single_shooting import STALLED_RATIO, Evaluation, Shooting, arrival, settles
+from .single_shooting import NEWTON, Evaluation, Shooting, arrival, settles
 
-# Newton steps of a corrector that converges, with some to spare.
-MOST_NEWTON_STEPS = 8
-# The state of a lane: it takes Newton steps, integrates the solution to record it, has recorded it, or has failed.
-SOLVING, RECORDING, DONE, FAILED = 0, 1, 2, -1
+
+class Lane(IntEnum):
+    """The state of a lane: it takes Newton steps, integrates the solution to record it, has recorded it, or failed."""
+
+    SOLVING = 0
+    RECORDING = 1
+    DONE = 2
+    FAILED = -1
 
 
 class Solutions(NamedTuple):
@@ -81,14 +85,14 @@ class NewtonKernel:
         z = np.zeros((len(xs), self.kernel.sizes_in[0]))
         z[:, at.point], z[:, at.last], z[:, at.duration], z[:, motion.state] = xs, np.inf, begin[:, -1], begin[:, :-1]
         z[:, motion.sensitivities], z[:, motion.left] = self.seeds.T.ravel(), begin[:, -1]
-        z[:, motion.longest], z[:, at.doing], z[:, at.begins] = LONGEST_STEP, SOLVING, 1.0
+        z[:, motion.longest], z[:, at.doing], z[:, at.begins] = TAYLOR.longest_step, Lane.SOLVING, 1.0
         data = [rows, levels[:, None], units, ps, np.full((len(xs), 2), (least, with_motions))]
         tables = list[Array]()
         if on := self.flow.on_pieces(begin[:, :-1], ps):
             z[:, motion.piece], tables = on.numbers, [on.tables]
             data.append(np.broadcast_to(on.breaks, (len(xs), self.flow.breaks)))
         z, (c, before, steps), counts, _ = self.kernel(z, np.hstack(data), *tables, most=most or control.max_block)
-        solved = (z[:, at.doing] == DONE) & (np.abs(z[:, motion.state]).max(1) <= control.runaway)
+        solved = (z[:, at.doing] == Lane.DONE) & (np.abs(z[:, motion.state]).max(1) <= control.runaway)
         owner, begins = np.repeat(np.arange(len(z)), counts), begins_of_steps(steps[:, 0], counts)
         solved[owner[steps[:, 0] <= control.shortest_step * np.maximum(begins, 1.0)]] = False
         if not solved.all():
@@ -130,19 +134,19 @@ class NewtonKernel:
         ended = ca.logic_and(accepted, after[motion.left] <= 0)
         closing = parameters_at(x), after[motion.state], ca.reshape(after[motion.sensitivities], *shape), begun, q
         found, does = self._newton()(x, *closing, row, level, unit, z[at.last], z[at.taken] + 1, *options)
-        solves = ca.logic_and(ended, doing == SOLVING)
-        does = ca.if_else(solves, does, ca.if_else(ended, DONE, doing))
+        solves = ca.logic_and(ended, doing == Lane.SOLVING)
+        does = ca.if_else(solves, does, ca.if_else(ended, Lane.DONE, doing))
         known = ca.if_else(solves, found, z[at.point.start : at.doing])
-        restarts = ca.logic_and(solves, ca.logic_or(does == SOLVING, does == RECORDING))
+        restarts = ca.logic_and(solves, ca.logic_or(does == Lane.SOLVING, does == Lane.RECORDING))
         x = known[: self.size]  # known are the places from the point up to the state of the lane
         begin = self.equations.ends[0][0].function(x[:-1], ca.MX(0, 1), parameters_at(x))[0]
         number = self._piece(begin[:-1], parameters_at(x), breaks) if piece else 0.0
-        start = ca.vertcat(begin[:-1], ca.vec(ca.DM(self.seeds)), begin[-1], LONGEST_STEP, number)
+        start = ca.vertcat(begin[:-1], ca.vec(ca.DM(self.seeds)), begin[-1], TAYLOR.longest_step, number)
         duration = ca.if_else(restarts, begin[-1], z[at.duration])
         begins = ca.logic_or(restarts, ca.logic_and(z[at.begins] > 0, ca.logic_not(accepted)))
         new = ca.vertcat(ca.if_else(restarts, start, after), known, does, duration, begins, begun)
         goes = ca.logic_or(restarts, ca.logic_and(goes, ca.logic_not(ended)))
-        recorded = ca.logic_and(accepted, doing == RECORDING)
+        recorded = ca.logic_and(accepted, doing == Lane.RECORDING)
         return ca.Function("solve", [z, data, *piece], [new, c, before, length, recorded, goes])
 
     def _piece(self, x: ca.MX, p: ca.MX, breaks: ca.MX) -> ca.MX:
@@ -170,11 +174,13 @@ class NewtonKernel:
             units[place] = ca.fmin(unit[place], own)
         size = ca.mmax(ca.fabs(found[:, 0] / units))
         settled = settles(size, last, growth)
-        failed = ca.logic_or(ca.logic_not(size < STALLED_RATIO * last), taken >= MOST_NEWTON_STEPS)
-        does = ca.if_else(settled, ca.if_else(with_motions, RECORDING, DONE), ca.if_else(failed, FAILED, SOLVING))
+        failed = ca.logic_or(ca.logic_not(size < NEWTON.stalled_ratio * last), taken >= NEWTON.steps)
+        does = ca.if_else(
+            settled, ca.if_else(with_motions, Lane.RECORDING, Lane.DONE), ca.if_else(failed, Lane.FAILED, Lane.SOLVING)
+        )
         known = ca.vertcat(x + found[:, 0], found[:, 1], size, growth, taken)
         arguments = [x, p, end, transition, q, q_end, row, level, unit, last, taken, least, with_motions]
-        return ca.Function("newton", arguments, [known, ca.if_else(taken >= least, does, SOLVING)])
+        return ca.Function("newton", arguments, [known, ca.if_else(taken >= least, does, Lane.SOLVING)])
 
 
 def _solved(system: ca.SX) -> ca.SX:

@@ -20,12 +20,36 @@ from ..numerics.hermite import slopes
 from ..numerics.roots import Array
 from .single_shooting import Evaluation
 
-# The growth between two nodes that is aimed at. Where a change shrinks again by a larger factor, there are no nodes on
-# the way.
-PART_GROWTH = 1e2
-# Tangents at nodes that are not known well enough are those of polynomials through this many points. Points that are
-# closer than a share of the mean distance are not used together.
-STEADY_POINTS, TOO_NEAR = 4, 0.1
+
+class DivisionOptions(NamedTuple):
+    """When motions are divided at nodes, and where these are."""
+
+    # Largest growth of a small change over an arc: with more its derivatives lose their rank to rounding.
+    arc_growth: float = 3e7
+    # Error of the launch speed, a share of it or of 1 if it is less, from which on motions are divided before.
+    error: float = 3e-12
+    growth: float = 3e3  # of a small change, below which an error of the launch speed has other reasons
+    # Growth of a small change on the motions from which Newton's method begins: with more it begins with nodes.
+    sensitive: float = 4e4
+    most_growth: float = 1e14  # with more growth the launch does not determine the motion any more in 16 digits
+    # Growth from one node to the next that is aimed at. Where a change shrinks again by a larger factor, there are no
+    # nodes on the way.
+    part_growth: float = 1e2
+    # Largest growth between nodes where a motion is divided: it varies along the motion, and increases along a curve.
+    largest_part_growth: float = 1e3
+    parts: int = 100  # of an arc, at most
+    # Multiples of the number of nodes that are tried. Where a motion passes several equilibria there are no nodes on
+    # the ways between, however fine the others are.
+    finer: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64)
+    # Unknowns stay as they are in directions in which the equations change by a smaller share.
+    undetermined: float = 1e-8
+    steps_to_nearest: int = 30  # of Newton's method to the nearest solution, at most
+    least_state: float = 0.1  # states at nodes that are a smaller share of the largest are measured in it
+    steady_points: int = 4  # through which polynomials give the tangents at nodes that are not known well enough
+    too_near: float = 0.1  # share of the mean distance of points: closer ones are not used together
+
+
+DIVISION = DivisionOptions()
 
 
 class GrowthAlong(NamedTuple):
@@ -94,12 +118,12 @@ def lengths_of_parts(along: GrowthAlong, finer: int = 1) -> tuple[float, ...]:
     `finer` times as many nodes as where the growth between two of them is the one that is aimed at."""
     times, growths = along
     later = np.minimum.accumulate(growths[::-1])[::-1]
-    if (growths <= PART_GROWTH * later).all():
-        count = int(np.ceil(np.log(np.maximum(growths.max(), 1.0)) / np.log(PART_GROWTH))) * finer
+    if (growths <= DIVISION.part_growth * later).all():
+        count = int(np.ceil(np.log(np.maximum(growths.max(), 1.0)) / np.log(DIVISION.part_growth))) * finer
         return even(count + 1 if count > 1 else 1)
-    nodes, last, between, aimed = list[int](), 0, False, PART_GROWTH ** (1 / finer)
+    nodes, last, between, aimed = list[int](), 0, False, DIVISION.part_growth ** (1 / finer)
     for here, following in pairwise(np.flatnonzero(growths <= later).tolist()):
-        ends, between = between, bool(growths[here:following].max() > PART_GROWTH * later[here])
+        ends, between = between, bool(growths[here:following].max() > DIVISION.part_growth * later[here])
         if here > 0 and (ends or between or growths[following] > aimed * growths[last]):
             nodes.append(here)
             last = here
@@ -110,7 +134,7 @@ def steady_tangents(xs: Array, tangents: Array, sizes: Array, nodes: slice) -> A
     """The tangents (c, N + 1) at a chain of points (c, N + 1) of a curve, whose components have these units. Where
     motions pass two unstable equilibria one after the other, the Jacobian has few digits for the states at nodes: their
     tangents are then those of polynomials through the points, if these are enough."""
-    if len(xs) < STEADY_POINTS:
+    if len(xs) < DIVISION.steady_points:
         return tangents
     found, shares = tangents.copy(), np.abs(tangents / sizes)
     shares[:, nodes] = 0.0
@@ -121,10 +145,10 @@ def steady_tangents(xs: Array, tangents: Array, sizes: Array, nodes: slice) -> A
 
 
 def _points_apart(places: Array, i: int) -> list[int]:
-    """The point number i of a chain with places (c,) and up to `STEADY_POINTS` in all that are near it, but not so near
-    to one another that their differences have few digits."""
-    found, least = [i], TOO_NEAR * float(np.ptp(places)) / (len(places) - 1)
+    """The point number i of a chain with places (c,) and up to `DIVISION.steady_points` in all that are near it, but
+    not so near to one another that their differences have few digits."""
+    found, least = [i], DIVISION.too_near * float(np.ptp(places)) / (len(places) - 1)
     for k in np.argsort(np.abs(places - places[i]), kind="stable").tolist():
-        if len(found) < STEADY_POINTS and np.abs(places[found] - places[k]).min() > least:
+        if len(found) < DIVISION.steady_points and np.abs(places[found] - places[k]).min() > least:
             found.append(k)
     return found

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -20,19 +20,25 @@ from ..symbolic.calls import BufferedFunction, MappedFunction
 from ..symbolic.ipopt import solve_equations
 from .multiple_shooting import MultipleShooting, boundary_functions
 
-# A relative Newton step is the last one when it changes the end of the motion by less than this: the next one, its
-# square, would be below rounding.
-LAST_STEP = 1e-8
-# A relative step below the first number that shrinks by no more than the second is rounding. Newton steps towards a
-# distant solution, in a motion that amplifies small changes, shrink by a half each, which is why the ratio is larger.
-SMALL_STEP, STALLED_RATIO = 1e-9, 0.7
-# Unknowns smaller than this are measured in this unit, since a relative step has no meaning at 0.
-SMALLEST_UNIT = 1e-3
-# A step leaves at least this share of a duration, so that no arc collapses.
-DURATION_LEFT = 0.2
-# An accepted step reduces the residual to this share, except for residuals below the second number, relative to the
-# unknowns: there the full steps converge. The third number is the largest number of halvings of a step.
-REDUCTION, SMALL_RESIDUAL, MOST_STEP_HALVINGS = 0.9, 1e-6, 12
+
+class NewtonOptions(NamedTuple):
+    """Newton's method to rounding. Steps are relative to the unknowns."""
+
+    # Change of the end of the motion by the last one: the next one, its square, would be below rounding.
+    last_step: float = 1e-8
+    small_step: float = 1e-9  # a smaller step that no longer shrinks is rounding
+    # Ratio of successive steps that no longer shrink. Steps towards a distant solution, in a motion that amplifies
+    # small changes, shrink by a half each, which is why it is larger.
+    stalled_ratio: float = 0.7
+    smallest_unit: float = 1e-3  # in which smaller unknowns are measured, since a relative step has no meaning at 0
+    duration_left: float = 0.2  # least share of a duration that a step leaves, so that no arc collapses
+    reduction: float = 0.9  # of the residual by an accepted step, at least
+    small_residual: float = 1e-6  # relative to the unknowns, below which full steps converge, and are accepted
+    halvings: int = 12  # of a step, at most
+    steps: int = 8  # of a corrector that converges, with some to spare
+
+
+NEWTON = NewtonOptions()
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +141,8 @@ def joined(evaluations: Sequence[Evaluation]) -> Evaluation:
 def settles(size: Any, last: Any, amplification: Any) -> Any:
     """Whether a relative Newton step of this size, or each of (m,), is the last one worth taking after a step of size
     `last`, where the motion amplifies small changes of the state; of symbols a number, 0 where it is not."""
-    return (size < LAST_STEP) * (size * amplification < LAST_STEP) + (size < SMALL_STEP) * (size > STALLED_RATIO * last)
+    converged = (size < NEWTON.last_step) * (size * amplification < NEWTON.last_step)
+    return converged + (size < NEWTON.small_step) * (size > NEWTON.stalled_ratio * last)
 
 
 class Shooting:
@@ -328,7 +335,7 @@ class Shooting:
 
     def newton(
         self, u: ArrayLike, p: np.ndarray, attempts: int = 30, evaluation: Evaluation | None = None,
-        least: ArrayLike = SMALLEST_UNIT,
+        least: ArrayLike = NEWTON.smallest_unit,
     ) -> tuple[np.ndarray, Evaluation]:  # fmt: skip
         """The solution (n,) by Newton's method from `u`, where the equations are the evaluation (1) if it is known, to
         rounding, and the equations at this one point; raises `NoOrbit` without convergence. A step that leaves the
@@ -346,7 +353,7 @@ class Shooting:
                     us, evaluation = self._damped(us, ps, step, evaluation)
                     continue
                 except NoOrbit:
-                    if size > SMALL_STEP:  # otherwise the remaining residual is rounding
+                    if size > NEWTON.small_step:  # otherwise the remaining residual is rounding
                         raise
             return us[0] + step, self.evaluate_all(us + step, ps)
         raise NoOrbit(f"the {self.statement.name} equations did not converge (last relative step {size:.1e})")
@@ -354,10 +361,10 @@ class Shooting:
     def _damped(self, us, ps, step, evaluation: Evaluation) -> tuple[np.ndarray, Evaluation]:
         """The point (1, n) after a Newton step, halved until the residual shrinks, and the equations there."""
         size, durations = np.linalg.norm(evaluation.residual), self.durations
-        accepted = max(REDUCTION * size, SMALL_RESIDUAL * (1 + np.abs(us[:, : self.own]).max()))
-        for _ in range(MOST_STEP_HALVINGS):
+        accepted = max(NEWTON.reduction * size, NEWTON.small_residual * (1 + np.abs(us[:, : self.own]).max()))
+        for _ in range(NEWTON.halvings):
             new = us + step
-            if (new[:, durations] > DURATION_LEFT * us[:, durations]).all():
+            if (new[:, durations] > NEWTON.duration_left * us[:, durations]).all():
                 try:
                     found = self.evaluate_all(new, ps)
                     if np.linalg.norm(found.residual) <= accepted:

@@ -9,8 +9,9 @@ from many_at_once import MACHINES
 
 from orbits import ReturnMap
 from orbits.errors import FlowError, OutOfRange
-from orbits.flow.first_events import CLOSED_BLOCK, CLOSED_STEP, FirstOf, _Search, first_events, first_zero, until_zero
-from orbits.flow.flow import Flow, flow_of
+from orbits.flow import first_events as search
+from orbits.flow.first_events import FirstOf, _Search, first_events, first_zero, until_zero
+from orbits.flow.flow import CLOSED_FORM, Flow, flow_of
 from orbits.flow.taylor import Watch
 from orbits.flow.vector_field import FlowControl, VectorField
 from orbits.hops.impacts import Impacts
@@ -53,18 +54,18 @@ def test_a_flight_that_takes_too_many_steps_is_given_up(monkeypatch):
     starts, form = impacts.launch(alphas), impacts.flight.closed_form(impacts.p)
     times, *_, failed = first_events(impacts.flight, starts, impacts.p, impacts.flight_watch, np.inf, 3)
     assert not failed
-    length = CLOSED_STEP / np.sqrt(form.square)
-    block = CLOSED_BLOCK * length
+    length = CLOSED_FORM.step / np.sqrt(form.square)
+    block = CLOSED_FORM.block * length
     begins = np.floor(times / block) * block
     assert begins[0] < begins[1]
     assert length == pytest.approx(1 / 3)
     for most, lost in ((begins[1] - 0.5 * block, [1]), (begins[1] + 0.5 * block, [])):
-        monkeypatch.setattr("orbits.flow.first_events.MOST_CLOSED_STEPS", most / length)
+        monkeypatch.setattr(search, "CLOSED_FORM", CLOSED_FORM._replace(most_steps=most / length))
         found, *_, failed = first_events(impacts.flight, starts, impacts.p, impacts.flight_watch, np.inf, 3)
         assert list(failed) == lost
         kept = [i for i in range(2) if i not in lost]
         assert found[kept] == pytest.approx(times[kept], rel=1e-15)
-    monkeypatch.setattr("orbits.flow.first_events.MOST_CLOSED_STEPS", 0.0)
+    monkeypatch.setattr(search, "CLOSED_FORM", CLOSED_FORM._replace(most_steps=0.0))
     _, *_, failed = first_events(impacts.flight, starts, impacts.p, impacts.flight_watch, np.inf, 3)
     assert "takes too many steps" in str(failed[1])
 

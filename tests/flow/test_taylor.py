@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from orbits.flow.first_events import first_zero, until_zero
 from orbits.flow.flow import flow_of
 from orbits.flow.taylor import _may_change_sign
-from orbits.flow.vector_field import TAYLOR_ORDER, VectorField
+from orbits.flow.vector_field import TAYLOR, VectorField
 from orbits.model.phase import Affine
 from orbits.symbolic.calls import BufferedFunction
 from problems import Hopper
@@ -80,12 +80,12 @@ def test_a_step_that_is_excluded_has_no_zero():
     rng, size = np.random.default_rng(8), 600
     function = _may_change_sign(1, ((0,),), 1, counts=False).map(size)
     orders = rng.integers(0, 4, size)
-    c = rng.normal(size=(size, TAYLOR_ORDER + 1)) * rng.uniform(0.1, 0.6, (size, 1)) ** np.arange(TAYLOR_ORDER + 1)
-    c[np.arange(TAYLOR_ORDER + 1) < orders[:, None]] = 0.0
+    c = rng.normal(size=(size, TAYLOR.order + 1)) * rng.uniform(0.1, 0.6, (size, 1)) ** np.arange(TAYLOR.order + 1)
+    c[np.arange(TAYLOR.order + 1) < orders[:, None]] = 0.0
     weights = np.vstack([rng.choice([-1.0, 1.0], size), np.zeros(size), orders])
     may, after, _ = (np.array(each).ravel() for each in function(c.T.reshape(-1, size), 1.0, weights, 1.0, 0.0))
     places = np.linspace(0.0, 1.0, 2001)[1:]
-    values = weights[0, :, None] * (c @ places ** np.arange(TAYLOR_ORDER + 1)[:, None])
+    values = weights[0, :, None] * (c @ places ** np.arange(TAYLOR.order + 1)[:, None])
     changes = (np.sign(values) != np.sign(values[:, :1])).any(1)
     assert not (changes & (may == 0)).any()
     assert ((values[:, -1] >= 0) == (after > 0)).all()

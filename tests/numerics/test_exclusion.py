@@ -7,8 +7,9 @@ from math import comb
 import numpy as np
 import pytest
 
+from orbits.numerics import polynomial_roots
 from orbits.numerics.exclusion import sign_changes
-from orbits.numerics.polynomial_roots import PiecewisePolynomials, bernstein, derivative, powers
+from orbits.numerics.polynomial_roots import POLYNOMIALS, PiecewisePolynomials, bernstein, derivative, powers
 
 
 def test_control_values_in_fractions():
@@ -61,7 +62,7 @@ def test_nothing_is_lost_by_exclusion(stationary, rising, monkeypatch):
     before = rng.integers(-1, 2, 81)
     found = []
     for few in (10, 1000):
-        monkeypatch.setattr("orbits.numerics.polynomial_roots.FEW_PIECES", few)
+        monkeypatch.setattr(polynomial_roots, "POLYNOMIALS", POLYNOMIALS._replace(few_pieces=few))
         polynomials = PiecewisePolynomials(c, steps, counts)
         found.append((polynomials.roots(orders, rising, before, stationary), polynomials.after))
     (places, after), (others, after_others) = found
