@@ -57,8 +57,8 @@ STEP, SET, ROOTS, SIGNS, EQUATIONS, FORMULAS, INTERVALS, CASE = (
 LESS_EXACT = (SET, "order_for(bits), 2.0**-bits)", "order_for(bits), 2.0 ** (16 - bits))")
 LONG = (
     (SET, "order_for(bits), 2.0**-bits)", "order_for(bits), 2.0 ** (30 - bits))"),
-    (SET, "ORDER_PER_BIT = 0.36", "ORDER_PER_BIT = 0.2"),
-    (STEP, "STIFFEST = 0.6", "STIFFEST = 2.0"),
+    (STEP, "order_per_bit: float = 0.36", "order_per_bit: float = 0.2"),
+    (STEP, "stiffest: float = 0.6", "stiffest: float = 2.0"),
 )
 # Polynomials of low order, whose remainders count.
 LOW = ((SECOND, "MOST_SPLITS = 0.3, 14,", "MOST_SPLITS = 0.1, 8,"),)

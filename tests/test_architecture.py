@@ -115,16 +115,13 @@ TESTED_WITH = {
 # become smaller, and no module may be added.
 MOST_CONSTANTS = 3
 TOO_MANY = {
-    "orbits/balls/crossing": 6, "orbits/balls/curve_motion": 9, "orbits/balls/enclosure": 7,
-    "orbits/balls/rigorous_step": 9, "orbits/balls/root": 9, "orbits/balls/taylor_model": 5, "orbits/balls/tube": 5,
     "orbits/check_proof": 10, "orbits/consistency/shortcuts": 6, "orbits/continuation/together": 4,
     "orbits/control/holding": 7, "orbits/control/steer": 5, "orbits/curves/bordered_newton": 4,
     "orbits/design/local": 24, "orbits/design/pareto": 4, "orbits/design/seeds": 4, "orbits/exact/expressions": 4,
     "orbits/model/liftoff": 6, "orbits/model/linear_guess": 4, "orbits/model/relative": 7,
     "orbits/model/turning_speeds": 5, "orbits/periodic/family_search": 17, "orbits/periodic/guess": 7,
     "orbits/periodic/linear_hops": 8, "orbits/periodic/loss_coefficient": 5, "orbits/periodic/run_start": 6,
-    "orbits/periodic/tuned": 6, "orbits/proof/branch_piece": 4, "orbits/proof/branch_way": 11, "orbits/proof/digits": 5,
-    "orbits/proof/launches": 4, "orbits/result": 5, "orbits/returns/cycles": 6, "orbits/returns/itineraries": 7,
+    "orbits/periodic/tuned": 6, "orbits/result": 5, "orbits/returns/cycles": 6, "orbits/returns/itineraries": 7,
     "orbits/returns/periodic_hop": 6, "orbits/returns/periodic_hops": 4, "orbits/returns/periods": 6,
     "orbits/show/plane": 7, "orbits/show/plot": 6, "orbits/show/simulators": 6, "orbits/symbolic/kernels": 13,
     "orbits/symbolic/machine_code": 5, "problems/explorer/results": 10, "problems/explorer/worker": 5,

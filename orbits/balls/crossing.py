@@ -10,6 +10,7 @@ does not vanish (a transversal crossing): else the set does not come to the othe
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from flint import arb, arb_poly, ctx
 
@@ -17,12 +18,19 @@ from ..exact.refusal import Unproved
 from .programs import OfLaws
 from .rigorous_step import Step, System, between, take_step
 
-# Attempts at a window about a breakpoint, each of the first ones wider than the last.
-MOST_WINDOWS, WINDOWS_AT_END, WIDER_WINDOW = 12, 4, 4
-# The most parts of a step that are compared with the breakpoints, and the halvings of a part at the least precision.
-MOST_PARTS, FEWEST_HALVINGS_OF_STEP = 400, 60
-# Beyond a breakpoint a set is followed until its distance from it is this multiple of its own width.
-CLEAR_OF = 8
+
+class CrossingOptions(NamedTuple):
+    """The windows in time in which motions pass breakpoints."""
+
+    windows: int = 12  # that are tried about a breakpoint
+    windows_at_end: int = 4  # that are tried where it may be the beginning that is not clear of the breakpoint
+    wider: int = 4  # each window is this times as wide as the one before
+    parts: int = 400  # of a step that are compared with the breakpoints, at most
+    halvings: int = 60  # of such a part, at the least precision
+    clear_of: int = 8  # distance, as a multiple of its own width, to which a set is followed beyond a breakpoint
+
+
+CROSSING = CrossingOptions()
 
 
 @dataclass(frozen=True)
@@ -107,23 +115,23 @@ def advance_step(
         speed = abs(breakpoints.coordinate([p.derivative()(meeting) for p in step.polynomials]))
         room = 2 * breakpoints.coordinate([arb(0, radius) for radius in step.tube]).abs_upper() / speed.mid()
     until = step.h
-    for window in range(MOST_WINDOWS):
-        if window == WINDOWS_AT_END:  # it may be the beginning that is not clear of a breakpoint
-            meeting, room = None, room / WIDER_WINDOW**window
+    for window in range(CROSSING.windows):
+        if window == CROSSING.windows_at_end:  # it may be the beginning that is not clear of a breakpoint
+            meeting, room = None, room / CROSSING.wider**window
         until = until / 2 if meeting is None else meeting - room
         if not until > 4 * room + arb(2) ** (12 - ctx.prec):  # a shorter step would be rounded to none
             break
         short = take_step(systems[law], centre, spread, _rounded_down(until), order, accuracy)
         if _stays(breakpoints, law, short, systems[law]):
             return Advance(short, (law,), law)
-        room = WIDER_WINDOW * room + (arb(0) if meeting is None else arb(2) ** (8 - ctx.prec))
+        room = CROSSING.wider * room + (arb(0) if meeting is None else arb(2) ** (8 - ctx.prec))
     return _across(systems, breakpoints, law, breakpoints.beyond(law, centre), states, longest)
 
 
 def _stays(breakpoints: Breakpoints, law: int, step: Step, system: System) -> bool:
     """Whether all motions of a step, which begin strictly within the piece of a law, are proved to stay there."""
-    waiting = [(arb(0), step.h, max(FEWEST_HALVINGS_OF_STEP, ctx.prec))]
-    for _ in range(MOST_PARTS):
+    waiting = [(arb(0), step.h, max(CROSSING.halvings, ctx.prec))]
+    for _ in range(CROSSING.parts):
         if not waiting:
             return True
         low, high, left = waiting.pop()
@@ -180,7 +188,7 @@ def _across(
     if not (speed > 0 or speed < 0):
         raise Unproved("a breakpoint of the spring's law is not crossed transversally")
     h = 2 * (goal - breakpoints.coordinate(states)).abs_upper() / speed.abs_lower() + arb(2) ** (16 - ctx.prec)
-    for _ in range(MOST_WINDOWS):
+    for _ in range(CROSSING.windows):
         h = h.abs_upper().mid()
         whole = not h < longest
         h = longest if whole else _rounded_down(h)
@@ -191,7 +199,7 @@ def _across(
         if not (pace > 0 or pace < 0):
             break  # a longer time would only widen it
         place = breakpoints.coordinate(step.end())
-        clear = abs(place.mid() - goal) > CLEAR_OF * (place.rad() + goal.rad())
+        clear = abs(place.mid() - goal) > CROSSING.clear_of * (place.rad() + goal.rad())
         if clear and breakpoints.holds(beyond, step.end()):
             return Advance(step, both, beyond)
         if whole:
@@ -208,7 +216,7 @@ def _wider(value: arb) -> arb:
 def _rates_across(systems: Sequence[System], states: Sequence[arb], h: arb) -> list[arb]:
     """The hull of the rates of two laws over a tube that is proved to hold the motions from states for a time."""
     times, tube = between(arb(0), h), list(states)
-    for _ in range(MOST_WINDOWS):
+    for _ in range(CROSSING.windows):
         rates = [a.union(b) for a, b in zip(*(system.rates([*tube]) for system in systems), strict=True)]
         moved = [x + times * rate for x, rate in zip(states, rates, strict=True)]
         if not all(value.is_finite() for value in moved):

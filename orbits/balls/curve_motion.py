@@ -29,19 +29,9 @@ from flint import arb, arb_mat, arb_poly, arb_series
 
 from ..exact.refusal import Unproved, check_proof_time
 from .enclosure import TOO_LONG, Passage, Piece, Variation, orthogonal_frame
-from .rigorous_step import Step, picard_coefficients, widened
-from .taylor_model import ALL_PLACES, ALL_TIMES, CURVE_DEGREE, TIME_DEGREE, TaylorModel, as_model
+from .rigorous_step import Step, picard_coefficients, widened, with_few_digits
+from .taylor_model import ALL_PLACES, ALL_TIMES, CURVES, TaylorModel, as_model
 
-# The size of the last term of a polynomial in time, relative to the largest, and the factor by which steps are
-# shortened for the orbits whose terms are not checked.
-CURVE_ACCURACY, SHORTER = 2.0**-36, 0.9
-# The bits of a step length, few enough that sums of steps are exact.
-CURVE_STEP_BITS = 16
-MOST_CURVE_STEPS, MOST_HALVED_STEPS, MOST_WIDENINGS = 400, 3, 4
-# The factor by which a tried tube is wider than its estimate, and the least width.
-WIDER_CURVE, THINNEST = arb(1.5), arb(2) ** -200
-# The inverse of P is bounded on parts of the piece and of a step; the first are halved at most this often.
-PARTS_OF_CURVE, PARTS_OF_TIME, MOST_SINGULAR_PARTS = 8, 2, 64
 _ZERO_BALL = arb(0)
 
 
@@ -52,14 +42,14 @@ class SpreadTooFar(Unproved):
 @lru_cache(maxsize=1)
 def places() -> tuple[float, ...]:
     """The places between -1 and 1 at which polynomials interpolate: zeros of a Chebyshev polynomial."""
-    count = CURVE_DEGREE + 1
+    count = CURVES.curve_degree + 1
     return tuple((-np.cos(np.pi * (np.arange(count) + 0.5) / count)).tolist())
 
 
 @lru_cache(maxsize=1)
 def _through_places() -> arb_mat:
     """The matrix from the values at the places to the coefficients of the polynomial."""
-    return arb_mat([[arb(s) ** j for j in range(CURVE_DEGREE + 1)] for s in places()]).inv().mid()
+    return arb_mat([[arb(s) ** j for j in range(CURVES.curve_degree + 1)] for s in places()]).inv().mid()
 
 
 def coefficients_through(rows: arb_mat) -> arb_mat:
@@ -145,17 +135,17 @@ def follow_curve(
     centres = [[start.on(arb(s)).mid() for start in starts] for s in places()]
     before, off, steps = list(starts), [np.array(each) for each in spreads], list[CurveStep]()
     while True:
-        if len(steps) == MOST_CURVE_STEPS:
+        if len(steps) == CURVES.steps:
             raise Unproved(TOO_LONG)
         check_proof_time()
         unit = [each for row in frame.tolist() for each in (*row, *[_ZERO_BALL] * (n - m))]
         rows = [
-            [[each.mid() for each in row] for row in picard_coefficients(system, [*centre, *unit], TIME_DEGREE)]
+            [[each.mid() for each in row] for row in picard_coefficients(system, [*centre, *unit], CURVES.time_degree)]
             for centre in centres
         ]
         begin = [*before, *(TaylorModel.of_curve([each]) for each in unit)]
         h = _step_length(rows, left)
-        for _ in range(MOST_HALVED_STEPS):
+        for _ in range(CURVES.halved_steps):
             step = _proved_step(variation, _models_through(rows, h), begin, off, carried, 1 - left, h)
             if step is not None:
                 break
@@ -199,18 +189,17 @@ def _step_length(rows: Sequence[list[list[arb]]], left: arb) -> arb:
         size = max(abs(float(each)) for row in table for each in row[:2])
         last = max(abs(float(each)) for row in table for each in row[-2:])
         share = max(share, last / size)
-    length = SHORTER * (CURVE_ACCURACY / share) ** (1 / TIME_DEGREE) if share > 0 else np.inf
+    length = CURVES.shorter * (CURVES.accuracy / share) ** (1 / CURVES.time_degree) if share > 0 else np.inf
     if not np.isfinite(share):
         raise Unproved("the motion comes to where a law has no value")
     if not length < float(left):
         return left
-    mantissa, exponent = np.frexp(float(left) / np.ceil(float(left) / length))
-    return arb(float(np.ldexp(np.ceil(mantissa * 2**CURVE_STEP_BITS), exponent - CURVE_STEP_BITS)))
+    return with_few_digits(float(left) / np.ceil(float(left) / length))
 
 
 def _models_through(rows: Sequence[list[list[arb]]], h: arb) -> list[TaylorModel]:
     """The polynomials in t and s, for t from 0 to 1 in a step of length h, through those in time at the places."""
-    length, powers = TIME_DEGREE + 1, [h**i for i in range(TIME_DEGREE + 1)]
+    length, powers = CURVES.time_degree + 1, [h**i for i in range(CURVES.time_degree + 1)]
     flat = [[each * power for row in table for each, power in zip(row, powers, strict=True)] for table in rows]
     coefficients, models = coefficients_through(arb_mat(flat)).tolist(), list[TaylorModel]()
     for i in range(len(rows[0])):
@@ -240,8 +229,8 @@ def _proved_step(
         start = each + gap
         start[:m] = each[:m] + inverse @ (gap[:m] + gap_of_derivatives @ each + sizes[:, m:] @ gap[m:])
         tube = start.copy()
-        for _ in range(MOST_WIDENINGS):
-            tube[:m] = WIDER_CURVE * tube[:m] + THINNEST
+        for _ in range(CURVES.widenings):
+            tube[:m] = CURVES.wider * tube[:m] + CURVES.thinnest
             change = of_derivatives + h * _change(variation, both, [*(sizes @ tube), *tube[m:]])
             grown = start[:m] + inverse @ (defect[:m] + change @ tube)
             done = all(a < b for a, b in zip(grown, tube[:m], strict=True))
@@ -253,8 +242,8 @@ def _proved_step(
         found.append(_upper(tube))
     begun = inverse @ gap_of_derivatives
     after = begun.copy()
-    for _ in range(MOST_WIDENINGS):
-        after = WIDER_CURVE * after + THINNEST
+    for _ in range(CURVES.widenings):
+        after = CURVES.wider * after + CURVES.thinnest
         grown = begun + inverse @ (change + change[:, :m] @ after)
         if all(a < b for a, b in zip(grown.flat, after.flat, strict=True)):
             return CurveStep(begins, h, models, derivatives, found, _upper(grown), carried)
@@ -269,7 +258,7 @@ def _upper(bounds: np.ndarray) -> np.ndarray:
 
 def _gap(old: TaylorModel, new: TaylorModel) -> arb:
     """A bound on the distance of a model's polynomial at its beginning from another one."""
-    first = TaylorModel([arb_series(part.coeffs()[:1], TIME_DEGREE + 1) for part in new.parts])
+    first = TaylorModel([arb_series(part.coeffs()[:1], CURVES.time_degree + 1) for part in new.parts])
     return (TaylorModel(old.parts) - first).bound
 
 
@@ -293,8 +282,12 @@ def _change(variation: Variation, both: Sequence[TaylorModel], radii: Sequence[a
 def _inverse_bound(block: Sequence[Sequence[TaylorModel]]) -> np.ndarray | None:
     """Bounds (m, m) of the inverse of a matrix of models at all times, found on parts of the piece; None where one is
     not regular."""
-    m, found, left = len(block), [_ZERO_BALL] * len(block) ** 2, MOST_SINGULAR_PARTS
-    waiting = [(s, t) for s in _equal_parts(ALL_PLACES, PARTS_OF_CURVE) for t in _equal_parts(ALL_TIMES, PARTS_OF_TIME)]
+    m, found, left = len(block), [_ZERO_BALL] * len(block) ** 2, CURVES.singular_parts
+    waiting = [
+        (s, t)
+        for s in _equal_parts(ALL_PLACES, CURVES.parts_of_curve)
+        for t in _equal_parts(ALL_TIMES, CURVES.parts_of_time)
+    ]
     while waiting:
         s, t = waiting.pop()
         matrix = arb_mat([[each.on(s, t) for each in row] for row in block])

@@ -10,7 +10,7 @@ and Numerical Simulation 101, 2021).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from flint import arb, arb_mat, ctx
@@ -18,20 +18,20 @@ from flint import arb, arb_mat, ctx
 from ..exact.refusal import Unproved, check_proof_time
 from .crossing import NO_BREAKPOINTS, Breakpoints, advance_step
 from .programs import OfLaws
-from .rigorous_step import SPREADING, Step, System
+from .rigorous_step import SETS, SPREADING, Step, System
 
-# How derivatives are enclosed: the order of polynomials, their accuracy, and the bits of balls. Coarse ones are
-# multiplied by deviations that are small themselves; fine ones are results.
-Fineness: TypeAlias = tuple[int, float, int]
-COARSE, FINE = (12, 2.0**-30, 64), (18, 2.0**-50, 100)
-# The order of polynomials for the centre, per bit: about half of log 2, where steps cost the least.
-ORDER_PER_BIT = 0.36
-MOST_STEPS = 2000
-# A set that spreads needs ever shorter steps. It is given up where, at the mean length of the last 50 steps, the rest
-# would take more than 100 times the steps that remain; beside a pole of a law steps are short for a while. The set has
-# spread where it is wider than a share of its largest state.
-OBSERVED_STEPS, HOPELESS, SPREAD = 50, 100, 1e-3
-TOO_LONG = f"the motion takes more than {MOST_STEPS} steps"
+
+class Fineness(NamedTuple):
+    """How derivatives are enclosed: the order of polynomials, their accuracy, and the bits of balls."""
+
+    order: int
+    accuracy: float
+    bits: int
+
+
+# Coarse derivatives are multiplied by deviations that are small themselves; fine ones are results.
+COARSE, FINE = Fineness(order=12, accuracy=2.0**-30, bits=64), Fineness(order=18, accuracy=2.0**-50, bits=100)
+TOO_LONG = f"the motion takes more than {SETS.most_steps} steps"
 
 
 @dataclass(frozen=True)
@@ -78,12 +78,12 @@ class Passage:
 
 def order_for(bits: int) -> int:
     """The order of the polynomials that enclose a centre to a number of bits."""
-    return max(COARSE[0], round(ORDER_PER_BIT * bits))
+    return max(COARSE.order, round(SETS.order_per_bit * bits))
 
 
 def fineness_for(bits: int) -> Fineness:
     """How derivatives are enclosed to a number of bits."""
-    return order_for(bits), 2.0**-bits, bits + COARSE[2]
+    return Fineness(order_for(bits), 2.0**-bits, bits + COARSE.bits)
 
 
 def follow_centre(
@@ -93,7 +93,7 @@ def follow_centre(
     """Enclosures (n,) of the state a short time after a start (n,) in the piece of a law, by tubes alone, which grow
     with every step; and the law there."""
     states, left = list(start), length
-    for _ in range(MOST_STEPS):
+    for _ in range(SETS.most_steps):
         check_proof_time()
         centre, spread = [value.mid() for value in states], [value.rad() for value in states]
         advance = advance_step(systems, breakpoints, law, centre, spread, left, order_for(bits), 2.0**-bits)
@@ -117,21 +117,21 @@ def follow_set(
     centre, error = [value.mid() for value in start], arb_mat(n, 1, [arb(0, value.rad()) for value in start])
     pieces, at, law = list[Piece](), arb(0), breakpoints.laws_of(_moved(start, by_unknowns * radii))[0]
     while True:
-        if len(pieces) == MOST_STEPS:
+        if len(pieces) == SETS.most_steps:
             raise Unproved(TOO_LONG)
         check_proof_time()
         within = inner * radii + error
         deviations = frame * within
         spread = [deviations[i, 0].abs_upper() for i in range(n)]
         left = 1 - at
-        if len(pieces) >= OBSERVED_STEPS:
-            covered = at - pieces[-OBSERVED_STEPS].begins
-            if OBSERVED_STEPS * left > HOPELESS * (MOST_STEPS - len(pieces)) * covered:
-                raise Unproved(SPREADING if max(spread) > SPREAD * max(map(abs, centre)) else TOO_LONG)
-        with ctx.workprec(fineness[2]):
+        if len(pieces) >= SETS.observed_steps:
+            covered = at - pieces[-SETS.observed_steps].begins
+            if SETS.observed_steps * left > SETS.hopeless * (SETS.most_steps - len(pieces)) * covered:
+                raise Unproved(SPREADING if max(spread) > SETS.spread * max(map(abs, centre)) else TOO_LONG)
+        with ctx.workprec(fineness.bits):
             advance = advance_step(
                 variation.varied, breakpoints, law, [*centre, *identity], [*spread, *[arb(0)] * (m * n)],
-                left, *fineness[:2],
+                left, fineness.order, fineness.accuracy,
             )  # fmt: skip
             step = advance.step
             by_start = step.end()[n:]

@@ -17,6 +17,7 @@ import itertools
 import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from flint import arb, arb_poly, arb_series, ctx
@@ -25,19 +26,31 @@ from ..exact.refusal import Unproved
 from .programs import UNDEFINED, BallProgram, Value, coefficient
 
 SPREADING = "the set of motions spreads too far to be enclosed; narrower intervals of parameters would help"
-# The step is chosen so that the tube grows at most by about this share of itself.
-STIFFEST = 0.6
-# The factor by which a tried tube is wider than its estimate.
-WIDER = 1.05
-MOST_TRIES = 60
-# The largest defect relative to the accuracy, and the least factor by which a step that is too long is shortened.
-MOST_OFF, LEAST_SHARE = 16.0, 0.4
-# A state this much smaller than the largest is small.
-SMALL = 1e-2
-# Series of at most this order are found by Picard's iteration: it is quicker there than Newton's, which needs slopes.
-MOST_BY_PICARD = 40
-# The least length of a step relative to the longest, and its bits.
-SHORTEST, STEP_BITS = 1e-6, 16
+
+
+class SetOptions(NamedTuple):
+    """How sets of motions are enclosed, step by step, and when they are given up."""
+
+    # Largest growth of a tube over a step, as a share of itself, by which the length of the step is estimated.
+    stiffest: float = 0.6
+    wider: float = 1.05  # a tried tube is this times as wide as its estimate
+    tries: int = 60  # of tubes and lengths of a step
+    most_off: float = 16.0  # largest defect relative to the accuracy
+    least_share: float = 0.4  # of its length that a step which is too long is shortened to
+    small: float = 1e-2  # a state that is a smaller share of the largest is small
+    # Order of series up to which Picard's iteration is quicker than Newton's, which needs slopes.
+    most_by_picard: int = 40
+    shortest: float = 1e-6  # length of a step relative to the longest
+    step_bits: int = 16  # of the length of a step, few enough that sums of steps are exact
+    order_per_bit: float = 0.36  # of polynomials for the centre: about half of log 2, where steps cost the least
+    most_steps: int = 2000  # of a motion
+    # Steps whose mean length shows whether a set spreads: beside a pole of a law steps are short for a while.
+    observed_steps: int = 50
+    hopeless: int = 100  # a set is given up where the rest would take this many times the steps that remain
+    spread: float = 1e-3  # width of a set that has spread, as a share of its largest state
+
+
+SETS = SetOptions()
 
 
 @dataclass(frozen=True)
@@ -129,7 +142,7 @@ def picard_coefficients(system: System, centre: Sequence[arb], order: int) -> li
 def ball_coefficients(system: System, centre: Sequence[arb], order: int) -> list[list[arb]]:
     """Taylor coefficients (n, order + 1) of the solution from a centre (n,): the first ones by Picard's iteration,
     further ones by Newton's, which doubles their number."""
-    rows = picard_coefficients(system, centre, min(order, MOST_BY_PICARD))
+    rows = picard_coefficients(system, centre, min(order, SETS.most_by_picard))
     while len(rows[0]) <= order:
         rows = _newton_coefficients(system, rows, min(2 * len(rows[0]), order + 1))
     return rows
@@ -178,11 +191,13 @@ def take_step(
     h = _suggested(system, rows, longest, order, accuracy)
     polynomials = [arb_poly(row) for row in rows]
     sizes = _sizes(rows)
-    for _ in range(MOST_TRIES):
+    for _ in range(SETS.tries):
         defect = _remainder(system, polynomials, h, order)
         off = max((float(each) / size for each, size in zip(defect, sizes, strict=True)), default=0.0)
-        if off > MOST_OFF * accuracy:  # also where it is no number
-            h = _few_digits(float(h) * (max((accuracy / off) ** (1 / order), LEAST_SHARE) if off < np.inf else 0.5))
+        if off > SETS.most_off * accuracy:  # also where it is no number
+            h = with_few_digits(
+                float(h) * (max((accuracy / off) ** (1 / order), SETS.least_share) if off < np.inf else 0.5)
+            )
             continue
         step = _proved(system, polynomials, spread, defect, h)
         if step is not None:
@@ -208,25 +223,25 @@ def _suggested(system: System, rows: list[list[arb]], longest: arb, order: int, 
         with np.errstate(all="ignore"):
             fourth = np.linalg.matrix_power(stiffness, 4)
         if np.isfinite(fourth).all() and (radius := fourth.sum(1).max() ** 0.25) > 0:
-            length = min(length, STIFFEST / radius)
+            length = min(length, SETS.stiffest / radius)
     whole = float(longest)
     if not length < whole:
         return longest
-    count = float(np.ceil(whole / length)) if length > whole * SHORTEST else 1 / SHORTEST
-    return _few_digits(whole / count)
+    count = float(np.ceil(whole / length)) if length > whole * SETS.shortest else 1 / SETS.shortest
+    return with_few_digits(whole / count)
 
 
-def _few_digits(length: float) -> arb:
+def with_few_digits(length: float) -> arb:
     """The next larger length with few digits."""
     mantissa, exponent = np.frexp(length)
-    return arb(float(np.ldexp(np.ceil(mantissa * 2**STEP_BITS), exponent - STEP_BITS)))
+    return arb(float(np.ldexp(np.ceil(mantissa * 2**SETS.step_bits), exponent - SETS.step_bits)))
 
 
 def _sizes(rows: list[list[arb]]) -> list[float]:
     """The sizes of the states (n,), from their values and rates; for those that begin at 0, from the moving states."""
     sizes = [max(abs(float(row[0].mid())), abs(float(row[1].mid()))) for row in rows]
     moving = [size for size, row in zip(sizes, rows, strict=True) if not row[1].is_zero()]
-    least = max(SMALL * max(moving, default=0.0), 1e-30)
+    least = max(SETS.small * max(moving, default=0.0), 1e-30)
     return [max(size, least) for size in sizes]
 
 
@@ -293,7 +308,7 @@ def _grown(system: System, slopes: Sequence[arb], added: Sequence[arb], tube: Se
 
 
 def _fixed_point(system: System, slopes: Sequence[arb], added: Sequence[arb], h: arb) -> list[arb] | None:
-    """A guess of a tube that is wider than its estimate: the solution of e = WIDER (added + h |Df| e)."""
+    """A guess of a tube that is wider than its estimate: the solution of e = wider (added + h |Df| e)."""
     length = float(h.abs_upper())
     if not np.isfinite(matrix := _magnitudes(system, slopes)).all():
         return None
@@ -303,7 +318,7 @@ def _fixed_point(system: System, slopes: Sequence[arb], added: Sequence[arb], h:
         largest = arb(2) ** (-4 * ctx.prec)
     shares = np.array([float(each / largest) for each in added]) + 1e-30
     try:
-        guess = np.linalg.solve(np.eye(system.size) - WIDER * length * matrix, WIDER * shares)
+        guess = np.linalg.solve(np.eye(system.size) - SETS.wider * length * matrix, SETS.wider * shares)
     except np.linalg.LinAlgError:
         return None
     if not (guess > 0).all():

@@ -11,6 +11,7 @@ them, and the statement is true for each.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from flint import arb, arb_mat, ctx
@@ -21,20 +22,28 @@ from .enclosure import COARSE, Fineness, fineness_for, unit_matrix
 from .equations import Equations, Evaluated, columns_of
 from .programs import UNDEFINED
 
-# Bits of the first proof, and relative radii of the boxes that are tried, the largest first.
+# Bits of the first proof.
 FIRST_BITS = 80
-BOXES = (2.0**-20, 2.0**-27, 2.0**-34, 2.0**-40)
-# The sizes of boxes for interval parameters, relative to the first estimate of how far the root moves.
-ROOM = (1.5, 2.5, 6.0)
-# Bits beyond those requested, since motions amplify roundings.
-GUARD_BITS = 40
-# A box is contracted while a radius falls below this share of itself. Where a slope in it jumps from 1 to k, as at a
-# breakpoint of a law, a contraction leaves the share (k - 1)/(k + 1).
-SHRINKING = 0.99
-# The most Newton steps, and the size relative to the unknowns of the last one.
-MOST_POLISHES, POLISHED = 6, 1e-6
-# The bits of a number that is known exactly, and the distance of its decimals from it, relative to it.
-EXACT, EXACTLY = 10**9, 2.0**-58
+
+
+class KrawczykOptions(NamedTuple):
+    """The boxes on which Krawczyk's operator is tried, and how far they are contracted."""
+
+    # Relative radii of the boxes that are tried, the largest first.
+    boxes: tuple[float, ...] = (2.0**-20, 2.0**-27, 2.0**-34, 2.0**-40)
+    # Sizes of boxes for interval parameters, relative to the first estimate of how far the root moves.
+    room: tuple[float, ...] = (1.5, 2.5, 6.0)
+    guard_bits: int = 40  # beyond those requested, since motions amplify roundings
+    # A box is contracted while a radius falls below this share of itself. Where a slope in it jumps from 1 to k, as at
+    # a breakpoint of a law, a contraction leaves the share (k - 1)/(k + 1).
+    shrinking: float = 0.99
+    polishes: int = 6  # Newton steps, at most
+    polished: float = 1e-6  # size of the last Newton step, relative to the unknowns
+    exact: int = 10**9  # bits of a number that is known exactly
+    exactly: float = 2.0**-58  # distance of the decimals of an exact number from it, relative to it
+
+
+KRAWCZYK = KrawczykOptions()
 # The unknowns that are positive for an orbit.
 POSITIVE_UNKNOWNS = ("alpha", FLIGHT_DURATION, CONTACT_DURATION)
 
@@ -60,7 +69,7 @@ class ProvedRoot:
         parts = zip(self.radii, self.box, self.centre, units, strict=True)
         # Decimals that are rounded outward reach a little further than the balls, and those of numbers that are known
         # exactly by a few roundings.
-        more = [value.rad() / 10 + abs(value) * EXACTLY for value in self.box]
+        more = [value.rad() / 10 + abs(value) * KRAWCZYK.exactly for value in self.box]
         free = [
             ((radius - abs(value - c) - rest) * unit).lower()
             for (radius, value, c, unit), rest in zip(parts, more, strict=True)
@@ -83,7 +92,7 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int, boxes: S
         centre = polished(equations, centre)
         candidates = [*boxes, *_wide_boxes(equations, centre)]
     else:
-        candidates = [*boxes, *([arb(share) * (1 + abs(c)).abs_upper() for c in centre] for share in BOXES)]
+        candidates = [*boxes, *([arb(share) * (1 + abs(c)).abs_upper() for c in centre] for share in KRAWCZYK.boxes)]
     reason = ""
     for radii in candidates:
         try:
@@ -130,24 +139,25 @@ def _common(value: arb, other: arb) -> arb:
 def polished(equations: Equations, centre: Sequence[arb]) -> list[arb]:
     """A guess by Newton's method for the middle of the parameters' intervals, from one that may be for other values."""
     centre = list(centre)
-    for _ in range(MOST_POLISHES):
+    for _ in range(KRAWCZYK.polishes):
         point = evaluated_on(equations, centre, [arb(0)] * len(centre), wide=False)
         step = _rounded_inverse(columns_of(point.slopes, 0, len(centre))) * arb_mat(len(centre), 1, point.values)
         centre = [(value - step[i, 0]).mid() for i, value in enumerate(centre)]
-        if all(abs(step[i, 0]) < POLISHED * (1 + abs(value)) for i, value in enumerate(centre)):
+        if all(abs(step[i, 0]) < KRAWCZYK.polished * (1 + abs(value)) for i, value in enumerate(centre)):
             break
     return centre
 
 
 def _wide_boxes(equations: Equations, centre: list[arb]) -> list[list[arb]]:
-    """Boxes for interval parameters: the root's motion with them by its derivatives at the middle, times `ROOM`."""
+    """Boxes for interval parameters: the root's motion with them by its derivatives at the middle, times the options
+    of `room`."""
     point = evaluated_on(equations, centre, [arb(0)] * len(centre), wide=False)
     n, radii = len(centre), equations.intervals.radii()
     inverse = _rounded_inverse(columns_of(point.slopes, 0, n))
     by_parameters = inverse * columns_of(point.slopes, n, len(radii))
     moved = [sum((abs(by_parameters[i, j]) * radius for j, radius in enumerate(radii)), arb(0)) for i in range(n)]
     least = arb(2) ** -40
-    return [[(arb(room) * move + least).abs_upper() for move in moved] for room in ROOM]
+    return [[(arb(room) * move + least).abs_upper() for move in moved] for room in KRAWCZYK.room]
 
 
 def _rounded_inverse(matrix: arb_mat) -> arb_mat:
@@ -199,14 +209,14 @@ def narrowed_root(equations: Equations, root: ProvedRoot, bits: int) -> ProvedRo
         if all(_bits_of(value) >= bits for value in box):
             return replace(root, box=box, evaluated=evaluated, fineness=fineness)
         reached = max(FIRST_BITS, min(_bits_of(value) for value in box))
-        with ctx.workprec(min(2 * reached, bits) + GUARD_BITS):
+        with ctx.workprec(min(2 * reached, bits) + KRAWCZYK.guard_bits):
             centre, radii = [value.mid() for value in box], [arb(0)] * len(box)
             if follows:
                 fineness, radii = fineness_for(min(reached, bits // 2)), [2 * value.rad() for value in box]
             values = evaluated_on(equations, centre, radii, fineness=fineness)
             evaluated = values if follows else evaluated
             before, box = box, _by_values(equations, evaluated, values, centre, box)
-        if not _shrinks(before, box, SHRINKING if follows else 0.5, bits):
+        if not _shrinks(before, box, KRAWCZYK.shrinking if follows else 0.5, bits):
             if follows:
                 break
             follows = True  # the first box may hold a breakpoint of a law, where derivatives jump
@@ -221,7 +231,7 @@ def _by_values(
     while True:
         image = _image(equations, merged, centre, [value - c for value, c in zip(box, centre, strict=True)])
         before, box = box, [_common(value, narrower) for value, narrower in zip(box, image, strict=True)]
-        if not _shrinks(before, box, SHRINKING, ctx.prec):
+        if not _shrinks(before, box, KRAWCZYK.shrinking, ctx.prec):
             return box
 
 
@@ -237,6 +247,6 @@ def _bits_of(value: arb) -> int:
     size = max(abs(value.mid()), arb(1))
     share = value.rad() / size
     if not share > 0:
-        return EXACT
+        return KRAWCZYK.exact
     _, exponent = share.mid().man_exp()
     return -int(exponent) - int(share.mid().man_exp()[0]).bit_length()

@@ -12,23 +12,46 @@ import operator
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
-from typing import Any, Union
+from typing import Any, NamedTuple, Union
 
 from flint import arb, arb_poly, arb_series, ctx
 
 from .programs import UNDEFINED, coefficient, series_function
 
-# The degrees of models in t and in s.
-TIME_DEGREE, CURVE_DEGREE = 20, 10
-# Functions of models: the degrees that are tried in order until the rest is small.
-FUNCTION_DEGREES, SMALL_REST = (6, 10, 14, 20), 2.0**-56
+
+class CurveOptions(NamedTuple):
+    """Models of motions in time and along a curve, the steps in which they are proved, and the tubes about them."""
+
+    time_degree: int = 20  # of models in t
+    curve_degree: int = 10  # of models in s
+    # Degrees of functions of models that are tried in order until the rest is small.
+    function_degrees: tuple[int, ...] = (6, 10, 14, 20)
+    small_rest: float = 2.0**-56  # of a function of models, relative to its value
+    bits: int = 64  # of the balls of coefficients
+    accuracy: float = 2.0**-36  # size of the last term of a polynomial in time, relative to the largest
+    shorter: float = 0.9  # factor by which steps are shortened for the orbits whose terms are not checked
+    steps: int = 400  # of a motion
+    halved_steps: int = 3  # halvings of a step that is not proved
+    widenings: int = 4  # of a tried tube
+    wider: arb = arb(1.5)  # a tried tube is this times as wide as its estimate
+    thinnest: arb = arb(2) ** -200  # width of a tried tube
+    parts_of_curve: int = 8  # of a piece, for bounds of the inverse of P
+    parts_of_time: int = 2  # of a step, for bounds of the inverse of P
+    singular_parts: int = 64  # most halvings of parts on which P may be singular
+    widest_tube: float = 2.0**-22  # half width of the first tube that is tried, relative to the unknowns
+    tubes: int = 3  # that are tried
+    narrower_try: float = 2.0**-7  # share of its width with which a tube whose motions spread too far is tried again
+    narrowings: int = 4  # of an enclosure by the operator
+    about_enclosure: int = 4  # width of the tube about an enclosure, relative to it
+    thinnest_tube: arb = arb(2) ** -50  # about an enclosure
+
+
+CURVES = CurveOptions()
 _NO_REST = arb(0)
 # The balls of all t, from 0 to 1, and of all s, from -1 to 1.
 ALL_TIMES, ALL_PLACES = arb(0).union(arb(1)), arb(0, 1)
 _NAN = arb("nan")
 
-# The bits of the balls of coefficients.
-MODEL_BITS = 64
 
 ModelOperand = Union["TaylorModel", arb, int]
 
@@ -38,8 +61,8 @@ def model_arithmetic() -> Iterator[None]:
     """The context in which models are computed: series are truncated at their degree in t."""
     cap = ctx.cap
     try:
-        with ctx.workprec(MODEL_BITS):
-            ctx.cap = TIME_DEGREE + 1
+        with ctx.workprec(CURVES.bits):
+            ctx.cap = CURVES.time_degree + 1
             yield
     finally:
         ctx.cap = cap
@@ -48,24 +71,24 @@ def model_arithmetic() -> Iterator[None]:
 class TaylorModel:
     """The functions within `rest` of the sum of parts[j](t) s**j.
 
-    parts : series in t, at most CURVE_DEGREE + 1 of them
+    parts : series in t, at most CURVES.curve_degree + 1 of them
     rest : a bound, not below 0; NaN where the functions have no values
     """
 
     def __init__(self, parts: Sequence[arb_series], rest: arb = _NO_REST):
-        if any(part.prec != TIME_DEGREE + 1 for part in parts):
-            raise ValueError(f"the parts of a model are computed with ctx.cap = {TIME_DEGREE + 1}")
+        if any(part.prec != CURVES.time_degree + 1 for part in parts):
+            raise ValueError(f"the parts of a model are computed with ctx.cap = {CURVES.time_degree + 1}")
         self.parts, self.rest = parts, rest
 
     @classmethod
     def of_curve(cls, coefficients: Sequence[arb], rest: arb = _NO_REST) -> "TaylorModel":
         """The polynomial in s with these coefficients, at all times."""
-        return cls([arb_series([each], TIME_DEGREE + 1) for each in coefficients], rest)
+        return cls([arb_series([each], CURVES.time_degree + 1) for each in coefficients], rest)
 
     @cached_property
     def _magnitudes(self) -> tuple[list[arb], list[arb]]:
         """Sums of the absolute values of the coefficients, by their degrees in t, and by those in s."""
-        by_time, by_curve = [_NO_REST] * (TIME_DEGREE + 1), list[arb]()
+        by_time, by_curve = [_NO_REST] * (CURVES.time_degree + 1), list[arb]()
         for part in self.parts:
             whole = _NO_REST
             for i, each in enumerate(part.coeffs()):
@@ -112,12 +135,12 @@ class TaylorModel:
             return TaylorModel([part * other for part in self.parts], (self.rest * other).abs_upper())
         parts = list[arb_series]()
         for j, left in enumerate(self.parts):
-            for k, right in enumerate(other.parts[: CURVE_DEGREE + 1 - j]):
+            for k, right in enumerate(other.parts[: CURVES.curve_degree + 1 - j]):
                 if j + k < len(parts):
                     parts[j + k] = parts[j + k] + left * right
                 else:
                     parts.append(left * right)
-        degrees = TIME_DEGREE, CURVE_DEGREE
+        degrees = CURVES.time_degree, CURVES.curve_degree
         left_out = sum(map(_beyond_degree, self._magnitudes, other._magnitudes, degrees), _NO_REST)
         rests = self.rest * other.bound + other.rest * self.polynomial_bound
         return TaylorModel(parts, (left_out + rests).abs_upper())
@@ -168,7 +191,7 @@ class TaylorModel:
     def slope_in_time(self) -> "TaylorModel":
         """The derivative of the polynomial by t."""
         slopes = ([i * each for i, each in enumerate(part.coeffs())][1:] for part in self.parts)
-        return TaylorModel([arb_series(each, TIME_DEGREE + 1) for each in slopes])
+        return TaylorModel([arb_series(each, CURVES.time_degree + 1) for each in slopes])
 
     def slope_on_curve(self) -> "TaylorModel":
         """The derivative of the polynomial by s."""
@@ -182,7 +205,7 @@ class TaylorModel:
         bound = (whole - centre).abs_upper()
         if not bound.is_finite():
             return TaylorModel([], _NAN)
-        for degree in FUNCTION_DEGREES:
+        for degree in CURVES.function_degrees:
             try:
                 ctx.cap = degree + 2
                 last = coefficient(function(arb_series([whole, 1], degree + 2)), degree + 1)
@@ -192,7 +215,7 @@ class TaylorModel:
             finally:
                 ctx.cap = cap
             rest = (last * bound ** (degree + 1)).abs_upper()
-            if rest < SMALL_REST * (1 + abs(series[0])):
+            if rest < CURVES.small_rest * (1 + abs(series[0])):
                 break
         found = TaylorModel.of_curve([coefficient(series, degree)])
         for k in reversed(range(degree)):

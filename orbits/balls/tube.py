@@ -21,16 +21,8 @@ from flint import arb, arb_mat
 from ..exact.refusal import Unproved
 from .curve_motion import CurveStep, SpreadTooFar, coefficients_through, follow_curve, places
 from .equations import BallLeg
-from .taylor_model import TaylorModel, as_model
+from .taylor_model import CURVES, TaylorModel, as_model
 
-# The half width of the first tube that is tried, relative to the unknowns, and the most tubes that are tried.
-WIDEST, MOST_TUBES = 2.0**-22, 3
-# A tube whose motions spread too far is tried again with this share of its width.
-NARROWER_TRY = 2.0**-7
-# The number of times that an enclosure is improved by the operator.
-NARROWINGS = 4
-# The width of the tube about an enclosure, relative to it, and the least width.
-NARROWER, THINNEST_TUBE = 4, arb(2) ** -50
 Models = list[TaylorModel]
 Matrix = list[Models]
 
@@ -156,15 +148,15 @@ def prove_tube(
     """The tube about polynomials in which the equations of legs have solutions, for all values within `fixed` radii of
     the unknowns that are not solved for. Raises `Unproved`."""
     inner = [arb(0) if i in solved else fixed[i] for i in range(len(polynomials))]
-    width, reason = WIDEST, ""
-    for _ in range(MOST_TUBES):
+    width, reason = CURVES.widest_tube, ""
+    for _ in range(CURVES.tubes):
         outer = [arb(width) * (1 + p.polynomial_bound) if i in solved else fixed[i] for i, p in enumerate(polynomials)]
         try:
             return _tube(legs, polynomials, list(solved), inner, [each.abs_upper() for each in outer])
         except TooWide as error:
             width, reason = width * error.share, str(error)
         except SpreadTooFar as error:
-            width, reason = width * NARROWER_TRY, str(error)
+            width, reason = width * CURVES.narrower_try, str(error)
     raise Unproved(reason)
 
 
@@ -200,7 +192,7 @@ def _tube(
         if not 4 * needed * share < 1:
             raise Unproved("the curve is not proved to stay in a tube about its polynomials")
         raise TooWide(0.5 / share)
-    for _ in range(NARROWINGS):
+    for _ in range(CURVES.narrowings):
         radii = image(radii)
     along = model_product(found.slopes, [[p.slope_on_curve()] for p in polynomials])
     moved = [row[0].bound for row in model_product(inverse, along)]
@@ -243,6 +235,6 @@ def narrowed(legs: Sequence[BallLeg], tube: Tube) -> Tube:
     curve; the distance to other solutions is that of the first tube."""
     again = _tube(
         legs, tube.polynomials, tube.solved, [arb(0)] * len(tube.radii),
-        [(NARROWER * radius + THINNEST_TUBE).abs_upper() for radius in tube.radii],
+        [(CURVES.about_enclosure * radius + CURVES.thinnest_tube).abs_upper() for radius in tube.radii],
     )  # fmt: skip
     return replace(again, widths=tube.widths)

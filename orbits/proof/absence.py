@@ -36,6 +36,7 @@ from flint import arb, ctx
 from ..balls.equations import IntervalParameters
 from ..balls.programs import BallProgram
 from ..balls.rigorous_step import between
+from ..balls.root import FIRST_BITS
 from ..errors import InputError
 from ..exact.exact_mechanics import Column, ExactMechanics, LoneExtension, Scale
 from ..exact.expressions import ExactExpression, depends_on, derivative_by, expression, in_order
@@ -46,9 +47,12 @@ from ..model.machine import Machine, machine_in_words
 from .case import check_mirrored, not_stated
 from .theorem import Proof
 
-BITS = 80
-# Derivatives of a law that are checked, the extensions beyond which its tails are checked, and halvings of intervals.
-MOST_DERIVATIVES, TAILS, MOST_HALVES = 8, tuple(2.0**k for k in range(8)), 24
+# Order of the highest derivative of a law that is checked.
+MOST_DERIVATIVES = 8
+# Extensions beyond which the tails of a law are checked.
+TAILS = tuple(2.0**k for k in range(8))
+# Halvings of the interval between the tails, at most.
+MOST_HALVES = 24
 # Functions that are odd, increase strictly on all of the real line, and are bounded; the second by pi/2.
 BOUNDED = {"tanh": Fraction(1), "atan": Fraction("1.5707963267948967")}
 PI_BETWEEN = Fraction("3.14159265358979"), Fraction("3.14159265358980")
@@ -66,7 +70,7 @@ def proof_of_absence(machine: Machine, family: int | None, parameters: Mapping[s
         stated.refuse_steps("absence")
         if stated.restitution == 1:
             raise Unproved("with the restitution 1 no landing loses energy: a motion that bounces may be periodic")
-        with ctx.workprec(BITS):
+        with ctx.workprec(FIRST_BITS):
             mechanics = ExactMechanics(stated, Scale())
             lone = mechanics.lone_extension()
             if mechanics.pieces:

@@ -45,13 +45,8 @@ from ..exact.refusal import NOT_ACROSS, TooLong, Unproved
 from ..exact.statement import ExactArc, HalfOrbit
 from .bounces import Bounces, losses_with_bounce
 from .landings import losses_at_landing
-from .launches import Flight, LaunchEquations, comes_below, launches_beyond
+from .launches import LAUNCHES, Flight, LaunchEquations, comes_below, launches_beyond
 from .loss import Loss
-
-# The decades of the distances that are tried.
-DECADES_OF_DISTANCES = 6
-# How far the window reaches beyond the landing predicted by the leading order, and the contact beyond its middle.
-WINDOW_BEYOND, CONTACT_BEYOND = 1.5, 1.1
 
 
 @dataclass(frozen=True)
@@ -109,7 +104,7 @@ def _distances(coefficient: arb) -> list[Fraction]:
     all of a distance."""
     whole = float(coefficient.mid()) ** -3
     last = math.floor(math.log10(whole))
-    decades = (Fraction(10) ** exponent for exponent in range(last - DECADES_OF_DISTANCES + 1, last + 1))
+    decades = (Fraction(10) ** exponent for exponent in range(last - LAUNCHES.decades + 1, last + 1))
     return [each for decade in decades for digit in (1, 2, 5) if (each := digit * decade) < whole]
 
 
@@ -119,7 +114,8 @@ def _proved_within(hop: Hop, equations: LaunchEquations, bounces: Bounces | None
     speed, length = (ball_of_fraction(each) for each in (mechanics.scale.speed, mechanics.scale.length))
     reach = ball_of_fraction(within) / speed
     launches = launches_beyond(hop.half, hop.unknowns["liftoff"], hop.unknowns["alpha"], reach)
-    flight = Flight(equations, launches, hop.half_flight, _rounded(WINDOW_BEYOND, (hop.loss.delay * reach).root(3)))
+    window = _rounded(LAUNCHES.window_beyond, (hop.loss.delay * reach).root(3))
+    flight = Flight(equations, launches, hop.half_flight, window)
     flight.check_clearance()
     motions = list(flight.motions)
     if bounces is None:
@@ -127,7 +123,7 @@ def _proved_within(hop: Hop, equations: LaunchEquations, bounces: Bounces | None
     else:
         losses, places, between_landings = losses_with_bounce(launches, flight, bounces, reach)
         motions += between_landings
-    (contact,) = launches.follow(equations.contact, _rounded(CONTACT_BEYOND, hop.half_contact))
+    (contact,) = launches.follow(equations.contact, _rounded(LAUNCHES.contact_beyond, hop.half_contact))
     _check_contacts(mechanics, contact, places.lower())
     _check_apart(mechanics, motions, contact)
     stated = enclosure_of(losses / speed.root(3))

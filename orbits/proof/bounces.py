@@ -25,11 +25,8 @@ from ..exact.exact_linear import inner_product, solved
 from ..exact.expressions import along, derivative_by, expression, substitute, symbol, total
 from ..exact.refusal import Unproved
 from ..exact.statement import ExactStatement, HalfOrbit, unknown
-from .landings import CELLS_OF_WINDOW, JerkIntegrals
-from .launches import Flight, Launches, motions_of, states_between
-
-# The largest ratio of the time between the landings to that by which the first one is early; to leading order it is 3.
-LATEST_BOUNCE = 4.5
+from .landings import JerkIntegrals
+from .launches import LAUNCHES, Flight, Launches, motions_of, states_between
 
 
 @dataclass(frozen=True)
@@ -83,13 +80,13 @@ class Bounces:
     def second(self, states: list[arb], early: arb, rising: arb) -> _SecondLanding:
         """The second landing of launches that land with these states, earlier than the hop by `early`, where
         afterwards the acceleration of the gap is `rising` times that time; raises `Unproved`."""
-        length = LATEST_BOUNCE * early.upper()
+        length = LAUNCHES.latest_bounce * early.upper()
         (motion,) = motions_of(self.equations, [*self._landed(states), length])
-        cell, jerks, end = length / CELLS_OF_WINDOW, JerkIntegrals(), arb(0)
+        cell, jerks, end = length / LAUNCHES.cells, JerkIntegrals(), arb(0)
         found, rate = list[tuple[arb, ...]](), None
-        for i in range(CELLS_OF_WINDOW):
+        for i in range(LAUNCHES.cells):
             begin, end = end, end + cell
-            inside = states_between(motion, arb(i) / CELLS_OF_WINDOW, arb(i + 1) / CELLS_OF_WINDOW, 1)
+            inside = states_between(motion, arb(i) / LAUNCHES.cells, arb(i + 1) / LAUNCHES.cells, 1)
             jerk, mass, place, own, after = (
                 reduce(arb.union, each) for each in zip(*map(self._program, inside), strict=True)
             )
@@ -111,9 +108,9 @@ def losses_with_bounce(
     launches: Launches, flight: Flight, bounces: Bounces, reach: arb
 ) -> tuple[arb, arb, list[Motion]]:
     """As `losses_at_landing`, with the flights between the landings."""
-    power, cell, jerks, end = launches.power(), flight.window / CELLS_OF_WINDOW, JerkIntegrals(), arb(0)
+    power, cell, jerks, end = launches.power(), flight.window / LAUNCHES.cells, JerkIntegrals(), arb(0)
     found, rate, motions = list[tuple[arb, arb]](), None, list[Motion]()
-    for _ in range(CELLS_OF_WINDOW):
+    for _ in range(LAUNCHES.cells):
         begin, end = end, end + cell
         here, height, early = flight.landing(-end, -begin), jerks.thrice, between(begin, end)
         if not (here.jerk > 0 and here.gap_by_speed < 0 and here.mass > 0 and power > 0):

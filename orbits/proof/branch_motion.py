@@ -22,11 +22,8 @@ from ..exact.expressions import symbol
 from ..exact.refusal import TooLong, Unproved
 from ..exact.statement import unknown
 from .branch_claim import Solver
-from .branch_piece import CurveEquations, CurvePiece, parts_between
+from .branch_piece import BRANCHES, CurveEquations, CurvePiece, parts_between
 from .case import CONDITIONS, NO_CONTACT, PROVED, UNDECIDED, counted_family, motion_conditions
-
-# How often a part of a piece is halved where no contact is proved, and where a sign is undecided.
-HALVINGS_OF_CONTACT, HALVINGS_OF_SIGNS = 4, 7
 
 
 @dataclass(frozen=True)
@@ -92,8 +89,8 @@ class MotionChecks:
         """The verdicts on the motions between two places of a piece, in order; raises `Unproved` where the flights
         are not even enclosed."""
         flight, found = self._flight(piece), list[MotionStretch]()
-        for first, last, contact in self._contacts(piece, low, high, HALVINGS_OF_CONTACT):
-            waiting = [(*part, HALVINGS_OF_SIGNS) for part in parts_between(first, last)[::-1]]
+        for first, last, contact in self._contacts(piece, low, high, BRANCHES.halvings_of_contact):
+            waiting = [(*part, BRANCHES.halvings_of_signs) for part in parts_between(first, last)[::-1]]
             while waiting:
                 begin, end, left = waiting.pop()
                 stretch = self._decided(piece, flight, contact, begin, end)

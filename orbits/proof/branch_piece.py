@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from flint import arb, arb_mat, arb_poly
@@ -23,10 +23,35 @@ from ..exact.stated import StatedMachine
 from ..exact.statement import HalfOrbit
 from .branch_claim import Solver
 
-# The largest size of the last coefficients of a piece's polynomials, relative to the first; else it is too long.
-LAST_COEFFICIENTS = 1e-9
-# Parts of a piece on which signs are decided, the most halvings of a part, and the most undecided parts to halve.
-PARTS_OF_PIECES, HALVINGS_OF_PIECES, MOST_UNDECIDED = 4, 40, 12
+
+class BranchOptions(NamedTuple):
+    """The pieces of a proved curve: where they begin and end, what is decided on their parts, and folds on them."""
+
+    # Largest size of the last coefficients of a piece's polynomials, relative to the first; else it is too long.
+    last_coefficients: float = 1e-9
+    parts: int = 4  # of a piece on which signs are decided
+    halvings: int = 40  # of such a part, at most
+    undecided: int = 12  # parts to halve, at most
+    halvings_of_contact: int = 4  # of a part of a piece on which no contact is proved
+    halvings_of_signs: int = 7  # of a part of a piece on which a sign is undecided
+    # Share of the parameter in the motion along the curve from which on it is the coordinate of a piece, else the
+    # launch speed.
+    share_of_parameter: float = 0.5
+    share_to_stay: float = 0.25  # share of the parameter down to which it remains the coordinate
+    # Share of its length by which a piece begins and ends farther out where the coordinate changes.
+    margin_at_joints: float = 0.02
+    first_reach: int = 64  # points of the family that the first piece tries to cover
+    longer: int = 4  # factor by which the next piece tries to cover more
+    inserted: int = 400  # points between those of the family, at most
+    closest: float = 1e-7  # points, relative to the coordinate
+    about_fold: float = 0.05  # least length of the shorter piece about a fold, as a share of its piece
+    about_undecided: float = 2.0  # least length of the shorter piece as a multiple of the undecided part at the fold
+    margin_of_undecided: float = 1e-6  # on either side of the undecided part, for roundings
+    # Size of the box that is to hold no other fold, relative to the enclosure of the folds on the curve.
+    room_at_fold: int = 4
+
+
+BRANCHES = BranchOptions()
 
 
 class CurveEquations:
@@ -156,7 +181,7 @@ def prove_piece(
     """The piece on which a coordinate runs from one value to another. Raises `Unproved`, and an `OrbitsError` where the
     numerical curve is lost."""
     columns, models, last = numerical_piece(equations, solve, guess, coordinate, start, stop)
-    if not last <= LAST_COEFFICIENTS:
+    if not last <= BRANCHES.last_coefficients:
         raise Unproved("a piece of the curve is too long for its polynomials")
     others = [i for i in range(len(models)) if i != coordinate]
     tube = prove_tube(equations.legs, models, others, [arb(0)] * len(models))
@@ -167,7 +192,7 @@ def prove_piece(
 
 def _check_whole(piece: CurvePiece) -> None:
     """Prove that alpha and the times are positive, and formulas have values, on the whole piece."""
-    waiting = [(part, HALVINGS_OF_PIECES // 4) for part in parts_between(-1.0, 1.0)]
+    waiting = [(part, BRANCHES.halvings // 4) for part in parts_between(-1.0, 1.0)]
     legs = [*zip(piece.equations.legs, piece.tube.values.steps, strict=True)]
     while waiting:
         (low, high), left = waiting.pop()
@@ -186,7 +211,7 @@ def _check_whole(piece: CurvePiece) -> None:
 
 def parts_between(low: float, high: float) -> list[tuple[float, float]]:
     """Parts of the places between two floats, in order."""
-    ends = [low + (high - low) * k / PARTS_OF_PIECES for k in range(PARTS_OF_PIECES)] + [high]
+    ends = [low + (high - low) * k / BRANCHES.parts for k in range(BRANCHES.parts)] + [high]
     return [*itertools.pairwise(ends)]
 
 
@@ -200,8 +225,8 @@ def signs_along(piece: CurvePiece, low: float, high: float) -> list[tuple[float,
     """The signs of the parameter's derivative between two places, in order: runs (low, high, sign) of parts with the
     same sign, 0 where it is undecided even on short parts."""
     parts = [(*each, piece.turning(arb(each[0]).union(arb(each[1])))) for each in parts_between(low, high)]
-    for _ in range(HALVINGS_OF_PIECES):
-        if not 0 < sum(sign == 0 for _, _, sign in parts) <= MOST_UNDECIDED:
+    for _ in range(BRANCHES.halvings):
+        if not 0 < sum(sign == 0 for _, _, sign in parts) <= BRANCHES.undecided:
             break
         finer = list[tuple[float, float, int]]()
         for first, last, sign in parts:

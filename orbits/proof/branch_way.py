@@ -16,23 +16,8 @@ from ..balls.tube import narrowed
 from ..errors import OrbitsError
 from ..exact.refusal import TooLong, Unproved
 from .branch_claim import BranchClaim
-from .branch_piece import CurveEquations, CurvePiece, floats_about, inside, prove_piece, signs_along
+from .branch_piece import BRANCHES, CurveEquations, CurvePiece, floats_about, inside, prove_piece, signs_along
 from .proved_fold import proved_fold
-
-# The parameter is the coordinate of a piece where its share of the motion along the curve is at least the first, else
-# the launch speed; where the parameter is the coordinate already, it remains so down to the second.
-SHARE_OF_PARAMETER, SHARE_TO_STAY = 0.5, 0.25
-# A piece whose coordinate is not that of the one before begins and ends farther out by this share of its length.
-MARGIN_AT_JOINTS = 0.02
-# Points of the family that the first piece tries to cover, and the factor by which the next one tries to cover more.
-FIRST_REACH, LONGER = 64, 4
-# The most points inserted between those of the family, and the least distance to the next, relative to the coordinate.
-MOST_INSERTED, CLOSEST = 400, 1e-7
-# The length of the shorter piece about a fold, as a share of its piece and of the undecided part there; and the margin
-# on either side with which the undecided part is checked on it, which covers roundings.
-ABOUT_FOLD, ABOUT_UNDECIDED, MARGIN_OF_UNDECIDED = 0.05, 2.0, 1e-6
-# The size of the box that is to hold no other fold, relative to the enclosure of the folds on the curve.
-ROOM_AT_FOLD = 4
 
 
 @dataclass(frozen=True)
@@ -91,7 +76,7 @@ class Way:
 
     def followed(self) -> list[Link]:
         """The pieces from the first end to the last; raises `Unproved` where there is a gap between two."""
-        links, at, reach = list[Link](), 0, FIRST_REACH
+        links, at, reach = list[Link](), 0, BRANCHES.first_reach
         while at < len(self.points) - 1:
             to = min(at + reach, len(self.points) - 1)
             try:
@@ -103,7 +88,7 @@ class Way:
                     self._insert(at, error)
                 reach = max((to - at) // 2, 1)
                 continue
-            reach, at = LONGER * (to - at), to
+            reach, at = BRANCHES.longer * (to - at), to
         return links
 
     def _insert(self, at: int, error: Exception) -> None:
@@ -116,7 +101,8 @@ class Way:
         if coordinate is None:
             raise Unproved(message)
         middle = (here[coordinate] + there[coordinate]) / 2
-        if self._inserted > MOST_INSERTED or abs(there - here)[coordinate] < CLOSEST * abs(here[coordinate]):
+        closest = BRANCHES.closest * abs(here[coordinate])
+        if self._inserted > BRANCHES.inserted or abs(there - here)[coordinate] < closest:
             raise Unproved(message)
         try:
             rows, _ = self.solve(coordinate, np.array([middle]), (here + there)[None] / 2)
@@ -130,7 +116,8 @@ class Way:
         parameter, speed = self.equations.parameter, self.equations.speed
         columns, moves = np.array(self.points[at : to + 1]), np.abs(self._tangents[at : to + 1])
         ratio = moves[:, parameter] * self._shares[0] / np.maximum(moves[:, speed] * self._shares[1], 1e-300)
-        share = SHARE_TO_STAY if before is not None and before.piece.coordinate == parameter else SHARE_OF_PARAMETER
+        stays = before is not None and before.piece.coordinate == parameter
+        share = BRANCHES.share_to_stay if stays else BRANCHES.share_of_parameter
         order = (parameter, speed) if (ratio >= share).all() else (speed, parameter)
         for coordinate in order:
             steps = np.diff(columns[:, coordinate])
@@ -145,7 +132,7 @@ class Way:
         if coordinate is None:
             raise Unproved("neither the parameter nor the launch speed runs one way")
         start, stop = (Fraction(Decimal(repr(float(self.points[i][coordinate])))) for i in (at, to))
-        margin, exact = (stop - start) * Fraction(MARGIN_AT_JOINTS), coordinate == equations.parameter
+        margin, exact = (stop - start) * Fraction(BRANCHES.margin_at_joints), coordinate == equations.parameter
         joined = False
         if before is not None and before.piece.coordinate == coordinate:
             joined, start = True, before.piece.stop
@@ -210,7 +197,8 @@ class Way:
     def _fold(self, piece: CurvePiece, first: float, last: float) -> Fold:
         """The only fold on a part of a piece, outside of which the parameter does not turn."""
         equations, middle = self.equations, (first + last) / 2
-        reach, half = max(ABOUT_FOLD, ABOUT_UNDECIDED * (last - first)), float(piece.stop - piece.start) / 2
+        reach = max(BRANCHES.about_fold, BRANCHES.about_undecided * (last - first))
+        half = float(piece.stop - piece.start) / 2
         centre = float(piece.start + piece.stop) / 2 + half * middle
         start, stop = (Fraction(Decimal(repr(centre + side * reach * half))) for side in (-1, 1))
         whole, piece = piece, prove_piece(equations, self.solve, piece.numerical, piece.coordinate, start, stop)
@@ -219,9 +207,9 @@ class Way:
         # The direction of the curve is enclosed better on a narrower tube.
         piece = replace(piece, tube=narrowed(equations.legs, piece.tube))
         low, high = (float(piece.place(whole.value(each)).mid()) for each in (first, last))
-        if not -1 < low - MARGIN_OF_UNDECIDED <= high + MARGIN_OF_UNDECIDED < 1:
+        if not -1 < low - BRANCHES.margin_of_undecided <= high + BRANCHES.margin_of_undecided < 1:
             raise Unproved("the parameter turns too near to the end of a piece")
-        runs = signs_along(piece, low - MARGIN_OF_UNDECIDED, high + MARGIN_OF_UNDECIDED)
+        runs = signs_along(piece, low - BRANCHES.margin_of_undecided, high + BRANCHES.margin_of_undecided)
         if len(runs) != 3 or runs[0][2] * runs[2][2] != -1:
             raise Unproved("the parameter is not proved to turn once at a fold")
         s, largest = arb(runs[1][0]).union(arb(runs[1][1])), runs[0][2] > 0
@@ -232,7 +220,7 @@ class Way:
         value = guess.pop(equations.along)
         seen = balls | {f"d{name}": each for name, each in directions.items() if name != "alpha"}
         with ctx.workprec(FIRST_BITS):
-            near = {name: ROOM_AT_FOLD * each.rad() for name, each in seen.items()}
+            near = {name: BRANCHES.room_at_fold * each.rad() for name, each in seen.items()}
             fold = proved_fold(equations.stated, guess, towards, equations.along, value, self.digits, near)
         alone = fold.alone_in()
         if not all(box.contains(seen[name]) for name, box in alone.items()):

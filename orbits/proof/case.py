@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from math import isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 from flint import arb, ctx
 
@@ -25,19 +25,29 @@ from ..exact.stated import StatedMachine
 from ..exact.statement import ExactStatement, HalfOrbit
 from ..model.machine import Machine, machine_in_words
 from .attraction import Attraction, Hop, attraction_of
-from .digits import DEFAULT_BITS, bits_of_digits, with_enough_digits
+from .digits import DIGITS, bits_of_digits, with_enough_digits
 from .loss import Loss, enclosed_loss
 from .sticking_friction import check_friction
 from .theorem import Part, Proof
 from .wording import attraction_sentence, loss_sentence, motion_sentence, root_sentence
 
-# An orbit's alpha is correct if it is within this multiple of its own error plus a few units of the last place.
-ERRORS_OF_ALPHA, CLAIM_ROUNDINGS = 2.0, 8 * 2.0**-52
-# Its other numbers are correct to this share of them plus this multiple of its error: the orbit bounds no errors of
-# theirs, and they are correct to some roundings.
-SHARE_OF_OTHERS, ERRORS_OF_OTHERS = 1e-11, 1e3
-# The equations of runs with tuned numbers are ill-conditioned: no wider box is proved, as a share of the unknowns.
-SHARE_OF_RUNS = 2.0**-34
+
+class ClaimOptions(NamedTuple):
+    """How near the numbers of a claim are to those that are proved."""
+
+    errors_of_alpha: float = 2.0  # error of alpha that is allowed, as a multiple of its own bound
+    roundings: float = 8 * 2.0**-52  # share of alpha that is allowed in addition, a few units of the last place
+    share_of_others: float = 1e-11  # share of other numbers that is allowed, as they are correct to some roundings
+    # Multiple of the error of alpha that is allowed in other numbers in addition: an orbit bounds no errors of theirs.
+    errors_of_others: float = 1e3
+    # Widest box of a run with tuned numbers, as a share of the unknowns: its equations are ill-conditioned.
+    share_of_runs: float = 2.0**-34
+    roundings_of_map: float = 512 * 2.0**-52  # share of a fixed point of the map that is allowed
+    share_of_slope: float = 1e-6  # share of the multiplier of a hop that is allowed
+    share_of_flip: float = 1e-9  # share of a range to which a period doubling is located
+
+
+CLAIMS = ClaimOptions()
 NO_CONTACT = "the orbit has no contact that ends, of which anything could be proved"
 PROVED, REFUTED, UNDECIDED = "proved", "refuted", "undecided"
 MAIN_UNKNOWNS = ("alpha", "flight_time", "contact_time")
@@ -226,7 +236,7 @@ def existence_of(claim: Claim, stated: StatedMachine, with_contact: bool, digits
         raise Unproved(f"the orbit has no {missing[0]}")
     equations = Equations(statement, IntervalParameters(stated.of_motion))
     guess = [claim.unknowns[name] / float(half.unit_of(name)) for name in statement.unknowns]
-    boxes = [[arb(SHARE_OF_RUNS) * (1 + abs(each)) for each in guess]] if stated.sticks else []
+    boxes = [[arb(CLAIMS.share_of_runs) * (1 + abs(each)) for each in guess]] if stated.sticks else []
     root = prove_root(equations, guess, bits_of_digits(digits), boxes)
     return _existence(half, statement, equations, root, digits)
 
@@ -254,7 +264,7 @@ def _existence(
 
 def _widened_enclosure(ball: arb, digits: int | None) -> Enclosure:
     """An enclosure of positive width: one of width 0 could not be verified by another method."""
-    bits = max(bits_of_digits(digits), DEFAULT_BITS)
+    bits = max(bits_of_digits(digits), DIGITS.default_bits)
     return enclosure_of(ball if ball.rad() > 0 else ball + arb(0, abs(ball) * arb(2) ** -bits), digits)
 
 
@@ -338,7 +348,7 @@ def _check_losses(found: ProvedExistence, claim: Claim, what: str, names: str) -
 def wrong_numbers(found: ProvedExistence, claim: Claim) -> list[str]:
     """The reasons why the orbit's alpha and times are wrong, in words."""
     reasons = list[str]()
-    error = ERRORS_OF_ALPHA * claim.error + CLAIM_ROUNDINGS * abs(claim.alpha)
+    error = CLAIMS.errors_of_alpha * claim.error + CLAIMS.roundings * abs(claim.alpha)
     balls = found.balls
     if not isfinite(error) or not (balls["alpha"] + arb(0, error)).overlaps(arb(claim.alpha)):
         claimed = f"the orbit says {claim.alpha!r} with an error of {claim.error:.1e}"
@@ -354,7 +364,7 @@ def wrong_numbers(found: ProvedExistence, claim: Claim) -> list[str]:
 
 def _agrees(ball: arb, claimed: float, claim: Claim) -> bool:
     """Whether an enclosed number agrees with an orbit's, within the orbit's error."""
-    error = SHARE_OF_OTHERS * max(abs(claimed), claim.alpha * 1e-3) + ERRORS_OF_OTHERS * claim.error
+    error = CLAIMS.share_of_others * max(abs(claimed), claim.alpha * 1e-3) + CLAIMS.errors_of_others * claim.error
     return isfinite(error) and isfinite(claimed) and bool((ball + arb(0, error)).overlaps(arb(claimed)))
 
 

@@ -1,18 +1,23 @@
 """The digits of a proof: those that are requested, and more where these are too few to decide a condition."""
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from ..errors import InputError
 from ..exact.refusal import Unproved, check_proof_time
 
-BITS_PER_DIGIT = 3.33
-# The bits of an enclosure by default.
-DEFAULT_BITS = 60
-MOST_DIGITS = 300
-# Where enclosures are too wide to decide something, their digits are doubled at most this many times, and are at least
-# the second number.
-MOST_RAISES, FEWEST_RAISED = 2, 30
+
+class DigitOptions(NamedTuple):
+    """The precision of enclosures."""
+
+    bits_per_digit: float = 3.33  # a little more than log2(10)
+    default_bits: int = 60  # of an enclosure whose digits are not stated
+    most: int = 300  # digits of an enclosure
+    raises: int = 2  # how often digits are doubled where enclosures are too wide to decide something
+    fewest_raised: int = 30  # digits after the first doubling
+
+
+DIGITS = DigitOptions()
 
 T = TypeVar("T")
 
@@ -20,15 +25,15 @@ T = TypeVar("T")
 def checked_digits(digits: int | None) -> int | None:
     """A valid number of digits; raises `InputError` for another."""
     if digits is not None and (
-        isinstance(digits, bool) or not (isinstance(digits, int) and 1 <= digits <= MOST_DIGITS)
+        isinstance(digits, bool) or not (isinstance(digits, int) and 1 <= digits <= DIGITS.most)
     ):
-        raise InputError(f"digits = {digits!r}; it is a whole number from 1 to {MOST_DIGITS}")
+        raise InputError(f"digits = {digits!r}; it is a whole number from 1 to {DIGITS.most}")
     return digits
 
 
 def bits_of_digits(digits: int | None) -> int:
     """The number of bits that enclose a number of decimal digits; the default for None."""
-    return DEFAULT_BITS if digits is None else int(BITS_PER_DIGIT * (digits + 2))
+    return DIGITS.default_bits if digits is None else int(DIGITS.bits_per_digit * (digits + 2))
 
 
 def with_enough_digits(
@@ -41,8 +46,8 @@ def with_enough_digits(
     undecided : whether more digits may decide more of that
     """
     found = attempt(digits, None)
-    for _ in range(MOST_RAISES):
-        more = min(max(2 * (digits or 0), FEWEST_RAISED), MOST_DIGITS)
+    for _ in range(DIGITS.raises):
+        more = min(max(2 * (digits or 0), DIGITS.fewest_raised), DIGITS.most)
         if more == digits or not undecided(found):
             break
         try:

@@ -13,10 +13,8 @@ from flint import arb
 
 from ..balls.rigorous_step import between
 from ..exact.refusal import Unproved
-from .launches import PARTS_OF_PIECE, Flight, Launches
+from .launches import LAUNCHES, Flight, Launches
 
-# The number of parts of the window on which landings are enclosed, and of passes over the means on each.
-CELLS_OF_WINDOW, PASSES_OVER_MEANS = 24, 3
 NO_TIME = arb(0)
 
 
@@ -56,7 +54,7 @@ class JerkIntegrals:
         if self.time > 0:
             t, moved = self.time, between(arb(0), length)
             s = t + moved
-            for _ in range(PASSES_OVER_MEANS):
+            for _ in range(LAUNCHES.passes):
                 flat = flat.intersection(self.once / t + moved / s * (jerk - flat))
                 linear = linear.intersection(2 * self.twice / t**2 + 2 * moved / s * (flat - linear))
                 square = square.intersection(6 * self.thrice / t**3 + 3 * moved / s * (linear - square))
@@ -70,12 +68,12 @@ def losses_at_landing(launches: Launches, flight: Flight, reach: arb) -> tuple[a
     It is proved too that the next launch is faster than the hop, and that the coordinate at landing is below the place
     of that launch and falls.
     """
-    near = flight.landing(-flight.window, arb(0), PARTS_OF_PIECE)
+    near = flight.landing(-flight.window, arb(0), LAUNCHES.parts)
     if not (near.jerk > 0 and near.gap_by_speed > 0):
         raise Unproved("before the landing of the hop the gap is not proved to exceed the hop's")
-    power, cell, jerks, end = launches.power(), flight.window / CELLS_OF_WINDOW, JerkIntegrals(), arb(0)
+    power, cell, jerks, end = launches.power(), flight.window / LAUNCHES.cells, JerkIntegrals(), arb(0)
     found = list[tuple[arb, arb, arb]]()  # c, place and rate
-    for _ in range(CELLS_OF_WINDOW):
+    for _ in range(LAUNCHES.cells):
         begin, end = end, end + cell
         here = flight.landing(begin, end)
         if not (here.jerk > 0 and here.gap_by_speed > 0 and here.mass > 0 and power > 0):

@@ -25,12 +25,24 @@ from ..exact.refusal import Unproved
 from ..exact.statement import ExactArc, ExactStatement, HalfOrbit, unknown
 from .loss import launch_expressions
 
-# The precision of the motions in bits; sets of launches are wider by far than its roundings.
-BITS_OF_LAUNCHES = 64
-# The most attempts to enclose the places of all launches, and the factor by which each is widened.
-MOST_WIDENED, PLACE_OF_PLACES = 12, 1.25
-# Parts of each step, on which signs of the states are checked one by one.
-PARTS_OF_PIECE = 8
+
+class LaunchOptions(NamedTuple):
+    """How sets of launches are followed to their landings, and what their windows hold."""
+
+    bits: int = 64  # of the motions: sets of launches are wider by far than roundings
+    widenings: int = 12  # of the places of all launches, until they are enclosed
+    wider: float = 1.25  # factor of each widening
+    parts: int = 8  # of each step, on which signs of the states are checked one by one
+    cells: int = 24  # parts of a window on which landings are enclosed
+    passes: int = 3  # over the means on each cell
+    # Largest ratio of the time between the landings to that by which the first one is early; to leading order it is 3.
+    latest_bounce: float = 4.5
+    decades: int = 6  # of the distances that are tried
+    window_beyond: float = 1.5  # how far the window reaches, relative to the landing predicted by the leading order
+    contact_beyond: float = 1.1  # how far the contact is followed, relative to its middle
+
+
+LAUNCHES = LaunchOptions()
 
 
 @dataclass(frozen=True)
@@ -60,7 +72,7 @@ class Launches:
 
 def motions_of(equations: Equations, box: Sequence[arb]) -> list[Motion]:
     """The motions on the arcs of equations for all unknowns in a box; raises `Unproved`."""
-    with ctx.workprec(BITS_OF_LAUNCHES):
+    with ctx.workprec(LAUNCHES.bits):
         passages = evaluated_on(equations, [each.mid() for each in box], [each.rad() for each in box]).passages
         equations.check_domains(passages)
     return [Motion(leg, passage) for leg, passage in zip(equations.legs, passages, strict=True)]
@@ -77,7 +89,7 @@ def launches_beyond(half: HalfOrbit, place: arb, speed: arb, reach: arb) -> Laun
     by_place = derivative_by(lifted, own["liftoff"])
     program = BallProgram([*own.values()], [-derivative_by(lifted, own["alpha"]) / by_place, by_place])
     speeds, places = between(speed, speed + reach), _widened_ball(place)
-    for _ in range(MOST_WIDENED):
+    for _ in range(LAUNCHES.widenings):
         slope, rises = program([places, speeds])
         curve = place + slope * between(arb(0), reach)
         if rises.contains(0) or not curve.is_finite():
@@ -92,8 +104,8 @@ def _widened_ball(value: arb) -> arb:
     """A wider ball, which also holds the ball's bounds as decimals."""
     return (
         value.mid()
-        + PLACE_OF_PLACES * (value - value.mid())
-        + arb(0, (1 + abs(value)).abs_upper() * 2.0**-BITS_OF_LAUNCHES)
+        + LAUNCHES.wider * (value - value.mid())
+        + arb(0, (1 + abs(value)).abs_upper() * 2.0**-LAUNCHES.bits)
     )
 
 
@@ -218,7 +230,7 @@ def states_between(motion: Motion, low: arb, high: arb, parts: int) -> Iterator[
 
 def comes_below(contact: Motion, place: arb) -> bool:
     """Whether all motions of a contact are proved to pass below a place while they fall."""
-    for states in states_between(contact, arb(0), arb(1), PARTS_OF_PIECE):
+    for states in states_between(contact, arb(0), arb(1), LAUNCHES.parts):
         if not states[1] < 0:
             return False
         if states[0] < place:

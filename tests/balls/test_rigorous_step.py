@@ -12,7 +12,7 @@ from flint import arb, ctx
 from orbits.balls.crossing import NO_BREAKPOINTS
 from orbits.balls.enclosure import follow_centre
 from orbits.balls.programs import ball_of_fraction
-from orbits.balls.rigorous_step import MOST_BY_PICARD, ball_coefficients, between, picard_coefficients, take_step
+from orbits.balls.rigorous_step import SETS, ball_coefficients, between, picard_coefficients, take_step
 from orbits.exact.refusal import Unproved
 
 GROWTH = system_of(1, lambda x: [x[0]])
@@ -171,7 +171,7 @@ def test_coefficients_of_states_in_parts_are_those_of_the_solution(name):
 def test_coefficients_beyond_those_of_picard(name):
     """Newton's iteration doubles their number, more than once; the exact ones are rational."""
     system, _, start = CLOSED_FORMS[name]
-    order = 4 * MOST_BY_PICARD + 3
+    order = 4 * SETS.most_by_picard + 3
     found = ball_coefficients(system, [arb(value) for value in start], order)
     x, *speed = map(Fraction, start)
     for k in range(order + 1):

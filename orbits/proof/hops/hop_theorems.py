@@ -59,7 +59,7 @@ from ...exact.refusal import NOT_ACROSS, Undecided, Unproved
 from ...exact.stated import Bounds, Decimals, StatedMachine, exact_bounds, range_text, stated_machine
 from ...exact.statement import unknown
 from ...model.machine import Machine, machine_in_words
-from ..case import PROVED, not_stated
+from ..case import CLAIMS, PROVED, not_stated
 from ..digits import with_enough_digits
 from ..theorem import Part, Proof
 from ..wording import enclosed_words
@@ -68,10 +68,6 @@ from .hop_jets import Jet, doubling_statement, next_jet, pace_of
 from .hop_word import HopWord
 from .proved_hop import ProvedHop, conditions_of_hop, proved_hop
 
-# A fixed point of the map is correct to within this many roundings of the map, and its multiplier to this share.
-FOUND_TO, SLOPE_FOUND_TO = 512 * 2.0**-52, 1e-6
-# A flip is located to this share of a range.
-FLIP_FOUND_TO = 1e-9
 MAP_IN_WORDS = (
     "A hop flies from a lift-off, with the launch speed alpha, until the gap closes, and lands plastically; where the "
     "contact would have to pull it leaves at once and flies on, else it stays until the contact force vanishes, and "
@@ -272,11 +268,12 @@ def _wrong_claims(found: ProvedHop, multiplier: arb, said: SaidHops | None) -> l
     hop, reasons, who = found.base, list[str](), "fixed point says" if len(said.launches) == 1 else "hops say"
     along = max(1.0, 1 / float(abs(1 - multiplier).abs_lower() + arb(2) ** -60))
     for name, place in zip(hop.word.launches, said.launches, strict=True):
-        if not (found.ball(name) + arb(0, FOUND_TO * abs(place) * along + said.error)).overlaps(arb(place)):
+        allowed = arb(0, CLAIMS.roundings_of_map * abs(place) * along + said.error)
+        if not (found.ball(name) + allowed).overlaps(arb(place)):
             enclosed = enclosure_of(found.ball(name))
             reasons.append(f"{name}: the {who} {place!r}, outside the enclosure {enclosed}")
     slope = said.multiplier
-    if slope is not None and not (multiplier + arb(0, SLOPE_FOUND_TO * (1 + abs(slope)))).overlaps(arb(slope)):
+    if slope is not None and not (multiplier + arb(0, CLAIMS.share_of_slope * (1 + abs(slope)))).overlaps(arb(slope)):
         reasons.append(f"multiplier: the {who} {slope!r}, outside {enclosure_of(multiplier)}")
     if said.impacts is not None and said.impacts != hop.word.impacts:
         reasons.append(f"impacts: the {who} {said.impacts}, and the equations are those of {hop.word.impacts}")
@@ -314,7 +311,7 @@ def _of_doubling(case: _Case, guess: HopGuess, said: tuple[float, float]) -> _Re
             f"of its third derivative are together in {enclosures['cubic_coefficient']}."
         )
     for name, value in zip((INJECTION, "alpha"), said, strict=True):
-        if not (found.ball(name) + arb(0, FLIP_FOUND_TO * (1 + abs(value)))).overlaps(arb(value)):
+        if not (found.ball(name) + arb(0, CLAIMS.share_of_flip * (1 + abs(value)))).overlaps(arb(value)):
             reasons.append(f"{name}: the flip says {value!r}, outside the enclosure {enclosure_of(found.ball(name))}")
     return _Result(found, enclosures, words, motion.conditions, reasons, motion.undecided)
 
