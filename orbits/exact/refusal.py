@@ -1,6 +1,7 @@
 """Exceptions of a proof that does not succeed or takes too long, which is no error but a result."""
 
-from ..running import interrupts, time_limit
+from ..running import interrupts
+from ..running.time_limit import TimeOver
 
 # Why some theorems need a law without pieces.
 NOT_ACROSS = "second derivatives are not enclosed across the breakpoints of a law in pieces, or of a table"
@@ -22,5 +23,5 @@ def check_proof_time() -> None:
     """Raise `TooLong` where the time limit is reached; a long proof says here that it goes on."""
     try:
         interrupts.heed()
-    except time_limit.TimeOver as over:
+    except TimeOver as over:
         raise TooLong(str(over)) from None

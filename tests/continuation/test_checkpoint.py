@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError
 
 import numpy as np
@@ -95,8 +96,8 @@ def test_what_cannot_be_resumed_or_watched_is_said(softening_family):
 def test_a_file_that_cannot_be_written_is_refused_before_the_run(tmp_path, monkeypatch):
     machine = Hopper("cubic")
     family = follow(machine, "beta", 1.0, 0.0, most=2)
-    for name in ("follow.begin_run", "follow.FamilyProblem", "follow_event.run_along_event"):
-        monkeypatch.delattr(f"orbits.continuation.{name}")
+    for module, name in (("follow", "begin_run"), ("follow", "FamilyProblem"), ("follow_event", "run_along_event")):
+        monkeypatch.delattr(import_module(f"orbits.continuation.{module}"), name)
     for name, reason in (("missing/x.jsonl", "there is no folder"), ("x.txt", "its name needs an ending, .jsonl")):
         path = tmp_path / name
         with pytest.raises(InputError, match=reason):

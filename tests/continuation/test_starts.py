@@ -1,6 +1,7 @@
 """Starts from linear hops, against the same machine in other words and against DOP853."""
 
 from functools import cache
+from importlib import import_module
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,8 +9,9 @@ import pytest
 from conftest import slow_after
 from scipy.integrate import solve_ivp
 
-import orbits.continuation.starts as room
 from orbits import InputError, Mechanism, find, starts
+from orbits.continuation.starts import _straight_line
+from orbits.laws.law_statement import from_formula
 from orbits.mechanics import Damper, Force, Mass, Spring
 from problems import Hopper, plate_hopper
 from problems.laws import springs
@@ -135,7 +137,7 @@ def test_a_search_that_is_stopped_says_so(caplog, monkeypatch):
     assert shares[-1] == 1.0
 
     now = [0.0]
-    monkeypatch.setattr("orbits.running.time_limit.time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr(import_module("orbits.running.time_limit"), "time", SimpleNamespace(monotonic=lambda: now[0]))
 
     def slow(seconds: float) -> None:
         now[0] += seconds
@@ -181,5 +183,5 @@ def test_machines_without_linear_hops_are_refused_by_name(elements, more, tellin
 
 def test_the_zero_of_a_force_with_another_one():
     """(r - 0.3)(r + 4) vanishes at 0.3, near rest, with the slope 4.3, and elsewhere."""
-    law = room.from_formula("(r - 0.3)*(r + 4)", "r")
-    assert room._straight_line(law) == pytest.approx((4.3, 0.3), rel=1e-12)
+    law = from_formula("(r - 0.3)*(r + 4)", "r")
+    assert _straight_line(law) == pytest.approx((4.3, 0.3), rel=1e-12)

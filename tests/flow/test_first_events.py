@@ -1,6 +1,7 @@
 """The first zeros of a gap, grazing ones among them: against closed forms, and many motions against each alone."""
 
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -9,7 +10,6 @@ from many_at_once import MACHINES
 
 from orbits import ReturnMap
 from orbits.errors import FlowError, OutOfRange
-from orbits.flow import first_events as search
 from orbits.flow.first_events import FirstOf, _Search, first_events, first_zero, until_zero
 from orbits.flow.flow import CLOSED_FORM, Flow, flow_of
 from orbits.flow.taylor import Watch
@@ -60,12 +60,14 @@ def test_a_flight_that_takes_too_many_steps_is_given_up(monkeypatch):
     assert begins[0] < begins[1]
     assert length == pytest.approx(1 / 3)
     for most, lost in ((begins[1] - 0.5 * block, [1]), (begins[1] + 0.5 * block, [])):
-        monkeypatch.setattr(search, "CLOSED_FORM", CLOSED_FORM._replace(most_steps=most / length))
+        monkeypatch.setattr(
+            import_module("orbits.flow.first_events"), "CLOSED_FORM", CLOSED_FORM._replace(most_steps=most / length)
+        )
         found, *_, failed = first_events(impacts.flight, starts, impacts.p, impacts.flight_watch, np.inf, 3)
         assert list(failed) == lost
         kept = [i for i in range(2) if i not in lost]
         assert found[kept] == pytest.approx(times[kept], rel=1e-15)
-    monkeypatch.setattr(search, "CLOSED_FORM", CLOSED_FORM._replace(most_steps=0.0))
+    monkeypatch.setattr(import_module("orbits.flow.first_events"), "CLOSED_FORM", CLOSED_FORM._replace(most_steps=0.0))
     _, *_, failed = first_events(impacts.flight, starts, impacts.p, impacts.flight_watch, np.inf, 3)
     assert "takes too many steps" in str(failed[1])
 

@@ -1,5 +1,7 @@
 """Guesses of launch speeds: found below the limit of a spring, and given up soon where there are none."""
 
+from importlib import import_module
+
 import numpy as np
 import pytest
 
@@ -22,8 +24,7 @@ def test_saturating_spring_has_none_above_its_limit():
 
 def test_a_fold_is_searched_once(monkeypatch):
     """Beyond the fold of cubic springs the lateness has a minimum above zero before the barrier."""
-    from orbits.periodic import guess as launch
-
+    launch = import_module("orbits.periodic.guess")
     runs, count = launch.half_oscillation, []
     monkeypatch.setattr(launch, "half_oscillation", lambda *a: (count.append(1), runs(*a))[1])
     with pytest.raises(NoOrbit, match="does not come back"):
@@ -33,8 +34,7 @@ def test_a_fold_is_searched_once(monkeypatch):
 
 @pytest.mark.parametrize("spring", ["r**2", "exp(r)/2"])
 def test_a_spring_that_never_pushes_is_soon_refused(spring, monkeypatch):
-    from orbits.periodic import guess as launch
-
+    launch = import_module("orbits.periodic.guess")
     runs, count = launch.half_oscillation, []
     monkeypatch.setattr(launch, "half_oscillation", lambda *a: (count.append(1), runs(*a))[1])
     with pytest.raises(NoOrbit, match=r"does not come back|none up to"):

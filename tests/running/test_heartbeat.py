@@ -2,6 +2,7 @@
 
 import logging
 from contextlib import nullcontext
+from importlib import import_module
 
 import pytest
 
@@ -57,7 +58,8 @@ def test_a_function_that_fails_is_no_longer_running(clock, caplog):
 def test_steering_is_one_computation(monkeypatch, function, options):
     """From its first orbit to its last nonlinear program, so that it is not silent between them."""
     names = set()
-    monkeypatch.setattr("orbits.running.exclusive.running", lambda name: names.add(name) or nullcontext())
+    started = lambda name: names.add(name) or nullcontext()  # noqa: E731
+    monkeypatch.setattr(import_module("orbits.running.exclusive"), "running", started)
     with pytest.raises(InputError, match="stroke = -1"):
         function(Hopper(), stroke=-1.0, **options)
     assert function.__name__ in names

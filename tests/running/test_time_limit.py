@@ -2,6 +2,7 @@
 
 import time
 from contextlib import ExitStack
+from importlib import import_module
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +13,8 @@ from orbits.curves import Run
 from orbits.running.time_limit import check_time
 from orbits.sweeps import sparse_grid
 from problems import Hopper
+
+MODULE = import_module("orbits.running.time_limit")
 
 
 class TestTimeLimit:
@@ -37,7 +40,7 @@ class TestTimeLimit:
         with time_limit(60.0):
             family = follow(
                 Hopper("cubic", rest_length=9.0), "beta", 0.4,
-                progress=lambda share: share > 0.3 and monkeypatch.setattr("orbits.running.time_limit.time", late),
+                progress=lambda share: share > 0.3 and monkeypatch.setattr(MODULE, "time", late),
             )  # fmt: skip
         assert family.end.kind == "interrupted"
         assert "it takes more than 60 s" in family.end.reason
@@ -56,7 +59,7 @@ class TestTimeLimit:
         machine, late = Hopper("cubic", rest_length=9.0), SimpleNamespace(monotonic=lambda: np.inf)
 
         def next_batch(*_):
-            monkeypatch.setattr("orbits.running.time_limit.time", late)
+            monkeypatch.setattr(MODULE, "time", late)
             check_time()
 
         monkeypatch.setattr(Run, "advance", next_batch)
@@ -75,7 +78,7 @@ class TestTimeLimit:
         late = SimpleNamespace(monotonic=lambda: np.inf)
 
         def diagram(samples, over):
-            end = lambda state: over(state) and monkeypatch.setattr("orbits.running.time_limit.time", late)  # noqa: E731
+            end = lambda state: over(state) and monkeypatch.setattr(MODULE, "time", late)  # noqa: E731
             with time_limit(60.0):
                 return existence(
                     Hopper("cubic"), "beta", (-0.03, 0.01), "rest_length", (25, 30), samples=samples, progress=end
@@ -110,7 +113,7 @@ def test_the_default_limit_counts_the_processor_time_of_its_thread(monkeypatch):
     """What other threads and programs do takes no time from it; a limit that the user states is one of the clock."""
     now = {"monotonic": 0.0, "process_time": 0.0, "thread_time": 0.0}
     clocks = SimpleNamespace(**{name: lambda name=name: now[name] for name in now})
-    monkeypatch.setattr("orbits.running.time_limit.time", clocks)
+    monkeypatch.setattr(MODULE, "time", clocks)
 
     def work(limit: float | None, *readings: dict[str, float]):
         with time_limit(limit), time_limit(None):
@@ -133,7 +136,7 @@ def test_the_least_of_the_limits_around_holds(limits, until, monkeypatch):
     """A block without a limit of its own has that of the block around it, or 30 s; by clocks of the test."""
     now = [0.0]
     clocks = SimpleNamespace(monotonic=lambda: now[0], thread_time=lambda: now[0])
-    monkeypatch.setattr("orbits.running.time_limit.time", clocks)
+    monkeypatch.setattr(MODULE, "time", clocks)
 
     def work():
         with ExitStack() as blocks:

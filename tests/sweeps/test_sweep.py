@@ -1,5 +1,7 @@
 """Sweeps against `find`, one member after the other, and stores that are gone on with."""
 
+from importlib import import_module
+
 import numpy as np
 import pytest
 from conftest import slow_after
@@ -140,7 +142,7 @@ def test_a_chain_needs_a_start_and_no_family(chain_hop):
 
 
 def test_progress_is_reported_within_a_chunk(chain_hop, monkeypatch):
-    monkeypatch.setattr("orbits.sweeps.sweep.SILENT", 0.0)
+    monkeypatch.setattr(import_module("orbits.sweeps.sweep"), "SILENT", 0.0)
     states = []
     sweep(CHAIN, OVER_CHAIN, 20, start=chain_hop, progress=states.append)
     done = [state.done for state in states]
