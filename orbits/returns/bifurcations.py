@@ -27,7 +27,8 @@ from .periodic_hop import PeriodicHop, listed_starts
 from .periodic_launch import PeriodicLaunch
 from .return_map import hops_near
 
-SECTIONS, SECTIONS_OF_STARTS = 9, 3  # values of the parameter at which fixed points are searched for by default
+SECTIONS = 9  # values of the parameter at which fixed points are searched for by default
+SECTIONS_OF_STARTS = 3  # values of the parameter by default for launches of several numbers
 SAME_PLACE = 1e-6  # launches that differ by a smaller share of the range are the same
 # What happens where a launch passes a border of the map, by the kind of the border, and by that of the event.
 BORDERS_IN_WORDS = {

@@ -14,7 +14,7 @@ from ..curves import Event
 from ..errors import NoOrbit
 from ..numerics.roots import solve
 from .hop_borders import COLLISIONS, kind_of_border
-from .launch_curve import AROUND, LaunchCurve, place_in_words
+from .launch_curve import LAUNCH_CURVE, LaunchCurve, place_in_words
 from .map_pieces import CONTINUOUS, MapBorder
 from .periodic_launch import MULTIPLIER_AT, PeriodicLaunch
 
@@ -84,7 +84,7 @@ class BordersOfCurve:
             _, border, launches, impacts, sides = self._of_border(ends, values[1])
         except NoOrbit:
             return None
-        reach = self.options.beyond * max(abs(before.value - behind.value), AROUND * self.curve.span)
+        reach = self.options.beyond * max(abs(before.value - behind.value), LAUNCH_CURVE.around * self.curve.span)
         if min(abs(values[1] - before.value), abs(values[1] - behind.value)) > reach:
             return None
         alphas = (*launches[-hop:], *launches[:-hop]) if hop else launches
@@ -173,7 +173,7 @@ class BordersOfCurve:
         if not any((sides[0] - level) * (sides[1] - level) < 0 for level in MULTIPLIER_AT.values()):
             return []
         share, _ = solve(np.column_stack([a.tangent, -b.tangent]), b.place - a.place)
-        if abs(share) <= 2.0 * AROUND:  # else the tangents turn beside the corner
+        if abs(share) <= 2.0 * LAUNCH_CURVE.around:  # else the tangents turn beside the corner
             place = a.place + share * a.tangent
             alpha, value = (place * self.scale).tolist()
             a = replace(a, value=value, alphas=(alpha, *a.alphas[1:]), place=place)
@@ -183,7 +183,7 @@ class BordersOfCurve:
         """The curve behind a border or a corner of the map at the last launch, which it comes to from another one, at a
         launch speed on the other side; None where there is none, or the map jumps there. Behind a graze it bends away
         at once."""
-        reach, value = 10.0 * AROUND * float(self.scale[0]), float(self.curve.possible(last.value))
+        reach, value = 10.0 * LAUNCH_CURVE.around * float(self.scale[0]), float(self.curve.possible(last.value))
         borders = self.maps.pieces_at(value, last.alpha - reach, last.alpha + reach).borders
         near = [each for each in borders if abs(each.alpha - last.alpha) <= reach]
         continuous = [each.alpha for each in near if each.kind in CONTINUOUS]
@@ -196,7 +196,7 @@ class BordersOfCurve:
             found = self.curve.near(np.array([at, last.value]) + ahead, ahead)
         except NoOrbit:
             return None
-        corner = not near and distance(found, last) > self.options.corner * AROUND
+        corner = not near and distance(found, last) > self.options.corner * LAUNCH_CURVE.around
         return None if corner else found
 
 

@@ -15,7 +15,7 @@ from .border_events import BordersOfCurve, distance
 from .cycles import MapsAlong
 from .hop_borders import COLLISION
 from .hop_tracer import LOST, FlownTracer, HopTracer, Tracer
-from .launch_curve import AROUND, STEPS_OF_BRANCHES, LaunchCurve
+from .launch_curve import LAUNCH_CURVE, STEPS_OF_BRANCHES, LaunchCurve
 from .periodic_launch import MULTIPLIER_AT, PeriodicLaunch
 
 
@@ -31,7 +31,8 @@ class BranchCurve(LaunchCurve):
         """Behind the corner at the last point, where there is one."""
         own = [(launch, length) for each in passed for launch, length in zip(each.own, each.lengths, strict=True)]
         last, i = own[-1][0], len(own) - 1
-        while i and own[i][1] and distance(own[i][0], last) < AROUND:  # a curve that goes on has a length of 0
+        # A curve that goes on has a length of 0.
+        while i and own[i][1] and distance(own[i][0], last) < LAUNCH_CURVE.around:
             i -= 1
         if (behind := self.borders.behind(own[i][0], last)) is None:
             return End("stuck", LOST)

@@ -25,11 +25,20 @@ from .return_map import ReturnMap, pieces_between
 
 RESTITUTION = "restitution"
 DAMPERS_OF_HOPS = ("damping", "drag")  # a machine may have these at 0 without its model having such a parameter
-SAMPLES_OF_BORDERS = 400  # launches between which the borders of a map are searched
-# Borders near two launches are searched for up to this many times their distance, or this share of the speed, farther.
-WIDER_REACH, LEAST_WIDTH, SAMPLES_NEAR = 2.0, 1e-4, 20
-CACHED_MAPS = 8  # the latest maps are cached: a step along a branch returns to its values
-STEP_ALONG = 1e-6  # differences for slopes along the parameter, as a share of its range
+
+
+class MapsOptions(NamedTuple):
+    """The maps along a parameter, and where their borders are searched for."""
+
+    samples: int = 400  # launches between which the borders of a map are searched for
+    wider: float = 2.0  # how much farther than two launches borders near them are searched for, in their distances
+    least_width: float = 1e-4  # distance of two launches that is assumed at least, as a share of the speed
+    samples_near: int = 20  # launches between which the borders near two launches are searched for
+    cached: int = 8  # the latest maps: a step along a branch returns to its values
+    step_along: float = 1e-6  # differences for slopes along the parameter, as a share of its range
+
+
+MAPS = MapsOptions()
 
 
 class KnownHops:
@@ -113,7 +122,7 @@ class MapsAlong:
         value = float(value)
         if value not in self._cache:
             self._cache[value] = self._made(value)
-            if len(self._cache) > CACHED_MAPS:
+            if len(self._cache) > MAPS.cached:
                 self._cache.popitem(last=False)
         return self._cache[value]
 
@@ -128,7 +137,7 @@ class MapsAlong:
     def resolve(self, low: float, high: float) -> None:
         """Represent the map between two launch speeds by its pieces, which along the injection are the same."""
         if self.name == INJECT and self.pieces is None and not self.at(0.0).only_gains:
-            self.pieces = self._pieces(0.0, low, high, SAMPLES_OF_BORDERS)
+            self.pieces = self._pieces(0.0, low, high, MAPS.samples)
 
     def _pieces(self, value: float, low: float, high: float, samples: int) -> MapPieces:
         """The pieces of the map without injection, at a value of the parameter, between two launch speeds, whose unit
@@ -156,7 +165,7 @@ class MapsAlong:
 
     def all_cycles(self, value: float, between: tuple[float, float], period: int) -> list[np.ndarray]:
         """The launches (period,) of all cycles between two launch speeds at a value of the parameter."""
-        pieces = self.pieces or self._pieces(value, *between, SAMPLES_OF_BORDERS)
+        pieces = self.pieces or self._pieces(value, *between, MAPS.samples)
         branches = MonotoneBranches.of(pieces, self.added(value))
         return [each[0] for each in cycles_of(branches, self.at(value), period)[0]] if len(branches.ends) else []
 
@@ -164,8 +173,8 @@ class MapsAlong:
         """The pieces of the map without injection, at a value of the parameter, round two launch speeds."""
         if self.pieces is not None and self.pieces.low <= low and high <= self.pieces.high:
             return self.pieces
-        reach = WIDER_REACH * max(high - low, LEAST_WIDTH * high)
-        return self._pieces(value, max(low - reach, 0.5 * low), high + reach, SAMPLES_NEAR)
+        reach = MAPS.wider * max(high - low, MAPS.least_width * high)
+        return self._pieces(value, max(low - reach, 0.5 * low), high + reach, MAPS.samples_near)
 
     def added(self, value: float) -> float:
         """The injection at a value of the parameter."""
@@ -238,7 +247,7 @@ class MapsAlong:
         range."""
         if self.name == INJECT and period == 1:
             return np.ones(len(alpha))
-        step = STEP_ALONG * (self.high - self.low) * np.where(value > 0.5 * (self.low + self.high), -1, 1)
+        step = MAPS.step_along * (self.high - self.low) * np.where(value > 0.5 * (self.low + self.high), -1, 1)
         return (self.excess(alpha, value + step, period) - here) / step
 
     def jumps_between(self, alphas: tuple[float, float], value: float, samples: int = 33) -> bool:

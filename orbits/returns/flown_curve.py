@@ -13,9 +13,9 @@ import numpy as np
 from ..curves import CHANGES, Points, Problem, Test
 from ..errors import OrbitsError
 from ..hops.multipliers import derivative_of_hops
-from .cycles import INJECT, STEP_ALONG, MapsAlong
+from .cycles import INJECT, MAPS, MapsAlong
 from .hop_curve import KINDS_OF_TESTS, STEPS_OF_HOPS, confirmed, inside, of_matrix
-from .launch_curve import INEXACT
+from .launch_curve import LAUNCH_CURVE
 from .periodic_launch import PeriodicLaunch, dominant
 
 
@@ -31,7 +31,7 @@ class FlownHopsEquations(NamedTuple):
     @property
     def amplification(self) -> np.ndarray:
         """The factor (m,) by which the last Newton step is to be smaller, as the slopes are not exact."""
-        return np.full(len(self.residual), INEXACT)
+        return np.full(len(self.residual), LAUNCH_CURVE.inexact)
 
 
 class FlownCurve(Problem):
@@ -77,7 +77,7 @@ class FlownCurve(Problem):
 
     def evaluate(self, lanes: np.ndarray, xs: np.ndarray, known: Any = None, moved: Any = None) -> Any:
         """The equations at points (m, d + 1), without those from which there are no hops."""
-        found, which, step = list[tuple](), list[int](), STEP_ALONG * self.scale[1]
+        found, which, step = list[tuple](), list[int](), MAPS.step_along * self.scale[1]
         for i, x in enumerate(xs):
             side = -1.0 if x[-1] > 0.5 * (self.maps.low + self.maps.high) else 1.0
             try:

@@ -22,9 +22,6 @@ from .hops_along import INJECT
 from .periodic_launch import PeriodicLaunch
 
 COLLISION, NON_SMOOTH_FOLD = COLLISIONS = "border collision", "non-smooth fold"
-NEAR = 20.0  # a border is that of a short flight where it is reached by times up to this many times its own
-WITHOUT_SPEED = 1e-5  # a share of the launch speed: slower landings without a force are those of lossless hops
-BESIDE = 1e-4  # a step along a tangent, to the sign of an infinite slope
 
 
 def beyond(curve: HopCurve, point: Points, slack: Slack) -> Start | End | None:
@@ -82,7 +79,7 @@ def _one_less(curve: HopCurve, point: Points, slack: Slack) -> Start | End | Non
         found = other.solved_at_border(x, slack, onward)
     except NoOrbit:
         return None
-    if np.abs(found.xs[0] - x).max() > NEAR * time:
+    if np.abs(found.xs[0] - x).max() > TOLERANCES.short_flight * time:
         return None
     return Start.at(other, found, _passed(other, found, slack))
 
@@ -116,7 +113,7 @@ def _passed(curve: HopCurve, point: Points, slack: Slack) -> tuple[str, Points]:
     """The event at a point (1) of the word with fewer impacts, where a force vanishes after its last one."""
     own, impacts = point.own[0], curve.hops.impacts_at(float(point.values[0]))
     speed = float(curve.landing(point, slack) @ impacts.gap_speed)
-    lossless = abs(speed) <= WITHOUT_SPEED * float(own.launches[slack.hop, curve.speed])
+    lossless = abs(speed) <= TOLERANCES.without_speed * float(own.launches[slack.hop, curve.speed])
     multiplier, kind = own.multiplier, "lossless" if lossless else "bounce"
     passed = replace(own, border=kind, sides=(multiplier, multiplier))
     if lossless and curve.period == 1:  # it is a fixed point without an injection, exactly
@@ -129,7 +126,7 @@ def _grazes(more: HopCurve, point: Points, other: Points, is_before: bool) -> tu
     """The event at a point (1) of the word with more impacts, where one has no speed: on that side the map's slope is
     infinite. The other point (1) is there on the curve of the word with fewer impacts, which comes before or behind."""
     onward = 1.0 if is_before else -1.0
-    _, beside = more.evaluate(np.zeros(1, int), point.xs + onward * BESIDE * point.tangents)
+    _, beside = more.evaluate(np.zeros(1, int), point.xs + onward * TOLERANCES.beside * point.tangents)
     steep = np.nan if beside is None else float(more.matrices(beside, np.zeros(1, int))[0, 0, 0])
     infinite = float(np.copysign(np.inf, steep)) if more.d == 1 else np.nan
     sides = infinite, other.own[0].multiplier

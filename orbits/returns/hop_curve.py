@@ -40,6 +40,9 @@ class Tolerances:
     steps : of Newton's method to a border, at least
     at_fold : share of the parameter in the tangent at a fold, which is larger at a branch point
     at_bifurcation : multipliers farther from their value at a bifurcation jump there
+    short_flight : a border is that of a short flight where it is reached by times up to this many times its own
+    without_speed : share of the launch speed: slower landings without a force are those of lossless hops
+    beside : a step along a tangent, to the sign of an infinite slope
     """
 
     others: float = 30.0
@@ -52,6 +55,9 @@ class Tolerances:
     steps: int = 4
     at_fold: float = 1e-5
     at_bifurcation: float = 1e-4
+    short_flight: float = 20.0
+    without_speed: float = 1e-5
+    beside: float = 1e-4
 
 
 TOLERANCES = Tolerances()

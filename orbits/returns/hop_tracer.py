@@ -20,7 +20,7 @@ from .flown_curve import FlownCurve
 from .hop_borders import COLLISIONS, beyond
 from .hop_curve import STEPS_OF_HOPS, HopCurve, turned
 from .hop_statement import FORCE, Slack, Word
-from .launch_curve import AROUND, STEPS_OF_BRANCHES, place_in_words
+from .launch_curve import LAUNCH_CURVE, STEPS_OF_BRANCHES, place_in_words
 from .periodic_launch import PeriodicLaunch
 
 
@@ -136,9 +136,10 @@ class Tracer:
         lost = End("stuck", f"{place} the map is not smooth, and the curve is lost")
         if not self.maps.one_speed:
             return lost
-        speed, value = (np.array([launch.alpha, launch.value]) + AROUND * launch.tangent * self.scale).tolist()
+        away = LAUNCH_CURVE.around * launch.tangent * self.scale
+        speed, value = (np.array([launch.alpha, launch.value]) + away).tolist()
         value = value if self.maps.name == INJECT else float(np.clip(value, self.maps.low, self.maps.high))
-        reach = AROUND * float(self.scale[0])
+        reach = LAUNCH_CURVE.around * float(self.scale[0])
         for alpha in (speed, *launch.alphas[1:]):
             if (status := self.maps.status(alpha, value)) != "lifts_off":
                 return End("no launch", f"{place} a hop has no next launch any more: {STATUSES[status]}")

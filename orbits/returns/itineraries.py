@@ -21,16 +21,24 @@ from ..numerics.roots import enclosed_sign_changes
 from ..running import interrupts
 from .map_pieces import MapPieces
 
-MOST_ITINERARIES = 100_000
-# A rising interval is sampled at this number of places first, denser toward its ends, where the slope may be infinite;
-# each part is halved at most this many times, or until it is this short.
-SAMPLES_OF_RISE, HALVINGS_OF_PARTS, LEAST_PART = 33, 40, 1e-13
-# Slopes of the same sign at both ends of a part do not change their sign inside where their ratio is smaller than this,
-ALIKE_SLOPES = 4.0
-NEAR_MEAN = 0.25  # and the slope between these ends differs from their mean by at most this share of the smaller
-BEYOND_SLOPES = (
-    2.0  # a part has no zero where the values at its ends exceed its length times the larger slope by this factor
-)
+
+class ItineraryOptions(NamedTuple):
+    """How many itineraries are followed, and how rises are divided into parts with at most one zero each."""
+
+    most: int = 100_000  # itineraries
+    samples: int = 33  # of a rising interval, denser toward its ends, where the slope may be infinite
+    halvings: int = 40  # of the part between two samples, at most
+    least_part: float = 1e-13  # relative to its launch speed: a shorter part is not halved
+    # Largest ratio of the slopes at both ends of a part, of the same sign, between which it has no extremum.
+    alike_slopes: float = 4.0
+    # Largest difference of the mean slope of a part without an extremum from that of its ends, as a share
+    # of the smaller one.
+    near_mean: float = 0.25
+    # A part has no zero where the values at its ends exceed its length times the larger slope by this factor.
+    beyond_slopes: float = 2.0
+
+
+ITINERARIES = ItineraryOptions()
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +64,7 @@ class MonotoneBranches:
         for piece in range(int(pieces.pieces[-1]) + 1 if len(pieces.pieces) else 0):
             own = np.flatnonzero(pieces.pieces == piece)
             low, high = float(pieces.edges[own[0], 0]), float(pieces.edges[own[-1], 1])
-            tolerance = LEAST_PART * high
+            tolerance = ITINERARIES.least_part * high
             inside = extrema[(extrema > low + tolerance) & (extrema < high - tolerance)]
             inside = inside[np.append(True, np.diff(inside) > 1e-8 * high)] if len(inside) else inside
             cuts = [low, *inside.tolist(), high]
@@ -124,9 +132,9 @@ def _pulled_back(branches: MonotoneBranches, after: ItineraryIntervals) -> Itine
     low, high = np.sort(branches.following, axis=1).T
     meets = (after.ends[None, :, 0] < high[:, None]) & (after.ends[None, :, 1] > low[:, None])
     first, rest = np.nonzero(meets)
-    if len(first) > MOST_ITINERARIES:
+    if len(first) > ITINERARIES.most:
         raise InputError(
-            f"more than {MOST_ITINERARIES} itineraries: shorten the range of launch speeds, or take a shorter period"
+            f"more than {ITINERARIES.most} itineraries: shorten the range of launch speeds, or take a shorter period"
         )
     words = np.hstack([first[:, None], after.words[rest]])
     # A target is an end of the interval behind, or where that is not reached, the image of an end of the branch.
@@ -161,25 +169,26 @@ def _monotone_parts(branches: MonotoneBranches, found: ItineraryIntervals) -> tu
     """The parts of intervals on which f^n rises that hold one zero of f^n - x each: their itineraries, their ends
     (k, 2), and f^n - x there (k, 2)."""
     words, count = found.words, len(found.words)
-    v = np.linspace(0.0, 1.0, SAMPLES_OF_RISE)
+    v = np.linspace(0.0, 1.0, ITINERARIES.samples)
     shares = v * v * (3.0 - 2.0 * v)
     x = found.ends[:, :1] + np.diff(found.ends) * shares
     x[:, -1] = found.ends[:, 1]
-    which = np.repeat(np.arange(count), SAMPLES_OF_RISE)
+    which = np.repeat(np.arange(count), ITINERARIES.samples)
     launches, slopes = branches.cycle(x.ravel(), words[which])
     value, slope = (launches[:, -1] - x.ravel()).reshape(x.shape), slopes.reshape(x.shape) - 1.0
     value[:, [0, -1]] = found.last - found.ends
     pool = [np.stack([each[:, :-1].ravel(), each[:, 1:].ravel()], axis=1) for each in (x, value, slope)]
-    which, done = np.repeat(np.arange(count), SAMPLES_OF_RISE - 1), list[tuple[np.ndarray, ...]]()
-    for _ in range(HALVINGS_OF_PARTS):
+    which, done = np.repeat(np.arange(count), ITINERARIES.samples - 1), list[tuple[np.ndarray, ...]]()
+    for _ in range(ITINERARIES.halvings):
         ends, values, slopes = pool
         length = np.diff(ends)[:, 0]
         steepest, flattest = np.abs(slopes).max(1), np.abs(slopes).min(1)
         with np.errstate(invalid="ignore", divide="ignore"):
-            one_way = (slopes[:, 0] * slopes[:, 1] > 0) & (steepest <= ALIKE_SLOPES * flattest)
-            one_way &= np.abs(np.diff(values)[:, 0] / length - slopes.mean(1)) <= NEAR_MEAN * flattest
-            far = (values[:, 0] * values[:, 1] > 0) & (np.abs(values).min(1) > BEYOND_SLOPES * length * steepest)
-        settled = one_way | far | (length <= LEAST_PART * ends[:, 1])
+            one_way = (slopes[:, 0] * slopes[:, 1] > 0) & (steepest <= ITINERARIES.alike_slopes * flattest)
+            one_way &= np.abs(np.diff(values)[:, 0] / length - slopes.mean(1)) <= ITINERARIES.near_mean * flattest
+            beyond = np.abs(values).min(1) > ITINERARIES.beyond_slopes * length * steepest
+            far = (values[:, 0] * values[:, 1] > 0) & beyond
+        settled = one_way | far | (length <= ITINERARIES.least_part * ends[:, 1])
         done.append((which[settled], ends[settled], values[settled]))
         which, pool = which[~settled], [each[~settled] for each in pool]
         if not len(which):

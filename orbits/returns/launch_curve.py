@@ -23,14 +23,25 @@ STEPS_OF_BRANCHES = Steps(
 # Hops of longer periods have as many sheets, which lie close to each other: a correction may not lead to another one.
 STEPS_OF_SHEETS = replace(STEPS_OF_BRANCHES, corrected=0.2, aim=2e-2, turned=0.3, batch=4)
 ROW_OF_SPEED = np.array([1.0, 0.0])
-OTHER_SHEET = 0.25  # launches are on another sheet where their change differs from that of the rates by this share
-AROUND = 1e-6  # the radius of the circle round a corner of the map, as a share of the ranges
-# Differences for slopes across: over this share of the launch speed, as small as rounding allows, as beside lossless
-# hops slopes change with the cube root of the distance. If those of both sides differ by more, a jump is between.
-STEP_ACROSS, JUMP_OF_SLOPES = 1e-9, 1e5
-# The slope along the parameter, which needs other machines, is not computed anew within this share of the ranges: it
-# decides how fast Newton's method converges, not to which point.
-SAME_RATE, INEXACT = 1e-4, 100.0
+
+
+class LaunchCurveOptions(NamedTuple):
+    """The slopes of maps along curves of launches, and their corners."""
+
+    # Launches are on another sheet where their change differs from that of the rates by this share.
+    other_sheet: float = 0.25
+    around: float = 1e-6  # radius of the circle round a corner of the map, as a share of the ranges
+    # Share of the launch speed, for slopes across: as small as rounding allows, since beside lossless hops slopes
+    # change with the cube root of the distance.
+    step_across: float = 1e-9
+    jump_of_slopes: float = 1e5  # a jump is between two launches where the slopes on both sides differ by more
+    # Share of the ranges within which the slope along the parameter, which needs other machines, is not computed anew:
+    # it decides how fast Newton's method converges, not to which point.
+    same_rate: float = 1e-4
+    inexact: float = 100.0  # how many times as large as roundings residuals may be where slopes are differences
+
+
+LAUNCH_CURVE = LaunchCurveOptions()
 
 
 class MapEquations(NamedTuple):
@@ -47,7 +58,7 @@ class MapEquations(NamedTuple):
     @property
     def amplification(self) -> np.ndarray:
         """The factor (m,) by which the last Newton step is to be smaller, where the slopes are not exact."""
-        return np.full(len(self.residual), INEXACT if self.multipliers is None else 1.0)
+        return np.full(len(self.residual), LAUNCH_CURVE.inexact if self.multipliers is None else 1.0)
 
 
 def _above(level: float, problem: Problem, points: Points) -> np.ndarray:
@@ -84,16 +95,16 @@ class LaunchCurve(Problem):
         """Whether the curve between two points, or a launch along it, changes otherwise than the tangents say, as on
         another sheet of the curve, where each launch is another one of the same hops, or on another curve."""
         length = float(np.linalg.norm(b.place - a.place))
-        if length <= AROUND and self.maps.pieces is None:  # differences reach as far
+        if length <= LAUNCH_CURVE.around and self.maps.pieces is None:  # differences reach as far
             return False
         away = b.place - a.place - 0.5 * length * (a.tangent + b.tangent)
-        if float(np.linalg.norm(away)) > OTHER_SHEET * length:
+        if float(np.linalg.norm(away)) > LAUNCH_CURVE.other_sheet * length:
             return True
         # A fixed point along the injection never turns round in the launch speed, as along other parameters.
         if (len(a.alphas) == 1 and self.along != INJECT) or a.rates is None or b.rates is None:
             return False
         change, expected = np.subtract(b.alphas, a.alphas), 0.5 * length * (a.rates + b.rates)
-        return bool((np.abs(change - expected) > OTHER_SHEET * (np.abs(change) + np.abs(expected))).any())
+        return bool((np.abs(change - expected) > LAUNCH_CURVE.other_sheet * (np.abs(change) + np.abs(expected))).any())
 
     def point(self, x: np.ndarray, tangent: np.ndarray, launch: PeriodicLaunch) -> Points:
         """The point (1) of a launch at X (n + 1,) with a tangent (n + 1,)."""
@@ -124,11 +135,12 @@ class LaunchCurve(Problem):
             excess, slopes = smooth.excess
             numbers = smooth.launches[:, :-1], smooth.impacts, smooth.slopes.prod(axis=1), smooth.changes[:, :-1]
             return MapEquations(excess[:, None], slopes[:, None], *numbers)
-        step, m = STEP_ACROSS * np.abs(alpha), len(alpha)
+        step, m = LAUNCH_CURVE.step_across * np.abs(alpha), len(alpha)
         alphas = np.concatenate([alpha, alpha - step, alpha + step])
         launches, impacts = self.maps.cycles(alphas, np.tile(values, 3), self.period)
         residual, low, high = excess_of(launches).reshape(3, -1)
-        across = np.where(np.abs(low + high - 2 * residual) > JUMP_OF_SLOPES * step, np.nan, (high - low) / (2 * step))
+        jumps = np.abs(low + high - 2 * residual) > LAUNCH_CURVE.jump_of_slopes * step
+        across = np.where(jumps, np.nan, (high - low) / (2 * step))
         along, new = self._known_rates(xs)
         if new.any():
             along[new] = self.maps.slopes_along(alpha[new], values[new], self.period, residual[new])
@@ -142,7 +154,7 @@ class LaunchCurve(Problem):
         apart = np.abs((xs[:, None] - places) / self.scale).max(2, initial=0.0)
         nearest = apart.argmin(1) if len(places) else np.zeros(len(xs), int)
         along = np.append(rates, np.nan)[nearest]
-        return along, ~(np.isfinite(along) & (apart.min(1, initial=np.inf) <= SAME_RATE))
+        return along, ~(np.isfinite(along) & (apart.min(1, initial=np.inf) <= LAUNCH_CURVE.same_rate))
 
     def certify(self, points: Points) -> tuple[Points, dict[int, Exception]]:
         """The points with their `PeriodicLaunch`es, from hops without errors."""

@@ -29,11 +29,20 @@ OF_LOSSLESS = 3  # the power beside lossless launches
 LAUNCHES_BESIDE = np.array([10, 15, 6, 1]) / 32  # u^3 in Chebyshev polynomials of 2 u - 1
 SPEEDS_OF_PIECES = ("low", "high", "origin", "reach", "edges", "coefficients", "errors")
 CONTINUOUS = ("lossless", "graze", "bounce")  # the kinds of borders at which the map does not jump
-JUMP = 1e-6  # where the map changes by less than this share between neighbouring numbers, it is continuous there
-SAME_EDGE = 1e-15  # the edge of a cell and a border that differ by a smaller share are the same
-# Roots of a slope are real, and inside of their cell, up to the first number; closer than the second to a lossless
-# launch they belong to the variable, whose power 3 has a slope of 0 there. Coefficients below the third are rounding.
-SAME_EXTREMUM, AT_BORDER, ROUNDED_SLOPE = 1e-9, 1e-3, 1e-13
+
+
+class PieceOptions(NamedTuple):
+    """What is one place, and what is rounding, on the pieces of a map."""
+
+    jump: float = 1e-6  # where the map changes by a smaller share between neighbouring numbers, it is continuous
+    same_edge: float = 1e-15  # the edge of a cell and a border that differ by a smaller share are the same
+    same_extremum: float = 1e-9  # roots of a slope are real, and inside of their cell, up to this
+    # Distance from a lossless launch within which roots belong to the variable, whose power 3 has a slope of 0 there.
+    at_border: float = 1e-3
+    rounded_slope: float = 1e-13  # relative to the largest: smaller coefficients of a slope are rounding
+
+
+PIECES = PieceOptions()
 
 
 class MapBorder(NamedTuple):
@@ -136,7 +145,7 @@ class MapPieces:
     def beside(self, border: MapBorder) -> list[np.ndarray]:
         """The cells (1,) that end at a border below it and above it, (0,) where there is none."""
         return [
-            np.flatnonzero(np.abs(self.edges[:, side] - border.alpha) <= SAME_EDGE * border.alpha)[:1]
+            np.flatnonzero(np.abs(self.edges[:, side] - border.alpha) <= PIECES.same_edge * border.alpha)[:1]
             for side in (1, 0)
         ]
 
@@ -161,11 +170,12 @@ class MapPieces:
             if self.power[cell] == OF_LOSSLESS:
                 coefficients = np.polynomial.chebyshev.chebsub(LAUNCHES_BESIDE * self.reach[cell], coefficients)
             row, scale = np.polynomial.chebyshev.chebder(coefficients), np.abs(coefficients).max()
-            row = np.polynomial.chebyshev.chebtrim(row, ROUNDED_SLOPE * scale)
+            row = np.polynomial.chebyshev.chebtrim(row, PIECES.rounded_slope * scale)
             roots = np.polynomial.chebyshev.chebroots(row) if len(row) > 1 else np.zeros(0)
-            inside = roots[(np.abs(roots.imag) < SAME_EXTREMUM) & (np.abs(roots.real) < 1.0 + SAME_EXTREMUM)].real
+            near = PIECES.same_extremum
+            inside = roots[(np.abs(roots.imag) < near) & (np.abs(roots.real) < 1.0 + near)].real
             u = np.clip(0.5 * (1.0 + inside), 0.0, 1.0)
-            u = u[u > AT_BORDER] if self.power[cell] == OF_LOSSLESS else u
+            u = u[u > PIECES.at_border] if self.power[cell] == OF_LOSSLESS else u
             found += (self.origin[cell] + self.reach[cell] * u ** self.power[cell]).tolist()
         return sorted(found)
 
@@ -180,7 +190,7 @@ def without_seams(intervals: Sequence[tuple[float, float]]) -> Intervals:
     """Intervals in order, those that touch or overlap as one."""
     found = Intervals()
     for a, b in sorted(intervals):
-        if found and a <= found[-1][1] * (1 + SAME_EDGE):
+        if found and a <= found[-1][1] * (1 + PIECES.same_edge):
             found[-1] = found[-1][0], max(b, found[-1][1])
         else:
             found.append((a, b))

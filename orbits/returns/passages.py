@@ -11,7 +11,7 @@ import numpy as np
 from ..numerics.roots import enclosed_sign_changes, resolved
 from ..result import Progress
 from .hops import Hops
-from .itineraries import LEAST_PART, MonotoneBranches
+from .itineraries import ITINERARIES, MonotoneBranches
 from .map_pieces import Intervals, within
 from .resolution import Resolving
 
@@ -96,5 +96,6 @@ class Passages:
 
     def _end_of_basin(self, star: float, end: float) -> float:
         """The launch speed, at most `end`, from which on the map falls below the lossless one, `star`."""
-        ends = (min(b, end) for a, b in self.preimages([(star, np.inf)]) if a <= star * (1 + LEAST_PART) < b)
+        near = star * (1 + ITINERARIES.least_part)
+        ends = (min(b, end) for a, b in self.preimages([(star, np.inf)]) if a <= near < b)
         return next(ends, star)

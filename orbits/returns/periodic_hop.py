@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,12 +16,23 @@ from ..result import Progress, Result
 from ..units import LIFTOFF_SPEED, Message, Quantity
 from .returning_hops import ReturningHops
 
-# Newton's method has converged where the launch comes back within this share of it, and is given up after this many
-# steps, or halvings of one.
-COME_BACK, MOST_HOP_STEPS, STEP_HALVINGS = 1e-12, 40, 12
-LONGEST_CHANGE = 0.05  # of Newton's method, as a share of the launch: farther on there are other impacts
-ROUNDED_RETURN = 1e-9  # where no step reduces a distance below this share, rounding decides
-SAME_PERIODIC = 1e-7  # launches that differ by a smaller share are the same
+
+class PeriodicOptions(NamedTuple):
+    """Newton's method for hops that come back, and which of them are the same."""
+
+    come_back: float = 1e-12  # share of the launch within which it comes back where the method has converged
+    steps: int = 40  # after which it is given up
+    halvings: int = 12  # of a step, at most
+    longest_change: float = 0.05  # share of the launch: farther on there are other impacts
+    rounded_return: float = 1e-9  # share of the launch: where no step reduces a smaller distance, rounding decides
+    same: float = 1e-7  # launches that differ by a smaller share are the same
+    polishes: int = 6  # steps on all launches of a cycle of the map together
+    same_cycle: float = 1e-9  # cycles of the map that agree up to this share of the launch speed are one
+    rounding: float = 4e-15  # share by which the map rounds a launch speed
+    steepest: float = 1e12  # slope that replaces that of a steeper map, as beside a graze
+
+
+PERIODIC = PeriodicOptions()
 NOT_LOSSLESS = (
     "without injection or damping the hops that come back are lossless, and no others: find them with `find` or "
     "`find_all`, and start from their orbits"
@@ -39,7 +50,7 @@ def periodic_hop(
     y, lossless = section.launch(start), inject == 0 and section.impacts.model.conservative
     found = derivative_of_hops(section, y, period, inject)
     if lossless:
-        if _distance(found) > SAME_PERIODIC or not all(hop.tangential for hop in found.hops):
+        if _distance(found) > PERIODIC.same or not all(hop.tangential for hop in found.hops):
             raise InputError(NOT_LOSSLESS)
     else:
         if loss := found.energy_loss:
@@ -47,7 +58,7 @@ def periodic_hop(
         found = returning_hops(section, found, inject)
     free = section.free(found.launches)
     for shorter in (k for k in range(1, period) if period % k == 0):
-        if np.abs(free[shorter] - free[0]).max() <= SAME_PERIODIC * (1 + np.abs(free[0]).max()):
+        if np.abs(free[shorter] - free[0]).max() <= PERIODIC.same * (1 + np.abs(free[0]).max()):
             raise NoOrbit(f"from this launch Newton's method comes to hops of period {shorter}: start elsewhere")
     own, separation = found.as_result(machine), None
     if machine.model.separation(machine.values) is not None:
@@ -80,8 +91,8 @@ def returning_hops(section: LaunchSection, found: HopsDerivative, inject: float)
     """The hops that come back, by Newton's method from hops that nearly do, with halved steps where a whole one does
     not come nearer; raises `NoOrbit`."""
     period, distance = len(found.hops), _distance(found)
-    for _ in range(MOST_HOP_STEPS):
-        if distance <= COME_BACK:
+    for _ in range(PERIODIC.steps):
+        if distance <= PERIODIC.come_back:
             break
         free = section.free(found.launches)
         matrix = found.matrix - np.eye(len(section.names))
@@ -89,22 +100,22 @@ def returning_hops(section: LaunchSection, found: HopsDerivative, inject: float)
             step = -np.linalg.solve(matrix, free[-1] - free[0])
         except np.linalg.LinAlgError:
             raise NoOrbit("a multiplier of the hops is 1: Newton's method cannot go on; start elsewhere") from None
-        step *= min(1.0, LONGEST_CHANGE * (1 + np.abs(free[0]).max()) / max(float(np.abs(step).max()), 1e-300))
-        for _ in range(STEP_HALVINGS):
+        step *= min(1.0, PERIODIC.longest_change * (1 + np.abs(free[0]).max()) / max(float(np.abs(step).max()), 1e-300))
+        for _ in range(PERIODIC.halvings):
             nearer = _from(section, free[0] + step, found, period, inject)
             if nearer is not None and _distance(nearer) < distance:
                 break
             step = 0.5 * step
         else:
-            if distance <= ROUNDED_RETURN:
+            if distance <= PERIODIC.rounded_return:
                 break
             text = "no step from the launch {launch} comes nearer to hops of period {period}, whose first and last "
             text += "launch differ by the share {share:.2g}: start elsewhere"
             launch = section.in_words(found.launches[0])
             raise NoOrbit(Message(text, launch=launch, period=period, share=distance))
         found, distance = nearer, _distance(nearer)
-    if distance > ROUNDED_RETURN:
-        raise NoOrbit(f"Newton's method did not settle in {MOST_HOP_STEPS} steps: start nearer to the hops")
+    if distance > PERIODIC.rounded_return:
+        raise NoOrbit(f"Newton's method did not settle in {PERIODIC.steps} steps: start nearer to the hops")
     return found
 
 
@@ -150,6 +161,6 @@ def different_hops(
             except NoOrbit:
                 continue
             size = np.abs(hop.launches[0]).max()
-            if all(np.abs(other.launches[0] - hop.launches[0]).max() > SAME_PERIODIC * size for other in found):
+            if all(np.abs(other.launches[0] - hop.launches[0]).max() > PERIODIC.same * size for other in found):
                 found.append(hop)
     return tuple(found)

@@ -19,13 +19,8 @@ from .bifurcation import WORDS_OF_STABILITY
 from .hops import Hops
 from .itineraries import MonotoneBranches, intervals_of, periodic_launches
 from .map_pieces import MapPieces
+from .periodic_hop import PERIODIC
 from .returning_hops import ReturningHops
-
-# Newton's method on all launches of a cycle together ends after this many steps; cycles that agree up to this share of
-# the launch speed are one. The map rounds a launch speed by this share.
-POLISHED_TIMES, SAME_CYCLE, ROUNDED_HOP = 6, 1e-9, 4e-15
-STEEPEST_HOP = 1e12  # a steeper map, as beside a graze, has this slope in Newton's method
-
 
 Cycle = ReturningHops  # its earlier name
 
@@ -218,9 +213,9 @@ def cycles_of(
         row, word, counts = (np.roll(each, -at) for each in (row, word, counts))
         place = np.searchsorted(known, row[0])
         near = min(abs(known[max(place - 1, 0)] - row[0]), abs(known[min(place, len(known) - 1)] - row[0]))
-        if period > 1 and near <= SAME_CYCLE * row[0]:
+        if period > 1 and near <= PERIODIC.same_cycle * row[0]:
             continue
-        if any(np.abs(row - other[0]).max() <= SAME_CYCLE * row[0] for other in cycles):
+        if any(np.abs(row - other[0]).max() <= PERIODIC.same_cycle * row[0] for other in cycles):
             continue
         cycles.append((row, word, counts, error))
     return sorted(cycles, key=lambda each: tuple(each[0].tolist())), len(found.words)
@@ -236,12 +231,12 @@ def polished_cycles(
         return launches, np.zeros(0), impacts
     shift, best = np.roll(np.eye(n), 1, axis=1), np.full(k, np.inf)
     errors, found = np.zeros(k), launches.copy()
-    for _ in range(POLISHED_TIMES):
+    for _ in range(PERIODIC.polishes):
         hops = hops_from(launches.ravel())
         residual = hops.next.reshape(k, n) - np.roll(launches, -1, axis=1)
         inside = np.clip(launches, *np.moveaxis(branches.ends[words], -1, 0))
         slopes = branches.slope(inside.ravel(), words.ravel()).reshape(k, n)
-        slopes = np.nan_to_num(slopes, posinf=STEEPEST_HOP, neginf=-STEEPEST_HOP)
+        slopes = np.nan_to_num(slopes, posinf=PERIODIC.steepest, neginf=-PERIODIC.steepest)
         matrix = slopes[:, :, None] * np.eye(n) - shift
         size = np.nan_to_num(np.abs(residual).max(1), nan=np.inf)
         better = size < best
@@ -249,7 +244,7 @@ def polished_cycles(
         impacts[better] = hops.impacts.reshape(k, n)[better]
         inverse = solve(matrix, np.broadcast_to(np.eye(n), (k, n, n)))
         norms = np.nan_to_num(np.abs(inverse).sum(2).max(1), nan=np.inf)
-        rounding = ROUNDED_HOP * launches.max(1)
+        rounding = PERIODIC.rounding * launches.max(1)
         errors[better] = (norms * (np.minimum(size, 1.0) + rounding))[better]
         step = (inverse @ residual[:, :, None])[:, :, 0]
         moves = better & np.isfinite(step).all(1) & (size > ROOTS.unit * launches.max(1))

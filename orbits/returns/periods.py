@@ -7,7 +7,7 @@ itself.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,12 +26,20 @@ from .return_map import ReturnMap, pieces_between
 
 # What launches settle to besides the statuses of a hop that has no next launch.
 HAS_PERIOD, OUT_OF_RANGE, CHAOTIC, UNSETTLED, ESCAPES = "periodic", "outside", "chaotic", "longer", "leaves"
-FIRST_HOPS = 128  # after this many hops launches are examined, and after each doubling of their number
-# Launches that differ by a share below the first come back; below the second they may be approaching each other.
-SAME_LAUNCH, APPROACHED = 1e-8, 1e-5
-CHAOTIC_SLOPES = 1e-3  # the mean logarithm of the slopes of a chaotic motion is larger
-STARTS_IN_RANGE = 3
-ESCAPED = 10.0  # a launch this many times faster than the range leaves it
+
+
+class PeriodOptions(NamedTuple):
+    """To what launches settle after many hops."""
+
+    first_hops: int = 128  # after which launches are examined, and again after each doubling of their number
+    same: float = 1e-8  # launches that differ by a smaller share come back
+    approached: float = 1e-5  # launches that differ by a smaller share may be approaching each other
+    chaotic: float = 1e-3  # the mean logarithm of the slopes of a chaotic motion is larger
+    starts: int = 3  # in the range of launch speeds
+    escaped: float = 10.0  # a launch this many times as fast as the range leaves it
+
+
+PERIODS = PeriodOptions()
 
 
 class SettlingMap:
@@ -60,7 +68,7 @@ def settled(
     m, window = len(starts), 2 * longest
     status, periods = np.full(m, UNSETTLED, dtype=object), np.zeros(m, int)
     last, exponents = np.full(m, np.nan), np.full(m, np.nan)
-    x, going, done, until = starts.copy(), np.arange(m), 0, min(FIRST_HOPS, hops)
+    x, going, done, until = starts.copy(), np.arange(m), 0, min(PERIODS.first_hops, hops)
     recent, logs = np.full((window + 1, m), np.nan), np.zeros((2, m))
     while len(going):
         interrupts.heed()
@@ -90,7 +98,7 @@ def settled(
         if done >= hops:
             with np.errstate(divide="ignore", invalid="ignore"):
                 exponents[going] = logs[0, going] / logs[1, going]
-            status[going[exponents[going] > CHAOTIC_SLOPES]] = CHAOTIC
+            status[going[exponents[going] > PERIODS.chaotic]] = CHAOTIC
             last[going] = x[going]
             break
         until = min(2 * until, hops)
@@ -104,10 +112,10 @@ def _periods(path: np.ndarray, longest: int, final: bool) -> np.ndarray:
     apart = np.array([
         (np.abs(path[period:] - path[:-period]) / path[period:]).max(0) for period in range(1, longest + 1)
     ])  # fmt: skip
-    found = np.where((apart <= SAME_LAUNCH).any(0), 1 + np.argmax(apart <= SAME_LAUNCH, axis=0), 0)
+    found = np.where((apart <= PERIODS.same).any(0), 1 + np.argmax(apart <= PERIODS.same, axis=0), 0)
     for i in np.flatnonzero(found > 1).tolist():
         period = int(found[i])
-        near = [part for part in range(1, period) if period % part == 0 and apart[part - 1, i] <= APPROACHED]
+        near = [part for part in range(1, period) if period % part == 0 and apart[part - 1, i] <= PERIODS.approached]
         if near:
             found[i] = near[0] if final else 0
     return found
@@ -250,7 +258,7 @@ def period_diagram(
     if not low > 0:
         raise InputError(f"between = {between!r}; launch speeds are above 0")
     if starts is None:
-        own = np.linspace(low, high, STARTS_IN_RANGE + 2)[1:-1]
+        own = np.linspace(low, high, PERIODS.starts + 2)[1:-1]
     elif not np.iterable(starts) or isinstance(starts, str):
         raise InputError(f"starts = {starts!r}; it is a list of launch speeds")
     else:
@@ -269,7 +277,7 @@ def period_diagram(
         speed = one.units.of(LIFTOFF_SPEED) if one.units else 1.0
         step = SettlingMap(ReturnMap(one, cap=cap).dimensionless(), (low / speed, high / speed), grid)
         many = np.tile(own / speed, len(injections)), np.repeat(injections / speed, len(own))
-        status, periods, launches, exponents = settled(step, *many, longest, hops, ESCAPED * high / speed)
+        status, periods, launches, exponents = settled(step, *many, longest, hops, PERIODS.escaped * high / speed)
         launches = launches * speed
         status[(status == HAS_PERIOD) & ~((launches >= low) & (launches <= high))] = OUT_OF_RANGE
         parts.append((status, periods, launches, exponents))

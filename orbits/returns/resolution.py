@@ -23,7 +23,7 @@ from ..result import Progress
 from ..running import heartbeat, interrupts
 from .hops import Hops
 from .limited_hops import RESOLUTION, UNFINISHED, EffortSpent, LimitedHops, PlainMap, Resolution, changes
-from .map_pieces import JUMP, OF_LOSSLESS, MapBorder, MapPieces, within, without_seams
+from .map_pieces import OF_LOSSLESS, PIECES, MapBorder, MapPieces, within, without_seams
 
 
 class _Cell(NamedTuple):
@@ -343,7 +343,7 @@ class Resolving(LimitedHops):
                 kind = "lossless"
             elif side:
                 kind = "unresolved" if status == LIFTS_OFF else status
-            elif abs(right - left) > JUMP * alpha:
+            elif abs(right - left) > PIECES.jump * alpha:
                 kind = "jump"
             else:
                 kind = "graze" if max(powers) > 1 else "bounce"

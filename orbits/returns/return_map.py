@@ -8,7 +8,7 @@ like the power 4/3 of the distance, and the difference would be rounding.
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, cached_property, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,17 +33,24 @@ from .basins import Basins
 from .hops import Hops, Upkeep
 from .launch_hops import hops_of_launches
 from .limited_hops import NEAR_LEVELS, PlainMap
-from .map_pieces import JUMP, Intervals, MapPieces
+from .map_pieces import PIECES, Intervals, MapPieces
 from .passages import Passages
 from .periodic_hop import different_hops, periodic_hop
 from .periodic_hops import PeriodicHops, all_periodic_hops, lossless_hops, separation_at
 from .resolution import Resolving, map_pieces
 from .returning_hops import FixedPoints, ReturningHops
 
-SLOWEST_LOSSLESS = 1e-3  # below this, in the units of the machine, no lossless launch is searched
-BATCH_SIZE = 8192  # launch speeds in one batch: enough to pay for the calls, few enough for the processor's cache
-# The launches in the picture of a map, and the fastest of them where there is no lossless one, in units of the machine.
-SHOWN, HIGH_LAUNCH = 1000, 9.0
+
+class ReturnMapOptions(NamedTuple):
+    """The batches of launches, and the range of a map in its pictures."""
+
+    slowest_lossless: float = 1e-3  # below this, in the units of the machine, no lossless launch is searched for
+    batch: int = 8192  # launch speeds: enough to pay for the calls, few enough for the processor's cache
+    shown: int = 1000  # launches in the picture of a map
+    highest: float = 9.0  # launch that is shown where there is no lossless one, in the units of the machine
+
+
+RETURN_MAP = ReturnMapOptions()
 DIMENSIONS_OF_UPKEEP = {**dict.fromkeys(("alpha", "inject"), LIFTOFF_SPEED), "energy": ENERGY}
 NO_BASIN = "with injection or damping, or on a slope, no hop is lossless, and none comes to one"
 
@@ -130,8 +137,8 @@ class ReturnMap:
         try:
             highest = 2.0 * find(self.machine).alpha
         except OrbitsError:
-            highest = HIGH_LAUNCH * self._speed
-        return self.plot(highest / SHOWN, highest, axes, samples=SHOWN)
+            highest = RETURN_MAP.highest * self._speed
+        return self.plot(highest / RETURN_MAP.shown, highest, axes, samples=RETURN_MAP.shown)
 
     def __reduce__(self) -> tuple[type, tuple[Machine, float, int]]:
         return type(self), (self.machine, self.inject, self.cap)
@@ -156,7 +163,7 @@ class ReturnMap:
         nothing = np.full(alpha.shape, np.nan)
         hops = Hops(alpha, nothing, nothing.copy(), np.zeros(alpha.shape, int), np.full(alpha.shape, "invalid", STATUS))
         places = np.flatnonzero(launches)
-        batches = np.array_split(places, -(-len(places) // BATCH_SIZE)) if len(places) else []
+        batches = np.array_split(places, -(-len(places) // RETURN_MAP.batch)) if len(places) else []
         hops_from = _hysteretic_hops if isinstance(self.impacts, Branches) else _hops_from
         each = lambda batch: hops_from(self.impacts, alpha.flat[batch], self.inject, self.cap)  # noqa: E731
         for batch, found in zip(batches, in_threads(each, batches), strict=True):
@@ -281,7 +288,7 @@ class ReturnMap:
         i = np.flatnonzero((np.diff(hops.impacts) != 0) & (change > beside))
         same = lambda alpha, which: self(alpha).impacts == hops.impacts[i[which]]  # noqa: E731
         a, b = enclosed_ends(same, hops.alpha[i], hops.alpha[i + 1])
-        return i[np.abs(np.nan_to_num(self(a).next) - np.nan_to_num(self(b).next)) > JUMP * a]
+        return i[np.abs(np.nan_to_num(self(a).next) - np.nan_to_num(self(b).next)) > PIECES.jump * a]
 
     @exclusive
     @in_own_units(LIFTOFF_SPEED, edges=LIFTOFF_SPEED, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
@@ -367,7 +374,7 @@ class ReturnMap:
         hops = whole_number("hops", hops, "hops", 0)
         if self.inject != 0 or not self.impacts.model.conservative or self.impacts.descends:
             raise InputError(NO_BASIN)
-        lossless = [star for star in lossless_speeds(self.machine, SLOWEST_LOSSLESS, high) if star < high]
+        lossless = [star for star in lossless_speeds(self.machine, RETURN_MAP.slowest_lossless, high) if star < high]
         words = machine_in_words(self.machine)
         if not lossless:
             return Basins(words, low, high, ())
@@ -394,7 +401,7 @@ class ReturnMap:
         if self.inject != 0 or not self.impacts.model.conservative or self.impacts.descends:
             raise InputError(NO_BASIN)
         hops = whole_number("hops", hops, "hops", 0)
-        lossless = lossless_speeds(self.machine, SLOWEST_LOSSLESS, high)
+        lossless = lossless_speeds(self.machine, RETURN_MAP.slowest_lossless, high)
         if not lossless or lossless[0] >= high:
             return []
         if progress:

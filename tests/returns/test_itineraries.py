@@ -46,6 +46,6 @@ def test_cycles_beside_a_flip_are_told_from_the_fixed_point():
 
 
 def test_too_many_itineraries_are_refused(monkeypatch):
-    monkeypatch.setattr(itineraries, "MOST_ITINERARIES", 10)
+    monkeypatch.setattr(itineraries, "ITINERARIES", itineraries.ITINERARIES._replace(most=10))
     with pytest.raises(InputError, match="more than 10 itineraries: shorten"):
         intervals_of(logistic(4.0), 5)
