@@ -9,14 +9,14 @@ import numpy as np
 from ..errors import InputError, NoOrbit, OrbitsError, shortened
 from ..model.machine import Machine
 from ..model.model import Model
-from ..periodic.certified import Certified, certified
-from ..periodic.continued import AT_FOLD, NOT_REACHED, continued, continued_tuned, orbit_from_unknowns
+from ..periodic.certified import Certified
+from ..periodic.continued import AT_FOLD, NOT_REACHED, Continued, continued, continued_tuned, orbit_from_unknowns
 from ..periodic.find import find, first_tuned
 from ..periodic.orbit import Orbit, orbit_of
 from ..periodic.orbits_at_once import certified_near, lowest_orbits, motions_together
 from ..periodic.quantities import OF_RUNS, names_of_many, numbers_of
 from ..periodic.stated_start import StartLike, in_units_of
-from ..periodic.tuned import Tuning, errors_of_tuned, tuning_of
+from ..periodic.tuned import Tuning, tuning_of
 from ..running import interrupts
 from ..shooting.formulations import equations_of, iterative, method_of
 from ..symbolic.formula import Formula, parse
@@ -29,22 +29,70 @@ DESIGN_STATUSES = ("certified", "inadmissible", "no orbit", "failed")
 STATUSES_OF_ORBITS = DESIGN_STATUSES[:2]  # of motions, and of those with violations
 # Those of designs whose orbits are continued from a start.
 CONTINUED_STATUSES = (*DESIGN_STATUSES, AT_FOLD, NOT_REACHED)
+COLUMNS = ("alpha", "flight_time", "error", "family")  # the numbers of all designs
 
 
 class Designs(NamedTuple):
-    """Designs (m,) of a machine: its parameters (m, k) by `names`, and numbers (m,) of their orbits by name, NaN where
-    there is none: alpha, flight_time, error, family and the requested quantities; their statuses, and the reasons for
-    the statuses other than "certified"."""
+    """Designs (m,) of a machine `base`: its parameters (m, k) by `names`, and numbers (m,) of their orbits by name, NaN
+    where there is none: alpha, flight_time, error, family, the `columns_of_tuned` and the formulas; their statuses, and
+    the reasons for the statuses other than "certified"."""
 
+    base: Machine
     names: tuple[str, ...]
     values: np.ndarray
+    formulas: Mapping[str, Formula]
+    tuned: tuple[str, ...]
     numbers: dict[str, np.ndarray]
     statuses: np.ndarray
     reasons: np.ndarray
 
-    def machine(self, machine: Machine, i: int) -> Machine:
-        """The machine with the parameters of a design."""
-        return machine.with_values(**dict(zip(self.names, self.values[i].tolist(), strict=True)))
+    @classmethod
+    def unsolved(
+        cls, machine: Machine, names: Sequence[str], values: np.ndarray, formulas: Mapping[str, Formula],
+        tuning: Tuning | None = None,
+    ) -> "Designs":  # fmt: skip
+        """Designs whose orbits are not found yet."""
+        further = columns_of_tuned(machine.model, tuning.names) if tuning else ()
+        numbers = {name: np.full(len(values), np.nan) for name in (*COLUMNS, *further, *formulas)}
+        texts = np.full((2, len(values)), "", dtype=object)
+        return cls(machine, tuple(names), values, formulas, tuning.names if tuning else (), numbers, *texts)
+
+    def only(self, i: int) -> "Designs":
+        """One design, whose numbers, status and reason are those of this one."""
+        part = slice(i, i + 1)
+        numbers = {name: column[part] for name, column in self.numbers.items()}
+        own = self.values[part], self.formulas, self.tuned, numbers, self.statuses[part], self.reasons[part]
+        return Designs(self.base, self.names, *own)
+
+    def machine(self, i: int) -> Machine:
+        """The machine of a design, with its tuned values where these are known."""
+        values = dict(zip(self.names, self.values[i].tolist(), strict=True))
+        values |= {name: x for name in self.tuned if np.isfinite(x := float(self.numbers[name][i]))}
+        return self.base.with_values(**values)
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """The names of the model's parameters in which the designs differ."""
+        return self.names if {*self.names} <= self.base.values.keys() else (*self.base.values,)
+
+    def parameters(self) -> np.ndarray:
+        """The parameters (m, np) of the machine's model."""
+        each = np.arange(len(self.values))
+        if {*self.names} <= self.base.values.keys():
+            return _parameters_of(self.base, self, each)
+        # Names of which the model's parameters are functions.
+        return np.array([[*self.machine(i).values.values()] for i in each.tolist()])
+
+    def refuse(self, i: int, error: Exception) -> None:
+        """Write why a design has no orbit; a defect that one design causes is no defect of the others."""
+        known = isinstance(error, OrbitsError)
+        self.statuses[i] = "no orbit" if known and not isinstance(error, InputError) else "failed"
+        self.reasons[i] = str(error) if known else f"{type(error).__name__}: {error}"
+
+    def judge(self, i: int, violations: Sequence[str]) -> None:
+        """Write whether an orbit is a motion, and why not."""
+        self.statuses[i] = STATUSES_OF_ORBITS[bool(violations)]
+        self.reasons[i] = "; ".join(violations)
 
 
 def solved_designs(
@@ -53,27 +101,30 @@ def solved_designs(
     values: np.ndarray,
     family: int,
     formulas: Mapping[str, Formula],
-    start: Orbit | None = None,
+    start: Any = None,
     report: Callable[[int], None] = lambda done: None,
+    tuning: Tuning | None = None,
 ) -> Designs:
     """The orbits of a family for designs (m, k), with formulas of their quantities and parameters by name.
 
-    start : the machine's own orbit, from which those of the designs are then continued, of whatever family
+    start : the machine's own orbit, from which those of the designs are then continued, of whatever family; with tuned
+        parameters also a start of `find` for that orbit, from which they are always continued
     report : called with the number of designs that are done
+    tuning : the parameters that are tuned for each design; None for none
 
     Designs are solved together where possible, else one by one by `find`, and none depends on the others.
     """
-    count, columns = len(values), ("alpha", "flight_time", "error", "family", *formulas)
-    numbers = {name: np.full(count, np.nan) for name in columns}
-    designs = Designs(tuple(names), values, numbers, *np.full((2, count), "", dtype=object))
-    if start is not None:
-        _continue(machine, start, designs, formulas, report)
-        return designs
-    left = _solved_in_lanes(machine, designs, family, formulas, report).tolist()
-    for done, i in enumerate(left, count - len(left)):
-        interrupts.heed()
-        report(done)
-        _solve_alone(machine, designs, i, family, formulas)
+    designs = Designs.unsolved(machine, names, values, formulas, tuning)
+    if tuning:
+        _continue_tuned(designs, start, family, tuning, report)
+    elif start is not None:
+        _fill_in_continued(designs, continued(machine, start, designs.parameters(), designs.varied, report))
+    else:
+        left = _solved_in_lanes(designs, family, report).tolist()
+        for done, i in enumerate(left, len(values) - len(left)):
+            interrupts.heed()
+            report(done)
+            _solve_alone(designs, i, family)
     return designs
 
 
@@ -86,8 +137,8 @@ def settled_designs(
     These are the orbits of least launch speed, or those to which Newton's method converges from unknowns `near`
     (m, n), which need not be the lowest of the family.
     """
-    designs = Designs(tuple(names), values, {}, *np.full((2, len(values)), "", dtype=object))
-    base = designs.machine(machine, 0)
+    designs = Designs.unsolved(machine, names, values, {})
+    base = designs.machine(0)
     own, method = tuple(base.values), iterative(method_of(base.model))
     equations = equations_of(base.model, method, own)
     us, errors = np.full((len(values), equations.size), np.nan), np.full(len(values), np.nan)
@@ -120,50 +171,58 @@ def columns_of_tuned(model: Model, names: Sequence[str]) -> tuple[str, ...]:
     return (*names, *(f"{name}_error" for name in names), *runs, "admissible")
 
 
-def no_designs(
-    machine: Machine, names: Sequence[str], values: np.ndarray, tuning: Tuning, formulas: Mapping[str, Formula]
-) -> Designs:
-    """Designs (m, k) whose orbits with tuned parameters are not found yet."""
-    columns = ("alpha", "flight_time", "error", "family", *columns_of_tuned(machine.model, tuning.names), *formulas)
-    numbers = {name: np.full(len(values), np.nan) for name in columns}
-    return Designs(tuple(names), values, numbers, *np.full((2, len(values)), "", dtype=object))
-
-
-def tuned_designs(
-    machine: Machine,
-    names: Sequence[str],
-    values: np.ndarray,
-    family: int,
-    tuning: Tuning,
-    formulas: Mapping[str, Formula],
-    start: StartLike | None = None,
-    report: Callable[[int], None] = lambda done: None,
-) -> Designs:
-    """The orbits with tuned parameters of designs (m, k), as `solved_designs`, with the `columns_of_tuned`.
-
-    They are continued from the orbit of the machine itself, which is that of a family or found from a start. Where it
-    has none, each is found as by `find`.
-    """
-    designs = no_designs(machine, names, values, tuning, formulas)
+def _continue_tuned(
+    designs: Designs, start: StartLike | None, family: int, tuning: Tuning, report: Callable[[int], None]
+) -> None:
+    """Fill in designs whose orbits with tuned parameters are continued from that of the machine itself; where it has
+    none, each is found on its own."""
     try:
-        _, known = first_tuned(machine, start, family, tuning.names, tuning.values)
+        _, known = first_tuned(designs.base, start, family, tuning.names, tuning.values)
     except NoOrbit:
-        for i in range(len(values)):
+        for i in range(len(designs.values)):
             interrupts.heed()
             report(i)
-            _tune_alone(designs, i, machine, start, family, tuning, formulas)
-        return designs
-    own = _parameters_of_all(machine, designs)
-    ps = np.hstack([own, np.tile(known.ps[0, own.shape[1] :], (len(own), 1))])
-    found = continued_tuned(known, ps, _varied(machine, designs), report)
-    for name in tuning.names:
+            one = designs.only(i)
+            try:
+                _, own = first_tuned(one.machine(0), start, family, tuning.names, tuning.values)
+                _fill_in_continued(one, Continued(own.us, {}, [(np.zeros(1, int), own)]))
+            except OrbitsError as error:
+                one.refuse(0, error)
+        return
+    own_ps = designs.parameters()
+    ps = np.hstack([own_ps, np.tile(known.ps[0, own_ps.shape[1] :], (len(own_ps), 1))])
+    _fill_in_continued(designs, continued_tuned(known, ps, designs.varied, report))
+
+
+def _fill_in_continued(designs: Designs, found: Continued) -> None:
+    """Write continued orbits to their designs, and the reasons of the others."""
+    for name in designs.tuned:
         designs.numbers[f"{name}_error"][:] = found.errors(name)
+    together = names_together(designs.base)
+    alone = {text: formula for text, formula in designs.formulas.items() if not formula.names <= together}
     parts, stopped = found.certified()
     for orbits in parts:
-        fill_in_tuned(machine, designs, orbits.which, orbits, tuning, formulas)
+        _fill_in(designs, orbits.which, designs.base.model, orbits)
+        pairs = zip(orbits.which.tolist(), orbits.places.tolist(), strict=True)
+        for i, place in pairs if alone or designs.tuned else ():
+            try:
+                own = designs.machine(i)
+            except InputError as error:
+                designs.statuses[i], designs.reasons[i] = "no orbit", f"the tuned values are none of a machine: {error}"
+                for column in designs.numbers.values():
+                    column[i] = np.nan
+                continue
+            if alone:
+                interrupts.heed()
+                with suppress(NoOrbit):  # what is not certified alone has no such numbers
+                    if designs.tuned:
+                        u = {name: float(orbits.cycles.u[name][place]) for name in own.model.half_unknowns}
+                        orbit = find(own, start=in_units_of(own, u))
+                    else:
+                        orbit = orbit_of(own, orbit_from_unknowns(own, found.unknowns[i]))
+                    _fill_in_formulas(designs, i, orbit, alone)
     for i, (status, reason) in stopped.items():
         designs.statuses[i], designs.reasons[i] = status, reason
-    return designs
 
 
 def tuned_orbit(
@@ -185,71 +244,19 @@ def tuned_orbit(
     return find(own, start=near, tune=tune, at=at)
 
 
-def _tune_alone(
-    designs: Designs, i: int, machine: Machine, start: StartLike | None, family: int, tuning: Tuning,
-    formulas: Mapping[str, Formula],
-) -> None:  # fmt: skip
-    """Fill in one design as `find` tunes it."""
-    try:
-        varied = designs.machine(machine, i)
-        _, solved = first_tuned(varied, start, family, tuning.names, tuning.values)
-        orbits, refused = certified(solved)
-        if orbits is None:
-            raise refused[0]
-        errors = errors_of_tuned(solved)
-    except OrbitsError as error:
-        designs.statuses[i], designs.reasons[i] = "failed" if isinstance(error, InputError) else "no orbit", str(error)
-        return
-    for name, bound in errors.items():
-        if name in tuning.names:
-            designs.numbers[f"{name}_error"][i] = bound
-    fill_in_tuned(machine, designs, np.array([i]), orbits, tuning, formulas)
-
-
-def fill_in_tuned(
-    machine: Machine, designs: Designs, which: np.ndarray, orbits: Certified, tuning: Tuning,
-    formulas: Mapping[str, Formula],
-) -> None:  # fmt: skip
-    """Write orbits with tuned parameters to their designs; those with values that the machine cannot have are none."""
-    known = names_together(machine)
-    together = {text: formula for text, formula in formulas.items() if formula.names <= known}
-    runs = {name: parse(name) for name in designs.numbers if name in (*OF_RUNS, "friction_needed")}
-    _fill_in(designs, which, machine.model, orbits, {**runs, **together})
-    for name in tuning.names:
-        designs.numbers[name][which] = np.broadcast_to(orbits.cycles.p[name], len(orbits.cycles))[orbits.places]
-    designs.numbers["admissible"][which] = designs.statuses[which] == "certified"
-    alone = {text: formula for text, formula in formulas.items() if text not in together}
-    for i, place in zip(which.tolist(), orbits.places.tolist(), strict=True):
-        tuned = {name: float(designs.numbers[name][i]) for name in tuning.names}
-        try:
-            own = designs.machine(machine, i).with_values(**tuned)
-        except InputError as error:
-            designs.statuses[i], designs.reasons[i] = "no orbit", f"the tuned values are none of a machine: {error}"
-            for name, column in designs.numbers.items():
-                column[i] = column[i] if name in designs.names else np.nan
-            continue
-        if alone:
-            interrupts.heed()
-            with suppress(NoOrbit):  # what is not certified alone has no such numbers
-                u = {name: float(orbits.cycles.u[name][place]) for name in own.model.half_unknowns}
-                _fill_in_formulas(designs, i, own, find(own, start=in_units_of(own, u)), alone)
-
-
-def _solved_in_lanes(
-    machine: Machine, designs: Designs, family: int, formulas: Mapping[str, Formula], report: Callable[[int], None]
-) -> np.ndarray:
+def _solved_in_lanes(designs: Designs, family: int, report: Callable[[int], None]) -> np.ndarray:
     """Fill in the designs whose orbits are found together, and return the others; `report` as in `solved_designs`.
 
     Machines that differ in numbers alone share a model, or few models where their laws vary so finely that integration
     steps are bounded.
     """
-    used, tried = set().union(*(formula.names for formula in formulas.values())), set[Model]()
+    used, tried = set().union(*(formula.names for formula in designs.formulas.values())), set[Model]()
     left = np.arange(len(designs.values))
     for i in range(len(designs.values)):
         if designs.statuses[i] != "":
             continue
         interrupts.heed()
-        base = designs.machine(machine, i)
+        base = designs.machine(i)
         if base.model in tried or not {*designs.names, *used} <= names_together(base):
             continue
         tried.add(base.model)
@@ -263,7 +270,7 @@ def _solved_in_lanes(
             except Exception:  # a defect that one design causes: each of them is then solved alone
                 continue
             for orbits in parts:
-                _fill_in(designs, some[orbits.which], base.model, orbits, formulas)
+                _fill_in(designs, some[orbits.which], base.model, orbits)
             for k, error in absent.items():
                 own = _units_at(base.model, dict(zip(base.values, ps[k].tolist(), strict=True)))
                 designs.statuses[some[k]], designs.reasons[some[k]] = "no orbit", str(shortened(in_units(error, own)))
@@ -283,59 +290,27 @@ def _parameters_of(machine: Machine, designs: Designs, which: np.ndarray) -> np.
     return ps
 
 
-def _varied(machine: Machine, designs: Designs) -> tuple[str, ...]:
-    """The names of the model's parameters in which designs differ."""
-    return designs.names if {*designs.names} <= machine.values.keys() else (*machine.values,)
-
-
-def _parameters_of_all(machine: Machine, designs: Designs) -> np.ndarray:
-    """The parameters (m, np) of the machine's model for all designs (m,)."""
-    each = np.arange(len(designs.values))
-    if {*designs.names} <= machine.values.keys():
-        return _parameters_of(machine, designs, each)
-    # Names of which the model's parameters are functions.
-    return np.array([[*designs.machine(machine, i).values.values()] for i in each.tolist()])
-
-
-def _continue(
-    machine: Machine, start: Orbit, designs: Designs, formulas: Mapping[str, Formula], report: Callable[[int], None]
-) -> None:
-    """Fill in designs whose orbits are continued from the machine's own orbit."""
-    ps = _parameters_of_all(machine, designs)
-    found, known = continued(machine, start, ps, _varied(machine, designs), report), names_together(machine)
-    together = {text: formula for text, formula in formulas.items() if formula.names <= known}
-    alone = {text: formula for text, formula in formulas.items() if text not in together}
-    parts, stopped = found.certified()
-    for orbits in parts:
-        _fill_in(designs, orbits.which, machine.model, orbits, together)
-        for i in orbits.which.tolist() if alone else ():
-            interrupts.heed()
-            own = designs.machine(machine, i)
-            with suppress(NoOrbit):  # what is not certified alone has no such numbers
-                _fill_in_formulas(designs, i, own, orbit_of(own, orbit_from_unknowns(own, found.unknowns[i])), alone)
-    for i, (status, reason) in stopped.items():
-        designs.statuses[i], designs.reasons[i] = status, reason
-
-
-def _fill_in(
-    designs: Designs, which: np.ndarray, model: Model, orbits: Certified, formulas: Mapping[str, Formula]
-) -> None:
-    """Write orbits that were found together to their designs."""
-    p, places = orbits.cycles.p, orbits.places
-    columns = ("alpha", "flight_time", "error", "family")
-    wanted = set(columns).union(*(formula.names for formula in formulas.values()))
+def _fill_in(designs: Designs, which: np.ndarray, model: Model, orbits: Certified) -> None:
+    """Write orbits that were found together to their designs, with the formulas of what is known of these."""
+    p, places, numbers = orbits.cycles.p, orbits.places, designs.numbers
+    of_runs = {name: parse(name) for name in numbers if designs.tuned and name in (*OF_RUNS, "friction_needed")}
+    formulas = {**{name: parse(name) for name in COLUMNS}, **of_runs, **designs.formulas}
+    wanted = set().union(*(formula.names for formula in formulas.values()))
     units = model.units and model.units(p)
     known = {**p, **numbers_of(model, orbits.cycles, orbits.certificates, units, wanted)}
-    for name in columns:
-        designs.numbers[name][which] = known[name][places]
-    all_violations = orbits.certificates.column("violations")
     for text, formula in formulas.items():
-        with np.errstate(all="ignore"):
-            designs.numbers[text][which] = _finite(formula(**{name: known[name][places] for name in formula.names}))
+        if formula.names <= known.keys():
+            with np.errstate(all="ignore"):
+                numbers[text][which] = _finite(formula(**{name: known[name][places] for name in formula.names}))
+    for name in designs.tuned:
+        numbers[name][which] = np.broadcast_to(p[name], len(orbits.cycles))[places]
+    all_violations = orbits.certificates.column("violations")
     for i, place in zip(which.tolist(), places.tolist(), strict=True):
         violations = all_violations[place]
         own = _units_at(model, {name: float(values[place]) for name, values in p.items()}) if violations else None
-        _judge(designs, i, tuple(in_units(text, own) for text in violations))
+        designs.judge(i, tuple(in_units(text, own) for text in violations))
+    if designs.tuned:
+        numbers["admissible"][which] = designs.statuses[which] == "certified"
 
 
 def _units_at(model: Model, p: Mapping[str, float]) -> Units | None:
@@ -343,44 +318,31 @@ def _units_at(model: Model, p: Mapping[str, float]) -> Units | None:
     return model.units and model.units(p)
 
 
-def _solve_alone(machine: Machine, designs: Designs, i: int, family: int, formulas: Mapping[str, Formula]) -> None:
+def _solve_alone(designs: Designs, i: int, family: int) -> None:
     """Fill in one design by `find`."""
-    numbers = designs.numbers
     try:
-        varied = designs.machine(machine, i)
-        orbit = find(varied, family)
-    except InputError as error:
-        designs.statuses[i], designs.reasons[i] = "failed", str(error)
+        orbit = find(designs.machine(i), family)
+    except Exception as error:
+        designs.refuse(i, error)
         return
-    except OrbitsError as error:
-        designs.statuses[i], designs.reasons[i] = "no orbit", str(error)
-        return
-    except Exception as error:  # a defect that one design causes, which must not prevent the results of the others
-        designs.statuses[i], designs.reasons[i] = "failed", f"{type(error).__name__}: {error}"
-        return
-    found = (orbit.alpha, orbit.flight_time, orbit.error, orbit.family)
-    numbers["alpha"][i], numbers["flight_time"][i], numbers["error"][i], numbers["family"][i] = found
-    _judge(designs, i, orbit.violations)
-    _fill_in_formulas(designs, i, varied, orbit, formulas)
+    for name in COLUMNS:
+        designs.numbers[name][i] = getattr(orbit, name)
+    designs.judge(i, orbit.violations)
+    _fill_in_formulas(designs, i, orbit, designs.formulas)
 
 
-def _fill_in_formulas(designs: Designs, i: int, varied: Machine, orbit: Orbit, formulas: Mapping[str, Formula]) -> None:
-    """Write the formulas at the orbit of one design."""
+def _fill_in_formulas(designs: Designs, i: int, orbit: Orbit, formulas: Mapping[str, Formula]) -> None:
+    """Write formulas at the orbit of one design."""
+    machine = designs.machine(i)
     for text, formula in formulas.items():
-        own = varied.values
+        own = machine.values
         try:
-            known = quantities(varied, orbit, [name for name in formula.names if name not in own])
+            known = quantities(machine, orbit, [name for name in formula.names if name not in own])
             designs.numbers[text][i] = _finite(formula(**{name: {**own, **known}[name] for name in formula.names}))
         except InputError:
             raise
         except OrbitsError:
             pass  # the orbit does not have it
-
-
-def _judge(designs: Designs, i: int, violations: Sequence[str]) -> None:
-    """Write whether an orbit is a motion, and why not."""
-    designs.statuses[i] = STATUSES_OF_ORBITS[bool(violations)]
-    designs.reasons[i] = "; ".join(violations)
 
 
 def _finite(values: Any) -> object:

@@ -14,7 +14,7 @@ from ..errors import InputError, NoOrbit
 from ..model.machine import Machine
 from ..periodic.orbit import Orbit
 from ..symbolic.formula import Formula
-from .designs_at_once import Designs, names_together, solved_designs, tuned_designs
+from .designs_at_once import Designs, names_together, solved_designs
 from .problem import DesignProblem
 from .tuned_machine import TunedMachine, start_of_tuned, unknowns_of
 
@@ -68,7 +68,7 @@ def _tuned(
             f"orbits of a {machine.model.name} together, as {', '.join(sorted(together))} are: give a number of starts"
         )
     own, start = start_of_tuned(machine.machine, machine.tuning, machine.equations, unknowns_of(machine, orbit))
-    designs = tuned_designs(own, problem.names, values, family, machine.tuning, formulas, start, report)
+    designs = solved_designs(own, problem.names, values, family, formulas, start, report, machine.tuning)
     if machine.model.one_speed:  # the local searches stay in the family
         other = (designs.statuses == "certified") & (designs.numbers["family"] != family)
         designs.statuses[other], designs.reasons[other] = "no orbit", f"their orbits are not of family {family}"

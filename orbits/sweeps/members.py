@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..design.designs_at_once import solved_designs, tuned_designs
+from ..design.designs_at_once import solved_designs
 from ..design.problem import known_formula
 from ..errors import OrbitsError
 from ..periodic.find import find
@@ -49,7 +49,8 @@ def _found(question: Question, table: Table, report: Callable[[int], None]) -> N
     tuning = question.tuning
     known = names_of_quantities(question.machine, tuning) if question.quantities else ()
     formulas = {text: known_formula(text, known, "the quantity") for text in question.quantities}
-    start = None if question.start is None or tuning else find(question.machine, start=question.start)
+    own = question.start is not None and not tuning
+    start = find(question.machine, start=question.start) if own else question.start
     before = 0  # the number of members of the families before
 
     def count(done: int) -> None:
@@ -59,11 +60,7 @@ def _found(question: Question, table: Table, report: Callable[[int], None]) -> N
     for family in question.families:
         rows, names = np.flatnonzero(families == family), question.members.names
         values = np.column_stack([table.columns[name][rows] for name in names])
-        if tuning:
-            own = question.machine, names, values, family, tuning, formulas, question.start, count
-            designs = tuned_designs(*own)
-        else:
-            designs = solved_designs(question.machine, names, values, family, formulas, start, count)
+        designs = solved_designs(question.machine, names, values, family, formulas, start, count, tuning)
         for name, numbers in designs.numbers.items():
             table.columns[name][rows] = numbers
         table.columns["status"][rows], table.columns["reason"][rows] = designs.statuses, designs.reasons
