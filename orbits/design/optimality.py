@@ -23,7 +23,7 @@ from .design_point import Case, DesignPoint, design_points, no_motion
 from .moving_design import MovingDesign
 from .moving_number import Moving, moving_number
 from .problem import DesignProblem, design_problem
-from .traced_designs import checked_rows, program_about, rows_of_events, traced_designs
+from .traced_designs import program_about, traced_designs
 from .tuned_machine import TunedMachine, motions_near, names_of_designs, tuned_machine_of, tuned_numbers, untuned
 
 
@@ -247,16 +247,55 @@ def _idle(problem: DesignProblem, flat: np.ndarray) -> tuple[str, ...]:
     return idle
 
 
-def column_of(designs: Sequence[Design], name: str) -> np.ndarray:
-    """The values (m,) of a designed parameter, or a quantity of the problem; raises `InputError` for another name."""
-    own = "parameters" if name in designs[0].parameters else "quantities"
-    if name not in (known := getattr(designs[0], own)):
-        raise InputError(f"the designs have no '{name}'{suggest(name, [*designs[0].parameters, *known])}")
-    return np.array([getattr(design, own)[name] for design in designs])
+class EventRow(TypedDict):
+    """What an event of designs has in a document, among others."""
+
+    value: float
+    kind: str
+
+
+class SeveralDesigns(Result, what="designs", dimension="design"):
+    """What curves and fronts of designs have in common.
+
+    designs : certified, in order
+    events : of the curves between them
+    """
+
+    designs: tuple[Design, ...]
+    events: tuple[Event, ...]
+
+    machine = property(lambda self: self.designs[0].machine)  # the others differ in numbers that move
+
+    def column(self, name: str) -> np.ndarray:
+        """The values (m,) of a designed parameter, or of a quantity of the problem; raises `InputError` for others."""
+        first = self.designs[0]
+        own = "parameters" if name in first.parameters else "quantities"
+        if name not in (known := getattr(first, own)):
+            raise InputError(f"the designs have no '{name}'{suggest(name, [*first.parameters, *known])}")
+        return np.array([getattr(design, own)[name] for design in self.designs])
+
+    def document(self) -> Document:
+        return self._documented([design.document() for design in self.designs])
+
+    def saved(self) -> Document:
+        return self._documented([design.saved() for design in self.designs])
+
+    def _documented(self, designs: list[Document]) -> Document:
+        """The whole of documents of its designs."""
+        raise NotImplementedError
+
+    def _rows_of_events(self) -> list[dict[str, Any]]:
+        """The events in its document."""
+        return [{"value": each.value, "kind": each.kind, "text": each.text} for each in self.events]
+
+    @classmethod
+    def _fields_in(cls, data: Mapping[str, Any], machine: Machine | None = None) -> dict[str, Any]:
+        events = conform(data.get("events", []), list[EventRow], "events")
+        return super()._fields_in({**data, "events": events}, machine)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DesignCurve(Result, what="curve of designs", dimension="design"):
+class DesignCurve(SeveralDesigns, what="curve of designs"):
     """The best designs as one number of their problem moves, as `Design.follow` returns it.
 
     parameter : what moves: "stroke <=" for the bound of a constraint, "k <=" for that of a parameter, or a parameter
@@ -278,16 +317,10 @@ class DesignCurve(Result, what="curve of designs", dimension="design"):
     end: str = ""
     seconds: float = 0.0
 
-    machine = property(lambda self: self.designs[0].machine)  # the others differ in numbers that move
-
     @property
     def objectives(self) -> np.ndarray:
         """The values (m,) of the objective."""
         return np.array([design.objective for design in self.designs])
-
-    def column(self, name: str) -> np.ndarray:
-        """The values (m,) of a designed parameter, or of a quantity of the problem."""
-        return column_of(self.designs, name)
 
     def multipliers(self) -> dict[str, np.ndarray]:
         """The multipliers (m,) of all constraints, bounds and conditions that are active somewhere, 0 where they are
@@ -327,18 +360,12 @@ class DesignCurve(Result, what="curve of designs", dimension="design"):
         """Plot the objective against the number that moves, with the events; returns the axes."""
         return shown("plot").plot_design_curve(self, axes)
 
-    def document(self) -> Document:
-        return self._documented([design.document() for design in self.designs])
-
-    def saved(self) -> Document:
-        return self._documented([design.saved() for design in self.designs])
-
     def _documented(self, designs: list[Document]) -> Document:
         rows = zip(self.values, self.slopes, designs, strict=True)
         return {
             "parameter": self.parameter,
             "designs": [{"value": value, "slope": slope, **design} for value, slope, design in rows],
-            "events": rows_of_events(self.events),
+            "events": self._rows_of_events(),
             "end": self.end,
             "seconds": self.seconds,
         }
@@ -350,8 +377,7 @@ class DesignCurve(Result, what="curve of designs", dimension="design"):
         rows, name = document["designs"], document["parameter"]
         if not rows:
             raise ValueError("it has no designs")
-        own = {key: document[key] for key in ("parameter", "end", "seconds")}
-        own = cls._fields_in({**own, "events": checked_rows(document["events"])})
+        own = cls._fields_in({key: document[key] for key in ("parameter", "events", "end", "seconds")})
         values, slopes = (conform([row[key] for row in rows], tuple[float, ...], key) for key in ("value", "slope"))
         moves = machine is not None and name in machine.values
         machines = [machine.with_values(**{name: value}) if machine and moves else machine for value in values]

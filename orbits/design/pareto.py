@@ -15,15 +15,14 @@ from ..io import Document
 from ..model.machine import Machine
 from ..periodic.find import find
 from ..periodic.stated_start import StartLike
-from ..result import Axes, Progress, Result, shown
+from ..result import Axes, Progress, shown
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from .moving_number import Moving
-from .optimality import Design, column_of, designs_along
+from .optimality import Design, SeveralDesigns, designs_along
 from .optimize import Origin, best_design, multistart, starting_points
 from .problem import Constraint, DesignProblem, design_problem, known_formula
 from .sensitivities import quantities, sensitivities
-from .traced_designs import checked_rows, rows_of_events
 from .tuned_machine import continued_from, names_of_designs, with_tuning
 
 SAME_OBJECTIVE = 1e-9  # objectives that differ by a smaller share are the same: constraints are met to about this
@@ -35,7 +34,7 @@ FLAT_CHANGE = 0.1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Front(Result, what="front"):
+class Front(SeveralDesigns, what="front"):
     """Designs such that none is better than another in both objectives, in ascending order of the first objective.
 
     texts : the two objectives, both minimised
@@ -51,23 +50,17 @@ class Front(Result, what="front"):
     seconds: float
     events: tuple[Event, ...] = ()
 
-    machine = property(lambda self: self.designs[0].machine)  # the others differ in the parameters that were free
-
     @property
     def values(self) -> np.ndarray:
         """The objectives (m, 2) of the designs."""
         return np.array([_objectives(design) for design in self.designs])
 
-    def column(self, name: str) -> np.ndarray:
-        """The values (m,) of a parameter of the designs, or of a quantity of the problem."""
-        return column_of(self.designs, name)
-
-    def document(self) -> Document:
+    def _documented(self, designs: list[Document]) -> Document:
         return {
             "objectives": list(self.texts),
-            "points": [{"values": list(_objectives(design)), **design.document()} for design in self.designs],
+            "points": [{"values": row, **own} for row, own in zip(self.values.tolist(), designs, strict=True)],
             "refused": [{"level": level, "reason": reason} for level, reason in self.refused],
-            "events": rows_of_events(self.events),
+            "events": self._rows_of_events(),
             "seconds": self.seconds,
         }
 
@@ -96,10 +89,6 @@ class Front(Result, what="front"):
         """Plot the objectives of the designs against each other; returns the axes."""
         return shown("plot").plot_front(self, axes)
 
-    def saved(self) -> Document:
-        points = [{"values": list(_objectives(design)), **design.saved()} for design in self.designs]
-        return {**self.document(), "points": points}
-
     @classmethod
     def of_saved(cls, document: Any, machine: Machine | None = None) -> "Front":
         """The front from what `saved` returned, of a machine with any values of the parameters that were free; raises
@@ -108,8 +97,7 @@ class Front(Result, what="front"):
         if not designs or any(design.pair is None for design in designs):
             raise ValueError("it has no designs with two objectives")
         refused = [(each["level"], each["reason"]) for each in document["refused"]]
-        read = {"texts": document["objectives"], "refused": refused, "events": checked_rows(document.get("events", []))}
-        own = cls._fields_in({**document, **read})
+        own = cls._fields_in({**document, "texts": document["objectives"], "refused": refused})
         return cls(designs=designs, **own)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, NamedTuple, TypeAlias, TypedDict
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from ..curves.kkt_curve import ENDS_OF_MINIMA, MinimumCurve
 from ..curves.kkt_limits import CriticalPoint
 from ..curves.kkt_options import STEPS_OF_MINIMA, KktOptions
 from ..errors import NoOrbit, OrbitsError
-from ..io import conform
 from ..model.machine import Machine
 from ..periodic.orbit import Orbit
 from ..result import Progress
@@ -56,23 +55,6 @@ TRACING = Tracing()
 
 
 DesignEvent = Event  # the name that pickled curves have for the class of their events
-
-
-class EventRow(TypedDict):
-    """What an event of designs has in a document, among others."""
-
-    value: float
-    kind: str
-
-
-def checked_rows(rows: object) -> list[EventRow]:
-    """Events of designs from a document; raises `InputError` where one has no value or kind, or a wrong one."""
-    return conform(rows, list[EventRow], "events")
-
-
-def rows_of_events(events: Sequence[Event]) -> list[dict[str, Any]]:
-    """Events of designs in a document."""
-    return [{"value": each.value, "kind": each.kind, "text": each.text} for each in events]
 
 
 class _Piece(NamedTuple):
