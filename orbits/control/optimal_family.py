@@ -335,11 +335,11 @@ class _RunAlongFamily:
         problem, dips = program.problem, list[ExchangePoint]()
         free = point.x[program.count - len(problem.free) : program.count]
         values = np.append(self.parameters(point.value)[0], free)
-        pairs = zip(problem.stages, problem.substeps, program.of_stages(point.x), strict=True)
-        for i, (stage, substeps, (states, duration, coefficients)) in enumerate(pairs):
+        pairs = zip(problem.stages, problem.substeps, program.problem.unpack(point.x[: program.count]), strict=True)
+        for i, (stage, substeps, (duration, nodes, coefficients)) in enumerate(pairs):
             check = interval_check(stage, problem.names, substeps, self.options.watched)
-            ends, paths = check(states.ravel(), duration, coefficients.ravel(), values, ())
-            distance = np.abs(ends) / (1.0 + np.abs(states).max(0)[:, None])
+            ends, paths = check(nodes[:, :-1], duration, coefficients, values, ())
+            distance = np.abs(ends) / (1.0 + np.abs(nodes[:, :-1]).max(1)[:, None])
             if not distance.max() <= tolerance:
                 return None
             paths = paths.reshape(len(self.options.watched), len(stage.path), stage.intervals)
