@@ -22,20 +22,27 @@ from ..running import interrupts
 
 # The events that are boundaries, of families that are followed from one neighbour towards the other.
 FOLLOWED = ("fold", COLLAPSE, *(kind for kind, _ in LIMITS.values() if kind))
-# Pairs of neighbours from which curves are followed, at most; and those of them in succession that lead to none.
-MOST_PAIRS, MOST_WITHOUT = 24, 6
+
+
+class BoundaryOptions(NamedTuple):
+    """From where curves of events are followed as boundaries, and which of them are one."""
+
+    pairs: int = 24  # of neighbours from which curves are followed, at most
+    without: int = 6  # pairs in succession that lead to no curve, after which no others are tried
+    same: float = 1e-7  # share of the range of an event: a curve of its kind that passes a row within this is its curve
+    # Width of events on the way, which are located only as precisely as curves that begin there need it, since their
+    # first points solve the equations of the events. A quantity that changes its sign by a jump is distinguished from
+    # one that vanishes by its value there.
+    width_on_way: float = 1e-8
+
+
+BOUNDARIES = BoundaryOptions()
 # Few points are solved at a time, since most curves end soon, and long steps are taken, since rows and columns are hit
 # exactly afterwards. Curves are not followed far to where rounding decides, which takes many steps.
 CONTROL = StepControl(largest_batch=32, target_correction=1e-4, largest_amplification=1e6, escape_ratio=20.0)
 ALONG_FOLDS = replace(CONTROL, largest_amplification=100.0)  # second derivatives grow as powers of first ones
 ON_CURVE = checked_options(longest=0.05, most=400, step_control=CONTROL)
 ON_WAY = checked_options(longest=0.5, most=60)  # of a family between two neighbours
-# A curve of an event's kind that passes a row within this share of the range of the event is its curve.
-SAME_CURVE = 1e-7
-# Events on the way are located only as precisely as curves that begin there need it, since their first points solve the
-# equations of the events. A quantity that changes its sign by a jump is distinguished from one that vanishes by its
-# value there.
-WIDTH_ON_WAY = 1e-8
 
 
 class Box(NamedTuple):
@@ -102,7 +109,7 @@ def boundary_curves(
         low, high = box.places[pair.i], box.places[pair.i + 1]
         if any(low <= place <= high and fold == pair.ends for place, fold in passed[pair.j]):
             continue
-        if tried == MOST_PAIRS or without == MOST_WITHOUT:
+        if tried == BOUNDARIES.pairs or without == BOUNDARIES.without:
             break
         interrupts.heed()
         found = _curves_between(box, pair, orbit_at, machine, passed)
@@ -126,7 +133,7 @@ def _curves_between(
         family = _up_to_fold(here, box.along, end, orbit_at(here))
         for event in family.events:
             known = np.array([place for place, fold in passed[pair.j] if fold == (event.kind == "fold")])
-            if (np.abs(known - event.point.value) < SAME_CURVE * box.width).any() or not _is_boundary(
+            if (np.abs(known - event.point.value) < BOUNDARIES.same * box.width).any() or not _is_boundary(
                 family, event, pair.ends
             ):
                 continue
@@ -140,7 +147,7 @@ def _curves_between(
 
 def _up_to_fold(machine: Machine, along: str, stop: float, start: Orbit) -> Family:
     """The family of an orbit up to a value, or up to its first fold."""
-    run = begin_run(machine, along, start, stop, 1, None, ON_WAY, located=(FOLLOWED, WIDTH_ON_WAY))
+    run = begin_run(machine, along, start, stop, 1, None, ON_WAY, located=(FOLLOWED, BOUNDARIES.width_on_way))
     points, events = list[Point](), list[Event]()
     with interrupts.deferred():
         for item in run:

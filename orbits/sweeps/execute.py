@@ -28,12 +28,16 @@ if TYPE_CHECKING:
     from concurrent.futures import Future, ProcessPoolExecutor
     from multiprocessing.connection import Connection
 
-# Workers that a member may kill before it counts as failed.
-MOST_CRASHES = 3
-# Chunks that wait at every worker, so that none is idle.
-QUEUED = 2
-# The number of workers assumed for an executor that does not state it.
-MANY_WORKERS = 16
+
+class ExecutionOptions(NamedTuple):
+    """How the chunks of a sweep are spread over workers."""
+
+    crashes: int = 3  # workers that a member may kill before it counts as failed
+    queued: int = 2  # chunks that wait at every worker, so that none is idle
+    workers: int = 16  # that are assumed for an executor that does not state their number
+
+
+EXECUTION = ExecutionOptions()
 # Options of the C library's `mallopt` with their thresholds in bytes; see `_retain_freed_memory`.
 MALLOC_THRESHOLDS = {-1: 16 * MEGABYTE, -3: 4 * MEGABYTE}  # M_TRIM_THRESHOLD, M_MMAP_THRESHOLD
 
@@ -166,7 +170,7 @@ class _Processes:
         """A pool that computes, and the end of the pipe whose closing ends its processes."""
         from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 
-        for _ in range(MOST_CRASHES):  # a worker may be killed as it starts, too
+        for _ in range(EXECUTION.crashes):  # a worker may be killed as it starts, too
             theirs, alive = self.context.Pipe(duplex=False)
             pool = ProcessPoolExecutor(self.size, self.context, _begin_worker, (theirs, compiled_here()))
             try:
@@ -220,7 +224,7 @@ class _UserExecutor:
     all_calls_fail = False
 
     def __init__(self, executor: Any, workers: int | None):
-        self.executor, self.size = executor, workers or int(getattr(executor, "_max_workers", 0)) or MANY_WORKERS
+        self.executor, self.size = executor, workers or int(getattr(executor, "_max_workers", 0)) or EXECUTION.workers
         self.futures = WeakSet["Future[Table]"]()
 
     def __enter__(self) -> "_UserExecutor":
@@ -263,7 +267,7 @@ def _solved_by(
         interrupts.heed()
         if not running:  # a chunk that is retried alone stays alone, however long it takes
             alone = not waiting
-        source, most = (suspects, 1) if alone else (waiting, QUEUED * pool.size)
+        source, most = (suspects, 1) if alone else (waiting, EXECUTION.queued * pool.size)
         crashed = False
         while source and len(running) < most and not crashed:
             try:
@@ -290,7 +294,7 @@ def _solved_by(
             else:
                 suspects.extend(retries := _retries(chunk, alone))
                 if not retries:
-                    yield failed_table(question, chunk.members, f"it crashed its worker {MOST_CRASHES} times")
+                    yield failed_table(question, chunk.members, f"it crashed its worker {EXECUTION.crashes} times")
         if crashed:
             pool.renew()
 
@@ -301,7 +305,7 @@ def _retries(chunk: Chunk, alone: bool) -> list[Chunk]:
         return [chunk]
     if len(chunk.members) > 1:
         return [Chunk(member) for member in np.split(chunk.members, len(chunk.members))]
-    return [Chunk(chunk.members, chunk.crashes + 1)] if chunk.crashes + 1 < MOST_CRASHES else []
+    return [Chunk(chunk.members, chunk.crashes + 1)] if chunk.crashes + 1 < EXECUTION.crashes else []
 
 
 def _died(error: BaseException | None) -> bool:

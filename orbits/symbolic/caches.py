@@ -5,17 +5,23 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import wraps
 from itertools import count
-from typing import Any, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 import casadi as ca
 
 from ..running.exclusive import LOCK
 
-# The least recently used half of all results is forgotten once about this number of bytes has been built, and beyond
-# this number of results.
-BUDGET, MOST = 128e6, 512
-# Bytes that an instruction of an SX and of an MX function takes with its graph (fitted to the growth of the process).
-SX_BYTES, MX_BYTES = 90, 1500
+
+class CacheOptions(NamedTuple):
+    """When the least recently used half of all results is forgotten."""
+
+    bytes: float = 128e6  # of results that have been built, about
+    results: int = 512  # in the caches
+    sx_bytes: int = 90  # of an instruction of an SX function with its graph (fitted to the growth of the process)
+    mx_bytes: int = 1500  # of an instruction of an MX function with its graph (fitted to the growth of the process)
+
+
+CACHE = CacheOptions()
 _F = TypeVar("_F", bound=Callable)
 
 _cached = dict[tuple, "_Stored"]()  # by function and arguments
@@ -33,7 +39,7 @@ def cached(function: _F) -> _F:
         with LOCK:  # what is built are graphs
             result = _cached.get(key)
             if result is None:
-                if len(_cached) >= MOST:
+                if len(_cached) >= CACHE.results:
                     _forget_half()
                 result = _cached[key] = _Stored(function(*arguments, **options))
             result.used = next(_clock)
@@ -67,11 +73,11 @@ def weigh(functions: Iterable[ca.Function], size: int = 0) -> None:
     _seen.update(new)
     for part in (parts[key] for key in new):
         if part.is_a("SXFunction"):
-            _built += SX_BYTES * part.n_instructions()
+            _built += CACHE.sx_bytes * part.n_instructions()
         elif part.is_a("MXFunction"):
-            _built += MX_BYTES * part.n_instructions()
+            _built += CACHE.mx_bytes * part.n_instructions()
     _built += size
-    if _built > BUDGET:
+    if _built > CACHE.bytes:
         _built /= 2
         _seen.clear()
         _forget_half()

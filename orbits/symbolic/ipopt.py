@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -37,11 +37,19 @@ OPTIONS: dict[str, Any] = {
     "ipopt.nlp_scaling_method": "none",  # the caller scales
 }
 
-# A minimum is accepted if its conditions hold to these tolerances when recomputed, whatever Ipopt's status: the
-# violation of its constraints, and the gradient of its Lagrangian beside the multipliers.
-FEASIBLE, STATIONARY_GRADIENT = 1e-9, 1e-7
-# A violation below this does not show that the constraints are infeasible: the iteration may end for other reasons.
-NEARLY = 1e-6
+
+class MinimumOptions(NamedTuple):
+    """What is accepted as a minimum when its conditions are recomputed, whatever Ipopt's status is."""
+
+    feasible: float = 1e-9  # violation of the constraints
+    stationary: float = 1e-7  # gradient of the Lagrangian beside the multipliers
+    # A smaller violation does not show that constraints are infeasible: iterations may end for other reasons.
+    nearly: float = 1e-6
+    bottomless: float = -1e8  # costs are of order one, so that a smaller one has no lower bound
+    diverging: float = 1e12  # unknowns of this size diverge
+
+
+MINIMA = MinimumOptions()
 # With all but the first of these, Ipopt stalls at rounding: a point is a minimum where the recomputed conditions hold.
 ENDED = "Solve_Succeeded", "Search_Direction_Becomes_Too_Small", "Solved_To_Acceptable_Level", "Restoration_Failed"
 # The meaning of the end of an iteration without a minimum, by the `kind` of a `Minimum`.
@@ -52,15 +60,13 @@ ENDS = {
     "overdetermined": "more conditions than unknowns",
     "stuck": "no convergence",
 }
-# Costs are of order one, so that one below this has no lower bound; unknowns of the second size diverge.
-BOTTOMLESS, DIVERGING_ITERATES = -1e8, 1e12
 MINIMISING = {
     **OPTIONS,
     **{f"ipopt.{name}": 1e-11 for name in ("tol", "constr_viol_tol", "compl_inf_tol")},
     "ipopt.bound_relax_factor": 0.0,  # no bound is violated, not even by rounding
     "ipopt.honor_original_bounds": "yes",
     "ipopt.max_iter": 1000,
-    "ipopt.diverging_iterates_tol": DIVERGING_ITERATES,
+    "ipopt.diverging_iterates_tol": MINIMA.diverging,
 }
 # From the solution of a similar problem, the barrier parameter starts at its final value there.
 WARM = {
@@ -114,8 +120,8 @@ class Minimum:
 
     @property
     def feasible(self) -> bool:
-        """Whether the constraints are met up to `NEARLY`."""
-        return bool(self.off.max(initial=0.0) <= NEARLY)
+        """Whether the constraints are met up to `MINIMA.nearly`."""
+        return bool(self.off.max(initial=0.0) <= MINIMA.nearly)
 
     @property
     def reason(self) -> str:
@@ -180,13 +186,13 @@ class Minimiser:
 def _kind(status: str, cost: float, off: ndarray, slope: float) -> str:
     """The kind of end by the recomputed conditions, as Ipopt reports success at points that do not meet them."""
     most = np.abs(off).max(initial=0.0)
-    if status in ENDED and most <= FEASIBLE and slope <= STATIONARY_GRADIENT:
+    if status in ENDED and most <= MINIMA.feasible and slope <= MINIMA.stationary:
         return "minimum"
-    if cost < BOTTOMLESS:
+    if cost < MINIMA.bottomless:
         return "bottomless"
     if status == "Invalid_Number_Detected" or not np.isfinite(cost):
         return "undefined"
-    infeasible = most > NEARLY and status in ("Infeasible_Problem_Detected", "Restoration_Failed")
+    infeasible = most > MINIMA.nearly and status in ("Infeasible_Problem_Detected", "Restoration_Failed")
     return "infeasible" if infeasible else "stuck"
 
 

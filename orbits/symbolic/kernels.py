@@ -18,33 +18,36 @@ from ..running import interrupts
 from ..running.exclusive import LOCK, apart, threads
 from .caches import weigh
 from .calls import BufferedFunction, MappedFunction, with_common_parts
-from .machine_code import MOST_LANES, MachineCode, compile_seconds, say_interpreted, target
+from .machine_code import CODE, MachineCode, compile_seconds, say_interpreted, target
 from .series_loops import InLoops
 
-# About the seconds that CasADi's virtual machine takes for one instruction (measured on a server core of 2024).
-SECONDS_INTERPRETED = 3e-9
-# About the seconds that an interpreted iteration takes besides, and that a point takes besides its iterations.
-SECONDS_OF_CALL, SECONDS_OF_POINT = 1e-6, 1e-5
-# About the share of that which machine code takes.
-COMPILED_SHARE = 0.03
-# Where the time of iterations is known beforehand, optimised code is worth it from this multiple of its time to compile
-# on, as it takes half of the time.
-WORTH_OPTIMISING = 2.0
-# Where many calls are to come, interpreting takes no longer than this share of the time to compile.
-SHARE_BEFORE_MANY = 0.1
-# From this many instructions on, optimised code is hardly faster, and takes long to make.
-LONG = 25_000
-# The most iterations of a point.
-LONGEST_RUN = 100_000
-# The number of iterations after which an interrupt of the user may be checked.
-CHECKED = 256
-# The most points of one call of machine code, which nothing can interrupt, and the most seconds that it would take
-# interpreted, a small part of that in machine code; but it always iterates `CHECKED` times.
-MOST_POINTS, LONGEST_CALL = 4096, 2.0
-# The most numbers that are recorded at a time.
-SCRATCH = 4_000_000
-# Records of a point for which there is room at first; points that need more go on where they stopped.
-FIRST_CAPACITY = 16
+
+class KernelOptions(NamedTuple):
+    """When iterations are interpreted and when they are compiled, and how many points and records one call has."""
+
+    # Seconds that CasADi's virtual machine takes for one instruction (measured on a server core of 2024).
+    seconds_interpreted: float = 3e-9
+    seconds_of_call: float = 1e-6  # that an interpreted iteration takes in addition
+    seconds_of_point: float = 1e-5  # that a point takes in addition to its iterations
+    compiled_share: float = 0.03  # of the time of the virtual machine that machine code takes
+    # Where the time of iterations is known beforehand, optimised code is worth it from this multiple of its time to
+    # compile on, as it takes half of the time.
+    worth_optimising: float = 2.0
+    # Largest share of the time to compile that interpreting takes where many calls are to come.
+    share_before_many: float = 0.1
+    long: int = 25_000  # from this many instructions on, optimised code is hardly faster, and takes long to make
+    longest_run: int = 100_000  # iterations of a point, at most
+    checked: int = 256  # iterations after which an interrupt of the user may be checked
+    points: int = 4096  # of one call of machine code, which nothing can interrupt
+    # Seconds that a call of machine code would take interpreted, a small part of that in machine code; but it always
+    # iterates `checked` times.
+    longest_call: float = 2.0
+    scratch: int = 4_000_000  # numbers that are recorded at a time, at most
+    # Records of a point for which there is room at first; points that need more go on where they stopped.
+    first_capacity: int = 16
+
+
+KERNELS = KernelOptions()
 
 # One record, one end and one iteration of every point.
 _ONCE = np.ones(3)
@@ -67,7 +70,7 @@ def compiled_early(many: bool = True) -> Iterator[None]:
 
 class Iterated(NamedTuple):
     """The result of a `Kernel`. A point that has less than the most records and yet is going has used up its
-    `LONGEST_RUN`."""
+    `KERNELS.longest_run`."""
 
     z: np.ndarray  # (m, size), the last z
     records: list[np.ndarray]  # (N, size), of one point after the other
@@ -131,13 +134,14 @@ class Kernel:
         self.width = max(1, sum(self.sizes_out[1:-2]))  # numbers in the records of one iteration
         in_loops = isinstance(function, InLoops)
         length = (function if in_loops else self.function).n_instructions()
-        self.seconds_per_step = length * SECONDS_INTERPRETED
+        self.seconds_per_step = length * KERNELS.seconds_interpreted
         self.seconds_to_compile = self.interpretation_budget = compile_seconds(length) if not in_loops else -1.0
-        self.optimisation_budget = compile_seconds(length, optimised=True) if length < LONG and not in_loops else np.inf
+        optimised = length < KERNELS.long and not in_loops
+        self.optimisation_budget = compile_seconds(length, optimised=True) if optimised else np.inf
         self._interpreted: BufferedFunction | None = None
         self._code: MachineCode | None = None
         # The number of records of a point with room, learned from earlier calls; no number in a result depends on it.
-        self._capacity = FIRST_CAPACITY
+        self._capacity = KERNELS.first_capacity
         self._points = threading.local()
 
     @cached_property
@@ -160,12 +164,12 @@ class Kernel:
 
     def expect(self, iterations: int) -> None:
         """Make the machine code now that this number of iterations is worth, which then count for no other."""
-        seconds = COMPILED_SHARE * iterations * self.seconds_per_step
-        if seconds > WORTH_OPTIMISING * self.optimisation_budget:
+        seconds = KERNELS.compiled_share * iterations * self.seconds_per_step
+        if seconds > KERNELS.worth_optimising * self.optimisation_budget:
             self.optimise()
-        elif seconds > COMPILED_SHARE * self.interpretation_budget:
+        elif seconds > KERNELS.compiled_share * self.interpretation_budget:
             self.compile()
-            self.optimisation_budget += WORTH_OPTIMISING * seconds
+            self.optimisation_budget += KERNELS.worth_optimising * seconds
 
     def optimise(self) -> None:
         """Make the machine code that takes the least time."""
@@ -188,14 +192,14 @@ class Kernel:
     def _run_compiled(self, seconds: float) -> None:
         """Take from the budget what machine code takes of so many seconds interpreted."""
         with LOCK:
-            self.optimisation_budget -= COMPILED_SHARE * seconds
+            self.optimisation_budget -= KERNELS.compiled_share * seconds
         if self.optimisation_budget < 0:
             self.optimise()
 
     def _is_used_up(self, left: float) -> bool:
         """Whether no more is to be interpreted where this is left of the budget."""
         many = getattr(_memory, "early", False)
-        return left < ((1 - SHARE_BEFORE_MANY) * self.seconds_to_compile if many else 0.0)
+        return left < ((1 - KERNELS.share_before_many) * self.seconds_to_compile if many else 0.0)
 
     def _make_code(self, optimised: bool) -> None:
         if target():
@@ -225,13 +229,13 @@ class Kernel:
         ):
             return found
         inputs[0] = inputs[0].copy() if len(inputs[0]) == count else np.tile(inputs[0], (count, 1))
-        room = min(most, max(1, SCRATCH // (MOST_LANES * self.width)))
+        room = min(most, max(1, KERNELS.scratch // (CODE.lanes * self.width)))
         capacity, rounds = min(self._capacity, room), list[tuple]()
-        longest = max(CHECKED, LONGEST_CALL // (min(count, MOST_POINTS) * self.seconds_per_step))
+        longest = max(KERNELS.checked, KERNELS.longest_call // (min(count, KERNELS.points) * self.seconds_per_step))
         # The most records of each point, 1, and the most iterations; then the records, whether it has ended, and so on.
         done = np.empty((count, 3))
-        done[:] = capacity, 1.0, min(longest, LONGEST_RUN)
-        parts, bounds = self._iterated(inputs, done, capacity), (most, 1.0, LONGEST_RUN)
+        done[:] = capacity, 1.0, min(longest, KERNELS.longest_run)
+        parts, bounds = self._iterated(inputs, done, capacity), (most, 1.0, KERNELS.longest_run)
         while not done[:, 1].all() and len(left := np.logical_and.reduce(done < bounds, axis=1).nonzero()[0]):
             rounds, capacity = rounds or [(slice(None), done.copy())], min(2 * capacity, room)
             ends = np.minimum(np.array(bounds) - done[left], np.array([capacity, 1.0, longest]))
@@ -247,7 +251,7 @@ class Kernel:
             order = np.argsort(np.concatenate(owners), kind="stable")
             records = [record[order] for record in records]
         if largest := int(counts.max()):
-            self._capacity = max(FIRST_CAPACITY, largest + 2)
+            self._capacity = max(KERNELS.first_capacity, largest + 2)
         return Iterated(inputs[0], records, counts, done[:, 1] == 0)
 
     def one_point(self, inputs: Sequence[int], capacity: int) -> _OnePoint:
@@ -259,10 +263,10 @@ class Kernel:
 
     def _at_one_point(self, inputs: list[np.ndarray], most: int) -> Iterated | None:
         """`__call__` of machine code at one point; None where it needs more room or iterations than usual."""
-        point, code = self.one_point(self.sizes_in, min(self._capacity, CHECKED)), self._code
+        point, code = self.one_point(self.sizes_in, min(self._capacity, KERNELS.checked)), self._code
         assert code is not None
         interrupts.heed()
-        point.run(code, inputs, (min(most, point.capacity), 1.0, CHECKED))
+        point.run(code, inputs, (min(most, point.capacity), 1.0, KERNELS.checked))
         count, ended, iterations = point.ends.tolist()
         if self.optimisation_budget < np.inf:  # a clock would take as long as the code
             self._run_compiled(iterations * self.seconds_per_step)
@@ -302,10 +306,10 @@ class Kernel:
                 memory[:] = array
             sizes, whole = self.sizes_out, call.whole
             after, values, before, trigger = call.flat[0], whole[sizes[0] : -2], call.arguments[0], call.trigger
-            most, _, longest = map(int, ends.tolist())
+            (most, _, longest), checked = map(int, ends.tolist()), KERNELS.checked
             records, count, tried, going = np.empty((most, len(values))), 0, 0, True
             while going and count < most and tried < longest:
-                if tried % CHECKED == 0:
+                if tried % checked == 0:
                     interrupts.heed()
                 if chooses is not None:
                     call.arguments[-1][:] = inputs[-1].reshape(-1, self.sizes_in[-1])[int(before[chooses])]
@@ -317,7 +321,8 @@ class Kernel:
                 if recorded:
                     records[count] = values
                     count += 1
-            self.interpretation_budget -= tried * (self.seconds_per_step + SECONDS_OF_CALL) + SECONDS_OF_POINT
+            seconds = tried * (self.seconds_per_step + KERNELS.seconds_of_call) + KERNELS.seconds_of_point
+            self.interpretation_budget -= seconds
             inputs[0][:], ends[:] = after, (count, not going, tried)
         places = [*accumulate(sizes[1:-2], initial=0)]
         return [records[:count, first:last].copy() for first, last in pairwise(places)]
@@ -328,15 +333,15 @@ class Kernel:
         code = self._code
         assert code is not None
         count, row = len(ends), capacity * self.width
-        workers = min(threads(), max(1, SCRATCH // (row * code.lanes))) if count > code.lanes else 1
-        points = min(MOST_POINTS, SCRATCH // (workers * row), -(-count // workers) + code.lanes - 1)
+        workers = min(threads(), max(1, KERNELS.scratch // (row * code.lanes))) if count > code.lanes else 1
+        points = min(KERNELS.points, KERNELS.scratch // (workers * row), -(-count // workers) + code.lanes - 1)
         size = max(1, points // code.lanes) * code.lanes
         firsts = range(0, count, size)
         workers = min(workers, len(firsts))
         memory = getattr(_memory, "records", None)
         if memory is None or len(memory) < workers * size * row:
             memory = np.empty(workers * size * row)
-            if len(memory) <= SCRATCH:
+            if len(memory) <= KERNELS.scratch:
                 _memory.records = memory
         free = [memory[worker * size * row :] for worker in range(workers)]
 

@@ -16,15 +16,24 @@ import casadi as ca
 from .calls import single_assignment
 from .taylor_series import affine_degree, applied
 
-# An exponential of less than minus this, 9e-27, cannot be seen beside a force, even multiplied by 1e10, nor what is
-# left of 1 in a saturated function. There the argument may go until the exponential is this large.
-HIDDEN_EXPONENT = 60.0
-# Where they can be seen, arguments of exponentials and of saturated functions may change this much in a step: more than
-# series of order 28 ever allow, and little enough that a step cannot pass from one side to the other.
-VISIBLE_EXPONENT, VISIBLE_TURN = 12.0, 6.0
-# What is divided by, or under a root, may come this near to 0, relative to it. A term that is below rounding at the
-# beginning of a step is then at most 100 times as large at its end.
-NEAR_SINGULAR = 0.99
+
+class ScaleOptions(NamedTuple):
+    """How far the arguments of functions may go in a step."""
+
+    # An exponential of less than minus this, 9e-27, cannot be seen beside a force, even multiplied by 1e10, nor what is
+    # left of 1 in a saturated function. There the argument may go until the exponential is this large.
+    hidden: float = 60.0
+    # Where they can be seen, arguments of exponentials may change this much: more than series of order 28 ever allow,
+    # and little enough that a step cannot pass from one side to the other.
+    visible: float = 12.0
+    # Where they can be seen, arguments of saturated functions may change this much, for the same reason.
+    turn: float = 6.0
+    # Share of itself by which a divisor, or what is under a root, may come nearer to 0. A term that is below rounding
+    # at the beginning of a step is then at most 100 times as large at its end.
+    near_singular: float = 0.99
+
+
+SCALES = ScaleOptions()
 
 
 class Room(NamedTuple):
@@ -137,7 +146,7 @@ def _allow(allowed: dict[int, Room], instruction: int, change: Room | ca.SX | No
         allowed[instruction] = Room(*map(ca.fmin, allowed[instruction], new)) if instruction in allowed else new
 
 
-_WAVES: dict[int, Callable] = dict.fromkeys((ca.OP_SIN, ca.OP_COS, ca.OP_TAN), lambda a, varies: [ca.SX(VISIBLE_TURN)])
+_WAVES: dict[int, Callable] = dict.fromkeys((ca.OP_SIN, ca.OP_COS, ca.OP_TAN), lambda a, varies: [ca.SX(SCALES.turn)])
 _KINKED: dict[int, Callable] = {
     **dict.fromkeys((ca.OP_FABS, ca.OP_SIGN), lambda a: a[0]),
     **dict.fromkeys((ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE), lambda a: a[0] - a[1]),
@@ -148,14 +157,14 @@ _KINKED: dict[int, Callable] = {
 
 
 def _of_quotient(a, varies):
-    hidden = ca.fabs(a[1]) - ca.fabs(a[0]) * math.exp(HIDDEN_EXPONENT)  # the quotient stays out of sight
-    return [None, ca.fmax(NEAR_SINGULAR * ca.fabs(a[1]), hidden) if varies[1] else None]
+    hidden = ca.fabs(a[1]) - ca.fabs(a[0]) * math.exp(SCALES.hidden)  # the quotient stays out of sight
+    return [None, ca.fmax(SCALES.near_singular * ca.fabs(a[1]), hidden) if varies[1] else None]
 
 
 def _of_powers(a, varies):
     whole = ca.logic_and(a[1] >= 1, ca.floor(a[1]) == a[1])  # a polynomial hides nothing
     polynomial = float(whole) if whole.is_constant() else 0.0
-    return [None if polynomial else ca.if_else(whole, ca.inf, NEAR_SINGULAR * ca.fabs(a[0])), None]
+    return [None if polynomial else ca.if_else(whole, ca.inf, SCALES.near_singular * ca.fabs(a[0])), None]
 
 
 def _saturated(turn: float, hidden: float) -> Callable:
@@ -169,19 +178,19 @@ def _saturated(turn: float, hidden: float) -> Callable:
 
 def _exponential(a, varies):
     # One that decreases hides nothing, nor does a large one.
-    return [Room(ca.SX(ca.inf), ca.fmax(VISIBLE_EXPONENT + ca.fmax(a[0], 0), -HIDDEN_EXPONENT - a[0]))]
+    return [Room(ca.SX(ca.inf), ca.fmax(SCALES.visible + ca.fmax(a[0], 0), -SCALES.hidden - a[0]))]
 
 
 def _near(distance: Callable) -> Callable:
     """To the singularity at this distance from an argument."""
-    return lambda a, varies: [NEAR_SINGULAR * distance(a[0])]
+    return lambda a, varies: [SCALES.near_singular * distance(a[0])]
 
 
 _DECAYING = {
     ca.OP_EXP: _exponential,
     ca.OP_EXPM1: _exponential,
-    ca.OP_TANH: _saturated(VISIBLE_TURN, HIDDEN_EXPONENT / 2),
-    ca.OP_ERF: _saturated(math.sqrt(VISIBLE_TURN), math.sqrt(HIDDEN_EXPONENT)),
+    ca.OP_TANH: _saturated(SCALES.turn, SCALES.hidden / 2),
+    ca.OP_ERF: _saturated(math.sqrt(SCALES.turn), math.sqrt(SCALES.hidden)),
 }
 _HIDING: dict[int, Callable] = {
     **_DECAYING,
@@ -249,7 +258,7 @@ def _through_power(a, varies, result, change):
 
 def _through_exponential(a, varies, result, change):
     # Far below 0 the exponential of -a overflows; elsewhere a small change is lost beside it in the first logarithm.
-    return [ca.if_else(a[0] < -HIDDEN_EXPONENT, ca.log(change + ca.exp(a[0])) - a[0], ca.log1p(change * ca.exp(-a[0])))]
+    return [ca.if_else(a[0] < -SCALES.hidden, ca.log(change + ca.exp(a[0])) - a[0], ca.log1p(change * ca.exp(-a[0])))]
 
 
 def _through_growth(a, varies, result, change):
@@ -287,8 +296,8 @@ _BACK: dict[int, Callable] = {
     **dict.fromkeys((ca.OP_SINH, ca.OP_COSH), _through_growth),
     **dict.fromkeys((ca.OP_SIN, ca.OP_COS), lambda a, varies, result, change: [change]),
     ca.OP_TAN: lambda a, varies, result, change: [change / (1 + (ca.fabs(result) + change) ** 2)],
-    ca.OP_TANH: _through_saturated(HIDDEN_EXPONENT / 2),
-    ca.OP_ERF: _through_saturated(math.sqrt(HIDDEN_EXPONENT)),
+    ca.OP_TANH: _through_saturated(SCALES.hidden / 2),
+    ca.OP_ERF: _through_saturated(math.sqrt(SCALES.hidden)),
     ca.OP_ATAN: _through_slope(lambda a: 1 / (1 + a**2 / 4), lambda a: ca.fabs(a) / 2, 1.0),
     ca.OP_ASINH: _through_slope(lambda a: 1 / ca.sqrt(1 + a**2 / 4), lambda a: ca.fabs(a) / 2, 1.0),
     ca.OP_ACOSH: _through_slope(lambda a: 1 / ca.sqrt(a - 1), lambda a: (a - 1) / 2),

@@ -14,7 +14,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from functools import cache
 from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple
 from weakref import WeakSet
 
 import casadi as ca
@@ -22,8 +22,19 @@ import casadi as ca
 from .calls import single_assignment
 from .series_loops import InLoops
 
-# Vectors of more numbers than this are not used.
-MOST_LANES = 8
+
+class CodeOptions(NamedTuple):
+    """The vectors and blocks of machine code, and the processor seconds to make it on a server core of 2024."""
+
+    lanes: int = 8  # numbers of a vector, at most
+    # Instructions of a graph after which another block begins: the time to compile one grows with its square.
+    block: int = 300
+    seconds: float = 4e-3  # of the shortest function
+    seconds_plain: float = 1.5e-5  # of each further instruction in code that is not optimised
+    seconds_optimised: float = 8e-5  # of each further instruction in optimised code
+
+
+CODE = CodeOptions()
 # Operations on the first and the last value, which are one where there is only one: x * x is the square of x.
 _ARITHMETIC = {ca.OP_ADD: "fadd", ca.OP_SUB: "fsub", ca.OP_MUL: "fmul", ca.OP_DIV: "fdiv"}
 _ARITHMETIC |= {ca.OP_SQ: "fmul", ca.OP_TWICE: "fadd"}
@@ -37,11 +48,6 @@ _LIBRARY = {getattr(ca, f"OP_{name.upper()}"): name for name in _CALLED} | {ca.O
 # All operations that have machine code.
 _OTHERS = ("ASSIGN", "NEG", "INV", "NOT", "AND", "OR", "IF_ELSE_ZERO", "SIGN", "INPUT", "OUTPUT", "CONST")
 OPERATIONS = {*_ARITHMETIC, *_COMPARISONS, *_INTRINSICS, *_LIBRARY, *(getattr(ca, f"OP_{name}") for name in _OTHERS)}
-# The instructions of a graph after which another block begins: the time to compile one grows with its square.
-LONGEST_BLOCK = 300
-# The processor time that the shortest function takes to compile, and that each instruction takes besides, in code that
-# is not optimised and in code that is (measured on a server core of 2024).
-FEWEST_SECONDS, SECONDS_PLAIN, SECONDS_OPTIMISED = 4e-3, 1.5e-5, 8e-5
 # (addresses of arrays, lengths of their rows, number of points)
 Run = Callable[[Any, Any, int], None]
 # The code of an object file and whether it is optimised, by a hash of the text that it was compiled from.
@@ -66,7 +72,7 @@ def target() -> tuple[Any, int] | None:
         llvm.initialize_native_target()
         llvm.initialize_native_asmprinter()
         features = llvm.get_host_cpu_features()
-        return llvm, MOST_LANES if features.get("avx512f") else 4 if features.get("avx2") else 2
+        return llvm, CODE.lanes if features.get("avx512f") else 4 if features.get("avx2") else 2
     except (ImportError, OSError, RuntimeError):
         say_interpreted()
         return None
@@ -79,7 +85,7 @@ def _c_library() -> ctypes.CDLL:
 
 def compile_seconds(instructions: int, optimised: bool = False) -> float:
     """About the seconds to compile this number of instructions of a graph."""
-    return FEWEST_SECONDS + (SECONDS_OPTIMISED if optimised else SECONDS_PLAIN) * instructions
+    return CODE.seconds + (CODE.seconds_optimised if optimised else CODE.seconds_plain) * instructions
 
 
 class MachineCode:
@@ -245,7 +251,7 @@ class _Code:
                 values.append(self.splat(constant))
             else:
                 values.append(self.operation(op, [values[place] for place in places]))
-            if len(values) % LONGEST_BLOCK == 0:
+            if len(values) % CODE.block == 0:
                 self.do(f"br label %b{len(self.lines)}", f"b{len(self.lines)}:")
         return results
 

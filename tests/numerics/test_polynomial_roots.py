@@ -146,7 +146,7 @@ def test_no_root_is_lost_at_a_joint_of_blocks_where_one_side_rounds_to_zero():
 def test_newtons_method_needs_few_steps(count, monkeypatch):
     """Twelve bisections of the interval alone would leave the root to 2e-4; one root, and many together."""
     monkeypatch.setattr(polynomial_roots, "ROOTS", ROOTS._replace(iterations=12))
-    monkeypatch.setattr(kernels, "LONGEST_RUN", 12)
+    monkeypatch.setattr(kernels, "KERNELS", kernels.KERNELS._replace(longest_run=12))
     sought = np.linspace(0.3, 0.7, count)
     series = np.array([np.poly1d([root, 1.3, -0.4], r=True).coeffs[::-1] for root in sought])
     _, _, found = PiecewisePolynomials(series, np.ones(count), np.ones(count, int)).roots()

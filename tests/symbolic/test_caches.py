@@ -15,7 +15,7 @@ def test_many_laws_take_little_memory():
 
 @pytest.mark.slow
 def test_what_is_kept_is_let_go_of_when_it_grows(monkeypatch):
-    monkeypatch.setattr(caches, "BUDGET", 3e6)
+    monkeypatch.setattr(caches, "CACHE", caches.CACHE._replace(bytes=3e6))
     most = 0.0
     for k in range(6):
         find(Hopper(f"r + 0.1{k}*r**3"))
@@ -31,10 +31,10 @@ def test_the_least_recently_used_is_forgotten(monkeypatch):
     build = caches.cached(lambda k: built.append(k) or k)
     for k in (1, 2, 3, 4, 1):
         assert build(k) == k
-    caches.weigh([], int(caches.BUDGET) + 1)
+    caches.weigh([], int(caches.CACHE.bytes) + 1)
     assert [build(k) for k in (4, 1, 2)] == [4, 1, 2]
     assert built == [1, 2, 3, 4, 2]
-    monkeypatch.setattr(caches, "MOST", 4)
+    monkeypatch.setattr(caches, "CACHE", caches.CACHE._replace(results=4))
     assert [build(k) for k in (5, 6, 2)] == [5, 6, 2]
     assert built == [1, 2, 3, 4, 2, 5, 6]
     assert len(caches._cached) <= 4

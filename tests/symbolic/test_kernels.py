@@ -46,7 +46,7 @@ def test_what_is_expected_is_compiled():
     """As far as its iterations are worth it, and with the same results."""
     z, step = starts(20, 5), np.ones((1, 1))
     few, some, many = (Kernel(countdown()) for _ in range(3))
-    worth = some.optimisation_budget / (kernels.COMPILED_SHARE * some.seconds_per_step)
+    worth = some.optimisation_budget / (kernels.KERNELS.compiled_share * some.seconds_per_step)
     for kernel, iterations in ((few, 1), (some, int(worth)), (many, int(3 * worth))):
         kernel.expect(iterations)
     assert not few.compiled
@@ -67,15 +67,14 @@ def test_what_never_ends_is_stopped():
     points = np.array([[0.0, 0.0], [0.0, 3.0], [0.0, 7.0]])
     for found in both(endless(), points):
         assert found.going.all()
-        assert (found.z[:, 0] == kernels.LONGEST_RUN).all()
+        assert (found.z[:, 0] == kernels.KERNELS.longest_run).all()
         assert found.counts.tolist() == [0, 3, 7]
 
 
-@pytest.mark.parametrize("scratch", [kernels.SCRATCH, 100])
+@pytest.mark.parametrize("scratch", [kernels.KERNELS.scratch, 100])
 def test_the_most_iterations_are_those_of_a_point(monkeypatch, scratch):
     """However many calls they are divided into, as by the room for records, which grows from call to call."""
-    monkeypatch.setattr(kernels, "LONGEST_RUN", 1000)
-    monkeypatch.setattr(kernels, "SCRATCH", scratch)
+    monkeypatch.setattr(kernels, "KERNELS", kernels.KERNELS._replace(longest_run=1000, scratch=scratch))
     points = np.column_stack([np.zeros(20), np.linspace(0, 1500, 20)])
     compiled, interpreted = Kernel(endless()), Kernel(endless())
     compiled.compile()
@@ -108,7 +107,7 @@ def test_an_interrupt_ends_a_long_call(monkeypatch, threads):
     with pytest.raises(KeyboardInterrupt):
         interrupted(kernel, np.tile([0.0, 9.0], (40_000, 1)))
     assert len(calls) <= 4
-    assert max(ends[:, 2].sum() for ends in calls) <= kernels.MOST_POINTS * kernels.LONGEST_RUN / 5
+    assert max(ends[:, 2].sum() for ends in calls) <= kernels.KERNELS.points * kernels.KERNELS.longest_run / 5
 
 
 def test_an_interrupt_ends_short_interpreted_motions():
@@ -121,7 +120,7 @@ def test_an_interrupt_ends_short_interpreted_motions():
 
 def test_scratch_memory_is_bounded(monkeypatch):
     """A point with many records, and as many points as fit beside each other."""
-    monkeypatch.setattr(kernels, "SCRATCH", 3000)
+    monkeypatch.setattr(kernels, "KERNELS", kernels.KERNELS._replace(scratch=3000))
     monkeypatch.setattr(kernels, "_memory", memory := threading.local())
     kernel = Kernel(countdown())
     kernel.compile()
@@ -150,7 +149,7 @@ def test_any_number_of_threads(monkeypatch):
     kernel, z = Kernel(countdown()), starts(1000, 5)
     kernel.compile()
     one = kernel(z, np.ones((1, 1)))
-    monkeypatch.setattr(kernels, "SCRATCH", 5000)
+    monkeypatch.setattr(kernels, "KERNELS", kernels.KERNELS._replace(scratch=5000))
     for threads in ("2", "3", "16"):
         monkeypatch.setenv("ORBITS_THREADS", threads)
         assert_equal(kernel(z, np.ones((1, 1))), one)

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from orbits.symbolic.local_scales import HIDDEN_EXPONENT, VISIBLE_EXPONENT, kinks_of, reaches_of
+from orbits.symbolic.local_scales import SCALES, kinks_of, reaches_of
 
 
 def reach_of(function, waves=False):
@@ -45,7 +45,7 @@ def test_an_exponent_changes_by_no_more_than_a_series_shows(name):
             assert distance > 0
             places = r + min(distance, 1e3) * np.linspace(-1, 1, 401)
             values = exponent(places[None], p)[1].full()[0]
-            allowed = max(VISIBLE_EXPONENT + max(value, 0), -HIDDEN_EXPONENT - value)
+            allowed = max(SCALES.visible + max(value, 0), -SCALES.hidden - value)
             assert np.nanmax(np.abs(values - value)) <= allowed * (1 + 1e-9)
 
 
@@ -100,7 +100,7 @@ def test_the_coordinate_of_a_reach_is_a_sum_of_states():
     field = ca.Function("field", [x, p], [ca.vertcat(x[1], ca.exp((x[0] - x[2] - p) / p), x[3], -x[2])])
     ((weights, (_, distance)),) = reaches_of(field, x, p)
     assert ca.Function("w", [x, p], [weights])(0, 0.5).full().tolist() == [[1.0, 0.0, -1.0, 0.0]]
-    assert float(ca.Function("d", [x, p], [distance])([1.0, 0, 1.0, 0], 0.5)) == pytest.approx(0.5 * VISIBLE_EXPONENT)
+    assert float(ca.Function("d", [x, p], [distance])([1.0, 0, 1.0, 0], 0.5)) == pytest.approx(0.5 * SCALES.visible)
 
 
 def test_kinks_of_absolute_values_and_comparisons():
