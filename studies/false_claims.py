@@ -58,7 +58,7 @@ class TwoMasses:
 
     @classmethod
     def hopper(cls, force: Force) -> "TwoMasses":
-        """Those of a dimensionless `Hopper`, whose equation does not depend on the ratio of its masses."""
+        """The numbers of a dimensionless `Hopper`, whose equation does not depend on the ratio of its masses."""
         return cls(force, 2.0, 2.0, 0.5)
 
     def flight(self, alpha: float, liftoff: float) -> np.ndarray:

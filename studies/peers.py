@@ -1,4 +1,4 @@
-"""The same orbits and flows by other software: scipy, CasADi's Opti and, where they are installed, rockit and heyoka.
+"""Orbits and flows by other software: scipy, CasADi's Opti and, where they are installed, rockit and heyoka.
 
 Each is told what a user of it would tell it: the flight's equations, the launch, rest in mid-flight, and a guess.
 """

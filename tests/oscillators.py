@@ -18,7 +18,7 @@ def duffing(r, p, q):
 
 
 def duffing_by_cases(r, p, q):
-    """The same force by operations that have no Taylor series."""
+    """This force by operations that have no Taylor series."""
     return r + p["b"] * r * r * ca.fabs(r) * ca.sign(r)
 
 

@@ -155,7 +155,7 @@ def start_of(kind: str, mu: float, kappa: float, family: int, angle: float = 1.0
 def stepping(
     kind: str, mu: float, kappa: float, angle: float | None = None, law: object = "r", **parameters: float
 ) -> Mechanism:
-    """The same machines as mechanisms, linearised without an angle."""
+    """These machines as mechanisms, linearised without an angle."""
     a, energy = "angle", "kappa*cos(theta - angle)"
     if angle is None:
         a, energy = "1", "-kappa*(theta - 1)**2/2"

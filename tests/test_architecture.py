@@ -10,43 +10,11 @@ from functools import cache
 from pathlib import Path
 
 import orbits
+from studies.docs.rooms import PAGE, page, rooms
 
 ROOT = Path(__file__).parent.parent
 RANK = {"orbits": 0, "problems": 1, "studies": 2}
-# The rooms of the engine from the ground up: each imports only from itself and from rooms before it.
-ROOMS = (
-    "errors",
-    "check_statement",
-    "check_proof",
-    "check_returns",
-    "tables",
-    "records",
-    "io",
-    "running",
-    "symbolic",
-    "numerics",
-    "curves",
-    "units",
-    "laws",
-    "model",
-    "result",
-    "consistency",
-    "flow",
-    "mechanics",
-    "shooting",
-    "periodic",
-    "exact",
-    "balls",
-    "proof",
-    "design",
-    "hops",
-    "continuation",
-    "control",
-    "returns",
-    "checks",
-    "sweeps",
-    "show",
-)
+ROOMS = rooms()  # of the engine from the ground up: each imports only from itself and from rooms before it
 MOST_FLOORS = 14
 # Modules without a test of their name, each with the file of tests that exercises it most.
 TESTED_WITH = {
@@ -207,6 +175,44 @@ def test_every_file_of_the_engine_is_in_a_room():
     rooms = {room_of(module_of(path)) for path in ENGINE} - {"", "__main__"}
     assert rooms == set(ROOMS)
     assert len({room for room in ROOMS if (ROOT / "orbits" / room).is_dir()}) <= 21
+
+
+def test_the_page_says_what_is_in_the_rooms():
+    """`python studies/docs/rooms.py` writes it."""
+    assert PAGE.read_text(encoding="utf-8") == page()
+
+
+def docstrings(paths: list[Path]) -> list[tuple[str, str]]:
+    """The docstrings of files, their classes and their functions, each with the name of its file."""
+    documented = ast.Module | ast.ClassDef | ast.FunctionDef
+    nodes = [(name_of(path), node) for path in paths for node in nodes_of(path) if isinstance(node, documented)]
+    return [(name, found) for name, node in nodes if (found := ast.get_docstring(node))]
+
+
+def test_the_modules_that_a_room_names_are_there():
+    """In brackets, as (`programs`), in the docstring of a room."""
+    modules = {path.stem for path in ENGINE}
+    for name, text in docstrings(
+        [ROOT / "orbits" / room / "__init__.py" for room in ROOMS if (ROOT / "orbits" / room).is_dir()]
+    ):
+        named = re.findall(r"\(((?:`\w+`(?:, )?)+)\)", text)
+        assert {each for names in named for each in re.findall(r"\w+", names)} <= modules, name
+
+
+# Of named tuples, results, and classes of other packages.
+PROTECTED = {"_asdict", "_exit", "_fields", "_replace", "_conform", "_fields_in", "_processes", "_result_queue",
+             "_writer", "_repr_html_"}  # fmt: skip
+
+
+def test_private_methods_are_called_in_their_module():
+    wrong = []
+    for path in (path for path in SOURCES if not path.is_relative_to(ROOT / "studies")):
+        own = {getattr(node, "name", "") for node in nodes_of(path)} | PROTECTED
+        own |= {getattr(node.target, "id", "") for node in nodes_of(path) if isinstance(node, ast.AnnAssign)}
+        named = [node for node in nodes_of(path) if isinstance(node, ast.Attribute) and re.match(r"_[^_]", node.attr)]
+        own |= {node.attr for node in named if getattr(node.value, "id", "") in ("self", "cls")}
+        wrong += [f"{name_of(path)}: {ast.unparse(node)}" for node in named if node.attr not in own]
+    assert not wrong, "\n".join(wrong)
 
 
 def test_rooms_import_from_rooms_below():

@@ -106,7 +106,7 @@ def change(document, path, value):
 
 
 def repeated(document):
-    """The same again where the file repeats what it says."""
+    """A file that repeats what it says is verified again."""
     shown = [
         {name: {"low": low, "high": high} for name, (low, high) in pairs.items()}
         for pairs in (document["enclosures"], document["machine"]["parameters"])

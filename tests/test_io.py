@@ -93,7 +93,7 @@ class TestWriting:
         assert [each.name for each in tmp_path.iterdir()] == [name]
 
     def test_what_is_no_disk_is_not_full(self, tmp_path, monkeypatch):
-        """As /proc, whose total is 0."""
+        """A file system as /proc has the total 0."""
         for total, expected in ((0, False), (1 << 30, True)):
             monkeypatch.setattr("shutil.disk_usage", lambda path, total=total: SimpleNamespace(total=total, free=0))
             with pytest.raises(InputError) as raised, writing("motion", tmp_path / "none" / "x") as target:

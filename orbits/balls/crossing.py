@@ -15,7 +15,7 @@ from typing import NamedTuple
 from flint import arb, arb_poly, ctx
 
 from ..exact.refusal import Unproved
-from .programs import OfLaws
+from .programs import EachLaw
 from .rigorous_step import Step, System, between, take_step
 
 
@@ -93,7 +93,7 @@ class Advance:
 
 
 def advance_step(
-    systems: OfLaws[System], breakpoints: Breakpoints, law: int, centre: Sequence[arb],
+    systems: EachLaw[System], breakpoints: Breakpoints, law: int, centre: Sequence[arb],
     spread: Sequence[arb], longest: arb, order: int, accuracy: float,
 ) -> Advance:  # fmt: skip
     """A step from the states within a spread of a centre, expected in the piece of a law: up to a breakpoint where one
@@ -176,7 +176,7 @@ def _rounded_down(time: arb) -> arb:
 
 
 def _across(
-    systems: OfLaws[System], breakpoints: Breakpoints, law: int, beyond: int,
+    systems: EachLaw[System], breakpoints: Breakpoints, law: int, beyond: int,
     states: Sequence[arb], longest: arb,
 ) -> Advance:  # fmt: skip
     """A step across a breakpoint, for as long as all states need to be on the other side."""

@@ -17,7 +17,7 @@ from flint import arb, arb_mat, ctx
 
 from ..exact.refusal import Unproved, check_proof_time
 from .crossing import NO_BREAKPOINTS, Breakpoints, advance_step
-from .programs import OfLaws
+from .programs import EachLaw
 from .rigorous_step import SETS, SPREADING, Step, System
 
 
@@ -46,8 +46,8 @@ class Variation:
 
     size: int
     moving: int
-    systems: OfLaws[System]
-    varied: OfLaws[System]
+    systems: EachLaw[System]
+    varied: EachLaw[System]
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def fineness_for(bits: int) -> Fineness:
 
 
 def follow_centre(
-    systems: OfLaws[System], breakpoints: Breakpoints, law: int, start: Sequence[arb],
+    systems: EachLaw[System], breakpoints: Breakpoints, law: int, start: Sequence[arb],
     length: arb, bits: int,
 ) -> tuple[list[arb], int]:  # fmt: skip
     """Enclosures (n,) of the state a short time after a start (n,) in the piece of a law, by tubes alone, which grow

@@ -20,7 +20,7 @@ from ..exact.stated import Bounds
 from ..exact.statement import ExactArc, ExactStatement
 from .crossing import Breakpoints
 from .enclosure import COARSE, Fineness, Passage, Variation, follow_set
-from .programs import BallProgram, OfLaws, ball_of_fraction
+from .programs import BallProgram, EachLaw, ball_of_fraction
 from .rigorous_step import StatesOfPart, System, between, widened
 
 # Halvings of a step's time after which it stays undecided whether a law has a value there.
@@ -79,12 +79,12 @@ class BallLeg:
         inputs = [*unknowns, *intervals, *first, *last]
         at_end = substitute(arc.conditions, dict(zip(arc.states, last, strict=True)))
         each_law = [[*at_end, *substitute(law, dict(zip(arc.states, first, strict=True)))] for law in arc.guards]
-        self.conditions = OfLaws(lambda law: BallProgram(inputs, each_law[law]))
-        self.condition_slopes = OfLaws(lambda law: _dense_program(each_law[law], inputs))
+        self.conditions = EachLaw(lambda law: BallProgram(inputs, each_law[law]))
+        self.condition_slopes = EachLaw(lambda law: _dense_program(each_law[law], inputs))
         self.count = len(each_law[0])
         self.variation = self._variation()
         self._breaks = BallProgram([*arc.constants, *intervals], arc.breaks)
-        self._domains = OfLaws(lambda law: BallProgram(self.state, [each.place for each in arc.domains[law]]))
+        self._domains = EachLaw(lambda law: BallProgram(self.state, [each.place for each in arc.domains[law]]))
 
     def _variation(self) -> Variation:
         """The system of the leg with its variational equations."""
@@ -103,7 +103,7 @@ class BallLeg:
             ]
             return system_of(states, [*self.rates[law], *changes])
 
-        return Variation(n, m, OfLaws(lambda law: system_of(self.state, self.rates[law])), OfLaws(varied_system))
+        return Variation(n, m, EachLaw(lambda law: system_of(self.state, self.rates[law])), EachLaw(varied_system))
 
     def _influence(self) -> np.ndarray:
         """Whether (n, n) the derivative of each state by the start of each changes along the motion: where that acts on

@@ -10,7 +10,7 @@ from ..exact.expressions import ExactExpression, along
 from ..exact.refusal import Undecided, Unproved
 from .enclosure import Passage, Piece
 from .equations import BallLeg
-from .programs import BallProgram, OfLaws
+from .programs import BallProgram, EachLaw
 from .rigorous_step import between
 from .root import FIRST_BITS
 
@@ -31,7 +31,7 @@ class Derivatives:
     programs : for each law of the leg, those of the function and of its derivatives in ascending order
     """
 
-    programs: OfLaws[tuple[BallProgram, ...]]
+    programs: EachLaw[tuple[BallProgram, ...]]
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Motion:
                 each.append(along(each[-1], state, self.leg.rates[law]))
             return tuple(BallProgram(state, [one]) for one in each)
 
-        return Derivatives(OfLaws(programs))
+        return Derivatives(EachLaw(programs))
 
     def value(self, each: Derivatives, order: int, piece: Piece, t: arb) -> arb:
         """An enclosure of a derivative at a time, or at all times of a ball, within a piece; across a breakpoint of the

@@ -23,7 +23,7 @@ UNDEFINED = (ZeroDivisionError, ValueError)
 LARGEST_PRODUCT = 2**20
 
 
-class OfLaws(Generic[Built]):
+class EachLaw(Generic[Built]):
     """What is built for each law of a phase, where it is first needed: of a table, a motion passes few pieces."""
 
     def __init__(self, build: Callable[[int], Built]):

@@ -170,7 +170,7 @@ class Curve:
     def divided(
         self, x: np.ndarray, tangent: np.ndarray, evaluation: Evaluation
     ) -> tuple[Self, np.ndarray, np.ndarray]:
-        """The same curve whose motions are divided at nodes, as many as they ask for at a point (n + 1,) with a
+        """This curve with motions that are divided at nodes, as many as they ask for at a point (n + 1,) with a
         tangent, where the equations are the evaluation (1); and there both (N + 1,), the tangent with no share of the
         nodes. Raises `NoOrbit`."""
         if not self.takes_nodes:

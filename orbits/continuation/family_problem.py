@@ -76,7 +76,7 @@ class FamilyProblem(Problem):
         return self._endings
 
     def with_curve(self, curve: Curve) -> "FamilyProblem":
-        """The same for another curve, as one whose motions are divided at nodes."""
+        """The problem for another curve, such as one whose motions are divided at nodes."""
         endings = self._endings and self._endings.with_curve(curve)
         return FamilyProblem(curve, self.options, self._events, endings, self.steps)
 

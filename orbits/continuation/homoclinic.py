@@ -68,7 +68,7 @@ class Homoclinic(NamedTuple):
     reason: Message
 
 
-class Rest(NamedTuple):
+class UnstableEquilibrium(NamedTuple):
     """An unstable equilibrium in words, its smallest eigenvalue above 0, and how often an orbit passes it."""
 
     place: Message
@@ -121,7 +121,7 @@ def _decay(t: Array, rates: Array, relative: Array, options: HomoclinicOptions =
     return float(-slope) if np.abs(logs - start - slope * t).max() < options.straight else None
 
 
-def _nearest_rest(curve: Curve, last: Points, options: HomoclinicOptions) -> Rest | None:
+def _nearest_rest(curve: Curve, last: Points, options: HomoclinicOptions) -> UnstableEquilibrium | None:
     """The equilibrium that the motions at a point come nearest to, None where they come near none that is unstable."""
     evaluation, p = curve.whole(evaluation_at(last)), curve.parameters_at(last.xs)
     best, found = np.inf, None
@@ -147,7 +147,7 @@ def _nearest_rest(curve: Curve, last: Points, options: HomoclinicOptions) -> Res
         return None
     moved = [i for i, value in enumerate(np.abs(x).tolist()) if value > options.last * size]
     place = described([flow.phase.states[i] for i in moved], x[moved]) if moved else Message("at 0")
-    return Rest(place, float(above.min()), 1 if up_to_middle else 2)
+    return UnstableEquilibrium(place, float(above.min()), 1 if up_to_middle else 2)
 
 
 @cached

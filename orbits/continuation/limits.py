@@ -156,7 +156,7 @@ class Endings:
         return self.origin
 
     def with_curve(self, curve: Curve) -> Self:
-        """The same for another curve, as one whose motions are divided at nodes."""
+        """The limits for another curve, such as one whose motions are divided at nodes."""
         endings = copy(self)
         endings.curve = curve
         return endings

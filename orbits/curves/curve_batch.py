@@ -42,11 +42,11 @@ class Group:
         return cls(problem, last.lanes, Tails.of(blocks, last.lanes, memory), values, certified)
 
     def only(self, which: Array) -> "Group":
-        """Those with some indices."""
+        """The curves with some indices."""
         return replace(self, lanes=self.lanes[which], tails=self.tails.of_lanes(which), values=self.values[which])
 
     def copy(self) -> "Group":
-        """The same curves, to go on with apart from these."""
+        """A copy of these curves, to go on with apart from them."""
         return Group(**vars(self))
 
     def take(self, other: "Group") -> None:

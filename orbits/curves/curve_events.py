@@ -54,7 +54,7 @@ class Segments(NamedTuple):
     tangents_b: Array
 
     def only(self, which: Any) -> "Segments":
-        """Those with some indices."""
+        """The segments with some indices."""
         return Segments(*(each[which] for each in self))
 
     def rows(self, problem: Problem) -> Array:

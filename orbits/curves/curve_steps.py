@@ -41,7 +41,7 @@ class Tails(NamedTuple):
         return cls(xs, tangents, known)
 
     def of_lanes(self, which: Any) -> "Tails":
-        """Those of some curves."""
+        """The tails of some curves."""
         return Tails(self.xs[which], self.tangents[which], self.known[which])
 
     def with_next(self, which: Array, xs: Array, tangents: Array) -> "Tails":

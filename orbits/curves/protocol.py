@@ -80,7 +80,7 @@ class Points:
         return self.xs[:, -1]
 
     def having(self, **known: Any) -> "Points":
-        """The same points with other fields."""
+        """These points with other fields."""
         return Points(**(vars(self) | known))
 
 

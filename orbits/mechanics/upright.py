@@ -50,7 +50,7 @@ def upright(mechanism: Any) -> Any:
         "sticks": (), "reversor": {}, "symmetry": {}, "friction": None, "drawing": None, "bodies": (), "bounds": {},
     }  # fmt: skip
     try:
-        used = replace(mechanism, **chosen, parameters={})._used_names
+        used = replace(mechanism, **chosen, parameters={}).names
         return replace(mechanism, **chosen, parameters={n: v for n, v in mechanism.parameters.items() if n in used})
     except InputError as error:
         raise NoOrbit(f"the {mechanism.name} has no vertical hop to begin with: {error}; give a start") from None

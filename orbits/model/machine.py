@@ -40,7 +40,7 @@ class Machine(Protocol):
         """
 
     def with_values(self, **values: float) -> Self:
-        """The same machine with other values of some parameters; raises `InputError` for unknown names and invalid
+        """This machine with other values of some parameters; raises `InputError` for unknown names and invalid
         values."""
 
     def describe(self) -> dict[str, Any]:

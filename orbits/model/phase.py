@@ -52,7 +52,7 @@ class Affine:
         return sum((weight * part for weight, part in zip(self.weights, x, strict=False)), self.offset)
 
     def in_units(self, sizes: Sequence[float], unit: float) -> "Affine":
-        """The same function in units in which one old unit is `sizes` (n,) of the states and `unit` of the value."""
+        """This function in units in which one old unit is `sizes` (n,) of the states and `unit` of the value."""
         weights = (weight * (unit / size) for weight, size in zip(self.weights, sizes, strict=True))
         return Affine(tuple(weights), self.offset * unit)
 

@@ -83,7 +83,7 @@ class StateFormula:
         return self.unit * composed(inside.reshape(count, -1), values)[0]
 
     def in_units(self, sizes: Sequence[float], unit: float) -> "StateFormula":
-        """The same function in units in which one old unit is `sizes` (n,) of the states and `unit` of the value."""
+        """This function in units in which one old unit is `sizes` (n,) of the states and `unit` of the value."""
         own = self.sizes or (1.0,) * len(self.states)
         sizes = tuple(size * mine for size, mine in zip(sizes, own, strict=True))
         return replace(self, sizes=sizes, unit=self.unit * unit)

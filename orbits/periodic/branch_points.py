@@ -23,7 +23,7 @@ from ..shooting.error_bound import error_bounds
 from ..shooting.formulations import vector
 from ..shooting.single_shooting import Shooting, shooting_equations
 from ..symbolic.calls import MappedFunction
-from .branch_statement import Beside, branch_statement, whole_hop_statement
+from .branch_statement import BesideVerticalHop, branch_statement, whole_hop_statement
 from .family_orbits import family_number
 from .find import find, unknowns_of_hop, vertical_hop
 from .orbit import Orbit
@@ -165,7 +165,8 @@ class Lateral:
         self.model, self.hop = self.machine.model, self.upright.model
         self.parameters, self.own = tuple(self.machine.values), vector(self.machine.values)
         self.places = [self.parameters.index(name) for name in names]
-        self.beside, self.statement = Beside(self.model, self.hop), branch_statement(self.model, self.hop, ())
+        self.beside = BesideVerticalHop(self.model, self.hop)
+        self.statement = branch_statement(self.model, self.hop, ())
         self.equations = shooting_equations(self.statement, self.parameters)
         self.unknowns = whole_hop_statement(self.hop).unknowns
         self.rows = [

@@ -33,7 +33,7 @@ def branch_statement(model: Model, hop: Model, tuned: tuple[str, ...]) -> Statem
     The lateral unknowns of a launch have the length 1. Of a coordinate that sticks the place in mid-flight is left
     free: it is half of the step.
     """
-    base, beside = whole_hop_statement(hop), Beside(model, hop)
+    base, beside = whole_hop_statement(hop), BesideVerticalHop(model, hop)
     flight, contact = base.arcs
     phases = [beside.phase(each) for each in (model.flight, model.contact)]
 
@@ -63,7 +63,7 @@ def branch_statement(model: Model, hop: Model, tuned: tuple[str, ...]) -> Statem
     return Statement("branch point", (*own, *beside.unknowns, *base.durations, *tuned), arcs, base.durations, tuned)
 
 
-class Beside:
+class BesideVerticalHop:
     """The motions of a model beside its vertical `hop`: its states, followed by the lateral ones to first order."""
 
     def __init__(self, model: Model, hop: Model):

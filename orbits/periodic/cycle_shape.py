@@ -53,7 +53,7 @@ class Shape:
         return stated | {"heights": {name: height.saved() for name, height in self.heights.items()}}
 
     def in_units(self, sizes: np.ndarray) -> "Shape":
-        """The same shape, but for its heights, in units in which one old unit of the flight states is `sizes` (n,)."""
+        """This shape, but for its heights, in units in which one old unit of the flight states is `sizes` (n,)."""
         if self.steps is None:
             return self
         own = sizes, sizes[(self.embed != 0).argmax(0)], np.ones(len(sizes)), sizes

@@ -104,9 +104,9 @@ def bounce_factors(e: float) -> tuple[float, float]:
 
 
 def hand_over_factors(rho: float) -> tuple[float, float]:
-    """The same where a hand-over leaves the share rho of the gap's speed, at most `MOST_LEFT`: the point that was left
-    comes down again at once, since it is pressed down, in another hand-over. To the point that landed this is a bounce
-    with the restitution rho^2."""
+    """The factors where a hand-over leaves the share rho of the gap's speed, at most `MOST_LEFT`: the point that was
+    left comes down again at once, since it is pressed down, in another hand-over. To the point that landed this is a
+    bounce with the restitution rho^2."""
     return bounce_factors(rho * rho)
 
 

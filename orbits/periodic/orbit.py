@@ -116,7 +116,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         return to_json(document)
 
     def with_tuned(self, errors: Mapping[str, float], prescribed: Mapping[str, float]) -> "Orbit":
-        """The same orbit, whose parameters of these names were tuned, with these bounds on their errors, so that
+        """This orbit, whose parameters of these names were tuned, with these bounds on their errors, so that
         quantities have prescribed values; without units, parameters that are not numbers of that machine are left out.
         """
         tuned: dict[str, Any] = {"tuned_errors": dict(errors), "prescribed": dict(prescribed)}

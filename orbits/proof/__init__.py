@@ -1,7 +1,7 @@
 """Theorems about lossless orbits, proved by interval arithmetic: the method, its lemmas, and the trusted software.
 
-A name in brackets, as (`step`), is the module with the corresponding code: in the room `exact` for statements, in
-`balls` for numbers and motions, and in this one for theorems, in `hops` for those about hops of the map.
+A name in brackets, as (`rigorous_step`), is the module with the corresponding code: in the room `exact` for
+statements, in `balls` for numbers and motions, and in this one for theorems, in `hops` for those about hops of the map.
 
 The claim. Let a machine be stated in formulas, with exact decimals or intervals for its parameters (`stated`). A
 lossless orbit is a zero of a boundary value statement F(w) = 0, whose unknowns w are the position and the speed of the
@@ -19,9 +19,9 @@ of the statement.
 Numbers. Expressions become programs (`programs`) of Arb's balls, midpoint and radius, rounded outward. Floats are used
 for guesses only: of roots, units, steps, tubes and frames. Each guess is then tested in balls.
 
-Lemma 1, a step (`step`). Let p be the Taylor polynomial of order K of the solution of x' = f(x) from c, and E a vector
-of radii. The distance between p and the solution from a point within E0 of c obeys an integral inequality with
-the Jacobian over the tube p([0, h]) +- E and with the defect f(p) - p' = R t**K, R by Lagrange's form. If
+Lemma 1, a step (`rigorous_step`). Let p be the Taylor polynomial of order K of the solution of x' = f(x) from c, and
+E a vector of radii. The distance between p and the solution from a point within E0 of c obeys an integral inequality
+with the Jacobian over the tube p([0, h]) +- E and with the defect f(p) - p' = R t**K, R by Lagrange's form. If
 
     E0 + h |Df| E + |R| h**(K + 1)/(K + 1) < E    in each component,
 

@@ -18,7 +18,7 @@ from .launches import LAUNCHES, Flight, Launches
 NO_TIME = arb(0)
 
 
-class Means(NamedTuple):
+class MeanJerks(NamedTuple):
     """Enclosures of the means M, B and A of the jerk."""
 
     flat: arb
@@ -41,7 +41,7 @@ class JerkIntegrals:
     thrice: arb = NO_TIME
     hull: arb | None = None
 
-    def further(self, jerk: arb, length: arb) -> "tuple[Means, JerkIntegrals]":
+    def further(self, jerk: arb, length: arb) -> "tuple[MeanJerks, JerkIntegrals]":
         """The means until any time in a further length, in which the jerk is enclosed, and the integrals to its end."""
         hull = jerk if self.hull is None else self.hull.union(jerk)
         thrice = self.thrice + length * self.twice + length**2 / 2 * self.once + length**3 / 6 * jerk
@@ -49,7 +49,7 @@ class JerkIntegrals:
         further = JerkIntegrals(self.time + length, self.once + length * jerk, twice, thrice, hull)
         return self._means(hull, jerk, length), further
 
-    def _means(self, hull: arb, jerk: arb, length: arb) -> Means:
+    def _means(self, hull: arb, jerk: arb, length: arb) -> MeanJerks:
         flat = linear = square = hull
         if self.time > 0:
             t, moved = self.time, between(arb(0), length)
@@ -58,7 +58,7 @@ class JerkIntegrals:
                 flat = flat.intersection(self.once / t + moved / s * (jerk - flat))
                 linear = linear.intersection(2 * self.twice / t**2 + 2 * moved / s * (flat - linear))
                 square = square.intersection(6 * self.thrice / t**3 + 3 * moved / s * (linear - square))
-        return Means(flat, linear, square)
+        return MeanJerks(flat, linear, square)
 
 
 def losses_at_landing(launches: Launches, flight: Flight, reach: arb) -> tuple[arb, arb]:

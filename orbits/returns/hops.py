@@ -15,7 +15,7 @@ FixedPoint = ReturningHops  # its earlier name
 HOP_COLUMNS = ("alpha", "next", "loss", "impacts", "status")
 
 
-class OfStatuses:
+class WithStatuses:
     """A table of launches, of which each has a `status`."""
 
     status: np.ndarray
@@ -42,7 +42,7 @@ class OfStatuses:
 
 
 @dataclass(frozen=True, repr=False)
-class Hops(OfStatuses, Result, what="table of hops"):
+class Hops(WithStatuses, Result, what="table of hops"):
     """The hops that begin with launches; each array has the shape of the launch speeds.
 
     alpha : launch speeds

@@ -15,13 +15,13 @@ from ..model.machine import Machine, machine_in_words
 from ..result import Axes, Result, Row, known, shown
 from ..running.exclusive import in_threads
 from ..units import ENERGY, Units
-from .hops import OfStatuses
+from .hops import WithStatuses
 
 LAUNCH_BATCH = 2048  # launches in one batch; their states have several times the numbers of a launch speed
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class LaunchHops(OfStatuses, Result, what="table of hops of launches"):
+class LaunchHops(WithStatuses, Result, what="table of hops of launches"):
     """The hops that begin with launches (...) of d numbers each.
 
     names : of these numbers

@@ -55,7 +55,7 @@ def prove_fixed_point(
     _check_plastic(machine)
     from ..exact.stated import exact_bounds
     from ..proof.digits import checked_digits
-    from ..proof.hops.hop_theorems import SaidHops, proof_of_fixed_point
+    from ..proof.hops.hop_theorems import ClaimedHops, proof_of_fixed_point
 
     digits, values = checked_digits(digits), exact_values(parameters)
     low, high = exact_bounds("inject", inject)
@@ -66,7 +66,7 @@ def prove_fixed_point(
         if point.kind == "lossless":
             raise InputError("this fixed point is a lossless orbit: prove(orbit)")
         launches = tuple(point.alphas.tolist())
-        said = SaidHops(launches, point.multiplier, point.impacts or None, point.error or 0.0)
+        said = ClaimedHops(launches, point.multiplier, point.impacts or None, point.error or 0.0)
     with time_limit(limit):
         if said is None or len(said.launches) == 1:
             guess = guessed_hop(machine, finite_number("point", said.launches[0] if said else point), middle)

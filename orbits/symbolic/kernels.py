@@ -123,12 +123,12 @@ class Kernel:
     processor, so that other programs change nothing. Each number is the same either way, and with any number of
     threads.
 
-    chooses : an entry of z, a whole number, where the last argument of the function is that row of a table; a call then
-        has tables (m, rows size), or (1, rows size) for all points, whose rows follow each other
+    row_entry : an entry of z, a whole number, where the last argument of the function is that row of a table; a call
+        then has tables (m, rows size), or (1, rows size) for all points, whose rows follow each other
     """
 
-    def __init__(self, function: ca.Function | InLoops, chooses: int | None = None):
-        self.source, self.chooses = function, chooses
+    def __init__(self, function: ca.Function | InLoops, row_entry: int | None = None):
+        self.source, self.row_entry = function, row_entry
         self.sizes_in = [function.nnz_in(i) for i in range(function.n_in())]
         self.sizes_out = [function.nnz_out(i) for i in range(function.n_out())]
         self.width = max(1, sum(self.sizes_out[1:-2]))  # numbers in the records of one iteration
@@ -207,7 +207,7 @@ class Kernel:
             source = self.source if isinstance(self.source, InLoops) else self.function
             merged = with_common_parts(source) if optimised and isinstance(source, ca.Function) else source
             try:
-                self._code = MachineCode(merged, optimised, self.chooses)
+                self._code = MachineCode(merged, optimised, self.row_entry)
                 weigh([merged.after if isinstance(merged, InLoops) else merged], 2 * len(self._code.compiled))
                 if self._code.optimised:
                     self.optimisation_budget = np.inf
@@ -219,12 +219,12 @@ class Kernel:
 
     def __call__(self, *arguments: np.ndarray, most: int = 2**31) -> Iterated:
         """Iterate from arguments (m, size), m >= 1, or (1, size) for all points, to at most `most` records of each."""
-        sizes = self.sizes_in if self.chooses is None else [*self.sizes_in[:-1], arguments[-1].shape[-1]]
+        sizes = self.sizes_in if self.row_entry is None else [*self.sizes_in[:-1], arguments[-1].shape[-1]]
         inputs, count = _contiguous(arguments, sizes)
         if (
             count == 1
             and self._code is not None
-            and self.chooses is None
+            and self.row_entry is None
             and (found := self._at_one_point(inputs, most))
         ):
             return found
@@ -301,7 +301,7 @@ class Kernel:
         """`_iterated` at one point, by CasADi's virtual machine."""
         with LOCK:
             call = self._interpreted = self._interpreted or BufferedFunction(self.function)
-            chooses, fixed = self.chooses, inputs if self.chooses is None else inputs[:-1]
+            row_entry, fixed = self.row_entry, inputs if self.row_entry is None else inputs[:-1]
             for memory, array in zip(call.arguments, fixed, strict=False):
                 memory[:] = array
             sizes, whole = self.sizes_out, call.whole
@@ -311,8 +311,8 @@ class Kernel:
             while going and count < most and tried < longest:
                 if tried % checked == 0:
                     interrupts.heed()
-                if chooses is not None:
-                    call.arguments[-1][:] = inputs[-1].reshape(-1, self.sizes_in[-1])[int(before[chooses])]
+                if row_entry is not None:
+                    call.arguments[-1][:] = inputs[-1].reshape(-1, self.sizes_in[-1])[int(before[row_entry])]
                 trigger()
                 tried += 1
                 before[:] = after

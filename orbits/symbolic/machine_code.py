@@ -97,12 +97,12 @@ class MachineCode:
     made under the `LOCK` of CasADi, whose graph it reads; LLVM too compiles one function at a time.
     """
 
-    def __init__(self, function: ca.Function | InLoops, optimised: bool = False, chooses: int | None = None):
+    def __init__(self, function: ca.Function | InLoops, optimised: bool = False, row_entry: int | None = None):
         found = target()
         if found is None:
             raise RuntimeError("LLVM is not available")
         llvm, self.lanes = found
-        text = _Iteration(self.lanes).text(function, chooses)
+        text = _Iteration(self.lanes).text(function, row_entry)
         self.key = hashlib.sha256(text.encode()).digest()
         self.compiled, self.optimised = _received.get(self.key, (b"", False))
         if not self.compiled or optimised > self.optimised:
@@ -382,14 +382,14 @@ class _Iteration(_Code):
     the point has ended, and the number of its iterations.
     """
 
-    def text(self, function: ca.Function | InLoops, chooses: int | None) -> str:
-        """The module of LLVM with the one function `run`; `chooses` is that of a `Kernel`."""
+    def text(self, function: ca.Function | InLoops, row_entry: int | None) -> str:
+        """The module of LLVM with the one function `run`; `row_entry` is that of a `Kernel`."""
         n_in, n_out = function.n_in(), function.n_out()
         self.do("br label %block", "block:", "%i = phi i64 [0, %entry], [%next, %end]")
         index = self._points()
         *inputs, ends = (self.rows(i, index) for i in (*range(n_in), n_in + n_out - 3))
         records = [self.rows(n_in + i, index) for i in range(n_out - 3)]
-        table = None if chooses is None else (inputs[-1], chooses, function.nnz_in(n_in - 1))
+        table = None if row_entry is None else (inputs[-1], row_entry, function.nnz_in(n_in - 1))
         fixed = enumerate(inputs if table is None else inputs[:-1])
         start, *data = [[self.load(rows, j) for j in range(function.nnz_in(i))] for i, rows in fixed]
         bounds = [self(f"fptosi {self.vector} {self.load(ends, j)} to {self.indices}") for j in (0, 2)]
@@ -431,7 +431,7 @@ class _Iteration(_Code):
         records: list, bounds: list[str],
     ) -> None:  # fmt: skip
         """The loop over iterations, which ends when no lane is alive; bounded are records and iterations. Of a `table`
-        that each lane has, with the entry of z that chooses its row and the length of its rows, a row is data."""
+        that each lane has, with the entry of z that states its row and the length of its rows, a row is data."""
         self.do("br label %step", "step:")
         z = [f"%z{j}" for j in range(len(start))]
         self.do(*(f"%z{j} = phi {self.vector} [{value}, %block], [%n{j}, %go]" for j, value in enumerate(start)))
@@ -440,8 +440,8 @@ class _Iteration(_Code):
             first = "splat (i1 1)" if name == "alive" else "zeroinitializer"
             self.do(f"%{name} = phi {kind} [{first}, %block], [%{name}_next, %go]")
         if table is not None:
-            first, chooses, length = table
-            row = self(f"fptosi {self.vector} {z[chooses]} to {self.indices}")
+            first, row_entry, length = table
+            row = self(f"fptosi {self.vector} {z[row_entry]} to {self.indices}")
             offset = self(f"mul {self.indices} {row}, splat (i64 {length})")
             rows = self(f"getelementptr double, {self.pointers} {first}, {self.indices} {offset}")
             data = [*data, [self.load(rows, j) for j in range(length)]]

@@ -102,7 +102,7 @@ def test_an_interval_of_gaps():
 
 
 def softly_late(alpha, gap, ratio):
-    """As `lateness`, where the launch, at 1, is on the soft piece: up to the gap, above it, and down to the bottom."""
+    """The time of `lateness`, where the launch, at 1, is on the soft piece: up to the gap, above it, to the bottom."""
     pace, w = mp.sqrt(1 + alpha**2 - gap**2), mp.sqrt(ratio)
     up, down = mp.atan(alpha) - mp.atan2(pace, gap), mp.pi - mp.atan2(pace, gap)
     return up + 2 * mp.atan2(w * pace, gap) / w + down - alpha
@@ -245,7 +245,7 @@ def proof_with(law):
 
 @pytest.mark.parametrize(("end", "proved"), [(-4.43, True), (-4.42, False)])
 def test_a_table_has_no_force_beyond_its_rows(end, proved):
-    """The same law with rows down to an end; the flight comes to -4.423."""
+    """A law with rows down to an end; the flight comes to -4.423."""
     law = springs.table(ROWS, noise=0)
     piece = np.polynomial.Polynomial(law.pieces.table({})[1][1][1:])
     node = [end, *(piece.deriv(k)(end + 4.5) if k else piece(end + 4.5) for k in range(3))]

@@ -185,7 +185,7 @@ def test_coefficients_beyond_those_of_picard(name):
 
 
 def test_the_step_does_not_shrink_where_coefficients_exceed_floats():
-    """Those of x' = 10 x**2 from 1 are 10**k."""
+    """The coefficients of x' = 10 x**2 from 1 are 10**k."""
     with ctx.workprec(1045):
         step = stepped(system_of(1, lambda x: [10 * x[0] ** 2]), [1.0], order=376, accuracy=2.0**-1045)
     assert 0.005 < float(step.h) < 0.1

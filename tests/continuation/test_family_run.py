@@ -27,7 +27,7 @@ SINH = Hopper("sinh", "1/(1 + z/R)**2", rest_length=12, parameters={"b": 0.1, "R
     ids=["cubic", "quadratic", "hopper in gravity", "bilinear", "toda"],
 )
 def test_half_the_step_gives_the_same_curve(machine, along, stop):
-    """The same events, and the same orbits wherever the parameter has the same value."""
+    """Both families have equal events, and equal orbits wherever the parameter has the same value."""
     start = machine.values[along]
     at = np.linspace(start, stop, 7)[1:-1]
     one, two = (follow(machine, along, stop, at=at, longest=step) for step in (0.03, 0.015))

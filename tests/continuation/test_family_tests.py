@@ -92,7 +92,7 @@ def test_a_watched_function_may_divide_by_zero():
 
 
 def test_every_asked_value_is_an_event_once():
-    """Those too that a step happens to end on."""
+    """Values on which a step happens to end are found too."""
     asked = 1 + np.arange(1, 101) / 100  # the last is where the curve ends
     family = follow(Hopper("r"), "mass_ratio", 2.0, at=asked)
     assert [point.value for point in events(family, "value")] == asked[:-1].tolist()

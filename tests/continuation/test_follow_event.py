@@ -280,7 +280,7 @@ def test_multipliers_that_leave_the_unit_circle(chain):
 
 
 def test_a_curve_of_pairs_ends_where_they_become_real(chain, monkeypatch):
-    """As if pairs were real where the modulus of their sum is below 0.6505, which the curve of this chain reaches."""
+    """Pairs are taken as real where the modulus of their sum is below 0.6505, which the curve of this chain reaches."""
     monkeypatch.setattr(event_curve, "angles_left", lambda others: 2.0 - 0.6505 - angles_left(others))
     curve = follow_event(chain, "Neimark-Sacker", "m3", 1.02, longest=0.5)
     assert curve.end.kind == "degenerate"

@@ -174,7 +174,7 @@ def test_a_limit_is_extrapolated_by_a_series(value, power):
 
 @pytest.mark.parametrize("power", [3, 6, 8])
 def test_a_limit_is_found_by_its_own_power(power):
-    """As along a spring r - d r**(power + 1), whose barrier goes to infinity."""
+    """A history as along a spring r - d r**(power + 1), whose barrier goes to infinity."""
     points = history(lambda s: 0.3 - 2 * s**power * (1 + np.exp(-10 / s)), np.geomspace(1.0, 6.0, 80))
     found, error = limit(points, EVERYWHERE, -1)
     assert abs(found - 0.3) <= error + 1e-13
@@ -305,7 +305,7 @@ def test_what_a_lost_curve_ends_in():
 
 
 def test_a_lift_off_that_grows_without_bound_ends_a_family():
-    """As the spring loses its stiffness: in fewer steps than its launch speed says so, and at a stiffness of 0."""
+    """A spring loses its stiffness: in fewer steps than its launch speed says so, and at a stiffness of 0."""
     family = follow(Hopper("K*r + 0.1*K*r**3", parameters={"K": 1.0}), "K", stop=-1.0)
     assert family.end.kind == "degenerate"
     assert "the extension at lift-off grows without bound" in family.end.reason

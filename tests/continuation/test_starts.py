@@ -31,7 +31,7 @@ def plate(*elements, **more) -> Mechanism:
 
 
 def same(one: list, other: list) -> None:
-    """The same starts, of a machine in other words."""
+    """Two machines in other words have equal starts."""
     assert len(one) == len(other) > 1
     for a, b in zip(one, other, strict=True):
         assert a == pytest.approx(b, rel=1e-8)

@@ -78,7 +78,7 @@ class TestSteps:
     @pytest.mark.slow
     @pytest.mark.parametrize("kind", slow_after(1, STEPS))
     def test_all_quantities_with_their_derivatives(self, kind):
-        """Those of documents, of neighbouring orbits, and of states on a fine mesh of the whole step."""
+        """The quantities of documents, of neighbouring orbits, and of states on a fine mesh of the whole step."""
         machine, family, name = STEPS[kind]
         orbit = find(machine, family)
         values, document = quantities(machine, orbit), orbit.document()

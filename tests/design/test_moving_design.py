@@ -139,7 +139,7 @@ def test_an_inactive_constraint_enters_and_the_curve_ends_where_constraints_excl
 
 @pytest.mark.slow
 def test_a_demand_on_the_motion_becomes_active():
-    """As the leg gets shorter its masses come near each other, and at last the stiffness keeps them apart."""
+    """In shorter legs the masses come near each other, and at last the stiffness keeps them apart."""
     best = optimize(CUBIC, minimise="loss_coefficient + alpha", over={"b": RANGE})
     shortest = 20.0 - best.orbit.certificate.smallest_separation
     curve = best.follow("rest_length", 0.9 * shortest, points=3)

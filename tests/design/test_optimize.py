@@ -94,7 +94,7 @@ def test_leg_in_si():
 
 @pytest.mark.slow
 def test_varying_gravity_goes_over_into_constant():
-    """As the planet grows the design tends to that under constant gravity, found by another statement."""
+    """On ever larger planets the design tends to that under constant gravity, found by another statement."""
     texts = {"minimise": "centre_of_mass_rise", "over": {"b": RANGE}, "subject_to": ["stroke >= 6"]}
     flat = optimize(CUBIC, **texts)
     far = [optimize(VARYING.with_values(R=R), **texts).parameters["b"] for R in (1e4, 1e5)]

@@ -35,7 +35,7 @@ def floats(matrix) -> np.ndarray:
 
 
 def pushed_away(n: int, thrown: int, seed: int):
-    """The same where a mode is pushed away beside those that swing."""
+    """The modes where one is pushed away beside those that swing."""
     inertia, stiffness, load = mechanism(n, thrown, seed)
     along = np.linalg.eigh(stiffness)[1][:, thrown]  # of the weakest spring, which now pushes
     return inertia, stiffness - (along @ stiffness @ along + 0.5) * np.outer(along, along), load

@@ -90,7 +90,7 @@ def test_a_loss_beyond_all_numbers_is_refused():
 
 
 def test_derivatives_at_the_end_of_a_short_step():
-    """Those of 1 + 2 t + 3 t**2 + c t**3 + d t**4, where 6 c and 12 d are beyond all numbers."""
+    """The extremes of 1 + 2 t + 3 t**2 + c t**3 + d t**4, where 6 c and 12 d are beyond all numbers."""
     c, d, h = 1e308, -1.5e308, 1e-305
     piece = Trajectories(np.zeros(1), np.array([h]), np.zeros((1, 1, 5)), np.array([1]), ("gap",))
     curve = TurnsAndZeros(piece, np.array([[1.0, 2.0, 3.0, c, d]]), *np.zeros((4, 0)), np.ones(1))

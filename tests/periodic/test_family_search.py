@@ -26,7 +26,7 @@ def test_both_orbits_beside_a_fold_are_found():
 
 @pytest.mark.slow
 def test_the_lowest_is_found_where_gravity_wiggles():
-    """As gravity's variation is brought in, the orbit under constant gravity becomes the fourth of its family."""
+    """When gravity's variation is brought in, the orbit under constant gravity becomes the fourth of its family."""
     machine = Hopper("r", "1 + A*sin(z/l)", rest_length=10, parameters={"A": 0.9, "l": 1.0})
     orbit = find(machine, 2)
     assert orbit.alpha == pytest.approx(5.7719, abs=1e-4)

@@ -28,7 +28,7 @@ def test_how_much_of_the_variation_it_bears(kappa):
 
 
 def test_gravity_is_brought_in_up_to_all_of_it():
-    """The same orbit from a start beside it, without any steps."""
+    """A start beside the orbit leads to it without any steps."""
     shares, machine = list[float](), Hopper("r", gravity.linear(kappa=0.05), rest_length=20.0)
     orbit = find(machine, progress=shares.append)
     assert shares == sorted(set(shares))

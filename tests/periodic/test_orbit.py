@@ -129,7 +129,7 @@ class TestUnits:
 
     @pytest.mark.slow
     def test_the_units_do_not_matter(self):
-        """The same machine measured against another stiffness is the same motion."""
+        """A machine measured against another stiffness has an equal motion."""
         a, b = (
             find(hopper_in_si(60.0, 3.0, force="2e6*r**3 + 3e3*r*abs(r)", stiffness=k, rest_length=0.8)).si()
             for k in (5e3, 1234.0)

@@ -217,7 +217,7 @@ class TestSteps:
         assert check(restated(document)) == ["a sign along the motion is not decided"]
 
     def test_a_foot_that_strikes(self, monkeypatch):
-        """As if the foot in front were a third as far away."""
+        """The foot in front seems a third as far away."""
         near = property(lambda half: exact_fraction("0.2", "0.2") / half.mechanics.scale.length - half.mechanics.y[1])
         monkeypatch.setattr(HalfOrbit, "landing_gap", near)
         proof = prove_claims([claim_of_step("wheel")])[0]

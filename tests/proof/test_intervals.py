@@ -129,7 +129,7 @@ def test_what_an_orbit_says_is_held_against_parts_of_intervals(cubic_hop, right,
 
 @pytest.mark.slow
 def test_a_proof_in_parts_has_the_reasons_of_the_part_that_fails(cubic_hop, monkeypatch):
-    """Those that the whole has too, with more words between, are not repeated."""
+    """Words that the whole has too, with more words between, are not repeated."""
     spreads, late = "the set spreads too far", "it takes more than 30 s"
 
     def failing(claim, stated, *requested, **options):
@@ -147,7 +147,7 @@ def test_a_proof_in_parts_has_the_reasons_of_the_part_that_fails(cubic_hop, monk
 
 @pytest.mark.slow
 def test_parts_with_bounces_on_opposite_sides(cubic_hop):
-    """As where parts are of the two sheets of a fold: then no sentence on the losses holds for all of them."""
+    """Where parts are of the two sheets of a fold, no sentence on the losses holds for all of them."""
     claim = claim_of(cubic_hop, None)
     stated = claim.stated({})
     part = whole_proof(claim, stated, None, True, True)

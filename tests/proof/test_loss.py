@@ -45,7 +45,7 @@ def test_an_orbit_that_is_no_motion_has_no_hops_beside_it():
 
 @pytest.mark.slow
 def test_a_parameter_in_an_interval(monkeypatch):
-    """As a whole the coefficient would be enclosed to [3.3, 7.3], and of the wider interval to [0, 27]."""
+    """In one piece the coefficient would be enclosed to [3.3, 7.3], and of the wider interval to [0, 27]."""
     hopper = Hopper("r + beta*r**3", rest_length=8.0, parameters={"beta": 0.3})
     proof = prove(find(hopper), loss=True, parameters={"beta": ("0.29999", "0.30001")})
     assert proof.proved, proof.reasons

@@ -265,7 +265,7 @@ def test_a_fold_just_beside_a_border():
 
 @pytest.mark.slow
 def test_in_si_as_without_units():
-    """The same events in units of the launch speed's, of a machine whose numbers are in SI."""
+    """Events in units of the launch speed, of a machine whose numbers are in SI."""
     leg = hopper_in_si(60.0, 60.0, force="k*r", parameters={"k": 8000.0}, rest_length=0.8)
     speed = find(leg).alpha / ALPHA
     asked = {"sections": 2, "attractor": 0}

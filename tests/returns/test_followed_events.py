@@ -164,7 +164,7 @@ def test_in_si():
 
 
 def test_the_turn_and_the_end_of_a_curve():
-    """The same injection is marginal where 1/M is the mass ratio; and the curve ends where hops have other impacts."""
+    """An injection is marginal where 1/M is the mass ratio; and the curve ends where hops have other impacts."""
     curve = follow_bifurcation(Hopper(), "inject", FLIP, "mass_ratio", 10.0, longest=0.5)
     turn, alpha = curve.events[0], curve.events[0].alphas[0]
     assert turn.kind == "turn"

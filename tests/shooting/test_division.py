@@ -106,7 +106,7 @@ def test_what_grows_within_a_short_time_is_not_divided():
 
 
 def test_nodes_are_not_made_finer_without_end():
-    """As if the motion passed two equilibria, on the way between which there are no nodes, but a change grows much."""
+    """The motion seems to pass two equilibria, with no nodes between them, where a change grows much."""
     equations, u, p, times = swing(), np.array([2.0 + 1e-6]), np.array([20.0]), np.linspace(0.0, 20.0, 41)
     along = [GrowthAlong(times, np.exp(8.0 * np.interp(times, [0, 4, 8, 12, 16, 20], [0, 2, 4, 2, 4, 2])))]
     paths = [each[0] for each in equations.evaluate_all(u[None], p[None]).trajectories]

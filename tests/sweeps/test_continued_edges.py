@@ -30,7 +30,7 @@ def test_an_edge_is_where_orbits_end_or_change(start, pair, edge):
 
 
 def test_an_edge_that_a_search_does_not_confirm_is_none():
-    """As beyond it there are other orbits, or as the orbit at the start is another one."""
+    """Beyond the edge there are other orbits, or the orbit at the start is another one."""
     starts, ends = np.array([[0.6, 0.0]]), np.zeros((1, 2))
     pair = np.array([("inadmissible", "no orbit")], object)
     assert np.isnan(continued_edges(lambda x, near: settled(x, near, True), starts, ends, pair, 1e-7)).all()

@@ -46,7 +46,7 @@ def test_one_parameter_alone_has_all_of_the_variance():
 
 
 def test_sobols_indices_of_a_store(tmp_path):
-    """Those of the sweep itself, to the last bit, over a range, a list of values and a distribution."""
+    """The indices of the sweep itself, to the last bit, over a range, a list of values and a distribution."""
     over = {"stiffness": (1000.0, 9000.0, "log"), "surface_gravity": [8.0, 9.0], "foot_mass": norm(3.0, 0.1)}
     swept = sweep(LEG, over, 8, sampling="sobol", store=tmp_path / "leg.db")
     again = Sweep.load(tmp_path / "leg.db", machine=LEG)

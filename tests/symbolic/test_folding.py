@@ -79,7 +79,7 @@ def test_numbers_beyond_doubles():
 
 
 def test_symbols_in_place_of_numerals():
-    """As they are written, or worked out before."""
+    """Constants are kept as written, or folded before."""
     x = ca.SX.sym("x")
     for folded, texts in ((False, {"1e16", "3"}), (True, {"3"})):
         symbols: dict[str, ca.SX] = {}

@@ -43,7 +43,7 @@ def test_the_most_records():
 
 
 def test_what_is_expected_is_compiled():
-    """As far as its iterations are worth it, and with the same results."""
+    """A kernel is compiled once its iterations repay it, with equal results."""
     z, step = starts(20, 5), np.ones((1, 1))
     few, some, many = (Kernel(countdown()) for _ in range(3))
     worth = some.optimisation_budget / (kernels.KERNELS.compiled_share * some.seconds_per_step)

@@ -112,7 +112,7 @@ class HopGuess:
 
 
 @dataclass(frozen=True)
-class SaidHops:
+class ClaimedHops:
     """The claims about hops that come back.
 
     launches : the launch speeds
@@ -127,7 +127,7 @@ class SaidHops:
 
 
 def proof_of_fixed_point(
-    machine: Machine, guess: HopGuess, inject: Decimals, said: SaidHops | None, parameters: Mapping[str, Decimals],
+    machine: Machine, guess: HopGuess, inject: Decimals, said: ClaimedHops | None, parameters: Mapping[str, Decimals],
     digits: int | None,
 ) -> Proof:  # fmt: skip
     """The proof of hops near a guess that come back, with what is claimed of them; see `prove_fixed_point`."""
@@ -238,7 +238,7 @@ def _proof(
     )
 
 
-def _of_fixed_point(case: _Case, guess: HopGuess, said: SaidHops | None) -> _Result:
+def _of_fixed_point(case: _Case, guess: HopGuess, said: ClaimedHops | None) -> _Result:
     """The results on a fixed point, or on hops of a longer period."""
     assert case.inject is not None
     hop = case.hop(guess, case.inject)
@@ -261,7 +261,7 @@ def _of_fixed_point(case: _Case, guess: HopGuess, said: SaidHops | None) -> _Res
     return _Result(found, enclosures, [f"{words}."], motion.conditions, reasons, motion.undecided)
 
 
-def _wrong_claims(found: ProvedHop, multiplier: arb, said: SaidHops | None) -> list[str]:
+def _wrong_claims(found: ProvedHop, multiplier: arb, said: ClaimedHops | None) -> list[str]:
     """The reasons why claims are wrong; the error of a launch grows where the map runs along the identity line."""
     if said is None:
         return []

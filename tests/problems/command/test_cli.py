@@ -434,7 +434,7 @@ def test_an_error_is_one_json_document_too(line, orbits, folder, monkeypatch):
 
 @pytest.mark.parametrize("option", ["--plot", "--animate", "--save"])
 def test_an_empty_file_name_is_refused(option, orbits, tmp_path, monkeypatch):
-    """As from a shell variable that is not set: to write nothing and report success would lose the result."""
+    """It comes from a shell variable that is not set: to write nothing and report success would lose the result."""
     monkeypatch.chdir(tmp_path)
     assert orbits(f"find {option} ''").code == 2
 

@@ -61,7 +61,7 @@ def test_a_spring_that_is_twisted(tmp_path):
 
 @pytest.mark.parametrize("mark", ["1.234,5", "1,234.5"])
 def test_marks_of_thousands(mark, tmp_path):
-    """As 1.234,5 in German and 1,234.5 in English."""
+    """Numbers such as 1.234,5 in German and 1,234.5 in English."""
 
     def number(value: float) -> str:
         text = f"{value:,.1f}"

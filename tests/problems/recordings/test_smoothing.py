@@ -152,7 +152,7 @@ class TestNoise:
         assert (exact.alpha, exact.certificate.alpha_per_noise) == (orbit.alpha, None)
 
     def test_of_unit_size_is_in_the_units_of_the_table(self):
-        """The same spring in m and N, with 1 N of noise for each of 2 units, and 0.1 m for a unit of length."""
+        """A spring in m and N, with 1 N of noise for each of 2 units, and 0.1 m for a unit of length."""
         r = np.linspace(-6.0, 6.0, 9)
         bare = find(Hopper(springs.table((r, r + 0.02 * r**3))))
         table = springs.table((0.1 * r, 2.0 * (r + 0.02 * r**3)), in_si=True)

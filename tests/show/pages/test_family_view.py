@@ -36,7 +36,7 @@ def test_a_family_has_its_motions_events_and_end(softening_family):
 
 
 def test_events_are_named_where_they_are(softening_family):
-    """Those that are close together have one label; the legend names the lines alone."""
+    """Events that are close together have one label; the legend names the lines alone."""
     figure = FamilyFigure()
     figure.show(family_data(softening_family))
     events = next(r.data_source.data for r in figure.figure.renderers if "label" in r.data_source.data)
