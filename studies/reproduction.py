@@ -17,7 +17,7 @@ from types import ModuleType
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
 
-from orbits.show.plot import RESOLUTION
+from orbits.show.plot import STYLE as FIGURE_STYLE
 from studies import (
     air_track,
     attraction,
@@ -149,7 +149,7 @@ def page(parts: list[tuple[Part, list[Claim], list[tuple[str, str, Path]]]], qui
 def _picture(path: Path, title: str) -> str:
     """A PNG file inside the page, in a frame in which it can be moved where it is wider, also by the keyboard."""
     data, name = path.read_bytes(), html.escape(title)
-    inches = int.from_bytes(data[16:20]) / RESOLUTION  # the width stands in a PNG file's header
+    inches = int.from_bytes(data[16:20]) / FIGURE_STYLE.resolution  # the width stands in a PNG file's header
     sizes = f"min-width:{SMALLEST * inches:.0f}px;max-width:{LARGEST * inches:.0f}px"
     source = f"data:image/png;base64,{base64.b64encode(data).decode()}"
     image = f"<img alt='{name}' style='{sizes}' src='{source}'>"

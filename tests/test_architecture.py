@@ -89,8 +89,7 @@ TOO_MANY = {
     "orbits/model/liftoff": 6, "orbits/model/linear_guess": 4, "orbits/model/relative": 7,
     "orbits/model/turning_speeds": 5, "orbits/periodic/family_search": 17, "orbits/periodic/guess": 7,
     "orbits/periodic/linear_hops": 8, "orbits/periodic/loss_coefficient": 5, "orbits/periodic/run_start": 6,
-    "orbits/periodic/tuned": 6, "orbits/result": 5, "orbits/show/plane": 7, "orbits/show/plot": 6,
-    "orbits/show/simulators": 6, "problems/explorer/results": 10, "problems/explorer/worker": 5,
+    "orbits/periodic/tuned": 6, "orbits/result": 5, "problems/explorer/results": 10, "problems/explorer/worker": 5,
     "problems/laws/fitting": 9, "problems/recordings/smoothing": 17, "problems/steering/corners": 4,
 }  # fmt: skip
 SOURCES = sorted(path for package in RANK for path in (ROOT / package).rglob("*.py"))

@@ -7,13 +7,12 @@ import numpy as np
 
 from ..errors import InputError
 from ..result import Axes
-from .plot import COLOURS, axes_or_new, plain
+from .plot import COLOURS, STYLE, axes_or_new, plain
 
 if TYPE_CHECKING:
     from ..control.control import Control, ControlledLeg
     from ..control.optimal_family import OptimalFamily
 
-STAGE_SAMPLES = 401  # times of a stage at which its curves are drawn
 DASHES = ("-", (0, (5, 2)), (0, (1, 1.5)))  # of curves beyond the number of colours
 
 
@@ -70,7 +69,9 @@ def _curve(control: Any, name: str, of_leg: Any) -> tuple[np.ndarray, np.ndarray
     times, values = [], []
     for leg in control.legs:
         ends = leg.inputs.times[1:]
-        since = np.sort(np.concatenate([np.linspace(0, leg.duration, STAGE_SAMPLES), np.nextafter(ends, 0.0), ends]))
+        since = np.sort(
+            np.concatenate([np.linspace(0, leg.duration, STYLE.stage_samples), np.nextafter(ends, 0.0), ends])
+        )
         found = of_leg(leg, name, since)
         times += [leg.start + since, [leg.start + leg.duration]]
         values += [np.full(len(since), np.nan) if found is None else found, [np.nan]]

@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
-# Pieces between two points of a curve; and ends of its parts within a cell are boundaries of the cell that lie within
-# this share of the diagram, to which these are located.
-PIECES_BETWEEN, SAME_BOUNDARY = 8, 1e-5
+# Pieces between two points of a curve.
+PIECES_BETWEEN = 8
+# Ends of a curve's parts within a cell are boundaries of the cell that lie within this share of the diagram, to which
+# these are located.
+SAME_BOUNDARY = 1e-5
 _Side = tuple[int, int, bool]  # a node, and whether the side of a cell that begins there lies in a row
 _Sides = dict[_Side, list[Any]]
 _Arcs = dict[tuple[int, int], list[np.ndarray]]

@@ -10,7 +10,7 @@ from ..model.machine import title_of_machine
 from ..result import Axes
 from ..returns.bifurcation import WORDS_OF_STABILITY, name_of_hops
 from ..units import LIFTOFF_SPEED
-from .plot import COLOURS, axes_or_new, cobweb, finished, plain, sampled_map
+from .plot import COLOURS, STYLE, axes_or_new, cobweb, finished, plain, sampled_map
 
 if TYPE_CHECKING:
     from ..returns.hops import Hops
@@ -33,8 +33,6 @@ LOOKS_OF_EVENTS = {
     **{"flip": "o", "fold": "s", "branch point": "D", "border collision": "X", "non-smooth fold": "v"},
     "Neimark-Sacker": "P",
 }
-SHOWN_CYCLES = 12  # more would not be distinguished
-BAR = 0.05  # height of the bar that shows the destinations, as a share of the axes
 
 
 def plot_map(
@@ -112,8 +110,18 @@ def plot_basin(step: "ReturnMap", low: float, high: float, axes: Axes | None, ho
         length = sum(span for _, span in spans)
         total, share = total + length, length / width
         text = f"to {star:.6g}{unit}: {100 * share:.3g}%"
-        axes.broken_barh(spans, (0, BAR), fc=colour, ec=colour, lw=0.4, transform=inside, label=text, zorder=3)
-        axes.broken_barh(spans, (BAR, 1 - BAR), fc=colour, ec="none", transform=inside, alpha=0.12, zorder=0)
+        axes.broken_barh(
+            spans, (0, STYLE.destinations), fc=colour, ec=colour, lw=0.4, transform=inside, label=text, zorder=3
+        )
+        axes.broken_barh(
+            spans,
+            (STYLE.destinations, 1 - STYLE.destinations),
+            fc=colour,
+            ec="none",
+            transform=inside,
+            alpha=0.12,
+            zorder=0,
+        )
         if low <= star <= high:
             axes.plot(star, star, "o", color=colour, mec="0.15", ms=6, zorder=4)
     words = f"{100 * total / width:.3g}% of the launches come to a lossless hop: {total:.6g} of {width:.6g}{unit}"
@@ -142,7 +150,7 @@ def plot_periodic_hops(hops: Any, axes: Axes | None = None) -> Axes:
     axes = axes_or_new(axes, 6.4, 4.2)
     for branch in hops.branches:
         axes.axhline(branch.low, color="0.85", lw=0.8, zorder=0)
-    shown, count = hops.cycles[:SHOWN_CYCLES], np.arange(hops.period + 1)
+    shown, count = hops.cycles[: STYLE.cycles_of_map], np.arange(hops.period + 1)
     for each, colour in zip(shown, cycle(COLOURS[1:])):
         label = f"{' '.join(map(str, each.itinerary))}: {WORDS_OF_STABILITY[each.stable]}"
         style = "o-" if each.stable else "o--"

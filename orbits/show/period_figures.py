@@ -7,20 +7,16 @@ import numpy as np
 
 from ..result import Axes
 from ..returns.bifurcation import name_of_hops
-from .plot import COLOURS, axes_or_new, finished, legend_below, plain
+from .plot import COLOURS, STYLE, axes_or_new, finished, legend_below, plain
 
 IN_REST, IN_CHAOS, WITHOUT_PERIOD = -2, -1, 0  # places where no launch goes on, and where one does without a period
 # The colours of the periods after those of all figures.
 FURTHER_COLOURS = ("#882255", "#999933", "#44AA99", "#332288", "#AA4499", "#DDCC77", "#117733", "#661100", "#6699CC")
-# The dashes of curves of bifurcations, of one for each doubling of the period.
-AT_BORDERS = (0, (1, 1.3)), (0, (1, 2)), (0, (1, 3)), (0, (1, 4))
 STYLES_OF_CURVES: dict[str, tuple[Any, ...]] = {
     "flip": ("-", (0, (6, 1.2)), (0, (5, 1.2, 1, 1.2)), (0, (4, 1.2, 1, 1.2, 1, 1.2))),
     "fold": ((0, (3, 2)), (0, (3, 2, 1, 2)), (0, (2, 1)), (0, (2, 1, 1, 1))),
-    **dict.fromkeys(("border collision", "non-smooth fold"), AT_BORDERS),
+    **dict.fromkeys(("border collision", "non-smooth fold"), STYLE.dashes_at_borders),
 }
-# Where the names of curves stand in a figure with several, as shares of these and in points beside them.
-PLACES_OF_NAMES = ((0.5, (-34, 10)), (0.45, (34, -14)), (0.72, (-46, 14)), (0.85, (-52, 4)), (0.3, (40, -10)))
 
 
 def plot_periods(diagram: Any, axes: Axes | None = None) -> Axes:
@@ -83,7 +79,7 @@ def plot_bifurcation_curve(curve: Any, axes: Axes | None = None) -> Axes:
 
 def name_curve(axes: Axes, values: np.ndarray, words: str) -> None:
     """Write a name beside a curve (n, 2), at another place than those of the curves before it."""
-    share, beside = PLACES_OF_NAMES[len(axes.texts) % len(PLACES_OF_NAMES)]
+    share, beside = STYLE.places_of_names[len(axes.texts) % len(STYLE.places_of_names)]
     frame = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85}
     arrow = {"arrowstyle": "-", "lw": 0.7, "shrinkA": 0, "shrinkB": 0}
     axes.annotate(

@@ -12,20 +12,13 @@ from ..mechanics.drawing import LANDINGS, REPEATED, Drawing, Outline
 from ..mechanics.elements import value_of
 from ..result import Axes, Progress
 from ..units import Units
-from .plot import COLOURS, SHADE, new_axes, off_screen, phases_in_words, plain, title, unit_labels
+from .plot import COLOURS, SHADE, STYLE, new_axes, off_screen, phases_in_words, plain, title, unit_labels
 
 if TYPE_CHECKING:
     from ..hops.simulated import Simulation
     from ..periodic.orbit import Orbit
 
-# An animation shows so many cycles of a machine that goes on, and two of one that comes back.
-CYCLES_ONWARD = 4
-TIMES_IN_PLANE = 60  # of a cycle, for a page
-MOST_CYCLES, ALIKE = 12, 1e-6  # cycles on a page until a machine looks as at first, and its change, for its size
-BEHIND = 2  # cycles whose path is drawn behind a machine on a page
 EDGE, WALL = "#4c4c4c", "#8c8c8c"  # colours of the ground's edge and of what is fixed
-LEGEND_WIDTH = 4.5  # inches that three names in a row need
-GAP = 1.2  # between instants side by side, in widths of the machine
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +67,7 @@ def cycles_shown(orbit: "Orbit") -> int:
     drawing, machine = drawing_of(orbit.source), orbit.source
     if machine is None or orbit.contact_time is None or not (drawing and drawing.onward):
         return 1
-    return 2 if comes_back(drawing, machine.values) else CYCLES_ONWARD
+    return 2 if comes_back(drawing, machine.values) else STYLE.cycles_onward
 
 
 def plane_paths(machine: Any, states: np.ndarray, landings: np.ndarray) -> list[PlanePath]:
@@ -131,8 +124,8 @@ class PlaneMotion:
     points : flat, of each outline its points one time after the other, (cycles * times, size, 2)
     outlines : columns by name, one entry for each outline: "size", which is 0 of one that is traced, "name", "colour",
         "closed" and "ends"
-    trails : flat, of each outline that is traced its points, not seen as one who goes on sees them, over `BEHIND`
-        cycles and then those shown
+    trails : flat, of each outline that is traced its points, not seen as one who goes on sees them, over the cycles
+        behind the machine and then those shown
     advance : of a cycle, across
     marks : places across of the feet that stand beside the trails
     cycles : after which it begins again
@@ -159,7 +152,7 @@ def motion_in_plane(orbit: "Orbit") -> PlaneMotion | None:
         return None
     advance = np.zeros(2) if comes_back(drawing, machine.values) else _after_landing(drawing, machine.values)[1]
     cycles = _cycles_alike(orbit, advance)
-    t = np.linspace(0, cycles * orbit.period, cycles * TIMES_IN_PLANE)
+    t = np.linspace(0, cycles * orbit.period, cycles * STYLE.times_of_cycle)
     along = (t / orbit.period)[:, None, None] * advance
     paths = plane_paths(machine, orbit(t), landings_of(orbit, t))
     moving = [PlanePath(each.outline, each.colour, each.points - along) for each in paths if not each.outline.traced]
@@ -170,30 +163,32 @@ def motion_in_plane(orbit: "Orbit") -> PlaneMotion | None:
     }
     points = np.concatenate([each.points.ravel() for each in moving]).astype(np.float32)
     # The path behind a machine that goes on is that of its last cycles, so many cycles earlier.
-    last, back = -BEHIND * TIMES_IN_PLANE, cycles * advance
+    behind = STYLE.cycles_behind
+    last, back = -behind * STYLE.times_of_cycle, cycles * advance
     traced = [each.points[:, 0] for each in paths if each.outline.traced]
     trails = [np.concatenate([each[last:] - back, each]).ravel() for each in traced]
-    marks = [k * float(advance[0]) for k in range(-BEHIND - 1, cycles + BEHIND + 1)] if advance.any() else []
+    marks = [k * float(advance[0]) for k in range(-behind - 1, cycles + behind + 1)] if advance.any() else []
     across, span = _extent_of(moving)
     trail = np.concatenate([*trails, np.zeros(0)]).astype(np.float32)
     return PlaneMotion(points, columns, trail, float(advance[0]), marks, cycles, sum(across) / 2, drawing.ground, span)
 
 
 def _cycles_alike(orbit: "Orbit", advance: np.ndarray) -> int:
-    """The number of cycles after which a machine looks as at first to one who goes on with it, `CYCLES_ONWARD` where it
-    takes too many."""
-    t = (np.arange(MOST_CYCLES + 1) + 0.1) * orbit.period
+    """The number of cycles after which a machine looks as at first to one who goes on with it, `STYLE.cycles_onward`
+    where it takes too many."""
+    behind = STYLE.cycles_behind
+    t = (np.arange(STYLE.cycles_on_page + 1) + 0.1) * orbit.period
     parts: dict[str, list[np.ndarray]] = {}
     for each in plane_paths(orbit.source, orbit(t), landings_of(orbit, t)):
         if not each.outline.traced:
             parts.setdefault(each.outline.name, []).append(each.points - (t / orbit.period)[:, None, None] * advance)
-    apart = np.zeros(MOST_CYCLES + 1)
+    apart = np.zeros(STYLE.cycles_on_page + 1)
     for paths in parts.values():
         points = np.concatenate(paths, axis=1)
         far = np.linalg.norm(points[:, :, None] - points[0], axis=3).min(2).max(1) / np.ptp(points[0], axis=0).max()
         apart = np.maximum(apart, far)
-    alike = BEHIND + np.flatnonzero(apart[BEHIND:] < ALIKE)  # so that there is a path behind it
-    return int(alike[0]) if len(alike) else CYCLES_ONWARD
+    alike = behind + np.flatnonzero(apart[behind:] < STYLE.alike)  # so that there is a path behind it
+    return int(alike[0]) if len(alike) else STYLE.cycles_onward
 
 
 def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
@@ -210,7 +205,7 @@ def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
     paths = [each for each in paths if not each.outline.traced]
     ranges = np.array([[each.points[..., 0].min(1), each.points[..., 0].max(1)] for each in paths])
     width = (ranges[:, 1].max(0) - ranges[:, 0].min(0)).max()
-    aside = GAP * width * np.arange(len(t))
+    aside = STYLE.gap * width * np.arange(len(t))
     moved = [PlanePath(each.outline, each.colour, each.points + aside[:, None, None] * [1.0, 0.0]) for each in paths]
     (left, right), (low, high) = _extent_of(moved)
     if axes is None:
@@ -252,7 +247,7 @@ def animate_in_plane(
         named.add(each.outline.name)
         artists.append(_artist(axes, each, _drawn_points(each, 0), label))
     label = axes.set_title("contact", fontsize="small")
-    columns = 3 if wide > LEGEND_WIDTH else 2
+    columns = 3 if wide > STYLE.legend_width else 2
     axes.legend(frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.02), ncols=columns)
     axes.figure.canvas.draw()
     axes.figure.set_layout_engine("none")  # the layout is made once, not again for every frame

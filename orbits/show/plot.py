@@ -13,7 +13,7 @@ from contextvars import ContextVar
 from io import BytesIO
 from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -33,14 +33,47 @@ if TYPE_CHECKING:
     from ..returns.return_map import ReturnMap
 
 FIGURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".eps")
-RESOLUTION = 160  # of figures that are written, in pixels an inch
+
+
+class Style(NamedTuple):
+    """The sizes and numbers of figures, those of machines in the plane among them."""
+
+    resolution: int = 160  # of figures that are written, in pixels an inch
+    legend_below: float = 4.4  # distance of a legend below axes in its font sizes, clear of the name of the abscissa
+    columns_apart: float = 1.4  # distance between the columns of a legend in its font sizes
+    letter: float = 0.52  # width of a letter in a legend in its font sizes
+    entry: float = 4.2  # width of a legend's entry without its letters in its font sizes
+    widened: float = 1.15  # factor by which the layout makes axes wider
+    stage_samples: int = 401  # times of a stage at which its curves are drawn
+    cycles_of_map: int = 12  # that are drawn in a map: more would not be distinguished
+    destinations: float = 0.05  # height of the bar that shows them, as a share of the axes
+    # Dashes of curves of bifurcations, one for each doubling of the period.
+    dashes_at_borders: tuple = ((0, (1, 1.3)), (0, (1, 2)), (0, (1, 3)), (0, (1, 4)))
+    # Where the names of curves stand in a figure with several, as shares of these and in points beside them.
+    places_of_names: tuple[tuple[float, tuple[int, int]], ...] = (
+        (0.5, (-34, 10)),
+        (0.45, (34, -14)),
+        (0.72, (-46, 14)),
+        (0.85, (-52, 4)),
+        (0.3, (40, -10)),
+    )
+    contours: int = 8  # of a map of results
+    width_of_bar: float = 0.38  # whose neighbours are 1 apart
+    bars: int = 40  # of a histogram, at most
+    cycles_onward: int = 4  # of a machine that goes on in an animation, which shows two of one that comes back
+    times_of_cycle: int = 60  # of a machine on a page
+    cycles_on_page: int = 12  # until a machine looks as at first, at most
+    alike: float = 1e-6  # share of its size by which a machine that looks as at first differs
+    cycles_behind: int = 2  # whose path is drawn behind a machine on a page
+    legend_width: float = 4.5  # inches that three names in a row need
+    gap: float = 1.2  # between instants side by side, in widths of the machine
+
+
+STYLE = Style()
 # One colour for each role; colour-blind readers can distinguish them too (Okabe and Ito 2008).
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 SHADE = "#e8e4d8"
 PALE = "#cfdbe6"
-# A legend below axes, in its font sizes: where it begins, clear of the name of the abscissa; how far apart its
-# columns are; the width of a letter; and that of an entry without its letters. Axes get wider by the layout.
-BELOW, APART, LETTER, ENTRY, WIDENED = 4.4, 1.4, 0.52, 4.2, 1.15
 MARKERS = {"fold": "o", "branch point": "s", "grazing": "v", "masses touch": "X", "contact pulls": "^"}
 MARKERS |= {"landing jerk": "<", "collapse": "D", "law ends": "d", "family": "*", "corner": "P"}
 NO_MOTIONS, NO_ORBITS = "no motions", "no orbits"  # entries of legends
@@ -191,15 +224,20 @@ def legend_below(axes: Axes, of: Axes | None = None) -> Axes:
     last = {NO_MOTIONS, NO_ORBITS, *MARKERS}  # curves are named before the marks on them
     entries = list(zip(*(of or axes).get_legend_handles_labels(), strict=True))
     entries.sort(key=lambda entry: entry[1] in last and hasattr(entry[0], "get_marker"))
-    inches = WIDENED * axes.get_window_extent().width / axes.figure.dpi
+    inches = STYLE.widened * axes.get_window_extent().width / axes.figure.dpi
     room = 72 * inches / FontProperties(size="small").get_size_in_points()
-    lengths = [LETTER * len(name) + ENTRY for _, name in entries]
+    lengths = [STYLE.letter * len(name) + STYLE.entry for _, name in entries]
     count = rows = len(entries)
     for rows in range(1, count + 1):
         if sum(max(lengths[i : i + rows]) for i in range(0, count, rows)) <= room:
             break
     if entries:
-        place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0), "borderaxespad": BELOW, "columnspacing": APART}
+        place = {
+            "loc": "upper center",
+            "bbox_to_anchor": (0.5, 0),
+            "borderaxespad": STYLE.legend_below,
+            "columnspacing": STYLE.columns_apart,
+        }
         axes.legend(*zip(*entries, strict=True), frameon=False, fontsize="small", ncols=-(-count // rows), **place)
     return axes
 
@@ -415,7 +453,7 @@ def save_figure(axes: Axes, path: str | Path) -> Path:
     """Write the figure of some axes to a file, its kind from the ending; raises `InputError` when it cannot."""
     path = check_path(path, FIGURES)
     drawn = BytesIO()  # Matplotlib's writers do not all end well where a disk is full
-    axes.figure.savefig(drawn, format=path.suffix[1:].lower(), dpi=RESOLUTION)
+    axes.figure.savefig(drawn, format=path.suffix[1:].lower(), dpi=STYLE.resolution)
     with writing("figure", path) as target:
         target.write_bytes(drawn.getvalue())
     return path

@@ -7,14 +7,12 @@ import numpy as np
 from ..errors import InputError
 from ..model.machine import title_of_machine
 from ..result import Axes
-from .plot import COLOURS, axes_or_new, finished, label_of, plain
+from .plot import COLOURS, STYLE, axes_or_new, finished, label_of, plain
 
 if TYPE_CHECKING:
     from ..design.slopes import Sensitivities
 
 DIVERGING = "RdBu_r"  # of colours, from falling to rising
-WIDTH_OF_BAR = 0.38  # width of a bar, whose neighbours are 1 apart
-BARS = 40  # of a histogram, at most
 
 
 def plot_sensitivities(found: "Sensitivities", axes: Axes | None = None) -> Axes:
@@ -53,7 +51,14 @@ def plot_indices(found: Any, quantity: str | None = None, axes: Axes | None = No
         )
         ends = np.maximum([heights - low, high - heights], 0.0)
         style = {"color": COLOURS[k], "ecolor": "0.3", "error_kw": {"lw": 1}, "label": f"{order} order"}
-        axes.bar(np.arange(len(each)) + (k - 0.5) * WIDTH_OF_BAR, heights, WIDTH_OF_BAR, yerr=ends, capsize=3, **style)
+        axes.bar(
+            np.arange(len(each)) + (k - 0.5) * STYLE.width_of_bar,
+            heights,
+            STYLE.width_of_bar,
+            yerr=ends,
+            capsize=3,
+            **style,
+        )
     axes.set_xticks(range(len(each)), [label_of(name) for name in each])
     axes.axhline(0, color="0.4", lw=0.8)
     axes.set_title(plain(title_of_machine(found.machine)), fontsize="medium", wrap=True)
@@ -68,7 +73,7 @@ def plot_uncertainty(found: Any, quantity: str | None = None, axes: Axes | None 
         raise InputError(f"the uncertainty has no '{quantity}'; it has {', '.join(found.mean)}: name it in quantities")
     axes, sweep = axes_or_new(axes), found.sweep
     values = sweep[quantity][(sweep["status"] == "certified") & np.isfinite(sweep[quantity])]
-    bars = int(np.clip(np.sqrt(len(values)), 5, BARS))
+    bars = int(np.clip(np.sqrt(len(values)), 5, STYLE.bars))
     axes.hist(values, bars, density=True, color=COLOURS[4], ec="white", lw=0.5, label="members")
     mean, deviation = found.mean[quantity], found.linear[quantity]
     if 0 < deviation < np.inf:

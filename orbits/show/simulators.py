@@ -32,14 +32,22 @@ if TYPE_CHECKING:
     from ..periodic.orbit import Orbit
 
 MOTION_FILE, MODEL_FILE = "motion.csv", "model.xml"
-# The inertia of a point mass, since simulators take none of 0, over its mass times the square of a unit of length.
-OF_A_POINT = 1e-14
-# Lengths of the machine in the ground that is shown, and thicknesses of what is shown in one.
-GROUND_SIZE, THICKNESS = 50.0, 40.0
-# Weights of joints in an extension are equal, or whole numbers, up to rounding.
-ALIKE_WEIGHTS, ALIKE_SHIFTS = 1e-12, 1e-9
-# The bodies have the inertia and the weight of the machine up to this share.
-ALIKE_MASSES = 1e-9
+
+
+class SimulatorOptions(NamedTuple):
+    """The sizes of what a simulator shows, and when its bodies are those of the machine."""
+
+    # Since simulators take none of 0, over its mass times the square of a unit of length.
+    inertia_of_point: float = 1e-14
+    ground: float = 50.0  # lengths of the machine in the ground that is shown
+    thickness: float = 40.0  # lengths of the machine over the thickness of its bodies
+    same_weights: float = 1e-12  # weights of joints in an extension that differ by less are equal, or whole numbers
+    same_shifts: float = 1e-9  # shifts of extensions that differ by less are equal
+    # Share by which the inertia and the weight of the bodies differ from those of the machine at most.
+    same_masses: float = 1e-9
+
+
+SIMULATORS = SimulatorOptions()
 UNTOUCHED = {"contype": "0", "conaffinity": "0"}
 
 
@@ -216,14 +224,16 @@ class _Jointed:
         seen = self._seen(*inertias, *(ca.gradient(height, y) for height in heights))
         for inertia, built, _, _ in seen:
             scale = np.sqrt(abs(np.outer(np.diag(inertia), np.diag(inertia))))
-            if (odd := np.argwhere(~(abs(inertia - built) <= ALIKE_MASSES * scale))).size:
+            if (odd := np.argwhere(~(abs(inertia - built) <= SIMULATORS.same_masses * scale))).size:
                 i, j = odd[0]
                 moved = " and ".join(dict.fromkeys((m.coordinates[i], m.coordinates[j])))
                 raise InputError(
                     f"the bodies of the {m.name} have the inertia {built[i, j]:.6g} where it has {inertia[i, j]:.6g}, "
                     f"of {moved}: state the masses, inertias and joints of bodies= so that both are the same"
                 )
-        alike = all(np.allclose(a, b, rtol=0, atol=ALIKE_MASSES * abs(np.append(a, b)).max()) for *_, a, b in seen)
+        alike = all(
+            np.allclose(a, b, rtol=0, atol=SIMULATORS.same_masses * abs(np.append(a, b)).max()) for *_, a, b in seen
+        )
         return [] if alike else ["the weight that differs from that of the bodies"]
 
     @exclusive
@@ -234,12 +244,14 @@ class _Jointed:
         for value, places, slopes, frame in results:
             weights = np.linalg.lstsq(frame.T, slopes.ravel(), rcond=None)[0]
             whole_numbers = np.round(weights)
-            weights = np.where(abs(weights - whole_numbers) < ALIKE_WEIGHTS, whole_numbers, weights)
-            if not np.allclose(frame.T @ weights, slopes.ravel(), atol=ALIKE_WEIGHTS):
+            weights = np.where(abs(weights - whole_numbers) < SIMULATORS.same_weights, whole_numbers, weights)
+            if not np.allclose(frame.T @ weights, slopes.ravel(), atol=SIMULATORS.same_weights):
                 return None
             seen.append((weights, float(value[0, 0] - weights @ places.ravel())))
         (first, shift), (second, other) = seen
-        alike = np.allclose(first, second, atol=ALIKE_WEIGHTS) and np.isclose(shift, other, atol=ALIKE_SHIFTS)
+        alike = np.allclose(first, second, atol=SIMULATORS.same_weights) and np.isclose(
+            shift, other, atol=SIMULATORS.same_shifts
+        )
         return (first, shift) if alike else None
 
     def pulls(self) -> tuple[list[Pull], list[str]]:
@@ -279,7 +291,7 @@ class _Jointed:
         down = _in_text(gravity * np.sin(self._tilt), 0.0, -gravity * np.cos(self._tilt))
         _node(root, "option", gravity=down, integrator="RK4", timestep="0.001")
         world, size = _node(root, "worldbody"), self._size(places)
-        ground = _in_text(GROUND_SIZE * size, GROUND_SIZE * size, size)
+        ground = _in_text(SIMULATORS.ground * size, SIMULATORS.ground * size, size)
         _node(world, "geom", name="ground", type="plane", size=ground, rgba="0.8 0.8 0.8 1", **UNTOUCHED)
         nodes: dict[str | None, ElementTree.Element] = {None: world}
         alone, tendons = dict[tuple, Pull](), list[Pull]()
@@ -306,7 +318,7 @@ class _Jointed:
         mass = self.number(body.mass)
         if not 0 < mass < np.inf:
             raise InputError(f"body '{body.name}' has the mass {mass:g}; simulators take one above 0")
-        about = max(self.number(body.inertia), OF_A_POINT * mass)
+        about = max(self.number(body.inertia), SIMULATORS.inertia_of_point * mass)
         inertia = _in_text(about, about, about)
         _node(node, "inertial", pos=_in_text(across, 0, up), mass=_in_text(mass), diaginertia=inertia)
         for joint in body.joints:
@@ -320,9 +332,17 @@ class _Jointed:
             _node(node, "joint", name=joint.name, type=kind, axis=_in_text(*AXES[joint.axis]), **own)
         for a, b in lines:
             ends = _in_text(a[0], 0, a[1], b[0], 0, b[1])
-            _node(node, "geom", type="capsule", fromto=ends, size=_in_text(size / THICKNESS), mass="0", **UNTOUCHED)
+            _node(
+                node,
+                "geom",
+                type="capsule",
+                fromto=ends,
+                size=_in_text(size / SIMULATORS.thickness),
+                mass="0",
+                **UNTOUCHED,
+            )
         if not lines:
-            _node(node, "geom", type="sphere", size=_in_text(2 * size / THICKNESS), mass="0", **UNTOUCHED)
+            _node(node, "geom", type="sphere", size=_in_text(2 * size / SIMULATORS.thickness), mass="0", **UNTOUCHED)
         return node
 
     def _tendon(self, parent: ElementTree.Element, pull: Pull) -> None:

@@ -9,10 +9,9 @@ from ..model.machine import title_of_machine
 from ..result import Axes
 from .diagram_cells import cells_of_diagram
 from .pages.sweep_view import MOTIONS
-from .plot import COLOURS, NO_MOTIONS, NO_ORBITS, PALE, axes_or_new, label_of, legend_below, new_row, plain
+from .plot import COLOURS, NO_MOTIONS, NO_ORBITS, PALE, STYLE, axes_or_new, label_of, legend_below, new_row, plain
 
 MAP = "viridis"  # of colours; it is read in print and by colour-blind readers
-LEVELS = 8  # contours of a map
 NOTHING = "0.93"  # the grey of parameters without an orbit
 # Styles of the parts of a diagram, by the status of the members there, and of the edges between them.
 STYLES: dict[str, dict[str, Any]] = {
@@ -88,7 +87,7 @@ def _surface(sweep: Any, quantity: str, axes: Axes) -> Axes:
         x, y, z, motion = (part[order[0]][:, order[1]] for part in grid)
         drawn = axes.pcolormesh(x, y, z, cmap=MAP, shading="nearest", rasterized=True)
         if z.count() and np.ptp(z.compressed()) > 0 and min(shape) > 2:
-            contours = axes.contour(x, y, z, LEVELS, colors="white", linewidths=0.7)
+            contours = axes.contour(x, y, z, STYLE.contours, colors="white", linewidths=0.7)
         if not motion.all() and min(shape) > 1:
             axes.contourf(x, y, ~motion * 1.0, [0.5, 1.5], colors="none", hatches=["////"])
             axes.fill_between([], [], fc="none", ec="0.3", hatch="////", lw=0, label=NO_MOTIONS)

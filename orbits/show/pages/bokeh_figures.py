@@ -2,7 +2,7 @@
 
 from html import escape
 from importlib import import_module
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -15,11 +15,40 @@ TOOLS = "pan,box_zoom,wheel_zoom,reset,save"
 # Glyphs that move in each frame are drawn on a canvas of their own, so that nothing else is drawn again for them.
 MOVING = {"level": "overlay"}
 GREY, INK = "#6b6b6b", "#333333"
-# A range stays as long as the data fill at least this share of it.
-FILLED = 0.7
-FLAT = 1e-9  # values that vary by a smaller share of themselves are constant
-MARGIN = 0.06  # beside the data, as a share of their range
-SPARE = 0.1  # additional margin where the data have just grown and are likely to grow further
+
+
+class PageStyle(NamedTuple):
+    """The ranges, samples and labels of figures on pages."""
+
+    filled: float = 0.7  # a range stays as long as the data fill at least this share of it
+    flat: float = 1e-9  # values that vary by a smaller share of themselves are constant
+    margin: float = 0.06  # beside the data, as a share of their range
+    spare: float = 0.1  # additional margin where the data have just grown and are likely to grow further
+    # Events nearer than these shares of the figure's width and height have one label.
+    near_events: tuple[float, float] = (0.2, 0.07)
+    margin_of_labels: float = 0.1  # above and below the curve, for labels at its ends
+    aside: int = 11  # pixels from an event to its label
+    letter: int = 6  # pixels of the width of a letter
+    half_line: int = 8  # pixels of half the height of a label
+    on_phone: tuple[int, int] = (270, 250)  # pixels of the width and the height of a family on a phone
+    # Multiples of `aside` away from the nearer edge, and down, the better ones first.
+    places_of_labels: tuple[tuple[int, int], ...] = ((1, -1), (1, 1), (3, -1), (3, 1))
+    avoided: int = 1000  # points of a curve that labels keep away from
+    times: int = 160  # at which a hop of a family is sampled
+    times_of_family: int = 40  # in addition for each number of its family
+    most_times: int = 1200  # of a hop of any family
+    extensions: int = 301  # at which a law is sampled
+    title: int = 44  # characters that fit above the figure on a phone
+    beside_law: float = 0.35  # margin beyond the used range on both sides, as a share of it
+    map_samples: int = 1500  # launches of a map that is drawn
+    web_hops: int = 60  # of the cobweb in a map
+    cycles_per_second: float = 0.4  # of a player, at first
+    # Members of a sweep that are shown: a page of more would be large, and their marks would cover each other.
+    members: int = 10_000
+    reason: int = 200  # characters of a member's reason in its tooltip
+
+
+PAGE = PageStyle()
 
 
 def bokeh(module: str) -> Any:
@@ -81,18 +110,18 @@ def tip(entries: list[tuple[str, str]]) -> str:
     return f"<div style='max-width:15em;white-space:normal;overflow-wrap:anywhere;color:{INK}'>{rows}</div>"
 
 
-def range_changes(shown: Any, low: float, high: float, steady: bool, margin: float = MARGIN) -> list[Change]:
+def range_changes(shown: Any, low: float, high: float, steady: bool, margin: float = PAGE.margin) -> list[Change]:
     """The changes that make a `Range1d` show low to high: none for a steady one that shows that already and is well
     filled by it."""
-    if (size := high - low) <= FLAT * max(abs(low), abs(high)):  # nothing but rounding
+    if (size := high - low) <= PAGE.flat * max(abs(low), abs(high)):  # nothing but rounding
         size = abs(high) or 1.0
         low, high = low - 0.5 * size, high + 0.5 * size
     start, end = shown.reset_start, shown.reset_end
     below, above = margin, margin
     if steady and start is not None:
-        if start <= low and high <= end and size >= FILLED * (end - start):
+        if start <= low and high <= end and size >= PAGE.filled * (end - start):
             return []
-        below, above = margin + SPARE * (low < start), margin + SPARE * (high > end)
+        below, above = margin + PAGE.spare * (low < start), margin + PAGE.spare * (high > end)
     ends = {"start": low - below * size, "end": high + above * size}
     return [(shown, each + name, value) for name, value in ends.items() for each in ("", "reset_")]
 

@@ -9,8 +9,8 @@ from ...tables import number_text
 from ..plot import COLOURS, family_curve
 from .bokeh_figures import (
     INK,
-    MARGIN,
     MOVING,
+    PAGE,
     Change,
     apply,
     bokeh,
@@ -32,14 +32,6 @@ SHAPES |= {"law ends": "diamond_cross"}
 OTHER_SHAPE, SHAPE_OF_END = "plus", "square_pin"
 # Of ends, whose kinds name what became of the parameter.
 LABELS = {"end: reached": "end of the range", "end: escaped": "goes on without bound"}
-NEAR_EACH_OTHER = (0.2, 0.07)  # events nearer than these shares of the figure's width and height have one label
-MARGIN_OF_LABELS = 0.1  # above and below the curve, for labels at its ends
-# In pixels: the distance from an event to its label, the width of a letter, half the height of a label, and the width
-# and the height of the family on a phone.
-PIXELS_ASIDE, LABEL_LETTER, HALF_LINE, ON_PHONE = 11, 6, 8, (270, 250)
-# Places of a label as multiples of that distance aside, away from the nearer edge, and down, the better ones first.
-PLACES_OF_LABELS = ((1, -1), (1, 1), (3, -1), (3, 1))
-POINTS_TO_AVOID = 1000  # points of a curve that labels keep away from
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +151,7 @@ class FamilyFigure:
             (self._hover, "formatters", {"@value": "printf", "@quantity": "printf"}),
             *self.marks(),
         ]
-        ranges = {"value": (self.figure.x_range, MARGIN), "quantity": (self.figure.y_range, MARGIN_OF_LABELS)}
+        ranges = {"value": (self.figure.x_range, PAGE.margin), "quantity": (self.figure.y_range, PAGE.margin_of_labels)}
         for name, (shown, margin) in ranges.items():
             known = data.points[name][np.isfinite(data.points[name])]
             if len(known):
@@ -188,9 +180,9 @@ def _event_labels(data: FamilyData) -> dict[str, list]:
         for each in ([data.events["value"], data.events["quantity"]], curve)
     )
     columns: dict[str, list] = {"label": [], "aside": [], "below": [], "align": []}
-    curve, pixels = _along(along), np.array(ON_PHONE)[:, None]
+    curve, pixels = _along(along), np.array(PAGE.on_phone)[:, None]
     for i, place in enumerate(shares.T):
-        near = (np.abs(shares - place[:, None]) < np.array(NEAR_EACH_OTHER)[:, None]).all(0)
+        near = (np.abs(shares - place[:, None]) < np.array(PAGE.near_events)[:, None]).all(0)
         kinds = (
             [LABELS.get(kind := data.events["kind"][k], kind) for k in np.flatnonzero(near)]
             if near.argmax() == i
@@ -198,7 +190,7 @@ def _event_labels(data: FamilyData) -> dict[str, list]:
         )
         label, side = ", ".join(dict.fromkeys(kinds)), 1 if place[0] < 0.5 else -1
         across, up = (curve - place[:, None]) * pixels
-        aside, below = _place_of_label(side * across, -up, LABEL_LETTER * len(label))
+        aside, below = _place_of_label(side * across, -up, PAGE.letter * len(label))
         columns["label"].append(label)
         columns["aside"].append(side * aside)
         columns["below"].append(below)
@@ -209,14 +201,14 @@ def _event_labels(data: FamilyData) -> dict[str, list]:
 def _place_of_label(aside: np.ndarray, below: np.ndarray, width: float) -> tuple[int, int]:
     """The distances aside and down from an event at which a label of this width hides least of a curve, whose points
     (k,) lie so far aside and below; all in pixels."""
-    places = [(PIXELS_ASIDE * a, PIXELS_ASIDE * b) for a, b in PLACES_OF_LABELS]
-    hidden = [np.sum((x < aside) & (aside < x + width) & (np.abs(below - y) < HALF_LINE)) for x, y in places]
+    places = [(PAGE.aside * a, PAGE.aside * b) for a, b in PAGE.places_of_labels]
+    hidden = [np.sum((x < aside) & (aside < x + width) & (np.abs(below - y) < PAGE.half_line)) for x, y in places]
     return places[int(np.argmin(hidden))]
 
 
 def _along(curve: np.ndarray) -> np.ndarray:
-    """Points (2, `POINTS_TO_AVOID`) at equal distances along the lines between the points (2, k) of a curve."""
+    """Points (2, `PAGE.avoided`) at equal distances along the lines between the points (2, k) of a curve."""
     if not curve.size:
         return curve
     length = np.append(0.0, np.hypot(*np.diff(curve)).cumsum())
-    return np.array([np.interp(np.linspace(0, length[-1], POINTS_TO_AVOID), length, row) for row in curve])
+    return np.array([np.interp(np.linspace(0, length[-1], PAGE.avoided), length, row) for row in curve])

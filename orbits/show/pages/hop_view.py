@@ -14,8 +14,8 @@ from ..plot import COLOURS, SHADE, angles_shown, masses_at, states_to_show, titl
 from .bokeh_figures import (
     GREY,
     INK,
-    MARGIN,
     MOVING,
+    PAGE,
     Change,
     apply,
     bokeh,
@@ -31,8 +31,6 @@ from .player import new_player
 if TYPE_CHECKING:
     from ...periodic.orbit import Orbit
 
-# The number of times at which a hop of family n is sampled: a constant, plus a multiple of n, up to a bound.
-TIMES, TIMES_EACH, MOST_TIMES = 160, 40, 1200
 CENTRE_OF_MASS = "centre of mass"
 IN_PLANE = ("points", "trails", "advance", "marks", "cycles", "middle")  # columns of one motion in the plane
 
@@ -87,7 +85,7 @@ class HopData:
 
 def hop_data(orbit: "Orbit") -> HopData:
     """The data of an `Orbit` for its figures, in SI for a machine that is stated in SI."""
-    count = min(TIMES + TIMES_EACH * orbit.family, MOST_TIMES)
+    count = min(PAGE.times + PAGE.times_of_family * orbit.family, PAGE.most_times)
     time, force, landed, why = np.linspace(0, orbit.flight_time, count), None, None, "the contact never ends"
     if orbit.contact_time is not None:
         time = np.append(time, np.linspace(orbit.flight_time, orbit.period, count // 2)[1:])
@@ -244,11 +242,11 @@ class HopFigures:
         force = np.concatenate([np.zeros(1) if row is None else row for row in (data.force, data.landed)])
         bounds = [
             (self.heights.x_range, 0.0, data.end, 0.0),
-            (self.heights.y_range, low, high, MARGIN),
-            (self.portrait.x_range, low, high, MARGIN),
-            (self.portrait.y_range, data.speed.min(), data.speed.max(), MARGIN),
-            (self.force.y_range, min(force.min(), 0.0), force.max(), MARGIN),
-            (self.machine.y_range, *data.span, 2 * MARGIN),
+            (self.heights.y_range, low, high, PAGE.margin),
+            (self.portrait.x_range, low, high, PAGE.margin),
+            (self.portrait.y_range, data.speed.min(), data.speed.max(), PAGE.margin),
+            (self.force.y_range, min(force.min(), 0.0), force.max(), PAGE.margin),
+            (self.machine.y_range, *data.span, 2 * PAGE.margin),
         ]
         each = (range_changes(shown, float(a), float(b), steady, margin) for shown, a, b, margin in bounds)
         return [change for changes in each for change in changes]

@@ -13,6 +13,7 @@ from ...units import EXTENSION, FORCE, TORQUE
 from ..plot import COLOURS, SHADE, angles_shown
 from .bokeh_figures import (
     GREY,
+    PAGE,
     Change,
     apply,
     bokeh,
@@ -26,10 +27,6 @@ from .bokeh_figures import (
 
 if TYPE_CHECKING:
     from ...periodic.orbit import Orbit
-
-EXTENSIONS = 301  # number of extensions at which a law is sampled
-LONGEST_TITLE = 44  # characters that fit above the figure on a phone
-ON_EACH_SIDE = 0.35  # margin beyond the used range on both sides, as a share of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,11 +59,11 @@ def law_data(machine: Machine, orbit: "Orbit") -> LawData:
     bare, own, units = orbit.dimensionless(), dimensionless(machine), orbit.scales
     end = bare.flight_time if bare.contact_time is None else bare.period
     extension = own.model.extension_of(own.values)
-    states = bare(np.linspace(0, end, EXTENSIONS))
+    states = bare(np.linspace(0, end, PAGE.extensions))
     used = extension(states)
     low, high = float(used.min()), float(used.max())
-    beside = ON_EACH_SIDE * (high - low)
-    places, forces = _forces(own, np.linspace(low - beside, high + beside, EXTENSIONS))
+    beside = PAGE.beside_law * (high - low)
+    places, forces = _forces(own, np.linspace(low - beside, high + beside, PAGE.extensions))
     start = _forces(own, np.array([bare.liftoff_extension]))[1]
     turns = "liftoff" in units.angles if units else bool(angles_shown(orbit, True))
     title = f"Spring: {orbit.machine['spring']}"
@@ -79,7 +76,7 @@ def law_data(machine: Machine, orbit: "Orbit") -> LawData:
         force=forces * force,
         used=(low * length, high * length),
         liftoff=(bare.liftoff_extension * length, float(start[0]) * force),
-        title=title if len(title) <= LONGEST_TITLE else title[: LONGEST_TITLE - 3] + "...",
+        title=title if len(title) <= PAGE.title else title[: PAGE.title - 3] + "...",
         labels=(across + texts[0], up + texts[1]),
     )
 

@@ -10,6 +10,7 @@ from ..plot import COLOURS, PALE, cobweb, sampled_map
 from .bokeh_figures import (
     GREY,
     MOVING,
+    PAGE,
     Change,
     apply,
     bokeh,
@@ -22,8 +23,6 @@ from .bokeh_figures import (
 
 if TYPE_CHECKING:
     from ...returns.return_map import ReturnMap
-
-MAP_SAMPLES, WEB_HOPS = 1500, 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,8 +60,8 @@ def map_data(
     centre: float = 0.0,
     basin: Any = None,
     start: float | None = None,
-    samples: int = MAP_SAMPLES,
-    hops: int = WEB_HOPS,
+    samples: int = PAGE.map_samples,
+    hops: int = PAGE.web_hops,
 ) -> MapData:
     """The data of a `ReturnMap` between two launch speeds for the figure.
 

@@ -2,9 +2,8 @@
 
 from typing import Any
 
-from .bokeh_figures import GREY, bokeh
+from .bokeh_figures import GREY, PAGE, bokeh
 
-CYCLES_PER_SECOND = 0.4  # at first
 # A finger needs a handle that is larger than a pointer's.
 LARGE_HANDLES = (
     """.noUi-target .noUi-handle { width: 24px; height: 24px; right: -12px; top: -9px; border-radius: 12px; }"""
@@ -154,7 +153,7 @@ def new_player(machine: Any, **sources: Any) -> Any:
     button = models.Toggle(label="Pause", active=True, width=72, height=44, align="end", name="play")
     style = {"stylesheets": [models.InlineStyleSheet(css=LARGE_HANDLES)]}
     speed = models.Slider(
-        start=0.05, end=2, step=0.05, value=CYCLES_PER_SECOND, title="Cycles/s", width=120, name="speed", **style
+        start=0.05, end=2, step=0.05, value=PAGE.cycles_per_second, title="Cycles/s", width=120, name="speed", **style
     )
     slider = models.Slider(
         start=0, end=1, step=0.001, value=0, title="Place", sizing_mode="stretch_width", format="0.000",

@@ -6,10 +6,8 @@ import numpy as np
 
 from ...errors import InputError
 from ..plot import COLOURS
-from .bokeh_figures import GREY, bokeh, empty_columns, hover, legend_above, new_figure
+from .bokeh_figures import GREY, PAGE, bokeh, empty_columns, hover, legend_above, new_figure
 
-MOST_SHOWN = 10_000  # members; a page of more would be large, and their marks would cover each other
-LONGEST_REASON = 200  # characters of a member's reason in its tooltip
 MAPPED = "Viridis256"  # colours that are read in print and by colour-blind readers
 MOTIONS = ("certified", "lifts_off")  # statuses of members that are motions
 
@@ -30,7 +28,7 @@ def sweep_figures(sweep: Any, quantity: str | None = None) -> tuple[list[Any], s
         raise InputError(f"'{quantity}' is no answer in numbers: give one of {', '.join(sweep.numbers)}")
     if len(sweep.parameters) == 2 and len(sweep.about["families"]) > 1:
         raise InputError("a figure over two parameters is of one family: take sweep.of_family(n)")
-    step = -(-len(sweep) // MOST_SHOWN) or 1
+    step = -(-len(sweep) // PAGE.members) or 1
     chosen = np.arange(0, len(sweep), step)
     known = np.isfinite(values[chosen])
     found, nothing = (_source(sweep, quantity, rows) for rows in (chosen[known], chosen[~known]))
@@ -50,7 +48,7 @@ def _source(sweep: Any, quantity: str, rows: np.ndarray) -> object:
         )
     status, reason = (sweep[name][rows].astype(str) for name in ("status", "reason"))
     families = np.array(sweep.about["families"])
-    texts = [f"{a}: {b[:LONGEST_REASON]}" if b else a for a, b in zip(status.tolist(), reason.tolist(), strict=True)]
+    texts = [f"{a}: {b[: PAGE.reason]}" if b else a for a, b in zip(status.tolist(), reason.tolist(), strict=True)]
     columns = {column: sweep[name][rows] for column, name in _columns(sweep).items()}
     columns |= {"quantity": sweep[quantity][rows], "member": sweep.index[rows], "note": texts}
     columns["kind"] = np.where(np.isin(status, MOTIONS), "motions", "no motions").tolist()

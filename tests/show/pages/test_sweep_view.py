@@ -10,7 +10,8 @@ from problems import Hopper
 
 pytest.importorskip("bokeh")
 
-from orbits.show.pages.sweep_view import MOST_SHOWN, sweep_figures
+from orbits.show.pages.bokeh_figures import PAGE
+from orbits.show.pages.sweep_view import sweep_figures
 
 pytestmark = pytest.mark.extra("bokeh")
 
@@ -42,8 +43,8 @@ def test_members_of_a_sweep_are_shown():
 
 def test_of_a_large_sweep_some_members_are_shown():
     swept = sweep(Hopper("cubic", rest_length=30), {"beta": [0.0, 0.1]})
-    count = 2 * MOST_SHOWN + 2
+    count = 2 * PAGE.members + 2
     columns = {name: np.resize(column, count) for name, column in swept.columns.items()}
     (figure,), told = sweep_figures(replace(swept, index=np.arange(count), columns=columns))
     assert told.startswith("One of 3 members is shown: ")
-    assert len(figure.renderers[0].data_source.data["p0"]) <= MOST_SHOWN
+    assert len(figure.renderers[0].data_source.data["p0"]) <= PAGE.members
