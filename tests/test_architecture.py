@@ -29,6 +29,7 @@ TESTED_WITH = {
     "curves/kkt_points": "curves/test_kkt_curve",
     "curves/kkt_start": "curves/test_kkt_curve",
     "design/active_set": "design/test_optimality",
+    "design/design_curve": "design/test_moving_design",
     "design/evaluator": "design/test_sensitivities",
     "design/event_statement": "continuation/test_follow_event",
     "design/extremes": "design/test_design_quantities",
@@ -85,7 +86,7 @@ MOST_CONSTANTS = 3
 TOO_MANY = {
     "orbits/check_proof": 10, "orbits/consistency/shortcuts": 6, "orbits/continuation/together": 4,
     "orbits/control/holding": 7, "orbits/control/steer": 5, "orbits/curves/bordered_newton": 4,
-    "orbits/design/local": 24, "orbits/design/pareto": 4, "orbits/design/seeds": 4, "orbits/exact/expressions": 4,
+    "orbits/design/local": 24, "orbits/design/pareto": 4, "orbits/exact/expressions": 4,
     "orbits/model/liftoff": 6, "orbits/model/linear_guess": 4, "orbits/model/relative": 7,
     "orbits/model/turning_speeds": 5, "orbits/periodic/family_search": 17, "orbits/periodic/guess": 7,
     "orbits/periodic/linear_hops": 8, "orbits/periodic/loss_coefficient": 5, "orbits/periodic/run_start": 6,

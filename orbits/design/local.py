@@ -217,8 +217,8 @@ def _case(
 ) -> Case:
     """The objective, the constraints and the demands at an orbit: those known, and those that it adds."""
     machine, orbit = motion
-    formulas = problem.formula, *(constraint.formula for constraint in problem.constraints)
-    return Case(machine, orbit, Outputs(formulas, problem.names, demands_of(machine, orbit, known)), ties or {})
+    outputs = Outputs(problem.formulas, problem.names, demands_of(machine, orbit, known))
+    return Case(machine, orbit, outputs, ties or {})
 
 
 def _ends(steps: Sequence[tuple[LocalSearch, DesignStep]], problem: DesignProblem) -> list[DesignPoint | NoOrbit]:

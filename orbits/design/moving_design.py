@@ -96,8 +96,7 @@ class MovingDesign:
             over = (*over, moving.text)
             low, high = (*problem.low, least - room), (*problem.high, most + room)
             self.frame = replace(problem, names=over, low=low, high=high)
-        formulas = problem.formula, *(constraint.formula for constraint in problem.constraints)
-        self.outputs = Outputs(formulas, over, tuple(demands))
+        self.outputs = Outputs(problem.formulas, over, tuple(demands))
         self.corners = Corners(self.outputs, self.frame, tuple(corners))
         self.family = first.orbit.family if first.machine.model.one_speed else None
         self.first_design, z = first, np.append(self.unknowns(first.machine), 0.0)

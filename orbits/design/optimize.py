@@ -4,8 +4,8 @@ Objectives and constraints are formulas of the quantities in an orbit's JSON doc
 """
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,15 +20,47 @@ from ..periodic.stated_start import StartLike, check_start
 from ..result import Progress
 from ..running import interrupts
 from ..running.exclusive import exclusive
+from ..symbolic.formula import Formula
+from .designs_at_once import Designs, names_together, solved_designs
 from .local import Infeasible, Unbounded, attempt, local_optima
 from .optimality import Design, Start
 from .problem import DesignProblem, design_problem
-from .seeds import seeds_of
-from .tuned_machine import TunedMachine, continued_from, first_of_tuned, names_of_designs, with_tuning
+from .tuned_machine import (
+    TunedMachine,
+    continued_from,
+    first_of_tuned,
+    names_of_designs,
+    start_of_tuned,
+    unknowns_of,
+    with_tuning,
+)
 
-# Parameters of the same optimum, found from different starts, agree to this share of their units.
-SAME_DESIGN = 1e-3
-FURTHER_STARTS = 3  # further starts that are tried by default when the first start leads to no optimum
+
+@dataclass(frozen=True, kw_only=True)
+class SearchStarts:
+    """The starts of the local searches for the best design.
+
+    further : starts that are tried by default when the first one leads to no optimum
+    same : parameters of the same optimum, found from different starts, agree to this share of their units
+    designs : number of designs of the sample of a global search. Each leads to the best of its neighbours that is
+        better than itself, and so on, down to one that is better than all of its neighbours: there a local search
+        begins. Source: Torn and Viitanen, "Topographical global optimization", in Recent Advances in Global
+        Optimization (1992)
+    neighbours : with which a design is compared
+    searches : local ones, at most
+    violation_weight : of a violation of the constraints, in their spread over the sample, relative to the objective in
+        its spread
+    """
+
+    further: int = 3
+    same: float = 1e-3
+    designs: int = 256
+    neighbours: int = 8
+    searches: int = 8
+    violation_weight: float = 10.0
+
+
+SAMPLE = SearchStarts()
 
 
 class NoOptimum(NoOrbit):
@@ -144,7 +176,7 @@ def multistart(
         if starts is not None or isinstance(error, Unbounded):
             raise
         first = error
-    further = starting_points(origin.machine, problem, 1 + FURTHER_STARTS, seed)[1:]
+    further = starting_points(origin.machine, problem, 1 + SAMPLE.further, seed)[1:]
     try:
         best = best_design(origin, problem, further, progress)
     except NoOrbit as error:
@@ -153,21 +185,21 @@ def multistart(
 
 
 def _global_best(origin: Origin, problem: DesignProblem, seed: int, progress: Progress = None) -> Design:
-    """The best design from the seeds of a sample."""
+    """The best design from the lowest ones of a sample."""
     seed, report = whole_number("seed", seed, least=0, most=LARGEST_SEED), progress or (lambda share: None)
-    seeds = seeds_of(origin.machine, problem, origin.family, seed, origin.orbit, lambda share: report(0.5 * share))
-    points = [dict(zip(problem.names, each.values.tolist(), strict=True)) for each in seeds]
+    points, shares = _lowest_of_sample(origin, problem, seed, lambda done: report(0.5 * done / SAMPLE.designs))
     best = best_design(origin, problem, points, lambda share: report(0.5 + 0.5 * share))
-    pairs = zip(seeds, best.starts, strict=True)
-    share = sum(seed.share for seed, start in pairs if start.optimum and _same_design(problem, best, start.optimum))
-    return replace(best, share=float(share))
+    pairs = zip(shares, best.starts, strict=True)
+    return replace(
+        best, share=sum(x for x, start in pairs if start.optimum and _same_design(problem, best, start.optimum))
+    )
 
 
 def _same_design(problem: DesignProblem, best: Design, other: Mapping[str, float]) -> bool:
     """Whether a start led to the best design, apart from the parameters without effect."""
     a, b = (np.array([parameters[name] for name in problem.names]) for parameters in (best.parameters, other))
     idle = np.isin(problem.names, best.idle)
-    return bool((idle | (np.abs(a - b) <= SAME_DESIGN * problem.units(a))).all())
+    return bool((idle | (np.abs(a - b) <= SAMPLE.same * problem.units(a))).all())
 
 
 def best_design(origin: Origin, problem: DesignProblem, points: Sequence[Mapping], progress: Progress = None) -> Design:
@@ -217,3 +249,67 @@ def _most_informative(errors: Sequence[OrbitsError]) -> OrbitsError:
         if alike := [error for error in errors if isinstance(error, kind)]:
             return min(alike, key=lambda error: getattr(error, "size", 0.0))
     return NoOptimum(f"no start within the bounds leads to an optimum: {errors[0]}")
+
+
+def _lowest_of_sample(
+    origin: Origin, problem: DesignProblem, seed: int, report: Callable[[int], None]
+) -> tuple[list[dict[str, float]], list[float]]:
+    """The lowest designs of a sample, the most promising first, and the shares of the sample that lead to them; raises
+    `NoOrbit` where no sampled design hops."""
+    places, values = problem.sampled(SAMPLE.designs, seed)
+    formulas = {"objective": problem.formula} | {each.text: each.formula for each in problem.constraints}
+    designs = _solved_sample(origin, problem, values, formulas, report)
+    found = np.flatnonzero(designs.statuses == "certified")
+    found = found[np.isfinite([designs.numbers[text][found] for text in formulas]).all(axis=0)]
+    if not len(found):
+        reason = next(iter(designs.reasons[designs.reasons != ""]), "its quantities are no numbers")
+        raise NoOrbit(f"none of {SAMPLE.designs} designs within the bounds has an orbit that is a motion: {reason}")
+    merit = _merit(problem, {text: designs.numbers[text][found] for text in formulas})
+    starts, counts = np.unique(_roots(places[found], merit), return_counts=True)
+    order = np.argsort(merit[starts], kind="stable")[: SAMPLE.searches]
+    points = [dict(zip(problem.names, each.tolist(), strict=True)) for each in values[found[starts[order]]]]
+    return points, (counts[order] / len(found)).tolist()
+
+
+def _solved_sample(
+    origin: Origin, problem: DesignProblem, values: np.ndarray, formulas: Mapping[str, Formula],
+    report: Callable[[int], None],
+) -> Designs:  # fmt: skip
+    """The sampled designs; those of a machine with tuned numbers are continued from its own orbit."""
+    family, machine, orbit = origin.family, origin.machine, origin.orbit
+    if not isinstance(machine, TunedMachine):
+        return solved_designs(machine, problem.names, values, family, formulas, orbit, report)
+    together = names_together(machine.machine)
+    if machine.model.sticks and (alone := [text for text, each in formulas.items() if not each.names <= together]):
+        raise InputError(
+            f"starts = 'global': '{problem.text if alone[0] == 'objective' else alone[0]}' is not computed for many "
+            f"orbits of a {machine.model.name} together, as {', '.join(sorted(together))} are: give a number of starts"
+        )
+    assert orbit is not None
+    own, start = start_of_tuned(machine.machine, machine.tuning, machine.equations, unknowns_of(machine, orbit))
+    designs = solved_designs(own, problem.names, values, family, formulas, start, report, machine.tuning)
+    if machine.model.one_speed:  # the local searches stay in the family
+        other = (designs.statuses == "certified") & (designs.numbers["family"] != family)
+        designs.statuses[other], designs.reasons[other] = "no orbit", f"their orbits are not of family {family}"
+    return designs
+
+
+def _merit(problem: DesignProblem, numbers: Mapping[str, np.ndarray]) -> np.ndarray:
+    """The merit (k,) of designs, lower is better: the objective and the violations of the constraints, each in its
+    spread, the range of the middle half."""
+    spreads = {text: float(np.subtract(*np.quantile(x, [0.75, 0.25]))) or 1.0 for text, x in numbers.items()}
+    merit = problem.sign * (numbers["objective"] / spreads["objective"])
+    for each in problem.constraints:
+        missed = np.maximum(np.maximum(each.low - numbers[each.text], numbers[each.text] - each.high), 0.0)
+        merit = merit + SAMPLE.violation_weight * missed / spreads[each.text]
+    return merit
+
+
+def _roots(places: np.ndarray, merit: np.ndarray) -> np.ndarray:
+    """For each of some places (k, d) in the unit cube, the place (k,) reached by steps to better neighbours."""
+    distances = np.linalg.norm(places[:, None] - places[None], axis=2)
+    near = np.argsort(distances, axis=1, kind="stable")[:, : SAMPLE.neighbours + 1]  # the place itself is the first
+    best = near[np.arange(len(near)), merit[near].argmin(axis=1)]
+    while (best[best] != best).any():
+        best = best[best]
+    return best

@@ -115,9 +115,7 @@ def orbit_function(
     sizes_out |= {"tuned": (len(tuned), 1)} if (tuned := tuned_numbers(machine)) else {}
     sizes_out |= {"quantities": (len(texts), 1)} if texts else {}
     sizes_out |= {"states": (len(machine.model.flight.states), times)} if times else {}
-    function = _OfOrbit(name, branch, sizes_in, sizes_out)
-    _OF_CASADI.append(function)
-    return function
+    return _Callback(name, sizes_in, sizes_out, branch.values, branch.slopes)
 
 
 class _Branch:
@@ -174,76 +172,69 @@ class _Branch:
 
 
 class _Callback(ca.Callback):
-    """A function of CasADi in Python, whose arguments and results have these numbers of rows and columns by name."""
+    """A function of CasADi in Python, from the parameters and times to results by name.
 
-    def __init__(self, name: str, sizes_in: Sizes, sizes_out: Sizes, options: dict[str, Any]):
+    sizes_in, sizes_out : the numbers of rows and columns of arguments and results by name
+    results : (parameters (k,), times (m,)) -> the results by name
+    slopes : (parameters, times) -> their derivatives by the parameters and times together, a row for each number; None
+        for those by differences
+    """
+
+    def __init__(
+        self, name: str, sizes_in: Sizes, sizes_out: Sizes, results: Callable[..., Mapping[str, Array]],
+        slopes: Callable[..., Mapping[str, Array]] | None = None,
+    ):  # fmt: skip
         ca.Callback.__init__(self)
-        self.sizes_in, self.sizes_out = sizes_in, sizes_out
-        self.construct(name, options)
+        self.sizes, self.results, self.slopes = (sizes_in, sizes_out), results, slopes
+        self.construct(name, {} if slopes else {"enable_fd": True})
+        _OF_CASADI.append(self)
 
     def get_n_in(self) -> int:
-        return len(self.sizes_in)
+        return len(self.sizes[0])
 
     def get_n_out(self) -> int:
-        return len(self.sizes_out)
+        return len(self.sizes[1])
 
     def get_name_in(self, i: int) -> str:
-        return [*self.sizes_in][i]
+        return [*self.sizes[0]][i]
 
     def get_name_out(self, i: int) -> str:
-        return [*self.sizes_out][i]
+        return [*self.sizes[1]][i]
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(*[*self.sizes_in.values()][i])
+        return ca.Sparsity.dense(*[*self.sizes[0].values()][i])
 
     def get_sparsity_out(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(*[*self.sizes_out.values()][i])
-
-
-class _OfOrbit(_Callback):
-    """The orbits of a branch as a function of CasADi."""
-
-    def __init__(self, name: str, branch: _Branch, sizes_in: Sizes, sizes_out: Sizes):
-        self.branch = branch
-        super().__init__(name, sizes_in, sizes_out, {})
+        return ca.Sparsity.dense(*[*self.sizes[1].values()][i])
 
     def eval(self, arguments: Sequence[ca.DM]) -> list[ca.DM]:
         """The results, for CasADi."""
-        found = self.branch.values(*_as_arrays(arguments))
-        return [ca.DM(found[name]) for name in self.sizes_out]
+        theta, *times = (np.array(each, dtype=float).ravel() for each in arguments)
+        found = self.results(theta, times[0] if "times" in self.sizes[0] else np.zeros(0))
+        return [ca.DM(found[name]) for name in self.sizes[1]]
 
     def has_jacobian(self) -> bool:
-        return True
+        return self.slopes is not None
 
     def get_jacobian(
         self, name: str, names_in: Sequence[str], names_out: Sequence[str], options: Mapping[str, Any]
     ) -> ca.Function:
-        """The blocks of the Jacobian, for CasADi."""
-        _OF_CASADI.append(_OfSlopes(name, self, names_in, names_out))
-        return _OF_CASADI[-1]
+        """The function of the arguments and results with the blocks of the Jacobian, for CasADi."""
+        assert self.slopes is not None
+        slopes, (of_in, of_out) = self.slopes, self.sizes
+        ends, own = np.cumsum([size for size, _ in of_in.values()])[:-1], [*of_in.values(), *of_out.values()]
+        blocks = [(int(np.prod(result)), size) for result in of_out.values() for size, _ in of_in.values()]
 
+        def results(theta: Array, t: Array) -> dict[str, Array]:
+            found = slopes(theta, t)
+            parts = (block for each in of_out for block in np.split(found[each], ends, axis=1))
+            return dict(zip(names_out, parts, strict=True))
 
-class _OfSlopes(_Callback):
-    """The Jacobian of an `_OfOrbit`, a function of its arguments and results; its own is by differences."""
-
-    def __init__(self, name: str, of: _OfOrbit, names_in: Sequence[str], names_out: Sequence[str]):
-        self.of, own = of, [*of.sizes_in.values(), *of.sizes_out.values()]
-        blocks = [(int(np.prod(result)), size) for result in of.sizes_out.values() for size, _ in of.sizes_in.values()]
-        sizes = dict(zip(names_in, own, strict=True)), dict(zip(names_out, blocks, strict=True))
-        super().__init__(name, *sizes, {"enable_fd": True})
-
-    def eval(self, arguments: Sequence[ca.DM]) -> list[ca.DM]:
-        """The blocks, for CasADi."""
-        columns = [size for size, _ in self.of.sizes_in.values()]
-        found = self.of.branch.slopes(*_as_arrays(arguments[: len(columns)]))
-        ends = np.cumsum(columns)[:-1]
-        return [ca.DM(block) for name in self.of.sizes_out for block in np.split(found[name], ends, axis=1)]
-
-
-def _as_arrays(arguments: Sequence[ca.DM]) -> tuple[Array, Array]:
-    """The parameters (k,) and the times (m,)."""
-    theta, *times = (np.array(each, dtype=float).ravel() for each in arguments)
-    return theta, times[0] if times else np.zeros(0)
+        sizes = (
+            dict(zip([*of_in, *names_in[len(of_in) :]], own, strict=True)),
+            dict(zip(names_out, blocks, strict=True)),
+        )
+        return _Callback(name, *sizes, results)
 
 
 def _launch_and_durations(machine: Machine, orbit: Orbit) -> tuple[Array, Array]:

@@ -18,8 +18,9 @@ from ..periodic.stated_start import StartLike
 from ..result import Axes, Progress, shown
 from ..running import interrupts
 from ..running.exclusive import exclusive
+from .design_curve import SeveralDesigns, designs_along
 from .moving_number import Moving
-from .optimality import Design, SeveralDesigns, designs_along
+from .optimality import Design
 from .optimize import Origin, best_design, multistart, starting_points
 from .problem import Constraint, DesignProblem, design_problem, known_formula
 from .sensitivities import quantities, sensitivities

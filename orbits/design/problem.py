@@ -56,6 +56,11 @@ class DesignProblem:
         return "minimise" if self.sign > 0 else "maximise"
 
     @property
+    def formulas(self) -> tuple[Formula, ...]:
+        """Those of the objective and of the constraints."""
+        return self.formula, *(constraint.formula for constraint in self.constraints)
+
+    @property
     def wide(self) -> np.ndarray:
         """Whether each parameter (k,) has bounds that span decades; its changes are then measured as shares of it."""
         low, high = np.array(self.low), np.array(self.high)

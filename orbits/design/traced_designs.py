@@ -107,10 +107,9 @@ def program_about(
     active : texts of the constraints, bounds and conditions of a motion that are active there
     idle : names of the parameters without effect
     """
-    formulas = problem.formula, *(constraint.formula for constraint in problem.constraints)
     known = [text.removesuffix(" > 0") for text in active if text.endswith(" > 0")]
     demands = demands_of(machine, orbit, [name for name in known if name != "-landing_jerk"])
-    (point,) = design_points([Case(machine, orbit, Outputs(formulas, problem.names, demands), {})])
+    (point,) = design_points([Case(machine, orbit, Outputs(problem.formulas, problem.names, demands), {})])
     if isinstance(point, OrbitsError):
         raise point
     flat = np.isin(problem.names, idle)

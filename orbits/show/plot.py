@@ -26,7 +26,7 @@ from ..units import LIFTOFF_SPEED, Units
 
 if TYPE_CHECKING:
     from ..continuation.family import Family
-    from ..design.optimality import DesignCurve
+    from ..design.design_curve import DesignCurve
     from ..design.pareto import Front
     from ..hops.simulated import Simulation
     from ..periodic.orbit import Orbit

@@ -10,7 +10,7 @@ from ..result import Axes
 from .plot import COLOURS, STYLE, axes_or_new, finished, label_of, plain
 
 if TYPE_CHECKING:
-    from ..design.slopes import Sensitivities
+    from ..design.sensitivities import Sensitivities
 
 DIVERGING = "RdBu_r"  # of colours, from falling to rising
 

@@ -1,5 +1,7 @@
-"""Designs: optima against brute force along families, equations between quantities, and machines that are refused."""
+"""Designs: optima against brute force along families and on grids, equations between quantities, global searches, and
+machines that are refused."""
 
+from functools import cache
 from importlib import import_module
 
 import numpy as np
@@ -245,6 +247,64 @@ def test_fronts_and_samples_of_designs_from_a_start():
     for design in front.designs:
         again = find(design.source, start=design.orbit, method="shooting")
         assert design.orbit.alpha == pytest.approx(again.alpha, rel=1e-11)
+
+
+# Body and foot may be exchanged in the loss coefficient, which so has edges at both ends of the mass ratio, and the
+# machine's own lies on the side of the worse one.
+BETWEEN_EDGES = Hopper("r + beta*r**3", mass_ratio=1.5, rest_length=10.0, parameters={"beta": 0.3})
+BOTH = {"mass_ratio": (0.3, 2.0), "beta": (0.1, 1.0)}
+ON_A_GRID = {"sampling": "grid", "progress": False}
+LEAST_LOSS = {"minimise": "loss_coefficient", "over": BOTH}
+
+
+@cache
+def found_everywhere():
+    return optimize(BETWEEN_EDGES, **LEAST_LOSS, starts="global")
+
+
+@pytest.mark.slow
+def test_a_global_search_finds_the_better_of_two_edges():
+    alone, everywhere = optimize(BETWEEN_EDGES, **LEAST_LOSS, starts=1), found_everywhere()
+    grid = sweep(BETWEEN_EDGES, BOTH, (18, 10), quantities=["loss_coefficient"], **ON_A_GRID)
+    best = int(np.nanargmin(grid["loss_coefficient"]))
+    assert alone.parameters["mass_ratio"] == pytest.approx(2.0)
+    assert everywhere.objective < 0.9 * alone.objective
+    assert everywhere.objective == pytest.approx(grid["loss_coefficient"][best], rel=1e-9)
+    assert everywhere.parameters == pytest.approx({name: grid[name][best] for name in BOTH})
+    assert alone.share is None
+    assert "lead here" in str(everywhere)
+
+
+def test_the_share_is_that_of_the_sample_on_this_side():
+    """The coefficient falls away from the mass ratio 1 to either side, so that the designs below 1 lead to the lower
+    edge: 0.7 of 1.7, up to what a sample of 256 and its neighbours blur."""
+    assert found_everywhere().share == pytest.approx(0.7 / 1.7, abs=0.1)
+
+
+def test_equal_optima_are_not_the_same():
+    """Between 1/2 and 2 both edges are as good, and about half of the designs lead to each."""
+    over = {"mass_ratio": (0.5, 2.0)}
+    found = optimize(BETWEEN_EDGES, minimise="loss_coefficient", over=over, starts="global")
+    assert min(abs(found.parameters["mass_ratio"] - edge) for edge in (0.5, 2.0)) < 1e-6
+    assert 0.2 < found.share < 0.8
+
+
+def test_a_constraint_is_met_that_only_one_corner_meets():
+    found = optimize(BETWEEN_EDGES, **LEAST_LOSS, subject_to=["stroke <= 5"], starts="global")
+    grid = sweep(
+        BETWEEN_EDGES, BOTH, (18, 19), sampling="grid", quantities=["loss_coefficient", "stroke"], progress=False
+    )
+    allowed = grid["stroke"] <= 5 + 1e-9
+    assert found.quantities["stroke"] <= 5 + 1e-6
+    assert found.objective <= np.min(grid["loss_coefficient"][allowed])
+
+
+def test_what_cannot_be_meant():
+    with pytest.raises(InputError, match="starts = 'everywhere'; it is a number, or 'global'"):
+        optimize(BETWEEN_EDGES, **LEAST_LOSS, starts="everywhere")
+    short = Hopper("r + beta*r**3", rest_length=1.0, parameters={"beta": 0.3})
+    with pytest.raises(NoOrbit, match="none of 256 designs within the bounds has an orbit that is a motion"):
+        optimize(short, minimise="alpha", over={"beta": (0.1, 0.2)}, starts="global")
 
 
 class TestSteps:

@@ -9,6 +9,7 @@ from problems import Chain, Hopper, Juggler, chain_hand, hopper_in_si, plate_hop
 
 ROWS = np.linspace(-14, 14, 97)
 MEASURED = springs.table((ROWS, ROWS + 0.02 * ROWS**3), noise=0, scale="b", shift="d")
+PLAIN_LEG = hopper_in_si(60.0, 3.0, stiffness=5000.0, rest_length=0.8)
 
 
 @pytest.mark.slow
@@ -149,3 +150,35 @@ def test_no_loss_at_a_corner_of_a_formula():
     """The jerk of the gap jumps at lift-off, as in the certificate of the orbit."""
     with pytest.raises(NoOrbit, match="a law has a corner at lift-off"):
         sensitivities(Hopper("r + 0.5*abs(r - 1)"), 1, ["mass_ratio"], ["loss_coefficient"])
+
+
+def test_it_is_a_mapping_that_equals_a_dictionary():
+    found = sensitivities(PLAIN_LEG, 1, ["stiffness"], ["alpha", "flight_time"])
+    assert [*found] == ["alpha", "flight_time"]
+    assert found == {name: dict(found[name]) for name in found}
+    assert found != sensitivities(PLAIN_LEG, 1, ["stiffness"], ["alpha"])
+
+
+def test_relative_derivatives_are_powers():
+    """By dimensions: alpha of sqrt(m g^2/k), times of sqrt(m/k), the stroke of m g/k; the masses together are m."""
+    found = sensitivities(PLAIN_LEG, 1, None, ["alpha", "flight_time", "stroke"]).relative()
+    for quantity, by_mass, by_gravity, by_stiffness in (
+        ("alpha", 0.5, 1.0, -0.5), ("flight_time", 0.5, 0.0, -0.5), ("stroke", 1.0, 1.0, -1.0),
+    ):  # fmt: skip
+        row = found[quantity]
+        assert row["body_mass"] + row["foot_mass"] == pytest.approx(by_mass, abs=1e-9)
+        assert row["surface_gravity"] == pytest.approx(by_gravity, abs=1e-9)
+        assert row["stiffness"] == pytest.approx(by_stiffness, abs=1e-9)
+
+
+def test_the_table_has_units():
+    table = sensitivities(PLAIN_LEG, 1, ["stiffness", "rest_length"], ["alpha"]).table()
+    assert table["unit"] == ["m/s per N/m", "m/s per m"]
+    assert table["value of parameter"] == [5000.0, 0.8]
+    assert table["relative derivative"] == pytest.approx([-0.5, 0.0], abs=1e-9)
+    assert sensitivities(Hopper("cubic"), 1, ["beta"], ["alpha"]).table()["unit"] == [""]
+
+
+def test_a_quantity_of_0_has_no_relative_derivative():
+    found = sensitivities(PLAIN_LEG, 1, ["stiffness"], ["alpha - alpha"])
+    assert np.isnan(found.relative()["alpha - alpha"]["stiffness"])
