@@ -61,7 +61,6 @@ from .model import (
     linear_modes as linear_modes,
 )
 from .model.machine import Machine
-from .model.model import Model
 from .periodic.branch_points import BranchPoint, find_branch_points
 from .periodic.certificate import Certificate as Certificate
 from .periodic.find import find, find_all
@@ -94,7 +93,7 @@ PLACE_OF: dict[str, str]  # the module of each name
 
 __all__ = [
     "BifurcationCurve", "BifurcationDiagram", "BranchPoint", "Control", "Design", "DesignCurve", "Existence",
-    "Family", "Front", "HopMultipliers", "InputError", "Machine", "Mechanism", "Model", "NoOrbit", "OptimalFamily",
+    "Family", "Front", "HopMultipliers", "InputError", "Machine", "Mechanism", "NoOrbit", "OptimalFamily",
     "Orbit", "OrbitsError", "PeriodDiagram", "Proof", "ReturnMap", "ReturningHops", "Simulation", "Sweep",
     "Uncertainty", "Units", "__version__", "bifurcations", "check", "existence", "find", "find_all",
     "find_branch_points", "follow", "follow_branch", "follow_branch_points", "follow_event", "follow_fold",

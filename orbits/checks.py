@@ -1,40 +1,82 @@
-"""Checks of a machine against mechanics: what its model declares, its orbit and its hops."""
+"""Checks of a machine against its statement: masses, heights, laws, gaps and maps.
 
-from collections.abc import Iterator, Mapping
+Nothing that is derived is compared with itself. With places q, speeds v and accelerations a of the model, the stated
+elements have to balance along every coordinate (d'Alembert's principle),
+
+    sum of m h'' dh/dq  +  sum of forces on extensions r times dr/dq  =  F dg/dq,
+
+where h'' is the second derivative of a stated height or extension, and F the contact force on the gap g, 0 in flight.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
-from .consistency.accepted import wrong_parts
-from .consistency.draws import Graphs
-from .consistency.relations import Relation, share
-from .consistency.verdict import algebraic_relations, inconsistent
-from .errors import InconsistentModel, InputError, NoOrbit, refuse_machine
+from .errors import InconsistentModel, InputError, NoOrbit
 from .hops.simulated import Simulation
 from .hops.simulation import simulate
-from .model.machine import MACHINE_FIELDS, Machine, dimensionless, machine_in_words
+from .laws.law import Algebraic
+from .mechanics.balance import Balance
+from .mechanics.elements import value_of
+from .mechanics.mechanism import Mechanism
+from .model.machine import Machine, dimensionless, machine_in_words
+from .model.model import CONTACT_FORCE, LANDED_FORCE, names_of_holding
 from .model.phase import Phase
-from .model.relative import Search
+from .model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
 from .periodic.find import find
-from .periodic.guess import guess
 from .periodic.orbit import Orbit
 from .result import Result
 from .returns.return_map import ReturnMap
 from .running.exclusive import exclusive
+from .symbolic.calls import BufferedFunction, MappedFunction
+from .units import ENERGY, FORCE, LIFTOFF_SPEED, TIME, Dimension
 
-# All parts of a machine.
-PARTS = ("model", "values", "with_values", "describe", "units", "restitution", "rest_length")
-# Motions are integrated again by SciPy's DOP853 with this relative tolerance, and agree to the second number, beside
-# the amplification of errors by the motion, and where the field has corners.
-TOLERANCE, LARGEST_DIFFERENCE = 1e-11, 1e-6
-# The launch of the hops that are followed, as a share of an orbit's: on its stable side, with a large loss.
-BESIDE_ORBIT, HOPS = 1.05, 2
-# A guess lies this near to the orbit that it leads to: it may be one of a machine a little simpler.
-LARGEST_MISS = 0.3
-# The launch speed of the hops of a machine without orbits; and the slowest searched for orbits, in the search's scale.
-WITHOUT_ORBIT, SLOWEST_SEARCHED = 2.0, 1e-3
-INTEGRATED = "integrated by DOP853"
+
+@dataclass(frozen=True)
+class Options:
+    """The numbers of `check`.
+
+    exact : what is exact holds to this share of its terms: rounding is far below, a mistake far above
+    tolerance, same_motion : motions are integrated again with this relative tolerance, and agree to the second number,
+        since a motion amplifies errors, and laws may have corners
+    moments : of such a motion, an odd number, so that one is its middle
+    spreads : states lie this far about rest, in sizes of an orbit; the nearest are for laws with a small range
+    states : with each spread
+    beside : hops begin at this multiple of an orbit's launch speed, or state, so that they lose energy
+    launch : the launch speed of a hop of a machine without an orbit
+    hops, impacts : how many of them are followed
+    """
+
+    exact: float = 1e-8
+    tolerance: float = 1e-11
+    same_motion: float = 1e-6
+    moments: int = 41
+    spreads: tuple[float, ...] = (1.0, 0.3, 0.1, 0.01)
+    states: int = 6
+    beside: float = 1.05
+    launch: float = 2.0
+    hops: int = 2
+    impacts: int = 10
+
+
+OPTIONS = Options()
+
+
+@dataclass(frozen=True)
+class Relation:
+    """A relation between a machine and its statement: in words, and by which share it does not hold."""
+
+    words: str
+    deviation: float
+    bound: float = OPTIONS.exact
+
+    @property
+    def holds(self) -> bool:
+        """Whether the deviation is rounding."""
+        return self.deviation <= self.bound
 
 
 @dataclass(frozen=True, repr=False)
@@ -42,7 +84,7 @@ class Checked(Result, what="check", printed_digits=2, undrawn="relations have no
     """The relations that `check` found to hold for a machine; printed, a table of them with their largest deviations.
 
     machine : in words and numbers
-    relations : each with its fields and its deviation
+    relations : each with its deviation
     left_out : relations that could not be checked, with the reason
     """
 
@@ -65,194 +107,294 @@ class Checked(Result, what="check", printed_digits=2, undrawn="relations have no
         return list(self.left_out)
 
     def table(self) -> dict[str, list[Any]]:
-        """The relations as columns: in words, their deviations, the allowed ones, and their fields."""
-        columns = zip(*((r.words, r.deviation, r.bound, ", ".join(r.fields)) for r in self.relations), strict=True)
-        return dict(zip(("relation", "deviation", "bound", "fields"), map(list, columns), strict=True))
+        """The relations as columns: in words, their deviations, and the allowed ones."""
+        columns = zip(*((each.words, each.deviation, each.bound) for each in self.relations), strict=True)
+        return dict(zip(("relation", "deviation", "bound"), map(list, columns), strict=True))
 
 
 @exclusive
 def check(machine: Machine, *, start: Orbit | Mapping[str, float] | None = None) -> Checked:
-    """Check that the parts of a machine are consistent with each other and with mechanics.
+    """Check that a machine moves as it is stated.
 
-    machine : any `Machine`
-    start : an initial guess as in `find`, for a machine whose model has no guess. For a machine with a coordinate that
-        sticks it is an orbit of that machine, to which numbers of the machine are tuned
+    machine : a `Mechanism`, or a machine that is stated as one, as those of `problems`
+    start : an initial guess as in `find`, for a machine whose launch has several numbers. For a machine with a
+        coordinate that sticks it is an orbit of that machine, to which numbers of the machine are tuned
 
-    First the parts of the machine and the fields of its model are compared, at random states and parameters. Then its
-    orbit and two hops near it are integrated again by another method, SciPy's DOP853, with their contacts.
-    Raises `InputError` where a part of the machine is missing or malformed, and `InconsistentModel` with all relations
-    that do not hold.
+    The forces of the stated elements have to balance at random states, in flight and in contact, and so have impulses
+    at impacts. An orbit, and a hop beside it, are integrated again by SciPy's DOP853, along which the energy is summed
+    from masses, heights and laws. The orbit has to land in the mirror image of its launch, and to lift off without a
+    force; the return map has to have the launches of the simulation.
+    Raises `InputError` for a machine that is not stated, and `InconsistentModel` with all relations that do not hold.
 
     >>> from orbits import check
     >>> from problems import Hopper
     >>> check(Hopper()).largest < 1
     True
     """
-    refuse_machine(machine, wrong_parts(machine, *PARTS) or _wrong_results(machine))
-    relations = algebraic_relations(machine.model, machine.values)
-    left_out: list[str] = []
-    if not relations:
-        text = f"the model '{machine.model.name}' is malformed: its flight.field gives no numbers near a launch"
-        raise InconsistentModel(text, ("flight.field",))
-    if all(each.holds for each in relations):
-        bare = dimensionless(machine)
-        if bare is not machine and machine.units is not None:
-            known = {each.words for each in relations}
-            own = algebraic_relations(bare.model, bare.values)
-            relations += [each for each in own if each.words not in known or not each.holds]
-            start = machine.units.dimensionless("start", start)
-        relations += _along_motions(bare, start, left_out)
-    if not all(each.holds for each in relations):
-        raise inconsistent(machine.model.name, relations)
+    if not hasattr(machine, "stated"):
+        kind = type(machine).__name__
+        raise InputError(f"a {kind} is not stated, so there is nothing to check it against: state an orbits.Mechanism")
+    stated: Mechanism = machine.stated()
+    left_out = list[str]()
+    bare = machine if stated.in_si else dimensionless(machine)
+    if start is not None and bare is not machine and machine.units is not None:
+        start = machine.units.dimensionless("start", start)
+    relations = _Compared(bare, stated).relations(start, left_out)
+    if broken := [each for each in relations if not each.holds]:
+        text = "; ".join(f"{each.words}: off by {each.deviation:.2g}" for each in broken)
+        raise InconsistentModel(f"the {stated.name} does not move as it is stated: {text}", tuple(broken))
     return Checked(machine_in_words(machine), tuple(relations), tuple(left_out))
 
 
-def _wrong_results(machine: Machine) -> dict[str, str]:
-    """The faults in the results of a machine's methods, in words by name."""
-    found, words = dict[str, str](), machine.describe()
-    if absent := [name for name in MACHINE_FIELDS if not isinstance(words, Mapping) or name not in words]:
-        found["describe"] = f"it says no '{absent[0]}'"
-    try:
-        copy = machine.with_values()
-        if copy.values != dict(machine.values) or copy.model.name != machine.model.name:
-            found["with_values"] = "without values it does not give the same machine"
-    except Exception as error:
-        found["with_values"] = f"it cannot be called without values ({type(error).__name__}: {error})"
-    return found
+class _Compared:
+    """A machine beside its statement. All states are in the units of the statement; those of contact are y (N, m)."""
 
+    def __init__(self, machine: Machine, stated: Mechanism):
+        self.machine, self.model, self.stated = machine, machine.model, stated
+        self.balance, self.count = Balance(stated), len(stated.coordinates)
+        self.places, self.speeds = slice(0, 2 * self.count, 2), slice(1, 2 * self.count, 2)
+        self.sticking = [stated.coordinates.index(name) for name in self.model.sticks]
+        self.unit: Callable[[Dimension], float] = machine.units.of if machine.units else lambda dimension: 1.0
+        self.energy_unit = float(ca.evalf(ca.SX(value_of(stated.energy_unit, {}, stated.values))))
+        self.sizes = {"flight": self._sizes(self.model.flight), "contact": self._sizes(self.model.contact)}
+        self.embed = np.asarray(self.model.embed, float) * self.sizes["flight"][:, None] / self.sizes["contact"]
+        self.moves = {"flight": self._moves("flight"), "contact": self._moves("contact")}
+        # Of the energy along motions, as shares of it; and the largest contact force at states that are compared.
+        self.drifts, self.pressing = list[float](), 1.0
 
-def _along_motions(machine: Machine, start: Orbit | Mapping[str, float] | None, left_out: list[str]) -> list[Relation]:
-    """The relations along an orbit and along hops beside it."""
-    model, graphs = machine.model, Graphs(machine.model, tuple(machine.values))
-    found, orbit = [*_piece_relations(machine, graphs)], None
-    if model.hysteretic:
-        left_out.append("no motion was looked at: the spring has hysteresis, and the phases have its mean law")
-        return found
-    if not model.conservative:
-        left_out.append("no orbit was looked at: the machine is not conservative")
-    elif model.sticks and not isinstance(start, Orbit):
-        left_out.append("no orbit was looked at: give start= one of the machine, whose numbers are tuned for it")
-    elif all(each.holds for each in found):
-        try:
-            guessed = guess(model, 1, _plain_values(machine)) if start is None and model.is_guessed else None
-            found += [] if guessed is None else [_guess_relation(machine, guessed)]
-            if model.sticks and isinstance(start, Orbit):
-                orbit = start.dimensionless()
-            else:
-                orbit = find(machine, start=start) if all(each.holds for each in found) else None
-        except NoOrbit as error:
-            left_out.append(f"no orbit was looked at: {error}")
+    def relations(self, start: Orbit | Mapping[str, float] | None, left_out: list[str]) -> list[Relation]:
+        """All relations, each with its deviation."""
+        orbit = self._orbit(start, left_out)
+        run = self._hop(orbit, left_out)
+        x = self._states(orbit)
+        with np.errstate(all="ignore"):  # a deviation that is no number counts as unbounded
+            found = [self._flight(x), self._contact(x), self._impact(x, run)]
+            found += self._along_orbit(orbit) if orbit else ()
+            found += self._along_hops(run) if run else ()
+        words, off = "the energy is that of the masses, heights and laws", max(self._gradient(x), *self.drifts, 0.0)
+        return [*found, Relation(words, off, OPTIONS.same_motion)]
+
+    def _orbit(self, start: Orbit | Mapping[str, float] | None, left_out: list[str]) -> Orbit | None:
+        """An orbit of the machine; None where it has none, or none is found without a start."""
+        if self.model.hysteretic or not self.model.conservative:
+            left_out.append("no orbit: the machine loses energy, or forces drive it")
+        elif self.model.sticks and not isinstance(start, Orbit):
+            left_out.append("no orbit: give start= one of the machine, whose numbers are tuned for it")
+        else:
+            try:
+                return start if isinstance(start, Orbit) and self.model.sticks else find(self.machine, start=start)
+            except NoOrbit as error:
+                left_out.append(f"no orbit: {error}")
+        return None
+
+    def _hop(self, orbit: Orbit | None, left_out: list[str]) -> Simulation | None:
+        """Hops that lose energy: beside an orbit, or of a machine that a kick along the gap lifts from rest."""
+        if self.model.hysteretic:
+            left_out.append("no hop: the phases have the mean law of a spring with hysteresis, and hops its branches")
+            return None
+        rest = self._rest()
         if orbit:
-            searched = () if model.sticks else _search_relations(machine, orbit, guessed)
-            found += [*_orbit_relations(machine, orbit, graphs), *searched]
-    if not all(each.holds for each in found) or model.sticks or (orbit is None and not model.one_speed):
-        return found
-    launch = BESIDE_ORBIT * orbit.alpha if orbit else WITHOUT_ORBIT
-    try:
-        run = simulate(machine, launch if orbit is None or model.one_speed else model.launch_at(orbit(0.0)), hops=HOPS)
-    except (InputError, NoOrbit) as error:
-        left_out.append(f"no hop was looked at: {error}")
-        return found
-    found += _hop_relations(machine, run, graphs)
-    return [*found, *_map_relations(machine, run)] if model.one_speed else found
+            rest = OPTIONS.beside * orbit(orbit.flight_time / 2)
+        elif not self.model.one_speed:
+            here = self.balance(rest[None])
+            kick = np.linalg.solve(here["inertia"][0], here["along_gap"][0, :, 0])
+            rest[self.speeds] = OPTIONS.launch * kick / (kick @ here["along_gap"][0, :, 0])
+        alpha = OPTIONS.beside * orbit.alpha if orbit else OPTIONS.launch * self.unit(LIFTOFF_SPEED)
+        begins = {"alpha": alpha} if self.model.one_speed else {"state": rest}
+        try:
+            return simulate(self.machine, **begins, hops=OPTIONS.hops, cap=OPTIONS.impacts)
+        except (InputError, NoOrbit) as error:
+            left_out.append(f"no hop: {error}")
+            return None
 
+    def _rest(self) -> np.ndarray:
+        """The flight state at rest in contact."""
+        still = np.zeros(len(self.model.flight.states))
+        return self.sizes["flight"] * (self.model.rest(self.machine.values) if self.model.rest else still)
 
-def _plain_values(machine: Machine) -> dict[str, float]:
-    """The parameters of the scene of the guess."""
-    homotopy = machine.model.homotopy
-    return {**machine.values, homotopy: 0.0} if homotopy else dict(machine.values)
+    def _states(self, orbit: Orbit | None) -> np.ndarray:
+        """States (N, n) about rest as far away as an orbit, where the stated laws have numbers, also on the ground."""
+        size, rest = np.ones(len(self.model.flight.states)), self._rest()
+        if orbit:
+            far = np.abs(orbit(np.linspace(0, orbit.flight_time, 5)) - rest)
+            size[self.places], size[self.speeds] = far[:, self.places].max(), far[:, self.speeds].max()
+        spreads = np.repeat(OPTIONS.spreads, OPTIONS.states)[:, None] * size
+        x = rest + spreads * np.random.default_rng(1).standard_normal(spreads.shape)
+        fine = [np.isfinite(self.balance(each)["terms"]).all((1, 2)) for each in (x, self._on_ground(x) @ self.embed.T)]
+        if not (fine[0] & fine[1]).any():
+            raise InputError(f"the laws of the {self.stated.name} have no numbers near rest")
+        return x[fine[0] & fine[1]]
 
+    def _on_ground(self, x: np.ndarray) -> np.ndarray:
+        """The contact states (N, m) nearest to flight states."""
+        return x @ np.linalg.pinv(self.embed).T
 
-def _guess_relation(machine: Machine, guessed: object) -> Relation:
-    """The form of a model's guess."""
-    names = ("duration", *machine.model.launch_unknowns)
-    fine = isinstance(guessed, Mapping) and all(np.isfinite(guessed.get(name, np.nan)) for name in names)
-    return Relation("guess states the launch and the half flight", ("guess",), 0.0 if fine else np.inf)
+    def _flight(self, x: np.ndarray) -> Relation:
+        rates, watched = self._rates("flight", x)
+        off = self._unbalanced(x, rates, np.zeros((len(x), self.count)), watched)
+        return Relation("in flight masses times accelerations balance the forces", off)
 
+    def _contact(self, x: np.ndarray) -> Relation:
+        """The balance in contact; the force on a point that has just landed is that of the labels before."""
+        y = self._on_ground(x)
+        rates, watched = self._rates("contact", y)
+        x, rates = y @ self.embed.T, rates @ self.embed.T
+        self.pressing = float(np.abs(watched[CONTACT_FORCE]).max())
+        held = watched[CONTACT_FORCE][:, None] * self.balance(x)["along_gap"][..., 0]
+        for place, name in zip(self.sticking, names_of_holding(self.model.sticks), strict=True):
+            held[:, place] += watched[name]
+        off = self._unbalanced(x, rates, held, watched)
+        if LANDED_FORCE in watched:
+            zero, one = self.balance(np.stack([0 * x[0], 0 * x[0] + 1]))["relabelled"][..., 0]
+            x, rates = (x - zero) * (one - zero), rates * (one - zero)
+            held = watched[LANDED_FORCE][:, None] * self.balance(x)["along_landing_gap"][..., 0]
+            off = max(off, self._unbalanced(x, rates, held, {}))
+        return Relation("in contact the contact force balances them", off)
 
-def _piece_relations(machine: Machine, graphs: Graphs) -> Iterator[Relation]:
-    """At the breakpoints of a field, the pieces on both sides agree, unless it jumps there."""
-    p, rng = machine.values, np.random.default_rng(1)
-    for where, graph in (("flight", graphs.flight), ("contact", graphs.contact)):
-        if (pieces := getattr(machine.model, where).pieces) is None or pieces.jumps:
-            continue
-        breaks, data = (np.asarray(each, float) for each in pieces.table(p))
-        along, inner = np.array(pieces.coordinate), pieces.levels(breaks[1:-1], p)
-        x = rng.standard_normal((len(inner), len(along)))
-        x += np.outer((inner - x @ along) / (along @ along), along)
-        below, above = (graph(x, p, rows)["field"] for rows in (data[:-1], data[1:])) if len(inner) else (x, x)
-        words = f"the {where} is continuous where its pieces meet"
-        yield Relation(words, (f"{where}.pieces",), share(below - above, below))
+    def _unbalanced(
+        self, x: np.ndarray, rates: np.ndarray, held: np.ndarray, watched: Mapping[str, np.ndarray]
+    ) -> float:
+        """By which share the terms along any coordinate differ from the forces (N, n) that hold the machine, the rates
+        of places from speeds, and the watched forces of the ground from what all masses need."""
+        balanced = self.balance(x, rates[:, self.speeds])
+        terms, off = balanced["terms"], [share(rates[:, self.places] - x[:, self.speeds], x)]
+        off.append(_share_of_each(terms.sum(2) - held, np.abs(terms).sum(2) + np.abs(held)))
+        if NORMAL_FORCE in watched:
+            seen = np.column_stack([watched[NORMAL_FORCE], watched[TANGENTIAL_FORCE]])
+            off.append(share(seen - balanced["ground"][..., 0], seen, balanced["ground"]))
+        return max(off)
 
+    def _gradient(self, x: np.ndarray) -> float:
+        """By which share the gradient of the model's energy is not that of the stated one."""
+        seen = self._of_model(x, lambda x, p, q: self.model.flight_gradient(x, p, q)) / self.sizes["flight"]
+        stated = self.balance(x)["gradient"][..., 0]
+        return _share_of_each(seen * self.unit(ENERGY) * self.energy_unit - stated, stated)
 
-def _fields_of(where: str) -> tuple[str, ...]:
-    """The fields of a phase that say how it moves."""
-    return f"{where}.field", f"{where}.closed_form", f"{where}.pieces"
+    def _impact(self, x: np.ndarray, run: Simulation | None) -> Relation:
+        """A plastic impact changes the momentum along the gap and along what sticks alone, and stops these. With B the
+        slopes of these, and M the inertia, the first of the masses (B^T M^-1 B)^-1 is the impact's own."""
+        before = self._on_ground(x) @ self.embed.T
+        before[:, self.speeds] = x[:, self.speeds]
+        after = self._of_model(before, lambda x, p, q: self.model.landed(x, p)) * self.sizes["flight"]
+        known = self._of_model(before, lambda x, p, q: [self.model.lost_at(x, p), self.model.impact_mass(x, p)])
+        lost, mass = (known * self.unit(ENERGY) * self.energy_unit).T
+        here, there = self.balance(before), self.balance(after)
+        held = np.tile(np.eye(self.count)[:, self.sticking], (len(x), 1, 1))
+        along = np.concatenate([here["along_gap"], held], axis=2)
+        change = here["inertia"] @ (after - before)[:, self.speeds, None]
+        masses = np.linalg.inv(np.swapaxes(along, 1, 2) @ np.linalg.solve(here["inertia"], along))[:, 0, 0]
+        loss = (here["kinetic"] - there["kinetic"])[:, 0, 0]
+        off = [share(change - along @ (np.linalg.pinv(along) @ change), change), self._losses(run)]
+        off.append(share(np.swapaxes(along, 1, 2) @ after[:, self.speeds, None], before[:, self.speeds]))
+        off.append(share((after - before)[:, self.places], before))
+        off += [share(lost - loss, loss), share(mass / self.sizes["flight"][1] ** 2 - masses, masses)]
+        return Relation("impacts change momentum and energy as the masses require", max(off))
 
+    def _losses(self, run: Simulation | None) -> float:
+        """By which share the losses of a simulation's impacts are not those of the stated energies. An impact leaves
+        the places as they are, or takes them to the labels of the next contact; of a landing that nothing is stated of
+        the loss is not known."""
+        off, events = [0.0], run.events if run else ()
+        known = events[:-1] if run and run.status == "unstated" else events
+        for event in (each for each in known if each.kind in ("impact", "landing")):
+            before, after = (self.balance(each[None]) for each in (event.before, event.after))
+            same = [share((x - event.after)[self.places], x) for x in (event.before, before["relabelled"][0, :, 0])]
+            if min(same) < OPTIONS.exact:
+                energies = [(each["kinetic"] + each["stored"])[0, 0, 0] for each in (before, after)]
+                off.append(share(energies[0] - energies[1] - event.loss * self.energy_unit, before["kinetic"]))
+        return max(off)
 
-def _orbit_relations(machine: Machine, orbit: Orbit, graphs: Graphs) -> Iterator[Relation]:
-    """An orbit's flight from launch to landing and its contact, integrated again; and the other way to find it."""
-    model, begins, lands, half = machine.model, orbit(0.0), orbit(orbit.flight_time), orbit.flight_time / 2
-    middle = _integrated(machine, graphs, model.flight, begins, half)
-    words = f"the orbit's flight to its middle is that {INTEGRATED}"
-    yield Relation(words, _fields_of("flight"), share(middle - orbit(half), begins, middle), LARGEST_DIFFERENCE)
-    if orbit.contact is not None and orbit.contact_time is not None:
-        stood = np.linalg.pinv(model.embed) @ model.relabelling(lands, machine.values)
-        middle = np.asarray(model.embed) @ _integrated(machine, graphs, model.contact, stood, orbit.contact_time / 2)
-        words, there = (
-            f"the orbit's contact to its middle is that {INTEGRATED}",
-            orbit(2 * half + orbit.contact_time / 2),
+    def _along_orbit(self, orbit: Orbit) -> Iterator[Relation]:
+        """An orbit integrated again: its middles, its landing in the mirror image of the launch, and its lift-off."""
+        launch, time, middle = orbit(0.0), orbit.flight_time, OPTIONS.moments // 2
+        flown = self._integrated("flight", launch, time)
+        landed = self.balance(np.stack([launch, flown[-1]]))
+        image, gaps = landed["reversed"][0, :, 0], self.balance(flown)["gap"]
+        turned, same = flown[-1] - image, [share(flown[middle] - orbit(time / 2), launch, flown)]
+        turned[self.places][self.sticking] = 0.0  # it has moved on by a step
+        ends = [share(turned, launch, image), share(np.minimum(gaps, 0.0), gaps) if orbit.admissible else 0.0]
+        if orbit.contact is not None and orbit.contact_time is not None:
+            y = self._integrated("contact", self._on_ground(landed["relabelled"][1, :, 0]), orbit.contact_time)
+            force, stood = self._rates("contact", y)[1][CONTACT_FORCE], y @ self.embed.T
+            same.append(share(stood[middle] - orbit(time + orbit.contact_time / 2), launch, stood))
+            ends += [share(stood[-1] - launch, launch, stood), share(force[-1], force)]
+            ends.append(share(np.minimum(force, 0.0), force) if orbit.admissible else 0.0)
+        yield Relation("the orbit is that integrated by DOP853", max(same), OPTIONS.same_motion)
+        words = "it lands in the mirror image of its launch, and lifts off without a force"
+        yield Relation(words, max(ends), OPTIONS.same_motion)
+
+    def _along_hops(self, run: Simulation) -> Iterator[Relation]:
+        """The legs of a simulation integrated again, and the return map of its launches."""
+        off, launch = [0.0], self._on_ground(run(0.0)[None])
+        if self.model.one_speed:
+            off.append(share(self._rates("contact", launch)[1][CONTACT_FORCE], self.pressing))
+        for leg, event in zip(run.legs, run.events, strict=False):
+            begins = leg.path(0.0)[: len(self.sizes[leg.phase])]
+            ends = self._integrated(leg.phase, begins, float(leg.path.times[-1]))
+            ends = ends @ self.embed.T if leg.phase == "contact" else ends
+            off.append(share(ends[-1] - event.before, event.before, ends))
+        yield Relation(
+            "simulated hops begin at lift-off, and are those integrated by DOP853", max(off), OPTIONS.same_motion
         )
-        yield Relation(words, _fields_of("contact"), share(middle - there, lands, there), LARGEST_DIFFERENCE)
-    if model.reduction and model.reversor:
-        other = find(machine, start=orbit, method="half orbit")
-        words, off = "the reduction has the orbit of the whole states", abs(other.alpha - orbit.alpha)
-        bound = max(LARGEST_DIFFERENCE, (orbit.error + other.error) / orbit.alpha)
-        yield Relation(words, ("reduction.statement", "reduction.phase"), off / orbit.alpha, bound)
+        launches = run.launches[np.isfinite(run.launches)]
+        if self.model.one_speed and len(launches) > 1:
+            hops = ReturnMap(self.machine)(launches[:-1])
+            missed = share((hops.next - launches[1:])[np.isfinite(hops.next)], launches)
+            yield Relation("the return map has the launches of the simulation", missed, OPTIONS.same_motion)
+
+    def _integrated(self, where: str, start: np.ndarray, time: float) -> np.ndarray:
+        """States (moments, n) of a motion by DOP853, along which kinetic energy and the work of forces are summed."""
+        from scipy.integrate import solve_ivp  # takes longer to import than most checks take
+
+        x = ca.SX.sym("x", len(start) + 1)  # the last is the work
+        flown = ca.mtimes(self.embed, x[:-1]) if where == "contact" else x[:-1]
+        rates = ca.vertcat(self.moves[where](x[:-1])[0], self.balance.power(flown))
+        rate = BufferedFunction(ca.Function("rate", [x], [ca.densify(rates)]))
+        smallest = OPTIONS.tolerance * max(float(np.abs(start).max()), np.finfo(float).tiny)
+        options = {"method": "DOP853", "rtol": OPTIONS.tolerance, "atol": smallest}
+        times = np.linspace(0.0, time, OPTIONS.moments)
+        run = solve_ivp(lambda t, x: rate(x)[0][:, 0], (0.0, time), [*start, 0.0], t_eval=times, **options)
+        states, work = run.y[:-1].T, run.y[-1]
+        kinetic = self.balance(states @ self.embed.T if where == "contact" else states)["kinetic"][:, 0, 0]
+        self.drifts.append(share(kinetic + work - kinetic[0], kinetic, work))
+        return states
+
+    def _sizes(self, phase: Phase) -> np.ndarray:
+        """The units (n,) of the states of the model."""
+        return self.machine.units.of_states(phase.states) if self.machine.units else np.ones(len(phase.states))
+
+    def _moves(self, where: str) -> ca.Function:
+        """A state -> its rate, and the watched forces of the phase."""
+        phase: Phase = getattr(self.model, where)
+        x, p = ca.SX.sym("x", len(phase.states)), self.machine.values
+        states = ca.vertsplit(x / self.sizes[where])
+        q = phase.data(states, p)
+        rate = ca.vertcat(*phase.field(states, p, q)) * self.sizes[where] / self.unit(TIME)
+        forces = [each(states, p, q) for each in phase.watch.values()]
+        return ca.Function(where, [x], [ca.densify(rate), ca.densify(ca.vertcat(*forces, 0)) * self.unit(FORCE)])
+
+    def _rates(self, where: str, x: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """The rates (N, n) of states, and the watched forces (N,) by name."""
+        rates, forces = MappedFunction(self.moves[where])(x)
+        return rates[..., 0], dict(zip(getattr(self.model, where).watch, forces[..., 0].T, strict=False))
+
+    def _of_model(self, x: np.ndarray, function: Callable) -> np.ndarray:
+        """A function (x, p, q) of the model in flight, in its own units, at states (N, n)."""
+        symbols, p = ca.SX.sym("x", x.shape[1]), self.machine.values
+        states = ca.vertsplit(symbols / self.sizes["flight"])
+        value = ca.vertcat(*function(states, p, self.model.flight.data(states, p)))
+        return MappedFunction(ca.Function("seen", [symbols], [ca.densify(value)]))(x)[0][..., 0]
 
 
-def _search_relations(machine: Machine, orbit: Orbit, guessed: Mapping[str, float] | None) -> Iterator[Relation]:
-    """How near the guess was to the orbit, where both are of one scene, and the range in which a family is searched."""
-    model = machine.model
-    if guessed and model.guess and not model.homotopy:
-        near = model.launch_at(orbit(0.0)) | {"duration": orbit.flight_time / 2}
-        off = max(abs(near[name] - guessed[name]) / orbit.alpha for name in near)
-        yield Relation("the guess is near the orbit that it leads to", ("guess",), off, LARGEST_MISS)
-    if model.search:
-        search = model.search(machine.values)
-        fine = isinstance(search, Search) and search.scale > 0 and 0 < search.spacing < search.fastest
-        fine = fine and SLOWEST_SEARCHED * search.scale < orbit.alpha < search.scale * search.fastest
-        yield Relation("search has a range with the orbit in it", ("search",), 0.0 if fine else np.inf)
+def share(residual: Algebraic, *magnitudes: Algebraic) -> float:
+    """The largest residual as a share of the largest of the magnitudes; infinite where one is no number."""
+    largest = float(np.max(np.abs(residual), initial=0.0))
+    size = max((float(np.max(np.abs(each), initial=0.0)) for each in magnitudes), default=1.0)
+    if largest == 0:
+        return 0.0
+    return largest / size if np.isfinite(largest) and np.isfinite(size) and size > 0 else np.inf
 
 
-def _hop_relations(machine: Machine, run: Simulation, graphs: Graphs) -> Iterator[Relation]:
-    """Each leg of a simulation integrated again."""
-    model, worst = machine.model, {"flight": 0.0, "contact": 0.0}
-    for leg, event in zip(run.legs, run.events, strict=False):
-        phase = model.flight if leg.phase == "flight" else model.contact
-        begin = leg.path(0.0)[: len(phase.states)]
-        end = _integrated(machine, graphs, phase, begin, float(leg.path.times[-1]))
-        after = end if phase is model.flight else np.asarray(model.embed, float) @ end
-        worst[leg.phase] = max(worst[leg.phase], share(after - event.before, begin, after))
-    for where, off in worst.items():
-        yield Relation(f"the {where} of hops is that {INTEGRATED}", _fields_of(where), off, LARGEST_DIFFERENCE)
-
-
-def _map_relations(machine: Machine, run: Simulation) -> Iterator[Relation]:
-    """The return map against the simulation, which it must not differ from."""
-    launches = run.launches[np.isfinite(run.launches)]
-    hops = ReturnMap(machine)(launches[:-1])
-    ended = np.isfinite(hops.next)
-    fields = ("impact_mass", "release", "embed", "contact.closed_form")
-    words = "the return map has the launches of the simulation"
-    yield Relation(words, fields, share((hops.next - launches[1:])[ended], launches), LARGEST_DIFFERENCE)
-
-
-def _integrated(machine: Machine, graphs: Graphs, phase: Phase, start: np.ndarray, time: float) -> np.ndarray:
-    """The state after a time by SciPy's DOP853, of the field as it is stated."""
-    from scipy.integrate import solve_ivp  # takes longer to import than most checks take
-
-    p, at = machine.values, graphs.in_flight if phase is machine.model.flight else graphs.in_contact
-    scale = TOLERANCE * max(float(np.abs(start).max()), np.finfo(float).tiny)
-    run = solve_ivp(lambda t, x: at(x[None], p)["field"][0], (0.0, time), start, "DOP853", rtol=TOLERANCE, atol=scale)
-    return run.y[:, -1]
+def _share_of_each(residual: np.ndarray, sizes: np.ndarray) -> float:
+    """The largest residual (N, n) as a share of the largest size in its column: columns have different units."""
+    return max(share(*each) for each in zip(residual.T, sizes.T, strict=True))

@@ -40,16 +40,16 @@ class InputError(OrbitsError, ValueError):
 
 
 class InconsistentModel(InputError):
-    """The fields of a model contradict each other, or do not have the required form.
+    """A machine does not move as it is stated.
 
-    fields : names of the wrong fields
+    relations : those of `check` that do not hold
     """
 
-    def __init__(self, message: str, fields: tuple[str, ...] = ()):
+    def __init__(self, message: str, relations: tuple[Any, ...] = ()):
         super().__init__(message)
-        self.fields = fields
+        self.relations = relations
 
-    def __str__(self) -> str:  # every field that is wrong is named
+    def __str__(self) -> str:  # every relation that does not hold is named
         return Exception.__str__(self)
 
 

@@ -32,7 +32,6 @@ COPIED = ("orbits", "problems", "studies", "tests", "README.md", "pyproject.toml
 # The tests of rooms whose own folder does not have all of them.
 TESTED_BY = {
     "balls": ("balls", "proof/test_branch.py", "proof/test_case.py", "exact/test_stated.py"),
-    "consistency": ("consistency", "test_checks.py", "mechanics/test_parts.py"),
     "continuation": ("continuation", "periodic/test_fold_statement.py", "shooting/test_newton_kernel.py"),
     "control": ("control", "problems/steering"),
     "design": ("design", "problems/command/test_optimize_command.py"),

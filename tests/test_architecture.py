@@ -20,7 +20,7 @@ MOST_FLOORS = 14
 TESTED_WITH = {
     "balls/curve_motion": "proof/test_branch",
     "balls/equations": "balls/test_enclosure",
-    "consistency/draws": "consistency/test_verdict",
+    "mechanics/balance": "test_checks",
     "continuation/curve": "continuation/test_family_problem",
     "continuation/event_place": "continuation/test_follow_event",
     "continuation/event_start": "continuation/test_follow_event",
@@ -84,7 +84,7 @@ TESTED_WITH = {
 # become smaller, and no module may be added.
 MOST_CONSTANTS = 3
 TOO_MANY = {
-    "orbits/check_proof": 10, "orbits/consistency/shortcuts": 6, "orbits/continuation/together": 4,
+    "orbits/check_proof": 10, "orbits/continuation/together": 4,
     "orbits/control/holding": 7, "orbits/control/steer": 5, "orbits/curves/bordered_newton": 4,
     "orbits/design/local": 24, "orbits/design/pareto": 4, "orbits/exact/expressions": 4,
     "orbits/model/liftoff": 6, "orbits/model/linear_guess": 4, "orbits/model/relative": 7,

@@ -1,45 +1,48 @@
-"""Machines are held against mechanics: those of the library hold, and so does one that is written by hand."""
+"""Machines are held against their statements: those of the library hold, and every wrong equation is found."""
 
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from checked_machines import MACHINES
+from conftest import slow_after
 
-from orbits import InputError, Model, check, find, starts
+from orbits import InputError, check, starts
 from orbits.errors import InconsistentModel
-from orbits.model import Affine, Phase
-from orbits.model.model import DERIVED_FIELDS
-from problems import Chain, Hopper, chain_hand, plate_hopper
+from orbits.mechanics import Force, Mass
+from orbits.model.planar import TANGENTIAL_FORCE
+from problems import Chain, HeavyHand, Hopper, chain_hand, plate_hopper
 from problems.laws import springs
-from tests.consistency.by_hand import by_hand
-from tests.consistency.checked_machines import MACHINES, with_model
 
 SLOW = pytest.mark.slow
-
-
 # Each has what others have too: it is another kind of machine, or its laws and units are of another kind.
-OTHERS = ("damped juggler", "varying juggler", "actuated juggler", "juggler in SI", "inerter in SI")
+OTHERS = (
+    *("varying", "in pieces", "varying juggler", "damped juggler", "actuated juggler", "juggler in SI", "shuttle"),
+    *("inerter in SI", "soil in SI", "actuated in SI", "wheel in SI", "rocking block", "chain of 2"),
+)
+IN_FLIGHT, IN_CONTACT, IMPACTS = "in flight masses", "in contact the", "impacts change"
+LANDS, ENERGY = "it lands", "the energy"
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW if name in OTHERS else ()) for name in MACHINES])
 def test_machines_hold(name):
     checked = check(MACHINES[name])
-    assert len(checked.relations) >= 25
-    assert checked.largest < 0.1
-    table = str(checked).splitlines()
-    assert table[0].endswith(f"{len(checked.relations)} relations hold")
-    assert len(table) == 2 + len(checked.relations) + len(checked.left_out)
+    assert checked.largest < 1e-2
+    assert len(checked.relations) + len(checked.left_out) >= 6
+    lines = str(checked).splitlines()
+    assert len(lines) == 2 + len(checked.relations) + len(checked.left_out) <= 10
+    assert lines[0].endswith(f": {len(checked.relations)} relations hold")
 
 
-@pytest.mark.parametrize("machine", [plate_hopper(), chain_hand()], ids=lambda machine: machine.name)
+@pytest.mark.parametrize("machine", slow_after(1, [plate_hopper(), chain_hand()]), ids=lambda machine: machine.name)
 def test_machines_of_three_masses_hold_along_their_own_hops(machine):
     checked = check(machine, start=starts(machine, 4.0, 4.0)[0])
-    assert any("orbit's flight" in each.words for each in checked.relations)
-    assert checked.largest < 0.1
+    assert any(each.words.startswith(LANDS) for each in checked.relations)
+    assert checked.largest < 1e-2
 
 
-@pytest.mark.slow
+@SLOW
 def test_a_table_of_measurements_holds():
     x = np.linspace(-5, 5, 41)
     assert check(Hopper(springs.table((x, x + 0.05 * x**3)), rest_length=20.0)).largest < 0.1
@@ -50,103 +53,146 @@ def test_a_chain_holds_along_its_own_hop():
     start = {"liftoff": 0.66993275, "alpha": 3.967468, "y1": 2.5671563, "y1'": 1.5957524}
     start |= {"duration": 2.5758617, "contact_duration": 3.168004}
     checked = check(Chain([1.0, 2.0, 0.7], ["r", "r + 0.1*r**3"]), start=start)
-    assert any("orbit's flight" in each.words for each in checked.relations)
-    assert checked.largest < 0.1
+    assert any(each.words.startswith(LANDS) for each in checked.relations)
+    assert checked.largest < 1e-2
 
 
-def inerter_by_hand(**changes) -> SimpleNamespace:
-    """A hopper of masses m1 and m2 with a spring k and an inerter b between, gravity 1, written by hand; the inerter's
-    force is b times the acceleration of the extension."""
-
-    def flight(x, p, q):
-        spring = p["k"] * (x[0] - x[2])
-        relative = -spring / (p["m1"] * p["m2"] / (p["m1"] + p["m2"]) + p["b"])
-        share = p["m2"] / (p["m1"] + p["m2"])
-        return [x[1], -1 + share * relative, x[3], -1 - (1 - share) * relative]
-
-    def contact(x, p, q):
-        return [x[1], -(p["k"] * x[0] + p["m1"]) / (p["m1"] + p["b"])]
-
-    def rho(p):
-        return (p["m1"] * p["m2"] + p["b"] * (p["m1"] + p["m2"])) / (p["k"] * p["m1"])
-
-    def gradient(x, p, q):
-        spring, moved = p["k"] * (x[0] - x[2]), p["b"] * (x[1] - x[3])
-        return [spring + p["m1"], p["m1"] * x[1] + moved, p["m2"] - spring, p["m2"] * x[3] - moved]
-
-    def guess(family, p):
-        mu = p["m1"] * p["m2"] / (p["m1"] + p["m2"])
-        half = 4.4934 * np.sqrt((mu + p["b"]) / p["k"])
-        return {"liftoff": rho(p), "alpha": (1 + p["m2"] / p["m1"]) * half, "duration": half}
-
-    p = {"m1": 1.3, "m2": 0.7, "k": 2.0, "b": 0.4}
-    fields = {
-        "name": "hopper with an inerter",
-        "flight": Phase("flight", ("y1", "y1'", "y2", "y2'"), flight),
-        "contact": Phase("contact", ("y1", "y1'"), contact, {"contact force": lambda x, p, q: (
-            p["m2"] - p["k"] * x[0] + p["b"] * (p["k"] * x[0] + p["m1"]) / (p["m1"] + p["b"])
-        )}),
-        "reversor": (1, -1, 1, -1),
-        "release": lambda alpha, p: np.full(np.shape(alpha), rho(p)),
-        "embed": np.eye(4, 2),
-        "flight_gradient": gradient,
-        "extension": Affine((1.0, 0.0, -1.0, 0.0)),
-        "gap": lambda p: Affine((0.0, 0.0, 1.0, 0.0)),
-        "separation": lambda p: None,
-        "heights": lambda p: {"body": Affine((1.0, 0.0, 0.0, 0.0)), "foot": Affine((0.0, 0.0, 1.0, 0.0))},
-        "impact_mass": lambda x, p: p["m2"] + p["b"] * p["m1"] / (p["m1"] + p["b"]),
-        "impact": lambda x, p: [0.0, p["b"] / (p["m1"] + p["b"]), 0.0, 1.0],
-        "violations": dict.fromkeys(("gap", "pull", "separation", "end"), "it is no motion"),
-        "springs": (("foot", "body"),),
-        "tension": lambda x, p, q: p["k"] * (x[0] - x[2]),
-        "guess": guess,
-    }  # fmt: skip
-    told = {"machine": "hopper with an inerter", "spring": "k*r", "gravity": "1", "mass_ratio": 1.0, "parameters": p}
-    told |= {"rest_length": None, "restitution": 0.0, "laws_in": "units of the machine"}
-    machine = SimpleNamespace(model=Model(**{**fields, **changes}), values=p, units=None, restitution=0.0)
-    machine.describe, machine.with_values, machine.rest_length = lambda: told, lambda **values: machine, None
-    return machine
+def posing(machine, model=None, stated=None) -> SimpleNamespace:
+    """A machine of the same numbers with another model, or with another statement."""
+    names = ("values", "units", "describe", "with_values", "restitution", "rest_length", "scheduled", "dimensionless")
+    own = {name: getattr(machine, name) for name in names if hasattr(machine, name)}
+    statement = machine.stated() if stated is None else stated
+    return SimpleNamespace(**own, model=model or machine.model, stated=lambda: statement)
 
 
-def test_a_machine_written_by_hand_with_coupled_inertia():
-    """With an inerter the half flight obeys tan x = x, x = omega T/2 with omega**2 = k/(mu + b)."""
-    machine = inerter_by_hand()
-    assert check(machine).largest < 0.1
-    p, orbit = machine.values, find(machine)
-    omega = np.sqrt(p["k"] / (p["m1"] * p["m2"] / (p["m1"] + p["m2"]) + p["b"]))
-    assert omega * orbit.flight_time / 2 == pytest.approx(4.493409457909064, rel=1e-13)
-    # What a hopper without an inerter would have.
-    plain = {
-        "impact": lambda x, p: [0.0, 0.0, 0.0, 1.0],
-        "impact_mass": lambda x, p: p["m2"],
-        "contact": replace(machine.model.contact, watch={"contact force": lambda x, p, q: p["m2"] - p["k"] * x[0]}),
-        "release": lambda alpha, p: np.full(np.shape(alpha), p["m2"] / p["k"]),
-    }
-    for field, wrong in plain.items():
-        with pytest.raises(InconsistentModel) as error:
-            find(inerter_by_hand(**{field: wrong}))
-        assert error.value.fields == ("contact.watch" if field == "contact" else field,)
-    with pytest.raises(InconsistentModel) as error:
-        find(inerter_by_hand(**plain))
-    assert len(error.value.fields) > 1
+def broken(machine) -> list[str]:
+    """The relations that do not hold for a machine."""
+    with pytest.raises(InconsistentModel, match=r"does not move as it is stated: .*: off by") as error:
+        check(machine)
+    assert all(each.words in str(error.value) for each in error.value.relations)
+    return [each.words for each in error.value.relations]
 
 
-def test_wrong_guesses_are_told():
-    machine = Hopper("r + 0.3*r**3", rest_length=20.0)
-    model = by_hand(machine)
-    half = lambda family, p: {name: 0.5 * value for name, value in model.guess(family, p).items()}  # noqa: E731
-    none = lambda family, p: {"liftoff": 1.0}  # noqa: E731
-    faster = replace(machine.model.relative, rate=lambda p: 2.0)
-    scale = lambda p: model.search(p)._replace(scale=-1.0)  # noqa: E731
-    for field, wrong in (("guess", half), ("guess", none), ("guess", faster), ("search", scale)):
-        with pytest.raises(InconsistentModel) as error:
-            check(with_model(machine, replace(model, **{field: wrong})))
-        assert error.value.fields == (field,)
-    with pytest.raises(InconsistentModel, match="its guess has no 'duration'"):
-        find(with_model(machine, replace(model, guess=none)), method="half orbit")
+def changed(function, factor=1.01, entries=slice(None)):
+    """A function whose results are multiplied, or some entries of them."""
+
+    def other(*arguments):
+        values = function(*arguments)
+        if not isinstance(values, list | tuple):
+            return factor * values
+        chosen = range(len(values))[entries]
+        return [factor * value if i in chosen else value for i, value in enumerate(values)]
+
+    return other
 
 
-@pytest.mark.parametrize("name", DERIVED_FIELDS)
-def test_what_follows_from_other_fields_is_not_stated(name):
-    with pytest.raises(InputError, match=f"states no '{name}', which follows from its .*: leave it out"):
-        inerter_by_hand(**{name: None})
+def of_other_sign(field):
+    """A field whose forces that are quadratic in the speeds have the other sign."""
+
+    def other(x, p, q):
+        at_rest = field([0 * each if i % 2 else each for i, each in enumerate(x)], p, q)
+        return [2 * s - f if i % 2 else f for i, (f, s) in enumerate(zip(field(x, p, q), at_rest, strict=True))]
+
+    return other
+
+
+def wrong_models(model, turns):
+    """Wrong equations of a model, each with the relation that finds it; `turns`: whether forces depend on speeds."""
+    bare = replace(model, reduction=None)
+    phases = {where: replace(getattr(model, where), closed_form=None) for where in ("flight", "contact")}
+    for where, relation in (("flight", IN_FLIGHT), ("contact", IN_CONTACT)):
+        phase = phases[where]
+        yield relation, replace(bare, **{where: replace(phase, field=changed(phase.field, entries=slice(1, None, 2)))})
+    if turns:
+        yield IN_FLIGHT, replace(bare, flight=replace(phases["flight"], field=of_other_sign(phases["flight"].field)))
+    for name, force in model.contact.watch.items():
+        if name == TANGENTIAL_FORCE and not turns:
+            continue  # it vanishes where a wheel stands on two feet
+        watch = {**model.contact.watch, name: changed(force)}
+        yield IN_CONTACT, replace(model, contact=replace(phases["contact"], watch=watch))
+    yield ENERGY, replace(model, flight_gradient=changed(model.flight_gradient))
+    yield IMPACTS, replace(model, impact_mass=changed(model.impact_mass))
+    yield IMPACTS, replace(model, impact=changed(model.impact))
+
+
+@pytest.mark.parametrize(
+    "name", slow_after(1, ("knee", "hopper", "juggler", "chain of 3", "wheel", "plate", "runner", "actuated", "in SI"))
+)
+def test_wrong_equations_are_found(name):
+    """Each is off by 1 %, or in the sign of the forces that are quadratic in the speeds."""
+    machine = MACHINES[name]
+    for relation, model in wrong_models(machine.model, name in ("knee", "runner")):
+        assert any(words.startswith(relation) for words in broken(posing(machine, model)))
+
+
+def test_wrong_statements_are_found():
+    """A mass that is 1 % larger, gravity, a spring or a force of the other sign, and a spring of another law."""
+    machine = MACHINES["inerter"]
+    stated, spring = machine.stated(), springs.formula("-(r + 0.1*r**3)")
+    masses = [each for each in stated.elements if isinstance(each, Mass)]
+    heavier = [replace(each, mass=f"1.01*({each.mass})") if each is masses[0] else each for each in stated.elements]
+    for other in (
+        replace(stated, elements=heavier),
+        stated.with_values(surface_gravity=1.01),
+        stated.with_springs([spring.key]),
+        stated.with_springs(["r + 0.101*r**3"]),
+        replace(stated, elements=[*stated.elements, Force(masses[0].height, lambda y, v, p: 0.01)]),
+    ):
+        assert {IN_FLIGHT, IN_CONTACT} <= {
+            " ".join(words.split()[:3]) for words in broken(posing(machine, None, other))
+        }
+
+
+def test_a_wrong_reversor_is_found():
+    wheel = MACHINES["wheel"]
+    stated = wheel.stated()
+    other = SimpleNamespace(**{name: getattr(stated, name) for name in (*vars(stated), "values")})
+    other.reversor = {**stated.reversor, "phi": "1.99*angle - phi"}
+    assert [words.split(",")[0] for words in broken(posing(wheel, None, other))] == [
+        f"{LANDS} in the mirror image of its launch"
+    ]
+
+
+@pytest.mark.parametrize("name", slow_after(1, ("cubic", "hopper", "juggler")))
+def test_wrong_short_cuts_are_found(name):
+    """The reduced flight, motions in closed form, and the extension at lift-off: `check` finds them, or says that there
+    is no orbit."""
+    machine = MACHINES[name]
+    model, (arc,) = machine.model, machine.model.reduction.statement.arcs
+    phase = replace(arc.phase, field=changed(arc.phase.field, entries=slice(1, 2)), closed_form=None)
+    statement = replace(model.reduction.statement, arcs=(replace(arc, phase=phase),))
+    wrong = [{"reduction": replace(model.reduction, statement=statement, exact=None)}]
+    wrong.append({"reduction": None, "release": lambda alpha, p: 1.01 * model.release(alpha, p) + 0.01})
+    if model.reduction.exact:
+        faster = lambda family, p: ({**model.reduction.exact(family, p)[0], "alpha": 4.5}, 1e-15)  # noqa: E731
+        wrong.append({"reduction": replace(model.reduction, exact=faster)})
+    for where in ("flight", "contact"):
+        if form := getattr(model, where).closed_form:
+            faster = lambda p, form=form: replace(form(p), squares=1.01 * form(p).squares)  # noqa: E731
+            wrong.append({"reduction": None, where: replace(getattr(model, where), closed_form=faster)})
+    found = []
+    for changes in wrong:
+        try:
+            found.append(check(posing(machine, replace(model, **changes))).left_out)
+        except InconsistentModel as error:
+            found.append(error.relations)
+    assert all(found)
+    assert all(isinstance(reason, str) == ("cannot be certified" in str(reason)) for (reason, *_) in found)
+
+
+@SLOW
+def test_numbers_that_are_none_are_found():
+    machine = MACHINES["hopper"]
+    for value in (np.nan, np.inf):
+        watch = {"contact force": lambda x, p, q, value=value: value}
+        contact = replace(machine.model.contact, closed_form=None, watch=watch)
+        assert any(
+            words.startswith(IN_CONTACT) for words in broken(posing(machine, replace(machine.model, contact=contact)))
+        )
+
+
+def test_what_is_not_stated_is_refused():
+    with pytest.raises(InputError, match=r"a SimpleNamespace is not stated, .*: state an orbits\.Mechanism"):
+        check(SimpleNamespace(model=Hopper().model))
+    with pytest.raises(InputError, match="an infinitely heavy hand is the limit of mechanisms: state a Juggler"):
+        check(HeavyHand())

@@ -259,7 +259,7 @@ def test_deep_nesting_and_large_files_are_refused(tmp_path):
 def test_every_public_name_is_among_the_calls():
     """Functions by their names, classes by the results and builders that are of them."""
     text = Path(valid_calls.__file__).read_text(encoding="utf-8")
-    uncalled = {"InputError", "NoOrbit", "OrbitsError", "Machine", "Model", "Units", "__version__"}  # nothing to call
+    uncalled = {"InputError", "NoOrbit", "OrbitsError", "Machine", "Units", "__version__"}  # nothing to call
     results = {"BifurcationCurve", "BifurcationDiagram", "BranchPoint", "Control", "Design", "DesignCurve", "Existence"}
     results |= {"Front", "HopMultipliers", "OptimalFamily", "PeriodDiagram", "Proof", "ReturningHops", "Simulation"}
     results |= {"Sweep", "Uncertainty", "Driven", "DrivenFamily", "Disturbed"}

@@ -221,7 +221,7 @@ def classes_in(hint):
 # What is returned and is no result, with what it is.
 NO_RESULTS = {
     "part of a result": {"Certificate", "Trajectory", "Point", "Event", "End", "Stretch", "Upkeep"},
-    "a machine": {"Mechanism", "MachineInSI", "Chain", "Actuated", "Model", "ReturnMap"},
+    "a machine": {"Mechanism", "MachineInSI", "Chain", "Actuated", "ReturnMap"},
     "a law": {"Law", "HystereticLaw"},
     "of the mechanics": {"LinearEquations", "Affine", "StateFormula", "Units", "Quantity"},
     "a page that is open": {"Exploration"},

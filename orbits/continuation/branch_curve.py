@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..consistency.accepted import check_parameters
 from ..errors import InputError, NoOrbit, finite_number, is_list
+from ..model.machine import check_parameters
 from ..periodic.branch_points import BranchPoint, Lateral, branch_point
 from ..periodic.find import unknowns_of_hop
 from ..periodic.ways import along_ways

@@ -12,12 +12,11 @@ from typing import Any, Self, TypeAlias
 
 import numpy as np
 
-from ..consistency.accepted import check_parameters
 from ..curves import Points
 from ..errors import InputError, NoOrbit, OrbitsError
 from ..flow.phase_field import OUT_OF_LAW
 from ..hops.lossless_hops import LosslessHops
-from ..model.machine import Machine
+from ..model.machine import Machine, check_parameters
 from ..model.planar import Planar
 from ..numerics.roots import solve
 from ..periodic.certificate import Certificate

@@ -9,7 +9,6 @@ from typing import Any, BinaryIO, Literal, NotRequired, TypedDict, overload
 
 import numpy as np
 
-from ..consistency.accepted import check_parameters
 from ..errors import InputError, finite_number
 from ..exact.claim import CONTACT_DURATION, Claim
 from ..io import (
@@ -25,7 +24,7 @@ from ..io import (
     unsealed,
     writing,
 )
-from ..model.machine import Machine, title_of_machine
+from ..model.machine import Machine, check_parameters, title_of_machine
 from ..periodic.certified import orbit_from
 from ..periodic.orbit import Orbit
 from ..periodic.saved_orbit import SavedLaws, with_note

@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..consistency.accepted import check_parameters
 from ..errors import LARGEST_SEED, InputError, NoOrbit, OrbitsError, whole_number
-from ..model.machine import Machine
+from ..model.machine import Machine, check_parameters
 from ..periodic.continued import continued_orbits
 from ..periodic.find import find
 from ..periodic.orbit import Orbit

@@ -12,9 +12,8 @@ from typing import Any, TypeAlias
 import casadi as ca
 import numpy as np
 
-from ..consistency.accepted import check_parameters
 from ..errors import InputError, NoOrbit, OrbitsError, list_of_names, whole_number
-from ..model.machine import Machine
+from ..model.machine import Machine, check_parameters
 from ..model.model import Model, refuse_forward, refuse_hysteresis
 from ..numerics.roots import Array
 from ..periodic.find import find

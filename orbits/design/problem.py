@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..consistency.accepted import check_parameters
 from ..errors import InputError, range_of
-from ..model.machine import Machine, free_parameters
+from ..model.machine import Machine, check_parameters, free_parameters
 from ..model.model import Model, refuse_forward
 from ..numerics.sobol import sobol_points
 from ..periodic.quantities import OF_RUNS

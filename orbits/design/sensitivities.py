@@ -6,9 +6,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..consistency.accepted import check_parameters
 from ..errors import InputError, OrbitsError, list_of_names
-from ..model.machine import Machine, free_parameters, machine_in_words
+from ..model.machine import Machine, check_parameters, free_parameters, machine_in_words
 from ..periodic.find import find
 from ..periodic.orbit import OTHER_EQUATIONS, Orbit, is_orbit_of, orbit_of
 from ..periodic.stated_start import StartLike, check_start

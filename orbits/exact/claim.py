@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..consistency.accepted import check_parameters
 from ..errors import InputError, NoOrbit, list_of_names
-from ..model.machine import MACHINE_FIELDS, Machine
+from ..model.machine import MACHINE_FIELDS, Machine, check_parameters
 from ..model.model import STEP_LENGTH
 from ..periodic.find import find
 from ..periodic.orbit import Orbit

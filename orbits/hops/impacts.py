@@ -15,13 +15,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..consistency.accepted import check_machine
 from ..errors import BreaksDown, FlowError, InputError, OutOfRange, RunsAway, finite_number
 from ..flow.first_events import FirstOf
 from ..flow.flow import StopTest, flow_of
 from ..flow.taylor import Watch
 from ..flow.trajectory import Trajectory
-from ..model.machine import Machine
+from ..model.machine import Machine, check_machine
 from ..model.model import CONTACT_FORCE, Model
 from ..model.phase import Affine
 from ..numerics.polynomial_roots import Crossings

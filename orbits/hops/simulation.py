@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..consistency.accepted import check_machine
 from ..errors import InputError, finite_number, whole_number
-from ..model.machine import Machine
+from ..model.machine import Machine, check_machine
 from ..model.model import refuse_steps
 from ..periodic.orbit import Orbit, start_in_file
 from ..periodic.stated_start import StartLike, unknowns_of_start

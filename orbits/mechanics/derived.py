@@ -7,7 +7,7 @@ from typing import Any
 from ..errors import InputError
 from ..laws.law import Parameters
 from ..model.linear_guess import search_of_steps
-from ..model.model import STEP_LENGTH, Model, as_derived
+from ..model.model import STEP_LENGTH, Model
 from ..running.exclusive import exclusive
 from .coordinates import Coordinates
 from .elements import Force, Spring, expressions_of, names_in
@@ -78,7 +78,7 @@ def derived_model(structure: Structure) -> Model:
         # turns all of them.
         usual, counted = launch.relative.search, len({*steps.reversor.signs}) == 1 and steps.reversible
         model = replace(model, search=(lambda p: search_of_steps(model, usual(p), p)) if counted else None)
-    return as_derived(model)
+    return model
 
 
 @exclusive

@@ -27,7 +27,7 @@ from ..io import one_line
 from ..laws.law import Key, Law, coefficient_of_restitution, number
 from ..laws.law_statement import key_of
 from ..model.machine import Stated
-from ..model.model import STEP_LENGTH, Model, as_derived
+from ..model.model import STEP_LENGTH, Model
 from ..running.exclusive import exclusive, exclusive_property
 from ..symbolic.formula import suggest
 from ..units import FORCE, LENGTH, TORQUE, Dimension, Units, unit_text
@@ -434,4 +434,4 @@ class Mechanism(Stated):
 @lru_cache(maxsize=64)
 def _with_units(model: Model, units: Units, springs: tuple[tuple[str, Dimension], ...]) -> Model:
     """The same model, its results in units, and the forces of its springs of these dimensions."""
-    return as_derived(replace(model, units=lambda p: units, spring_dimensions=dict(springs)))
+    return replace(model, units=lambda p: units, spring_dimensions=dict(springs))

@@ -5,6 +5,8 @@ from dataclasses import fields
 from types import MappingProxyType
 from typing import Any, Protocol, Self, cast, runtime_checkable
 
+from ..errors import InputError, refuse_machine
+from ..symbolic.formula import suggest
 from ..units import Units
 from .model import Model
 
@@ -19,7 +21,7 @@ class Machine(Protocol):
     A machine does not change after its construction. `find` and `find_all` need its model, values, units and
     description; functions that vary parameters (`follow`, `existence`, `sensitivities`, `optimize`, `pareto`) need
     `with_values` too; and `ReturnMap`, `simulate` and `multiplier` its restitution. `steer` takes phases instead of a
-    machine. `check` checks all of these attributes.
+    machine.
     """
 
     @property
@@ -98,3 +100,23 @@ def free_parameters(machine: Machine) -> list[str]:
     """The names of the parameters that may be varied."""
     fixed = (machine.model.homotopy, machine.model.gauge, *machine.model.fixed)
     return [name for name in machine.values if name not in fixed]
+
+
+def check_machine(machine: Machine, *also: str) -> None:
+    """Raise `InputError` where something is no machine, naming the parts that are missing; `also` names further parts
+    needed."""
+    wrong = {name: "" for name in ("model", "values", "units", "describe", *also) if not hasattr(machine, name)}
+    if "model" not in wrong and not isinstance(machine.model, Model):
+        wrong["model"] = f"it is a {type(machine.model).__name__}, not a Model"
+    refuse_machine(machine, wrong)
+
+
+def check_parameters(machine: Machine, *names: str) -> None:
+    """Raise `InputError` where something is no machine whose parameters can be changed, or lacks one of these names."""
+    check_machine(machine, "with_values")
+    free = free_parameters(machine)
+    for name in names:
+        if name not in free:
+            near = suggest(name, free)
+            named = f"{near} It" if near.endswith("?") else "; it"
+            raise InputError(f"the machine has no parameter '{name}' to follow{named} has {', '.join(free)}")

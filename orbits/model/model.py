@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Self, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -29,15 +29,6 @@ LANDED_FORCE = "contact force of the landed point"
 HOLDING_FORCE = "holding force"
 # The parameter that says by how much such a coordinate moves on from one contact to the next.
 STEP_LENGTH = "step"
-# What no model states, and the fields from which it follows.
-DERIVED_FIELDS = {
-    "launch": "contact, launch_unknowns and embed",
-    "touchdown": "contact, launch_unknowns, reversor, symmetry and embed",
-    "liftoff": "launch_unknowns and the forces that contact watches",
-    "landing": "gap, flight, launch_unknowns and embed",
-    "contact_gradient": "flight_gradient and embed",
-    "contact_speed": "contact and launch_unknowns",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +42,7 @@ class Model:
     and further unknowns of a launch have the names of contact states. The functions gap, separation, impact_mass,
     impact, and the contact force are called for m orbits together, with arrays (m,) in `x` and `p`, and with CasADi's
     expressions; so they must not branch on these values. A speed has the name of its coordinate with an apostrophe. The
-    launch, lift-off, the landing and the energy in contact follow from the fields, see the methods; a model that states
-    one of them raises `InputError`.
+    launch, lift-off, the landing and the energy in contact follow from the fields, see the methods.
 
     flight, contact : the two phases; the contact watches a quantity named "contact force", which vanishes at lift-off,
         and where coordinates stick the "holding force" on each, which does so too.
@@ -119,8 +109,6 @@ class Model:
         their places, and they move on by the parameter "step" from one contact to the next
     sticking : (x, p) -> the directions in which an impact changes the flight state x per unit of speed of each of
         these, and the masses (1 + sticks, 1 + sticks) of the speeds of the gap and of these; None where nothing sticks
-    derived : whether the model was derived, so that its parts cannot contradict each other, see `as_derived`; other
-        models are checked once before they are used (`orbits.check` checks more)
     """
 
     name: str
@@ -164,14 +152,6 @@ class Model:
     feet: tuple[str, ...] = ()
     sticks: tuple[str, ...] = ()
     sticking: Callable | None = None
-    # A model that `dataclasses.replace` makes has to be checked again.
-    derived: bool = field(default=False, init=False)
-
-    def __new__(cls, *stated: object, **named: object) -> Self:
-        for name, fields_of in DERIVED_FIELDS.items():
-            if name in named:
-                raise InputError(f"a model states no '{name}', which follows from its {fields_of}: leave it out")
-        return super().__new__(cls)
 
     def __repr__(self) -> str:
         return fields_in_line(self, "name")
@@ -443,12 +423,6 @@ def refuse_forward(model: Model) -> None:
         )
 
 
-def as_derived(model: Model) -> Model:
-    """A model that was just made, marked as `derived`: its fields follow from mechanics, or tests hold them so."""
-    object.__setattr__(model, "derived", True)
-    return model
-
-
 def reparametrised(model: Model, own: Callable[[Parameters], Parameters], **changes: object) -> Model:
     """A model whose parameters are functions `own`, p -> parameters of the model, of other parameters."""
 
@@ -488,8 +462,7 @@ def reparametrised(model: Model, own: Callable[[Parameters], Parameters], **chan
         changes["planar"] = replace(model.planar, **functions(model.planar))
     phases = {"flight": moved(model.flight), "contact": moved(model.contact)}
     changes["spring_forces"] = {name: of_own(force, 1) for name, force in model.spring_forces.items()}
-    found = replace(model, **{**functions(model), **phases, **changes})
-    return as_derived(found) if model.derived else found
+    return replace(model, **{**functions(model), **phases, **changes})
 
 
 # The functions whose last argument is the data of a piece, after the parameters.

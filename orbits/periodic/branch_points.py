@@ -10,9 +10,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..consistency.accepted import check_machine, check_parameters
 from ..errors import FlowError, InputError, NoOrbit, finite_number, range_of, whole_number
-from ..model.machine import Machine, dimensionless
+from ..model.machine import Machine, check_machine, check_parameters, dimensionless
 from ..model.model import STEP_LENGTH
 from ..numerics.common_zeros import near_common_zeros
 from ..numerics.roots import solve

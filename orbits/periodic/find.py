@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..consistency.accepted import check_machine
 from ..errors import FlowError, InputError, NoOrbit, finite_number
-from ..model.machine import Machine, dimensionless
+from ..model.machine import Machine, check_machine, dimensionless
 from ..model.model import STEP_LENGTH, refuse_hysteresis
 from ..result import Progress
 from ..running import interrupts

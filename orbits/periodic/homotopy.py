@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from ..curves import Steps
-from ..errors import InconsistentModel, NoOrbit
+from ..errors import NoOrbit
 from ..model.model import Model
 from ..numerics.roots import solve
 from ..result import Progress
@@ -37,8 +37,6 @@ def solve_by_homotopy(
     """
     unknowns, homotopy = equations.statement.unknowns, model.homotopy
     start = {**guess(model, family, {**p, homotopy: 0.0} if homotopy else p), "unfolding": 0.0}
-    if missing := [name for name in ("duration", *unknowns) if name not in start]:
-        raise InconsistentModel(f"the model '{model.name}' is malformed: its guess has no '{missing[0]}'", ("guess",))
     start["duration"] *= 2 if "unfolding" in unknowns else 1
     u = np.array([start[name] for name in unknowns])
     if homotopy is None:

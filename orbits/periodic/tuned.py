@@ -11,9 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..consistency.accepted import check_parameters
 from ..errors import FlowError, InputError, NoOrbit, finite_number, list_of_names
-from ..model.machine import Machine
+from ..model.machine import Machine, check_parameters
 from ..model.model import STEP_LENGTH, Model
 from ..model.phase import Statement
 from ..numerics.roots import solve

@@ -11,11 +11,10 @@ from importlib.util import find_spec
 from multiprocessing import get_context
 from typing import Protocol, TypeAlias
 
-from ..consistency.accepted import check_machine, check_parameters
 from ..errors import InputError, whole_number
 from ..exact.claim import Claim, claim_of
 from ..exact.stated import exact_values
-from ..model.machine import Machine
+from ..model.machine import Machine, check_machine, check_parameters
 from ..model.model import refuse_hysteresis
 from ..periodic.orbit import Orbit
 from ..running.exclusive import exclusive

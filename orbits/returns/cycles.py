@@ -11,10 +11,9 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from ..consistency.accepted import check_machine
 from ..errors import InputError
 from ..hops.launch_section import LaunchSection
-from ..model.machine import Machine, free_parameters, machine_in_words
+from ..model.machine import Machine, check_machine, free_parameters, machine_in_words
 from ..units import LIFTOFF_SPEED
 from .hops import Hops
 from .hops_along import INJECT, HopsAlong

@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from ..consistency.accepted import check_machine
 from ..errors import InputError, NoOrbit, finite_number
 from ..exact.stated import exact_values
 from ..hops.simulation import simulate
-from ..model.machine import Machine
+from ..model.machine import Machine, check_machine
 from ..model.model import refuse_steps
 from ..proof.prove import Decimal, Exact, need_flint
 from ..proof.theorem import Proof

@@ -13,14 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..consistency.accepted import check_machine
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
 from ..hops.decided_hops import hops_of_speeds, stand
 from ..hops.hysteresis import Branches
 from ..hops.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, impacts_of, injected
 from ..hops.launch_section import LaunchSection
 from ..io import fields_in_line
-from ..model.machine import Machine, dimensionless, machine_in_words
+from ..model.machine import Machine, check_machine, dimensionless, machine_in_words
 from ..numerics.roots import enclosed_ends
 from ..periodic.find import find
 from ..periodic.lossless_speeds import lossless_speeds

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..consistency.accepted import check_machine
 from ..errors import InputError, OrbitsError, one_of, true_or_false
-from ..model.machine import Machine, free_parameters
+from ..model.machine import Machine, check_machine, free_parameters
 from ..periodic.stated_start import StartLike
 from ..running import interrupts
 from ..running.exclusive import exclusive

@@ -6,10 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..consistency.accepted import check_machine
 from ..design.sensitivities import sensitivities
 from ..errors import InputError, list_of_names, whole_number
-from ..model.machine import Machine
+from ..model.machine import Machine, check_machine
 from ..periodic.find import find
 from ..periodic.stated_start import StartLike, check_start
 from ..result import Axes, Result, shown

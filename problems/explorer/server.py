@@ -237,7 +237,7 @@ def explore(machine: Any = None, *, height: int = 900) -> Exploration:
         machine = Hopper("r + beta*r**3", rest_length=8.0, parameters={"beta": 0.3})
     from multiprocessing import current_process
 
-    from orbits.consistency.accepted import check_machine
+    from orbits.model.machine import check_machine
 
     check_machine(machine, "with_values")
     if getattr(current_process(), "_inheriting", False):  # a worker is importing the script that called this

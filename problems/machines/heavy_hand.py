@@ -7,7 +7,7 @@ from typing import Any
 from orbits import Mechanism
 from orbits.errors import InputError
 from orbits.laws.law import Algebraic, Key, Parameters, Scalars
-from orbits.model.model import Model, as_derived
+from orbits.model.model import Model
 from orbits.model.modes import Modes, single_mode
 from orbits.model.relative import straight_line
 
@@ -74,7 +74,7 @@ def _heavy_hand(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         closed_form=oscillator if finite.contact.closed_form else None,
     )
     hand = lambda x, p, q: [-finite.flight.field(x, p, q)[3], x[3]]  # noqa: E731
-    heavy = replace(
+    return replace(
         finite,
         name="heavy hand",
         contact=contact,
@@ -83,4 +83,3 @@ def _heavy_hand(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         impact=lambda x, p: [0.0, 1.0, 0.0, 0.0],
         fixed=("mass_ratio",),
     )
-    return as_derived(heavy)

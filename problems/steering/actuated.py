@@ -22,7 +22,7 @@ from orbits.mechanics.dimensions import length_or_angle
 from orbits.mechanics.elements import Element, Scalar, names_in, value_of
 from orbits.mechanics.mechanism import Mechanism
 from orbits.model.machine import Stated
-from orbits.model.model import Model, as_derived
+from orbits.model.model import Model
 from orbits.running.exclusive import exclusive, exclusive_property
 from orbits.symbolic.formula import suggest
 from orbits.units import ANGLE, ANGULAR_SPEED, FORCE, LENGTH, SPEED, TORQUE, Dimension, Units
@@ -127,6 +127,11 @@ class Actuated(Stated):
         if isinstance(m, TwoMassMachine):
             return _with_actuator(m.mechanism(*m.keys, m.rest_length is not None, True, *m.ground_keys), self.actuator)
         return _with_actuator(m.stated(), self.actuator)
+
+    def stated(self) -> Mechanism:
+        """The machine with its actuator as a mechanism, with the values of its parameters and without units."""
+        values = {name: value for name, value in self.values.items() if name != self.model.homotopy}
+        return replace(self.mechanism, parameters=values)
 
     @property
     def model(self) -> Model:
@@ -351,7 +356,7 @@ def _with_actuator(mechanism: Mechanism, actuator: Actuator) -> Mechanism:
 @lru_cache(maxsize=64)
 def _with_forces(model: Model, dimensions: tuple[Dimension, ...]) -> Model:
     """The same model, the forces of its springs of these dimensions."""
-    return as_derived(replace(model, spring_dimensions=dict(zip(model.spring_forces, dimensions, strict=True))))
+    return replace(model, spring_dimensions=dict(zip(model.spring_forces, dimensions, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -137,9 +137,7 @@ CHECKED = {
 
 @pytest.mark.parametrize("name", slow_after(len(CHECKED) - 2, CHECKED))
 def test_each_of_them_holds(name):
-    checked = check(CHECKED[name])
-    assert len(checked.relations) >= 24
-    assert checked.largest < 0.1
+    assert check(CHECKED[name]).largest < 0.1
 
 
 def test_the_return_map_of_a_knee_whose_liftoff_depends_on_the_speed():

@@ -79,7 +79,7 @@ class TestNumbers:
         assert [other.alpha for other in find_all(plain)] == [orbit.alpha]
         assert simulate(plain, 6.0, hops=2).launches == pytest.approx(simulate(named, 6.0, hops=2).launches, rel=1e-13)
         assert ReturnMap(plain)(6.0).next == pytest.approx(float(ReturnMap(named)(6.0).next), rel=1e-13)
-        assert all(each.holds for each in check(plain).relations)
+        assert check(plain).largest < 1
 
     def test_may_come_after_the_statement(self):
         stated = leg(Spring("body - foot", "k*r"), parameters={})

@@ -8,8 +8,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipj, ellipk
 from steps import SINES, TABLE, by_hand, start_of, stepping
 
-from orbits import InputError, Mechanism, find
-from orbits.consistency.verdict import algebraic_relations
+from orbits import InputError, Mechanism, check, find
 from orbits.mechanics import Damper, Mass, Potential, Spring, Weight
 from problems.laws import springs
 
@@ -52,8 +51,6 @@ def test_a_mechanism_has_the_model_that_is_written_by_hand(kind, law, sine):
     assert (a.landing_gap is None) == (b.landing_gap is None)
     if a.landing_gap:
         assert b.landing_gap(q) == a.landing_gap(p)
-    assert b.derived
-    assert all(each.holds for each in algebraic_relations(b, q))
 
 
 @pytest.mark.parametrize("kind", TABLE)
@@ -70,7 +67,10 @@ def test_straight_lines_need_no_integration(kind):
 @pytest.mark.parametrize("kind", TABLE)
 def test_odd_laws_turn_motions_back(kind, law):
     machine = stepping(kind, 0.8, 0.4, 0.3, law, **({"c": 0.7} if "c" in law else {}))
-    assert all(each.holds for each in algebraic_relations(machine.model, machine.values))
+    model, p, x = machine.model, machine.values, [0.4, -0.3, 0.2, 0.7]
+    back = model.flight.field(model.reversal.image(x, p), p, [])
+    rates = [-sign * rate for sign, rate in zip(model.reversor, model.flight.field(x, p, []), strict=True)]
+    assert back == pytest.approx(rates, rel=1e-13)
 
 
 def test_two_inner_bodies_step_together():
@@ -82,7 +82,7 @@ def test_two_inner_bodies_step_together():
         inertia={"inner": 0.2, "phi": 1.0, "theta": 1.25}, parameters={"angle": 0.3, "weight": 0.5},
         reversor=turned, symmetry={"inner": "inner - 2*angle", **NEXT}, gaps=FEET,
     )  # fmt: skip
-    assert all(each.holds for each in algebraic_relations(machine.model, machine.values))
+    assert check(machine).largest < 1
     assert not machine.model.one_speed
 
 
@@ -127,7 +127,7 @@ def test_the_forces_on_both_feet_on_a_slope():
         landed = weight * math.sin(angle - slope) + 3 * r  # about the rear one
         forces = [force([r, 0.9], p, []) for force in model.contact.watch.values()]
         assert forces == pytest.approx([opens, landed], rel=1e-14)
-    assert all(each.holds for each in algebraic_relations(model, p))
+    assert check(machine).largest < 1
 
 
 def test_the_weight_of_a_mass_above_the_foot_is_its_potential():
@@ -143,7 +143,7 @@ def test_damped_steps_are_not_turned_back():
     assert damped.model.reversor is None
     assert damped.model.symmetry == (1, 1, 1, 1)
     assert damped.model.landing_gap(damped.values).offset == pytest.approx(0.6)
-    assert all(each.holds for each in algebraic_relations(damped.model, damped.values))
+    assert check(damped).largest < 1
 
 
 def test_words_name_the_points_of_contact():
@@ -159,12 +159,12 @@ def test_words_name_the_points_of_contact():
     assert "landing gap" not in plain.model.violations
 
 
-@pytest.mark.parametrize("kind", TABLE)
+@pytest.mark.parametrize("kind", slow_after(1, [*TABLE]))
 def test_a_law_in_pieces_is_taken_where_it_is_odd(kind):
     rows = [-2.0, -1.0, 0.0, 1.0, 2.0], [-3.0, -1.2, 0.0, 1.2, 3.0]
     for law in (springs.end_stops(gap=0.1, stop=2.0), springs.table(rows, noise=0)):
         machine = stepping(kind, 0.8, 0.4, 0.3, law)
-        assert all(each.holds for each in algebraic_relations(machine.model, machine.values))
+        assert check(machine).largest < 1
     for law in (springs.bilinear(), springs.table((rows[0], [-2.9, *rows[1][1:]]), noise=0)):
         with pytest.raises(InputError, match="is not odd, and its extension changes its sign on a step"):
             _ = stepping(kind, 0.8, 0.4, 0.3, law).model
@@ -220,7 +220,7 @@ def test_springs_that_take_each_others_places_are_alike():
         Spring("phi - theta", "r"), Spring("theta - angle + 0.5", laws[0]), Spring("angle - theta + 0.5", laws[1]),
         Potential("weight*cos(theta - angle)"),
     )  # fmt: skip
-    assert all(each.holds for each in algebraic_relations(legs(pair).model, legs(pair).values))
+    assert check(legs(pair)).largest < 1
     with pytest.raises(InputError, match=r"for the spring 'r \+ r\*\*3' along 'theta - angle \+ 0\.5'"):
         _ = legs(["r + r**3", "r"]).model
 

@@ -5,11 +5,12 @@ from concurrent.futures import ProcessPoolExecutor
 from copy import deepcopy
 from dataclasses import dataclass
 from multiprocessing import get_context
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from orbits import ReturnMap, find
+from orbits import InputError, ReturnMap, find, follow
 from problems import Actuated, Chain, HeavyHand, Hopper, Juggler, hopper_in_si, juggler_in_si
 from problems.laws import gravity, springs
 
@@ -107,3 +108,13 @@ def test_other_processes():
 
 # Machines whose laws are a formula, Python functions, a potential, pieces, and a table in SI.
 CHILDREN = ("c*r**3", "b=0.2, R=50.0", "potential", "'bilinear'", "in SI, spring table:table")
+
+
+def test_what_is_no_machine_is_refused_by_its_missing_parts():
+    bare = SimpleNamespace(model=Hopper().model, values=Hopper().values)
+    with pytest.raises(InputError, match="it has no 'units'; it has no 'describe'"):
+        find(bare)
+    with pytest.raises(InputError, match="it has no 'with_values'"):
+        follow(SimpleNamespace(**vars(bare), units=None, describe=dict), "mass_ratio", 2.0)
+    with pytest.raises(InputError, match="model: it is a str, not a Model"):
+        ReturnMap(SimpleNamespace(**{**vars(bare), "model": "hopper"}, units=None, describe=dict))

@@ -1,1 +1,0 @@
-"""Consistency checks of models that are written by hand."""

@@ -1,0 +1,167 @@
+"""What a mechanism states, evaluated element by element: forces, masses, energies, gaps and maps.
+
+Nothing here solves Lagrange's equations, so that it tells whether what is derived from them is right. Along each
+coordinate the elements balance (d'Alembert's principle): with q the places, h a height, an extension or a place across,
+h'' its second derivative in a motion, m the mass that moves along it, and f a force along a function r,
+
+    sum of m h'' dh/dq  +  sum of f dr/dq  =  F dg/dq,
+
+F being the contact force along the gap g, 0 in flight.
+"""
+
+from collections.abc import Iterator, Mapping
+
+import casadi as ca
+import numpy as np
+
+from ..laws.law import Key, Parameters
+from ..model.phase import data_at
+from ..symbolic.calls import MappedFunction
+from .elements import Damper, Force, Inerter, Mass, Potential, Scalar, Spring, Weight, paths_of, value_of
+from .mechanism import Mechanism
+
+
+class Balance:
+    """A mechanism with its numbers as functions of flight states x (N, 2 n + k) and accelerations a (N, n).
+
+    A call returns arrays by name:
+    terms : (N, n, count), the summands of the balance along each coordinate
+    ground : (N, 2, 1), the forces across and along the ground that all masses need
+    kinetic, stored, power : (N, 1, 1), the kinetic energy, that of weights and potentials, and the power that the
+        forces take from the motion
+    gradient : (N, 2 n + k, 1), of the energy
+    inertia : (N, n, n)
+    gap, landing_gap : (N, 1, 1), of which the first has the largest weight 1; along_gap, along_landing_gap : (N, n, 1)
+    reversed, relabelled : (N, 2 n + k, 1), the images of the state under the maps that are stated
+    """
+
+    def __init__(self, stated: Mechanism):
+        self.stated, self.p, self.count = stated, stated.values, len(stated.coordinates)
+        moved = (*stated.coordinates, *stated.actuators)
+        self.q, self.v, self.a = (ca.SX.sym(name, len(moved)) for name in "qva")
+        self.places, self.rates = (dict(zip(moved, ca.vertsplit(each), strict=True)) for each in (self.q, self.v))
+        n, found = self.count, {**self._balance(), **self._energies(), **self._geometry()}
+        inner = ca.Function("stated", [self.q, self.v, self.a], [ca.densify(each) for each in found.values()])
+        x, a = ca.SX.sym("x", n + len(moved)), ca.SX.sym("a", n)
+        # The displacement of an actuator has a rate that is a parameter, and no acceleration.
+        speeds = ca.vertcat(x[1 : 2 * n : 2], *(self.p[rate] for rate in stated.actuators.values()))
+        accelerations = ca.vertcat(a, ca.SX.zeros(len(stated.actuators)))
+        results = inner.call([self._places(x), speeds, accelerations])
+        self.function = ca.Function("balance", [x, a], results, ["x", "a"], list(found))
+        self.names, self._mapped = list(found), MappedFunction(self.function)
+
+    def __call__(self, x: np.ndarray, a: np.ndarray | None = None) -> dict[str, np.ndarray]:
+        """The arrays at states, without accelerations where none are given."""
+        a = np.zeros((len(x), self.count)) if a is None else a
+        return dict(zip(self.names, self._mapped(x, a), strict=True))
+
+    def power(self, x: ca.SX) -> ca.SX:
+        """The power that the forces take from the motion in a flight state."""
+        return self.function(x=x)["power"]
+
+    def _balance(self) -> dict[str, ca.SX]:
+        """The summands of the balance; those of a stated inertia I are (I v)' less half the gradient of v . I v."""
+        n, inertia = self.count, self._stated_inertia()
+        turning = ca.bilin(inertia, self.v, self.v) / 2
+        summands = [self._change(inertia @ self.v) - self._slope(turning)]
+        summands += [mass * self._second(h) * self._slope(h) for h, mass in self._moving()]
+        summands += [force * self._slope(r) for r, force in self._forces(Mass, Spring, Potential, Damper, Force)]
+        across, along = ca.SX(0), ca.SX(0)
+        for each in self.stated.elements:
+            if isinstance(each, Mass):
+                across += self._at(each.mass) * self._second(self._at(each.height))
+                along += self._at(each.mass) * self._second(self._at(each.across)) if each.across is not None else 0
+        across += sum(force for _, force in self._forces(Mass))
+        return {"terms": ca.horzcat(*summands)[:n, :], "ground": ca.vertcat(across, along)}
+
+    def _energies(self) -> dict[str, ca.SX]:
+        n, v = self.count, self.v
+        kinetic = ca.bilin(self._stated_inertia(), v, v) / 2
+        kinetic += sum(mass * self._rate(h) ** 2 / 2 for h, mass in self._moving())
+        forces = self._forces(Mass, Spring, Potential, Damper, Force)
+        keeping = sum(
+            (force * self._slope(r) for r, force in self._forces(Mass, Spring, Potential)), ca.SX(v.numel(), 1)
+        )
+        momentum, static = ca.gradient(kinetic, v), self._slope(kinetic) + keeping
+        pairs = [part for i in range(n) for part in (static[i], momentum[i])]
+        return {
+            "kinetic": kinetic,
+            "stored": sum((r * force for r, force in self._forces(Mass, Potential)), ca.SX(0)),
+            "power": sum((force * ca.dot(self._slope(r)[:n], v[:n]) for r, force in forces), ca.SX(0)),
+            "gradient": ca.vertcat(*pairs, static[n:]),
+            "inertia": ca.jacobian(momentum[:n], v[:n]),
+        }
+
+    def _geometry(self) -> dict[str, ca.SX]:
+        m, opens = self.stated, self._at(self.stated.gap)
+        back, forward = self._image(m.reversor or {}, -1.0), self._image(m.symmetry, 1.0)
+        lands = self._at([*m.gaps.values()][1]) if len(m.gaps) > 1 else ca.substitute(opens, self.q, self._places(back))
+        gaps = {"gap": opens, "landing_gap": lands}
+        gaps = {name: gap / ca.mmax(self._slope(opens)) for name, gap in gaps.items()}
+        along = {f"along_{name}": self._slope(gap)[: self.count] for name, gap in gaps.items()}
+        return {**gaps, **along, "reversed": back, "relabelled": forward}
+
+    def _places(self, x: ca.SX) -> ca.SX:
+        """The places with an actuator's displacement in a flight state."""
+        return ca.vertcat(x[: 2 * self.count : 2], x[2 * self.count :])
+
+    def _image(self, stated: Mapping[str, Scalar], time: float) -> ca.SX:
+        """The image of a state under a map of places, and of time to its negative where that is -1."""
+        images = [self._at(stated.get(name, name)) for name in self.stated.coordinates]
+        pairs = [part for image in images for part in (image, time * self._rate(image))]
+        return ca.vertcat(*pairs, self.q[self.count :])
+
+    def _moving(self) -> Iterator[tuple[ca.SX, ca.SX]]:
+        """The functions along which something with a mass moves, and the masses."""
+        for each in self.stated.elements:
+            if isinstance(each, Mass):
+                yield from ((self._at(path), self._at(each.mass)) for path in paths_of(each))
+            elif isinstance(each, Inerter):
+                yield self._at(each.extension), self._at(each.inertance)
+
+    def _forces(self, *kinds: type) -> Iterator[tuple[ca.SX, ca.SX]]:
+        """The functions along which elements of some kinds have forces, and the forces; a `Mass` stands for weights."""
+        for each in self.stated.elements:
+            match each:
+                case Mass(height=height, mass=mass) | Weight(height=height, mass=mass) if Mass in kinds:
+                    pull = _law(self.stated.gravity, self._at(height), self.p)
+                    yield self._at(height), self._at(mass) * self._at(self.stated.surface_gravity) * pull
+                case Spring() if Spring in kinds:
+                    yield self._at(each.extension), _law(each.force, self._at(each.extension), self.p)
+                case Potential() if Potential in kinds:
+                    yield self._at(each.energy), ca.SX(1)
+                case Damper() if Damper in kinds:
+                    yield self._at(each.extension), self._at(each.coefficient) * self._rate(self._at(each.extension))
+                case Force() if Force in kinds:
+                    yield self._at(each.along), -ca.SX(each.force(self.places, self.rates, self.p))
+
+    def _stated_inertia(self) -> ca.SX:
+        """The inertia (n + k, n + k) beside that of the elements."""
+        whole = ca.SX(self.q.numel(), self.q.numel())
+        for i, row in enumerate(self.stated.inertia):
+            for j, each in enumerate(row):
+                whole[i, j] = self._at(each)
+        return whole
+
+    def _at(self, expression: Scalar) -> ca.SX:
+        return ca.SX(value_of(expression, self.places, self.p))
+
+    def _slope(self, function: ca.SX) -> ca.SX:
+        return ca.gradient(function, self.q)
+
+    def _rate(self, function: ca.SX) -> ca.SX:
+        return ca.jtimes(function, self.q, self.v)
+
+    def _change(self, function: ca.SX) -> ca.SX:
+        """The rate of a function of places and speeds."""
+        return ca.jtimes(function, ca.vertcat(self.q, self.v), ca.vertcat(self.v, self.a))
+
+    def _second(self, function: ca.SX) -> ca.SX:
+        return self._change(self._rate(function))
+
+
+def _law(key: Key, place: ca.SX, p: Parameters) -> ca.SX:
+    """The value of a law at a place, on whichever piece that is."""
+    pieces = key.pieces
+    data = data_at(place * pieces.units(p) - pieces.origins(p), *pieces.table(p)) if pieces else []
+    return key.expression(place, p, data)
