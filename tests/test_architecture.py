@@ -84,14 +84,11 @@ TESTED_WITH = {
 # become smaller, and no module may be added.
 MOST_CONSTANTS = 3
 TOO_MANY = {
-    "orbits/check_proof": 10, "orbits/continuation/together": 4,
-    "orbits/control/holding": 7, "orbits/control/steer": 5, "orbits/curves/bordered_newton": 4,
-    "orbits/design/local": 24, "orbits/design/pareto": 4, "orbits/exact/expressions": 4,
-    "orbits/model/liftoff": 6, "orbits/model/linear_guess": 4, "orbits/model/relative": 7,
-    "orbits/model/turning_speeds": 5, "orbits/periodic/family_search": 17, "orbits/periodic/guess": 7,
-    "orbits/periodic/linear_hops": 8, "orbits/periodic/loss_coefficient": 5, "orbits/periodic/run_start": 6,
-    "orbits/periodic/tuned": 6, "orbits/result": 5, "problems/explorer/results": 10, "problems/explorer/worker": 5,
-    "problems/laws/fitting": 9, "problems/recordings/smoothing": 17, "problems/steering/corners": 4,
+    "orbits/check_proof": 10, "orbits/control/holding": 7, "orbits/control/steer": 5,
+    "orbits/curves/bordered_newton": 4, "orbits/design/local": 24, "orbits/design/pareto": 4,
+    "orbits/exact/expressions": 4, "orbits/model/liftoff": 6, "orbits/result": 5, "problems/explorer/results": 10,
+    "problems/explorer/worker": 5, "problems/laws/fitting": 9, "problems/recordings/smoothing": 17,
+    "problems/steering/corners": 4,
 }  # fmt: skip
 SOURCES = sorted(path for package in RANK for path in (ROOT / package).rglob("*.py"))
 ENGINE = [path for path in SOURCES if path.is_relative_to(ROOT / "orbits")]

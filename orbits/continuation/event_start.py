@@ -52,11 +52,19 @@ NOT_FOLLOWED = {
     "family": "the number of a family is counted, and is no equation",
     "value": "the parameter has one value on it: follow(machine, second) goes along it",
 }
-# Samples of the energy over the places of a contact, in which its barrier is searched, up to these multiples of the
-# distance from touchdown to the place of rest; and the largest share of the energy at rest that is left there.
-BARRIER_SAMPLES, FURTHEST_BARRIER, ENERGY_LEFT = 4000, (2.0, 8.0, 64.0), 0.2
-# A number of the certificate that is larger where its event is located changes its sign by a jump.
-JUMPS = 1e-6
+
+
+class BarrierOptions(NamedTuple):
+    """Where the barrier of a contact is searched, and when a number of the certificate jumps."""
+
+    samples: int = 4000  # of the energy over the places of a contact
+    # Up to these multiples of the distance from touchdown to the place of rest.
+    furthest: tuple[float, ...] = (2.0, 8.0, 64.0)
+    energy_left: float = 0.2  # the largest share of the energy at rest that is left there
+    jumps: float = 1e-6  # a number of the certificate that is larger at its event changes its sign by a jump
+
+
+BARRIER_SEARCH = BarrierOptions()
 
 
 class EventStart(NamedTuple):
@@ -103,7 +111,8 @@ def event_start(machine: Machine, family: Family, event: Event | str | Mapping[s
         raise InputError(f"a curve of '{found.kind}' is not followed: {reason}; those of {known} are")
     text = limits[found.kind]
     size = getattr(own, text) if text in Certificate.__dataclass_fields__ else 0.0
-    if size is None or abs(size) > JUMPS:  # on one side the contact turns back before a barrier, on the other beyond it
+    # Where it jumps, the contact turns back before a barrier on one side, and beyond it on the other.
+    if size is None or abs(size) > BARRIER_SEARCH.jumps:
         return _of_collapse(machine, family, own)
     condition = EventCondition(found.kind, text, 0.0, place=_side_of(machine, text, 0.0))
     return _of_formula(machine, family, own, known_event(machine, text), condition)
@@ -191,8 +200,8 @@ def _barrier(machine: Machine, stated: EventStatement, place: float, speed: floa
     """The distance from touchdown to the barrier, where the energy is least and nearly vanishes."""
     flow, p = flow_of(machine.model.contact, tuple(machine.values)), vector(machine.values)
     rest = abs(place) + abs(speed)
-    for furthest in FURTHEST_BARRIER:
-        distances = np.linspace(0.0, furthest * rest, BARRIER_SAMPLES)
+    for furthest in BARRIER_SEARCH.furthest:
+        distances = np.linspace(0.0, furthest * rest, BARRIER_SEARCH.samples)
         states = np.column_stack([place + side * distances, np.zeros(len(distances))])
         try:
             rates = side * flow.field(states, p)[0][:, 1]
@@ -201,7 +210,7 @@ def _barrier(machine: Machine, stated: EventStatement, place: float, speed: floa
         steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(distances)
         energy = 0.5 * speed**2 + np.append(0.0, np.cumsum(steps))
         turns = np.flatnonzero((rates[:-1] < 0) & (rates[1:] >= 0))
-        if len(turns) and energy[turns[0]] < ENERGY_LEFT * energy.max():
+        if len(turns) and energy[turns[0]] < BARRIER_SEARCH.energy_left * energy.max():
             return float(distances[turns[0]])
     raise NoOrbit("the contact has no place near which it would come to rest: its collapse is no barrier")
 

@@ -7,7 +7,7 @@ where the curve is lost.
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,15 +23,21 @@ from .curve_corners import AWAY_FROM_CORNER, CurveCorner, CurveCorners
 from .limits import Endings
 from .step_control import Options
 
-# The family may change between points that are nearer than this many shortest steps.
-RESOLVED = 10
-# After a step that moves the ends of all motions by less than this share, second derivatives are those before it. The
-# tangents have an error of this share, which is less than what step-size control aims at.
-LARGEST_CHORD_STEP = 1e-6
-# With such derivatives each step is a share of the one before, not its square: the last one is smaller than usual.
-LAST_CHORD_STEP = 1e-9
-# Integration steps of all motions in one batch, whose arrays then fit into the cache; and the points of a small batch.
-STEPS_OF_BATCH, SMALL_BATCH = 12_000, 8
+
+class BatchOptions(NamedTuple):
+    """The points of a family that are solved together, and when their derivatives are computed anew."""
+
+    resolved: float = 10  # shortest steps: the family may change between points that are nearer
+    # After a step that moves the ends of all motions by less than this share, second derivatives are those before it.
+    # The tangents have an error of this share, which is less than what step-size control aims at.
+    chord_step: float = 1e-6
+    # With such derivatives each step is a share of the one before, not its square: the last one is smaller than usual.
+    last_chord_step: float = 1e-9
+    steps: int = 12_000  # of integration of all motions in one batch, whose arrays then fit into the cache
+    small: int = 8  # points of a small batch
+
+
+BATCH = BatchOptions()
 # The kind of the test by which it is judged what follows a point.
 JUDGED = "judged"
 
@@ -55,7 +61,7 @@ class FamilyProblem(Problem):
         self.chords = type(curve).evaluate_beside is not Curve.evaluate_beside
         self.steps = steps or options.steps(options.step_control.largest_batch)
         if self.chords:
-            self.steps = replace(self.steps, last=min(self.steps.last, LAST_CHORD_STEP))
+            self.steps = replace(self.steps, last=min(self.steps.last, BATCH.last_chord_step))
         self.solver = self._compiled if curve.kernel else None
         self.renews = self.solver is None
         if curve.division:
@@ -82,7 +88,7 @@ class FamilyProblem(Problem):
 
     def evaluate(self, lanes: Array, xs: Array, known: Any = None, moved: Any = None) -> tuple[Array, Any]:
         try:
-            if known is not None and moved is not None and (moved * known.amplification < LARGEST_CHORD_STEP).all():
+            if known is not None and moved is not None and (moved * known.amplification < BATCH.chord_step).all():
                 return np.arange(len(xs)), self.curve.evaluate_beside(xs, known)
             return np.arange(len(xs)), self.curve.evaluate(xs)
         except FlowError:
@@ -151,7 +157,7 @@ class FamilyProblem(Problem):
             return ~np.array([corners is not None and corners.between(a, b) for a, b in pairs], bool)
         # Where the extension moves alone, turns neither begin nor end along a curve: another number is another curve.
         reduced = self.curve.machine.model.reduction
-        resolved = 0.0 if reduced else RESOLVED * self.options.step_control.shortest_step
+        resolved = 0.0 if reduced else BATCH.resolved * self.options.step_control.shortest_step
         same = before.own.column("family") == points.own.column("family")
         return same | (points.lengths <= resolved)
 
@@ -282,7 +288,7 @@ class FamilyProblem(Problem):
 def largest_batch(point: Points) -> int:
     """The largest number of points in a batch whose motions are about as long as that of a point (1)."""
     steps = sum(int(motions.counts[point.places[0]]) for motions in point.evaluation.trajectories)
-    return max(SMALL_BATCH, STEPS_OF_BATCH // max(steps, 1))
+    return max(BATCH.small, BATCH.steps // max(steps, 1))
 
 
 def _judged(problem: Any, points: Points) -> Array:

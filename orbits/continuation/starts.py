@@ -28,19 +28,29 @@ from .together import WayTogether, follow_together
 
 # The homotopy parameter, which goes from straight lines at 0 to the springs' own laws at 1.
 LAW_SHARE = "share_of_the_springs_own_law"
-# The longest half contact and half flight that are searched unless they are stated, in slowest natural periods of the
-# contact and of the flight with straight springs. A hop of two masses has half flights of 0.72, 1.23, 1.74, ... of it.
-HALF_CONTACT, HALF_FLIGHT = 0.5, 1.0
-# The share of the work that is the search for linear hops, where these are followed afterwards.
-LINEAR_SHARE = 0.1
 # Why there may be more hops.
 LINEAR_STOPPED = "the search for hops of straight springs has not come to its end"
 FOLLOWING_STOPPED = "some hops have not reached the springs' own laws"
-# About the steps of integration on the way of a hop of a stiff machine, in each phase.
-STEPS_OF_HOP = 2000
-SAME_START = 1e-6  # two hops whose unknowns differ by a smaller share are the same
-# The zero of a law is searched up to this distance from rest, in units of the force divided by its slope at rest.
-FURTHEST_ZERO, ZERO_SAMPLES = 4.0, 801
+
+
+class StartOptions(NamedTuple):
+    """The ranges and the accuracy of a search for starts."""
+
+    # The longest half contact and half flight that are searched unless they are stated, in slowest natural periods of
+    # the contact and of the flight with straight springs. A hop of two masses has half flights of 0.72, 1.23, 1.74, ...
+    # of it.
+    half_contact: float = 0.5
+    half_flight: float = 1.0
+    # The share of the work that is the search for linear hops, where these are followed afterwards.
+    linear_share: float = 0.1
+    steps_of_hop: int = 2000  # of integration on the way of a hop of a stiff machine, in each phase, roughly
+    same: float = 1e-6  # two hops whose unknowns differ by a smaller share are the same
+    # The zero of a law is searched up to this distance from rest, in units of the force divided by its slope at rest.
+    furthest_zero: float = 4.0
+    zero_samples: int = 801
+
+
+STARTS = StartOptions()
 
 
 class _StraightLine(NamedTuple):
@@ -153,9 +163,9 @@ def starts(
     linear = machine.with_springs([line.law(i) if line else law for i, (law, line) in enumerate(pairs)])
     search, mixes = LinearSearch(linear.linear_equations(), linear.gap_weights), any(lines)
     contact_period, flight_period = search.periods
-    half_contact = HALF_CONTACT * contact_period if half_contact is None else half_contact
-    half_flight = HALF_FLIGHT * flight_period if half_flight is None else half_flight
-    share, stopped, found = (LINEAR_SHARE if mixes else 1.0), "", list[dict[str, float]]()
+    half_contact = STARTS.half_contact * contact_period if half_contact is None else half_contact
+    half_flight = STARTS.half_flight * flight_period if half_flight is None else half_flight
+    share, stopped, found = (STARTS.linear_share if mixes else 1.0), "", list[dict[str, float]]()
     way: WayTogether | None = None
     with interrupts.deferred(), time_limit(limit):
         until = time_left() / 2 if mixes else -np.inf  # half of the time is for the way to the springs' own laws
@@ -194,7 +204,7 @@ def _followed(mixed: Mechanism, found: Sequence[Mapping[str, float]]) -> Iterato
     us = [[start[name] for name in mixed.model.half_unknowns] for start in found]
     # The shortest hops come first, in case that there is no time for all.
     lengths = [start["duration"] + start["contact_duration"] for start in found]
-    curve.equations.expect(STEPS_OF_HOP * len(us), (LAW_SHARE,))
+    curve.equations.expect(STARTS.steps_of_hop * len(us), (LAW_SHARE,))
     return follow_together(curve, np.array(us), np.argsort(lengths, kind="stable"))
 
 
@@ -204,7 +214,7 @@ def _own_hops(
     """The different hops of the springs' own laws that have been reached, and the hops that end before; `ranged` where
     a law has no value beyond some extension."""
     xs = way.xs[way.arrived, :-1]
-    same = (np.abs(xs[:, None] - xs) <= SAME_START * np.abs(xs)).all(2)
+    same = (np.abs(xs[:, None] - xs) <= STARTS.same * np.abs(xs)).all(2)
     names, different = machine.model.half_unknowns, ~np.tril(same, -1).any(1)
     outside = _outside(machine, xs) if ranged else {}
     why = {i: end.reason for i, end in way.ended.items()} | {
@@ -255,7 +265,8 @@ def _straight_line(law: Law, share: float = 1.0) -> _StraightLine:
     value, slope = (float(each) for each in law.with_slope(rest))
     zero = rest
     if value != 0 and np.isfinite(value) and slope != 0:
-        places = rest + abs(value / slope) * np.linspace(-FURTHEST_ZERO, FURTHEST_ZERO, ZERO_SAMPLES)
+        shares = np.linspace(-STARTS.furthest_zero, STARTS.furthest_zero, STARTS.zero_samples)
+        places = rest + abs(value / slope) * shares
         places = np.unique(np.clip(places, *law.range()))
         forces = law(places)
         changes = np.flatnonzero(forces[:-1] * forces[1:] <= 0)

@@ -21,11 +21,20 @@ STEPS_TO_LAWS = Steps(
     aim=2e-3, safety=1.0, shorten=0.25, lengthen=3.0, shorter=0.25,
     corrected=np.inf, moved=0.01, turned=float(np.arccos(0.9)), bent=np.inf, corrections=6, least=1, rough=1e-3,
 )  # fmt: skip
-# A curve has returned to the value where it began where it goes back there at less than this value and this share of
-# the furthest one. It grows beyond all bounds where its unknowns are larger than at first by the last factor.
-RETURNED, RETURNED_SHARE, LARGEST_LAUNCH = 1e-3, 0.1, 1e4
-# A point behind a corner of a curve is this far from the last one before it.
-ACROSS_CORNER = 1e-3
+
+
+class EndsOfWays(NamedTuple):
+    """When a curve ends on its way to the value 1."""
+
+    # It has returned to the value where it began where it goes back there at less than this value and this share of the
+    # furthest one.
+    returned: float = 1e-3
+    returned_share: float = 0.1
+    largest: float = 1e4  # factor by which the unknowns of a curve are larger than at first that grows without bounds
+    across_corner: float = 1e-3  # distance of a point behind a corner from the last one before it
+
+
+ENDS = EndsOfWays()
 NOWHERE, RETURNS, GROWS, TOO_SHORT, TOO_MANY = (
     "Newton's method does not find where it begins",
     "its family folds and returns to straight springs",
@@ -56,7 +65,7 @@ def follow_together(curve: Curve, us: Array, order: Array, most: int = 256) -> I
     arrived or ended. At most `most` take their steps together, the next ones of an order (m,) after others."""
     count = len(us)
     way = WayTogether(np.column_stack([us, np.zeros(count)]), np.zeros(count), np.zeros(count, bool), {})
-    problem = Lanes(curve, LARGEST_LAUNCH * np.abs(us).max(1), way.furthest)
+    problem = Lanes(curve, ENDS.largest * np.abs(us).max(1), way.furthest)
     yield way
     for lanes in np.split(order, range(most, count, most)):
         for item in _followed_lanes(problem, way.xs, np.sort(lanes)):
@@ -98,7 +107,7 @@ class Lanes(Problem):
 
     def left(self, points: Points) -> Array:
         """The distance of points (m,) from where their curves return to; infinite on the way onward."""
-        near = np.minimum(RETURNED, RETURNED_SHARE * self.furthest[points.lanes])
+        near = np.minimum(ENDS.returned, ENDS.returned_share * self.furthest[points.lanes])
         return np.where(points.tangents[:, -1] < 0, points.values - near, np.inf)
 
     def evaluate(self, lanes: Array, xs: Array, known: Any = None, moved: Array | None = None) -> tuple[Array, Any]:
@@ -116,7 +125,7 @@ class Lanes(Problem):
     def lost(self, lane: int, passed: Sequence[Points], error: object) -> Start | End:
         """Behind a corner, where a motion grazes one of a law, the curve goes on at any angle."""
         last, lanes = passed[-1][-1:], np.array([lane])
-        ahead, row = last.xs + ACROSS_CORNER * last.tangents, last.tangents / self.size(lanes, last.xs) ** 2
+        ahead, row = last.xs + ENDS.across_corner * last.tangents, last.tangents / self.size(lanes, last.xs) ** 2
         border = Border(row, np.einsum("mi,mi->m", row, ahead))
         _, behind = correct(self, lanes, ahead, border, last.tangents, STEPS_TO_LAWS, record=False)
         # A curve that has taken no step since its beginning or the last corner is lost.

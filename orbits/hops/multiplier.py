@@ -17,7 +17,7 @@ from ..flow.flow import Flow
 from ..model.machine import Machine
 from ..model.phase import Affine
 from ..periodic.certificate import mass_of_landing
-from ..periodic.loss_coefficient import MOST_LEFT, bounce_factors, hand_over_factors, jerk_jumps, loss_coefficient
+from ..periodic.loss_coefficient import LOSSES, bounce_factors, hand_over_factors, jerk_jumps, loss_coefficient
 from ..running.exclusive import exclusive
 from ..units import DIMENSIONS, LIFTOFF_SPEED, SPEED, Message, Quantity, in_own_units
 from .arcs import Arcs, Flown, Rules, integrated
@@ -269,7 +269,7 @@ def losses_beside(impacts: Impacts, hop: HopDerivative, slope: float, power: flo
     mass = mass_of_landing(impacts.model, x, impacts.values, thirds)
     c = loss_coefficient(mass, jerk, abs(slope), power)
     if not impacts.model.changes_contact:
-        if impacts.restitution > MOST_LEFT**2:
+        if impacts.restitution > LOSSES.most_left**2:
             return None
         late, early = bounce_factors(impacts.restitution)
         return float(c * late), float(c * early)

@@ -11,22 +11,30 @@ from collections.abc import Mapping
 from contextlib import suppress
 from functools import lru_cache
 from math import inf
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from ..errors import NoOrbit
 from .model import Model
-from .modes import SLOWEST_SQUARE, Modes
-from .relative import FASTEST_IN_DETAIL, Search
+from .modes import MODES, Modes
+from .relative import RELATIVE, Search
 
-# The time is enclosed by this number of refinements of a grid of this number of points, and interpolated in the last.
-FINER_GRIDS, POINTS = 4, 65
-# Without gravity the determinant vanishes at an end of the range of times, which is a little longer.
-BEYOND_RANGE = 1e-3
-# The fastest launch of a search, per family and in multiples of that of the first family with straight lines: springs
-# whose force is bounded oscillate often in faster flights, which take long and do not come back.
-FASTEST_STEP = 5.0
+
+class LinearGuessOptions(NamedTuple):
+    """How the time of a flight with straight springs is enclosed, and how fast launches are searched."""
+
+    finer_grids: int = 4  # refinements of a grid; the time is interpolated in the last
+    points: int = 65  # of a grid
+    # Without gravity the determinant vanishes at an end of the range of times, which is a little longer.
+    beyond_range: float = 1e-3
+    # The fastest launch of a search, per family and in multiples of that of the first family with straight lines:
+    # springs whose force is bounded oscillate often in faster flights, which take long and do not come back.
+    fastest_step: float = 5.0
+
+
+LINEAR_GUESS = LinearGuessOptions()
 
 
 def linear_guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]:
@@ -56,9 +64,10 @@ def _guess(model: Model, family: int, numbers: tuple[tuple[str, float], ...]) ->
         return rest, moved - rest
 
     begin = family if model.turns_midway else family - 0.5
-    low, high = np.array([begin - BEYOND_RANGE, begin + 0.5 + BEYOND_RANGE]) * np.pi / np.sqrt(modes.squares[-1])
-    for _ in range(FINER_GRIDS):
-        times = np.linspace(low, high, POINTS)
+    halves = np.array([begin - LINEAR_GUESS.beyond_range, begin + 0.5 + LINEAR_GUESS.beyond_range])
+    low, high = halves * np.pi / np.sqrt(modes.squares[-1])
+    for _ in range(LINEAR_GUESS.finer_grids):
+        times = np.linspace(low, high, LINEAR_GUESS.points)
         (a, b), (c, d) = apart(times)
         late = a * d - b * c
         changes = np.flatnonzero(np.diff(late > 0))
@@ -78,8 +87,8 @@ def search_of_steps(model: Model, search: Search, p: Mapping[str, float]) -> Sea
     several orbits where gravity bends."""
     search = search._replace(single=search.single and model.flight.closed_form is not None)
     with suppress(NoOrbit):
-        return search._replace(fastest=FASTEST_STEP * linear_guess(model, 1, p)["alpha"] / search.scale)
-    return search._replace(fastest=FASTEST_IN_DETAIL)
+        return search._replace(fastest=LINEAR_GUESS.fastest_step * linear_guess(model, 1, p)["alpha"] / search.scale)
+    return search._replace(fastest=RELATIVE.fastest_in_detail)
 
 
 def _tangent_liftoff(model: Model, modes: Modes, p: Mapping[str, float]) -> float:
@@ -106,7 +115,7 @@ def _tangent_modes(model: Model, p: Mapping[str, float]) -> Modes:
         raise NoOrbit(f"the forces of a {model.name}, or their slopes, are no numbers {where}")
     springs = -slopes[1::2, ::2]
     squares, shapes = (np.real(each) for each in np.linalg.eig(springs))
-    squares = np.where(np.abs(squares) > SLOWEST_SQUARE * np.abs(squares).max(), squares, 0.0)
+    squares = np.where(np.abs(squares) > MODES.slowest_square * np.abs(squares).max(), squares, 0.0)
     order = np.lexsort([squares, squares != 0.0])
     squares, shapes = squares[order], shapes[:, order]
     apart = np.linalg.inv(shapes)

@@ -18,15 +18,21 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..io import one_line
 
-# A squared frequency below this share of the largest one is 0: eigenvalues come with an error of a few roundings,
-# 2e-16, of the largest one. One period of a mode as slow as that is 3e6 of the fastest.
-SLOWEST_SQUARE = 1e-13
-# A bound that holds until a time is only used for this share of the time, far from rounding.
-CLEARLY = 0.99
-# A quantity that rises from a zero for so long, in radians of the fastest mode, is by then far above rounding.
-SHORTEST_RISE = 0.5
-# When a mode that is pushed away has grown by the exponential of this, its motion has run away whatever its start was.
-FARTHEST_PUSHED = 300.0
+
+class ModeOptions(NamedTuple):
+    """What is 0 among modes, and how far they are followed."""
+
+    # A squared frequency below this share of the largest one is 0: eigenvalues come with an error of a few roundings,
+    # 2e-16, of the largest one. One period of a mode as slow as that is 3e6 of the fastest.
+    slowest_square: float = 1e-13
+    clearly: float = 0.99  # a bound that holds until a time is only used for this share of it, far from rounding
+    # A quantity that rises from a zero for so long, in radians of the fastest mode, is by then far above rounding.
+    shortest_rise: float = 0.5
+    # When a mode that is pushed away has grown by the exponential of this, its motion has run away from any start.
+    farthest_pushed: float = 300.0
+
+
+MODES = ModeOptions()
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +80,7 @@ class Modes:
         """cos and sin of rates times times (s, ...), of the modes that are pushed away cosh and sinh."""
         c, s, k = np.cos(angles), np.sin(angles), self.pushed
         if k:
-            grown = np.clip(angles[:k], -FARTHEST_PUSHED, FARTHEST_PUSHED)
+            grown = np.clip(angles[:k], -MODES.farthest_pushed, MODES.farthest_pushed)
             c[:k], s[:k] = np.cosh(grown), np.sinh(grown)
         return c, s
 
@@ -161,8 +167,8 @@ class Modes:
         bound = self.rates ** (order + 1) @ amplitudes + (max(output.fall, 0.0) if order == 1 else 0.0)
         with np.errstate(all="ignore"):
             until = (order + 1) * d / bound
-            until = np.where((rises < falls) & (rises < CLEARLY * until), np.maximum(until, falls), until)
-        return np.where(until > SHORTEST_RISE / np.sqrt(self.square), until, 0.0)
+            until = np.where((rises < falls) & (rises < MODES.clearly * until), np.maximum(until, falls), until)
+        return np.where(until > MODES.shortest_rise / np.sqrt(self.square), until, 0.0)
 
     def _modes(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Coordinates and speeds (k, N) of the thrown modes, and of the others, counted from their centres, in states
@@ -287,7 +293,7 @@ def linear_modes(
     if not np.isfinite(f).all():
         raise InputError(f"the load is not finite: {f.tolist()}")
     for name, matrix in (("inertia", m), ("stiffness", k)):
-        if not np.abs(matrix - matrix.T).max() <= SLOWEST_SQUARE * np.abs(matrix).max():
+        if not np.abs(matrix - matrix.T).max() <= MODES.slowest_square * np.abs(matrix).max():
             raise InputError(f"the {name} is not a symmetric matrix of finite numbers")
     if f.size == 1 and m[0, 0] > 0:
         return single_mode(k[0, 0] / m[0, 0], f[0] / m[0, 0], watch)
@@ -300,7 +306,7 @@ def linear_modes(
     squares, turned = np.linalg.eigh(inverse @ k @ inverse.T)
     if not squares[-1] > 0:
         raise InputError("the stiffness is nowhere positive: without a spring no mode swings")
-    squares = np.where(np.abs(squares) > SLOWEST_SQUARE * np.abs(squares).max(), squares, 0.0)
+    squares = np.where(np.abs(squares) > MODES.slowest_square * np.abs(squares).max(), squares, 0.0)
     if squares[0] < 0:
         thrown_first = np.argsort(squares != 0.0, kind="stable")
         squares, turned = squares[thrown_first], turned[:, thrown_first]

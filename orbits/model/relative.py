@@ -23,18 +23,27 @@ from .modes import Modes, single_mode
 from .phase import Arc, Phase, Pieces, Statement
 from .turning_speeds import turning_speeds
 
-# Beyond these bounds one of the two masses is lost in rounding, or the lengths of lift-off overflow or vanish.
-STIFFNESSES = (1e-12, 1e12)
-# Bounds of the spacing of launch speeds where a search for orbits begins, in multiples of their scale. It follows the
-# finer of the lengths over which the spring and, passed several times as fast, gravity vary.
-SPACINGS, AT_SPEED = (0.02, 0.1), 0.2
-# The fastest launch speed of a search, per family and in multiples of the machine's own scale of speed: a hop is then
-# 5e7 lengths high and more, which is no machine. The second holds where gravity or many bends make fast flights
-# long to integrate.
-FASTEST, FASTEST_IN_DETAIL = 1e4, 30.0
-# A spring that bends the other way more often may have several orbits in a family; a hardening spring that softens
-# first does it three times. So may one that bends there and back within a length below this share of the unit.
-MOST_BENDS, UNBENT = 3, 0.4
+
+class RelativeOptions(NamedTuple):
+    """The bounds of machines with one extension, and of the searches for their orbits."""
+
+    # Beyond these one of the two masses is lost in rounding, or the lengths of lift-off overflow or vanish.
+    stiffnesses: tuple[float, float] = (1e-12, 1e12)
+    # Bounds of the spacing of launch speeds where a search for orbits begins, in multiples of their scale. It follows
+    # the finer of the lengths over which the spring and, passed `at_speed` times as fast, gravity vary.
+    spacings: tuple[float, float] = (0.02, 0.1)
+    at_speed: float = 0.2
+    # The fastest launch speed of a search, per family and in multiples of the machine's own scale of speed: a hop is
+    # then 5e7 lengths high and more, which is no machine.
+    fastest: float = 1e4
+    fastest_in_detail: float = 30.0  # where gravity or many bends make fast flights long to integrate
+    # A spring that bends the other way more often may have several orbits in a family; a hardening spring that softens
+    # first does it three times. So may one that bends there and back within a length below `unbent` of the unit.
+    bends: int = 3
+    unbent: float = 0.4
+
+
+RELATIVE = RelativeOptions()
 
 
 class Search(NamedTuple):
@@ -131,13 +140,13 @@ class Relative:
             p = {**p, self.by_speed: 0.0}
         gravity, unit = self.gravity, unit_of_length(self.law, p)
         in_spring, around = features(self.law, unit, p), features(gravity, unit, p) if gravity else NO_FEATURES
-        finest = min(in_spring.length, AT_SPEED * around.length) / unit
-        wavy = in_spring.bends > MOST_BENDS or around.bends > 1
-        bump = in_spring.bends > 1 and in_spring.length < UNBENT * unit
+        finest = min(in_spring.length, RELATIVE.at_speed * around.length) / unit
+        wavy = in_spring.bends > RELATIVE.bends or around.bends > 1
+        bump = in_spring.bends > 1 and in_spring.length < RELATIVE.unbent * unit
         single = not (wavy or bump)
         # Where gravity varies or a law bends often, the fastest flights would take most of the search's time.
-        fastest = FASTEST if single and not gravity else FASTEST_IN_DETAIL
-        spacing = float(np.clip(finest, *SPACINGS))
+        fastest = RELATIVE.fastest if single and not gravity else RELATIVE.fastest_in_detail
+        spacing = float(np.clip(finest, *RELATIVE.spacings))
         scale = number("the scale of launch speeds", float(self.scale(1 / unit, p)), low=0)
         turning = None if self.by_speed else lambda fastest, most: self.turning_speeds(p, fastest, most)
         return Search(scale, spacing, fastest, single, float(self.time(p)), self.by_speed is not None, turning)
@@ -159,7 +168,7 @@ class Relative:
         """Which of many machines (m,) have no feature for which `search` looks for several orbits."""
         units = units_of_length(self.law, p)
         lengths, bends = features_of_many(self.law, self.law, p)
-        single = (bends <= MOST_BENDS) & ((bends <= 1) | (lengths >= UNBENT * units))
+        single = (bends <= RELATIVE.bends) & ((bends <= 1) | (lengths >= RELATIVE.unbent * units))
         if self.gravity:
             single &= features_of_many(self.gravity, self.law, p)[1] <= 1
         return single
@@ -219,10 +228,10 @@ def straight_line(key: Key, p: Mapping[str, float]) -> tuple[float, float]:
     """Stiffness k and zero r0 of a straight-line law k (r - r0) at parameter values `p`."""
     law = from_key(key, p)
     value, slope = law.with_slope(0.0)
-    if not STIFFNESSES[0] < slope < STIFFNESSES[1]:
+    if not RELATIVE.stiffnesses[0] < slope < RELATIVE.stiffnesses[1]:
         if slope < 0:
             raise InputError(f"spring '{law.text}' has stiffness {slope:g}: {WRONG_SIGN}")
-        bounds = f"stiffness lies between {STIFFNESSES[0]:g} and {STIFFNESSES[1]:g}"
+        bounds = f"stiffness lies between {RELATIVE.stiffnesses[0]:g} and {RELATIVE.stiffnesses[1]:g}"
         never = "it never reaches a lift-off that can be computed"
         raise InputError(f"spring '{law.text}' has stiffness {slope:g}: {never}; {bounds}")
     return float(slope), -float(value) / float(slope)

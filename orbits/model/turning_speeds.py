@@ -9,6 +9,7 @@ motion, at a barrier, the times grow without bound as a logarithm: speeds accumu
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,13 +17,19 @@ from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 
 # Places outward from lift-off at which a law is sampled first, in units of length.
 OUTWARD = np.geomspace(1e-2, 1e10, 241)
-# In a cell between samples the force changes by at most the first share of itself, and its slope by at most the second
-# share of the force over the length of the cell; shorter cells than the third, as a share of the distance from lift-off
-# and of the unit of length, are not split.
-CHANGE_OF_FORCE, CHANGE_OF_SLOPE, SHORTEST_SPLIT = 0.3, 3e-2, 1e-4
-MOST_SPLITS = 60
-# Cells are split at this share: at their middles a wave may look as at their ends.
-SPLIT = 0.5 * (3 - 5**0.5)
+
+
+class SplitOptions(NamedTuple):
+    """Which cells between samples of a law are split, and where."""
+
+    change_of_force: float = 0.3  # share of itself by which the force changes in a cell, at most
+    change_of_slope: float = 3e-2  # share of the force over the length of the cell by which the slope changes, at most
+    shortest: float = 1e-4  # share of the distance from lift-off and of the unit of length: no shorter cells are split
+    splits: int = 60
+    place: float = 0.5 * (3 - 5**0.5)  # share of a cell: at their middles a wave may look as at their ends
+
+
+SPLITS = SplitOptions()
 # Relative distances of launch speeds from one that leads to a barrier, whose own error is smaller.
 BESIDE_BARRIERS = 10.0 ** np.arange(-8, 0)
 
@@ -55,7 +62,7 @@ def _speeds_of_side(
     """The launch speeds with a turning point at one of the places (n,) outward from lift-off, or between them where
     the force is not resolved, and the speed up to which they resolve it."""
     values, slopes = force(places)
-    for _ in range(MOST_SPLITS):
+    for _ in range(SPLITS.splits):
         with np.errstate(invalid="ignore", over="ignore"):
             known = int(np.append(np.isfinite(values) & np.isfinite(slopes), False).argmin())
             places, values, slopes = places[:known], values[:known], slopes[:known]
@@ -71,15 +78,16 @@ def _speeds_of_side(
             size = np.maximum(np.abs(values[1:]), np.abs(values[:-1]))
             steepest = np.maximum(np.abs(slopes[1:]), np.abs(slopes[:-1]))
             change = np.maximum(np.abs(np.diff(values)), steepest * np.abs(lengths) / 2)
-            coarse = (change > CHANGE_OF_FORCE * size) | (np.abs(np.diff(slopes) * lengths) > CHANGE_OF_SLOPE * size)
-            long = np.abs(lengths) > SHORTEST_SPLIT * (np.abs(places[1:] - places[0]) + unit)
+            coarse = change > SPLITS.change_of_force * size
+            coarse |= np.abs(np.diff(slopes) * lengths) > SPLITS.change_of_slope * size
+            long = np.abs(lengths) > SPLITS.shortest * (np.abs(places[1:] - places[0]) + unit)
         cells = np.flatnonzero(turns & long)
-        new = places[cells] + SPLIT * lengths[cells]
+        new = places[cells] + SPLITS.place * lengths[cells]
         found = force(new)
         with np.errstate(invalid="ignore"):  # waves may have equal slopes at both ends
-            line = slopes[cells] + SPLIT * (slopes[cells + 1] - slopes[cells])
+            line = slopes[cells] + SPLITS.place * (slopes[cells + 1] - slopes[cells])
             bent = np.abs((found[1] - line) * lengths[cells])
-            chosen = coarse[cells] | ~(bent <= CHANGE_OF_SLOPE * size[cells])
+            chosen = coarse[cells] | ~(bent <= SPLITS.change_of_slope * size[cells])
             # Where a force fades away, its work changes no launch speed.
             work = np.maximum(size[cells], np.abs(found[0])) * np.abs(lengths[cells])
             chosen &= ~(work <= np.finfo(float).eps * highest[cells])

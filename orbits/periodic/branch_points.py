@@ -5,7 +5,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -28,12 +28,18 @@ from .find import find, unknowns_of_hop, vertical_hop
 from .orbit import Orbit
 from .orbits_at_once import lowest_orbits
 
-# From this ratio on a range of positive values is divided evenly in their logarithm.
-WIDE_RANGE = 2.0
-# Branch points that agree to this share are the same; singular values below this share of the largest are 0.
-SAME_POINT, RANK_TO = 1e-7, 1e-7
-STEPS_TO_BRANCH_POINT = 15  # from a predicted place
-MOST_DESIGNS = 2000
+
+class BranchPointOptions(NamedTuple):
+    """How designs are searched for branch points, and when two are the same."""
+
+    wide_range: float = 2.0  # from this ratio on a range of positive values is divided evenly in their logarithm
+    same: float = 1e-7  # branch points that agree to this share are the same
+    rank: float = 1e-7  # singular values below this share of the largest are 0
+    steps: int = 15  # of Newton's method from a predicted place
+    designs: int = 2000  # at most
+
+
+BRANCH_POINTS = BranchPointOptions()
 
 
 @dataclass(frozen=True)
@@ -106,7 +112,7 @@ def find_branch_points(
     """
     check_machine(machine)
     ranges = _checked_ranges(machine, over)
-    whole_number("designs", designs, least=4, most=MOST_DESIGNS)
+    whole_number("designs", designs, least=4, most=BRANCH_POINTS.designs)
     with interrupts.deferred(), time_limit(limit) if limit is not None else nullcontext():
         search, found = _DesignSearch(machine, ranges, family_number(family)), list[BranchPoint]()
         places, missed = near_common_zeros(search.minors, designs)
@@ -123,7 +129,7 @@ def find_branch_points(
 
 
 def _same_point(one: BranchPoint, other: BranchPoint) -> bool:
-    return np.allclose([*one.values.values()], [*other.values.values()], rtol=SAME_POINT, atol=0.0)
+    return np.allclose([*one.values.values()], [*other.values.values()], rtol=BRANCH_POINTS.same, atol=0.0)
 
 
 def _checked_ranges(machine: Machine, over: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
@@ -276,7 +282,7 @@ class _DesignSearch:
         """The values (m, 2) of the parameters at places (m, 2)."""
         each = list[np.ndarray]()
         for (low, high), share in zip(self.ranges, places.T, strict=True):
-            wide = low > 0 and high > WIDE_RANGE * low
+            wide = low > 0 and high > BRANCH_POINTS.wide_range * low
             each.append(low * (high / low) ** share if wide else low + (high - low) * share)
         return np.stack(each, axis=1)
 
@@ -301,7 +307,7 @@ class _DesignSearch:
             values = np.hstack([direction / np.linalg.norm(direction), design[0], us[0]])
             names = *lateral.beside.unknowns, *self.names, *lateral.unknowns
             first = dict(zip(names, values.tolist(), strict=True))
-            u, _ = equations.newton([first[name] for name in unknowns], ps[0], STEPS_TO_BRANCH_POINT)
+            u, _ = equations.newton([first[name] for name in unknowns], ps[0], BRANCH_POINTS.steps)
         except (NoOrbit, FlowError, InputError, np.linalg.LinAlgError):
             return None
         ends = zip(u[equations.own :], self.ranges, strict=True)
@@ -320,7 +326,7 @@ def branch_point(machine: Any, lateral: Lateral, equations: Shooting, u: np.ndar
     scaled = lateral.conditions(hop, ps, lateral.launches(hop, ps))[0]
     scaled = scaled / np.linalg.norm(scaled, axis=0)
     sizes = np.linalg.svd(scaled / np.linalg.norm(scaled, axis=1, keepdims=True))[1]
-    nullity = int((sizes < RANK_TO * sizes[0]).sum())
+    nullity = int((sizes < BRANCH_POINTS.rank * sizes[0]).sum())
     launch = {name: found[name] for name in lateral.beside.unknowns}
     speed = float(lateral.at_launch(hop, ps)[1][0, 0] @ [*launch.values()])
     middle = dict(zip(equations.flows[0].names, evaluation.trajectories[0].finals[0].tolist(), strict=False))

@@ -16,7 +16,7 @@ from ..shooting.error_bound import EPS, ERRORS, NARROW
 from ..shooting.formulations import Cycles, vectors
 from .energy_changes import energy_changes
 from .loss_coefficient import (
-    MOST_LEFT,
+    LOSSES,
     bounce_factors,
     by_launch_speed,
     hand_over_factors,
@@ -141,7 +141,7 @@ class Certificate:
     def _factors(self, restitution: float) -> tuple[float, float] | None:
         """What hops lose above and below the orbit as multiples of C, where impacts have this restitution; None where
         it is not known."""
-        if self.bounce_side is None or restitution > MOST_LEFT**2:
+        if self.bounce_side is None or restitution > LOSSES.most_left**2:
             return None
         late, early = bounce_factors(restitution) if restitution else (1.0, self.bounce_factor or 10.0)
         return (early, late) if self.bounce_side == "above" else (late, early)
@@ -213,7 +213,7 @@ def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -
     if model.changes_contact:
         # Where the share that is left is not known, or is nearly all, no such law holds.
         shares[:] = model.share_left(model.relabelling.image(list(states), cycles.p), cycles.p)
-        defined &= shares < MOST_LEFT
+        defined &= shares < LOSSES.most_left
     if defined.any():
         p = {name: values[defined] for name, values in cycles.p.items()}
         mass = mass_of_landing(model, states[:, defined], p, _thirds(model, cycles, jerk)[:, defined])

@@ -25,36 +25,42 @@ from ..model.phase import Affine
 from ..model.relative import Search
 from ..numerics.roots import enclosed_sign_changes
 from ..shooting.formulations import columns, equations_of, reduction_of
-from .guess import BEND_SAFETY, SLOWEST_LAUNCH, times_of_turns
+from .guess import GUESS, times_of_turns
 
-# The grid is uniform up to this multiple of the launch speed of a linear spring, with a largest number of launches;
-# beyond, neighbours have a constant ratio, since the lateness then scales with the speed. Slow launches precede it.
-UNIFORM_TO, MOST_UNIFORM, SPEED_RATIO, SLOW_LAUNCHES = 2.5, 2000, 1.05, 20
-# A cell that is narrower than this share of its speed is not halved: there the lateness jumps, or it touches zero, and
-# then it is below this share of scale and speed.
-NARROWEST_CELL, TOUCHING_ZERO = 1e-6, 1e-9
-# Where falls begin or end the lateness grows without bounds, as a logarithm: a cell there is halved to this share.
-NARROWEST_AT_FALLS = 1e-13
-# The cell in which the extension begins to escape is narrower than this share of its speed before it is classified.
-NARROW_ESCAPE = 1e-3
-# Towards launches without a turn the lateness may grow without bounds: as a logarithm by at most 50 times its change in
-# the previous cell, down to neighbouring numbers, and as a fourth root by at most 1e4 times that change.
-STEEPEST_END = 1e4
-# After this many launches no more cells are halved. Machines that step fall over in many ways, each with a bound of its
-# own.
-MOST_SEARCHED, MOST_STEPS_SEARCHED = 20_000, 1_000
-# At most this share of them resolves the turning points on each side.
-RESOLVING_SHARE = 0.25
-# Where orbits are sought below a launch speed, cells beyond it, up to this multiple, show how the lateness bends.
-BEYOND_SOUGHT = 1.2
-# The lateness of a turn that does not occur within this time, in multiples of the sum of scale and launch speed.
-LATEST_TURN = 10.0
-# Nothing throws up a machine that steps, so that the time from one turn to the next does not grow with the speed. One
-# that takes longer than this, in radians of the spring at rest, does not occur: the machine falls over.
-LONGEST_SWING = 40.0
-# Orbits of a light one with a heavy inner body lie between falls, in narrow ranges of launch speeds near its guess: the
-# number of launches within this factor of that.
-NEAR_GUESS, NEAR_LAUNCHES = 5.0, 120
+
+class SearchOptions(NamedTuple):
+    """Where a search samples launch speeds, which cells it halves, and when it ends."""
+
+    uniform_to: float = 2.5  # the grid is uniform up to this multiple of the launch speed of a linear spring
+    uniform: int = 2000  # launches of that grid at most
+    speed_ratio: float = 1.05  # of neighbours beyond, since the lateness then scales with the speed
+    slow_launches: int = 20  # below the first of that grid
+    # A cell that is narrower than this share of its speed is not halved: there the lateness jumps, or it touches zero,
+    # and then it is below `touching_zero` of scale and speed.
+    narrowest: float = 1e-6
+    touching_zero: float = 1e-9
+    # Where falls begin or end the lateness grows without bounds, as a logarithm: a cell there is halved to this share.
+    narrowest_at_falls: float = 1e-13
+    narrow_escape: float = 1e-3  # share of the speed: wider cells in which escapes begin are halved first
+    # Towards launches without a turn the lateness may grow without bounds: as a logarithm by at most 50 times its
+    # change in the previous cell, down to neighbouring numbers, and as a fourth root by at most this many times it.
+    steepest_end: float = 1e4
+    launches: int = 20_000  # after which no more cells are halved
+    launches_of_steps: int = 1_000  # of machines that step, which fall over in many ways, each with a bound of its own
+    resolving_share: float = 0.25  # of the launches, at most, resolves the turning points on each side
+    # Where orbits are sought below a launch speed, cells up to this multiple of it show how the lateness bends.
+    beyond_sought: float = 1.2
+    latest_turn: float = 10.0  # in multiples of the sum of scale and launch speed: a later turn does not occur
+    # Nothing throws up a machine that steps, so that the time from one turn to the next does not grow with the speed.
+    # One that takes longer than this, in radians of the spring at rest, does not occur: the machine falls over.
+    longest_swing: float = 40.0
+    # Orbits of a light one with a heavy inner body lie between falls, in narrow ranges of launch speeds near its guess:
+    # launches within this factor of that, and their number.
+    near_guess: float = 5.0
+    near_launches: int = 120
+
+
+SEARCH = SearchOptions()
 
 
 class Cells(NamedTuple):
@@ -88,7 +94,7 @@ class Lateness:
     liftoffs : the extensions (m,) at lift-off, where they are known; without damping they do not depend on the speed
     """
 
-    most, steps = MOST_SEARCHED, False
+    most, steps = SEARCH.launches, False
 
     def __init__(
         self, model: Model, method: str, names: tuple[str, ...], ps: np.ndarray, family: int,
@@ -103,7 +109,7 @@ class Lateness:
         self.arc = self.statement.arcs[0]
         self.flow = flow_of(self.arc.phase, names)
         self.steps = not model.plain
-        self.most = MOST_STEPS_SEARCHED if self.steps else MOST_SEARCHED
+        self.most = SEARCH.launches_of_steps if self.steps else SEARCH.launches
         self.turns_midway = self.reduction is not None or model.turns_midway
         self.liftoffs = self._liftoffs() if liftoffs is None else liftoffs
 
@@ -117,12 +123,12 @@ class Lateness:
         """Lateness and times (k,), whether each motion (k,) breaks off, as it runs away or reaches a singularity, and
         the numbers of turns (k,) that were found, of those that are needed."""
         u, p = self._unknowns(alphas, which), self._parameters(which)
-        limit = LATEST_TURN * self.paces[which] * (self.scales[which] + alphas)
+        limit = SEARCH.latest_turn * self.paces[which] * (self.scales[which] + alphas)
         states = columns(self.arc.start(u, np.zeros(0), p))
         ps, count = self.ps[which] if len(self.ps) > 1 else self.ps, 2 if self.reduction else self.family + 1
         count = count if self.turns_midway else self.family
         unit = self.paces[which] * self.scales[which]
-        longest = limit if self.model.plain else np.minimum(limit, LONGEST_SWING * unit)
+        longest = limit if self.model.plain else np.minimum(limit, SEARCH.longest_swing * unit)
         spans, states, broken = times_of_turns(self.flow, ps, states, self._rate, longest, count)
         # In reduced coordinates the extension oscillates: all half periods after the first turn are equal.
         times = spans[0] + self.family * spans[1] if self.reduction else spans.sum(axis=0)
@@ -157,15 +163,16 @@ class Lateness:
         """The launch speeds at which a search begins, up to the last one, or as far as they resolve the turning points
         of the extension; those are resolved as far as orbits are sought, `below` a speed."""
         scale, family = search.scale, self.family
-        top = UNIFORM_TO * (family + 0.5) * np.pi * scale
-        step = max(search.spacing * scale, top / MOST_UNIFORM)
+        top = SEARCH.uniform_to * (family + 0.5) * np.pi * scale
+        step = max(search.spacing * scale, top / SEARCH.uniform)
         last, turning = self.last_speed(search, fastest), np.zeros(0)
         if search.turning and not self.steps:
-            needed = min(last, BEYOND_SOUGHT * below)
-            turning, resolved = search.turning(needed, int(RESOLVING_SHARE * self.most))
+            needed = min(last, SEARCH.beyond_sought * below)
+            turning, resolved = search.turning(needed, int(SEARCH.resolving_share * self.most))
             last = last if resolved >= needed else resolved
-        far = np.zeros(0) if last <= top else np.geomspace(top, last, 2 + int(np.log(last / top) / np.log(SPEED_RATIO)))
-        slow = np.geomspace(SLOWEST_LAUNCH * scale, step, SLOW_LAUNCHES)
+        count = 2 + int(np.log(max(last / top, 1.0)) / np.log(SEARCH.speed_ratio))
+        far = np.geomspace(top, last, count) if last > top else np.zeros(0)
+        slow = np.geomspace(GUESS.slowest * scale, step, SEARCH.slow_launches)
         speeds = np.concatenate([slow[:-1], np.arange(step, min(top, last), step), far, [last]])
         # Between two of these, those are added that are closer to each other.
         apart = np.gradient(turning) if len(turning) > 1 else np.zeros(len(turning))
@@ -180,7 +187,7 @@ class Lateness:
             alpha = linear_guess(self.model, self.family, dict(zip(self.names, p, strict=True)))["alpha"]
         except NoOrbit:
             return speeds
-        near = alpha * np.geomspace(1 / NEAR_GUESS, NEAR_GUESS, NEAR_LAUNCHES)
+        near = alpha * np.geomspace(1 / SEARCH.near_guess, SEARCH.near_guess, SEARCH.near_launches)
         return _well_apart(np.sort(np.concatenate([speeds, near[near < speeds[-1]]])))
 
     def enclosed(self, cell: np.ndarray) -> float:
@@ -280,13 +287,13 @@ class Lateness:
 
 def _well_apart(speeds: np.ndarray) -> np.ndarray:
     """Of increasing launch speeds (k,) those that are not followed by nearly the same one."""
-    return speeds[np.append(np.diff(speeds) > NARROWEST_CELL * speeds[1:], True)]
+    return speeds[np.append(np.diff(speeds) > SEARCH.narrowest * speeds[1:], True)]
 
 
 def _open_cells(sampled: _Launches) -> np.ndarray:
     """The cells between launches (N,) in which the number of zeros of the lateness is not settled."""
     _, settled = _judged(sampled)
-    narrowest = np.where(_other_falls(sampled), NARROWEST_AT_FALLS, NARROWEST_CELL)
+    narrowest = np.where(_other_falls(sampled), SEARCH.narrowest_at_falls, SEARCH.narrowest)
     return np.flatnonzero(~settled & (np.diff(sampled.speeds) > narrowest * sampled.speeds[1:]))
 
 
@@ -301,7 +308,7 @@ def _cells_of(sampled: _Launches, scales: np.ndarray, launches: np.ndarray, stop
     owners, speeds, late, _ = sampled
     changes, _ = _judged(sampled)
     least = np.minimum(np.abs(late[1:]), np.abs(late[:-1]))
-    touches = (least < TOUCHING_ZERO * (scales[owners[1:]] + speeds[1:])) & (owners[1:] == owners[:-1])
+    touches = (least < SEARCH.touching_zero * (scales[owners[1:]] + speeds[1:])) & (owners[1:] == owners[:-1])
     i = np.flatnonzero((changes & ~_breaks_off(owners, speeds, late, scales)) | touches)
     a, b, fa, fb = speeds[i], speeds[i + 1], late[i], late[i + 1]
     secant = changes[i] & np.isfinite(fa) & np.isfinite(fb)
@@ -318,10 +325,11 @@ def _cells_of(sampled: _Launches, scales: np.ndarray, launches: np.ndarray, stop
 def _breaks_off(owners: np.ndarray, speeds: np.ndarray, late: np.ndarray, scales: np.ndarray) -> np.ndarray:
     """Whether between neighbouring launches (N,), sampled as closely as possible, a turn that is too early disappears
     without having become late, as where a flight ends at a singularity: there the lateness jumps over zero."""
-    never, near = late > 0.99 * LATEST_TURN * (scales[owners] + speeds), np.diff(speeds) <= NARROWEST_CELL * speeds[1:]
+    never = late > 0.99 * SEARCH.latest_turn * (scales[owners] + speeds)
+    near = np.diff(speeds) <= SEARCH.narrowest * speeds[1:]
     within = (owners[1:] == owners[:-1]) & np.isfinite(late[1:]) & np.isfinite(late[:-1])
     change = np.append(np.inf, np.abs(np.subtract(late[1:], late[:-1], out=np.full(len(within), np.inf), where=within)))
-    return near & within & ~never[:-1] & never[1:] & (late[:-1] < -STEEPEST_END * change[:-1])
+    return near & within & ~never[:-1] & never[1:] & (late[:-1] < -SEARCH.steepest_end * change[:-1])
 
 
 def _judged(sampled: _Launches) -> tuple[np.ndarray, np.ndarray]:
@@ -344,15 +352,15 @@ def _judged(sampled: _Launches) -> tuple[np.ndarray, np.ndarray]:
     first = np.flatnonzero(inside & ~np.append(False, inside[:-1]))
     last = np.flatnonzero(inside & ~np.append(inside[1:], False)) + 1
     bends[first], bends[last] = bends[first + 1], bends[last - 1]
-    bulge = BEND_SAFETY * np.maximum(bends[1:], bends[:-1]) * widths**2 / 8
+    bulge = GUESS.bend_safety * np.maximum(bends[1:], bends[:-1]) * widths**2 / 8
     nearest = np.minimum(np.abs(late[1:]), np.abs(late[:-1]))
     settled = np.where(changes, np.abs(slopes * widths) > 4 * bulge, nearest > bulge)
     begins = np.flatnonzero(inside[:-1] & escapes[2:]) + 1
-    narrow = np.diff(speeds) < NARROW_ESCAPE * speeds[1:]
-    fall = BEND_SAFETY * bends[begins] * widths[begins] ** 2 / 2
+    narrow = np.diff(speeds) < SEARCH.narrow_escape * speeds[1:]
+    fall = GUESS.bend_safety * bends[begins] * widths[begins] ** 2 / 2
     settled[begins] = (slopes[begins - 1] >= 0) & (late[begins] > fall) & narrow[begins]
     if (falls := np.isnan(late)).any():
         falling = falls[1:] | falls[:-1]
-        narrowest = np.diff(speeds) < NARROWEST_AT_FALLS * speeds[1:]
+        narrowest = np.diff(speeds) < SEARCH.narrowest_at_falls * speeds[1:]
         changes, settled = changes & ~falling, np.where(falling, narrowest | ~_other_falls(sampled), settled)
     return changes, settled | ~same | (np.isinf(late[1:]) & np.isinf(late[:-1]))

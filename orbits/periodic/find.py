@@ -21,7 +21,7 @@ from .certified import Solved, certified_orbit, solve_from
 from .family_orbits import another_family, family_number, lowest_of_family, orbits_of_family, same_orbit
 from .needed_range import with_needed_range
 from .orbit import Orbit, orbit_of, start_in_file
-from .run_start import SLOW_SHARE, run_along_speeds, run_start
+from .run_start import RUN_START, run_along_speeds, run_start
 from .stated_start import StartLike, check_start, stated_unknowns
 from .tuned import (
     OF_STEPS,
@@ -292,7 +292,7 @@ def start_of_run(
     at = {name: value / (units.of(name) if units else 1.0) for name, value in tuning.values.items() if value}
     equations = tuned_equations(machine, tuning.names, tuple(tuning.values))
     if faster is not None or not at.keys() & OF_STEPS.keys():
-        at = {"speed": (faster or 1.0) * SLOW_SHARE * abs(hop["alpha"])}
+        at = {"speed": (faster or 1.0) * RUN_START.slow_share * abs(hop["alpha"])}
     found = run_start(bare, equations, hop, at)
     return {name: value * (units.of(name) if units else 1.0) for name, value in found.items()}
 

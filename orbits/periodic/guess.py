@@ -14,30 +14,33 @@ from ..laws.law import from_key, values_and_slopes
 from ..model.linear_guess import linear_guess
 from ..model.model import Model, refuse_hysteresis
 from ..model.phase import Affine
-from ..model.relative import FASTEST, FASTEST_IN_DETAIL, Relative, half_angle
+from ..model.relative import RELATIVE, Relative, half_angle
 from ..numerics.polynomial_roots import Crossings
 from ..numerics.roots import root_search
 from ..shooting.formulations import vectors
 from ..units import SPEED, Message, Quantity
 
-# The slowest launch speed of a search, in multiples of the machine's own scale of speed, from which it starts again
-# when its first speed is too fast.
-SLOWEST_LAUNCH = 1e-3
-# Accuracy of the estimate, as a share of half an oscillation; Newton's method does the rest.
-ACCURACY = 1e-3
-# The estimate is as accurate as this share of the equation's value beyond zero, as another root may be close.
-DEPTH = 0.01
-# Shortest step of the search, as a share of the speed.
-SHORTEST_STEP = 0.02
-# Longest step of the search, as a share of the speed, for a spring with a barrier that can be crossed: where a hop just
-# crosses it the lateness has a narrow peak, and between two peaks it may fall below zero.
-LONGEST_AT_BARRIERS = 0.1
+
+class GuessOptions(NamedTuple):
+    """Where a search for the lowest launch speed begins, its steps, and its accuracy."""
+
+    # The slowest launch, in multiples of the machine's scale of speed: the search starts again there when its first
+    # speed is too fast.
+    slowest: float = 1e-3
+    accuracy: float = 1e-3  # of the estimate, as a share of half an oscillation; Newton's method does the rest
+    depth: float = 0.01  # and as a share of the equation's value beyond zero, as another root may be close
+    shortest_step: float = 0.02  # as a share of the speed
+    # Longest step, as a share of the speed, for a spring with a barrier that can be crossed: where a hop just crosses
+    # it the lateness has a narrow peak, and between two peaks it may fall below zero.
+    longest_at_barriers: float = 0.1
+    # Between samples the curvature of the lateness may be this many times as large as second differences indicate.
+    bend_safety: float = 4.0
+    longest_flight: float = 1e3  # in search of two turns, per 1 + launch speed; a slower spring does not return
+
+
+GUESS = GuessOptions()
 # Extensions outward on either side, in units of length and multiples of the family, at which barriers are detected.
 BARRIER_EXTENSIONS = np.outer([1.0, -1.0], np.geomspace(0.3, 300.0, 100)).ravel()
-# Between samples the curvature of the lateness may be this many times as large as their second differences indicate.
-BEND_SAFETY = 4.0
-# Integration time in search of two turns, per 1 + launch speed; a spring that takes longer does not return.
-LONGEST_FLIGHT = 1e3
 # Why a motion may break down under a formula with exp.
 OVERFLOWS = "; exp(x) may overflow on the way: 1/(1 + exp(x)) is (1 - tanh(x/2))/2"
 SPEED_OF_EXTENSION = Affine((0.0, 1.0))  # of the relative motion
@@ -150,7 +153,7 @@ def lowest_launch_speeds(
     steepest = np.where(np.isfinite(near), near, -np.inf).max(axis=1)  # a law has a slope at lift-off, if not at rest
     barriers = crossable_barriers(slopes(np.outer(family / steepest, BARRIER_EXTENSIONS)))
     scales, ends = relative.scale(steepest, p), dict[int, _LowestLaunch]()
-    fastest = np.where(single, FASTEST, FASTEST_IN_DETAIL) * family * scales
+    fastest = np.where(single, RELATIVE.fastest, RELATIVE.fastest_in_detail) * family * scales
     each = zip(scales.tolist(), fastest.tolist(), barriers.tolist(), strict=True)
     searches = [_search(family, *one) for one in each]
     wanted = {i: next(search) for i, search in enumerate(searches)}
@@ -158,7 +161,7 @@ def lowest_launch_speeds(
     while wanted:
         which, alphas = np.array(list(wanted)), np.array(list(wanted.values()))
         starts = np.column_stack([liftoffs[which], alphas])
-        longest = LONGEST_FLIGHT * times[which] * (1 + alphas)
+        longest = GUESS.longest_flight * times[which] * (1 + alphas)
         firsts, halves = oscillations(flow, ps[which], starts, longest) / times[which]
         lateness = np.where(np.isfinite(halves), firsts + family * halves - alphas, np.inf)
         rows, wanted = zip(which.tolist(), alphas.tolist(), lateness.tolist(), halves.tolist(), strict=True), {}
@@ -235,7 +238,7 @@ def _refusals(
         those = {name: values[known] for name, values in p.items()}
         flow, ps = flow_of(relative.phase, tuple(p)), vectors(those, len(known))
         starts = np.column_stack([liftoffs[known], lost[known]])
-        longest = LONGEST_FLIGHT * relative.time(those) * (1 + lost[known])
+        longest = GUESS.longest_flight * relative.time(those) * (1 + lost[known])
         failed = first_events(flow, starts, ps, Watch(flow, [SPEED_OF_EXTENSION], rising=True), longest).failed
         errors = {int(known[i]): error for i, error in failed.items()}
     refused = list[NoOrbit]()
@@ -257,7 +260,7 @@ def _refusals(
 def _search(family: int, scale: float, fastest: float, barrier: bool) -> Generator[float, _Sample, _LowestLaunch]:
     """A search of `lowest_launch_speeds`, which yields launch speeds and is sent samples there."""
     samples = [_Sample(0.0, 1.0)]
-    slowest = SLOWEST_LAUNCH * scale
+    slowest = GUESS.slowest * scale
     no_return = np.inf  # the lowest speed from which the extension does not come back
     alpha, lost = 2 * family * scale, np.nan  # low for most springs; if too fast, the search starts at the slowest
     while alpha < fastest and samples[-1].alpha < (1 - 1e-4) * no_return:
@@ -297,7 +300,7 @@ def crossable_barriers(slopes: np.ndarray) -> np.ndarray:
 def _estimated_root(early: _Sample, late: _Sample) -> Generator[float, _Sample, float]:
     """The root between a sample where the turn comes too late and a faster one where it comes too early; yields launch
     speeds and is sent samples there."""
-    enough, seen = min(ACCURACY * late.half_period, DEPTH * abs(late.lateness)), [early, late]
+    enough, seen = min(GUESS.accuracy * late.half_period, GUESS.depth * abs(late.lateness)), [early, late]
     search = root_search(early.alpha, late.alpha, early.lateness, late.lateness, enough)
     try:
         alpha = next(search)
@@ -323,8 +326,8 @@ def _next_speed(samples: list[_Sample], scale: float, barrier: bool, no_return: 
     slope = (last.lateness - before.lateness) / (last.alpha - before.alpha) if len(samples) > 2 else 0.0
     ahead = 1.2 * last.lateness / max(-slope, 0.3) if slope < 0 else last.lateness / 1.5
     if barrier:
-        ahead = min(ahead, LONGEST_AT_BARRIERS * (scale + last.alpha))
-    alpha = last.alpha + max(ahead, SHORTEST_STEP * (scale + last.alpha))
+        ahead = min(ahead, GUESS.longest_at_barriers * (scale + last.alpha))
+    alpha = last.alpha + max(ahead, GUESS.shortest_step * (scale + last.alpha))
     return alpha if alpha < no_return else 0.5 * (last.alpha + no_return)
 
 
@@ -346,10 +349,10 @@ def _golden_section(a: _Sample, b: _Sample) -> Generator[float, _Sample, _Sample
 
 
 def _may_come_to_zero(*samples: _Sample) -> bool:
-    """Whether lateness that is above zero at samples may vanish between them, if its curvature is at most `BEND_SAFETY`
-    times that of their second differences."""
+    """Whether lateness that is above zero at samples may vanish between them, if its curvature is at most
+    `bend_safety` times that of their second differences."""
     alphas, lateness = np.array([[each.alpha, each.lateness] for each in samples]).T
     widths, least = np.diff(alphas), lateness.min()
     with np.errstate(invalid="ignore"):  # some lateness may be infinite
         bends = np.abs(np.diff(np.diff(lateness) / widths)) / (0.5 * (widths[1:] + widths[:-1]))
-    return least > 0 and not least > BEND_SAFETY * bends.max() * widths.max() ** 2 / 8
+    return least > 0 and not least > GUESS.bend_safety * bends.max() * widths.max() ** 2 / 8

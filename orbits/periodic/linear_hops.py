@@ -23,20 +23,28 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit, finite_number
-from ..model.modes import SLOWEST_SQUARE, linear_modes
+from ..model.modes import MODES, linear_modes
 from ..numerics.roots import Array, solve
 from ..numerics.sobol import sobol_points
 
-# Newton's method starts together from this many quasi-random pairs of half times, each with all the amplitudes that are
-# stationary for the size of the equations there. It is repeated until this many successive batches bring no new root.
-# After this many steps hardly any start still converges.
-BATCH, IDLE_BATCHES, NEWTON_STEPS = 128, 4, 20
-# Shares of the times: a start with a smaller step has converged; roots that are closer are the same.
-CONVERGED_STEP, SAME_ROOT = 1e-8, 1e-7
-# After these further steps a root is known to rounding; its residual is a share of the largest terms.
-POLISHING_STEPS, LARGEST_RESIDUAL = 3, 1e-9
-# Of half times, as a share of the longest; shorter hops have shrunk to nothing, a root for many contacts.
-SHORTEST_PHASE = 1e-3
+
+class LinearOptions(NamedTuple):
+    """The starts and the steps of Newton's method for the times of linear hops."""
+
+    # Quasi-random pairs of half times in a batch, each with all the amplitudes that are stationary for the size of the
+    # equations there.
+    batch: int = 128
+    idle_batches: int = 4  # successive batches without a new root, after which the search ends
+    steps: int = 20  # after so many hardly any start still converges
+    converged_step: float = 1e-8  # as a share of the times: a start with a smaller step has converged
+    same_root: float = 1e-7  # as a share of the times: roots that are closer are the same
+    polishing_steps: int = 3  # further ones, after which a root is known to rounding
+    largest_residual: float = 1e-9  # of a root, as a share of the largest terms
+    # Of half times, as a share of the longest; shorter hops have shrunk to nothing, a root for many contacts.
+    shortest_phase: float = 1e-3
+
+
+LINEAR = LinearOptions()
 
 
 class LinearHop(NamedTuple):
@@ -72,12 +80,12 @@ class LinearSearch:
         if not (longest > 0).all():
             raise InputError(f"half_contact = {half_contact}, half_flight = {half_flight}: both are above 0")
         tried, idle, share = 0, 0, 0.0
-        while idle < IDLE_BATCHES:
-            new = self._equations.roots(sobol_points(BATCH, 2, seed, tried) * longest, longest)
-            tried += BATCH
+        while idle < LINEAR.idle_batches:
+            new = self._equations.roots(sobol_points(LINEAR.batch, 2, seed, tried) * longest, longest)
+            tried += LINEAR.batch
             before, self._roots = len(self._roots), _distinct(np.concatenate([self._roots, new]))
             idle = idle + 1 if len(self._roots) == before else 0
-            yield (share := max(share, idle / IDLE_BATCHES))
+            yield (share := max(share, idle / LINEAR.idle_batches))
 
     @property
     def hops(self) -> list[LinearHop]:
@@ -91,7 +99,7 @@ class LinearSearch:
 def _distinct(roots: Array) -> Array:
     """Roots (r, 2 + ...) whose pair of times, which comes first, does not repeat an earlier pair up to rounding."""
     times = roots[:, :2]
-    near = (np.abs(times[:, None] - times) <= SAME_ROOT * times).all(2)
+    near = (np.abs(times[:, None] - times) <= LINEAR.same_root * times).all(2)
     return roots[~np.tril(near, -1).any(1)]
 
 
@@ -131,7 +139,7 @@ class _HopEquations:
         of_gap = weights @ flight.shapes
         closed = np.linalg.qr(of_gap[:, None], mode="complete")[0][:, 1:]
         squares, turned = np.linalg.eigh(closed.T * self.squares @ closed)
-        if not (squares > SLOWEST_SQUARE * flight.square).all():
+        if not (squares > MODES.slowest_square * flight.square).all():
             raise NoOrbit("a motion that leaves gap and springs as they are never comes back: hold it by a spring")
         self.rates, self.held = np.sqrt(squares), closed @ turned
         self.centre = self.held @ (self.loads @ self.held / squares)
@@ -156,19 +164,19 @@ class _HopEquations:
         stationary = np.concatenate(np.linalg.svd(self.sums(few).matrix, full_matrices=False)[2])
         unknowns = np.column_stack([np.repeat(times, self.size - 1, axis=0), stationary])
         with np.errstate(all="ignore"):  # starts that reach a singularity of the equations are dropped
-            for _ in range(NEWTON_STEPS):
+            for _ in range(LINEAR.steps):
                 change = self._newton_step(unknowns)
                 longest_step = np.abs(change[:, :2]).max(axis=1, keepdims=True)
                 unknowns = unknowns + change * np.minimum(1.0, farthest / longest_step)
                 unknowns[:, 2:] /= np.linalg.norm(unknowns[:, 2:], axis=1, keepdims=True)
                 times = unknowns[:, :2]
-                converged = (np.abs(change[:, :2]) < CONVERGED_STEP * np.abs(times)).all(1)
+                converged = (np.abs(change[:, :2]) < LINEAR.converged_step * np.abs(times)).all(1)
                 found.append(unknowns[converged])
                 unknowns = unknowns[~converged & (times > 0).all(1) & (times < longest + farthest).all(1)]
             unknowns = _distinct(np.concatenate(found))
-            for _ in range(POLISHING_STEPS):
+            for _ in range(LINEAR.polishing_steps):
                 unknowns = unknowns + self._newton_step(unknowns)
-            inside = (unknowns[:, :2] > SHORTEST_PHASE * longest).all(1) & (unknowns[:, :2] <= longest).all(1)
+            inside = (unknowns[:, :2] > LINEAR.shortest_phase * longest).all(1) & (unknowns[:, :2] <= longest).all(1)
             return unknowns[inside & self._holds(unknowns)]
 
     def _newton_step(self, unknowns: Array) -> Array:
@@ -187,7 +195,7 @@ class _HopEquations:
         terms = at.cosines * at.speeds, at.sines * at.accelerations
         error = np.abs(sum(terms)).max(1) / np.abs(terms).max((0, 2))
         share = np.abs(at.moved @ self.pull) / (np.linalg.norm(at.moved, axis=1) * np.linalg.norm(self.pull))
-        return (error < LARGEST_RESIDUAL) & (share > LARGEST_RESIDUAL)
+        return (error < LINEAR.largest_residual) & (share > LINEAR.largest_residual)
 
     def liftoffs(self, roots: Array) -> tuple[Array, Array]:
         """Flight states (m, 2n) at lift-off of roots (m, 1 + n), and whether (m,) the gap opens there, by its jerk."""

@@ -13,7 +13,7 @@ import cmath
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -24,16 +24,22 @@ from ..model.phase import Phase
 from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction
 
-# The sum of the losses of bounces ends where the square of their speed is below this.
-LEAST_LOSS = 1e-20
-# With a larger share of the speed left by a hand-over, or the root of a larger restitution, bounces are too many to be
-# counted: what they lose grows without bounds as the share tends to 1.
-MOST_LEFT = 0.999
-# The jerk of the gap jumps at a landing where it differs by more than this share on both sides: some 1e-4 of a natural
-# time from it, in which a smooth jerk changes far less. So far away, in multiples of what rounding moves it.
-JERK_JUMP, SIDES_OF_LANDING = 2e-3, 4.0
-# The imaginary part of a complex step: so small that its square vanishes relative to any number.
-COMPLEX_STEP = 1e-30
+
+class LossOptions(NamedTuple):
+    """The numbers of the losses beside a lossless landing."""
+
+    least_square: float = 1e-20  # of the speed of bounces: the sum of their losses ends there
+    # With a larger share of the speed left by a hand-over, or the root of a larger restitution, bounces are too many to
+    # be counted: what they lose grows without bounds as the share tends to 1.
+    most_left: float = 0.999
+    # The jerk of the gap jumps at a landing where it differs by more than this share on both sides: some 1e-4 of a
+    # natural time from it, in which a smooth jerk changes far less.
+    jerk_jump: float = 2e-3
+    sides: float = 4.0  # the distance of these sides from the landing, in multiples of what rounding moves it
+    complex_step: float = 1e-30  # so small that its square vanishes relative to any number
+
+
+LOSSES = LossOptions()
 
 
 def loss_coefficient(impact_mass: Algebraic, jerk: Algebraic, gap_slope: Algebraic, power: Algebraic) -> Algebraic:
@@ -56,7 +62,7 @@ def jerk_jumps(flow: Flow, gap: Sequence, x: np.ndarray, p: np.ndarray, jerk: np
     jumps, which = np.zeros(len(x), dtype=bool), np.arange(len(x))
     if flow.is_smooth:
         return jumps
-    away = SIDES_OF_LANDING * np.cbrt(6 * np.abs(off / jerk))[:, None] * flow.field(x, p)[0]
+    away = LOSSES.sides * np.cbrt(6 * np.abs(off / jerk))[:, None] * flow.field(x, p)[0]
     if flow.phase.pieces is not None:
         which = (flow.pieces_of(x - away, p) != flow.pieces_of(x + away, p)).nonzero()[0]
     if len(which):
@@ -64,7 +70,7 @@ def jerk_jumps(flow: Flow, gap: Sequence, x: np.ndarray, p: np.ndarray, jerk: np
         acceleration = _accelerations(flow.phase, tuple(gap), flow.parameters)
         before, here, after = (acceleration(at, flow.data(at, p))[0].ravel() for at in (x - away, x, x + away))
         largest = np.maximum(np.abs(here - before), np.abs(after - here))
-        jumps[which] = np.abs(before - 2 * here + after) > JERK_JUMP * largest
+        jumps[which] = np.abs(before - 2 * here + after) > LOSSES.jerk_jump * largest
     return jumps
 
 
@@ -95,7 +101,7 @@ def _jerks(phase: Phase, gap: tuple[float, ...], parameters: tuple[str, ...]) ->
 @cache
 def bounce_factors(e: float) -> tuple[float, float]:
     """What a hop with all its bounces loses where it lands late and early, as multiples of C, with the restitution e,
-    at most `MOST_LEFT`**2; 1 and 10 of a plastic landing.
+    at most `LOSSES.most_left`**2; 1 and 10 of a plastic landing.
 
     The height has the acceleration -tau in a scaled time, from impacts at tau = 1 or -1 on, where a landing that is
     held loses 1/4.
@@ -104,7 +110,7 @@ def bounce_factors(e: float) -> tuple[float, float]:
 
 
 def hand_over_factors(rho: float) -> tuple[float, float]:
-    """The factors where a hand-over leaves the share rho of the gap's speed, at most `MOST_LEFT`: the point that was
+    """The factors where a hand-over leaves the share rho of the gap's speed, at most `most_left`: the point that was
     left comes down again at once, since it is pressed down, in another hand-over. To the point that landed this is a
     bounce with the restitution rho^2."""
     return bounce_factors(rho * rho)
@@ -115,13 +121,13 @@ def late_factor(share: float) -> tuple[float, float]:
     derivative by the share; 1 and 0 for shares below 0."""
     if share <= 0:
         return 1.0, 0.0
-    slope = _lost_in_bounces(1.0, (share + 1j * COMPLEX_STEP) ** 2).imag / COMPLEX_STEP
+    slope = _lost_in_bounces(1.0, (share + 1j * LOSSES.complex_step) ** 2).imag / LOSSES.complex_step
     return hand_over_factors(share)[0], slope
 
 
 def _lost_in_bounces(tau: Any, e: Any) -> Any:
     total, speed, root = 0.0, 0.5 * tau * tau, cmath.sqrt if isinstance(e, complex) else math.sqrt
-    while abs(speed * speed) > LEAST_LOSS:
+    while abs(speed * speed) > LOSSES.least_square:
         total += (1 - e * e) * speed * speed
         # The height is 0 again where later^2 + later tau - 2 tau^2 = 6 e speed.
         later = 0.5 * (root(9 * tau * tau + 24 * e * speed) - tau)
@@ -143,5 +149,5 @@ def by_launch_speed(function: Callable[[Mapping], Sequence], u: Mapping, slope: 
         moved = 0.0 if slope is None else ca.jacobian(values, u["liftoff"]) * slope
         return ca.vertsplit(ca.densify(ca.jacobian(values, u["alpha"]) + moved))
     step = {"alpha": 1.0} | ({} if slope is None else {"liftoff": slope})
-    shifted = {**u, **{name: u[name] + 1j * COMPLEX_STEP * change for name, change in step.items()}}
-    return [np.imag(x) / COMPLEX_STEP for x in function(shifted)]
+    shifted = {**u, **{name: u[name] + 1j * LOSSES.complex_step * change for name, change in step.items()}}
+    return [np.imag(x) / LOSSES.complex_step for x in function(shifted)]

@@ -8,7 +8,7 @@ change vanishes.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,14 +19,19 @@ from ..shooting.single_shooting import Shooting
 from .certified import Solved
 from .tuned import OF_STEPS, Tuning, prescribed_value, solve_tuned
 
-# The share of the launch speed at which a run begins where no quantity says how fast it is.
-SLOW_SHARE = 0.1
-# Conditions change with a motion where their derivatives are above this share of the largest.
-UNMOVED_SHARE = 1e-9
-# The multiple of the direction is found by at most this number of steps, to this share of it.
-MOST_SHARES_OF_RUN, SAME_SHARE_OF_RUN = 30, 1e-14
-# The ratio of two speeds at which runs are searched for one with a prescribed quantity, and the number of speeds.
-FASTER, MOST_SPEEDS = 1.25, 40
+
+class RunStartOptions(NamedTuple):
+    """Where the search for a run begins, and along which speeds it goes."""
+
+    slow_share: float = 0.1  # of the launch speed, at which a run begins where no quantity says how fast it is
+    unmoved_share: float = 1e-9  # of the largest derivatives: conditions with smaller ones do not change with a motion
+    shares: int = 30  # steps at most in which the multiple of the direction is found
+    same_share: float = 1e-14  # of it, to which it is found
+    faster: float = 1.25  # ratio of two speeds at which runs are searched for one with a prescribed quantity
+    speeds: int = 40  # their number
+
+
+RUN_START = RunStartOptions()
 
 
 def run_along_speeds(machine: Any, tuning: Tuning, starts: Sequence[Mapping[str, float]]) -> Solved:
@@ -55,17 +60,17 @@ def run_along_speeds(machine: Any, tuning: Tuning, starts: Sequence[Mapping[str,
     else:
         raise NoOrbit(f"{no_run}: {reason}")
     last, ended = stand, "faster ones are not searched"
-    for _ in range(MOST_SPEEDS):
+    for _ in range(RUN_START.speeds):
         here = prescribed_value(machine, name, known)
         if (here - value) * (last - value) <= 0:
             return solve_tuned(machine, tuning, known)
         last = here
         try:
-            known = run(FASTER * speed, known)
+            known = run(RUN_START.faster * speed, known)
         except (NoOrbit, FlowError) as error:
             ended = str(error)
             break
-        speed *= FASTER
+        speed *= RUN_START.faster
     went = f"{name} goes from {stand:.6g} to {last:.6g} as the speed goes from 0 to {speed:.6g}"
     raise NoOrbit(f"{no_run}: {went}; {ended}")
 
@@ -90,7 +95,7 @@ def run_start(machine: Any, equations: Shooting, hop: Mapping[str, float], at: M
     jacobian = jacobian[: len(jacobian) - sum(name not in machine.values for name in equations.parameters)]
     upright, lateral = ([unknowns.index(name) for name in own if (name in hop) == each] for each in (True, False))
     # The conditions that no vertical motion changes are those of the lateral one.
-    across = np.abs(jacobian[:, upright]).max(1) <= UNMOVED_SHARE * np.abs(jacobian).max()
+    across = np.abs(jacobian[:, upright]).max(1) <= RUN_START.unmoved_share * np.abs(jacobian).max()
     direction = np.linalg.svd(jacobian[across][:, lateral])[2][-1]
     moved = dict(zip([unknowns[i] for i in lateral], direction.tolist(), strict=True))
 
@@ -99,15 +104,15 @@ def run_start(machine: Any, equations: Shooting, hop: Mapping[str, float], at: M
         return {**u, **{name: share * change for name, change in moved.items()}}
 
     prescribed = [(each, value) for each, value in at.items() if each in OF_STEPS]
-    (name, value), *_ = [*prescribed, ("speed", SLOW_SHARE * abs(u["alpha"]))]
+    (name, value), *_ = [*prescribed, ("speed", RUN_START.slow_share * abs(u["alpha"]))]
     share = first = 1e-6  # the speed is nearly linear in the angles
-    for _ in range(MOST_SHARES_OF_RUN):
+    for _ in range(RUN_START.shares):
         near = at_share(share)
         if not (found := float(OF_STEPS[name].of(model, near, {**p, STEP_LENGTH: near[STEP_LENGTH]}))):
             if share != first:
                 raise NoOrbit(f"{name} = {value:g} is too small for a double's range: prescribe one farther from 0")
             raise NoOrbit(f"the {model.name} does not move along the ground beside its vertical hop: give a start")
         share, last = share * value / found, share
-        if abs(share - last) <= SAME_SHARE_OF_RUN * abs(share):
+        if abs(share - last) <= RUN_START.same_share * abs(share):
             break
     return at_share(share)

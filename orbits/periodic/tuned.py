@@ -29,22 +29,26 @@ from .quantities import speed_in_flight, step_of
 
 # The method whose equations are tuned.
 METHOD = "half orbit"
-# With a step below this share of the way to the prescribed values, the orbit cannot be followed there.
-SHORTEST_WAY = 1e-4
-# A corrector that changes an unknown by a larger share of its size may have jumped to another orbit.
-FARTHEST_CORRECTED = 0.03
-# A tuned parameter that may be off by more than this share of its value is not determined.
-WORST_TUNED = 0.01
-# Equations with a smaller share of their largest singular value have lost their rank but for rounding.
-RANK_OF_TUNED = 1e-9
-# A Jacobian that a step of Newton's method takes below this share of itself in some direction may have no full rank.
-RANK_IN_STEP = 0.5
+
+
+class TunedOptions(NamedTuple):
+    """When tuned numbers cannot be followed to the prescribed values, and when an orbit does not determine them."""
+
+    shortest_way: float = 1e-4  # share of the way: with a shorter step the orbit cannot be followed there
+    # A corrector that changes an unknown by a larger share of its size may have jumped to another orbit.
+    corrected: float = 0.03
+    worst: float = 0.01  # share of its value by which a tuned number that is determined may be off
+    rank: float = 1e-9  # of the largest singular value: equations with a smaller share have lost their rank
+    # A Jacobian that a Newton step takes below this share of itself in some direction may have no full rank.
+    rank_in_step: float = 0.5
+    smallest: float = 1e-3  # smaller values are compared with this one
+
+
+TUNED = TunedOptions()
 # What to do where an orbit does not determine a tuned number, by whether the machine sticks.
 OTHER = "tune another number"
 AT_A_SPEED = "prescribe a speed farther from 0, or start at a run that has one"
 REMEDIES = OTHER, f"{OTHER}; or {AT_A_SPEED}: the vertical hop runs at no speed, whatever its inertia"
-# Smaller values are compared with this one.
-SMALLEST = 1e-3
 
 
 class Prescribed(NamedTuple):
@@ -283,7 +287,7 @@ def _along_way(
                 raise over.reached(f"on the way to {text(1.0)} it has come to {text(reached)}, with {tuned}") from None
             except (NoOrbit, FlowError, InputError) as error:
                 step = min(step, 1 - reached) / 2
-                if step < SHORTEST_WAY:
+                if step < TUNED.shortest_way:
                     at, wanted = (dict(zip(names, p[places].tolist(), strict=True)) for p in (p_at(reached), p_at(1.0)))
                     raise _no_way(equations, found.u, at, wanted, tangent[len(x) - len(found.u) :], error) from None
         reached, step = share, 2 * step
@@ -298,9 +302,9 @@ def _no_beginning(equations: Shooting, x: np.ndarray, p: np.ndarray, names: Sequ
         reason = f"no equation of half an orbit has {unused}"
         return NoOrbit(f"{all_of} does not depend on {unused}: tune another number ({reason})")
     try:
-        jacobian = equations.evaluate(x, p).jacobian * np.maximum(np.abs(x), SMALLEST)
+        jacobian = equations.evaluate(x, p).jacobian * np.maximum(np.abs(x), TUNED.smallest)
         sizes = np.linalg.svd(jacobian / np.abs(jacobian).max(1, keepdims=True))[1]
-        if sizes[-1] <= RANK_OF_TUNED * sizes[0]:
+        if sizes[-1] <= TUNED.rank * sizes[0]:
             return NoOrbit(f"{all_of} does not depend on {tuned}: tune another number")
     except (FlowError, np.linalg.LinAlgError):
         pass
@@ -329,7 +333,7 @@ def solved_near(machine: Machine, known: NodedSolution, guess: np.ndarray, p: np
     machine.with_values(**tuned_values(equations, guess))
     found, evaluation = equations.newton(guess, p)
     sizes = np.maximum(np.abs(found[:own]), 0.1 * np.abs(found[:own]).max())
-    if np.max(np.abs(found - guess)[:own] / sizes) > FARTHEST_CORRECTED:
+    if np.max(np.abs(found - guess)[:own] / sizes) > TUNED.corrected:
         raise NoOrbit("the corrector ends far from the predicted orbit")
     machine.with_values(**tuned_values(equations, found))
     return replace(known, x=found, p=p, evaluation=evaluation).divided()
@@ -379,7 +383,7 @@ def errors_of_tuned(solved: Solved, closing: np.ndarray | None = None) -> dict[s
     for name, value in tuned_values(equations, solved.us[0]).items():
         bounds, _ = error_bounds(equations, solved.us, solved.ps, solved.evaluation, closing, False, name, nodes)
         found[name] = float(bounds[0])
-        if not found[name] <= WORST_TUNED * max(abs(value), SMALLEST):
+        if not found[name] <= TUNED.worst * max(abs(value), TUNED.smallest):
             off = f"which may be off by {found[name]:.1e}"
             raise NoOrbit(
                 f"the orbit does not determine {name} = {value:.6g}, {off}: {REMEDIES[bool(solved.model.sticks)]}"
@@ -404,4 +408,4 @@ def _may_be_singular(solved: Solved, closing: np.ndarray | None) -> bool:
         return True
     # Whatever the units of unknowns and equations are, these are all 1 where the Jacobian does not change.
     change = solve(square, np.vstack([there, rows]))
-    return not (np.isfinite(change).all() and np.abs(np.linalg.eigvals(change)).min() > RANK_IN_STEP)
+    return not (np.isfinite(change).all() and np.abs(np.linalg.eigvals(change)).min() > TUNED.rank_in_step)

@@ -19,7 +19,7 @@ from .certificate import Certificate
 from .certified import known_solutions
 from .orbit import Orbit
 from .quantities import numbers_of
-from .tuned import METHOD, SHORTEST_WAY, SMALLEST, Tuning
+from .tuned import METHOD, TUNED, Tuning
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +38,7 @@ class TuningSteps:
     longest: float = 0.5
     last: float = 1e-14
     steady: float = 1e-4
-    shortest: float = SHORTEST_WAY
+    shortest: float = TUNED.shortest_way
     most: int = 200
     rounding: float = 1e-14
 
@@ -74,7 +74,7 @@ def _by_moving(
 ) -> tuple[Orbit, dict[str, float]]:
     """`with_extremes` for the parameters that are `moved` in steps."""
     wanted, x, last = np.array([*targets.values()]), np.array([first.source.values[name] for name in moved]), np.inf
-    sizes, slopes = np.maximum(np.abs(wanted), SMALLEST), np.zeros((len(x), len(x)))
+    sizes, slopes = np.maximum(np.abs(wanted), TUNED.smallest), np.zeros((len(x), len(x)))
     found, at = np.full(len(wanted), np.nan), ", ".join(f"{name} = {value:.6g}" for name, value in targets.items())
 
     def reached() -> tuple[str, str]:

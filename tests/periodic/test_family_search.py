@@ -7,7 +7,7 @@ import studies.search
 from orbits import InputError, NoOrbit, find, find_all
 from orbits.errors import LONGEST_MESSAGE
 from orbits.model.relative import Search
-from orbits.periodic.family_search import LATEST_TURN, Lateness
+from orbits.periodic.family_search import SEARCH, Lateness
 from problems import Chain, Hopper, Juggler, knee_hopper, shuttle
 from studies.search import Case
 
@@ -64,7 +64,7 @@ def test_an_orbit_beside_falls_of_another_kind_is_found():
 
 
 def test_a_search_that_is_stopped_counts_no_orbits(monkeypatch, caplog):
-    monkeypatch.setattr("orbits.periodic.family_search.MOST_SEARCHED", 400)
+    monkeypatch.setattr("orbits.periodic.family_search.SEARCH", SEARCH._replace(launches=400))
     (orbit,) = find_all(Hopper("cubic"), fastest=1e4)
     assert orbit.known_in_family is None
     assert "family 1 may have more orbits than the 1 that are found: the search was stopped after" in caplog.text
@@ -142,7 +142,7 @@ def test_no_orbit_beyond_the_fastest_launch(method):
 
 
 def test_a_search_that_is_stopped_says_so(monkeypatch):
-    monkeypatch.setattr("orbits.periodic.family_search.MOST_SEARCHED", 10)
+    monkeypatch.setattr("orbits.periodic.family_search.SEARCH", SEARCH._replace(launches=10))
     with pytest.raises(NoOrbit, match=r"found none so far; it is not complete: it was stopped after \d+ launches"):
         find_all(Hopper("cubic", parameters={"beta": -0.01069521492}), fastest=30)
 
@@ -202,7 +202,7 @@ class Given(Lateness):
 
     def _values(self, alphas, which):
         with np.errstate(invalid="ignore"):
-            late = np.where(alphas < 59.37, self.function(alphas), LATEST_TURN * (1 + alphas))
+            late = np.where(alphas < 59.37, self.function(alphas), SEARCH.latest_turn * (1 + alphas))
         return late, np.zeros(len(alphas), int)
 
 
