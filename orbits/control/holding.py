@@ -32,13 +32,30 @@ from ..running.exclusive import exclusive
 from ..units import LENGTH, Units
 
 INPUT = "hold"  # the parameter of the force that holds an orbit
-# The shares of each phase between which its intervals lie, so that lift-off and landing are those without the force.
-HOLD_BEGINS, HOLD_ENDS = 0.1, 0.9
-# The recursion has settled once the cost of a launch changes by this share in a cycle; a cost that grows on and on is
-# that of a direction that the force does not reach.
-SETTLED_COST, MOST_SWEEPS, LARGEST_COST = 1e-13, 2000, 1e14
-MOST_PARTS_HELD = 1000
-SIZED_AT = 201  # instants of an orbit by which its sizes are measured
+
+
+@dataclass(frozen=True, kw_only=True)
+class HoldOptions:
+    """The intervals and the recursion of a feedback.
+
+    begins, ends : the shares of each phase between which its intervals lie, so that lift-off and landing are those
+        without the force
+    most_parts : intervals of a phase
+    settled : the recursion has settled once the cost of a launch changes by this share in a cycle
+    cycles, largest_cost : at most; a cost that grows on and on is that of a direction that the force does not reach
+    instants : of an orbit by which its sizes are measured
+    """
+
+    begins: float = 0.1
+    ends: float = 0.9
+    most_parts: int = 1000
+    settled: float = 1e-13
+    cycles: int = 2000
+    largest_cost: float = 1e14
+    instants: int = 201
+
+
+HOLDING = HoldOptions()
 
 
 class _Stage(NamedTuple):
@@ -116,7 +133,7 @@ def hold(orbit: Orbit, along: str, *, effort: float = 0.05, landing: float = 20.
     >>> round(float(abs(held.multipliers[0])), 4), bool(abs(held.held_multipliers[0]) < 1)
     (14.2953, True)
     """
-    parts = whole_number("parts", parts, "intervals", most=MOST_PARTS_HELD)
+    parts = whole_number("parts", parts, "intervals", most=HOLDING.most_parts)
     if not (finite_number("effort", effort) > 0 and finite_number("landing", landing) >= 0):
         raise InputError(
             f"effort = {effort:g}, landing = {landing:g}; weights lie above 0, that of the landing may be 0"
@@ -129,13 +146,13 @@ def hold(orbit: Orbit, along: str, *, effort: float = 0.05, landing: float = 20.
     y, stated = impacts.onto_contact @ x, cast(Mechanism, orbit.source)
     landed = np.array(stated.model.contact_reversal.image(y.tolist(), stated.values), dtype=float)
     flight, contact = orbit.flight_time, float(orbit.contact_time or 0.0)
-    marks = np.linspace(HOLD_BEGINS, HOLD_ENDS, parts + 1)
+    marks = np.linspace(HOLDING.begins, HOLDING.ends, parts + 1)
     flying, flown = _intervals(impacts, impacts.flight, x, np.append(marks * flight, flight))
     standing, stood = _intervals(impacts, impacts.contact, landed, marks * contact)
     embed, tangent = impacts.model.embed, impacts.model.embed @ section.tangent(y) * section.unit
     force = units.of(machine.dimension_of_force(along))
     # The last part of the flight leads to the landing, and on to the first interval in contact.
-    lasts = (1 - HOLD_ENDS) * flight
+    lasts = (1 - HOLDING.ends) * flight
     touched = np.array(orbit(flight * (1 - 1e-16)))
     _, change = tangential_landing(impacts, (flown[-2], np.eye(len(x))), lasts, touched, impacts.feet[0])
     gap = np.array(impacts.gap.weights) @ flying[-1].carry / units.of("gap")
@@ -182,7 +199,7 @@ def _driven(orbit: Orbit, along: str) -> Mechanism:
 def _own_units(orbit: Orbit, machine: Mechanism) -> Units:
     """The units of an orbit: its highest gap, or where that is an angle the largest place that is a length; its period
     over 2 pi; and its mean contact force, which is the weight."""
-    bare, flown = machine.si_units, orbit(np.linspace(0.0, orbit.flight_time, SIZED_AT))
+    bare, flown = machine.si_units, orbit(np.linspace(0.0, orbit.flight_time, HOLDING.instants))
     names = machine.model.flight.states
     angular, length = "gap" in bare.angles, float(machine.model.gap(machine.values)(flown).max())
     if angular:
@@ -190,7 +207,7 @@ def _own_units(orbit: Orbit, machine: Mechanism) -> Units:
             np.abs(flown[:, i]).max() for i, name in enumerate(names) if bare.resolved(name) == bare.resolved(LENGTH)
         ]
         length = float(max(own, default=1.0))
-    weight = float(orbit.contact_force(np.linspace(0.0, orbit.period, SIZED_AT, endpoint=False)).mean())
+    weight = float(orbit.contact_force(np.linspace(0.0, orbit.period, HOLDING.instants, endpoint=False)).mean())
     weight = weight / length if angular else weight
     return Units(length, orbit.period / (2 * np.pi), weight, weight * length, bare.angles)
 
@@ -218,7 +235,7 @@ def _regulator(stages: list[_Stage], effort: float, landing: float) -> tuple[lis
     force does not reach what grows."""
     size = stages[0].carry.shape[1]
     cost, last = np.eye(size), np.inf
-    for _ in range(MOST_SWEEPS):
+    for _ in range(HOLDING.cycles):
         interrupts.heed()
         gains, matrix = list[np.ndarray](), np.eye(size)
         weights = np.eye(size) + cost
@@ -233,9 +250,9 @@ def _regulator(stages: list[_Stage], effort: float, landing: float) -> tuple[lis
             if gap is not None:
                 weights += landing * np.outer(gap, gap)
         cost = 0.5 * (weights + weights.T)
-        if abs((largest := np.abs(cost).max()) - last) <= SETTLED_COST * largest:
+        if abs((largest := np.abs(cost).max()) - last) <= HOLDING.settled * largest:
             return gains, matrix
-        if largest > LARGEST_COST:
+        if largest > HOLDING.largest_cost:
             break
         last = largest
     raise NoOrbit("the force does not reach all that grows, and no feedback along this extension holds the orbit")

@@ -25,13 +25,6 @@ from .rollout import MotionRollout, roll_out
 from .stage import Stage, check_range, check_stage
 from .transcription import StageUnknowns, Transcription, transcription
 
-INSET = 1e-9  # inputs of a guess are sampled this share of an interval away from its ends, since it may jump there
-AT_BOUND = 1e-4  # a value this close to a bound, relative to it or to one, is at it: a failed iteration ends no closer
-# A violation that falls by no more than this from round to round is one of the steps, unless their error is a smaller
-# share of it than the second number: then the search goes on exchanging points.
-STALLED, OF_THE_STEPS = 0.5, 1e-4
-RUNAWAY_DURATION = 1e3  # a duration without an upper bound that grows by this factor has no minimum
-
 
 @dataclass(frozen=True, kw_only=True)
 class SteerOptions:
@@ -44,6 +37,13 @@ class SteerOptions:
     finest_tolerance: float = 1e-13  # below this rounding decides whether a tolerance is met
     smallest_scaled_cost: float = 0.1  # in its unit the cost lies between this and one over this
     negligible_cost: float = 1e-20  # a cost below this is zero, and has no unit
+    inset: float = 1e-9  # inputs of a guess, which may jump, are sampled this share of an interval away from its ends
+    at_bound: float = 1e-4  # a value this close to a bound is at it, relative to it or to one
+    # A violation that falls by no more than `stalled` from round to round is one of the steps, unless their error is a
+    # smaller share of it than `of_the_steps`: then the search goes on exchanging points.
+    stalled: float = 0.5
+    of_the_steps: float = 1e-4
+    runaway: float = 1e3  # a duration without an upper bound that grows by this factor has no minimum
 
     def needs_unit(self, cost: float, unit: float = 1.0) -> bool:
         """Whether a cost has a size that is not of order one in a unit."""
@@ -198,8 +198,8 @@ def steered_on_intervals(
             accuracy = motion.violation, motion.error
             known = replace(current, tolerance=tolerance)
             return Control(motion.legs(), motion.cost, named, *accuracy, iterations, rounds, 0.0, warm_start=known)
-        stalled = before is not None and motion.violation > STALLED * before.violation
-        stalled = stalled and motion.error > OF_THE_STEPS * motion.violation
+        stalled = before is not None and motion.violation > STEER_OPTIONS.stalled * before.violation
+        stalled = stalled and motion.error > STEER_OPTIONS.of_the_steps * motion.violation
         finer = _refined(current, motion, tolerance, stalled)
         if max(finer.problem.substeps) > STEER_OPTIONS.substeps or work > STEER_OPTIONS.work:
             break
@@ -270,7 +270,7 @@ def _unknowns_of_guess(problem: Transcription, guess, free: Mapping, bounds) -> 
         raise InputError(f"guess = {guess!r}; it is a Guess for each stage, or a Control")
     if len(guesses) != len(problem.stages):
         raise InputError(f"the guess has {len(guesses)} stages where there are {len(problem.stages)}")
-    parts = [_sampled(stage, one) for stage, one in zip(problem.stages, guesses, strict=True)]
+    parts = [_sampled(stage, as_guess(stage, one)) for stage, one in zip(problem.stages, guesses, strict=True)]
     low, high = (bound[len(bound) - len(free) :] for bound in bounds)
     middle = np.where(np.isfinite(low + high), 0.5 * (low + high), np.where(np.isfinite(low), low, high))
     middle = np.where(np.isfinite(middle), middle, 0.0)
@@ -281,12 +281,17 @@ def _unknowns_of_guess(problem: Transcription, guess, free: Mapping, bounds) -> 
     return x
 
 
-def _sampled(stage, guess):
+def as_guess(stage: Stage, guess: Guess | ControlledLeg) -> Guess:
+    """A guess for a stage, which may be a leg of a motion."""
+    if isinstance(guess, Guess):
+        return guess
+    size, shared = len(stage.phase.states), [name for name in stage.inputs if name in guess.inputs.names]
+    return Guess(guess.duration, lambda t: guess.path(t)[:size], {name: guess.input_of(name) for name in shared})
+
+
+def _sampled(stage: Stage, guess: Guess) -> StageUnknowns:
     """The unknowns of a stage, sampled from a guess for it."""
     where, size, n = f"the guess of the {stage.phase.name}", len(stage.phase.states), stage.intervals
-    if isinstance(guess, ControlledLeg):
-        inputs = {name: guess.input_of(name) for name in stage.inputs if name in guess.inputs.names}
-        guess = Guess(guess.duration, lambda t, path=guess.path: path(t)[:size], inputs)
     duration = finite_number(f"{where}: duration", guess.duration)
     if strange := guess.inputs.keys() - stage.inputs.keys():
         raise InputError(f"{where} is of an input '{min(strange)}': it has none such")
@@ -296,7 +301,8 @@ def _sampled(stage, guess):
     rows = []
     for name, control in stage.inputs.items():
         value = guess.inputs.get(name, 0.0)
-        for share in np.linspace(INSET, 1 - INSET, control.degree + 1) if control.degree else (0.5,):
+        inset = STEER_OPTIONS.inset if control.degree else 0.5
+        for share in np.linspace(inset, 1 - inset, control.degree + 1):
             times = (np.arange(n) + share) * duration / n
             rows.append([float(value(t)) if callable(value) else float(value) for t in times])
     return StageUnknowns(duration, nodes.T, np.array(rows).reshape(-1, n))
@@ -305,7 +311,7 @@ def _sampled(stage, guess):
 def _check_not_away(stages, first: list[StageUnknowns], last: list[StageUnknowns]) -> None:
     """Raise `NoOrbit` where the duration of a stage, from its first value to its last, grows without end."""
     for number, (stage, guessed, found) in enumerate(zip(stages, first, last, strict=True), start=1):
-        if np.isinf(stage.duration[1]) and found.duration > RUNAWAY_DURATION * guessed.duration:
+        if np.isinf(stage.duration[1]) and found.duration > STEER_OPTIONS.runaway * guessed.duration:
             text = (
                 "stage {number} ({name}) runs away: it lasts {time:.2g} already, and the longer it lasts the less it "
                 "costs; bound its duration"
@@ -358,7 +364,9 @@ def _bounds_in_the_way(problem: Transcription, found: Minimum) -> list[str]:
             bounds = [bound for bound in stage.inputs[name].numbers if np.isfinite(bound)]
             if np.mean([np.any([_at_bound(part.coefficients[rows], bound) for bound in bounds], axis=0)]) > 0.5:
                 inputs.append(f"input '{name}' of stage {i}")
-    paths = dict.fromkeys(problem.labels[row] for row in problem.inner_paths if found.values[row] < AT_BOUND)
+    paths = dict.fromkeys(
+        problem.labels[row] for row in problem.inner_paths if found.values[row] < STEER_OPTIONS.at_bound
+    )
     return short + [f"; {name} is at its bounds" for name in [*inputs, *paths]]
 
 
@@ -370,4 +378,4 @@ def _shortest(stage: Stage, unknowns: StageUnknowns) -> bool:
 
 def _at_bound(values, bound: float):
     """Whether values (...) are at a bound."""
-    return np.abs(values - bound) <= AT_BOUND * (1.0 + np.abs(bound))
+    return np.abs(values - bound) <= STEER_OPTIONS.at_bound * (1.0 + np.abs(bound))

@@ -26,40 +26,76 @@ from .optimality import Design, optimum_at
 from .problem import DesignProblem, Outputs
 from .tuned_machine import motions_near, statement_of_orbits, unknowns_of
 
-# The constraints are met, or nearly, if the sum of their violations, as shares of their sizes, is no larger.
-MET, NEARLY_MET = 1e-8, 1e-3
 # The cost of a step is the objective, with the constraints held; or, where they are not nearly met, the objective and
 # penalised violations, the next of these where they do not fall, and at last the violations alone, to determine whether
 # they can be met at all.
-HELD, PENALISED = Weights(1.0, 0.0, NEARLY_MET), (Weights(1.0, 10.0), Weights(1e-3, 1.0), Weights(0.0, 1.0))
-MOST_ROUNDS = 250  # steps from one start, at most
-# After so many steps with one of the weights the next are taken: the objective is measured by its own value at each
-# step, so that steps may lead round and round where it changes by as much as the violations.
-MOST_PENALISED = 50
-# The trust region at first and at least: the largest change of a parameter as a share of its range, or nine times less
-# than the relative change of what is measured by its logarithm.
-REACH_AT_FIRST, LEAST_REACH = 0.5, 1e-7
-# An orbit this many times as fast or long as the first escapes, if the parameters change by no more than the share REST
-# of their values and of their distances to the bounds while it becomes twice as fast or long. Where the search cannot
-# continue, a smaller ratio is enough.
-ESCAPE_RATIO, LOSS_RATIO, REST = 10.0, 2.0, 1e-2
-LEAST_JERK = 1e-6  # lower bound of the landing jerk, as a share of its value before the step
-LARGEST_CORRECTION = 0.5  # an orbit farther from that of the models, as a share of its unknowns, is another one
-ON_BOUND = 1e-8  # a parameter nearer to its bound than this share of its unit is put on it, since Ipopt stays inside
-LEAST_OBJECTIVE = 1e-6  # the scale of an objective that vanishes, as a share of its value at the start
-LARGEST_SLOPE = 1e-6  # largest slope of the Lagrangian, as a share of the objective over a parameter's range
-# A step that is shorter than the first number, in units of the parameters, does not change the design; nor does one
-# that is shorter than the second and not half as long as the last one, so that rounding decides.
-UNCHANGED, NEARLY_UNCHANGED = 1e-14, 1e-6
-# Where a step gains no more than the first number, optimality conditions that hold to the second hold to rounding.
-SMALL_GAIN, SMALLEST_SLOPE = 1e-9, 1e-13
-STILL = 1e-9  # violations that a step reduces by no more are least
-# A step is accepted if the merit falls by this share of what is predicted, unless that is rounding; and the trust
-# region grows or shrinks where it falls by more or less than the next two shares.
-ACCEPTED, ROUNDED_GAIN, GOOD, POOR = 0.1, 1e-11, 0.7, 0.3
-# In the merit of a step violations count this many times their largest multiplier, or the objective's own scale if
-# that is more.
-PENALTY = 2.0
+PENALISED = (Weights(1.0, 10.0), Weights(1e-3, 1.0), Weights(0.0, 1.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocalOptions:
+    """Steps of local searches for designs, and where they end.
+
+    met, nearly_met : the constraints are, if the sum of their violations, as shares of their sizes, is no larger
+    rounds : steps from one start, at most
+    penalised : steps with one of the weights in `PENALISED`, after which the next are taken: the objective is measured
+        by its own value at each step, so that steps may lead round and round where it changes by as much as the
+        violations
+    first, least : the trust region at first and at least: the largest change of a parameter as a share of its range, or
+        nine times less than the relative change of what is measured by its logarithm
+    escape, loss, rest : an orbit `escape` times as fast or long as the first escapes, if the parameters change by no
+        more than the share `rest` of their values and of their distances to the bounds while it becomes twice as fast
+        or long; where the search cannot continue, the ratio `loss` is enough
+    jerk : lower bound of the landing jerk, as a share of its value before the step
+    correction : an orbit farther from that of the models, as a share of its unknowns, is another one
+    on_bound : a parameter nearer to its bound than this share of its unit is put on it, since Ipopt stays inside
+    objective : the scale of an objective that vanishes, as a share of its value at the start
+    slope : largest slope of the Lagrangian, as a share of the objective over a parameter's range
+    unchanged, nearly_unchanged : a step that is shorter than the first, in units of the parameters, does not change the
+        design; nor does one that is shorter than the second and not half as long as the last one, so that rounding
+        decides
+    small_gain, smallest_slope : where a step gains no more, optimality conditions that hold to this slope do so to
+        rounding
+    still : violations that a step reduces by no more are least
+    accepted, rounded : a step is accepted if the merit falls by this share of what is predicted, unless that is no more
+        than rounding
+    good, poor : the trust region grows or shrinks where it falls by more or less than these shares
+    penalty : in the merit of a step violations count this many times their largest multiplier, or the objective's own
+        scale if that is more
+    """
+
+    met: float = 1e-8
+    nearly_met: float = 1e-3
+    rounds: int = 250
+    penalised: int = 50
+    first: float = 0.5
+    least: float = 1e-7
+    escape: float = 10.0
+    loss: float = 2.0
+    rest: float = 1e-2
+    jerk: float = 1e-6
+    correction: float = 0.5
+    on_bound: float = 1e-8
+    objective: float = 1e-6
+    slope: float = 1e-6
+    unchanged: float = 1e-14
+    nearly_unchanged: float = 1e-6
+    small_gain: float = 1e-9
+    smallest_slope: float = 1e-13
+    still: float = 1e-9
+    accepted: float = 0.1
+    rounded: float = 1e-11
+    good: float = 0.7
+    poor: float = 0.3
+    penalty: float = 2.0
+
+    @property
+    def held(self) -> Weights:
+        """Those of a step with the constraints held."""
+        return Weights(1.0, 0.0, self.nearly_met)
+
+
+SEARCH = LocalOptions()
 
 
 class Unbounded(NoOrbit):
@@ -98,7 +134,7 @@ class LocalSearch:
     point: DesignPoint  # the objective and the constraints at the current orbit
     ties: Ties = field(default_factory=dict)  # further places of extremes, which are held equal to the first
     refused: tuple[tuple, ...] = ()  # the places of the extremes after steps from here that were refused
-    reach: float = REACH_AT_FIRST  # the trust region
+    reach: float = SEARCH.first  # the trust region
     length: float = np.inf  # of the last step, in units of the parameters
     stage: int = 0  # the number of the weights in `PENALISED`, of the cost where the constraints are not nearly met
     collapsed: bool = False  # whether a step led into a contact without end
@@ -114,7 +150,7 @@ class LocalSearch:
     def limits(self) -> np.ndarray:
         """The least and the largest values, (2, ...), of the scaled results after the objective."""
         stated = [(c.low / size, c.high / size) for c, size in zip(self.problem.constraints, self.sizes, strict=True)]
-        demanded = [(LEAST_JERK, np.inf), *[(DEMAND_MARGIN, np.inf)] * len(self.point.demands)]
+        demanded = [(SEARCH.jerk, np.inf), *[(DEMAND_MARGIN, np.inf)] * len(self.point.demands)]
         return np.array([*stated, *demanded, *[(0.0, 0.0)] * len(self.point.values[self.point.tied])]).T
 
     def excess(self, values: np.ndarray) -> np.ndarray:
@@ -154,13 +190,13 @@ class LocalSearch:
         limits = np.hstack([self.limits(), [-within, within]])
         minimum = models.over(np.append(scales, ones)).minimum(len(self.sizes), bounds, limits, weights)
         to = np.clip(problem.changed(theta, minimum.x[: len(theta)]), low, high)
-        near = np.minimum(to - low, high - to) < ON_BOUND * problem.units(to)
+        near = np.minimum(to - low, high - to) < SEARCH.on_bound * problem.units(to)
         to = np.where(self.flat, theta, np.where(near, np.where(to - low < high - to, low, high), to))
         change = problem.change(theta, to)
         expected = models(change)
         moved = expected[len(scales) :]
         multiplier = np.abs(minimum.multipliers[1][: len(scales) - 1]).max()
-        weights = weights._replace(violation=weights.violation or PENALTY * max(1.0, multiplier))
+        weights = weights._replace(violation=weights.violation or SEARCH.penalty * max(1.0, multiplier))
         gain = self.merit(self.point.values, weights) - self.merit(expected, weights)
         machine = self.point.machine.with_values(**dict(zip(problem.names, to.tolist(), strict=True)))
         share = max(np.abs(change / radius).max(), np.abs(moved[logarithmic]).max() / largest)
@@ -180,7 +216,7 @@ def local_optima(
     cases = [_case(found[i], problem) for i in began]
     for i, point in zip(began, _of_each(design_points, cases, problem), strict=True):
         found[i] = attempt(_initial_search, point, problem)
-    for left in reversed(range(MOST_ROUNDS)):
+    for left in reversed(range(SEARCH.rounds)):
         interrupts.heed()
         going = [i for i, each in enumerate(found) if isinstance(each, LocalSearch)]
         for i in going:
@@ -232,7 +268,7 @@ def _ends(steps: Sequence[tuple[LocalSearch, DesignStep]], problem: DesignProble
         own = len(step.u) - len(statement_of_orbits(step.machine).tuned)
         u, expected = (step.u if near is None else unknowns_of(*near))[:own], step.u[:own]
         least = NEWTON.smallest_unit if step.machine.model.one_speed else 0.1 * np.abs(u).max()
-        if near is None or np.max(np.abs(u - expected) / np.maximum(np.abs(u), least)) > LARGEST_CORRECTION:
+        if near is None or np.max(np.abs(u - expected) / np.maximum(np.abs(u), least)) > SEARCH.correction:
             found[i] = NoOrbit("no orbit of the family is found near that of the models")
         else:
             cases[i] = _case(near, problem, search.point.demands, search.ties)
@@ -249,30 +285,30 @@ def _initial_search(point: DesignPoint | OrbitsError, problem: DesignProblem) ->
     if not np.isfinite(point.values[:stated]).all():
         raise NoOrbit(f"'{problem.text}' or a constraint has no value at {problem.where(point.machine)}")
     sizes, flat = constraint_sizes(problem, point), np.logical_not(point.slopes[:stated].any(axis=0))
-    return LocalSearch(problem, point.orbit, LEAST_OBJECTIVE * abs(point.values[0]), sizes, flat, point)
+    return LocalSearch(problem, point.orbit, SEARCH.objective * abs(point.values[0]), sizes, flat, point)
 
 
 def _proposed(search: LocalSearch, left: int) -> tuple[LocalSearch, DesignStep] | LocalSearch | Design:
     """The next step, where some are `left`, or what the search has come to where no step changes the design."""
     if not left:
         reason = f"at {search.problem.where(search.point.machine)}{search.reason and ': ' + search.reason}"
-        raise NoOrbit(f"no optimum within {MOST_ROUNDS} steps, {reason}")
+        raise NoOrbit(f"no optimum within {SEARCH.rounds} steps, {reason}")
     violation = search.violations.sum()
-    step = search.step(HELD) if violation <= NEARLY_MET else None
+    step = search.step(SEARCH.held) if violation <= SEARCH.nearly_met else None
     penalised = step is None or bool(step.reason)
     if step is None or penalised:
         step = search.step(PENALISED[search.stage])
-    settled = step.length <= UNCHANGED or 0.5 * search.length < step.length <= NEARLY_UNCHANGED
-    last, spent = search.stage + 1 == len(PENALISED), MOST_ROUNDS - left >= MOST_PENALISED * (search.stage + 1)
-    if penalised and violation > MET and (settled or step.gain <= STILL or (spent and not last)):
+    settled = step.length <= SEARCH.unchanged or 0.5 * search.length < step.length <= SEARCH.nearly_unchanged
+    last, spent = search.stage + 1 == len(PENALISED), SEARCH.rounds - left >= SEARCH.penalised * (search.stage + 1)
+    if penalised and violation > SEARCH.met and (settled or step.gain <= SEARCH.still or (spent and not last)):
         if last:
             raise _infeasible(search)
         return replace(search, stage=search.stage + 1)
-    if settled or abs(step.gain) <= SMALL_GAIN:
+    if settled or abs(step.gain) <= SEARCH.small_gain:
         optimum = optimum_at(search.problem, search.point, search.scales(), search.flat)
         admissible = search.point.orbit.admissible
         assert optimum.kkt is not None
-        if admissible and optimum.kkt <= (LARGEST_SLOPE if settled else SMALLEST_SLOPE):
+        if admissible and optimum.kkt <= (SEARCH.slope if settled else SEARCH.smallest_slope):
             return optimum
         if settled:
             off = f"the optimality conditions are off by {optimum.kkt:.1e}"
@@ -297,12 +333,12 @@ def _next(search: LocalSearch, step: DesignStep, end: DesignPoint | OrbitsError)
         return replace(again, reach=search.reach) if again.point.demands != search.point.demands else again
     fall = search.merit(search.point.values, step.weights) - search.merit(results, step.weights)
     growth, stopped = 1.0, step.share > 0.999
-    if step.gain > ROUNDED_GAIN:
-        if fall < ACCEPTED * step.gain:
+    if step.gain > SEARCH.rounded:
+        if fall < SEARCH.accepted * step.gain:
             return _with_ties(search, end, step)
-        growth = 2.0 if stopped and fall > GOOD * step.gain else 0.5 if fall < POOR * step.gain else 1.0
+        growth = 2.0 if stopped and fall > SEARCH.good * step.gain else 0.5 if fall < SEARCH.poor * step.gain else 1.0
     if stopped and _resting(search.problem, search.point, end):
-        _check_escape(search, end.machine, end.orbit, ESCAPE_RATIO)
+        _check_escape(search, end.machine, end.orbit, SEARCH.escape)
     return replace(search, point=end, refused=(), reach=min(1.0, growth * search.reach))
 
 
@@ -327,13 +363,13 @@ def _refused(search: LocalSearch, reason: str, share: float = 1.0, collapsed: bo
     """The search with a smaller trust region after a step over this share of it; raises the reason where it has become
     too small."""
     reach, collapsed = 0.25 * search.reach * min(share, 1.0), search.collapsed or collapsed
-    if reach >= LEAST_REACH:
+    if reach >= SEARCH.least:
         return replace(search, reach=reach, reason=reason, collapsed=collapsed, length=np.inf)
     machine = search.point.machine
     if collapsed:
         where, collapse = search.problem.where(machine), machine.model.violations["end"]
         raise Unbounded(f"the design runs into a collapse just beyond {where}: {collapse}")
-    _check_escape(search, machine, search.point.orbit, LOSS_RATIO)
+    _check_escape(search, machine, search.point.orbit, SEARCH.loss)
     raise NoOrbit(f"the design cannot be carried on from {search.problem.where(machine)}: {reason}")
 
 
@@ -357,7 +393,7 @@ def _resting(problem: DesignProblem, before: DesignPoint, after: DesignPoint) ->
     old, new = before.theta, after.theta
     ahead = np.where(new < old, new - problem.low, problem.high - new)
     ratios = [getattr(after.orbit, name) / getattr(before.orbit, name) for name in ("alpha", "contact_time")]
-    pace = REST * np.abs(np.log2(ratios)).max()
+    pace = SEARCH.rest * np.abs(np.log2(ratios)).max()
     return bool((np.abs(new - old) <= pace * np.minimum(np.abs(new), ahead)).all())
 
 
@@ -365,7 +401,7 @@ def _infeasible(search: LocalSearch) -> Infeasible:
     """The error that names the violated constraints."""
     problem, violations = search.problem, search.violations
     stated = zip(problem.constraints, search.point.values[1:].tolist(), violations, strict=False)
-    far = [(constraint, value) for constraint, value, violation in stated if violation > MET]
+    far = [(constraint, value) for constraint, value, violation in stated if violation > SEARCH.met]
     missed = [f"'{c.text}' is missed by {c.violation(value):.4g}, at {value:.6g}" for c, value in far]
     ranges = zip(problem.low, problem.names, problem.high, strict=True)
     bounds = ", ".join(f"{low:g} <= {name} <= {high:g}" for low, name, high in ranges)

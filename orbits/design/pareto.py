@@ -26,12 +26,25 @@ from .problem import Constraint, DesignProblem, design_problem, known_formula
 from .sensitivities import quantities, sensitivities
 from .tuned_machine import continued_from, names_of_designs, with_tuning
 
-SAME_OBJECTIVE = 1e-9  # objectives that differ by a smaller share are the same: constraints are met to about this
-WORTH = 1e-4  # an end of the front is moved if the other objective gains this share while its own stays the same
-PROBE = 1e-3  # distance over which an end of a front is probed for that, as a share of the parameters' range
-# Over the probe an objective with a slope changes by PROBE, one with curvature alone by PROBE**2. It counts as flat if
-# it changes by less than this share of the latter.
-FLAT_CHANGE = 0.1
+
+@dataclass(frozen=True, kw_only=True)
+class FrontOptions:
+    """The ends of fronts.
+
+    same : objectives that differ by a smaller share are the same, since constraints are met to about this
+    worth : an end is moved if the other objective gains this share while its own stays the same
+    probe : distance over which an end is probed for that, as a share of the parameters' range
+    flat : over the probe an objective with a slope changes by the probe, one with curvature alone by its square. It is
+        flat if it changes by less than this share of the latter
+    """
+
+    same: float = 1e-9
+    worth: float = 1e-4
+    probe: float = 1e-3
+    flat: float = 0.1
+
+
+ENDS = FrontOptions()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -259,13 +272,13 @@ def _corner(end: Design, other: DesignProblem, index: int, origin: Origin, texts
     if not _flat(end, other, index, origin, texts):
         return end
     own, rival = _objectives(end)[index], _objectives(end)[1 - index]
-    problem = _with_bound(other, texts[index], own + SAME_OBJECTIVE * abs(own), origin.machine)
+    problem = _with_bound(other, texts[index], own + ENDS.same * abs(own), origin.machine)
     start = {**end.parameters, "motion": end.motion}
     try:
         further = _with_both(best_design(origin, problem, [start]), texts)
     except OrbitsError:
         return end
-    return further if rival - _objectives(further)[1 - index] > WORTH * abs(rival) else end
+    return further if rival - _objectives(further)[1 - index] > ENDS.worth * abs(rival) else end
 
 
 def _flat(end: Design, problem: DesignProblem, index: int, origin: Origin, texts: tuple[str, str]) -> bool:
@@ -284,7 +297,7 @@ def _flat(end: Design, problem: DesignProblem, index: int, origin: Origin, texts
     # A direction that is only rounding of the slope does not count: the other objective cannot fall.
     if np.linalg.norm(direction) <= 1e-6 * np.linalg.norm(rows[0]):
         return False
-    probe = np.clip(theta + PROBE * span * direction / np.linalg.norm(direction), problem.low, problem.high)
+    probe = np.clip(theta + ENDS.probe * span * direction / np.linalg.norm(direction), problem.low, problem.high)
     own_machine, own_orbit = end.motion
     machine = own_machine.with_values(**dict(zip(problem.names, probe.tolist(), strict=True)))
     try:
@@ -296,7 +309,7 @@ def _flat(end: Design, problem: DesignProblem, index: int, origin: Origin, texts
     except OrbitsError:
         return False
     own = _objectives(end)[index]
-    return abs(value - own) <= FLAT_CHANGE * PROBE**2 * abs(own)
+    return abs(value - own) <= ENDS.flat * ENDS.probe**2 * abs(own)
 
 
 def _with_bound(problem: DesignProblem, text: str, level: float, machine: Machine) -> DesignProblem:
@@ -308,7 +321,7 @@ def _with_bound(problem: DesignProblem, text: str, level: float, machine: Machin
 
 def _dominates(one: Sequence[float], other: Sequence[float]) -> bool:
     """Whether a design is better in one objective and not worse in any, by more than rounding."""
-    slack = [2 * SAME_OBJECTIVE * abs(value) for value in other]
+    slack = [2 * ENDS.same * abs(value) for value in other]
     pairs = list(zip(one, other, slack, strict=True))
     return all(a <= b + s for a, b, s in pairs) and any(a < b - s for a, b, s in pairs)
 

@@ -5,7 +5,7 @@ next. Each part has a free duration and ends on the breakpoint; in the result th
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import accumulate, pairwise
 from typing import Any, NamedTuple, cast
@@ -16,21 +16,34 @@ from orbits import Control, NoOrbit, steer
 from orbits.control import Guess, Stage
 from orbits.control.control import ControlledLeg
 from orbits.control.stage import RUNNING_COST
+from orbits.control.steer import as_guess
 from orbits.flow.trajectory import Trajectory
 from orbits.laws.law import Algebraic, Parameters, Scalars
 from orbits.model.phase import Affine, Phase, Pieces, weighted_sum
 from orbits.numerics.polynomial_roots import PiecewisePolynomials
 
-# Samples of a guess between which it is on one piece: an excursion between two of them is left out.
-SAMPLES_OF_GUESS = 1000
-# The shortest duration of a part, as a share of that of its stage.
-SHORTEST_PART = 1e-3
-# The most orders of the pieces that are tried.
-MOST_ORDERS = 6
-# The most solves of nonlinear programs, first without bounds at the corners, for all orders together, then with these.
-MOST_SOLVES = 20
 # The paths that keep a part on its side of the breakpoints.
 ROOMS_AT_CORNERS = ("room above the corner", "room below the corner")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartOptions:
+    """How stages are divided.
+
+    samples : of a guess, between which it is on one piece: an excursion between two of them is left out
+    shortest : duration of a part, as a share of that of its stage
+    orders : of the pieces that are tried, at most
+    solves : of nonlinear programs, at most, first without bounds at the corners, for all orders together, then with
+        these
+    """
+
+    samples: int = 1000
+    shortest: float = 1e-3
+    orders: int = 6
+    solves: int = 20
+
+
+PARTS = PartOptions()
 
 
 class OnOnePiece(NamedTuple):
@@ -49,8 +62,8 @@ def steer_across(
     A part goes by the formula of its piece, also beyond the corner, until the motion that is found passes the pieces in
     the order in which it is divided. Where no order leads to itself, parts are bounded by the corners.
     """
-    orders, left = list[list[list[int]]](), MOST_SOLVES
-    for _ in range(MOST_ORDERS):
+    orders, left = list[list[list[int]]](), PARTS.solves
+    for _ in range(PARTS.orders):
         pairs = zip(stages, _guesses(stages, guess), strict=True)
         passages = [passages_of(stage.phase, parameters, each) for stage, each in pairs]
         if (order := [[each.piece for each in own] for own in passages]) in orders:
@@ -66,7 +79,7 @@ def steer_across(
             return guess
         if left <= 0:
             break
-    bounded = {"tolerance": tolerance, "rounds": MOST_SOLVES, **options}
+    bounded = {"tolerance": tolerance, "rounds": PARTS.solves, **options}
     found = _in_parts(stages, parameters, passages, guess, True, **bounded)
     return _with_whole_legs(found, [len(own) for own in passages])
 
@@ -108,14 +121,7 @@ def _strayed(
 def _guesses(stages: Sequence[Stage], guess: Any) -> list[Guess]:
     """The guess of each stage."""
     legs = guess.legs if isinstance(guess, Control) else guess
-    return [_as_guess(stage, leg) for stage, leg in zip(stages, legs, strict=True)]
-
-
-def _as_guess(stage: Stage, guess: Guess | ControlledLeg) -> Guess:
-    if isinstance(guess, Guess):
-        return guess
-    size, inputs = len(stage.phase.states), {name: guess.input_of(name) for name in guess.inputs.names}
-    return Guess(guess.duration, lambda t: guess.path(t)[:size], inputs)
+    return [as_guess(stage, leg) for stage, leg in zip(stages, legs, strict=True)]
 
 
 def _during(guess: Guess, passage: OnOnePiece) -> Guess:
@@ -135,7 +141,7 @@ def passages_of(phase: Phase, parameters: Mapping[str, float], guess: Guess) -> 
 
     pieces = cast(Pieces, phase.pieces)
     levels = np.array(pieces.table(parameters)[0], dtype=float)[1:-1]
-    times = guess.duration * (np.arange(SAMPLES_OF_GUESS) + 0.5) / SAMPLES_OF_GUESS
+    times = guess.duration * (np.arange(PARTS.samples) + 0.5) / PARTS.samples
     places = pieces.place(np.array([guess.states(t) for t in times.tolist()]), parameters)
     numbers = np.searchsorted(levels, places, "right").tolist()
     on, marks = [numbers[0]], [0.0]
@@ -188,7 +194,7 @@ def _stages_on_pieces(
         if i < last:
             own |= {"final": lambda x, p: 0.0, "above": lambda x, p: []}
             own["end"] = lambda x, p: [beyond(x, p, max(number, numbers[i + 1]))]
-        return replace(stage, duration=(SHORTEST_PART * shortest, longest), **own)
+        return replace(stage, duration=(PARTS.shortest * shortest, longest), **own)
 
     return tuple(map(part, range(len(numbers))))
 

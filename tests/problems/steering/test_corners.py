@@ -70,7 +70,7 @@ def test_a_recovery_is_a_minimum_of_effort():
 @pytest.mark.slow
 def test_the_search_has_a_bound(monkeypatch):
     """One solve is too few, in whatever order the pieces are passed."""
-    monkeypatch.setattr(corners, "MOST_SOLVES", 1)
+    monkeypatch.setattr(corners, "PARTS", corners.PartOptions(solves=1))
     with pytest.raises(NoOrbit, match=r"does not settle to .* after 1 rounds.*take more intervals"):
         steering.recover(SHARP, 0.1, intervals=8)
 
