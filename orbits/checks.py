@@ -10,6 +10,7 @@ where h'' is the second derivative of a stated height or extension, and F the co
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -27,7 +28,8 @@ from .model.model import CONTACT_FORCE, LANDED_FORCE, names_of_holding
 from .model.phase import Phase
 from .model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
 from .periodic.find import find
-from .periodic.orbit import Orbit
+from .periodic.orbit import Orbit, start_in_file
+from .periodic.stated_start import StartLike
 from .result import Result
 from .returns.return_map import ReturnMap
 from .running.exclusive import exclusive
@@ -113,7 +115,7 @@ class Checked(Result, what="check", printed_digits=2, undrawn="relations have no
 
 
 @exclusive
-def check(machine: Machine, *, start: Orbit | Mapping[str, float] | None = None) -> Checked:
+def check(machine: Machine, *, start: StartLike | None = None) -> Checked:
     """Check that a machine moves as it is stated.
 
     machine : a `Mechanism`, or a machine that is stated as one, as those of `problems`
@@ -135,11 +137,12 @@ def check(machine: Machine, *, start: Orbit | Mapping[str, float] | None = None)
         kind = type(machine).__name__
         raise InputError(f"a {kind} is not stated, so there is nothing to check it against: state an orbits.Mechanism")
     stated: Mechanism = machine.stated()
+    launch = start_in_file(start) if isinstance(start, str | Path) else start
     left_out = list[str]()
     bare = machine if stated.in_si else dimensionless(machine)
-    if start is not None and bare is not machine and machine.units is not None:
-        start = machine.units.dimensionless("start", start)
-    relations = _Compared(bare, stated).relations(start, left_out)
+    if launch is not None and bare is not machine and machine.units is not None:
+        launch = machine.units.dimensionless("start", launch)
+    relations = _Compared(bare, stated).relations(launch, left_out)
     if broken := [each for each in relations if not each.holds]:
         text = "; ".join(f"{each.words}: off by {each.deviation:.2g}" for each in broken)
         raise InconsistentModel(f"the {stated.name} does not move as it is stated: {text}", tuple(broken))
@@ -178,11 +181,13 @@ class _Compared:
         """An orbit of the machine; None where it has none, or none is found without a start."""
         if self.model.hysteretic or not self.model.conservative:
             left_out.append("no orbit: the machine loses energy, or forces drive it")
-        elif self.model.sticks and not isinstance(start, Orbit):
-            left_out.append("no orbit: give start= one of the machine, whose numbers are tuned for it")
+        elif self.model.sticks:
+            if isinstance(start, Orbit) and start.source is not None and start.source.values == self.machine.values:
+                return start
+            left_out.append("no orbit: its numbers are tuned; check(orbit.source, start=orbit) takes one")
         else:
             try:
-                return start if isinstance(start, Orbit) and self.model.sticks else find(self.machine, start=start)
+                return find(self.machine, start=start)
             except NoOrbit as error:
                 left_out.append(f"no orbit: {error}")
         return None

@@ -40,6 +40,7 @@ Examples:
   orbits map --alpha 3:12:10000 --plot map.png         the return map of launch speeds
   orbits map --alpha 4.3:5:400 --along inject --from 0 --to 0.15 --plot flips.png
   orbits simulate --alpha 4.6 --hops 8 --inject 0.01   with every impact located
+  orbits check --machine rover.toml                    the equations against the statement of the machine
   orbits optimize leg.toml --plot best.png             the best design, for the problem in [design] of the file
   orbits explore --spring cubic --set beta=0.3 --rest-length 8   an interactive page in the browser
   orbits sweep --spring cubic --over beta=0:1 --over mass_ratio=0.1:10:log --samples 1000 --output hops.csv
@@ -441,6 +442,18 @@ def simulate_command(
     launch = options.launches_of(machine, hop, alpha)
     run = simulate(machine, launch, hops=hops, time=float("inf") if end is None else end, inject=inject, cap=cap)
     options.write(run, as_json, plot, animate, export=export)
+
+
+@orbits.command("check", epilog="\b\nExit code: 0 it moves as it is stated, 2 it does not, or bad input.")
+@options.machine_options
+@options.damper_options
+@options.start_option
+@options.json_option
+def check_command(hop: str | None, as_json: bool, **stated: Any) -> None:
+    """Check that the machine moves as it is stated: forces, impacts, energies, and an integration by DOP853."""
+    from orbits.checks import check
+
+    options.write(check(options.machine_of(**stated), start=hop), as_json)
 
 
 @orbits.command("optimize", epilog="\b\nExit code: 0 found, 1 no such design (with the reason), 2 bad input.")
