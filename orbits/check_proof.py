@@ -25,8 +25,8 @@ from typing import Any
 from flint import Ordering, arb, arb_mat, arb_poly, arb_series, ctx, fmpq, fmpq_mpoly_ctx
 
 from .check_statement import (
+    CHECKS,
     LIMIT,
-    LONGEST_FORMULA,
     MAPS,
     PHASES,
     Bounds,
@@ -41,14 +41,6 @@ from .check_statement import (
     within,
 )
 
-# The orders of Taylor polynomials per bit and of those for derivatives, and halvings of parameters.
-ORDER_PER_BIT, DERIVED_ORDER, MOST_SPLITS = 0.3, 14, 3
-# The first and the shortest step as shares of half a phase, and the largest whole power.
-FIRST, SHORTEST, MOST_POWER = Fraction(1, 8), Fraction(1, 2**14), 2**16
-# Bits beside those of the enclosures, and those for uniqueness.
-GUARD_BITS, BITS_OF_UNIQUENESS = 64, 90
-# The most bits of the enclosures and of a number in a formula, and the parts of formulas.
-MOST_BITS, MOST_BITS_OF_NUMBERS = 2000, 10**5
 TOKENS = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[A-Za-z_]\w*|\*\*|[-+*/()]", re.ASCII)
 # The derivatives of functions of x, and functions that these define.
 SLOPES = {"exp": "exp(x)", "log": "1/x", "sqrt": ".5/sqrt(x)", "sin": "cos(x)", "cos": "-sin(x)", "atan": "1/(1 + x*x)"}
@@ -60,7 +52,6 @@ DEFINED = {
 }  # fmt: skip
 Names = Mapping[str, "Tree"]
 ENDS = "liftoff_extension", "mid_flight_extension"
-MOST_NAMES, MOST_TERMS = 60, 3000  # of polynomials that are compared
 
 OPERATIONS: dict[Any, Callable] = {"+": add, "*": mul, "/": truediv}
 OPERATIONS |= {ast.Add: add, ast.Sub: sub, ast.Mult: mul, ast.Div: truediv, ast.Pow: pow}
@@ -90,7 +81,7 @@ class Tree:
     def __pow__(self, other: "Tree") -> "Tree":
         if other.kind != "number" or other.value.denominator != 1:
             return tree("exp", other * tree("log", self))
-        if abs(other.value) > MOST_POWER:
+        if abs(other.value) > CHECKS.power:
             raise Unverified(f"the power {other.value} is too large")
         product_of = ONE
         for bit in bin(abs(int(other.value)))[2:]:
@@ -106,7 +97,7 @@ def tree(kind: str, *parts: Tree, value: object = None) -> Tree:
         if kind == "/" and not parts[1].value:
             raise Unverified("a formula divides by 0")
         found = OPERATIONS[kind](parts[0].value, parts[1].value)
-        if max(abs(found.numerator), found.denominator).bit_length() > MOST_BITS_OF_NUMBERS:
+        if max(abs(found.numerator), found.denominator).bit_length() > CHECKS.bits_of_numbers:
             raise Unverified("a number in a formula has too many digits")
         return number(found)
     return Tree(kind, parts, value)
@@ -148,7 +139,7 @@ def parse(text: str, names: Names, needed: list[Tree]) -> Tree:
         raise KeyError
 
     try:
-        if "".join(tokens) != re.sub(r"\s", "", text, flags=re.ASCII) or len(text) > LONGEST_FORMULA:
+        if "".join(tokens) != re.sub(r"\s", "", text, flags=re.ASCII) or len(text) > CHECKS.formula_length:
             raise SyntaxError
         return tree_of(ast.parse(marked, mode="eval").body)
     except (SyntaxError, KeyError):
@@ -191,7 +182,7 @@ def replaced(of: Tree, places: Names, flips: bool = False) -> Tree:
 def is_zero(of: Tree, piece: int = 0) -> bool:
     """Whether a tree is 0 on a piece of a law: as a quotient of polynomials in names and values of functions. These are
     equal at equal arguments, at opposite ones as f(-x) follows from f(x), and log(1/x) is -log(x)."""
-    ring = fmpq_mpoly_ctx.get([f"x{i}" for i in range(MOST_NAMES)], Ordering.lex)
+    ring = fmpq_mpoly_ctx.get([f"x{i}" for i in range(CHECKS.names)], Ordering.lex)
     one, new, seen = ring.constant(1), iter(ring.gens()), list[tuple]()
 
     def value(kind: str, a: Any, b: Any) -> tuple:
@@ -216,7 +207,7 @@ def is_zero(of: Tree, piece: int = 0) -> bool:
             found = ring.constant(fmpq(of.value.numerator, of.value.denominator)), one
         else:
             found = (next(new), one) if of.kind == "name" else (a, b) if of.kind == "pieces" else value(of.kind, a, b)
-        if found[1] == 0 or max(map(len, found)) > MOST_TERMS:
+        if found[1] == 0 or max(map(len, found)) > CHECKS.terms:
             raise Unverified("formulas are too long to be compared, or have no value anywhere")
         return found
 
@@ -621,7 +612,7 @@ class Field:
         """The states a time after these. Raises `Unverified` where a step adds much to their errors."""
         small, left = arb(2) ** (12 - ctx.prec), time
         while left:
-            part = self.step([[each] for each in x], left, int(ORDER_PER_BIT * ctx.prec))
+            part = self.step([[each] for each in x], left, int(CHECKS.order_per_bit * ctx.prec))
             spread, x, left = 4 * max(each.rad() for each in x), part.states(part.h), left - part.time
             if not all(each.rad() <= small * (1 + abs(each)) + spread for each in x):
                 raise Unverified("the step is too long")
@@ -722,10 +713,10 @@ class Passage:
     grows by a matrix that is nearly triangular, as the motions spread, and not by products of absolute values."""
 
     def __init__(self, field: Field, centre: Sequence[arb], seeds: arb_mat, reach: Sequence[arb],
-                 order: int = DERIVED_ORDER):  # fmt: skip
+                 order: int = CHECKS.derived_order):  # fmt: skip
         one, rounded, frame, error = (arb_mat(len(centre), len(centre), each) for each in (1, 1, 1, 0))
         self.field, box = field, moved(centre, seeds, reach)
-        self.start, slopes, length, self.starts = (list(centre), box, seeds), seeds, FIRST, list[tuple]()
+        self.start, slopes, length, self.starts = (list(centre), box, seeds), seeds, CHECKS.first, list[tuple]()
         left = Fraction(1)
         while left:
             length = min(length, left)
@@ -737,7 +728,7 @@ class Passage:
                 back = (turning := orthogonal(turned)).inv()
                 before, centre = centre, field.end(centre, part.time)
             except (Unverified, ZeroDivisionError) as reason:
-                if length < SHORTEST:
+                if length < CHECKS.shortest:
                     raise Unverified(f"the motion is not enclosed: {reason}") from None
                 length /= 2
                 continue
@@ -909,21 +900,21 @@ def _check_orbit(document: Mapping[str, Any]) -> None:
         radius = decimal(part["uniqueness_radius"])
         if radius <= 0:
             raise Unverified("the radius of uniqueness is not positive")
-        check_halved(unknowns, box, partial(_check_cell, document, unknowns, radius), MOST_SPLITS)
+        check_halved(unknowns, box, partial(_check_cell, document, unknowns, radius), CHECKS.splits)
 
 
 def check_halved(claims: Bounds, cell: Bounds, verify: Callable[[Bounds], None], left: int,
-                 guard: int = GUARD_BITS) -> None:  # fmt: skip
+                 guard: int = CHECKS.guard_bits) -> None:  # fmt: skip
     """See that a function verifies claims for parameters in a box, which is halved where it does not at once; it works
     with some more bits than the claims have."""
     narrow = min((high - low) / (abs(high) + abs(low) + Fraction(1, 10**9)) for low, high in claims.values())
     if not narrow:
         raise Unverified("an enclosure has no width")
     bits = narrow.denominator.bit_length() - narrow.numerator.bit_length()
-    if bits > MOST_BITS:
+    if bits > CHECKS.bits:
         raise Unverified("the enclosures have more digits than this program verifies")
     try:
-        with ctx.workprec(max(BITS_OF_UNIQUENESS, bits + guard)):
+        with ctx.workprec(max(CHECKS.bits_of_uniqueness, bits + guard)):
             verify(cell)
     except Unverified:
         widest = max(cell, key=lambda n: (cell[n][1] - cell[n][0]) / (abs(cell[n][0] + cell[n][1]) or 1), default=None)
@@ -946,7 +937,7 @@ def _check_cell(document: Mapping[str, Any], claims: Bounds, radius: Fraction, c
         raise Unverified("other unknowns are enclosed than the equations have, or the speed or a time is not positive")
     stated, around = ({name: ball(claims[name][0] - more).union(ball(claims[name][1] + more)) for name in names}
                       | {place.value: arb(0, 1) for place in machine.places} for more in (0, radius))  # fmt: skip
-    with ctx.workprec(BITS_OF_UNIQUENESS):
+    with ctx.workprec(CHECKS.bits_of_uniqueness):
         known = Solution(machine, around)
         for _ in range(3):
             known = known if known.inside else Solution(machine, known.common)

@@ -17,9 +17,6 @@ from typing import Any
 from flint import arb, arb_mat, ctx
 
 from .check_proof import (
-    BITS_OF_UNIQUENESS,
-    DERIVED_ORDER,
-    MOST_SPLITS,
     Contraction,
     Field,
     Machine,
@@ -38,6 +35,7 @@ from .check_proof import (
     tree,
 )
 from .check_statement import (
+    CHECKS,
     LIMIT,
     RETURNS,
     Bounds,
@@ -51,9 +49,6 @@ from .check_statement import (
     word_of,
 )
 
-# Krawczyk's images on the box of uniqueness, and the degrees in time of the motions' derivatives in the images after
-# these: those of the map need more. How many more bits than those of the enclosures these have.
-TRIES, DEGREES, GUARD = 4, (DERIVED_ORDER, 28, 42, 56), 40
 Row = tuple[arb, list[arb]]  # a function of the unknowns: its value at the middle of the box, its derivatives on it
 
 
@@ -232,7 +227,13 @@ def _check_returns(document: Mapping[str, Any]) -> None:
         raise Unverified("the radius of uniqueness, a launch speed or a time is not positive")
     all_said = {**claims, **said}
     wide = {name: each for name, each in all_said.items() if each[0] < each[1] and name != "dliftoff"}
-    check_halved(wide, bounds, partial(_check_cell, document, word, all_said, radius), MOST_SPLITS, GUARD)
+    check_halved(
+        wide,
+        bounds,
+        partial(_check_cell, document, word, all_said, radius),
+        CHECKS.splits,
+        CHECKS.guard_bits_of_returns,
+    )
 
 
 def _check_cell(document: Mapping[str, Any], word: Word, claims: Bounds, radius: Fraction, cell: Bounds) -> None:
@@ -253,17 +254,17 @@ def _check_cell(document: Mapping[str, Any], word: Word, claims: Bounds, radius:
         found.contract([*equations, (value + 2 if doubled else value, row)])  # the last is 0, or P' - 1, which is -2
         return found
 
-    with ctx.workprec(BITS_OF_UNIQUENESS):
-        known = hops(around | {place.value: arb(0, 1) for place in machine.places}, DERIVED_ORDER)
-        for _ in range(TRIES):
-            known = known if known.inside else hops(known.common, DERIVED_ORDER)
-        box = hops(known.common, DERIVED_ORDER).common if known.inside else known.common
+    with ctx.workprec(CHECKS.bits_of_uniqueness):
+        known = hops(around | {place.value: arb(0, 1) for place in machine.places}, CHECKS.derived_order)
+        for _ in range(CHECKS.images):
+            known = known if known.inside else hops(known.common, CHECKS.derived_order)
+        box = hops(known.common, CHECKS.derived_order).common if known.inside else known.common
     if not known.inside:
         raise Unverified("the solution is not shown to be the only one within the radius of uniqueness")
-    for degree in DEGREES:
+    for degree in (CHECKS.derived_order, *CHECKS.higher_degrees):
         known = hops(box, degree)
         box, missed = known.common, _missed(known, claims, names, force)
-        if missed or degree == DERIVED_ORDER:
+        if missed or degree == CHECKS.derived_order:
             continue
         further = _further(known, word) if doubled else {"multiplier": 1 + known.slope()}
         if not (missed := _missing(further, claims)):
@@ -302,7 +303,7 @@ def _further(known: Hops, word: Word) -> dict[str, arb]:
     of the map: in the equations' derivatives of these orders the highest ones of the unknowns stand linearly."""
     box, found = dict(known.common), list[arb]()
     for order in (2, 3):
-        jets = Hops(known.machine, known.inject, word, box, order, DERIVED_ORDER)
+        jets = Hops(known.machine, known.inject, word, box, order, CHECKS.derived_order)
         *events, last = jets.values(order)
         moves, value = known.following(events, last)
         box |= {"d" * order + name: each for name, each in moves.items()}

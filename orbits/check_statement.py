@@ -14,7 +14,7 @@ from fractions import Fraction
 from itertools import chain, count
 from math import inf
 from time import process_time
-from typing import Any
+from typing import Any, NamedTuple
 
 # Seconds of processor time in which a file is verified, or refused, unless another limit is stated.
 LIMIT = 600.0
@@ -54,15 +54,39 @@ def heed() -> None:
         raise OutOfTime("the limit of processor time is reached before the file is verified or refused")
 
 
-# The most characters of a decimal, and its largest exponent; those of a formula, and of a name in a statement.
-LONGEST_DECIMAL, LARGEST_EXPONENT, LONGEST_FORMULA, LONGEST_NAME = 4000, 2000, 2000, 80
+class CheckOptions(NamedTuple):
+    """The orders, steps and precision with which a saved theorem is verified, and the sizes up to which it is."""
+
+    decimal_length: int = 4000  # characters of a number
+    exponent: int = 2000  # of a number
+    formula_length: int = 2000  # characters
+    name_length: int = 80  # characters of a name in a statement
+    order_per_bit: float = 0.3  # of Taylor polynomials
+    derived_order: int = 14  # of Taylor polynomials for derivatives
+    splits: int = 3  # halvings of intervals of parameters
+    first: Fraction = Fraction(1, 8)  # step as a share of half a phase
+    shortest: Fraction = Fraction(1, 2**14)  # step as a share of half a phase
+    power: int = 2**16  # largest whole exponent
+    guard_bits: int = 64  # beyond those of the enclosures
+    bits_of_uniqueness: int = 90  # with which uniqueness is shown, at least
+    bits: int = 2000  # of the enclosures, at most
+    bits_of_numbers: int = 10**5  # of a number in a formula, at most
+    names: int = 60  # in polynomials that are compared
+    terms: int = 3000  # of polynomials that are compared
+    images: int = 4  # of Krawczyk's operator on the box of uniqueness
+    # Degrees in time of the motions' derivatives in images after that of `derived_order`: those of the map need more.
+    higher_degrees: tuple[int, ...] = (28, 42, 56)
+    guard_bits_of_returns: int = 40  # beyond those of the enclosures of hops that come back
+
+
+CHECKS = CheckOptions()
 DECIMAL = re.compile(r"-?(?:\d+\.?\d*|\.\d+)(?:[eE]([+-]?\d+))?", re.ASCII)
 
 
 def decimal(text: object) -> Fraction:
     """The exact value of a decimal; raises `Unverified` for anything else, and for one that is too long."""
-    match = DECIMAL.fullmatch(text) if isinstance(text, str) and len(text) <= LONGEST_DECIMAL else None
-    if match is None or abs(int(match[1] or 0)) > LARGEST_EXPONENT:
+    match = DECIMAL.fullmatch(text) if isinstance(text, str) and len(text) <= CHECKS.decimal_length else None
+    if match is None or abs(int(match[1] or 0)) > CHECKS.exponent:
         raise Unverified(f"{text!r:.50} is no text of decimal digits, or of too many")
     return Fraction(match[0])
 
@@ -188,7 +212,7 @@ def check_radius(document: Mapping[str, Any], said: Bounds) -> None:
 
 def _label(name: str) -> str:
     """A name in a statement that nothing depends on; raises `Unverified` for one that might be read as a sentence."""
-    if not re.fullmatch(rf"[\w '()#/.+-]{{1,{LONGEST_NAME}}}", name) or ". " in name:
+    if not re.fullmatch(rf"[\w '()#/.+-]{{1,{CHECKS.name_length}}}", name) or ". " in name:
         raise Unverified(f"the name {name!r:.50} might be read as a part of the statement")
     return name
 

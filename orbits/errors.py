@@ -3,19 +3,27 @@
 from collections.abc import Iterable, Mapping, Sequence
 from inspect import signature
 from numbers import Real
-from typing import Any, TypeGuard
+from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
 
-LONGEST_MESSAGE = 300  # characters
-LARGEST_NUMBER, LARGEST_SEED = 10**9, 2**64 - 1  # of things that are counted; and of random numbers
-# What stays of a longer message, which quotes its input: its beginning and its end, where the remedy stands.
-HEAD, TAIL = 180, 110
+
+class MessageOptions(NamedTuple):
+    """The lengths of messages in characters."""
+
+    longest: int = 300  # some lines of a terminal: the middle of a longer message, which quotes its input, is left out
+    head: int = 180  # of the beginning that stays
+    tail: int = 110  # of the end that stays, where the remedy stands
+
+
+MESSAGES = MessageOptions()
+LARGEST_NUMBER = 10**9  # of things that are counted
+LARGEST_SEED = 2**64 - 1  # of random numbers
 
 
 def shortened(message: str) -> str:
     """A message of at most 300 characters, without the middle of a longer one."""
-    return message if len(message) <= LONGEST_MESSAGE else cut_in_the_middle(message, HEAD, TAIL)
+    return message if len(message) <= MESSAGES.longest else cut_in_the_middle(message, MESSAGES.head, MESSAGES.tail)
 
 
 def cut_in_the_middle(text: str, longest_head: int, longest_tail: int) -> str:

@@ -45,11 +45,19 @@ from .units import UNIT_TEXTS
 Axes: TypeAlias = Any
 Progress: TypeAlias = Callable[[float], None] | None  # called with the share that is done
 Item = TypeVar("Item")
-PICTURE = (5.6, 3.8)  # inches
-DOTS_PER_INCH = 130  # sharp on most screens, and a picture of some 30 kB
+
+
+class DisplayOptions(NamedTuple):
+    """The sizes of results in cells of a notebook, and of tables."""
+
+    picture: tuple[float, float] = (5.6, 3.8)  # width and height in inches
+    dots_per_inch: int = 130  # sharp on most screens, and a picture of some 30 kB
+    rows_of_cell: int = 30  # of a table in a cell; a design with the certificate of its orbit has fewer
+    at_once: int = 10_000  # rows of a table that are objects of Python together, as it is written
+
+
+DISPLAY = DisplayOptions()
 TABLE_ROWS = 201  # of a motion whose times are not stated
-ROWS_OF_CELL = 30  # of a table in a cell; a design with the certificate of its orbit has fewer
-AT_ONCE = 10_000  # rows of a table that are objects of Python together, as it is written
 NOTE = "font:13px/1.45 system-ui,sans-serif;margin:6px 0;max-width:56ch;overflow-wrap:anywhere"
 TITLE = "font:600 13px/1.45 system-ui,sans-serif;margin:4px 0;overflow-wrap:anywhere"
 SIDE_BY_SIDE = "display:flex;flex-wrap:wrap;gap:8px 28px;align-items:flex-start"
@@ -339,8 +347,8 @@ def check_file(path: str | Path, endings: Sequence[str] = tuple(ENDINGS)) -> Pat
 
 def _table_rows(columns: Sequence[Any]) -> Iterable[tuple]:
     """The rows of columns (m,), few of them at a time as objects of Python; a number that there is not is empty."""
-    for first in range(0, len(columns[0]) if columns else 0, AT_ONCE):
-        parts = (np.asarray(column)[first : first + AT_ONCE].tolist() for column in columns)
+    for first in range(0, len(columns[0]) if columns else 0, DISPLAY.at_once):
+        parts = (np.asarray(column)[first : first + DISPLAY.at_once].tolist() for column in columns)
         for row in zip(*parts, strict=True):
             yield tuple("" if each is None or each != each else each for each in row)
 
@@ -405,7 +413,7 @@ def _picture(title: str, draw: Callable[..., Any]) -> str:
     try:
         plot = shown("plot")
         with plot.off_screen():
-            axes = draw(axes=plot.new_axes(*PICTURE))
+            axes = draw(axes=plot.new_axes(*DISPLAY.picture))
         data = base64.b64encode(_small_png(axes.figure)).decode("ascii")
     except Exception as error:  # the table is worth showing without its picture
         reason = str(error) or type(error).__name__
@@ -419,14 +427,15 @@ def _small_png(figure: Any) -> bytes:
     from PIL import Image  # which matplotlib takes to write its own
 
     whole, small = BytesIO(), BytesIO()
-    figure.savefig(whole, format="png", dpi=DOTS_PER_INCH)
+    figure.savefig(whole, format="png", dpi=DISPLAY.dots_per_inch)
     Image.open(whole).convert("RGB").quantize(256).save(small, format="png", optimize=True)
     return small.getvalue()
 
 
 def without_middle(rows: Sequence[Sequence[str]]) -> list[Sequence[str]]:
-    """The rows of a table, of more than `ROWS_OF_CELL` those at the beginning and at the end."""
-    if len(rows) <= ROWS_OF_CELL:
+    """The rows of a table, of more than `DISPLAY.rows_of_cell` those at the beginning and at the end."""
+    most = DISPLAY.rows_of_cell
+    if len(rows) <= most:
         return list(rows)
     blank = [""] * (len(rows[0]) - 2)
-    return [*rows[: ROWS_OF_CELL - 3], ("...", f"{len(rows) - ROWS_OF_CELL + 1} more", *blank), *rows[-2:]]
+    return [*rows[: most - 3], ("...", f"{len(rows) - most + 1} more", *blank), *rows[-2:]]

@@ -30,17 +30,30 @@ _Outcome = TypeVar("_Outcome")
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
 
-LENGTH, TIME, FORCE, ENERGY = (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0, 1)
-FREQUENCY, SPEED, ACCELERATION, JERK = (0, -1, 0), (1, -1, 0), (1, -2, 0), (1, -3, 0)
-MASS, STIFFNESS, INERTIA = (-1, 2, 1), (-1, 0, 1), (1, 2, 1)
-EXTENSION, LIFTOFF_SPEED, LIFTOFF_SPEED_SQUARED = (0, 0, 0, 0, 1), (0, -1, 0, 0, 1), (0, -2, 0, 0, 2)
-TORQUE = (1, 0, 1)  # of a force against an angle
-ANGLE, ANGULAR_SPEED = (0, 0, 0, 0, 0, 1), (0, -1, 0, 0, 0, 1)
+
+def _powers(
+    *, length: float = 0, time: float = 0, force: float = 0, energy: float = 0, extension: float = 0, angle: float = 0
+) -> Dimension:
+    """The dimension with these powers of the units."""
+    powers = length, time, force, energy, extension, angle
+    last = max((count for count, power in enumerate(powers, start=1) if power), default=0)
+    return powers[: max(last, 3)]
+
+
+LENGTH, TIME, FORCE, ENERGY = _powers(length=1), _powers(time=1), _powers(force=1), _powers(energy=1)
+FREQUENCY, SPEED = _powers(time=-1), _powers(length=1, time=-1)
+ACCELERATION, JERK = _powers(length=1, time=-2), _powers(length=1, time=-3)
+MASS, INERTIA = _powers(length=-1, time=2, force=1), _powers(length=1, time=2, force=1)
+STIFFNESS = _powers(length=-1, force=1)
+TORQUE = _powers(length=1, force=1)  # of a force against an angle
+EXTENSION, LIFTOFF_SPEED = _powers(extension=1), _powers(time=-1, extension=1)
+LIFTOFF_SPEED_SQUARED = _powers(time=-2, extension=2)
+ANGLE, ANGULAR_SPEED = _powers(angle=1), _powers(time=-1, angle=1)
 # Dimensions of results by name. The loss coefficient is a loss of speed per speed to the power 4/3; the loss of a hop
 # of the map is one of the speed's square.
 DIMENSIONS: dict[str, Dimension] = {
     **dict.fromkeys(("alpha", "error", "alpha_noise"), LIFTOFF_SPEED),
-    "alpha_per_noise": (0, -1, -1, 0, 1),
+    "alpha_per_noise": _powers(time=-1, force=-1, extension=1),
     **dict.fromkeys(("flight_time", "contact_time", "period"), TIME),
     **dict.fromkeys(("liftoff_extension", "stroke"), EXTENSION),
     **dict.fromkeys(("clearance", "smallest_separation", "step"), LENGTH),
@@ -48,16 +61,19 @@ DIMENSIONS: dict[str, Dimension] = {
     **dict.fromkeys(("smallest_contact_force", "largest_contact_force", "largest_spring_force"), FORCE),
     **{"friction_time": TIME, "smallest_stance_force": FORCE},
     "landing_jerk": JERK,
-    "landing_sensitivity": (1, 1, 0, 0, -1),
-    **dict.fromkeys(("loss_coefficient", "loss_error"), (0, 1 / 3, 0, 0, -1 / 3)),
+    "landing_sensitivity": _powers(length=1, time=1, extension=-1),
+    **dict.fromkeys(("loss_coefficient", "loss_error"), _powers(time=1 / 3, extension=-1 / 3)),
 }
 # Those of a machine whose gap is an angle.
 OF_ANGULAR_GAPS: dict[str, Dimension] = {
     **dict.fromkeys(("smallest_contact_force", "largest_contact_force"), TORQUE),
-    **{"clearance": ANGLE, "landing_jerk": (0, -3, 0, 0, 0, 1), "landing_sensitivity": (0, 1, 0, 0, -1, 1)},
+    **{"clearance": ANGLE, "landing_jerk": _powers(time=-3, angle=1)},
+    "landing_sensitivity": _powers(time=1, extension=-1, angle=1),
 }
 # Those of a machine whose extension at lift-off is an angle: its springs have torques.
-OF_ANGULAR_EXTENSIONS: dict[str, Dimension] = {"largest_spring_force": TORQUE, "alpha_per_noise": (-1, -1, -1, 0, 1)}
+OF_ANGULAR_EXTENSIONS: dict[str, Dimension] = {
+    "largest_spring_force": TORQUE, "alpha_per_noise": _powers(length=-1, time=-1, force=-1, extension=1),
+}  # fmt: skip
 OF_ANGLES = OF_ANGULAR_GAPS.keys() | OF_ANGULAR_EXTENSIONS.keys()
 # Dimensions of the quantities of a return map's hops.
 DIMENSIONS_OF_HOPS: dict[str, Dimension] = {

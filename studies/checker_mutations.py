@@ -27,7 +27,7 @@ from typing import Any
 from orbits.check_statement import statement_of
 
 ROOT = Path(__file__).parent.parent
-SECOND, THEOREMS = "orbits/check_proof.py", "theorems.json"
+SECOND, STATEMENT, THEOREMS = "orbits/check_proof.py", "orbits/check_statement.py", "theorems.json"
 # A limit that no proof here comes to, also on a busy machine.
 SECONDS = 600.0
 
@@ -61,9 +61,12 @@ LONG = (
     (STEP, "stiffest: float = 0.6", "stiffest: float = 2.0"),
 )
 # Polynomials of low order, whose remainders count.
-LOW = ((SECOND, "MOST_SPLITS = 0.3, 14,", "MOST_SPLITS = 0.1, 8,"),)
+LOW = (
+    (STATEMENT, "order_per_bit: float = 0.3", "order_per_bit: float = 0.1"),
+    (STATEMENT, "derived_order: int = 14", "derived_order: int = 8"),
+)
 # Equal steps and a very short last one, which adds hardly any error to those of the steps before.
-SHORT_LAST = ((SECOND, "MOST_POWER = Fraction(1, 8)", "MOST_POWER = Fraction(9999, 320000)"),
+SHORT_LAST = ((STATEMENT, "first: Fraction = Fraction(1, 8)", "first: Fraction = Fraction(9999, 320000)"),
               (SECOND, "length * Fraction(5, 4)", "length"))  # fmt: skip
 OF_FIRST = [
     (STEP, "added = [(start + each).abs_upper()", "added = [start.abs_upper()", ["existence"], LONG),

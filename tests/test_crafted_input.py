@@ -16,7 +16,7 @@ from documents import saved
 import orbits
 import problems
 from orbits import Family, InputError, Orbit
-from orbits.errors import LONGEST_MESSAGE
+from orbits.errors import MESSAGES
 from problems.command.cli import main
 from problems.laws import springs
 from studies import crafted_calls, valid_calls
@@ -161,7 +161,7 @@ def complaint_of(run, most: float = LONGEST) -> str:
         signal.signal(signal.SIGPROF, before)
     if code not in (0, 1, 2) or "internal error" in message or "Traceback" in message or "Warning" in message:
         return f"code {code}: {message[:200]}"
-    if len(message) > LONGEST_MESSAGE + len("orbits: \n"):
+    if len(message) > MESSAGES.longest + len("orbits: \n"):
         return f"a message of {len(message)} characters: {message[:100]}"
     used = time.process_time() - began
     return f"takes {used:.1f} s" if used > most else ""

@@ -4,15 +4,7 @@ import numpy as np
 import pytest
 
 from orbits import InputError
-from orbits.errors import (
-    LONGEST_MESSAGE,
-    list_of_names,
-    one_of,
-    range_of,
-    shortened,
-    true_or_false,
-    whole_number,
-)
+from orbits.errors import MESSAGES, list_of_names, one_of, range_of, shortened, true_or_false, whole_number
 from problems import runner
 
 
@@ -75,7 +67,7 @@ def test_other_ranges_are_refused(ends, reason):
 
 def test_a_long_message_keeps_its_remedy():
     message = str(InputError("the option '" + "x" * 10_000 + "' is too long: write a shorter one"))
-    assert len(message) <= LONGEST_MESSAGE
+    assert len(message) <= MESSAGES.longest
     assert message.startswith("the option 'xxx")
     assert message.endswith("write a shorter one")
     assert shortened("as it is") == "as it is"

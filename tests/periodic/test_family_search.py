@@ -5,7 +5,7 @@ import pytest
 
 import studies.search
 from orbits import InputError, NoOrbit, find, find_all
-from orbits.errors import LONGEST_MESSAGE
+from orbits.errors import MESSAGES
 from orbits.model.relative import Search
 from orbits.periodic.family_search import SEARCH, Lateness
 from problems import Chain, Hopper, Juggler, knee_hopper, shuttle
@@ -158,7 +158,7 @@ def test_a_refusal_says_a_remedy_once(monkeypatch):
         find(machine)
     assert str(raised.value).count("try another method") == 1
     assert "a search from launch speed" in str(raised.value)
-    assert len(str(raised.value)) <= LONGEST_MESSAGE
+    assert len(str(raised.value)) <= MESSAGES.longest
 
 
 def test_progress_of_a_search():

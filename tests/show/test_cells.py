@@ -10,7 +10,7 @@ from cells import Cells
 
 from orbits import ReturnMap, existence, find, follow, optimize, pareto, prove, simulate, sweep, uncertainty
 from orbits.model import linear_modes
-from orbits.result import ROWS_OF_CELL, cell
+from orbits.result import DISPLAY, cell
 from orbits.returns.bifurcations import bifurcations
 from orbits.tables import VIOLATED
 from problems import Hopper, hopper_in_si, steering
@@ -127,9 +127,9 @@ def test_what_cannot_be_drawn_does_not_break_the_cell(monkeypatch):
 
 def test_long_tables_are_told_without_their_middle():
     seen = Cells(cell("long", [(str(i), "x", "y") for i in range(1000)], heads=("a", "b", "c")))
-    assert len(seen.rows) == ROWS_OF_CELL + 1
+    assert len(seen.rows) == DISPLAY.rows_of_cell + 1
     assert seen.rows[-1] == ["999", "x", "y"]
-    assert [row[1] for row in seen.rows if row[0] == "..."] == [f"{1000 - ROWS_OF_CELL + 1} more"]
+    assert [row[1] for row in seen.rows if row[0] == "..."] == [f"{1000 - DISPLAY.rows_of_cell + 1} more"]
 
 
 def test_long_laws_are_told_in_one_line():

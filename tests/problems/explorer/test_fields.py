@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orbits import InputError
-from orbits.errors import LONGEST_MESSAGE
+from orbits.errors import MESSAGES
 from problems import rimless_wheel
 from problems.explorer.dials import dials_of
 from problems.explorer.fields import changed, shown_fields
@@ -43,7 +43,7 @@ from tests.problems.explorer.scenes import SCENES
 def test_fields_take_nothing_that_is_no_scene(act, told):
     with pytest.raises(InputError) as error:
         changed(SCENES["cubic"], act, told).build()
-    assert len(str(error.value)) <= LONGEST_MESSAGE
+    assert len(str(error.value)) <= MESSAGES.longest
 
 
 @pytest.mark.parametrize(

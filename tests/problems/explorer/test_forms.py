@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from orbits import InputError, find
-from orbits.errors import LONGEST_MESSAGE
+from orbits.errors import MESSAGES
 from problems import inerter_hopper
 from problems.command.cli import orbits
 from problems.command.options import machine_of
@@ -121,7 +121,7 @@ def test_a_hostile_link_is_refused(query, monkeypatch):
     began = time.process_time()
     with pytest.raises(InputError) as error:
         scene_of_link(arguments(query)).build()
-    assert len(str(error.value)) <= LONGEST_MESSAGE
+    assert len(str(error.value)) <= MESSAGES.longest
     assert time.process_time() - began < 2
 
 
