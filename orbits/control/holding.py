@@ -70,7 +70,7 @@ class _Stage(NamedTuple):
     gap: np.ndarray | None = None
 
     def per_force(self, unit: float) -> "_Stage":
-        """The same part, with the force counted in a unit."""
+        """The part with its force counted in a unit."""
         return self if self.effect is None else self._replace(effect=self.effect * unit)
 
 

@@ -35,7 +35,7 @@ from .parametric import ExchangePoint, ParametricTranscription
 from .rollout import roll_out
 from .stage import Stage
 from .steer import steered_on_intervals
-from .transcription import advance, transcription
+from .transcription import Transcription, advance, transcription
 
 # How a curve ends where a touch becomes flat.
 LOST_TOUCHES = ("fold", "bifurcation", "degenerate", "stuck")
@@ -272,23 +272,29 @@ class _RunAlongFamily:
             curve, start = onward
         return End("stopped", f"the program was refined {self.options.most} times: take more intervals")
 
-    def _curve(self, program: ParametricTranscription, x: Array, multipliers: Array, value: float) -> MinimumCurve:
+    def _curve(
+        self, start: WarmStart, problem: Transcription, points: Sequence[ExchangePoint], held: Array, value: float,
+        totals: Sequence[float] = (),
+    ) -> MinimumCurve:  # fmt: skip
+        """The curve of a program with these exchange points from a solution, whose first multipliers of constraints are
+        `held`, and those at the points `totals`, or 0."""
+        assert start.multipliers is not None
+        program = ParametricTranscription(problem, points, self.parameters, start.free)
+        still, rows = np.zeros(program.moving), np.append(held, np.zeros(len(problem.labels) - len(held)))
+        if totals:
+            rows[program.touches] = totals
+        x = np.append(start.x, [each.share for each in points if each.moving])
+        multipliers = start.unit * np.concatenate([start.multipliers[0], still, rows, still])
         return MinimumCurve(program, x, multipliers, value, self.last, self.steps)
 
     def _curve_of(self, start: WarmStart, value: float) -> MinimumCurve:
         """The curve from a solution, with one exchange point at each place at which a path expression is least."""
         assert start.multipliers is not None
-        fixed, problem = self.parameters(value)[0], start.problem
-        (bound, held), unit = start.multipliers, start.unit
+        fixed, problem, held = self.parameters(value)[0], start.problem, start.multipliers[1]
         points, totals, held = _touches(start, fixed, self.options) if problem.exchange_points else ([], [], held)
         places = tuple((each.stage, each.interval) for each in points)
         problem = transcription(problem.stages, problem.fixed, problem.free, problem.substeps, places)
-        program = ParametricTranscription(problem, points, self.parameters, start.free)
-        still = np.zeros(program.moving)
-        rows = np.append(held[: program.first_touch], np.zeros(len(problem.labels) - program.first_touch))
-        rows[program.touches] = totals
-        x = np.append(start.x, [each.share for each in points if each.moving])
-        return self._curve(program, x, unit * np.concatenate([bound, still, rows, still]), value)
+        return self._curve(start, problem, points, held, value, totals)
 
     def _along(self, curve: MinimumCurve, start: WarmStart) -> End | tuple[MinimumCurve, WarmStart]:
         """Follow a program; the end, or where its exchange points or its steps have to change, the next curve."""
@@ -393,17 +399,13 @@ class _RunAlongFamily:
         program = curve.program
         assert isinstance(program, ParametricTranscription)
         warm = _warm_start(start, program, point)
-        old, (bound, held) = program.problem, warm.multipliers or (np.zeros(0), np.zeros(0))
+        assert warm.multipliers is not None
+        old, shares = program.problem, program.shares(point.x)
         places = (*old.exchange_points, *((each.stage, each.interval) for each in dips))
         problem = transcription(old.stages, old.fixed, old.free, old.substeps, places)
-        shares = program.shares(point.x)
         points = [each._replace(share=float(share)) for each, share in zip(program.points, shares, strict=True)]
-        finer = ParametricTranscription(problem, [*points, *dips], self.parameters, start.free)
-        x = np.append(warm.x, [each.share for each in finer.points if each.moving])
-        still, rows = np.zeros(finer.moving), np.append(held, np.zeros(len(problem.labels) - len(held)))
-        multipliers = warm.unit * np.concatenate([bound, still, rows, still])
         try:
-            return self._curve(finer, x, multipliers, point.value), start
+            return self._curve(warm, problem, [*points, *dips], warm.multipliers[1], point.value), start
         except NoOrbit:
             return None
 
@@ -428,7 +430,7 @@ class _RunAlongFamily:
 
 def _touches(start: WarmStart, fixed: Array, options: Refinement) -> tuple[list[ExchangePoint], list[float], Array]:
     """One exchange point for each path expression of an interval that touches zero within it, with its multiplier; and
-    the multipliers of all constraints, with those of touches at the ends of intervals."""
+    the multipliers of the other constraints, with those of touches at the ends of intervals."""
     assert start.multipliers is not None
     problem, motion = start.problem, roll_out(start, 0.0, fixed)
     held = start.multipliers[1].copy()
@@ -438,7 +440,7 @@ def _touches(start: WarmStart, fixed: Array, options: Refinement) -> tuple[list[
     row = first
     for (i, interval), count in zip(problem.exchange_points, counts, strict=True):
         for j in range(count):
-            sums[i, interval, j] = sums.get((i, interval, j), 0.0) + start.unit * held[row]
+            sums[i, interval, j] = sums.get((i, interval, j), 0.0) + held[row]
             row += 1
     points, totals = list[ExchangePoint](), list[float]()
     for (i, interval, j), total in sums.items():
@@ -456,11 +458,11 @@ def _touches(start: WarmStart, fixed: Array, options: Refinement) -> tuple[list[
             continue
         node = interval + round(share)
         if 0 < node < stage.intervals:
-            held[problem.inner_row(i, j, node)] += total / start.unit
+            held[problem.inner_row(i, j, node)] += total
         else:
             points.append(ExchangePoint(i, interval, j, float(round(share)), False))
             totals.append(total)
-    return points, totals, held
+    return points, totals, held[:first]
 
 
 @cached
@@ -497,7 +499,4 @@ def _integrated_again(start: WarmStart, program: ParametricTranscription, point:
         named = dict(zip(problem.fixed, fixed.tolist(), strict=True))
         found = steered_on_intervals(problem.stages, named, warm.free, warm, warm.tolerance)
         return replace(found, seconds=time.perf_counter() - began)
-    named = dict(zip(problem.names, motion.values.tolist(), strict=True))
-    seconds = time.perf_counter() - began
-    accuracy = motion.violation, motion.error, 0, 1, seconds
-    return Control(motion.legs(), motion.cost, named, *accuracy, warm_start=warm)
+    return motion.control(warm, 0, 1, time.perf_counter() - began)

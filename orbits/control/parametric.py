@@ -220,11 +220,11 @@ class ParametricTranscription:
         return shares
 
     def first(self, x: Array, p: float, y: Array) -> FirstDerivatives:
-        """As in `ParametricProgram`."""
+        """The first derivatives, see `ParametricProgram`."""
         return self._evaluated(self._derivatives.first, x, p, y)[0]
 
     def second(self, x: Array, p: float, y: Array) -> SecondDerivatives:
-        """As in `ParametricProgram`."""
+        """The first and second derivatives, see `ParametricProgram`."""
         derivatives = self._derivatives
         first, jacobian, hessian, *slopes = self._evaluated(derivatives.second, x, p, y)
         whole = filled(derivatives.jacobian, jacobian), filled(derivatives.hessian, hessian)

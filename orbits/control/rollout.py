@@ -8,7 +8,7 @@ import numpy as np
 
 from ..flow.trajectory import Trajectory
 from ..numerics.polynomial_roots import PiecewisePolynomials, powers
-from .control import ControlledLeg, WarmStart
+from .control import Control, ControlledLeg, WarmStart
 from .stage import RUNNING_COST, Stage, stage_flow
 from .transcription import StageUnknowns
 
@@ -69,6 +69,12 @@ class MotionRollout:
         phases, inputs = [of.stage.phase for of in self.stages], [_input_polynomials(of) for of in self.stages]
         names, states = [phase.name for phase in phases], [phase.states for phase in phases]
         return tuple(map(ControlledLeg, names, ends, [of.path for of in self.stages], inputs, states))
+
+    def control(self, solution: WarmStart, iterations: int, rounds: int, seconds: float = 0.0) -> Control:
+        """The motion as the result of a search that ends at a solution."""
+        named = dict(zip(solution.problem.names, self.values.tolist(), strict=True))
+        work = iterations, rounds, seconds
+        return Control(self.legs(), self.cost, named, self.violation, self.error, *work, warm_start=solution)
 
 
 def roll_out(solution: WarmStart, cost: float, fixed: np.ndarray) -> MotionRollout:

@@ -194,10 +194,7 @@ def steered_on_intervals(
             raise NoOrbit(Message(text, reason=reason)) from reason
         _check_not_collapsed(stages, [of.unknowns for of in motion.stages])
         if motion.error <= tolerance and motion.violation <= tolerance:
-            named = dict(zip(problem.names, motion.values.tolist(), strict=True))
-            accuracy = motion.violation, motion.error
-            known = replace(current, tolerance=tolerance)
-            return Control(motion.legs(), motion.cost, named, *accuracy, iterations, rounds, 0.0, warm_start=known)
+            return motion.control(replace(current, tolerance=tolerance), iterations, rounds)
         stalled = before is not None and motion.violation > STEER_OPTIONS.stalled * before.violation
         stalled = stalled and motion.error > STEER_OPTIONS.of_the_steps * motion.violation
         finer = _refined(current, motion, tolerance, stalled)

@@ -76,14 +76,14 @@ def extreme_of(model: Model, name: str) -> tuple[tuple[str, Callable], ...]:
         return ("flight", function), *([("flight", lambda x, p, q: function(back.image(x, p), p, q))] if back else [])
 
     def in_contact(function: Callable) -> tuple:
-        """The same over the contact."""
+        """A function of the flight state, over the contact."""
         embedded = lambda x: [sum((w * v for w, v in zip(row, x, strict=False) if w), 0.0) for row in model.embed]  # noqa: E731
         inside, back = lambda x, p, q: function(embedded(x), p, q), None if model.plain else model.contact_reversal
         image = [("contact", lambda x, p, q: inside(back.image(x, p), p, q))] if back else []
         return ("contact", inside), *image
 
     def over_cycle(function: Callable) -> tuple:
-        """The same over flight and contact."""
+        """A function of the flight state, over flight and contact."""
         return *in_flight(function), *in_contact(function)
 
     def negative(functions: tuple) -> tuple:

@@ -30,7 +30,7 @@ class Corner(NamedTuple):
     size: float
 
     def swapped(self) -> "Corner":
-        """The same with the second place for the extreme."""
+        """The corner at which the second place stands for the extreme."""
         return self._replace(first=self.second, second=self.first)
 
 

@@ -91,7 +91,7 @@ class LocalOptions:
 
     @property
     def held(self) -> Weights:
-        """Those of a step with the constraints held."""
+        """The weights of a step with the constraints held."""
         return Weights(1.0, 0.0, self.nearly_met)
 
 

@@ -13,18 +13,19 @@ from ..curves.kkt_curve import ENDS_OF_MINIMA
 from ..errors import InputError, OrbitsError, is_list, list_of_names, whole_number
 from ..io import Document
 from ..model.machine import Machine
-from ..periodic.find import find
+from ..periodic.orbit import orbit_of
 from ..periodic.stated_start import StartLike
 from ..result import Axes, Progress, shown
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from .design_curve import SeveralDesigns, designs_along
+from .local import attempt
 from .moving_number import Moving
 from .optimality import Design
 from .optimize import Origin, best_design, multistart, starting_points
 from .problem import Constraint, DesignProblem, design_problem, known_formula
 from .sensitivities import quantities, sensitivities
-from .tuned_machine import continued_from, names_of_designs, with_tuning
+from .tuned_machine import names_of_designs, untuned, with_tuning
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -300,16 +301,13 @@ def _flat(end: Design, problem: DesignProblem, index: int, origin: Origin, texts
     probe = np.clip(theta + ENDS.probe * span * direction / np.linalg.norm(direction), problem.low, problem.high)
     own_machine, own_orbit = end.motion
     machine = own_machine.with_values(**dict(zip(problem.names, probe.tolist(), strict=True)))
-    try:
-        if end.tuned:
-            machine, orbit = continued_from(own_machine, own_orbit, machine, None)
-        else:
-            orbit = find(machine, end.orbit.family) if origin.orbit is None else find(machine, start=end.orbit)
-        value = quantities(machine, orbit, [texts[index]])[texts[index]]
-    except OrbitsError:
+    (motion,) = origin._replace(machine=own_machine, orbit=origin.orbit and own_orbit).motions([machine])
+    if isinstance(motion, OrbitsError):
         return False
+    machine, orbit = motion
+    found = attempt(quantities, machine, orbit_of(untuned(machine), orbit), [texts[index]])
     own = _objectives(end)[index]
-    return abs(value - own) <= ENDS.flat * ENDS.probe**2 * abs(own)
+    return isinstance(found, dict) and abs(found[texts[index]] - own) <= ENDS.flat * ENDS.probe**2 * abs(own)
 
 
 def _with_bound(problem: DesignProblem, text: str, level: float, machine: Machine) -> DesignProblem:

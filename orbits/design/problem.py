@@ -56,7 +56,7 @@ class DesignProblem:
 
     @property
     def formulas(self) -> tuple[Formula, ...]:
-        """Those of the objective and of the constraints."""
+        """The formulas of the objective and of the constraints."""
         return self.formula, *(constraint.formula for constraint in self.constraints)
 
     @property

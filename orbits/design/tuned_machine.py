@@ -78,7 +78,7 @@ class TunedMachine:
 
     @property
     def equations(self) -> Shooting:
-        """Those of half an orbit, with the tuned numbers among the unknowns; their parameters are the `values`."""
+        """Equations of half an orbit with the tuned numbers among the unknowns; their parameters are the `values`."""
         return tuned_equations(self.machine, self.tuned, tuple(self.at))
 
     def near(self, u: Array, family: int | None) -> "tuple[TunedMachine, Orbit]":

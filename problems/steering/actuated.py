@@ -194,7 +194,7 @@ class Actuated(Stated):
         return {rate: 1.0 if self.units is None else self.units.of(self.dimensions[rate])}
 
     def dimensionless(self) -> "Actuated":
-        """The same without units."""
+        """The machine and its actuator without units."""
         return replace(self, units=None)
 
     def describe(self) -> dict[str, Any]:
@@ -204,7 +204,7 @@ class Actuated(Stated):
         return {**self.machine.describe(), "actuated": True, **own, **sizes}
 
     def with_values(self, **values: float) -> "Actuated":
-        """The same actuator on the machine with other values of its parameters."""
+        """The actuator on the machine with other values of its parameters."""
         return replace(self, machine=self.machine.with_values(**values))
 
     @exclusive_property
@@ -355,7 +355,7 @@ def _with_actuator(mechanism: Mechanism, actuator: Actuator) -> Mechanism:
 
 @lru_cache(maxsize=64)
 def _with_forces(model: Model, dimensions: tuple[Dimension, ...]) -> Model:
-    """The same model, the forces of its springs of these dimensions."""
+    """A model with the dimensions of the forces of its springs."""
     return replace(model, spring_dimensions=dict(zip(model.spring_forces, dimensions, strict=True)))
 
 

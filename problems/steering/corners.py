@@ -57,7 +57,7 @@ class OnOnePiece(NamedTuple):
 def steer_across(
     stages: Sequence[Stage], parameters: Mapping[str, float], *, guess: Any, tolerance: float = 1e-9, **options: Any
 ) -> Control:
-    """As `steer`, with stages whose laws have corners.
+    """Find a motion as `steer` does, through stages whose laws have corners.
 
     A part goes by the formula of its piece, also beyond the corner, until the motion that is found passes the pieces in
     the order in which it is divided. Where no order leads to itself, parts are bounded by the corners.

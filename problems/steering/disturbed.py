@@ -78,7 +78,7 @@ class Disturbed(Result, what="disturbed motion", in_line=("launch_errors", "run.
 
     @classmethod
     def of_saved(cls, document: object, machine: Any = None) -> "Disturbed":
-        """As in `Result`, of the machine of its `Driven`."""
+        """The result of a document, of the machine of its `Driven`; see `Result`."""
         words = cls._conform(document, Mapping[str, Any])["run"]["fields"]["source"]["words"]
         return super().of_saved(document, machine and Actuated(machine, Actuator(**words.get("actuator", {}))))
 

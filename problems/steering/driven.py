@@ -211,7 +211,7 @@ class Driven(Control, what="motion of a driven machine"):
         return columns | self.motion.forces(columns["time"])
 
     def _rows(self) -> Iterator[Row]:
-        """Those of `Control`, with the work, the largest force and the largest power of the actuator."""
+        """The rows of `Control`, with the work, the largest force and the largest power of the actuator."""
         *rows, last = super()._rows()
         yield from rows
         joule, newton, watt = (
@@ -351,12 +351,12 @@ class DrivenMotion(Simulation):
 
     @property
     def springs(self) -> tuple[tuple[str | None, str], ...]:
-        """As in `Simulation`."""
+        """What the springs join, see `Simulation`."""
         return cast(Actuated, self.source).machine.model.springs
 
 
 class WithMovedEnd(DrivenMotion):
-    """The same with the spring's end among its heights."""
+    """A motion with the spring's end among its heights."""
 
     @property
     def heights(self) -> dict[str, Any]:

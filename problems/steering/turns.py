@@ -22,7 +22,7 @@ def turns_of_orbit(orbit: Orbit, extension: Affine) -> tuple[int, int]:
 
 
 def turns_of_leg(flight: ControlledLeg, extension: Affine) -> tuple[int, int]:
-    """The same of a controlled flight."""
+    """The number of turns of a controlled flight that are not shallow, and of all."""
     path = flight.path
     series = extension.series(path.coefficients[:, : len(extension.weights)])
     turns = [path.times[piece] + since for piece, since in piecewise_roots(derivative(series), path.steps)]
