@@ -7,6 +7,7 @@ import casadi as ca
 
 from orbits.errors import InputError
 from orbits.numerics.roots import newton_root
+from orbits.periodic.stated_start import in_units_of
 from orbits.running.exclusive import exclusive
 from orbits.units import LIFTOFF_SPEED, Message, Quantity
 
@@ -19,8 +20,12 @@ def is_one_speed(driven: Actuated) -> bool:
 
 
 def launch_argument(driven: Actuated, like: Mapping[str, float], alpha: float) -> Any:
-    """A launch at a speed as `simulate` takes it, with the other unknowns as in the launch `like`."""
-    return alpha if is_one_speed(driven) else launched_at(driven, like, alpha)
+    """A launch at a speed as `simulate` takes it, in the units of the machine, with the other unknowns as in a launch
+    `like`, which is without units."""
+    if is_one_speed(driven):
+        return alpha
+    speed = alpha / (driven.units.of(LIFTOFF_SPEED) if driven.units else 1.0)
+    return in_units_of(driven, launched_at(driven.dimensionless(), like, speed))
 
 
 @exclusive

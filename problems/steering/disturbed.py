@@ -15,7 +15,7 @@ from orbits.result import Axes, Result
 from orbits.units import LIFTOFF_SPEED
 
 from .actuated import Actuated, Actuator
-from .actuated_launch import is_one_speed, launched_at
+from .actuated_launch import launch_argument
 
 # A push comes later by such a share of its time that it follows a landing at that time: the first of these is
 # enough but for a landing at no speed, whose time is known less well.
@@ -119,10 +119,13 @@ def disturbed(
     if state is not None and error != 0:
         raise InputError("a disturbed start is a launch_error or a state: give one of them")
     machine = Actuated(driven.source.with_values(**values), driven.actuator)
-    nominal: dict[str, Any] = {"state": driven(0.0)} if launch is None else {"alpha": _launch(driven, driven.actuated)}
-    start = {"state": state} if state is not None else nominal
-    if launch is not None and state is None:
-        start = {"alpha": _launch(driven, machine, error)}
+    nominal: dict[str, Any] = {"state": driven(0.0)}
+    start = {"state": driven(0.0) if state is None else state}
+    if launch is not None:
+        bare = driven.dimensionless()
+        like = bare.actuated.model.launch_at(bare.legs[0].path(0.0))
+        nominal = {"alpha": launch_argument(driven.actuated, like, launch)}
+        start = {"alpha": launch_argument(machine, like, launch + error)} if state is None else start
     undisturbed = simulate(driven.actuated, hops=hops, schedule=schedule, **nominal)
     run = (
         _pushed(machine, start, hops, schedule, push)
@@ -130,17 +133,6 @@ def disturbed(
         else simulate(machine, hops=hops, schedule=schedule, **start)
     )
     return Disturbed(undisturbed, run)
-
-
-def _launch(driven: Any, machine: Actuated, error: float = 0.0) -> Any:
-    """The launch of a motion, its speed changed by an error, for a machine with its states, as `simulate` takes it."""
-    if is_one_speed(machine):
-        return driven.launch + error
-    bare, units = driven.dimensionless(), machine.units
-    like = bare.actuated.model.launch_at(bare.legs[0].path(0.0))
-    speed = like["alpha"] + (error if units is None else error / units.of(LIFTOFF_SPEED))
-    launch = launched_at(machine.dimensionless(), like, speed)
-    return launch if units is None else {name: x * units.of(name) for name, x in launch.items()}
 
 
 def _pushed(

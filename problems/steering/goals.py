@@ -264,8 +264,8 @@ def missed(machine: Any, control: Control) -> float:
 def work(machine: Any, control: Control) -> tuple[float, float]:
     """The actuator's work on the machine, in the units of its energy: the total, and the positive part only."""
     driven = _of(machine, control)
-    unit = 1.0 if driven.units is None else driven.units.of(ENERGY)
     done, positive = work_done(driven.dimensionless(), control.dimensionless())
+    unit = driven.units.of(ENERGY) if driven.units else 1.0
     return done * unit, positive * unit
 
 
