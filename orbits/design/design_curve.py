@@ -22,7 +22,7 @@ from .design_point import Case, design_points, no_motion
 from .moving_design import MovingDesign
 from .moving_number import Moving, moving_number
 from .optimality import Design, optimum_at
-from .problem import DesignProblem, design_problem
+from .problem import DesignProblem, Outputs, design_problem
 from .traced_designs import program_about, traced_designs
 from .tuned_machine import TunedMachine, motions_near, names_of_designs
 
@@ -206,7 +206,7 @@ def _certified_at(points: Sequence[tuple[MovingDesign, CriticalPoint]]) -> list[
     for program, point in points:
         near = program.nearest(point.x, point.value).design
         machine = program.machine_at(point.x, point.value)
-        outputs = replace(program.outputs, over=program.problem.names)
+        outputs = Outputs(program.stated.formulas, program.stated.names, program.outputs.demands)
         case = program.corners.case((machine, near.orbit), program.corners_near(point))
         cases.append(case._replace(outputs=outputs))
         us.append(program.predicted(machine, near))

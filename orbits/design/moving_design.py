@@ -7,7 +7,6 @@ to the same points, though not quadratically: each step is a hundred thousand ti
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -37,9 +36,6 @@ ENDS_OF_DESIGNS = {
     "stuck": "no optimum is found near the last one",
     "stopped": "the curve has very many points",
 }
-# The unit of a further parameter is the way that it goes, or this share of its size if that is more: second derivatives
-# are differences over small shares of it.
-LEAST_WAY = 0.1
 # Derivatives within this distance of a design that was evaluated follow from its own: they differ by its square, and by
 # the error of second derivatives times it. So many designs are remembered.
 NEXT_TO, REMEMBERED = 3e-8, 128
@@ -68,13 +64,15 @@ class ProgramPoint(NamedTuple):
 class MovingDesign:
     """The program of a design problem with a moving number, about a design at the first value, for `MinimumCurve`.
 
-    Its constraints are those of the problem as shares of their sizes, the demands of a motion, the differences between
-    two places of an extreme, and the bound of a parameter that moves; in each the number is subtracted that moves, so
-    that all limits stay. At the corner where an extreme is at two places, the largest of both is least where the
+    Its constraints are those of the problem as shares of their sizes, the demands of a motion, and the differences
+    between two places of an extreme. The number is the bound of one of them, from which it is subtracted, so that all
+    limits stay. At the corner where an extreme is at two places, the largest of both is least where the
     multipliers of both, y at the second and the rest of the extreme's own at the first, are not negative.
 
-    problem : with the number at its first value
-    flat : whether each parameter (k,) has no effect; its value stays
+    stated : the problem with the number at its first value
+    problem : that in which the number is the bound of constraint number `limit`, for which that of the parameter number
+        `own` gives way
+    flat : whether each stated parameter (k,) has no effect; its value stays
     sizes : of the constraints
     demands : quantities that must be positive on a motion
     corners : extremes that two places may have
@@ -86,18 +84,16 @@ class MovingDesign:
         self, problem: DesignProblem, moving: Moving, first: DesignPoint, flat: Array, sizes: Array,
         demands: Sequence[str] = (), corners: Sequence[Corner] = (), near: ProgramPoint | None = None,
     ):  # fmt: skip
-        self.problem, self.moving, self.flat, self.sizes = problem, moving, flat, sizes
-        self.machine, self.begin, self.size = first.machine, problem.theta(first.machine), abs(first.values[0]) or 1.0
-        self.free, self.frame, over, self.reason = np.flatnonzero(~flat), problem, problem.names, ""
+        self.stated, self.moving, self.sizes, self.reason = problem, moving, sizes, ""
+        self.problem, self.limit, self.own = moving.as_bound(problem)
+        self.flat, added = flat, np.zeros(len(self.problem.names) - len(flat), bool)
+        self.begin, self.free = self.problem.theta(first.machine), np.flatnonzero(~np.append(flat, added))
+        self.machine, self.size = first.machine, abs(first.values[0]) or 1.0
         self.missed: list[Array] | None = None
-        if moving.of_machine:
-            least, most = sorted((moving.begin, moving.end))
-            room = max(0.5 * (LEAST_WAY * max(abs(least), abs(most)) - (most - least)), 0.0)
-            over = (*over, moving.text)
-            low, high = (*problem.low, least - room), (*problem.high, most + room)
-            self.frame = replace(problem, names=over, low=low, high=high)
-        self.outputs = Outputs(problem.formulas, over, tuple(demands))
-        self.corners = Corners(self.outputs, self.frame, tuple(corners))
+        decades = moving.of_machine and bool(self.problem.wide[-1])
+        self.ratio = float(np.log(moving.end / moving.begin)) if decades else 0.0
+        self.outputs = Outputs(self.problem.formulas, self.problem.names, tuple(demands))
+        self.corners = Corners(self.outputs, self.problem, tuple(corners))
         self.family = first.orbit.family if first.machine.model.one_speed else None
         self.first_design, z = first, np.append(self.unknowns(first.machine), 0.0)
         self.known = self._known(near.z, near.design) if near else self._known(z, first)
@@ -105,17 +101,15 @@ class MovingDesign:
     @property
     def limits(self) -> tuple[Array, Array]:
         """The lower and the upper limits of the unknowns (n,) and of the constraints (m,)."""
-        problem, moving = self.problem, self.moving
+        problem, sides = self.problem, np.array(self.moving.sides)
         bounds = np.array([problem.change(self.begin, np.array(each)) for each in (problem.low, problem.high)])
-        limits = np.array([(each.low, each.high) for each in problem.constraints]).reshape(-1, 2).T / self.sizes
-        demanded, own = np.tile([[DEMAND_MARGIN], [np.inf]], len(self.outputs.demands)), np.empty((2, 0))
+        limits = np.array([(each.low, each.high) for each in problem.constraints]).T / self.sizes
+        limits[sides, self.limit] = 0.0
+        if self.own is not None:
+            bounds[sides, self.own] = np.array([-np.inf, np.inf])[sides]
+        demanded = np.tile([[DEMAND_MARGIN], [np.inf]], len(self.outputs.demands))
         tied = np.tile([[-np.inf], [0.0]], len(self.corners.known))
-        if moving.constraint is not None:
-            limits[np.array(moving.sides), moving.constraint] = 0.0
-        if moving.parameter is not None:
-            bounds[np.array(moving.sides), moving.parameter] = np.array([-np.inf, np.inf])[np.array(moving.sides)]
-            own = np.where(np.array(moving.sides), 0.0, [-np.inf, np.inf])[:, None]
-        low, high = np.hstack([bounds[:, self.free], limits, demanded, tied, own])
+        low, high = np.hstack([bounds[:, self.free], limits, demanded, tied])
         return low, high
 
     def text(self, index: int, point: CriticalPoint) -> str:
@@ -127,11 +121,11 @@ class MovingDesign:
             upper = high - point.x[index] < point.x[index] - low
             bound = self.problem.high[i] if upper else self.problem.low[i]
             return f"{self.problem.names[i]} {'<=' if upper else '>='} {bound:g}"
-        if index - n == self.moving.constraint:
+        if index - n == self.limit:
             return self.moving.label
         names += [f"{name} > 0" for name in self.outputs.demands]
         names += [AT_TWO_PLACES for _ in self.corners.known]
-        return [*names, self.moving.label][index - n]
+        return names[index - n]
 
     def in_words(self, end: End, last: CriticalPoint) -> End:
         """The end of a curve whose last point is known, as one of designs."""
@@ -182,17 +176,17 @@ class MovingDesign:
     def predicted(self, machine: Machine, near: DesignPoint) -> Array:
         """The unknowns of a machine's orbit by the models of a design nearby."""
         assert near.models is not None
-        moved = near.models(self.frame.change(near.theta, self.frame.theta(machine)))
+        moved = near.models(self.problem.change(near.theta, self.problem.theta(machine)))
         return near.moved(moved[len(moved) - len(unknowns_of(machine, near.orbit)) :])
 
     def problem_at(self, s: float) -> DesignProblem:
         """The problem at a share of the way."""
-        return self.moving.at(self.problem, self.value(s))
+        return self.moving.at(self.stated, self.value(s))
 
     def scales(self, point: DesignPoint) -> Array:
-        """Scales of the objective, with its sign, the constraints, the landing jerk and the demands at a design."""
-        ones = np.ones(len(point.demands))
-        return np.array([self.problem.sign * self.size, *self.sizes, abs(point.values[1 + len(self.sizes)]), *ones])
+        """Scales of the objective, with its sign, the stated constraints, the landing jerk and the demands."""
+        count, ones = len(self.stated.constraints), np.ones(len(point.demands))
+        return np.array([self.problem.sign * self.size, *self.sizes[:count], abs(point.values[1 + count]), *ones])
 
     def with_more(
         self, near: ProgramPoint, demands: Sequence[str] = (), corners: Sequence[Corner] | None = None
@@ -201,7 +195,7 @@ class MovingDesign:
         own = self.corners.at(near.design) if corners is None else corners
         demands = (*self.outputs.demands, *demands)
         first = self.first_design
-        return MovingDesign(self.problem, self.moving, first, self.flat, self.sizes, demands, own, near)
+        return MovingDesign(self.stated, self.moving, first, self.flat, self.sizes, demands, own, near)
 
     @property
     def rows_of_corners(self) -> slice:
@@ -213,7 +207,7 @@ class MovingDesign:
         """The extremes of the quantities in the objective, and in the constraints that have a multiplier at a point."""
         rows = point.multipliers[len(self.free) :]
         stated = [each.formula for each, y in zip(self.problem.constraints, rows, strict=False) if y]
-        used = set[str]().union(*(formula.names for formula in [self.problem.formula, *stated]))
+        used = set[str]().union(*(formula.names for formula in [self.stated.formula, *stated]))
         used |= {name for name, y in zip(self.outputs.demands, rows[len(self.sizes) :], strict=False) if y}
         return {extreme for name in used for extreme in extremes_of(name)}
 
@@ -259,15 +253,13 @@ class MovingDesign:
 
     def value(self, s: float) -> float:
         """The number at a share of its way; where it is a parameter over decades, along its logarithm."""
-        if self.moving.of_machine and s not in (0.0, 1.0):
-            return float(self.frame.changed(self._with(self.moving.begin), s * self._way)[-1])
+        if self.ratio and s not in (0.0, 1.0):
+            return self.moving.begin * float(np.exp(self.ratio * s))
         return self.moving.value(s)
 
     def rate(self, s: float) -> float:
         """The derivative of the number by the share."""
-        if self.moving.of_machine:
-            return float(self._way[-1] * self.frame.units(self._with(self.value(s)))[-1])
-        return self.moving.end - self.moving.begin
+        return self.ratio * self.value(s) if self.ratio else self.moving.end - self.moving.begin
 
     def unknowns(self, machine: Machine) -> Array:
         """The unknowns (n,) at a machine."""
@@ -277,12 +269,11 @@ class MovingDesign:
         """The machine at unknowns (n,), on the bounds of the problem there where it is next to them."""
         change, value = np.zeros(len(self.begin)), self.value(s)
         change[self.free] = x
-        problem = self.moving.at(self.problem, value)
+        problem, own = self.moving.at(self.stated, value), [value] if self.moving.of_machine else []
         theta, near = self.problem.changed(self.begin, change), ON_BOUND_OF_CURVE * self.problem.units(self.begin)
-        for bound in (np.array(problem.low), np.array(problem.high)):
+        for bound in (np.array([*problem.low, *own]), np.array([*problem.high, *own])):
             theta = np.where(np.abs(theta - bound) <= near, bound, theta)
-        own = {self.moving.text: value} if self.moving.of_machine else {}
-        return self.machine.with_values(**dict(zip(problem.names, theta.tolist(), strict=True)), **own)
+        return self.machine.with_values(**dict(zip(self.problem.names, theta.tolist(), strict=True)))
 
     def _known(self, z: Array, design: DesignPoint) -> list[ProgramPoint]:
         """The program at a design that is known."""
@@ -290,15 +281,6 @@ class MovingDesign:
         if isinstance(found, OrbitsError):
             raise found
         return [found]
-
-    def _with(self, value: float) -> Array:
-        """The parameters at the start, and the number."""
-        return np.append(self.begin, value)
-
-    @property
-    def _way(self) -> Array:
-        """The change of the parameters at the start, and of the number, over the whole way."""
-        return self.frame.change(self._with(self.moving.begin), self._with(self.moving.end))
 
     def _at(self, x: Array, s: float) -> ProgramPoint:
         """The program at a point, evaluated or moved from a point next to it; raises `NoOrbit` for none."""
@@ -340,7 +322,7 @@ class MovingDesign:
         corners = [self.corners.at(near) if near else self.corners.known for near in nearest]
         cases = [self.corners.case(motion, own) for motion, own in zip(motions, corners, strict=True)]
         found = list[ProgramPoint | OrbitsError]()
-        for z, point in zip(zs, design_points(cases, self.frame, closely=True), strict=True):
+        for z, point in zip(zs, design_points(cases, self.problem, closely=True), strict=True):
             if isinstance(point, OrbitsError):
                 found.append(point)
             elif np.isfinite(point.values).all() and np.isfinite(point.slopes).all():
@@ -351,38 +333,24 @@ class MovingDesign:
 
     def _rows(self, point: DesignPoint, z: Array) -> tuple[Array, Array, Array]:
         """The values, slopes and bends of the program at a design."""
-        problem, moving, n = self.problem, self.moving, len(self.free)
-        sizes = np.concatenate([[self.size * problem.sign], self.sizes])
+        n, sizes = len(self.free), np.concatenate([[self.size * self.problem.sign], self.sizes])
         # A demand that the orbit does not have is met.
         known = [*range(len(sizes)), *(1 + len(sizes) + point.demands.index(name) for name in point.demands)]
         rows = [*range(len(sizes)), *(len(sizes) + self.outputs.demands.index(name) for name in point.demands)]
         tied, first = [*range(len(point.values))][point.tied], 1 + self.rows_of_corners.start
         known, rows = [*known, *tied], [*rows, *range(first, first + len(tied))]
-        count = first + len(self.corners.known) + (moving.parameter is not None)
+        count = first + len(self.corners.known)
         values, slopes, bends = np.ones(count), np.zeros((count, n + 1)), np.zeros((count, n + 1, n + 1))
-        columns = [*self.free, len(self.flat)] if moving.of_machine else [*self.free]
-        places, way = range(len(columns)), np.append(np.ones(n), self._way[-1:] if moving.of_machine else [])
         scales = np.append(sizes, np.ones(len(known) - len(sizes) - len(tied)))
         scales = np.append(scales, [-corner.size for corner in self.corners.known])  # the first one less the second
-        models, here = point.models, np.ix_(rows, places)
+        models = point.models
         assert models is not None
         values[rows] = point.values[known] / scales
-        slopes[here] = models.slopes[np.ix_(known, columns)] * way / scales[:, None]
-        bends[np.ix_(rows, places, places)] = (
-            models.bends[np.ix_(known, columns, columns)] * np.outer(way, way) / scales[:, None, None]
-        )
-        value, moved = self.value(z[-1]), moving.end - moving.begin
-        if moving.constraint is not None:
-            values[1 + moving.constraint] -= value / self.sizes[moving.constraint]
-            slopes[1 + moving.constraint, n] -= moved / self.sizes[moving.constraint]
-        if moving.parameter is not None:
-            at = self.begin.copy()
-            at[moving.parameter] = value
-            rate = moved / problem.units(at)[moving.parameter]
-            change = problem.change(at, problem.theta(point.machine))
-            values[-1] = change[moving.parameter]
-            slopes[-1, :n], slopes[-1, n] = self.free == moving.parameter, -rate
-            bends[-1, n, n] = rate**2 * problem.wide[moving.parameter]
+        slopes[rows, :n] = models.slopes[np.ix_(known, self.free)] / scales[:, None]
+        bends[rows, :n, :n] = models.bends[np.ix_(known, self.free, self.free)] / scales[:, None, None]
+        row, size, rate = 1 + self.limit, self.sizes[self.limit], self.rate(z[-1])
+        values[row] -= self.value(z[-1]) / size
+        slopes[row, n], bends[row, n, n] = -rate / size, -self.ratio * rate / size
         return values, slopes, bends
 
 

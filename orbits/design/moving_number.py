@@ -6,10 +6,13 @@ import numpy as np
 
 from ..errors import InputError
 from ..model.machine import Machine, free_parameters
-from ..symbolic.formula import suggest
+from ..symbolic.formula import parse, suggest
 from .problem import Constraint, DesignProblem
 from .tuned_machine import tuned_numbers
 
+# The unit of a further parameter is the way that it goes, or this share of its size if that is more: second derivatives
+# are differences over small shares of it.
+LEAST_WAY = 0.1
 LONGEST_WAY = 1e100  # of a bound, in ranges of its parameter, or of a constraint: its square is a number
 
 
@@ -21,7 +24,8 @@ class Moving:
     begin, end : its first and last values
     constraint : the index of the constraint, and `sides` whether its lower and its upper bound move; None for no
         constraint
-    parameter : the index of the parameter whose bound moves, its lower one for `sides` (True, False); None for none
+    parameter : the index of the parameter whose bound moves, its lower one for `sides` (True, False); None for none.
+        The number of a machine has both
     """
 
     text: str
@@ -59,6 +63,25 @@ class Moving:
         bounds = [[*problem.low], [*problem.high]]
         bounds[self.sides.index(True)][self.parameter or 0] = value
         return replace(problem, low=tuple(bounds[0]), high=tuple(bounds[1]))
+
+    def as_bound(self, problem: DesignProblem) -> tuple[DesignProblem, int, int | None]:
+        """The problem in which the number is the bound of a constraint, the index of that, and the index of a parameter
+        whose own bounds on these sides give way to it, None for none.
+
+        A bound of a parameter is then one of a formula; a further parameter is designed too, by an equation.
+        """
+        if self.constraint is not None:
+            return problem, self.constraint, None
+        if self.of_machine:
+            least, most = sorted((self.begin, self.end))
+            room = max(0.5 * (LEAST_WAY * max(abs(least), abs(most)) - (most - least)), 0.0)
+            bounds = (*problem.low, least - room), (*problem.high, most + room)
+            problem = replace(problem, names=(*problem.names, self.text), low=bounds[0], high=bounds[1])
+        index = -1 if self.parameter is None else self.parameter
+        low, high = (self.begin if moves else far for moves, far in zip(self.sides, (-np.inf, np.inf), strict=True))
+        further = Constraint(self.text, parse(problem.names[index]), low, high)
+        count = len(problem.constraints)
+        return replace(problem, constraints=(*problem.constraints, further)), count, index
 
 
 def _bounded_text(text: str, low: float, high: float) -> str:
@@ -98,7 +121,7 @@ def moving_number(problem: DesignProblem, machine: Machine, what: str, end: floa
         raise InputError(f"'{what}' is tuned: follow a prescribed quantity, or another parameter")
     if what in (names := free_parameters(machine)):
         machine.with_values(**{what: end})  # raises the machine's own error
-        return Moving(what, machine.values[what], end)
+        return Moving(what, machine.values[what], end, sides=(True, True))
     if isinstance(what, str) and what.isidentifier() and machine.units is not None:
         machine.with_values(**{what: end})  # raises the machine's own error
     known = suggest(what, [*(each.text for each in problem.constraints), *names])

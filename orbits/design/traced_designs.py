@@ -109,11 +109,12 @@ def program_about(
     """
     known = [text.removesuffix(" > 0") for text in active if text.endswith(" > 0")]
     demands = demands_of(machine, orbit, [name for name in known if name != "-landing_jerk"])
-    (point,) = design_points([Case(machine, orbit, Outputs(problem.formulas, problem.names, demands), {})])
+    whole, *_ = moving.as_bound(problem)
+    (point,) = design_points([Case(machine, orbit, Outputs(whole.formulas, whole.names, demands), {})])
     if isinstance(point, OrbitsError):
         raise point
     flat = np.isin(problem.names, idle)
-    program = MovingDesign(problem, moving, point, flat, constraint_sizes(problem, point), demands)
+    program = MovingDesign(problem, moving, point, flat, constraint_sizes(whole, point), demands)
     for _ in range([*active].count(AT_TWO_PLACES)):
         (near,) = program.known
         if corner := program.corners.beside(near.design, share=SAME_EXTREME):

@@ -120,7 +120,7 @@ def disturbed(
         raise InputError("a disturbed start is a launch_error or a state: give one of them")
     machine = Actuated(driven.source.with_values(**values), driven.actuator)
     nominal: dict[str, Any] = {"state": driven(0.0)}
-    start = {"state": driven(0.0) if state is None else state}
+    start: dict[str, Any] = {"state": driven(0.0) if state is None else state}
     if launch is not None:
         bare = driven.dimensionless()
         like = bare.actuated.model.launch_at(bare.legs[0].path(0.0))

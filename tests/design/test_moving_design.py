@@ -9,11 +9,9 @@ from designs import CUBIC, LEG, OVER, RANGE
 from scipy.optimize import brentq
 
 from orbits import Design, DesignCurve, Front, InputError, NoOrbit, find, optimize, quantities
-from orbits.design.active_set import constraint_sizes
-from orbits.design.design_point import Case, design_points
-from orbits.design.moving_design import MovingDesign
 from orbits.design.moving_number import moving_number
-from orbits.design.problem import Outputs, design_problem
+from orbits.design.problem import design_problem
+from orbits.design.traced_designs import program_about
 from problems import Hopper, hopper_in_si
 
 LINEAR = hopper_in_si(60.0, 3.0, force="k*r", parameters={"k": 8000.0}, rest_length=0.8)
@@ -60,20 +58,19 @@ def test_derivatives_are_those_by_differences(what, to):
     limits = ["stroke <= 0.25", "centre_of_mass_rise == 0.2"]
     problem = design_problem(LEG, "loss_coefficient", None, OVER, limits)
     moving = moving_number(problem, LEG, what, to)
-    outputs = Outputs((problem.formula, *(each.formula for each in problem.constraints)), problem.names)
-    (first,) = design_points([Case(LEG, find(LEG).dimensionless(), outputs, {})])
-    program = MovingDesign(problem, moving, first, np.zeros(2, bool), constraint_sizes(problem, first))
-    x, y, h = np.array([0.001, 0.002]), np.array([0.3, -0.7, 0.2][: 2 + (moving.parameter is not None)]), 1e-5
+    program = program_about(LEG, find(LEG).dimensionless(), problem, moving, (), ())
+    n, h = len(program.free), 1e-5
+    x, y = np.array([0.001, 0.002, 0.3][:n]), np.array([0.3, -0.7, 0.2][: len(program.sizes)])
     here, second = program.first(x, 0.3, y), program.second(x, 0.3, y)
-    for i, way in enumerate(np.eye(3) * h):
-        ahead, behind = (program.first(x + s * way[:2], 0.3 + s * way[2], y) for s in (1, -1))
+    for i, way in enumerate(np.eye(n + 1) * h):
+        ahead, behind = (program.first(x + s * way[:n], 0.3 + s * way[n], y) for s in (1, -1))
         rates = (ahead.values - behind.values) / (2 * h), (ahead.gradient - behind.gradient) / (2 * h)
         wanted = second.values_slope, second.gradient_slope
-        wanted = (second.jacobian[:, i], second.hessian[:, i]) if i < 2 else wanted
+        wanted = (second.jacobian[:, i], second.hessian[:, i]) if i < n else wanted
         assert rates[0] == pytest.approx(wanted[0], rel=1e-6, abs=1e-9)
         assert rates[1] == pytest.approx(wanted[1], rel=1e-5, abs=1e-6)
         of_cost = (ahead.cost - behind.cost) / (2 * h) + y @ rates[0]
-        assert of_cost == pytest.approx(here.gradient[i] if i < 2 else here.slope, rel=1e-5, abs=1e-9)
+        assert of_cost == pytest.approx(here.gradient[i] if i < n else here.slope, rel=1e-5, abs=1e-9)
 
 
 @pytest.mark.slow
