@@ -85,8 +85,6 @@ TESTED_WITH = {
 MOST_CONSTANTS = 3
 TOO_MANY = {
     "orbits/curves/bordered_newton": 4, "orbits/exact/expressions": 4, "orbits/model/liftoff": 6,
-    "problems/explorer/results": 10, "problems/explorer/worker": 5, "problems/laws/fitting": 9,
-    "problems/recordings/smoothing": 17,
 }  # fmt: skip
 SOURCES = sorted(path for package in RANK for path in (ROOT / package).rglob("*.py"))
 ENGINE = [path for path in SOURCES if path.is_relative_to(ROOT / "orbits")]

@@ -71,7 +71,7 @@ class JumpOptions(NamedTuple):
 JUMPS = JumpOptions()
 # Where a piece is compared with the law: shares of its length, or of this length where it has no end.
 COMPARED_SHARES = np.linspace(0.001, 0.999, 200)
-# Jumps without a formula of their place are searched for at these extensions, and bracketed by this many halvings.
+# Jumps without a formula of their place are searched for at these extensions.
 PLACES_OF_JUMPS = np.linspace(-FEATURES.farthest, FEATURES.farthest, 4002)
 
 

@@ -17,7 +17,7 @@ from ..machines.files import MASSES, SI_KEYS, SI_KEYS_OF_STEPS, STEPPING
 from ..machines.steps import RATIOS
 from .scene import (
     BEGINNINGS,
-    LARGEST_ROWS,
+    LARGEST,
     LINEAR_IN_SI,
     LOSSES,
     PYTHON_MACHINE,
@@ -28,9 +28,6 @@ from .scene import (
     with_surroundings,
 )
 
-# Characters of packed measured rows in a link; browsers and servers accept addresses of some 60,000.
-LONGEST_ROWS_IN_LINK = 8000
-LONGEST_VALUE = 12_000
 # The prefix of a parameter's name in a link, so that no parameter is mistaken for a word of `LINK_WORDS`.
 NUMBER = "p."
 LINK_WORDS = (
@@ -64,7 +61,7 @@ def link_of(scene: Scene) -> tuple[str, bool]:
     whole = True
     if scene.rows is not None:
         packed = base64.urlsafe_b64encode(zlib.compress(scene.rows.text.encode(), 9)).decode()
-        if whole := len(packed) <= LONGEST_ROWS_IN_LINK:
+        if whole := len(packed) <= LARGEST.rows_in_link:
             args |= {"name": scene.rows.name, "rows": packed}
             args |= {"branch": scene.rows.branch} if scene.rows.branch else {}
             args |= {"noise": repr(scene.rows.noise)} if scene.rows.noise is not None else {}
@@ -75,7 +72,7 @@ def scene_of_link(query: Mapping[str, list[bytes]]) -> Scene:
     """The scene of a query, as a server receives its arguments; raises `InputError` for an invalid one."""
     args: dict[str, str] = {}
     for name, values in query.items():
-        if len(values) != 1 or len(values[0]) > LONGEST_VALUE:
+        if len(values) != 1 or len(values[0]) > LARGEST.value_in_link:
             raise InputError(f"the link gives '{name[:40]}' more than once, or too long")
         if name not in LINK_WORDS and not name.startswith(NUMBER):
             raise InputError(f"the link has an unknown word '{name[:40]}'; it knows {', '.join(LINK_WORDS)}")
@@ -109,8 +106,8 @@ def _rows_of(args: Mapping[str, str]) -> DroppedRows | None:
     try:
         packed = base64.b64decode(args["rows"], altchars=b"-_", validate=True)
         unpacking = zlib.decompressobj()
-        text = unpacking.decompress(packed, LARGEST_ROWS + 1)
-        if len(text) > LARGEST_ROWS or not unpacking.eof:
+        text = unpacking.decompress(packed, LARGEST.rows + 1)
+        if len(text) > LARGEST.rows or not unpacking.eof:
             raise ValueError
         decoded = text.decode("utf-8")
     except (ValueError, zlib.error):

@@ -23,13 +23,12 @@ from orbits.show.pages.law_view import LawFigure
 from orbits.show.pages.map_view import MapData, MapFigure
 
 from .fields import changed
-from .page_state import Computed, Requested, kind_of, tab_state
+from .page_state import PAGES, Computed, Requested, kind_of, tab_state
 from .results import DialsResult, FamilyResult, HopResult, same_family
 from .scene import Scene
 from .worker import Done, Failure, Pools, Task, Worker, pools_of
 
 FOLDER = Path(__file__).parent
-CALM = 300  # milliseconds without a change, after which the law is drawn, and the family and the map are computed
 
 
 class Bridge(DataModel):
@@ -289,7 +288,7 @@ class Explorer:
     def _schedule_surroundings(self, now: bool = False) -> None:
         """Request the family and the map once nothing has changed for a while."""
         self._forget_pending()
-        self._pending = self._document.add_timeout_callback(self._compute_surroundings, 1 if now else CALM)
+        self._pending = self._document.add_timeout_callback(self._compute_surroundings, 1 if now else PAGES.calm)
 
     def _forget_pending(self) -> None:
         if self._pending is not None:

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from orbits.errors import InputError
 from orbits.tables import html_table
@@ -14,11 +15,20 @@ from .results import FamilyResult, HopResult
 from .scene import Scene
 from .words import captions, verdict
 
-LONGEST_HISTORY = 200
-GESTURE = 1.0  # seconds: changes of one field that follow sooner are undone together
+
+class PageOptions(NamedTuple):
+    """When a page computes and sends, and what it undoes."""
+
+    history: int = 200  # scenes to which undo returns, at most
+    gesture: float = 1.0  # seconds: changes of one field that follow sooner are undone together
+    sent_pieces: int = 8  # pieces of a growing family: a slider may have been moved before the newest piece arrived
+    # Milliseconds without a change, after which the law is drawn, and the family and the map are computed.
+    calm: int = 300
+
+
+PAGES = PageOptions()
 ROWS_LEFT_OUT = "The measured rows are too many for a link, which leaves them out: save the machine file and its rows."
 FIGURES_OF_HOP = ("machine", "heights", "portrait", "force")
-MOST_SENT_PIECES = 8  # of a growing family: a slider may have been moved before the newest piece arrived
 
 
 @dataclass(frozen=True)
@@ -42,9 +52,9 @@ class Requested:
     def going_to(self, scene: Scene, cause: str, shown: Scene) -> "Requested":
         """After a change to a scene; undo returns to the one that is shown."""
         now, history = time.monotonic(), self.history
-        gesture = cause == self.cause and now - self.changed_at < GESTURE
+        gesture = cause == self.cause and now - self.changed_at < PAGES.gesture
         if scene != self.scene and not gesture and history[-1:] != (shown,):
-            history = (*history, shown)[-LONGEST_HISTORY:]
+            history = (*history, shown)[-PAGES.history :]
         return replace(self, scene=scene, history=history, cause=cause, changed_at=now, refused={})
 
     def can_undo(self, shown: Scene) -> bool:
@@ -99,7 +109,7 @@ class Computed:
 
     def with_family(self, key: str, family: FamilyResult) -> "Computed":
         """The same with a family that is drawn from now on."""
-        pieces = (*self.pieces, (key, family))[-MOST_SENT_PIECES:]
+        pieces = (*self.pieces, (key, family))[-PAGES.sent_pieces :]
         return replace(self, family=family, family_text=family.text, pieces=pieces)
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,17 +24,28 @@ from orbits.tables import number_text
 from .dials import Dial, dials_of
 from .scene import START_OF_HOP, START_OF_RUN, Scene
 
-FIRST_PIECE, PIECE, LONGEST_FAMILY = 12, 60, 2000  # points of a family when it is first shown, per update, in all
-BEYOND = 2.0  # the map is drawn up to this multiple of the hop's launch speed
-SLOWEST_DRAWN = 1e-3  # and from this multiple on
-COBWEB = 80  # hops
-MOST_TRIALS = 16  # of runs on the way from one to another whose numbers are far away, some 0.1 s each
+
+class ResultOptions(NamedTuple):
+    """The sizes of families and maps on a page."""
+
+    first_piece: int = 12  # points of a family when it is first shown
+    piece: int = 60  # points by which a family grows per update
+    family: int = 2000  # points of a whole family
+    beyond: float = 2.0  # the map is drawn up to this multiple of the hop's launch speed
+    slowest: float = 1e-3  # the map is drawn from this multiple of the hop's launch speed on
+    cobweb: int = 80  # hops of a cobweb in the map
+    trials: int = 16  # runs on the way from one to another whose numbers are far away, some 0.1 s each
+    # Launches of a map beside a lossless step, a few first: each takes some 10 ms, and 500 ms where feet take over from
+    # each other often.
+    samples_beside: tuple[int, ...] = (13, 61)
+    hidden: float = 1e-12  # a range that is a smaller share of the launch speed is lost in rounding
+    with_bounce: float = 10.0  # factor of a loss with one bounce
+
+
+RESULTS = ResultOptions()
 # The map of a machine that steps is drawn from and to these multiples of the range that leads to its lossless step, by
-# whether landings bounce above it, not below; at a few launches and then at more, each of which takes some 10 ms, and
-# 500 ms where feet take over from each other often.
-RANGE_BESIDE, SAMPLES_BESIDE = {True: (-1.0, 1.5), False: (-0.1, 1.5)}, (13, 61)
-HIDDEN = 1e-12  # a range that is a smaller share of the launch speed is lost in rounding
-WITH_BOUNCE = 10.0  # the factor of a loss with one bounce
+# whether landings bounce above it, not below.
+RANGE_BESIDE = {True: (-1.0, 1.5), False: (-0.1, 1.5)}
 
 
 @dataclass(frozen=True)
@@ -152,15 +163,16 @@ def family_results(python_machine: object, scene: Scene, low: float, high: float
     parts: dict[str, Family] = {}
     tune: dict[str, Any] = {"tune": scene.tuned} if scene.tuned else {}
     for word, stop in ways:
-        parts[word] = follow(machine, along, stop, family=hop.family, start=hop, most=FIRST_PIECE, **tune)
+        parts[word] = follow(machine, along, stop, family=hop.family, start=hop, most=RESULTS.first_piece, **tune)
         yield _family_result(machine, scene, parts, len(ways))
         while _is_growing(parts[word]):
-            parts[word] = follow(machine, along, stop, family=hop.family, resume=parts[word], most=PIECE, **tune)
+            last = parts[word]
+            parts[word] = follow(machine, along, stop, family=hop.family, resume=last, most=RESULTS.piece, **tune)
             yield _family_result(machine, scene, parts, len(ways))
 
 
 def _is_growing(part: Family) -> bool:
-    return part.end.kind == "stopped" and len(part) < LONGEST_FAMILY
+    return part.end.kind == "stopped" and len(part) < RESULTS.family
 
 
 def _orbit_of_scene(machine: Machine, scene: Scene) -> Orbit:
@@ -190,7 +202,7 @@ def _run_led_to(machine: Machine, scene: Scene) -> Orbit:
             raise
         reason = error
     (before, run), share, step = _last_run[0], 0.0, 0.5
-    for _ in range(MOST_TRIALS):
+    for _ in range(RESULTS.trials):
         ahead = min(share + step, 1.0)
         x = {name: (1 - ahead) * before.numbers[name] + ahead * value for name, value in scene.numbers.items()}
         between = scene.with_numbers(**x)
@@ -251,15 +263,15 @@ def map_results(python_machine: object, scene: Scene) -> Iterator[MapData]:
     machine = scene.build(python_machine)
     orbit = _orbit_of_scene(machine, plain)
     if orbit.shape.steps:
-        for samples in SAMPLES_BESIDE:
+        for samples in RESULTS.samples_beside:
             yield _map_of_steps(ReturnMap(machine), orbit, scene.launch, samples)
         return
-    step, low, high = ReturnMap(machine), SLOWEST_DRAWN * orbit.alpha, BEYOND * orbit.alpha
+    step, low, high = ReturnMap(machine), RESULTS.slowest * orbit.alpha, RESULTS.beyond * orbit.alpha
     known = _last_basin[0][1] if _last_basin and _last_basin[0][0] == plain else None
-    yield map_data(step, low, high, basin=known, start=scene.launch, hops=COBWEB)
+    yield map_data(step, low, high, basin=known, start=scene.launch, hops=RESULTS.cobweb)
     if known is None and step.machine.model.conservative:
         _last_basin[:] = [(plain, step.basin(low, high))]
-        yield map_data(step, low, high, basin=_last_basin[0][1], start=scene.launch, hops=COBWEB)
+        yield map_data(step, low, high, basin=_last_basin[0][1], start=scene.launch, hops=RESULTS.cobweb)
 
 
 # The basin found last and its scene: another cobweb in the same map needs no new basin.
@@ -276,11 +288,11 @@ def _map_of_steps(step: ReturnMap, orbit: Orbit, launch: float | None, samples: 
     if not found.loss_coefficient:
         raise InputError("the loss beside this step has no coefficient, as where a landing with a speed loses nothing")
     above = found.bounce_side == "above"
-    factor = (found.bounce_factor or WITH_BOUNCE) if above else 1.0
+    factor = (found.bounce_factor or RESULTS.with_bounce) if above else 1.0
     low, high = (share / (factor * found.loss_coefficient) ** 3 for share in RANGE_BESIDE[above])
-    if high < HIDDEN * orbit.alpha:
+    if high < RESULTS.hidden * orbit.alpha:
         raise InputError(f"launches that come back to this step are at most {high:.2g} faster, which rounding hides")
-    data = map_data(step, low, high, centre=orbit.alpha, start=launch, hops=COBWEB, samples=samples)
+    data = map_data(step, low, high, centre=orbit.alpha, start=launch, hops=RESULTS.cobweb, samples=samples)
     faster = data.alpha > 0
     d, left = data.alpha[faster], data.following[faster]
     good = np.logical_and.accumulate((left >= 0) & (left < d))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import pi
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from orbits.errors import InputError, finite_number, whole_number
 from orbits.laws.law import Law
@@ -38,10 +38,23 @@ RUNNER, TUNED_OF_RUNNERS, SPEED_OF_RUN = "runner", ("inertia", "hip_stiffness"),
 OPTIONAL_OF_RUNNERS = {True: ("friction",), False: ("friction", "body_mass", "stiffness", "surface_gravity")}
 START_OF_HOP = ("liftoff", "alpha", "duration")
 START_OF_RUN = ("liftoff", "alpha", "theta", "theta'", "phi", "phi'", "duration", "contact_duration", "step")
-MOST_NUMBERS, LARGEST_SHOWN_FAMILY, LONGEST_LAW = 40, 1000, 2000
-LARGEST_ROWS = 1 << 20  # characters of a dropped table
+
+
+class SceneOptions(NamedTuple):
+    """The largest scenes that a page takes, and that a link holds."""
+
+    numbers: int = 40  # parameters, each with a slider
+    family: int = 1000  # number of a family
+    law: int = 2000  # characters of a formula
+    rows: int = 1 << 20  # characters of a dropped table
+    new_number: float = 0.1  # value of a parameter that is new in a formula
+    # Characters of packed measured rows in a link; browsers and servers accept addresses of some 60,000.
+    rows_in_link: int = 8000
+    value_in_link: int = 12_000  # characters of any other value in a link
+
+
+LARGEST = SceneOptions()
 NAME = re.compile(r"[A-Za-z_]\w{0,39}", re.ASCII)
-NEW_NUMBER = 0.1  # of a parameter that is new in a formula
 # The default scene of each kind of machine.
 BEGINNINGS: dict[tuple[str, bool], dict[str, Any]] = {
     ("hopper", False): {
@@ -123,8 +136,8 @@ class DroppedRows:
     def __post_init__(self) -> None:
         if not (isinstance(self.name, str) and isinstance(self.text, str)):
             raise InputError("a table has a name and a text")
-        if len(self.text) > LARGEST_ROWS:
-            raise InputError(f"the table has {len(self.text)} characters, and at most {LARGEST_ROWS} are taken")
+        if len(self.text) > LARGEST.rows:
+            raise InputError(f"the table has {len(self.text)} characters, and at most {LARGEST.rows} are taken")
         object.__setattr__(self, "name", re.sub(r"[^\w.-]", "_", self.name, flags=re.ASCII)[-60:].lstrip(".") or "rows")
         if self.branch not in (None, "loading", "unloading", "mean"):
             raise InputError(f"branch = {str(self.branch)[:40]!r}; it is loading, unloading or mean")
@@ -187,19 +200,21 @@ class Scene:
             raise InputError(f"unknown machine {str(self.machine)[:40]!r}{suggest(str(self.machine)[:40], known)}")
         for name in ("spring", "gravity"):
             text = getattr(self, name)
-            if not isinstance(text, str) or len(text) > LONGEST_LAW:
-                raise InputError(f"the {name} is a formula of at most {LONGEST_LAW} characters")
+            if not isinstance(text, str) or len(text) > LARGEST.law:
+                raise InputError(f"the {name} is a formula of at most {LARGEST.law} characters")
             if text.strip().partition(":")[0].strip() == "table":
                 raise InputError(f"{name} {text[:40]!r}: a table comes onto the page as a file dropped there")
         if self.steps and (self.rows or self.gravity != "1"):
             raise InputError("measured rows and a gravity that varies are of machines that hop: choose one of them")
         self._check_numbers()
-        whole_number("family", self.family, most=LARGEST_SHOWN_FAMILY)
+        whole_number("family", self.family, most=LARGEST.family)
 
     def _check_numbers(self) -> None:
         """Convert the numbers to floats; raises `InputError` for values that are no numbers, and for too many."""
-        if len(self.numbers) > MOST_NUMBERS:
-            raise InputError(f"{len(self.numbers)} parameters are more than the page has sliders for, {MOST_NUMBERS}")
+        if len(self.numbers) > LARGEST.numbers:
+            raise InputError(
+                f"{len(self.numbers)} parameters are more than the page has sliders for, {LARGEST.numbers}"
+            )
         for name in (*self.numbers, *([self.along] if self.along else [])):
             if not isinstance(name, str) or not NAME.fullmatch(name):
                 raise InputError(f"{str(name)[:40]!r} is no name of a parameter")
@@ -409,7 +424,7 @@ def _names_in(text: str, variable: str = "r", laws: Mapping[str, Any] = springs.
     if text.replace(" ", "") == LINEAR_IN_SI:
         return {}
     names = parse(text.strip().removeprefix("potential:")).names - {variable}
-    return dict.fromkeys(sorted(names), NEW_NUMBER)
+    return dict.fromkeys(sorted(names), LARGEST.new_number)
 
 
 def _names_in_gravity(text: str) -> dict[str, float]:

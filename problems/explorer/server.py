@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from orbits.errors import InputError
 
@@ -22,11 +22,18 @@ if TYPE_CHECKING:
 
 LOOPBACK = "127.0.0.1"
 HOSTS = (LOOPBACK, "localhost")  # the names under which a browser requests the page
-# Bytes of one message from a page: measured rows as JSON, in which a letter may take six characters.
-LARGEST_MESSAGE = 8 << 20
+
+
+class ServerOptions(NamedTuple):
+    """What the server of a page keeps and receives."""
+
+    message: int = 8 << 20  # bytes of one from a page: measured rows as JSON, in which a letter may take six characters
+    tabs: int = 40  # each has figures of its own, which the server keeps
+    lifetime: int = 5000  # milliseconds after which the session of a closed tab ends
+
+
+SERVER = ServerOptions()
 SHOWN_ELSEWHERE = ("document", "iframe")  # what a page of another site may make of this one: it reads neither
-MOST_TABS = 40  # each has figures of its own, which the server keeps
-LIFETIME = 5000  # milliseconds after which the session of a closed tab ends
 
 
 def serve(scene: "Scene", port: int = 0, python_machine: object = None) -> "tuple[BaseServer, str]":
@@ -65,9 +72,9 @@ def serve(scene: "Scene", port: int = 0, python_machine: object = None) -> "tupl
     tornado = BokehTornado(
         {"/": application},
         extra_websocket_origins=hosts,
-        websocket_max_message_size_bytes=LARGEST_MESSAGE,
+        websocket_max_message_size_bytes=SERVER.message,
         check_unused_sessions_milliseconds=2000,
-        unused_session_lifetime_milliseconds=LIFETIME,
+        unused_session_lifetime_milliseconds=SERVER.lifetime,
     )
     # A host name that another site points to this computer is refused for every path, as are another site's scripts.
     refused = {code: Pages([(".*", ErrorHandler, {"status_code": code})]) for code in (403, 404)}
@@ -120,8 +127,8 @@ def _page_of(scene: "Scene", python_machine: object) -> Callable[[Any], None]:
         from .page import Explorer
 
         request = document.session_context.request
-        if len(tabs) >= MOST_TABS:
-            document.add_root(_page_of_text(f"{MOST_TABS} tabs are open, and no more are served: close some."))
+        if len(tabs) >= SERVER.tabs:
+            document.add_root(_page_of_text(f"{SERVER.tabs} tabs are open, and no more are served: close some."))
             return
         try:
             begun, problem = (scene_of_link(request.arguments) if request.arguments else scene), ""

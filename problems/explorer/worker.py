@@ -30,13 +30,20 @@ LOST = (
     "the process that computed this has ended: there may be too little memory, or a script has called explore without"
     "  if __name__ == '__main__':"
 )
-# The most processes for hops and for what is computed in the background, and the memory of a process (bytes) from which
-# on it is replaced: all of them have less than 1 GB.
-MOST_FOR_HOPS, MOST_CALM, LARGEST_PROCESS = 4, 2, 160 << 20
-# A computation that has taken this long (s) is ended when a newer task is requested.
-IMPATIENT = 3.0
-# Nothing takes longer (s): a visitor can stop what he waits for, and a slow computer draws its map in the end.
-LONGEST_TASK = 300.0
+
+
+class WorkerOptions(NamedTuple):
+    """The processes that compute for a page."""
+
+    for_hops: int = 4  # processes, at most
+    calm: int = 2  # processes for what is computed in the background, at most
+    memory: int = 160 << 20  # bytes of a process from which on it is replaced: all of them have less than 1 GB
+    impatient: float = 3.0  # seconds after which a computation is ended when a newer task is requested
+    # Seconds of any computation: a visitor can stop what he waits for, and a slow computer draws its map in the end.
+    longest: float = 300.0
+
+
+WORKERS = WorkerOptions()
 
 
 @dataclass(frozen=True)
@@ -74,7 +81,7 @@ class Pool:
     workers, and none is left once all pages are closed.
     """
 
-    def __init__(self, python_machine: object = None, size: int = MOST_FOR_HOPS, calm: bool = False):
+    def __init__(self, python_machine: object = None, size: int = WORKERS.for_hops, calm: bool = False):
         self.lock = threading.Lock()
         self._arguments, self._size = (python_machine, calm), size
         self._open, self._waiting = set[Worker](), list[Worker]()
@@ -104,7 +111,7 @@ class Pool:
     def free(self, process: "_Process", memory: int) -> None:
         """Take back a process that has completed its task with so much memory in bytes; called with the lock."""
         process.worker = None
-        if memory > LARGEST_PROCESS or len(self._processes) > len(self._open):
+        if memory > WORKERS.memory or len(self._processes) > len(self._open):
             self._end(process)
         self._serve()
 
@@ -141,7 +148,7 @@ class Pools(NamedTuple):
 
 def pools_of(python_machine: object = None) -> Pools:
     """The pools of pages; `python_machine` is their machine, where no statement makes it."""
-    return Pools(Pool(python_machine), Pool(python_machine, MOST_CALM, calm=True))
+    return Pools(Pool(python_machine), Pool(python_machine, WORKERS.calm, calm=True))
 
 
 class _Process:
@@ -214,7 +221,7 @@ class Worker:
     def ask(self, task: Task) -> None:
         """Request the results of a task, in place of the task before."""
         with self._pool.lock:
-            if self.process is not None and self.busy > IMPATIENT:
+            if self.process is not None and self.busy > WORKERS.impatient:
                 self._pool.leave(self)
                 self._current = None
             if self._current is None:
@@ -306,7 +313,7 @@ def compute_tasks(pipe: "Connection", python_machine: object, calm: bool) -> Non
 def _results_of(task: Task, python_machine: object) -> Iterator[object]:
     """The results of a task; an error is a `Failure` with its message."""
     try:
-        with time_limit(LONGEST_TASK):
+        with time_limit(WORKERS.longest):
             yield from COMPUTATIONS[task.name](python_machine, *task.arguments)
     except OrbitsError as error:
         yield Failure(str(error), _peak_memory())

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -20,18 +20,27 @@ from orbits.symbolic.formula import parse
 from ..recordings.bench_record import BenchRecord, read_record
 from ..recordings.chosen_branch import choose
 from ..recordings.measured_rows import MeasuredRows
-from ..recordings.smoothing import FEWEST_NOISY, SmoothCurves
+from ..recordings.smoothing import SMOOTHING, SmoothCurves
 
-# Parameters are not determined apart where their changes of the rows are parallel but for this share.
-SAME_DIRECTION = 1e-10
-# Starts of a formula that is not linear in its parameters: their number, their random sizes as powers of 10, those
-# about values that the user has stated, and how many of the best are continued to a relative tolerance.
-STARTS, SIZE, OWN_SIZE, BEST, FIT_TOLERANCE = 200, 3.0, 0.5, 6, 1e-15
-# Where a formula is not finite, its residuals are so many times those of the start.
-OUTSIDE = 1e3
-# A formula does not fit where its residuals exceed the noise by this many standard errors of the logarithm of their
-# ratio and by this factor.
-LACK_SIGNIFICANCE, LACK_FACTOR = 4.0, 1.2
+
+class FitOptions(NamedTuple):
+    """The search for the parameters of a formula, and when it does not fit."""
+
+    # Parameters are not determined apart where their changes of the rows are parallel but for this share.
+    same_direction: float = 1e-10
+    starts: int = 200  # of a formula that is not linear in its parameters
+    size: float = 3.0  # of random starts, as powers of 10
+    own_size: float = 0.5  # of starts about values that the user has stated, as powers of 10
+    best: int = 6  # starts that are continued
+    tolerance: float = 1e-15  # relative to which they are continued
+    outside: float = 1e3  # where a formula is not finite, its residuals are this times those of the start
+    # Standard errors of the logarithm of their ratio by which the residuals of a formula that does not fit exceed the
+    # noise.
+    lack_significance: float = 4.0
+    lack_factor: float = 1.2  # by which the residuals of a formula that does not fit exceed the noise at least
+
+
+FITS = FitOptions()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -255,9 +264,9 @@ class _Model:
 
         found, starts = [], [values for values in map(self._with_best_factors, self._starts(own)) if values is not None]
         sizes = [float(np.linalg.norm(self.at(values)[0])) for values in starts]
-        for i in np.argsort(sizes)[:BEST].tolist():
+        for i in np.argsort(sizes)[: FITS.best].tolist():
 
-            def residual(values: np.ndarray, outside: float = OUTSIDE * (1 + sizes[i])) -> np.ndarray:
+            def residual(values: np.ndarray, outside: float = FITS.outside * (1 + sizes[i])) -> np.ndarray:
                 residuals = self.at(values)[0]
                 return np.where(np.isfinite(residuals), np.clip(residuals, -outside, outside), outside)
 
@@ -266,7 +275,7 @@ class _Model:
 
             try:
                 result = least_squares(
-                    residual, starts[i], slopes, x_scale="jac", xtol=FIT_TOLERANCE, ftol=FIT_TOLERANCE
+                    residual, starts[i], slopes, x_scale="jac", xtol=FITS.tolerance, ftol=FITS.tolerance
                 )
             except ValueError:  # the derivatives are not finite
                 continue
@@ -281,10 +290,11 @@ class _Model:
     def _starts(self, own: Mapping[str, float]) -> np.ndarray:
         """Values (m, k) at which to start: the user's own, or 1, and random ones around these."""
         rng, k = np.random.default_rng(0), len(self.names)
-        starts = rng.choice([-1.0, 1.0, 1.0], (STARTS, k)) * 10 ** rng.uniform(-SIZE, SIZE, (STARTS, k))
+        shape = FITS.starts, k
+        starts = rng.choice([-1.0, 1.0, 1.0], shape) * 10 ** rng.uniform(-FITS.size, FITS.size, shape)
         for i, name in enumerate(self.names):
             if name in own:
-                starts[:, i] = own[name] * np.abs(starts[:, i]) ** (OWN_SIZE / SIZE)
+                starts[:, i] = own[name] * np.abs(starts[:, i]) ** (FITS.own_size / FITS.size)
         starts[0] = [own.get(name, 1.0) for name in self.names]
         return starts
 
@@ -314,7 +324,7 @@ class _Model:
         if not sizes.all():
             raise InputError(f"the rows do not depend on the parameter '{self.names[int(np.argmin(sizes))]}'")
         _, values, rows = np.linalg.svd(slopes / sizes, full_matrices=False)
-        if values[-1] < SAME_DIRECTION * values[0]:
+        if values[-1] < FITS.same_direction * values[0]:
             together = [name for name, share in zip(self.names, rows[-1], strict=True) if abs(share) > 0.1]
             raise InputError(f"the rows do not determine {' and '.join(together)} apart: give one of them a value")
 
@@ -338,13 +348,13 @@ def _lack_of_fit(rows: MeasuredRows, spread: float, freedom: int, stated: float 
     noise, known, words = stated, np.inf, "the stated noise"
     if noise is None:
         count = len(rows.extensions) + rows.spare
-        if count < FEWEST_NOISY or freedom < 1:
+        if count < SMOOTHING.fewest_noisy or freedom < 1:
             return ""
         curves = SmoothCurves(rows, None)
         noise, known, words = curves.sigma, max(count - curves.freedom, 1.0), "the noise of the rows"
     error = np.sqrt(0.5 / max(freedom, 1) + 0.5 / known)
     scale = max(float(noise), float(np.finfo(float).eps) * float(np.ptp(rows.forces)))
-    if spread <= scale * max(LACK_FACTOR, np.exp(LACK_SIGNIFICANCE * error)):
+    if spread <= scale * max(FITS.lack_factor, np.exp(FITS.lack_significance * error)):
         return ""
     return (
         f"the formula does not fit: its residuals, {spread:.3g}, are {spread / scale:.2g} times {words}, {scale:.2g}; "

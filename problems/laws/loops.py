@@ -2,6 +2,7 @@
 
 import math
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,10 +19,17 @@ from orbits.laws.law import Law, LawPieces, number
 from orbits.numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from orbits.numerics.roots import bracketed_root
 
-# Measured branches may cross by their noise: by at most this share of the largest width of the loop.
-LARGEST_CROSSING = 0.05
-SAMPLES, FARTHEST_SAMPLE = 2001, 20.0  # of a law, up to this distance from rest where its range does not end before
-PANELS = 256  # of the quadrature of a loop's area
+
+class LoopOptions(NamedTuple):
+    """How loops of hysteresis are sampled, and by how much their branches may cross."""
+
+    crossing: float = 0.05  # share of the largest width of a loop by which measured branches may cross, by their noise
+    samples: int = 2001  # of a law
+    farthest: float = 20.0  # distance from rest of the samples of a law, where the range of the law does not end before
+    panels: int = 256  # of the quadrature of a loop's area
+
+
+LOOPS = LoopOptions()
 # A loss factor below this keeps both branches of `lossy` pulling toward rest.
 LARGEST_LOSS_FACTOR = 2 / math.pi
 
@@ -38,7 +46,7 @@ def of_branches(text: str, extending: Law, shortening: Law) -> HystereticLaw:
         return law
     if width.max() <= 0 and width.min() < 0:
         raise InputError(f"'{text}': the force is smaller while the spring extends: exchange the two branches")
-    if width.min() < -LARGEST_CROSSING * width.max() and np.isfinite(law.range()).all():
+    if width.min() < -LOOPS.crossing * width.max() and np.isfinite(law.range()).all():
         place = r[width.argmin()]
         raise InputError(
             f"'{text}': its branches cross, and at r = {place:.6g} the force is smaller while the spring extends: a "
@@ -105,7 +113,7 @@ def loss_factor_of(mean: Law, loop_area: float, between: tuple[float, float]) ->
     zero = zero_of(mean)
     inside = [float(place) for place in mean.corners() if low < place < high]
     ends = sorted({low, high, *inside, *([zero] if low < zero < high else [])})
-    edges = np.unique(np.concatenate([np.linspace(a, b, PANELS) for a, b in pairwise(ends)]))
+    edges = np.unique(np.concatenate([np.linspace(a, b, LOOPS.panels) for a, b in pairwise(ends)]))
     widths = np.diff(edges)
     forces = np.abs(mean(edges[:-1, None] + widths[:, None] * GAUSS_PLACES))
     whole = float((widths[:, None] * GAUSS_WEIGHTS * forces).sum())
@@ -114,5 +122,5 @@ def loss_factor_of(mean: Law, loop_area: float, between: tuple[float, float]) ->
 
 def _samples(law: Law) -> np.ndarray:
     """Extensions throughout the range of a law, as far as it is near rest."""
-    low, high = (min(max(end, -FARTHEST_SAMPLE), FARTHEST_SAMPLE) for end in law.range())
-    return np.linspace(low, high, SAMPLES)
+    low, high = (min(max(end, -LOOPS.farthest), LOOPS.farthest) for end in law.range())
+    return np.linspace(low, high, LOOPS.samples)

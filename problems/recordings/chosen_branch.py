@@ -22,21 +22,26 @@ from .half_cycles import (
     offset_between,
     row_noise,
 )
-from .measured_rows import FEWEST_ROWS, MeasuredRows, mean_of_curves, rows_at
+from .measured_rows import ROWS, MeasuredRows, mean_of_curves, rows_at
 
 BRANCH_NAMES = ("loading", "unloading", "mean")
 CYCLE_NAMES = ("last", "mean", "all")
-# The fewest rows on each branch of a detected loop.
-FEWEST_ON_BRANCH = 3
-# Rows on the way up and on the way down differ where their mean difference is this many times its standard error and
-# this share of the forces' range; a narrower loop is noise.
-LOOP_SIGNIFICANCE, LOOP_WIDTH = 6.0, 5e-3
-# Part of a half cycle is a branch where it goes beyond rest on both sides by this share of the record's range.
-BEYOND_REST = 0.05
-# A record comes back to its beginning within this many of its steps and what counts as a turn.
-STEPS_FROM_START = 1.5
-# A drift is clear at this many standard errors.
-DRIFT_SIGNIFICANCE = 5.0
+
+
+class BranchOptions(NamedTuple):
+    """When a record is a loop, and what is a branch of it."""
+
+    fewest: int = 3  # rows on each branch of a detected loop
+    # Rows on the way up and on the way down differ where their mean difference is this many times its standard error.
+    loop_significance: float = 6.0
+    loop_width: float = 5e-3  # share of the forces' range: a narrower loop is noise
+    beyond_rest: float = 0.05  # share of the record's range by which a branch goes beyond rest on both sides
+    # Steps of a record within which, beyond what counts as a turn, it comes back to its beginning.
+    steps_from_start: float = 1.5
+    drift_significance: float = 5.0  # standard errors at which a drift is clear
+
+
+BRANCHES = BranchOptions()
 
 
 class Choice(NamedTuple):
@@ -63,7 +68,7 @@ def choose(record: BenchRecord, branch: str | None, cycle: int | str | None) -> 
         one_of("cycle", cycle, CYCLE_NAMES)
     halves = half_cycles(record.extensions)
     counts = [np.median([half.length for half in halves if half.direction == side] or [0]) for side in (1, -1)]
-    if len(halves) > 1 and min(counts) >= FEWEST_ON_BRANCH:
+    if len(halves) > 1 and min(counts) >= BRANCHES.fewest:
         return _Cycles(record, tuple(halves)).choose(branch, cycle)
     return _of_sweeps(record, halves, branch, cycle)
 
@@ -79,7 +84,7 @@ class _Cycles:
     def joint(self) -> Closure:
         """How the beginning of the record is joined to its last half cycle; it is not where that ends before."""
         r, force, last = self.record.extensions, self.record.forces, self.halves[-1]
-        room = SPLITTING.turn * np.ptp(r) + STEPS_FROM_START * max(abs(r[1] - r[0]), abs(r[-1] - r[-2]))
+        room = SPLITTING.turn * np.ptp(r) + BRANCHES.steps_from_start * max(abs(r[1] - r[0]), abs(r[-1] - r[-2]))
         if not last.low - room <= r[0] <= last.high + room:
             return Closure(0.0, None)
         return joint(r, force, self.halves, self.noise)
@@ -150,7 +155,7 @@ class _Cycles:
 
     def passes_rest(self, half: HalfCycle) -> bool:
         """Whether a part of a half cycle goes beyond rest on both sides."""
-        room = BEYOND_REST * float(np.ptp(self.record.extensions))
+        room = BRANCHES.beyond_rest * float(np.ptp(self.record.extensions))
         return half.low < -room and half.high > room
 
     def refuse_differences(self, sides: Sequence[int]) -> None:
@@ -257,7 +262,7 @@ class _Cycles:
             return abs(gap) / (2 * len(self.record.extensions)), words
         i = int(np.argmax(np.abs(rates)))
         rows = 2 * float(np.mean([half.length for half in used]))
-        clear = abs(rates[i]) > DRIFT_SIGNIFICANCE * errors[i]
+        clear = abs(rates[i]) > BRANCHES.drift_significance * errors[i]
         return float(np.hypot(rates[i], errors[i])), f"drift {abs(rates[i]) * rows:.2g}{unit} a cycle" if clear else ""
 
 
@@ -267,14 +272,14 @@ def _of_sweeps(record: BenchRecord, halves: list[HalfCycle], branch: str | None,
     counts = {side: sum(half.length for half in halves if half.direction == side) for side in (1, -1)}
     side = max(counts, key=lambda each: counts[each])
     sweeps = [half for half in halves if half.direction == side]
-    are_sweeps = len(halves) == 1 or np.median([half.length for half in sweeps]) >= FEWEST_ROWS
+    are_sweeps = len(halves) == 1 or np.median([half.length for half in sweeps]) >= ROWS.fewest
     wanted = _directions(record, branch)
     if branch is not None and not are_sweeps:
         turns = f"its {len(r)} rows turn {len(halves) - 1} times, with too few between two turns for a branch"
         raise InputError(f"{label}: {turns}: leave branch= out, or record more rows")
     if len(wanted) == 1 and wanted != (side,):
         found = f"{counts[wanted[0]]} rows on the branch '{branch}'"
-        raise InputError(f"{label}: {found}; a table needs {FEWEST_ROWS}: leave branch= out, or record more rows")
+        raise InputError(f"{label}: {found}; a table needs {ROWS.fewest}: leave branch= out, or record more rows")
     if not are_sweeps:
         if cycle is not None:
             raise InputError(f"cycle = {cycle!r}: {label} has no cycles, its rows are in no order: leave cycle out")
@@ -351,7 +356,7 @@ def _refuse_loop(record: BenchRecord, up: np.ndarray, down: np.ndarray) -> None:
     """Raise `InputError` where the rows on the way up and down are a loop."""
     r, force = record.extensions, record.forces
     width = _loop_width((r[up], force[up]), (r[down], force[down]))
-    if abs(width) > LOOP_WIDTH * np.ptp(force):
+    if abs(width) > BRANCHES.loop_width * np.ptp(force):
         named = 'name one, branch="loading" or branch="unloading", or both, branch="mean"'
         raise InputError(
             f"{record.name} is a loop: loading and unloading differ by {abs(width):.3g}, "
@@ -367,14 +372,14 @@ def _loop_width(up: tuple[np.ndarray, np.ndarray], down: tuple[np.ndarray, np.nd
         inside = (other[0] >= branch[0].min()) & (other[0] <= branch[0].max())
         return np.interp(other[0][inside], branch[0][order], branch[1][order]) - other[1][inside]
 
-    if min(len(up[0]), len(down[0])) < FEWEST_ON_BRANCH:
+    if min(len(up[0]), len(down[0])) < BRANCHES.fewest:
         return 0.0
     # Both ways round, the errors of straight lines between the rows of a curved law cancel.
     a, b = above(up, down), -above(down, up)
     widths = np.r_[a, b]
-    if len(widths) < 2 * FEWEST_ON_BRANCH:
+    if len(widths) < 2 * BRANCHES.fewest:
         return 0.0
     # A loop may be wide on one side and narrow on the other: noise is no more than neighbouring widths differ by.
     spread = min(widths.std(), np.r_[np.diff(a), np.diff(b)].std() / np.sqrt(2))
     mean = float(widths.mean())
-    return mean if abs(mean) > LOOP_SIGNIFICANCE * spread / np.sqrt(len(widths)) else 0.0
+    return mean if abs(mean) > BRANCHES.loop_significance * spread / np.sqrt(len(widths)) else 0.0

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from orbits.errors import InputError
 from orbits.units import STANDARD_GRAVITY
 
-from .measured_rows import FEWEST_ROWS
+from .measured_rows import ROWS
 from .text_rows import COMMENTS, are_numbers, cells_of, is_empty, short
 
 # Words that name columns, without accents and in small letters: English, German, French, Spanish and Turkish.
@@ -273,7 +273,7 @@ def _column_meant(where: str, header: RecordHeader, role: int) -> int:
 def _why_no_header(where: str, lines: list[str], first: str, stated: Sequence[str | int] | None) -> str:
     """Why no line of a record is a header, in words."""
     if len([text for text in lines if text.strip(" \t,;")]) < 2:
-        return f"{where} has no rows; it needs a header and at least {FEWEST_ROWS} rows"
+        return f"{where} has no rows; it needs a header and at least {ROWS.fewest} rows"
     if stated is not None:
         return f"{where} has no columns {stated[0]!r} and {stated[1]!r}: its header is {short(first)!r}"
     cells = re.split(r"[\t;,]|\s+", first.strip())

@@ -7,12 +7,18 @@ import numpy as np
 
 from orbits.errors import InputError
 
-FEWEST_ROWS = 4
-# Extensions that differ by this share of their range or less are the same.
-SAME_EXTENSION = 1e-9
-# Forces are stairs where the median number of rows on a step is this large, of at least so many steps; a step of this
-# many times the median is a level part of the law.
-ROWS_OF_STEP, FEWEST_STEPS, LEVEL = 2, 24, 6
+
+class RowOptions(NamedTuple):
+    """The fewest rows of a table, and which of them are the same or stairs."""
+
+    fewest: int = 4  # of a table
+    same: float = 1e-9  # extensions that differ by this share of their range or less are the same
+    rows_of_step: int = 2  # forces are stairs where the median number of rows on a step is this large
+    steps: int = 24  # of stairs, at least
+    level: int = 6  # a step of this many times the median is a level part of the law
+
+
+ROWS = RowOptions()
 
 
 class MeasuredRows(NamedTuple):
@@ -34,13 +40,13 @@ def rows_at(r: np.ndarray, force: np.ndarray, label: str) -> MeasuredRows:
     """Measured rows (N,) in order; raises `InputError` where no law goes through them."""
     order = np.argsort(r, kind="stable")
     r, force = _middles_of_steps(r[order], force[order])
-    place = np.cumsum(np.diff(r, prepend=r[:1]) > SAME_EXTENSION * np.ptp(r)) if len(r) else np.zeros(0, int)
+    place = np.cumsum(np.diff(r, prepend=r[:1]) > ROWS.same * np.ptp(r)) if len(r) else np.zeros(0, int)
     counts = np.bincount(place)
     lowest, highest = np.full(len(counts), np.inf), np.full(len(counts), -np.inf)
     np.minimum.at(lowest, place, force)
     np.maximum.at(highest, place, force)
-    if len(counts) < FEWEST_ROWS:
-        few = f"{len(counts)} different extensions; a table needs at least {FEWEST_ROWS}"
+    if len(counts) < ROWS.fewest:
+        few = f"{len(counts)} different extensions; a table needs at least {ROWS.fewest}"
         raise InputError(f"{label}: {few}: record more rows")
     means = np.bincount(place, force) / counts
     squares = float(np.sum((force - means[place]) ** 2))
@@ -53,15 +59,15 @@ def rows_at(r: np.ndarray, force: np.ndarray, label: str) -> MeasuredRows:
 def _middles_of_steps(r: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Of rows whose forces are the stairs of a coarse rounding, the middle of each step: the force is there what the
     step says, while along it the error of rounding is no noise that differs from row to row. Other rows as they are."""
-    if len(r) < FEWEST_STEPS or not np.ptp(r) > 0:
+    if len(r) < ROWS.steps or not np.ptp(r) > 0:
         return r, force
     begins = np.flatnonzero(np.diff(force, prepend=np.nan) != 0)
     counts = np.diff(np.r_[begins, len(r)])
     typical = np.median(counts)
-    different = np.diff(r) > SAME_EXTENSION * np.ptp(r)
-    if typical < ROWS_OF_STEP or len(begins) < FEWEST_STEPS or not np.mean(different) > 0.9:  # copies are no steps
+    different = np.diff(r) > ROWS.same * np.ptp(r)
+    if typical < ROWS.rows_of_step or len(begins) < ROWS.steps or not np.mean(different) > 0.9:  # copies are no steps
         return r, force
-    level = np.repeat(counts > LEVEL * typical, counts)
+    level = np.repeat(counts > ROWS.level * typical, counts)
     step = np.repeat(np.arange(len(begins)), counts)
     group = np.cumsum(np.diff(step, prepend=-1).astype(bool) | level) - 1
     sizes = np.bincount(group)
@@ -73,9 +79,9 @@ def mean_of_curves(curves: Sequence[MeasuredRows], label: str) -> MeasuredRows:
     own = min(curves, key=lambda rows: len(rows.extensions))
     low, high = max(rows.extensions[0] for rows in curves), min(rows.extensions[-1] for rows in curves)
     r = own.extensions[(own.extensions >= low) & (own.extensions <= high)]
-    if len(r) < FEWEST_ROWS:
+    if len(r) < ROWS.fewest:
         common = "the branches have few extensions in common"
-        raise InputError(f"{label}: {common}; a table needs {FEWEST_ROWS}: record more rows")
+        raise InputError(f"{label}: {common}; a table needs {ROWS.fewest}: record more rows")
     forces = [np.interp(r, rows.extensions, rows.forces) for rows in curves]
     variances = [1 / np.interp(r, rows.extensions, rows.weights) for rows in curves]
     weights = len(curves) ** 2 / np.sum(variances, axis=0)  # the variance of a mean of means

@@ -5,32 +5,38 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .measured_rows import FEWEST_ROWS, MeasuredRows
+from .measured_rows import ROWS, MeasuredRows
 
-# Each row between which a spline runs ends an integration step: more would cost minutes and add no digit.
-MOST_ROWS = 500
-# Smooth curves are found from at most this number of means of neighbouring rows, by eigendecompositions.
-MOST_MEANS = 256
-# A curve with more degrees of freedom than this share of the rows follows them. Rows are noisy where such curves have
-# less than the second share of the probability; noise below the last share of the range is rounding.
-FREEDOM, DOUBT, EXACT_ROWS = 0.8, 0.05, 1e-9
-# Rows are exact where this share of them lie on polynomials of one of these orders through their neighbours.
-EXACT_SHARE, EXACT_ORDERS = 0.75, (2, 4, 6)
+
+class SmoothingOptions(NamedTuple):
+    """When rows are exact, noisy or smooth, and how smooth curves are found through them."""
+
+    # Rows between which a spline runs, at most: each ends an integration step, and more would cost minutes and add no
+    # digit.
+    rows: int = 500
+    means: int = 256  # of neighbouring rows from which smooth curves are found, by eigendecompositions, at most
+    freedom: float = 0.8  # a curve with more degrees of freedom than this share of the rows follows them
+    doubt: float = 0.05  # rows are noisy where curves that follow them have a smaller share of the probability
+    rounding: float = 1e-9  # noise below this share of the range of force is rounding
+    exact_share: float = 0.75  # rows are exact where this share of them lie on polynomials through their neighbours
+    exact_orders: tuple[int, ...] = (2, 4, 6)  # of polynomials through neighbours, one of which fits exact rows
+    terms: int = 4  # of the polynomial part of smooth curves, and so the largest order of the processes beside it
+    unresolved: int = 3  # amplitudes of processes, the last ones, that are at the limit of rounding
+    small_noise: float = 1e-4  # as a share of the range of force
+    smallest_weight: float = 1e-4  # of an amplitude that adds something
+    least_variance: float = 1e-9  # of a change that adds something, as a share of the largest
+    fewest_noisy: int = 12  # rows, below which noise and shape cannot be distinguished
+    nodes_per_freedom: int = 2  # of a smoothed curve
+    nodes: tuple[int, int] = (16, 128)  # bounds of their number in a smoothed curve
+    places_per_node: int = 8  # from which the slopes of a smoothed curve follow
+    # Bounds of the number of places at which the spread of curves is computed, twice that of their nodes.
+    places: tuple[int, int] = (48, 200)
+
+
+SMOOTHING = SmoothingOptions()
 EXACT_NOTE = "noise not known, rows smooth to rounding"
-# The terms of the polynomial part of smooth curves, and so the largest order of the processes beside it; and the
-# variances of these over that of the noise, the last of which are at the limit of rounding.
-POLYNOMIAL_TERMS, AMPLITUDES, UNRESOLVED = 4, np.geomspace(1e-2, 1e14, 81), 3
-# Noise below this share of the range of force is small.
-SMALL_NOISE = 1e-4
-# Amplitudes with a smaller weight, and changes of a smaller share of the largest variance, add nothing.
-SMALLEST_WEIGHT, LEAST_VARIANCE = 1e-4, 1e-9
-# Below this number of rows noise and shape cannot be distinguished.
-FEWEST_NOISY = 12
-# The number of nodes of a smoothed curve per degree of freedom, with its bounds, and of places per node from which its
-# slopes follow.
-NODES_PER_FREEDOM, NODES, PLACES_PER_NODE = 2, (16, 128), 8
-# The number of places at which the spread of curves is computed, twice that of their nodes, has these bounds.
-PLACES = (48, 200)
+# The variances of the processes beside the polynomial part of smooth curves over that of the noise.
+AMPLITUDES = np.geomspace(1e-2, 1e14, 81)
 
 
 class SmoothCurve(NamedTuple):
@@ -59,12 +65,12 @@ def curve_of(rows: MeasuredRows, noise: float | None) -> SmoothCurve:
 
     noise : standard deviation of a row's force; None to estimate it, 0 for exact rows
     """
-    if rows.spare < FEWEST_ROWS:  # a few repeated rows show no noise, but may be an outlier
+    if rows.spare < ROWS.fewest:  # a few repeated rows show no noise, but may be an outlier
         rows = rows._replace(squares=0.0, spare=0)
     if noise == 0:
         return _through(rows)
-    count, exact = len(rows.extensions) + rows.spare, EXACT_ROWS * np.ptp(rows.forces)
-    if noise is None and count < FEWEST_NOISY:
+    count, exact = len(rows.extensions) + rows.spare, SMOOTHING.rounding * np.ptp(rows.forces)
+    if noise is None and count < SMOOTHING.fewest_noisy:
         # What the law may do between few rows is uncertain, whatever their noise is.
         few = None if _are_exact(rows, exact) else SmoothCurves(rows, None)
         return _through(rows, f"noise not known, {count} rows are too few", per_unit=True, curves=few)
@@ -74,10 +80,10 @@ def curve_of(rows: MeasuredRows, noise: float | None) -> SmoothCurve:
     curves = SmoothCurves(rows, noise)
     if noise is None and (curves.sigma < exact or curves.unresolved > 0.5):
         return _through(rows, EXACT_NOTE, per_unit=True)
-    if noise is None and not repeated and curves.interpolating > DOUBT:
+    if noise is None and not repeated and curves.interpolating > SMOOTHING.doubt:
         note = f"noise not distinguishable from the law, {curves.sigma:.2g} or less"
         if (
-            count > MOST_MEANS
+            count > SMOOTHING.means
         ):  # the means of neighbouring rows have less of the noise than rows of which some are left out
             return curves.mean(f"{rows.weights.sum():.0f} rows smoothed, {note}")
         return _through(rows, note, per_unit=True, curves=curves)
@@ -96,9 +102,9 @@ def _through(
 ) -> SmoothCurve:
     """The curve through the rows themselves, of too many through some of them."""
     count = len(rows.extensions)
-    chosen = np.linspace(0, count - 1, min(count, MOST_ROWS)).round().astype(int)
+    chosen = np.linspace(0, count - 1, min(count, SMOOTHING.rows)).round().astype(int)
     r, force = rows.extensions[chosen], rows.forces[chosen]
-    few = f"{MOST_ROWS} of {count} rows" if count > MOST_ROWS else ""
+    few = f"{SMOOTHING.rows} of {count} rows" if count > SMOOTHING.rows else ""
     note = ", ".join(filter(None, (few, note)))
     places, changes = (r, np.zeros((0, len(r)))) if curves is None else curves.changes(r, force)
     return SmoothCurve(
@@ -110,12 +116,12 @@ def _are_exact(rows: MeasuredRows, exact: float) -> bool:
     """Whether most rows lie on polynomials through their neighbours but for rounding, of low order where a law has
     kinks: the pseudo-residuals of Gasser, Sroka and Jennen-Steinmetz (1986), whose deviation is that of a row."""
     r, count = rows.extensions / np.ptp(rows.extensions), len(rows.extensions)
-    for order in (each for each in EXACT_ORDERS if each < count):
-        first = np.unique(np.linspace(0, count - order - 1, MOST_ROWS).astype(int))
+    for order in (each for each in SMOOTHING.exact_orders if each < count):
+        first = np.unique(np.linspace(0, count - order - 1, SMOOTHING.rows).astype(int))
         windows = first[:, None] + np.arange(order + 1)
         weights = 1 / (r[windows][:, :, None] - r[windows][:, None, :] + np.eye(order + 1)).prod(2)
         sums = (weights * rows.forces[windows]).sum(1)
-        if np.quantile(np.abs(sums) / np.linalg.norm(weights, axis=1), EXACT_SHARE) < exact:
+        if np.quantile(np.abs(sums) / np.linalg.norm(weights, axis=1), SMOOTHING.exact_share) < exact:
             return True
     return False
 
@@ -137,12 +143,12 @@ class SmoothCurves:
 
     def __init__(self, rows: MeasuredRows, noise: float | None):
         r, w = rows.extensions, rows.weights
-        starts = np.unique(np.linspace(0, len(r), min(len(r), MOST_MEANS), endpoint=False).astype(int))
+        starts = np.unique(np.linspace(0, len(r), min(len(r), SMOOTHING.means), endpoint=False).astype(int))
         weights = np.add.reduceat(w, starts)
         x, y = np.add.reduceat(w * r, starts) / weights, np.add.reduceat(w * rows.forces, starts) / weights
         self.low, self.length, self.count = r[0], np.ptp(r), len(x)
         self.ends, self.places, self.root, self.y = (r[0], r[-1]), self._share(x), np.sqrt(weights), y
-        self.terms = min(POLYNOMIAL_TERMS, len(x) // 2)
+        self.terms = min(SMOOTHING.terms, len(x) // 2)
         whitened = self.root[:, None] * self._polynomials(self.places)
         basis, triangle = np.linalg.qr(whitened, mode="complete")
         self.by_rows = np.linalg.solve(triangle[: self.terms], basis[:, : self.terms].T) * self.root  # of coefficients
@@ -161,14 +167,15 @@ class SmoothCurves:
             logs.append(-0.5 * (np.log(spreads).sum(1) + size))
             variances = squares / max(freedom - 2, 1) if noise is None else np.full(len(squares), noise**2)
             if noise is None:  # the noise itself is uniform where it is small, its logarithm where it is large
-                logs[-1] -= np.log1p(SMALL_NOISE * np.ptp(y) / np.sqrt(np.maximum(variances, np.finfo(float).tiny)))
+                small, spread = SMOOTHING.small_noise * np.ptp(y), np.maximum(variances, np.finfo(float).tiny)
+                logs[-1] -= np.log1p(small / np.sqrt(spread))
             self.parts.append((order, among, modes, z, amplitudes, spreads, variances))
         self.weights = np.exp(np.array(logs) - np.max(logs))
         self.weights /= self.weights.sum()
         freedoms = np.array([(1 - 1 / spreads).sum(1) + self.terms for *_, spreads, _ in self.parts])
         self.freedom = float((self.weights * freedoms).sum())
-        self.interpolating = float(self.weights[freedoms > FREEDOM * len(x)].sum())
-        self.unresolved = float(self.weights[:, -UNRESOLVED:].sum())
+        self.interpolating = float(self.weights[freedoms > SMOOTHING.freedom * len(x)].sum())
+        self.unresolved = float(self.weights[:, -SMOOTHING.unresolved :].sum())
         self.sigma = float(np.sqrt(sum(w @ part[-1] for w, part in zip(self.weights, self.parts, strict=True))))
 
     def mean(self, note: str) -> SmoothCurve:
@@ -176,10 +183,10 @@ class SmoothCurves:
         from scipy.interpolate import CubicSpline  # only a table needs it, and it takes half a second to import
 
         (low, high), slopes, curvatures = self.ends, None, None
-        if self.freedom < FREEDOM * self.count:
-            count = int(np.clip(NODES_PER_FREEDOM * self.freedom, *NODES))
-            fine = np.linspace(low, high, PLACES_PER_NODE * (count - 1) + 1)
-            curve, nodes = CubicSpline(fine, self._means(fine)[0]), fine[::PLACES_PER_NODE]
+        if self.freedom < SMOOTHING.freedom * self.count:
+            count = int(np.clip(SMOOTHING.nodes_per_freedom * self.freedom, *SMOOTHING.nodes))
+            fine = np.linspace(low, high, SMOOTHING.places_per_node * (count - 1) + 1)
+            curve, nodes = CubicSpline(fine, self._means(fine)[0]), fine[:: SMOOTHING.places_per_node]
             forces, slopes, curvatures = (curve(nodes, order) for order in range(3))
         else:
             nodes = np.r_[low, self.low + self.length * self.places[1:-1], high]
@@ -191,11 +198,11 @@ class SmoothCurves:
         through forces (n,) at extensions (n,)."""
         from scipy.interpolate import CubicSpline  # only a table needs it, and it takes half a second to import
 
-        places = np.linspace(*self.ends, int(np.clip(2 * len(r), *PLACES)))
+        places = np.linspace(*self.ends, int(np.clip(2 * len(r), *SMOOTHING.places)))
         mean, covariance = self._means(places, True)
         away = mean - CubicSpline(r, force)(places)
         sizes, modes = np.linalg.eigh(covariance + np.outer(away, away))
-        large = sizes > LEAST_VARIANCE * sizes[-1]
+        large = sizes > SMOOTHING.least_variance * sizes[-1]
         return places, (modes[:, large] * np.sqrt(sizes[large])).T
 
     def _means(self, r: np.ndarray, spread: bool = False) -> tuple[np.ndarray, np.ndarray]:
@@ -207,7 +214,7 @@ class SmoothCurves:
         for weights, (order, among, modes, z, amplitudes, spreads, variances) in zip(
             self.weights, self.parts, strict=True
         ):
-            used = weights > SMALLEST_WEIGHT
+            used = weights > SMOOTHING.smallest_weight
             if not used.any():
                 continue
             across = _wiener(order, s, self.places)
@@ -220,7 +227,7 @@ class SmoothCurves:
                 free = _wiener(order, s, s) - fit @ across.T - across @ fit.T + fit @ among @ fit.T
                 covariance += (variance @ sizes) * free + variance.sum() * noise_of_fit + (means.T * own) @ means
                 covariance -= (loads * (variance * sizes**2 @ (1 / spreads))) @ loads.T
-        share = self.weights[self.weights > SMALLEST_WEIGHT].sum()
+        share = self.weights[self.weights > SMOOTHING.smallest_weight].sum()
         return total / share, covariance / share - np.outer(total, total) / share**2
 
     def _share(self, r: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 
 from orbits.errors import InputError
 
-from .measured_rows import FEWEST_ROWS
+from .measured_rows import ROWS
 
 COMMENTS = ("#", "%", "//")
 # A number whose comma may be that of thousands or of decimals; and how that is recorded among the decimal marks.
@@ -73,7 +73,7 @@ def numbers_below(
         rows.append(line)
         texts.append([cells[place] for place in places])
     if not texts:
-        raise InputError(f"{where} has no rows; it needs a header and at least {FEWEST_ROWS} rows")
+        raise InputError(f"{where} has no rows; it needs a header and at least {ROWS.fewest} rows")
     values, marks = list[list[float]](), set[str]()
     decimal = _decimal_mark(cell for cells in texts for cell in cells)
     for line, cells in zip(rows, texts, strict=True):

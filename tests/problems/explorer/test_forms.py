@@ -17,7 +17,7 @@ from problems import inerter_hopper
 from problems.command.cli import orbits
 from problems.command.options import machine_of
 from problems.explorer.forms import link_of, machine_file, python_lines, scene_of_link, scene_of_statement
-from problems.explorer.scene import LARGEST_ROWS, DroppedRows, beginning
+from problems.explorer.scene import LARGEST, DroppedRows, beginning
 from problems.laws.springs import SAMPLE
 from problems.machines.files import read, search
 from tests.problems.explorer.scenes import SCENES, SHORT_ROWS, arguments, given
@@ -76,7 +76,7 @@ def test_python_lines_of_a_machine_with_fixed_laws(tmp_path):
 
 
 PACKED = base64.urlsafe_b64encode(zlib.compress(b"extension,force\n" * 10)).decode()
-BOMB = base64.urlsafe_b64encode(zlib.compress(b"0" * (8 * LARGEST_ROWS), 9)).decode()
+BOMB = base64.urlsafe_b64encode(zlib.compress(b"0" * (8 * LARGEST.rows), 9)).decode()
 HOSTILE = {
     "a file": "spring=table:/etc/passwd",
     "a file with blanks": "spring=%20table%20:/etc/passwd",
@@ -138,7 +138,7 @@ def test_rows_that_are_too_many_stay_out_of_the_link():
     assert not whole
     assert len(query) < 500
     with pytest.raises(InputError, match="at most"):
-        DroppedRows("rows.csv", "1" * (LARGEST_ROWS + 1))
+        DroppedRows("rows.csv", "1" * (LARGEST.rows + 1))
 
 
 @pytest.mark.parametrize(

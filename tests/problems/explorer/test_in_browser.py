@@ -359,7 +359,7 @@ def test_the_hops_beyond_a_fold_are_come_to_by_keyboard(tab, address):
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are counted by /proc")
 def test_nothing_is_computed_for_a_tab_that_was_closed(browser):
     """Its workers end at once, not with its session, which here lasts longer than the test."""
-    lasting = "import problems.explorer.server as server; server.LIFETIME = 3_600_000; "
+    lasting = "import problems.explorer.server as server; server.SERVER = server.SERVER._replace(lifetime=3_600_000); "
     with served(before=lasting) as (address, process):
         first, before = browser.driver.current_window_handle, len(descendants(process.pid))
         browser.driver.switch_to.new_window("tab")

@@ -12,6 +12,7 @@ from bokeh.document import Document
 from orbits import find
 from problems import Hopper
 from problems.explorer.page import Explorer
+from problems.explorer.results import RESULTS as ON_PAGE
 from problems.explorer.scene import Scene, beginning
 from problems.explorer.worker import _results_of
 
@@ -84,7 +85,8 @@ class Tab:
 @pytest.fixture
 def tab(monkeypatch):
     monkeypatch.setattr(Explorer, "_worker", lambda self, came, calm=False: Inline(came))
-    monkeypatch.setattr("problems.explorer.results.LONGEST_FAMILY", 70)  # it has come back from its fold
+    few = ON_PAGE._replace(family=70)  # it has come back from its fold
+    monkeypatch.setattr("problems.explorer.results.RESULTS", few)
     return Tab
 
 

@@ -18,7 +18,7 @@ pytest.importorskip("bokeh")
 
 from problems.explorer.results import HopResult
 from problems.explorer.scene import Scene, beginning
-from problems.explorer.worker import MOST_FOR_HOPS, Done, Failure, Pool, Task, Worker
+from problems.explorer.worker import WORKERS, Done, Failure, Pool, Task, Worker
 from tests.browser import PATIENCE, wait_for
 
 pytestmark = pytest.mark.extra("bokeh")
@@ -122,7 +122,7 @@ def test_a_stop_kills_at_once_and_the_next_question_is_answered(made):
 
 
 def test_a_new_question_ends_one_that_takes_long(made, monkeypatch):
-    monkeypatch.setattr("problems.explorer.worker.IMPATIENT", 0.5)
+    monkeypatch.setattr("problems.explorer.worker.WORKERS", WORKERS._replace(impatient=0.5))
     worker, answers = made()
     worker.ask(hop(ENDLESS))
     time.sleep(1.5)
@@ -155,7 +155,7 @@ def test_ten_do_not_disturb_each_other(made):
         answer, _ = answered(answers, question)
         orbit = find(Hopper("cubic", rest_length=8.0, parameters={"beta": 0.1 + k / 10}))
         assert answer.alpha == orbit.alpha
-    assert len(pool._processes) == MOST_FOR_HOPS
+    assert len(pool._processes) == WORKERS.for_hops
 
 
 def test_no_process_is_left_without_workers(made):
@@ -177,7 +177,7 @@ def test_no_process_is_left_without_workers(made):
 
 
 def test_a_process_that_has_grown_is_replaced(made, monkeypatch):
-    monkeypatch.setattr("problems.explorer.worker.LARGEST_PROCESS", 1 << 20)
+    monkeypatch.setattr("problems.explorer.worker.WORKERS", WORKERS._replace(memory=1 << 20))
     worker, answers = made(pool := Pool())
     for _ in range(2):
         worker.ask(question := hop(CUBIC))
