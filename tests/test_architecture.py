@@ -21,6 +21,7 @@ TESTED_WITH = {
     "balls/curve_motion": "proof/test_branch",
     "balls/equations": "balls/test_enclosure",
     "mechanics/balance": "test_checks",
+    "sweeps/diagram_grid": "sweeps/test_boundaries",
     "continuation/curve": "continuation/test_family_problem",
     "continuation/event_place": "continuation/test_follow_event",
     "continuation/event_start": "continuation/test_follow_event",

@@ -27,8 +27,8 @@ def cells_of_diagram(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
     """
     statuses = diagram.statuses.T
     x, y = diagram.grid[diagram.along].reshape(statuses.shape)[:, 0], np.array(diagram.values)
-    arcs, size = _arcs(diagram, x, y), np.array([np.ptp(x), np.ptp(y) or 1.0])
-    sides = _sides_of_rows(diagram, _crossings(arcs, x))
+    size = np.array([np.ptp(x), np.ptp(y) or 1.0])
+    arcs, sides = _arcs(diagram, x, y, size), _sides(diagram, x, y)
     for i, j in np.ndindex(len(x) - 1, len(y) - 1):
         ways = ((i, j, True), 1), ((i + 1, j, False), 1), ((i, j + 1, True), -1), ((i, j, False), -1)
         corners = [(x[i], y[j]), (x[i + 1], y[j]), (x[i + 1], y[j + 1]), (x[i], y[j + 1])]
@@ -39,7 +39,7 @@ def cells_of_diagram(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
         if not any(pair for _, pair in around):
             yield [(statuses[i, j], corners)], []
             continue
-        yield _along_curves(around, arcs.get((i, j), []), size) or _along_lines(around)
+        yield _divided(around, arcs.get((i, j), []), size) or _divided(around, [], size, together=True) or ([], [])
 
 
 def smooth(curve: Any, size: np.ndarray) -> np.ndarray:
@@ -60,65 +60,46 @@ def smooth(curve: Any, size: np.ndarray) -> np.ndarray:
     return np.vstack([inner.reshape(-1, 2), points[-1:]]) * size
 
 
-def _arcs(diagram: Any, x: np.ndarray, y: np.ndarray) -> _Arcs:
-    """The parts of the diagram's curves within each cell of a grid with places x (m,) and y (n,), each (k, 2)."""
-    found, size = _Arcs(), np.array([np.ptp(x), np.ptp(y) or 1.0])
+def _arcs(diagram: Any, x: np.ndarray, y: np.ndarray, size: np.ndarray) -> _Arcs:
+    """The parts of the diagram's curves within each cell of a grid with places x (m,) and y (n,), each (k, 2). Curves
+    have points wherever they pass the sides of cells."""
+    found = _Arcs()
     for curve in diagram.curves:
-        points = smooth(curve, size)
-        for axis, lines in enumerate((x, y)):
-            points = _cut(points, axis, lines)
-        middles = 0.5 * (points[1:] + points[:-1])
+        points, line = np.column_stack([curve.along, curve.across]), smooth(curve, size)
+        pieces, middles = (len(line) - 1) // max(len(points) - 1, 1), 0.5 * (points[1:] + points[:-1])
         cells = np.column_stack([np.searchsorted(each, middles[:, k]) - 1 for k, each in enumerate((x, y))])
         changes = np.flatnonzero((cells[1:] != cells[:-1]).any(1)) + 1
         for first, last in pairwise([0, *changes.tolist(), len(cells)]):
             if first < last:
-                found.setdefault(tuple(cells[first].tolist()), []).append(points[first : last + 1])
+                cell = tuple(cells[first].tolist())
+                found.setdefault(cell, []).append(line[first * pieces : last * pieces + 1])
     return found
 
 
-def _cut(points: np.ndarray, axis: int, lines: np.ndarray) -> np.ndarray:
-    """A polyline (k, 2) with further points where it passes places (m,) along an axis."""
-    away = points[:, axis, None] - lines
-    pieces, which = np.nonzero(away[:-1] * away[1:] < 0)
-    shares = away[pieces, which] / (away[pieces, which] - away[pieces + 1, which])
-    added = points[pieces] + shares[:, None] * (points[pieces + 1] - points[pieces])
-    added[:, axis] = lines[which]
-    order = np.argsort(np.concatenate([np.arange(len(points)), pieces + shares]), kind="stable")
-    return np.concatenate([points, added])[order]
-
-
-def _crossings(arcs: _Arcs, x: np.ndarray) -> dict[tuple[int, int], list[float]]:
-    """The places across at which curves leave cells to the right, by the node at the lower end of that side."""
-    found: dict[tuple[int, int], set[float]] = {}
-    for (i, j), each in arcs.items():
-        for point in (arc[k].tolist() for arc in each for k in (0, -1)):
-            for side in (i, i + 1):
-                if 0 <= side < len(x) and point[0] == x[side]:
-                    found.setdefault((side, j), set()).add(point[1])
-    return {node: sorted(places) for node, places in found.items()}
-
-
-def _sides_of_rows(diagram: Any, crossings: dict[tuple[int, int], list[float]]) -> _Sides:
+def _sides(diagram: Any, x: np.ndarray, y: np.ndarray) -> _Sides:
     """The boundaries on the sides of cells, in order. Those between rows that are not located lie where curves pass the
     side, if as many do."""
-    found, sides = diagram.boundaries, _Sides()
+    found, sides, loose = diagram.boundaries, _Sides(), set[_Side]()
     parts = (part.tolist() for part in (found.nodes, found.in_row, found.points, found.statuses, found.located))
-    loose = set[_Side]()
     for (i, j), along, point, pair, located in zip(*parts, strict=True):
         sides.setdefault((i, j, along), []).append((point, tuple(pair)))
-        if not along and not located:
-            loose.add((i, j, along))
+        loose |= set() if along or located else {(i, j, along)}
+    passings = [curve.passings(0, x) for curve in diagram.curves]
     for place, side in sides.items():
         side.sort()
-        places = crossings.get(place[:2], [])
-        if place in loose and len(places) == len(side):
-            side[:] = [([point[0], y], pair) for (point, pair), y in zip(side, places, strict=True)]
+        if place in loose:
+            i, j, _ = place
+            passed = sorted({up for each in passings for up in each[i] if y[j] <= up <= y[j + 1]})
+            if len(passed) == len(side):
+                side[:] = [([point[0], up], pair) for (point, pair), up in zip(side, passed, strict=True)]
     return sides
 
 
-def _along_curves(around: list[Any], arcs: list[np.ndarray], size: np.ndarray) -> tuple[list[Any], list[Any]] | None:
+def _divided(
+    around: list[Any], arcs: list[np.ndarray], size: np.ndarray, together: bool = False
+) -> tuple[list[Any], list[Any]] | None:
     """The polygons and edges of a cell between the arcs that join its boundaries in pairs, and the lines that join the
-    boundaries that no arc joins; None where statuses contradict these."""
+    boundaries that no arc joins; None where statuses contradict these. `together`: all are joined in one point."""
     cuts = [k for k, (_, pair) in enumerate(around) if pair]
     points, free = np.array([around[k][0] for k in cuts]), dict.fromkeys(cuts)
     partners: dict[int, tuple[int, list[Any]]] = {}
@@ -135,8 +116,8 @@ def _along_curves(around: list[Any], arcs: list[np.ndarray], size: np.ndarray) -
             del free[a], free[b]
         else:
             begun |= {cut: way for cut, way, at in ((a, arc, met[0]), (b, arc[::-1], met[1])) if at}
-    for group in _groups(around, [*free]):
-        if len(group) == 1:
+    for group in [cuts] if together else _groups(around, [*free]):
+        if len(group) == 1 and not together:
             return None
         paths = _to_meeting_point(around, group, begun, size)
         edges |= {cut: (_edge_of(around[cut][1]), [around[cut][0], *path]) for cut, path in paths.items()}
@@ -144,7 +125,7 @@ def _along_curves(around: list[Any], arcs: list[np.ndarray], size: np.ndarray) -
             cut: (before, [*paths[cut], *paths[before][-2::-1]])
             for before, cut in pairwise([group[-1], *group])
         }  # fmt: skip
-    polygons = _polygons(around, cuts, partners)
+    polygons = _polygons(around, cuts, partners, together)
     return (polygons, [edge for _, edge in sorted(edges.items())]) if polygons else None
 
 
@@ -175,9 +156,11 @@ def _to_meeting_point(
     return {cut: [*way[1 : nearest[cut] + 1].tolist(), meeting.tolist()] for cut, way in ways.items()}
 
 
-def _polygons(around: list[Any], cuts: list[int], partners: dict[int, tuple[int, list[Any]]]) -> list[Any] | None:
+def _polygons(
+    around: list[Any], cuts: list[int], partners: dict[int, tuple[int, list[Any]]], anyway: bool
+) -> list[Any] | None:
     """The polygons of a cell, each with its status, from the way inside of the cell from each boundary to the next one
-    of a polygon; None where a polygon would have several statuses."""
+    of a polygon; None where a polygon would have several statuses, unless they are wanted `anyway`."""
     polygons, left, following = [], dict.fromkeys(cuts), dict(pairwise([*cuts, cuts[0]]))
     while left:
         start = cut = next(iter(left))
@@ -185,7 +168,7 @@ def _polygons(around: list[Any], cuts: list[int], partners: dict[int, tuple[int,
         while cut in left:
             del left[cut]
             end = following[cut]
-            if around[cut][1][1] != status or around[end][1][0] != status:
+            if not anyway and {around[cut][1][1], around[end][1][0]} != {status}:
                 return None
             last = end if end > cut else end + len(around)
             polygon += [around[k % len(around)][0] for k in range(cut, last + 1)]
@@ -193,17 +176,6 @@ def _polygons(around: list[Any], cuts: list[int], partners: dict[int, tuple[int,
             polygon += inside
         polygons.append((status, polygon))
     return polygons
-
-
-def _along_lines(around: list[Any]) -> tuple[list[Any], list[Any]]:
-    """The polygons and edges of a cell whose boundaries are joined by lines."""
-    cuts = [k for k, (_, pair) in enumerate(around) if pair]
-    middle = np.mean([around[k][0] for k in cuts], axis=0)
-    inner, polygons = [middle] if len(cuts) > 2 else [], []
-    for start, end in pairwise([*cuts, cuts[0] + len(around)]):
-        arc = [around[k % len(around)][0] for k in range(start, end + 1)]
-        polygons.append((around[start][1][1], arc + inner))
-    return polygons, [(_edge_of(pair), [point, middle]) for point, pair in (around[k] for k in cuts)]
 
 
 def _edge_of(pair: tuple[str, str]) -> str:

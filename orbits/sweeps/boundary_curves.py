@@ -19,6 +19,7 @@ from ..errors import OrbitsError
 from ..model.machine import Machine
 from ..periodic.orbit import Orbit
 from ..running import interrupts
+from .diagram_grid import Grid
 
 # The events that are boundaries, of families that are followed from one neighbour towards the other.
 FOLLOWED = ("fold", COLLAPSE, *(kind for kind, _ in LIMITS.values() if kind))
@@ -43,30 +44,6 @@ CONTROL = StepControl(largest_batch=32, target_correction=1e-4, largest_amplific
 ALONG_FOLDS = replace(CONTROL, largest_amplification=100.0)  # second derivatives grow as powers of first ones
 ON_CURVE = checked_options(longest=0.05, most=400, step_control=CONTROL)
 ON_WAY = checked_options(longest=0.5, most=60)  # of a family between two neighbours
-
-
-class Box(NamedTuple):
-    """The box of a diagram: the names of the parameters, the values (m,) along the rows, and those (n,) of the rows."""
-
-    along: str
-    across: str
-    places: np.ndarray
-    rows: np.ndarray
-
-    @property
-    def width(self) -> float:
-        """The length of a row."""
-        return float(self.places[-1] - self.places[0])
-
-
-class Neighbours(NamedTuple):
-    """Two neighbours in a row: the index of the first along the row, the row, which of the two, 0 or 1, has an orbit
-    from which a family is followed to the other, and whether the other has none, so that a fold is between."""
-
-    i: int
-    j: int
-    side: int
-    ends: bool
 
 
 @dataclass(frozen=True)
@@ -96,53 +73,54 @@ class BoundaryCurve:
         return [sorted(each) for each in found]
 
 
-def boundary_curves(
-    box: Box, pairs: Sequence[Neighbours], orbit_at: Callable[[Machine], Orbit], machine: Machine
-) -> list[BoundaryCurve]:
-    """The curves of events that pass between pairs of neighbours, until each pair is passed or no more are found.
+def boundary_curves(grid: Grid, orbit_at: Callable[[Machine], Orbit], machine: Machine) -> list[BoundaryCurve]:
+    """The curves of events that pass between neighbours in rows of which one has an orbit, from the rows in the middle
+    on, until all such neighbours are passed or no more are found.
 
     orbit_at : machine -> its orbit, from which the family between two neighbours is followed
     """
-    curves, passed, without = list[BoundaryCurve](), [list[tuple[float, bool]]() for _ in box.rows], 0
-    tried = 0
-    for pair in pairs:
-        low, high = box.places[pair.i], box.places[pair.i + 1]
-        if any(low <= place <= high and fold == pair.ends for place, fold in passed[pair.j]):
+    sides = grid.brackets()
+    sides = sides.take(sides.in_row & sides.orbits.any(1))
+    order = np.argsort(np.abs(2 * sides.nodes[:, 1] - len(grid.values[1])), kind="stable")
+    curves, tried, without = list[BoundaryCurve](), 0, 0
+    for (i, j), orbits in zip(sides.nodes[order].tolist(), sides.orbits[order].tolist(), strict=True):
+        low, high = grid.values[0][[i, i + 1]].tolist()
+        places = _places_in_row(grid, curves, j, not all(orbits))
+        if any(low <= place <= high for place in places):
             continue
         if tried == BOUNDARIES.pairs or without == BOUNDARIES.without:
             break
         interrupts.heed()
-        found = _curves_between(box, pair, orbit_at, machine, passed)
+        way = (low, high) if orbits[0] else (high, low)
+        found = list(_curves_between(grid, j, way, not all(orbits), orbit_at, machine, curves))
         tried, without = tried + 1, 0 if found else without + 1
-        curves += found
     return curves
+
+
+def _places_in_row(grid: Grid, curves: Sequence[BoundaryCurve], j: int, folds: bool) -> list[float]:
+    """The places at which curves pass a row, those on which orbits end or the others."""
+    lines = grid.values[1][[j]]
+    return [place for curve in curves if curve.is_fold == folds for place in curve.passings(1, lines)[0]]
 
 
 def _curves_between(
-    box: Box,
-    pair: Neighbours,
-    orbit_at: Callable[[Machine], Orbit],
-    machine: Machine,
-    passed: list[list[tuple[float, bool]]],
-) -> list[BoundaryCurve]:
-    """The curves of events between a pair of neighbours, whose places on the rows are added to `passed`."""
-    ends, curves = (pair.i, pair.i + 1), list[BoundaryCurve]()
-    begin, end = (float(box.places[ends[k]]) for k in (pair.side, 1 - pair.side))
-    here = machine.with_values(**{box.along: begin, box.across: float(box.rows[pair.j])})
+    grid: Grid, j: int, way: tuple[float, float], ends: bool, orbit_at: Callable[[Machine], Orbit], machine: Machine,
+    curves: list[BoundaryCurve],
+) -> Iterator[BoundaryCurve]:  # fmt: skip
+    """The curves of events on the way from a place in a row to its neighbour, which are added to the known `curves`;
+    `ends`: whether the neighbour has no orbit, so that a fold is between."""
+    (along, across), width = grid.names, float(np.ptp(grid.values[0]))
+    here = machine.with_values(**{along: way[0], across: float(grid.values[1][j])})
     with suppress(OrbitsError):
-        family = _up_to_fold(here, box.along, end, orbit_at(here))
+        family = _up_to_fold(here, along, way[1], orbit_at(here))
         for event in family.events:
-            known = np.array([place for place, fold in passed[pair.j] if fold == (event.kind == "fold")])
-            if (np.abs(known - event.point.value) < BOUNDARIES.same * box.width).any() or not _is_boundary(
-                family, event, pair.ends
-            ):
-                continue
-            with suppress(OrbitsError):
-                for curve in _both_ways(box, family, event):
-                    curves.append(curve)
-                    for j, places in enumerate(curve.passings(1, box.rows)):
-                        passed[j] += [(place, curve.is_fold) for place in places]
-    return curves
+            known = np.array(_places_in_row(grid, curves, j, event.kind == "fold"))
+            near = (np.abs(known - event.point.value) < BOUNDARIES.same * width).any()
+            if not near and _is_boundary(family, event, ends):
+                with suppress(OrbitsError):
+                    for curve in _both_ways(grid, family, event):
+                        curves.append(curve)
+                        yield curve
 
 
 def _up_to_fold(machine: Machine, along: str, stop: float, start: Orbit) -> Family:
@@ -170,27 +148,26 @@ def _is_boundary(family: Family, event: Event, ends: bool) -> bool:
     return len(sides) < 2 or sides[0] != sides[1]
 
 
-def _both_ways(box: Box, family: Family, event: Event) -> Iterator[BoundaryCurve]:
-    """The curve of an event in both directions, up to the sides of the box."""
-    low, high = float(box.rows[0]), float(box.rows[-1])
-    bounds = float(box.places[0]), float(box.places[-1])
+def _both_ways(grid: Grid, family: Family, event: Event) -> Iterator[BoundaryCurve]:
+    """The curve of an event in both directions, up to the ends of the grid."""
+    bounds, (low, high) = (tuple(values[[0, -1]].tolist()) for values in grid.values)
     assert family.source is not None
-    start, is_fold = family.source.values[box.across], event.kind == "fold"
+    start, is_fold = family.source.values[grid.names[1]], event.kind == "fold"
     control = ALONG_FOLDS if is_fold else CONTROL
     options = replace(ON_CURVE, stop_inadmissible=not is_fold, step_control=control)
     for ends in ((high, low), (low, high)):
         if start != ends[1]:
-            run = run_along_event(family, event, box.across, ends, 0, bounds, False, options)
+            run = run_along_event(family, event, grid.names[1], ends, 0, bounds, False, options)
             assert isinstance(run.curve, EventCurve)
-            yield _with_passings(box, run.curve, collected(run))
+            yield _with_passings(grid, run.curve, collected(run))
 
 
-def _with_passings(box: Box, curve: EventCurve, found: Family) -> BoundaryCurve:
+def _with_passings(grid: Grid, curve: EventCurve, found: Family) -> BoundaryCurve:
     """A curve that was followed with its points on rows and columns of the grid."""
     xs = np.array([[*point.u, point.value] for point in found.points])
     tangents = np.array([point.tangent for point in found.points])
     parts = [(np.arange(len(xs)), xs, tangents)]
-    parts += [passings(curve, xs, tangents, *line) for line in ((-1, box.rows), (-2, box.places))]
+    parts += [passings(curve, xs, tangents, *line) for line in ((-1, grid.values[1]), (-2, grid.values[0]))]
     where, xs, tangents = map(np.concatenate, zip(*parts, strict=True))
     order = np.argsort(where, kind="stable")
     order = order[np.append(True, (np.diff(xs[order][:, -2:], axis=0) != 0).any(1))]

@@ -10,7 +10,7 @@ neighbours together.
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from pathlib import Path
 from time import perf_counter
@@ -31,19 +31,10 @@ from ..result import Axes, Result, Row, shown
 from ..running.heartbeat import running
 from ..running.time_limit import TimeOver
 from ..symbolic.kernels import compiled_early
-from .boundaries import (
-    LOCATED_TO,
-    WITH_ORBIT,
-    Boundaries,
-    Passing,
-    Side,
-    bisected,
-    by_continuation,
-    on_curves,
-    passed_sides,
-)
-from .boundary_curves import BoundaryCurve, Box, Neighbours, boundary_curves
+from .boundaries import LOCATED_TO, Boundaries, bisected, by_continuation, cut_by_curves
+from .boundary_curves import BoundaryCurve, boundary_curves
 from .designs import MOST_MEMBERS, Axis, axis_of
+from .diagram_grid import WITH_ORBIT, Grid
 from .execute import check_executor
 from .progress import SweepProgress, on_screen
 from .sparse_grid import LARGE_GRID, NOT_SEARCHED, SparseGrid
@@ -266,25 +257,20 @@ def existence(
             f"samples = {samples!r}: a range has at least two values; for one row give a list of one value"
         )
     over, shape = {along: between, across: list(column.values) or values}, (counts[0], len(column.values) or counts[1])
-    scales, first = (row, replace(column, values=())), None if start is None else find(machine, start=start)
+    first = None if start is None else find(machine, start=start)
     show, sparse, began = on_screen(progress), None, perf_counter()
     if executor is None and client is None and store is None and start is None:
         check_executor(executor, workers)
         sparse = SparseGrid(checked_question(machine, over, shape, "grid", 0, family, quantities), show)
-        grid = sparse.sweep()
+        swept = sparse.sweep()
     else:
-        grid = sweep(
+        swept = sweep(
             machine, over, shape, sampling="grid", family=family, quantities=quantities, start=start, executor=executor,
             workers=workers, client=client, store=store, progress=progress,
         )  # fmt: skip
 
-    def statuses_at(shares: np.ndarray) -> np.ndarray:
-        points = np.column_stack([axis.at(share) for axis, share in zip(scales, shares.T, strict=True)])
+    def statuses_at(points: np.ndarray) -> np.ndarray:
         return solved_designs(machine, (along, across), points, family, {}, first).statuses
-
-    def settled_at(shares: np.ndarray, near: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        points = np.column_stack([axis.at(share) for axis, share in zip(scales, shares.T, strict=True)])
-        return settled_designs(machine, (along, across), points, family, near)
 
     def orbit_at(here: Machine) -> Orbit:
         if first is None:
@@ -294,55 +280,41 @@ def existence(
             raise orbit
         return orbit_of(here, orbit)
 
-    rows = tuple(grid[across].reshape(grid.about["shape"])[0].tolist())
-    box = Box(along, across, grid[along].reshape(grid.about["shape"])[:, 0], np.array(rows))
-    curves, known, stopped = list[BoundaryCurve](), dict[Side, list[Passing]](), ""
-    shares = np.linspace(0, 1, grid.about["shape"][0]), _shares_at(column, rows)
-    statuses = grid["status"].reshape(grid.about["shape"])
+    grid, curves, stopped = _grid_of(swept, (row, column)), list[BoundaryCurve](), ""
+    found = grid.brackets()
     try:
-        with compiled_early(len(grid) >= LARGE_GRID):
-            curves = boundary_curves(box, _pairs_to_follow(statuses), orbit_at, machine)
+        with compiled_early(len(swept) >= LARGE_GRID):
+            curves = boundary_curves(grid, orbit_at, machine)
         if sparse:
-            sparse.search_around(_nodes_of(box, curves))
-            grid = sparse.sweep()
-            statuses = grid["status"].reshape(grid.about["shape"])
-        passed = passed_sides(box, curves, shares, scales, both_ways)
-        known = on_curves(statuses, shares, passed, statuses_at)
-        done = len(grid) + 2 * sum(map(len, passed.values()))
-        show(SweepProgress(done, done, dict(Counter(statuses.ravel().tolist())), perf_counter() - began, 0.0))
+            sparse.search_around(_nodes_before(grid, curves))
+            swept = sparse.sweep()
+            grid = _grid_of(swept, (row, column))
+            found = grid.brackets()
+        found, passed = cut_by_curves(grid, curves, both_ways, statuses_at)
+        done, met = len(swept) + 2 * passed, Counter[str](grid.statuses.ravel().tolist())
+        show(SweepProgress(done, done, dict(met), perf_counter() - began, 0.0))
         if first is None:
-            known |= by_continuation(statuses, shares, both_ways, settled_at, known)
+            settled = partial(settled_designs, machine, (along, across))
+            found = by_continuation(grid, found, both_ways, lambda points, near: settled(points, family, near))
     except TimeOver as over:
         stopped = str(over)
-    boundaries, later = bisected(statuses, shares, both_ways, statuses_at, show, known)
-    points = np.column_stack([axis.at(share) for axis, share in zip(scales, boundaries.points.T, strict=True)])
-    points[boundaries.in_row, 1] = box.rows[boundaries.nodes[boundaries.in_row, 1]]
-    columns = boundaries.exact.astype(bool) & ~boundaries.in_row.astype(bool)
-    points[columns, 0] = box.places[boundaries.nodes[columns, 0]]
-    boundaries = replace(boundaries, points=points)
-    return Existence(along, across, rows, grid, boundaries, tuple(curves), stopped or later)
+    found, later = bisected(grid, found, both_ways, statuses_at, show)
+    boundaries, rows = Boundaries.of(grid, found, both_ways), tuple(grid.values[1].tolist())
+    return Existence(along, across, rows, swept, boundaries, tuple(curves), stopped or later)
 
 
-def _pairs_to_follow(statuses: np.ndarray) -> list[Neighbours]:
-    """The neighbours in rows that differ in their statuses (m, n), one of which has an orbit, those of the rows in the
-    middle first."""
-    orbits = np.isin(statuses.astype(str), WITH_ORBIT)
-    found = np.argwhere((statuses[:-1] != statuses[1:]) & (orbits[:-1] | orbits[1:]))
-    order = np.argsort(np.abs(2 * found[:, 1] - statuses.shape[1]), kind="stable")
-    pairs = found[order].tolist()
-    return [Neighbours(i, j, 0 if orbits[i, j] else 1, not (orbits[i, j] and orbits[i + 1, j])) for i, j in pairs]
+def _grid_of(swept: Sweep, axes: tuple[Axis, Axis]) -> Grid:
+    """The nodes of a sweep; those of listed values lie at shares of the range between the first and the last."""
+    shape = swept.about["shape"]
+    names, (row, column) = (swept.parameters[0], swept.parameters[1]), axes
+    values = swept[names[0]].reshape(shape)[:, 0], swept[names[1]].reshape(shape)[0]
+    listed = (values[1] - column.low) / ((column.high - column.low) or 1.0)
+    shares = np.linspace(0, 1, shape[0]), listed if column.values else np.linspace(0, 1, shape[1])
+    return Grid(names, (row, replace(column, values=())), shares, values, swept["status"].reshape(shape))
 
 
-def _nodes_of(box: Box, curves: Sequence[BoundaryCurve]) -> np.ndarray:
+def _nodes_before(grid: Grid, curves: Sequence[BoundaryCurve]) -> np.ndarray:
     """The nodes (k, 2) of the grid before the points of curves, by their indices."""
-    x, y = (np.concatenate([[], *(getattr(curve, way) for curve in curves)]) for way in ("along", "across"))
-    return np.column_stack(
-        [np.searchsorted(each, value, side="right") - 1 for each, value in ((box.places, x), (box.rows, y))]
-    )
-
-
-def _shares_at(axis: Axis, values: Sequence[float]) -> np.ndarray:
-    """The shares (m,) of the range of an axis at which its values lie."""
-    if not axis.values:
-        return np.linspace(0, 1, len(values))
-    return (np.array(values) - axis.low) / ((axis.high - axis.low) or 1.0)
+    points = [np.concatenate([[], *(getattr(curve, way) for curve in curves)]) for way in ("along", "across")]
+    each = zip(grid.values, points, strict=True)
+    return np.column_stack([np.searchsorted(values, places, side="right") - 1 for values, places in each])

@@ -20,19 +20,24 @@ def settled(points, near, further=False):
     return statuses, np.where(reached, us, np.nan)[:, None], np.full(len(x), 1e-12)
 
 
+def points_at(which: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """The points of a row."""
+    return np.column_stack([places, 2.0 + 0 * places])
+
+
 @pytest.mark.parametrize(("start", "pair", "edge"), [
     (0.6, ("inadmissible", "no orbit"), EDGE), (0.9, ("certified", "inadmissible"), 0.7),
 ])  # fmt: skip
 def test_an_edge_is_where_orbits_end_or_change(start, pair, edge):
     end = 0.0 if edge == EDGE else 0.5
-    found = continued_edges(settled, np.array([[start, 2.0]]), np.array([[end, 2.0]]), np.array([pair], object), 1e-7)
-    assert found[0] == pytest.approx([edge, 2.0], abs=1e-7)
+    found = continued_edges(settled, points_at, np.array([start]), np.array([end]), np.array([pair], object), 1e-7)
+    assert found == pytest.approx([edge], abs=1e-7)
 
 
 def test_an_edge_that_a_search_does_not_confirm_is_none():
     """Beyond the edge there are other orbits, or the orbit at the start is another one."""
-    starts, ends = np.array([[0.6, 0.0]]), np.zeros((1, 2))
+    starts, ends = np.array([0.6]), np.zeros(1)
     pair = np.array([("inadmissible", "no orbit")], object)
-    assert np.isnan(continued_edges(lambda x, near: settled(x, near, True), starts, ends, pair, 1e-7)).all()
+    assert np.isnan(continued_edges(lambda x, near: settled(x, near, True), points_at, starts, ends, pair, 1e-7)).all()
     other = np.array([("certified", "no orbit")], object)
-    assert np.isnan(continued_edges(settled, starts, ends, other, 1e-7)).all()
+    assert np.isnan(continued_edges(settled, points_at, starts, ends, other, 1e-7)).all()
