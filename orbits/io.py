@@ -30,8 +30,8 @@ Read = TypeVar("Read")
 # A JSON document or a part of one by name: numbers, texts, lists, and such documents.
 Document: TypeAlias = dict[str, Any]
 MEGABYTE = 1 << 20
-# The most characters of a value in the one line that describes a result, and of that line.
-LONGEST_ENTRY, LONGEST_ONE_LINE = 100, 195
+LONGEST_ONE_LINE = 195  # characters of the line that describes a result
+LONGEST_ENTRY = 100  # characters of a value in that line
 FULL = {getattr(errno, name, None) for name in ("ENOSPC", "EDQUOT", "EFBIG")} - {None}  # Windows has no quotas
 DIGEST = "digest"  # the key of a document that has its own
 # The names, in messages, of the types that an entry of a document has to have.

@@ -84,8 +84,8 @@ UNKNOWNS: dict[str, Dimension] = {
     **dict.fromkeys(("duration", "contact_duration"), TIME),
     **{"alpha": LIFTOFF_SPEED, "liftoff": EXTENSION, "unfolding": ()},
 }
-# A power is written as a fraction where one with such a denominator is the same: those of formulas have nine digits.
-LARGEST_DENOMINATOR, SAME_POWER = 12, 2e-9
+LARGEST_DENOMINATOR = 12  # of a power that is written as a fraction
+SAME_POWER = 2e-9  # difference of a power from its fraction: powers in formulas have nine digits
 # The powers of a unit in a file, of which there are few, stay far from the bounds of numbers.
 SMALLEST_SAVED = 1e-50
 # Names of composed dimensions.
@@ -263,7 +263,7 @@ class Quantity(NamedTuple):
         return f"{self.value:{spec}} {self.unit}".rstrip()
 
     def in_units(self, units: Units) -> "Quantity":
-        """The same in these units; one that has its unit stays as it is."""
+        """This quantity in these units; one that has its unit stays as it is."""
         if self.unit:
             return self
         return Quantity(self.value * units.of(self.dimension), self.dimension, units.text(self.dimension))
@@ -296,7 +296,7 @@ class Message(str):
         return cls(separator.join(f"{{{name}}}" for name in parts), **parts)
 
     def in_units(self, units: Units) -> "Message":
-        """The same in these units."""
+        """This message in these units."""
         return Message(self.pattern, **{name: in_units(part, units) for name, part in self.parts.items()})
 
 

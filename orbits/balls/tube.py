@@ -231,8 +231,8 @@ def _inverse_along(slopes: Matrix) -> Matrix:
 
 
 def narrowed(legs: Sequence[BallLeg], tube: Tube) -> Tube:
-    """The same tube with derivatives on a narrower one about the solutions, and so with a better direction of the
-    curve; the distance to other solutions is that of the first tube."""
+    """A tube with derivatives on a narrower one about the solutions, and so with a better direction of the curve;
+    the distance to other solutions is that of the first tube."""
     again = _tube(
         legs, tube.polynomials, tube.solved, [arb(0)] * len(tube.radii),
         [(CURVES.about_enclosure * radius + CURVES.thinnest_tube).abs_upper() for radius in tube.radii],

@@ -9,13 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..numerics.roots import solve
+from ..numerics.roots import ROOTS, solve
 from .protocol import Array, Points, Problem
 from .step_options import Steps
 
-# A Newton step below SMALL that is not much shorter than the one before is rounding, and so is one below LARGEST times
-# the rounding that the problem expects.
-SMALL, STALLED, LARGEST = 1e-9, 0.7, 4.0
+# A Newton step that no longer shrinks is rounding below this multiple of the rounding that the problem expects.
+LARGEST_ROUNDING = 4.0
 # Steps above this are no rounding, and no errors of equations that are not exact.
 NO_ROUNDING = 1e-6
 
@@ -116,12 +115,12 @@ def _newton(
         growths[left] = grown = evaluation.amplification
         units = problem.units(size, evaluation)
         moved = (np.abs(moves) / units).max(1)
-        shrinks, finite = moved < STALLED * last, np.isfinite(moved)
+        shrinks, finite = moved < ROOTS.stalled_ratio * last, np.isfinite(moved)
         done = (moved * np.maximum(grown, 1.0) < final) | (moved < rough)
         if (stalls := ~shrinks).any():
-            done |= stalls & (moved < SMALL)
+            done |= stalls & (moved < ROOTS.small_step)
             if (stalls := stalls & ~done & (moved < NO_ROUNDING)).any():
-                done |= stalls & (moved < LARGEST * (problem.rounding(evaluation, rows) / units).max(1))
+                done |= stalls & (moved < LARGEST_ROUNDING * (problem.rounding(evaluation, rows) / units).max(1))
         done &= finite & (taken >= least)
         goes = (moved <= reach) & (shrinks | (taken < least)) & finite & ~done
         solved[left[done]] = True

@@ -129,7 +129,7 @@ class RungeKuttaMotion:
         return Steps(np.array([h]), c[None], self.variations[None])
 
     def after(self, found: Steps, count: int, h: float) -> "RungeKuttaMotion":
-        """The same motion after the step found, or a part of it with the length h."""
+        """This motion after the step found, or a part of it with the length h."""
         c, before, piece = found.coefficients[0, : self.stepper.n], self.x, self.piece
         self.x = c @ h ** np.arange(c.shape[1])
         if self.variations.size:

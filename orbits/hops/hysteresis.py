@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import InputError
 from ..flow.first_events import first_zero
 from ..flow.taylor import Watch
+from ..laws.hysteretic_law import LARGEST_CROSSING
 from ..laws.law import from_key
 from ..laws.law_statement import from_formula
 from ..mechanics.elements import Spring
@@ -28,7 +29,6 @@ class HysteresisOptions(NamedTuple):
     """When a spring turns or sticks, and by how much its branches may cross, which feeds energy to the motion."""
 
     turning: float = 1e-13  # a rate of the extension below this, relative to the state, is that of a reversal
-    noise: float = 0.05  # measured branches may cross by this share of the loop's largest width
     rounding: float = 1e-9  # all branches may cross by this share of the accelerations
     samples: int = 513  # of the width of a loop between the ends of its branches
 
@@ -116,7 +116,7 @@ class Branches:
         if not np.isfinite(high - low):
             return 0.0
         places = np.linspace(low, high, HYSTERESIS.samples)
-        return HYSTERESIS.noise * float(np.abs(laws[0](places) - laws[1](places)).max())
+        return LARGEST_CROSSING * float(np.abs(laws[0](places) - laws[1](places)).max())
 
     def on(self, side: int, x: np.ndarray, contact: bool = False) -> Impacts:
         """The impacts on a branch, as `branch` has it from a flight or a contact state on."""

@@ -23,6 +23,8 @@ from .law import Key, Law, LawPieces
 from .law_expressions import Expression, break_table
 from .law_statement import from_formula
 
+# Measured branches may cross by their noise: by at most this share of the largest width of the loop.
+LARGEST_CROSSING = 0.05
 # A table of one piece, for a law without pieces.
 ONE_PIECE = LawPieces(0, break_table((-math.inf, math.inf)))
 
@@ -49,7 +51,7 @@ class HystereticLaw(Law):
         return Key(self.text, self.variable, self.expression, tuple(self.parameters), self.pieces, branches=branches)
 
     def with_parameters(self, **values: float) -> "HystereticLaw":
-        """The same law with other values of some parameters."""
+        """This law with other values of some parameters."""
         for name in values:
             if name not in self.parameters:
                 raise InputError(f"'{self.text}' has no parameter '{name}'{suggest(name, self.parameters)}")

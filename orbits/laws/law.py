@@ -211,7 +211,7 @@ class Law:
         return min(max(0.0, low), high)
 
     def with_parameters(self, **values: float) -> "Law":
-        """The same law with other values of some parameters."""
+        """This law with other values of some parameters."""
         for name in values:
             if name not in self.parameters:
                 raise InputError(f"'{self.text}' has no parameter '{name}'{suggest(name, self.parameters)}")

@@ -25,9 +25,10 @@ Values = Mapping[str, float] | None
 Named = Mapping[str, Callable]
 # Names that formulas of a spring may use for the speed of its extension.
 SPEEDS = ("v", "vel", "velocity", "speed", "rdot", "r_dot", "dr", "drdt", "dr_dt", "xdot", "x_dot", "dx", "dxdt")
-# Distances from 0 at which a formula without a value there is evaluated. Its values come together where those at a
-# tenth of a distance differ by less than this share.
-NEAR_ZERO, COMES_TOGETHER = (1e-2, 1e-3, 1e-4, 1e-5), 0.2
+# Distances from 0 at which a formula without a value there is evaluated.
+NEAR_ZERO = (1e-2, 1e-3, 1e-4, 1e-5)
+# The values of a formula come together towards 0 where those at a tenth of a distance differ by a smaller share.
+COMES_TOGETHER = 0.2
 
 
 def from_any(law: LawLike, variable: str, parameters: Values, table: Named, what: str, shared: bool = True) -> Law:

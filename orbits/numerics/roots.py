@@ -18,7 +18,9 @@ class RootOptions(NamedTuple):
     closed: float = 4.5e-16  # a bracket of two such roundings is closed
     iterations: int = 200  # at most: bisection alone takes some 60 steps to close a bracket
     settling: float = 1e-6  # size of a last step of Newton's method, as a share of the largest place
-    # Ratio of settling steps that no longer shrink: what is left is the rounding of the function, at any scale.
+    small_step: float = 1e-9  # of Newton's method for a system: a smaller step that no longer shrinks is rounding
+    # Ratio of successive steps that no longer shrink: what is left is the rounding of the function, at any scale. Steps
+    # towards a distant solution, in a motion that amplifies small changes, shrink by a half each: the ratio is larger.
     stalled_ratio: float = 0.7
 
 

@@ -107,7 +107,7 @@ class Bounces:
 def losses_with_bounce(
     launches: Launches, flight: Flight, bounces: Bounces, reach: arb
 ) -> tuple[arb, arb, list[Motion]]:
-    """As `losses_at_landing`, with the flights between the landings."""
+    """The losses of `losses_at_landing` with the flights between the landings."""
     power, cell, jerks, end = launches.power(), flight.window / LAUNCHES.cells, JerkIntegrals(), arb(0)
     found, rate, motions = list[tuple[arb, arb]](), None, list[Motion]()
     for _ in range(LAUNCHES.cells):

@@ -221,7 +221,7 @@ def _verdicts_with(
 
 
 def narrowed_existence(found: ProvedExistence, digits: int | None) -> ProvedExistence:
-    """The same solution, enclosed to a number of digits; raises `Unproved`."""
+    """A proved solution, enclosed to a number of digits; raises `Unproved`."""
     root = narrowed_root(found.equations, found.root, bits_of_digits(digits))
     return _existence(found.half, found.statement, found.equations, root, digits)
 

@@ -19,8 +19,9 @@ from ..exact.outward_decimals import enclosure_of
 from ..exact.refusal import Unproved
 from ..exact.statement import HalfOrbit
 
-# The relative width to which the needed coefficient is enclosed for a message, and the most parts of the contact.
-NEEDED_TO, PARTS_OF_CONTACT = 1e-4, 200
+# The relative width to which the needed coefficient is enclosed for a message.
+NEEDED_TO = 1e-4
+PARTS_OF_CONTACT = 200  # at most, on which the coefficient is enclosed
 
 
 def check_friction(half: HalfOrbit, contact: Motion) -> None:

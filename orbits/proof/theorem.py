@@ -150,7 +150,7 @@ class Proof(Result, what="proof", document_is_whole=True, undrawn="a theorem has
 
     @classmethod
     def form(cls) -> str:
-        """As in `Result`; the second form states the machine in formulas."""
+        """The name of the saved form, see `Result`; the second one states the machine in formulas."""
         return "persistent-orbits proof 2"
 
     @classmethod

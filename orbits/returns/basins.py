@@ -34,7 +34,7 @@ class Basins(Result, Mapping[float, Intervals], what="basins", dimension="stretc
         return len(self.stretches)
 
     def in_units(self, unit: float, machine: Mapping[str, Any]) -> Self:
-        """The same in another unit of speed, of the machine in words."""
+        """These basins in another unit of speed, of the machine in words."""
         stretches = tuple(
             (alpha * unit, tuple((a * unit, b * unit) for a, b in intervals)) for alpha, intervals in self.stretches
         )

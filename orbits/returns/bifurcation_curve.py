@@ -80,7 +80,7 @@ class BifurcationCurve(Result, what="curve of bifurcations", in_line=("kind", "a
         return [*([self.border] if self.border else []), f"end: {self.end.reason}"]
 
     def unit_of(self, name: str) -> str:
-        """As in `Result`; the other launch speeds have the unit of the first."""
+        """The unit of a column, see `Result`; the other launch speeds have that of the first."""
         return super().unit_of("alpha" if name.startswith("alpha ") else name)
 
     def at(self, value: float) -> list[float]:

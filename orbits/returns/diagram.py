@@ -106,7 +106,7 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
     source: Machine | None = field(default=None, repr=False, compare=False)
 
     def saved(self) -> Document:
-        """As in `Result`, without the machine itself."""
+        """The saved document, see `Result`, without the machine itself."""
         return Result.saved(replace(self, source=None))
 
     def _line(self) -> dict[str, object]:
@@ -143,7 +143,7 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
             yield Row(event.kind, values, (f"{self.along} = {{:.12g}}{unit}, alpha = {{}}{speed}{note}",))
 
     def unit_of(self, name: str) -> str:
-        """As in `Result`; all launch speeds of a branch have the unit of the first."""
+        """The unit of a column, see `Result`; all launch speeds of a branch have that of the first."""
         return super().unit_of("alpha" if name.removeprefix("other ").split(" ")[0] == "alpha" else name)
 
     def periodic(self, value: float) -> list[tuple[int, float, float]]:

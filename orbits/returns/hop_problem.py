@@ -60,7 +60,7 @@ class HopValues(NamedTuple):
 
     @property
     def amplification(self) -> Array:
-        """As motions, hops are short and amplify nothing."""
+        """The growths (m,) of small changes: hops are short motions, and amplify nothing."""
         return np.ones(len(self.residual))
 
 

@@ -85,7 +85,7 @@ class MapPieces:
     unresolved: tuple[tuple[float, float], ...]
 
     def in_units(self, speed: float) -> "MapPieces":
-        """The same with launch speeds in another unit."""
+        """These pieces with launch speeds in another unit."""
         borders = tuple(
             each._replace(alpha=speed * each.alpha, next=(speed * each.next[0], speed * each.next[1]))
             for each in self.borders

@@ -88,7 +88,7 @@ class PeriodicHops(Result, Sequence[ReturningHops], what="periodic hops", dimens
         return len(self.cycles)
 
     def in_units(self, units: Units, machine: Mapping[str, Any]) -> "PeriodicHops":
-        """The same in these units, of the machine in words."""
+        """These hops in units, of the machine in words."""
         speed = units.of(LIFTOFF_SPEED)
         return replace(
             self, machine=machine, low=speed * self.low, high=speed * self.high, inject=speed * self.inject,
@@ -98,7 +98,7 @@ class PeriodicHops(Result, Sequence[ReturningHops], what="periodic hops", dimens
         )  # fmt: skip
 
     def unit_of(self, name: str) -> str:
-        """As in `Result`; all speeds have the unit of a launch speed."""
+        """The unit of a column, see `Result`; all speeds have that of a launch speed."""
         return super().unit_of("alpha" if name in ("next", "error", "inject", "low", "high") else name)
 
     def _line(self) -> dict[str, object]:
@@ -174,7 +174,7 @@ class PeriodicHops(Result, Sequence[ReturningHops], what="periodic hops", dimens
 
     @classmethod
     def of_saved(cls, document: object, machine: Machine | None = None) -> "PeriodicHops":
-        """As in `Result`."""
+        """The hops of a saved document, see `Result`."""
         whole = cls._conform(document, Mapping[str, Any])
         found = cls(**cls._fields_in({**whole, "cycles": []}, machine))
         texts = {"alpha": found.unit_of("alpha")} if found.units else {}

@@ -186,7 +186,7 @@ class PeriodDiagram(Result, what="diagram of periods", dimension="launch"):
         return [text] if several > 1 and count else []
 
     def unit_of(self, name: str) -> str:
-        """As in `Result`; a launch speed has the same unit wherever it is."""
+        """The unit of a column, see `Result`; a launch speed has the same one wherever it is."""
         return super().unit_of("alpha" if name in ("start", "launch") else name)
 
     @property

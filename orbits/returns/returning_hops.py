@@ -114,7 +114,7 @@ class ReturningHops(
 
     @property
     def stability(self) -> str:
-        """As of its `HopMultipliers`."""
+        """The stability in words, that of its `HopMultipliers`."""
         return WORDS_OF_STABILITY[None] if self.multipliers is None else self.multipliers.stability
 
     def title(self) -> str:

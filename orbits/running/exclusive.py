@@ -45,8 +45,8 @@ def threads() -> int:
 
 
 def exclusive(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """The same function, run by one thread at a time, once the settings of the environment and its arguments were
-    checked; see `arguments`."""
+    """A function that one thread runs at a time, once the settings of the environment and its arguments were checked;
+    see `arguments`."""
     check = checks_of(function)
 
     @wraps(function)
@@ -126,7 +126,7 @@ _KINDS: tuple[Any, ...] = (ca.SX, ca.MX, ca.DM, ca.Sparsity, ca.Function, ca.Fun
 
 
 def _releasing(method: Callable[_P, _R]) -> Callable[_P, _R]:
-    """The same method, which first releases the objects that nothing refers to, if they are many."""
+    """A method that first releases the objects that nothing refers to, if they are many."""
 
     @wraps(method)
     def call(*arguments: _P.args, **options: _P.kwargs) -> _R:

@@ -22,7 +22,7 @@ class TimeOver(Exception):
     """The time is over. It passes through all that takes `NoOrbit` for a result, and ends in `time_limit`."""
 
     def reached(self, place: str) -> "TimeOver":
-        """The same with the place that a computation had reached, in words, in place of that of a part of it."""
+        """This end with the place that a computation had reached, in words, in place of that of a part of it."""
         return TimeOver(self.args[0], place)
 
     def __str__(self) -> str:

@@ -245,7 +245,7 @@ class NodedSolution:
         return replace(self, x=x, p=p, evaluation=evaluation).divided()
 
     def divided(self) -> "NodedSolution":
-        """The same with the nodes that its motions ask for; raises `NoOrbit` where its launch does not determine it."""
+        """This solution with the nodes that its motions need; raises `NoOrbit` if its launch does not determine it."""
         if self.division and (most := self.growths.max()) > DIVISION.most_growth:
             raise Undetermined(
                 f"it stays so long near an unstable equilibrium that small changes grow {most:.0e}-fold: its launch "
@@ -259,7 +259,7 @@ class NodedSolution:
         return self
 
     def without_nodes(self) -> "NodedSolution":
-        """The same by the equations without nodes; raises `NoOrbit`."""
+        """This solution by the equations without nodes; raises `NoOrbit`."""
         u, evaluation = self.undivided.newton(self.u, self.p)
         return replace(self, division=None, x=u, evaluation=evaluation)
 
@@ -270,14 +270,14 @@ class NodedSolution:
         return other if (same & (other.error < self.error))[0] else self
 
     def simplest(self) -> "NodedSolution":
-        """The same without nodes where they are not needed, and do not make the error smaller."""
+        """This solution without nodes where they are not needed, and do not make the error smaller."""
         if self.growths.max() <= DIVISION.arc_growth:
             with suppress(NoOrbit, FlowError):
                 return self.or_nearer(self.without_nodes())
         return self
 
     def with_nodes(self) -> "NodedSolution":
-        """The same with as many nodes as its motions ask for, from unknowns that need not solve the equations yet."""
+        """This solution with the nodes that its motions need, from unknowns that need not solve the equations yet."""
         whole, paths = self.whole, [each[0] for each in self.whole.trajectories]
         division, x = division_at(self.undivided, self.along, self.u, self.p, paths)
         return NodedSolution(self.undivided, division, x, self.p, whole).near(x, self.p)

@@ -195,7 +195,7 @@ class Cycles:
         return [self.halves] if model.plain else [self.halves, _images(self.halves, model.reversal, self.p_of_halves)]
 
     def stood(self, model: Model) -> list[Trajectories]:
-        """The same of the contacts."""
+        """The motions that take all values of a function of the places in contact: the contacts, and their images."""
         contacts, p = self.contacts, self.p_of_contacts
         if contacts is None or model.plain:
             return [contacts] if contacts else []

@@ -9,7 +9,7 @@ import numpy as np
 from ..flow.taylor import TaylorStepper
 from ..flow.trajectory import Trajectories, begins_of_steps
 from ..flow.vector_field import TAYLOR, rows_used
-from ..numerics.roots import Array
+from ..numerics.roots import ROOTS, Array
 from ..symbolic.caches import cached
 from .single_shooting import NEWTON, Evaluation, Shooting, arrival, settles
 
@@ -174,7 +174,7 @@ class NewtonKernel:
             units[place] = ca.fmin(unit[place], own)
         size = ca.mmax(ca.fabs(found[:, 0] / units))
         settled = settles(size, last, growth)
-        failed = ca.logic_or(ca.logic_not(size < NEWTON.stalled_ratio * last), taken >= NEWTON.steps)
+        failed = ca.logic_or(ca.logic_not(size < ROOTS.stalled_ratio * last), taken >= NEWTON.steps)
         does = ca.if_else(
             settled, ca.if_else(with_motions, Lane.RECORDING, Lane.DONE), ca.if_else(failed, Lane.FAILED, Lane.SOLVING)
         )

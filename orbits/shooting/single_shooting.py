@@ -14,7 +14,7 @@ from ..flow.flow import Flow, flow_of
 from ..flow.trajectory import Trajectories, Trajectory
 from ..model.phase import Statement
 from ..numerics.polynomial_roots import derivative
-from ..numerics.roots import solve
+from ..numerics.roots import ROOTS, solve
 from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction, MappedFunction
 from ..symbolic.ipopt import solve_equations
@@ -26,10 +26,6 @@ class NewtonOptions(NamedTuple):
 
     # Change of the end of the motion by the last one: the next one, its square, would be below rounding.
     last_step: float = 1e-8
-    small_step: float = 1e-9  # a smaller step that no longer shrinks is rounding
-    # Ratio of successive steps that no longer shrink. Steps towards a distant solution, in a motion that amplifies
-    # small changes, shrink by a half each, which is why it is larger.
-    stalled_ratio: float = 0.7
     smallest_unit: float = 1e-3  # in which smaller unknowns are measured, since a relative step has no meaning at 0
     duration_left: float = 0.2  # least share of a duration that a step leaves, so that no arc collapses
     reduction: float = 0.9  # of the residual by an accepted step, at least
@@ -142,7 +138,7 @@ def settles(size: Any, last: Any, amplification: Any) -> Any:
     """Whether a relative Newton step of this size, or each of (m,), is the last one worth taking after a step of size
     `last`, where the motion amplifies small changes of the state; of symbols a number, 0 where it is not."""
     converged = (size < NEWTON.last_step) * (size * amplification < NEWTON.last_step)
-    return converged + (size < NEWTON.small_step) * (size > NEWTON.stalled_ratio * last)
+    return converged + (size < ROOTS.small_step) * (size > ROOTS.stalled_ratio * last)
 
 
 class Shooting:
@@ -353,7 +349,7 @@ class Shooting:
                     us, evaluation = self._damped(us, ps, step, evaluation)
                     continue
                 except NoOrbit:
-                    if size > NEWTON.small_step:  # otherwise the remaining residual is rounding
+                    if size > ROOTS.small_step:  # otherwise the remaining residual is rounding
                         raise
             return us[0] + step, self.evaluate_all(us + step, ps)
         raise NoOrbit(f"the {self.statement.name} equations did not converge (last relative step {size:.1e})")
@@ -375,7 +371,7 @@ class Shooting:
         raise NoOrbit(f"the {self.statement.name} equations did not converge: no step reduces the residual {size:.1e}")
 
     def multiple_shooting(self, u: ArrayLike, p: np.ndarray) -> tuple[np.ndarray, Evaluation]:
-        """As `newton`, after Ipopt has solved the equations with a shooting node at the end of every integration step.
+        """Solve by `newton`, from a solution by Ipopt with a shooting node at the end of every integration step.
 
         A step that ends on a breakpoint of a piecewise field has a free length, and its node is held on the breakpoint.
         """

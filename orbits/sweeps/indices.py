@@ -12,7 +12,8 @@ from ..numerics.sobol import sobol_points
 from ..result import Axes, Result, Row, shown
 from .question import Question
 
-CONFIDENCE, RESAMPLES = 0.95, 500
+CONFIDENCE = 0.95  # of the intervals of indices
+RESAMPLES = 500  # by which intervals are found
 # The numbers of each quantity and parameter.
 INDICES = ("first", "first_low", "first_high", "total", "total_low", "total_high")
 
@@ -76,7 +77,7 @@ class Indices(Result, Mapping[str, Mapping[str, Mapping[str, float]]], what="Sob
 def sobol_indices(
     question: Question | None, quantities: Sequence[str] | None, samples: int, seed: int, solve: Callable
 ) -> Indices:
-    """As `Sweep.sensitivity`; `solve`, (table of parameters, quantities) -> the sweep of these members."""
+    """The indices of `Sweep.sensitivity`; `solve`, (table of parameters, quantities) -> the sweep of these members."""
     if question is None or not question.members.axes or question.outcome != "find" or len(question.families) > 1:
         raise InputError("Sobol's indices are of a sweep of one family over ranges or distributions, with its machine")
     if (samples := whole_number("samples", samples, "samples", least=2)) & (samples - 1):

@@ -253,7 +253,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         return xarray.Dataset(data, coordinates, {"sweep": to_json(self.about)})
 
     def dataframe(self) -> Any:
-        """As in `Result.dataframe`, a row for each member."""
+        """The table in pandas, see `Result.dataframe`, a row for each member."""
         return super().dataframe().set_index("member")
 
     def plot(self, quantity: str | None = None, axes: Axes | None = None) -> Axes:
@@ -303,7 +303,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
 
 
 def solves_again(function: Callable[..., Sweep]) -> Callable[..., Sweep]:
-    """The same function, registered as the one that solves further members of a sweep."""
+    """Register a function as the one that solves further members of a sweep."""
     Sweep.again = staticmethod(function)
     return function
 

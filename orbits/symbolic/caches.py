@@ -31,7 +31,7 @@ _built = 0.0
 
 
 def cached(function: _F) -> _F:
-    """The same function with a cache of its results, which `weigh` may forget; its arguments are hashable."""
+    """A function with a cache of its results, which `weigh` may forget; its arguments are hashable."""
 
     @wraps(function)
     def found(*arguments: Any, **options: Any) -> Any:

@@ -44,7 +44,7 @@ class Room(NamedTuple):
 
     @classmethod
     def to_both_sides(cls, change: ca.SX) -> "Room":
-        """The same on both sides."""
+        """Equal room on both sides."""
         return cls(change, change)
 
     @property

@@ -108,7 +108,7 @@ class Computed:
         return self.family if self.family is not None and self.family.holds(scene) else None
 
     def with_family(self, key: str, family: FamilyResult) -> "Computed":
-        """The same with a family that is drawn from now on."""
+        """These results with a family that is drawn from now on."""
         pieces = (*self.pieces, (key, family))[-PAGES.sent_pieces :]
         return replace(self, family=family, family_text=family.text, pieces=pieces)
 

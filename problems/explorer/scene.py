@@ -284,7 +284,7 @@ class Scene:
         return replace(self, numbers=numbers, along=along)
 
     def _complete_steps(self) -> "Scene":
-        """The same of a machine that steps."""
+        """The complete scene of a machine that steps."""
         free = (*(() if self.si else ("angle",)), *OPTIONAL_OF_STEPS)  # without units no angle is for small ones
         own, in_spring = BEGINNINGS[self.machine, self.si]["numbers"], _names_in(self.spring)
         if self.machine == RUNNER:
@@ -316,7 +316,7 @@ class Scene:
         return words | ({"parameters": numbers} if numbers else {})
 
     def _statement_of_steps(self) -> dict[str, Any]:
-        """The same of a machine that steps."""
+        """The statement of a machine that steps."""
         numbers: dict[str, float] = {name: x for name, x in self.numbers.items() if name not in self.prescribed}
         if (spokes := numbers.get("spokes", 0.5)).is_integer():
             numbers["spokes"] = int(spokes)

@@ -8,6 +8,7 @@ import numpy as np
 
 from orbits.errors import InputError
 from orbits.laws.hysteretic_law import (
+    LARGEST_CROSSING,
     ONE_PIECE,
     HystereticLaw,
     hysteretic_law,
@@ -21,9 +22,8 @@ from orbits.numerics.roots import bracketed_root
 
 
 class LoopOptions(NamedTuple):
-    """How loops of hysteresis are sampled, and by how much their branches may cross."""
+    """How loops of hysteresis are sampled."""
 
-    crossing: float = 0.05  # share of the largest width of a loop by which measured branches may cross, by their noise
     samples: int = 2001  # of a law
     farthest: float = 20.0  # distance from rest of the samples of a law, where the range of the law does not end before
     panels: int = 256  # of the quadrature of a loop's area
@@ -46,7 +46,7 @@ def of_branches(text: str, extending: Law, shortening: Law) -> HystereticLaw:
         return law
     if width.max() <= 0 and width.min() < 0:
         raise InputError(f"'{text}': the force is smaller while the spring extends: exchange the two branches")
-    if width.min() < -LOOPS.crossing * width.max() and np.isfinite(law.range()).all():
+    if width.min() < -LARGEST_CROSSING * width.max() and np.isfinite(law.range()).all():
         place = r[width.argmin()]
         raise InputError(
             f"'{text}': its branches cross, and at r = {place:.6g} the force is smaller while the spring extends: a "

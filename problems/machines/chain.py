@@ -135,7 +135,7 @@ class Chain(Stated):
         return {**dict(zip(_mass_names(len(self.masses)), self.masses, strict=True)), **self.parameters}
 
     def with_values(self, **values: float) -> "Chain":
-        """The same chain with other values of m1, ..., mN or of the springs' parameters."""
+        """This chain with other values of m1, ..., mN or of the springs' parameters."""
         names = _mass_names(len(self.masses))
         masses = tuple(values.get(name, mass) for name, mass in zip(names, self.masses, strict=True))
         rest = {name: value for name, value in values.items() if name not in names}

@@ -220,8 +220,8 @@ class MachineInSI(TwoMasses):
         )  # fmt: skip
 
     def dimensionless(self) -> TwoMassMachine:
-        """The same machine in dimensionless units; the coefficients of its laws stay in SI, with the units of the laws
-        as further parameters."""
+        """This machine in dimensionless units; the coefficients of its laws stay in SI, with the units of the laws as
+        further parameters."""
         return self._dimensionless
 
     @exclusive_property
@@ -244,7 +244,7 @@ class MachineInSI(TwoMasses):
         )
 
     def with_values(self, **values: float) -> Self:
-        """The same machine with other values of masses, lengths, gravity, damping, drag or the laws' parameters.
+        """This machine with other values of masses, lengths, gravity, damping, drag or the laws' parameters.
 
         Raises `InputError` for an unknown name.
         """

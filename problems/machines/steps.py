@@ -36,8 +36,10 @@ from orbits.mechanics.elements import Element
 from ..laws.springs import as_spring
 from .parameters import gravity_in_si, stated_numbers, with_parameters
 
-# The ratios of a machine whose numbers can be computed, and its angles; three spokes are the fewest.
-RATIO_BOUNDS, ANGLE_BOUNDS, WIDEST_WHEEL = (1e-12, 1e12), (1e-9, pi / 2 - 1e-9), pi / 3 + 1e-15
+# Beyond these ratios and angles the numbers of a machine are lost in rounding.
+RATIO_BOUNDS = (1e-12, 1e12)
+ANGLE_BOUNDS = (1e-9, pi / 2 - 1e-9)
+WIDEST_WHEEL = pi / 3 + 1e-15  # angle of a wheel of three spokes, the fewest, up to rounding
 # The parameters of a machine without units.
 RATIOS = ("inertia_ratio", "gravity_ratio", "angle", "share")
 WALL_WORDS = {

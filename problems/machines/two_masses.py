@@ -217,7 +217,7 @@ class TwoMassMachine(TwoMasses):
         return values
 
     def with_values(self, **values: float) -> Self:
-        """The same machine with other values of mass_ratio, rest_length, damping, drag or the formulas' parameters.
+        """This machine with other values of mass_ratio, rest_length, damping, drag or the formulas' parameters.
 
         Raises `InputError` for an unknown name.
         """

@@ -58,9 +58,10 @@ class Splitting:
 
 
 SPLITTING = Splitting()
-# The standard deviation of normal noise over the median size of its fourth differences, whose variance is 70 times that
-# of the noise, and over the median size of itself.
-BY_FOURTH_DIFFERENCES, BY_MEDIAN = 1 / (0.6745 * np.sqrt(70)), 1 / 0.6745
+# The standard deviation of normal noise over its median size.
+BY_MEDIAN = 1 / 0.6745
+# That standard deviation over the median size of its fourth differences, whose variance is 70 times that of the noise.
+BY_FOURTH_DIFFERENCES = 1 / (0.6745 * np.sqrt(70))
 
 
 class HalfCycle(NamedTuple):

@@ -30,7 +30,8 @@ TORQUE_NAMES = ("torque", "moment", "couple", "momento", "tork")
 ENDS_OF_WORDS = ("weg", "kraft", "winkel", "moment")
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "in": 0.0254, "inch": 0.0254}
 # kg and lb are of weights, under standard gravity.
-POUND_FORCE, FOOT = 0.45359237 * STANDARD_GRAVITY, 0.3048
+POUND_FORCE = 0.45359237 * STANDARD_GRAVITY
+FOOT = 0.3048
 NEWTONS = {
     **{"N": 1.0, "mN": 1e-3, "cN": 1e-2, "daN": 10.0, "kN": 1e3, "MN": 1e6, "n": 1.0, "kn": 1e3},
     **dict.fromkeys(("kgf", "kg"), STANDARD_GRAVITY),
@@ -59,8 +60,8 @@ NOT_MEASURED = {
     *("setpoint", "set", "target", "command", "commanded", "demand", "desired", "nominal", "time", "rate", "speed"),
     *("velocity", "limit", "error", "soll", "sollwert", "zeit", "consigne", "temps", "tiempo", "hedef", "zaman"),
 }
-# The header is among the first lines.
-MOST_LINES_BEFORE_HEADER, DELIMITERS = 200, ("\t", ";", ",", None)
+MOST_LINES_BEFORE_HEADER = 200  # of a preamble
+DELIMITERS = ("\t", ";", ",", None)
 
 
 class RecordHeader(NamedTuple):

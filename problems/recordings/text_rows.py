@@ -18,8 +18,9 @@ COMMENTS = ("#", "%", "//")
 THOUSANDS, GROUPED = re.compile(r"\s*[+-]?[1-9]\d{0,2},\d{3}\s*"), ",000"
 # A number with one mark between its thousands and the other one before its decimals, as 1.234,5 and 1,234.5.
 BOTH_MARKS = re.compile(r"\s*[+-]?\d{1,3}(?:\.\d{3})+(,)\d*\s*|\s*[+-]?\d{1,3}(?:,\d{3})+(\.)\d*\s*")
-# A longer file takes more than some ten seconds to read.
-MOST_LINES, MOST_BYTES = 1_000_000, 32_000_000
+# A file of more lines or bytes takes more than some ten seconds to read.
+MOST_LINES = 1_000_000
+MOST_BYTES = 32_000_000
 
 
 def text_of(path: Path) -> str:
