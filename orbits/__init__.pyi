@@ -13,9 +13,8 @@ from .control import Guess as Guess, Hold as Hold, Input as Input, Stage as Stag
 from .control.control import Control
 from .control.optimal_family import OptimalFamily
 from .control.steer import steer
-from .design.active_set import Active as Active
 from .design.design_curve import DesignCurve
-from .design.optimality import Design
+from .design.optimality import Active as Active, Design
 from .design.optimize import optimize
 from .design.orbit_function import orbit_function
 from .design.pareto import Front, pareto

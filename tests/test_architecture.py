@@ -29,7 +29,6 @@ TESTED_WITH = {
     "curves/kkt_options": "curves/test_kkt_curve",
     "curves/kkt_points": "curves/test_kkt_curve",
     "curves/kkt_start": "curves/test_kkt_curve",
-    "design/active_set": "design/test_optimality",
     "design/design_curve": "design/test_moving_design",
     "design/evaluator": "design/test_sensitivities",
     "design/event_statement": "continuation/test_follow_event",

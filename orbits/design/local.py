@@ -19,10 +19,9 @@ from ..periodic.orbit import Orbit
 from ..running import interrupts
 from ..shooting.single_shooting import NEWTON
 from ..symbolic.quadratic_models import Weights
-from .active_set import constraint_sizes, demands_of
 from .design_point import DEMAND_MARGIN, Case, DesignPoint, Ties, design_points, no_motion
 from .evaluator import by_logarithm
-from .optimality import Design, optimum_at
+from .optimality import Design, constraint_sizes, demands_of, optimum_at
 from .problem import DesignProblem, Outputs
 from .tuned_machine import motions_near, statement_of_orbits, unknowns_of
 

@@ -19,11 +19,11 @@ from ..model.machine import Machine
 from ..numerics.roots import Array
 from ..periodic.orbit import Orbit
 from ..running import interrupts
-from .active_set import ACTIVE, AT_TWO_PLACES, ActiveRow, multipliers_of
 from .design_point import DEMAND_MARGIN, DesignPoint, design_points
 from .design_quantities import extremes_of
 from .extreme_corners import Corner, Corners, jumping, quantity_with
 from .moving_number import Moving
+from .optimality import ACTIVE, AT_TWO_PLACES, ActiveRow, multipliers_of
 from .problem import DesignProblem, Outputs
 from .tuned_machine import motions_near, unknowns_of
 

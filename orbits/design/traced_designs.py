@@ -17,11 +17,11 @@ from ..model.machine import Machine
 from ..periodic.orbit import Orbit
 from ..result import Progress
 from ..running import interrupts
-from .active_set import AT_TWO_PLACES, constraint_sizes, demands_of
 from .design_point import Case, DesignPoint, design_points, no_motion
 from .extreme_corners import SAME_EXTREME, Corner
 from .moving_design import MovingDesign
 from .moving_number import Moving
+from .optimality import AT_TWO_PLACES, constraint_sizes, demands_of
 from .problem import DesignProblem, Outputs
 
 
