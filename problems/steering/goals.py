@@ -362,30 +362,28 @@ def _least_peak(hop: _Hop, guess: Control, progress: Progress) -> Control:
 def _least_work(hop: _Hop, guess: Control, progress: Progress) -> Control:
     """A periodic hop of locally least positive work, from a result nearby; where it is not found from there, from that
     at a larger rate."""
-    rate, wider = hop.limits.rate, None
-    try:
-        return _least_work_at(hop, guess, progress)
-    except NoOrbit as reason:
-        first = reason
-    for factor in WIDER_RATES:
+    rate, found, first = hop.limits.rate, None, None
+    for factor in (1.0, *WIDER_RATES):
         limits = replace(hop.limits, rate=factor * rate)
         try:
-            wider = _least_work_at(replace(hop, limits=limits), wider or guess, progress)
-        except NoOrbit:
-            if wider is not None:
+            found = _least_work_at(replace(hop, limits=limits), found or guess, progress)
+        except NoOrbit as reason:
+            first = first or reason
+            if found is not None:
                 break
         else:
             reached = limits.rate
-    if wider is not None and reached == rate:
-        return wider
+            if reached == rate:
+                return found
+    assert first is not None
     dimension = dimensions_of_limits(hop.driven)["rate"]
     text = "least work at rate = {rate:g} is not found: {reason}; " + (
         "it is found at rate = {reached:g}: take that, or its result as guess= of a rate between"
-        if wider is not None
+        if found is not None
         else "take a larger rate or more intervals, or the result for less damping as guess="
     )
     parts = {"rate": Quantity(rate, dimension), "reason": _without_remedy(first)}
-    if wider is not None:
+    if found is not None:
         parts["reached"] = Quantity(reached, dimension)
     raise NoOrbit(Message(text, **parts))
 
