@@ -61,17 +61,13 @@ HOLDING = HoldOptions()
 class _Stage(NamedTuple):
     """A part of the cycle.
 
-    carry, effect : the matrix A, and B (a,) of the force, None where there is none
+    carry, effect : the matrix A, and B (a,) of the force in its unit, None where there is none
     gap : the derivatives (a,) of the gap at a landing in it, None where there is none
     """
 
     carry: np.ndarray
     effect: np.ndarray | None
     gap: np.ndarray | None = None
-
-    def per_force(self, unit: float) -> "_Stage":
-        """The part with its force counted in a unit."""
-        return self if self.effect is None else self._replace(effect=self.effect * unit)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -147,10 +143,10 @@ def hold(orbit: Orbit, along: str, *, effort: float = 0.05, landing: float = 20.
     landed = np.array(stated.model.contact_reversal.image(y.tolist(), stated.values), dtype=float)
     flight, contact = orbit.flight_time, float(orbit.contact_time or 0.0)
     marks = np.linspace(HOLDING.begins, HOLDING.ends, parts + 1)
-    flying, flown = _intervals(impacts, impacts.flight, x, np.append(marks * flight, flight))
-    standing, stood = _intervals(impacts, impacts.contact, landed, marks * contact)
-    embed, tangent = impacts.model.embed, impacts.model.embed @ section.tangent(y) * section.unit
     force = units.of(machine.dimension_of_force(along))
+    flying, flown = _intervals(impacts, impacts.flight, x, np.append(marks * flight, flight), force)
+    standing, stood = _intervals(impacts, impacts.contact, landed, marks * contact, force)
+    embed, tangent = impacts.model.embed, impacts.model.embed @ section.tangent(y) * section.unit
     # The last part of the flight leads to the landing, and on to the first interval in contact.
     lasts = (1 - HOLDING.ends) * flight
     touched = np.array(orbit(flight * (1 - 1e-16)))
@@ -162,7 +158,7 @@ def hold(orbit: Orbit, along: str, *, effort: float = 0.05, landing: float = 20.
         _Stage(standing[0].carry @ change, None, gap), *standing[1:],
         _Stage(section.free(rest.T).T / section.unit[:, None], None),
     ]  # fmt: skip
-    gains, held = _regulator([each.per_force(force) for each in stages], effort, landing)
+    gains, held = _regulator(stages, effort, landing)
     none = np.zeros((1, len(x)))
     rows = force * np.concatenate([gains[:parts], none, np.array(gains[parts:]) @ impacts.onto_contact])
     states = np.concatenate([flown[:parts], none, np.array(stood[:parts]) @ embed.T])
@@ -216,10 +212,13 @@ def _force(y: Parameters, v: Parameters, p: Parameters) -> Algebraic:
     return p[INPUT]
 
 
-def _intervals(impacts: Impacts, flow: Flow, x: np.ndarray, times: np.ndarray) -> tuple[list[_Stage], list[np.ndarray]]:
-    """The stages of a phase from a state to the first time, and between times, and the states at these times."""
+def _intervals(
+    impacts: Impacts, flow: Flow, x: np.ndarray, times: np.ndarray, force: float
+) -> tuple[list[_Stage], list[np.ndarray]]:
+    """The stages of a phase from a state to the first time, and between times, and the states at these times; the force
+    is counted in this unit."""
     seeds, stages, states, before = np.zeros((len(impacts.p), flow.size + 1)), list[_Stage](), list[np.ndarray](), 0.0
-    seeds[list(impacts.values).index(INPUT), -1] = 1.0
+    seeds[list(impacts.values).index(INPUT), -1] = force
     start = np.eye(flow.size, flow.size + 1)
     for time in times.tolist():
         interrupts.heed()
