@@ -36,23 +36,16 @@ INPUT = "hold"  # the parameter of the force that holds an orbit
 
 @dataclass(frozen=True, kw_only=True)
 class HoldOptions:
-    """The intervals and the recursion of a feedback.
+    """The intervals and the recursion of a feedback."""
 
-    begins, ends : the shares of each phase between which its intervals lie, so that lift-off and landing are those
-        without the force
-    most_parts : intervals of a phase
-    settled : the recursion has settled once the cost of a launch changes by this share in a cycle
-    cycles, largest_cost : at most; a cost that grows on and on is that of a direction that the force does not reach
-    instants : of an orbit by which its sizes are measured
-    """
-
+    # The shares of each phase between which its intervals lie, so that lift-off and landing are without the force.
     begins: float = 0.1
     ends: float = 0.9
-    most_parts: int = 1000
-    settled: float = 1e-13
-    cycles: int = 2000
+    most_parts: int = 1000  # intervals of a phase
+    settled: float = 1e-13  # the recursion has settled once the cost of a launch changes by this share in a cycle
+    cycles: int = 2000  # at most; a cost that grows on and on is that of a direction that the force does not reach
     largest_cost: float = 1e14
-    instants: int = 201
+    instants: int = 201  # of an orbit by which its sizes are measured
 
 
 HOLDING = HoldOptions()

@@ -58,22 +58,14 @@ class _EventRow(TypedDict):
 
 @dataclass(frozen=True, kw_only=True)
 class Refinement:
-    """When and how the program of a family is refined.
+    """When and how the program of a family is refined."""
 
-    watched : shares of an interval at which path expressions are evaluated
-    most : largest number of exchanges of points of path conditions, and of halvings of steps
-    touches : a path expression below this touches zero
-    at_end : share of an interval from its end within which an expression touches zero at the end
-    beyond_flat : step beyond a touch that becomes flat, as a share of the range of the parameter
-    change : on this step the cost may change by this share, and by twice what its slope predicts
-    """
-
-    watched: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 1.0)
-    most: int = 200
-    touches: float = 1e-6
-    at_end: float = 1e-4
-    beyond_flat: float = 1e-3
-    change: float = 1e-3
+    watched: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 1.0)  # shares of an interval: path expressions are taken there
+    most: int = 200  # exchanges of points of path conditions, and halvings of steps
+    touches: float = 1e-6  # a path expression below this touches zero
+    at_end: float = 1e-4  # share of an interval from its end within which an expression touches zero at the end
+    beyond_flat: float = 1e-3  # step beyond a touch that becomes flat, as a share of the range of the parameter
+    change: float = 1e-3  # on this step the cost may change by this share, and by twice what its slope predicts
 
 
 REFINEMENT = Refinement()

@@ -33,60 +33,47 @@ PENALISED = (Weights(1.0, 10.0), Weights(1e-3, 1.0), Weights(0.0, 1.0))
 
 @dataclass(frozen=True, kw_only=True)
 class LocalOptions:
-    """Steps of local searches for designs, and where they end.
+    """Steps of local searches for designs, and where they end."""
 
-    met, nearly_met : the constraints are, if the sum of their violations, as shares of their sizes, is no larger
-    rounds : steps from one start, at most
-    penalised : steps with one of the weights in `PENALISED`, after which the next are taken: the objective is measured
-        by its own value at each step, so that steps may lead round and round where it changes by as much as the
-        violations
-    first, least : the trust region at first and at least: the largest change of a parameter as a share of its range, or
-        nine times less than the relative change of what is measured by its logarithm
-    escape, loss, rest : an orbit `escape` times as fast or long as the first escapes, if the parameters change by no
-        more than the share `rest` of their values and of their distances to the bounds while it becomes twice as fast
-        or long; where the search cannot continue, the ratio `loss` is enough
-    jerk : lower bound of the landing jerk, as a share of its value before the step
-    correction : an orbit farther from that of the models, as a share of its unknowns, is another one
-    on_bound : a parameter nearer to its bound than this share of its unit is put on it, since Ipopt stays inside
-    objective : the scale of an objective that vanishes, as a share of its value at the start
-    slope : largest slope of the Lagrangian, as a share of the objective over a parameter's range
-    unchanged, nearly_unchanged : a step that is shorter than the first, in units of the parameters, does not change the
-        design; nor does one that is shorter than the second and not half as long as the last one, so that rounding
-        decides
-    small_gain, smallest_slope : where a step gains no more, optimality conditions that hold to this slope do so to
-        rounding
-    still : violations that a step reduces by no more are least
-    accepted, rounded : a step is accepted if the merit falls by this share of what is predicted, unless that is no more
-        than rounding
-    good, poor : the trust region grows or shrinks where it falls by more or less than these shares
-    penalty : in the merit of a step violations count this many times their largest multiplier, or the objective's own
-        scale if that is more
-    """
-
+    # The constraints are met, or nearly, if the sum of their violations, as shares of their sizes, is no larger.
     met: float = 1e-8
     nearly_met: float = 1e-3
-    rounds: int = 250
+    rounds: int = 250  # steps from one start, at most
+    # After so many steps with one of the weights in `PENALISED` the next are taken: the objective is measured by its
+    # own value at each step, so that steps may lead round and round where it changes by as much as the violations.
     penalised: int = 50
+    # The trust region at first and at least: the largest change of a parameter as a share of its range, or nine times
+    # less than the relative change of what is measured by its logarithm.
     first: float = 0.5
     least: float = 1e-7
+    # An orbit this many times as fast or long as the first escapes, if the parameters change by no more than the share
+    # `rest` of their values and of their distances to the bounds while it becomes twice as fast or long. Where the
+    # search cannot continue, the ratio `loss` is enough.
     escape: float = 10.0
     loss: float = 2.0
     rest: float = 1e-2
-    jerk: float = 1e-6
-    correction: float = 0.5
-    on_bound: float = 1e-8
-    objective: float = 1e-6
-    slope: float = 1e-6
+    jerk: float = 1e-6  # lower bound of the landing jerk, as a share of its value before the step
+    correction: float = 0.5  # an orbit farther from that of the models, as a share of its unknowns, is another one
+    on_bound: float = 1e-8  # a parameter nearer to its bound, in its unit, is put on it, since Ipopt stays inside
+    objective: float = 1e-6  # the scale of an objective that vanishes, as a share of its value at the start
+    slope: float = 1e-6  # largest slope of the Lagrangian, as a share of the objective over a parameter's range
+    # A step that is shorter, in units of the parameters, does not change the design; nor does one that is nearly so
+    # short and not half as long as the last one, so that rounding decides.
     unchanged: float = 1e-14
     nearly_unchanged: float = 1e-6
+    # Where a step gains no more than this, optimality conditions that hold to this slope hold to rounding.
     small_gain: float = 1e-9
     smallest_slope: float = 1e-13
-    still: float = 1e-9
+    still: float = 1e-9  # violations that a step reduces by no more are least
+    # A step is accepted if the merit falls by this share of what is predicted, unless that is no more than rounding;
+    # and the trust region grows or shrinks where it falls by more than the share `good` or less than `poor`.
     accepted: float = 0.1
     rounded: float = 1e-11
     good: float = 0.7
     poor: float = 0.3
-    penalty: float = 2.0
+    penalty: float = (
+        2.0  # of violations in the merit, in multiples of their largest multiplier or the objective's scale
+    )
 
     @property
     def held(self) -> Weights:

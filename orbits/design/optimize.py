@@ -39,24 +39,17 @@ from .tuned_machine import (
 class SearchStarts:
     """The starts of the local searches for the best design.
 
-    further : starts that are tried by default when the first one leads to no optimum
-    same : parameters of the same optimum, found from different starts, agree to this share of their units
-    designs : number of designs of the sample of a global search. Each leads to the best of its neighbours that is
-        better than itself, and so on, down to one that is better than all of its neighbours: there a local search
-        begins. Source: Torn and Viitanen, "Topographical global optimization", in Recent Advances in Global
-        Optimization (1992)
-    neighbours : with which a design is compared
-    searches : local ones, at most
-    violation_weight : of a violation of the constraints, in their spread over the sample, relative to the objective in
-        its spread
+    Each design of a sample leads to the best of its neighbours that is better than itself, and so on, down to one that
+    is better than all of its neighbours: there a local search begins. Source: Torn and Viitanen, "Topographical global
+    optimization", in Recent Advances in Global Optimization (1992).
     """
 
-    further: int = 3
-    same: float = 1e-3
-    designs: int = 256
-    neighbours: int = 8
-    searches: int = 8
-    violation_weight: float = 10.0
+    further: int = 3  # starts that are tried by default when the first one leads to no optimum
+    same: float = 1e-3  # parameters of one optimum, from different starts, agree to this share of their units
+    designs: int = 256  # of the sample
+    neighbours: int = 8  # with which a design is compared
+    searches: int = 8  # local ones, at most
+    violation_weight: float = 10.0  # of violations in their spread over the sample, beside the objective in its spread
 
 
 SAMPLE = SearchStarts()

@@ -30,18 +30,13 @@ from .tuned_machine import names_of_designs, untuned, with_tuning
 
 @dataclass(frozen=True, kw_only=True)
 class FrontOptions:
-    """The ends of fronts.
+    """The ends of fronts."""
 
-    same : objectives that differ by a smaller share are the same, since constraints are met to about this
-    worth : an end is moved if the other objective gains this share while its own stays the same
-    probe : distance over which an end is probed for that, as a share of the parameters' range
-    flat : over the probe an objective with a slope changes by the probe, one with curvature alone by its square. It is
-        flat if it changes by less than this share of the latter
-    """
-
-    same: float = 1e-9
-    worth: float = 1e-4
-    probe: float = 1e-3
+    same: float = 1e-9  # objectives that differ by a smaller share are the same: constraints are met to about this
+    worth: float = 1e-4  # an end is moved if the other objective gains this share while its own stays the same
+    probe: float = 1e-3  # distance over which an end is probed for that, as a share of the parameters' range
+    # Over the probe an objective with a slope changes by the probe, one with curvature alone by its square. It is flat
+    # if it changes by less than this share of the latter.
     flat: float = 0.1
 
 

@@ -27,28 +27,19 @@ from .problem import DesignProblem, Outputs
 
 @dataclass(frozen=True, kw_only=True)
 class Tracing:
-    """Curves of designs in smooth pieces.
+    """Curves of designs in smooth pieces; `steps` and `points` are those of `MinimumCurve`."""
 
-    steps, points : of `MinimumCurve`; steps are long, since each evaluation of a design is costly and its predictions
-        are good
-    grown, near_pole : a curve ends if its multipliers have grown by this factor and become infinite within this share
-        of the way
-    same : points whose shares of the way differ by no more are one
-    together : rounds in which designs are evaluated together
-    most : number of programs that one curve may lead through, with other demands and corners
-    left_corner, beside_corner : share by which the values at the two places of a corner differ where it is left, and
-        from where on it may become active
-    """
-
+    # Steps are long, since each evaluation of a design is costly and its predictions are good.
     steps: Steps = field(default=replace(STEPS_OF_MINIMA, first=0.1, longest=1.0))
     points: KktOptions = field(default=KktOptions(exact=True))
+    # A curve ends if its multipliers have grown by this factor and become infinite within this share of the way.
     grown: float = 10.0
     near_pole: float = 1e-3
-    same: float = 1e-12
-    together: int = 4
-    most: int = 50
-    left_corner: float = 1e-3
-    beside_corner: float = 1e-5
+    same: float = 1e-12  # points whose shares of the way differ by no more are one
+    together: int = 4  # rounds in which designs are evaluated together
+    most: int = 50  # programs that one curve may lead through, with other demands and corners
+    left_corner: float = 1e-3  # share by which the values at the two places of a corner differ where it is left
+    beside_corner: float = 1e-5  # and that from where on it may become active
 
 
 TRACING = Tracing()

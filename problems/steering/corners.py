@@ -28,19 +28,12 @@ ROOMS_AT_CORNERS = ("room above the corner", "room below the corner")
 
 @dataclass(frozen=True, kw_only=True)
 class PartOptions:
-    """How stages are divided.
+    """How stages are divided."""
 
-    samples : of a guess, between which it is on one piece: an excursion between two of them is left out
-    shortest : duration of a part, as a share of that of its stage
-    orders : of the pieces that are tried, at most
-    solves : of nonlinear programs, at most, first without bounds at the corners, for all orders together, then with
-        these
-    """
-
-    samples: int = 1000
-    shortest: float = 1e-3
-    orders: int = 6
-    solves: int = 20
+    samples: int = 1000  # of a guess, which is on one piece between them: a shorter excursion is left out
+    shortest: float = 1e-3  # duration of a part, as a share of that of its stage
+    orders: int = 6  # of the pieces that are tried, at most
+    solves: int = 20  # of programs, at most, without bounds at the corners for all orders together, then with these
 
 
 PARTS = PartOptions()
