@@ -73,7 +73,7 @@ class ProgramDerivatives(NamedTuple):
     hessian: sp.csc_matrix
 
 
-class _Rest(NamedTuple):
+class _WithoutIntervals(NamedTuple):
     """A program with the results of its intervals, of these sizes, in place of these.
 
     arguments : what varies (n + 1,), parameters, their rates, multipliers, and the results
@@ -92,11 +92,11 @@ class _Rest(NamedTuple):
         return [ca.reshape(part, *size) for part, size in zip(parts, self.sizes, strict=True)]
 
 
-def _rest_of_program(problem: Transcription, moving: tuple[tuple[int, int], ...]) -> _Rest:
+def _without_intervals(problem: Transcription, moving: tuple[tuple[int, int], ...]) -> _WithoutIntervals:
     """A program without its intervals; `moving` as in `program_derivatives`."""
     sizes = [(len(stage.phase.states) + 1 + len(stage.path), stage.intervals) for stage in problem.stages]
     results = ca.MX.sym("z", sum(rows * count for rows, count in sizes))
-    of_stages = _Rest(sizes, [], [], []).split(results)
+    of_stages = _WithoutIntervals(sizes, [], [], []).split(results)
     ends = [[0, n, n + 1, rows] for (n, _, _), (rows, _) in zip(problem.shapes, sizes, strict=True)]
     (x, p, cost, values), _ = problem.program(lambda i, first, data: ca.vertsplit(of_stages[i], ends[i]))
     fixed = len(problem.fixed)
@@ -112,14 +112,14 @@ def _rest_of_program(problem: Transcription, moving: tuple[tuple[int, int], ...]
     hessian, gradient = ca.hessian(lagrangian, varied)
     derivatives = [cost, values, gradient, ca.jacobian(values, varied), hessian]
     linear = [ca.gradient(lagrangian, results), ca.jacobian(values, results)]
-    return _Rest(sizes, [varied, p, rates, y, results], derivatives, linear)
+    return _WithoutIntervals(sizes, [varied, p, rates, y, results], derivatives, linear)
 
 
 @cached
 def program_derivatives(problem: Transcription, moving: tuple[tuple[int, int], ...]) -> ProgramDerivatives:
     """The derivatives of a program; `moving` are (number, constraint) of each exchange point that moves, at which the
     path expression is least."""
-    rest = _rest_of_program(problem, moving)
+    rest = _without_intervals(problem, moving)
     *arguments, _ = rest.arguments
     varied, p, rates, _ = arguments
     linear, fixed, n = ca.Function("linear", rest.arguments, rest.linear), len(problem.fixed), varied.numel() - 1

@@ -229,7 +229,7 @@ def tuned_orbit(
     machine: Machine, over: Mapping[str, float], family: int, tune: Sequence[str], at: Mapping[str, float],
     start: StartLike | None,
 ) -> Orbit:  # fmt: skip
-    """The orbit with tuned parameters of the machine with other values of the parameters `over`, as `tuned_designs`
+    """The orbit with tuned parameters of the machine with other values of the parameters `over`, as `solved_designs`
     reaches it."""
     tuning, other = tuning_of(machine, tune, at), machine.with_values(**over)
     try:

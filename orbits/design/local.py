@@ -39,8 +39,8 @@ class LocalOptions:
     met: float = 1e-8
     nearly_met: float = 1e-3
     rounds: int = 250  # steps from one start, at most
-    # After so many steps with one of the weights in `PENALISED` the next are taken: the objective is measured by its
-    # own value at each step, so that steps may lead round and round where it changes by as much as the violations.
+    # After this number of steps with one of the weights in `PENALISED` the next are taken: the objective is measured by
+    # its own value at each step, so that steps may lead round and round where it changes by as much as the violations.
     penalised: int = 50
     # The trust region at first and at least: the largest change of a parameter as a share of its range, or nine times
     # less than the relative change of what is measured by its logarithm.

@@ -49,7 +49,7 @@ class SearchStarts:
     designs: int = 256  # of the sample
     neighbours: int = 8  # with which a design is compared
     searches: int = 8  # local ones, at most
-    violation_weight: float = 10.0  # of violations in their spread over the sample, beside the objective in its spread
+    violation_weight: float = 10.0  # of violations, relative to the objective, both in their spread over the sample
 
 
 SAMPLE = SearchStarts()
