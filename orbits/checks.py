@@ -34,7 +34,7 @@ from .result import Result
 from .returns.return_map import ReturnMap
 from .running.exclusive import exclusive
 from .symbolic.calls import BufferedFunction, MappedFunction
-from .units import ENERGY, FORCE, LIFTOFF_SPEED, TIME, Dimension
+from .units import ENERGY, FORCE, LENGTH, LIFTOFF_SPEED, TIME, Dimension
 
 
 @dataclass(frozen=True)
@@ -171,9 +171,9 @@ class _Compared:
         run = self._hop(orbit, left_out)
         x = self._states(orbit)
         with np.errstate(all="ignore"):  # a deviation that is no number counts as unbounded
-            found = [self._flight(x), self._contact(x), self._impact(x, run)]
+            found = [self._lengths(x), self._flight(x), self._contact(x), self._impact(x, run)]
             found += self._along_orbit(orbit) if orbit else ()
-            found += self._along_hops(run) if run else ()
+            found += [self._along_hops(run)] if run else []
         words, off = "the energy is that of the masses, heights and laws", max(self._gradient(x), *self.drifts, 0.0)
         return [*found, Relation(words, off, OPTIONS.same_motion)]
 
@@ -233,6 +233,22 @@ class _Compared:
     def _on_ground(self, x: np.ndarray) -> np.ndarray:
         """The contact states (N, m) nearest to flight states."""
         return x @ np.linalg.pinv(self.embed).T
+
+    def _lengths(self, x: np.ndarray) -> Relation:
+        """The gaps, the separation, and those heights that are stated by their names."""
+        p, model = self.machine.values, self.model
+        own = [
+            model.gap(p),
+            model.landing_gap_of(p),
+            model.separation(p),
+            *map(model.heights(p).get, self.stated.heights or {}),
+        ]
+        stated, off = self.balance(x)["lengths"][..., 0], [0.0]
+        for k, function in enumerate(own):
+            if function is not None:
+                seen = np.asarray(function(x / self.sizes["flight"])) * self.unit(LENGTH)
+                off.append(share(seen - stated[:, k], x[:, self.places], stated[:, k]))
+        return Relation("gaps, distances and heights are those that are stated", max(off))
 
     def _flight(self, x: np.ndarray) -> Relation:
         rates, watched = self._rates("flight", x)
@@ -328,7 +344,7 @@ class _Compared:
         words = "it lands in the mirror image of its launch, and lifts off without a force"
         yield Relation(words, max(ends), OPTIONS.same_motion)
 
-    def _along_hops(self, run: Simulation) -> Iterator[Relation]:
+    def _along_hops(self, run: Simulation) -> Relation:
         """The legs of a simulation integrated again, and the return map of its launches."""
         off, launch = [0.0], self._on_ground(run(0.0)[None])
         if self.model.one_speed:
@@ -338,14 +354,13 @@ class _Compared:
             ends = self._integrated(leg.phase, begins, float(leg.path.times[-1]))
             ends = ends @ self.embed.T if leg.phase == "contact" else ends
             off.append(share(ends[-1] - event.before, event.before, ends))
-        yield Relation(
-            "simulated hops begin at lift-off, and are those integrated by DOP853", max(off), OPTIONS.same_motion
-        )
-        launches = run.launches[np.isfinite(run.launches)]
-        if self.model.one_speed and len(launches) > 1:
+        words, launches = "hops begin at lift-off, and are those integrated by DOP853", run.launches
+        if self.model.one_speed and np.isfinite(launches).sum() > 1:
+            words += " and of the return map"
+            launches = launches[np.isfinite(launches)]
             hops = ReturnMap(self.machine)(launches[:-1])
-            missed = share((hops.next - launches[1:])[np.isfinite(hops.next)], launches)
-            yield Relation("the return map has the launches of the simulation", missed, OPTIONS.same_motion)
+            off.append(share((hops.next - launches[1:])[np.isfinite(hops.next)], launches))
+        return Relation(words, max(off), OPTIONS.same_motion)
 
     def _integrated(self, where: str, start: np.ndarray, time: float) -> np.ndarray:
         """States (moments, n) of a motion by DOP853, along which kinetic energy and the work of forces are summed."""

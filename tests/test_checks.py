@@ -22,7 +22,7 @@ OTHERS = (
     *("inerter in SI", "soil in SI", "actuated in SI", "wheel in SI", "rocking block", "chain of 2"),
 )
 IN_FLIGHT, IN_CONTACT, IMPACTS = "in flight masses", "in contact the", "impacts change"
-LANDS, ENERGY = "it lands", "the energy"
+LANDS, ENERGY, LENGTHS = "it lands", "the energy", "gaps, distances"
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW if name in OTHERS else ()) for name in MACHINES])
@@ -111,6 +111,14 @@ def wrong_models(model, turns):
         watch = {**model.contact.watch, name: changed(force)}
         yield IN_CONTACT, replace(model, contact=replace(phases["contact"], watch=watch))
     yield ENERGY, replace(model, flight_gradient=changed(model.flight_gradient))
+    yield (
+        LENGTHS,
+        replace(
+            model,
+            heights=lambda p: dict.fromkeys(model.heights(p), model.gap(p)),
+            separation=lambda p: model.separation(p) and model.gap(p),
+        ),
+    )
     yield IMPACTS, replace(model, impact_mass=changed(model.impact_mass))
     yield IMPACTS, replace(model, impact=changed(model.impact))
 

@@ -32,6 +32,7 @@ class Balance:
     gradient : (N, 2 n + k, 1), of the energy
     inertia : (N, n, n)
     gap, landing_gap : (N, 1, 1), of which the first has the largest weight 1; along_gap, along_landing_gap : (N, n, 1)
+    lengths : (N, k, 1), the gap, the landing gap, the separation, 0 where none is stated, and the heights
     reversed, relabelled : (N, 2 n + k, 1), the images of the state under the maps that are stated
     """
 
@@ -99,7 +100,11 @@ class Balance:
         gaps = {"gap": opens, "landing_gap": lands}
         gaps = {name: gap / ca.mmax(self._slope(opens)) for name, gap in gaps.items()}
         along = {f"along_{name}": self._slope(gap)[: self.count] for name, gap in gaps.items()}
-        return {**gaps, **along, "reversed": back, "relabelled": forward}
+        lengths = [
+            self._at(each) for each in (0.0 if m.separation is None else m.separation, *(m.heights or {}).values())
+        ]
+        images = {"reversed": back, "relabelled": forward}
+        return {**gaps, **along, "lengths": ca.vertcat(*gaps.values(), *lengths), **images}
 
     def _places(self, x: ca.SX) -> ca.SX:
         """The places with an actuator's displacement in a flight state."""

@@ -50,7 +50,7 @@ def derived_model(structure: Structure) -> Model:
         extension=parts.extension,
         extension_offset=parts.extension_offset,
         gap=lambda p: gap,
-        guess=launch.relative if launch and moves_alone else None,
+        relative=launch.relative if launch and moves_alone else None,
         separation=parts.separation,
         heights=parts.heights,
         impact_mass=parts.impact_mass,

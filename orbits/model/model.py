@@ -78,9 +78,8 @@ class Model:
         Where coordinates stick, and here and in `impact`, it is that of an impact without speeds of these
     impact : (x, p) -> direction, a list of n, in which an impact changes the flight state x: M^-1 dg on the speeds,
         scaled so that along it the gap's speed changes by 1
-    guess : (family, p) -> a launch and the "duration" of the half flight, with the parameter `homotopy` at 0; or the
-        `Relative` motion under constant gravity, from which these follow; None where families are searched directly,
-        for which `search` and `release` suffice
+    relative : the relative motion under constant gravity, from which guesses of launches follow, with the parameter
+        `homotopy` at 0; None where families are searched directly, for which `search` and `release` suffice
     conservative : whether flight and contact conserve the energy
     driven : whether a force may add energy to a machine that is not conservative
     hysteretic : weights (n,) of the rate of the spring with hysteresis in the flight state, None without one; the
@@ -126,7 +125,7 @@ class Model:
     impact: Callable
     violations: Mapping[str, str]
     springs: tuple[tuple[str | None, str], ...]
-    guess: Callable | Relative | None = None
+    relative: Relative | None = None
     launch_unknowns: tuple[str, ...] = ("liftoff", "alpha")
     homotopy: str | None = None
     conservative: bool = True
@@ -159,11 +158,6 @@ class Model:
     def rises(self, p: Parameters) -> dict[str, Affine | StateFormula]:
         """The heights, by the name of the quantity that says how far each rises above its value at lift-off."""
         return {f"{name.replace(' ', '_')}_rise": height for name, height in self.heights(p).items()}
-
-    @property
-    def relative(self) -> Relative | None:
-        """The relative motion from which the guess follows; None where there is none."""
-        return self.guess if isinstance(self.guess, Relative) else None
 
     @cached_property
     def _place(self) -> int:
@@ -361,7 +355,7 @@ class Model:
     @property
     def is_guessed(self) -> bool:
         """Whether a family has a guess, from which its orbit is solved for; that of machines that step is linear."""
-        return self.guess is not None or (not self.plain and self.search is not None)
+        return self.relative is not None or (not self.plain and self.search is not None)
 
     @property
     def half_unknowns(self) -> tuple[str, ...]:
@@ -457,7 +451,7 @@ def reparametrised(model: Model, own: Callable[[Parameters], Parameters], **chan
         statement = replace(reduction.statement, arcs=tuple(arcs))
         changes["reduction"] = replace(reduction, statement=statement, **functions(reduction))
     if relative:
-        changes["guess"] = replace(relative, own=own)
+        changes["relative"] = replace(relative, own=own)
     if model.planar:
         changes["planar"] = replace(model.planar, **functions(model.planar))
     phases = {"flight": moved(model.flight), "contact": moved(model.contact)}

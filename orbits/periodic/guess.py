@@ -62,14 +62,12 @@ class Guesses(NamedTuple):
 
 
 def guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]:
-    """The launch and the "duration" of the half flight that a model guesses, or that follow from its relative motion
-    under constant gravity; raises `NoOrbit` where there is none."""
+    """The launch and the "duration" of the half flight that follow from a model's relative motion under constant
+    gravity, or from its linear hops; raises `NoOrbit` where there is none."""
     refuse_hysteresis(model)
     if not model.conservative:
         raise NoOrbit("a damped machine loses energy on every hop: it has no lossless orbit, but a return map")
-    relative = model.guess
-    if callable(relative):
-        return relative(family, p)
+    relative = model.relative
     if relative is None and model.is_guessed:
         return linear_guess(model, family, p)
     if relative is None:
@@ -91,7 +89,7 @@ def guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]
 
 def refuse_jump(model: Model, p: Mapping[str, float]) -> None:
     """Raise `NoOrbit` where the force of a model jumps over the level of lift-off."""
-    if isinstance(relative := model.guess, Relative):
+    if relative := model.relative:
         law = from_key(relative.law, relative.own(p))
         relative.liftoff.refuse_jump(law, relative.liftoff.extension(law))
 

@@ -61,7 +61,7 @@ def lowest_orbits(
     machines without an orbit; the machines in neither are left to `find`, which agrees with these results."""
     method = iterative(method_of(model))
     equations = equations_of(model, method, names)
-    searched_at_once = model.guess is None and model.search is not None and model.reversor is not None
+    searched_at_once = model.relative is None and model.search is not None and model.reversor is not None
     if not (model.relative or searched_at_once) or not equations.in_lanes:
         return [], {}
     sought = _Family(model, names, ps, family, method, equations)

@@ -109,7 +109,7 @@ the point at which a fixed point loses its stability by period doubling.
 
 What is trusted: Arb and python-flint; CPython; Python's own parser of arithmetic; and these rooms, which a second
 program can check for proofs of orbits (`orbits.check_proof`) and of hops (`orbits.check_returns`). Forces that jump,
-abs and sign are refused, and so are machines that state no mechanics, such as models written by hand.
+abs and sign are refused, and so are machines that state no mechanics.
 
 Sources: R. Krawczyk, Computing 4 (1969) 187-201; R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval
 Analysis, SIAM 2009; T. Kapela, M. Mrozek, D. Wilczak, P. Zgliczynski, CAPD::DynSys, Communications in Nonlinear Science

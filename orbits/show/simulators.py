@@ -93,7 +93,7 @@ def _checked_times(t: ArrayLike) -> np.ndarray:
 def _export(result: "Orbit | Simulation", t: np.ndarray, phases: np.ndarray, folder: str | Path) -> Path:
     path, machine = check_folder(folder), result.source
     if not hasattr(machine, "stated"):
-        raise InputError(f"{machine!r} is a model written by hand: only what is stated by its mechanics has bodies")
+        raise InputError(f"{machine!r} states no mechanics, from which its bodies follow: state an orbits.Mechanism")
     jointed = _Jointed.of(machine)
     places, speeds = jointed.motion(*labelled(result, t))
     rows = np.column_stack([t, places, speeds]).tolist()

@@ -143,7 +143,6 @@ WRITTEN = SimpleNamespace(
     },
     springs=(),
     knees=lambda p: [("foot", "body", p["link"])],
-    guess=None,
     rest=lambda p: [0.0, 0.0, p["rest_angle"], 0.0],
     units=lambda p: SI,
 )
