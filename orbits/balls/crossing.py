@@ -26,7 +26,7 @@ class CrossingOptions(NamedTuple):
     windows_at_end: int = 4  # that are tried where it may be the beginning that is not clear of the breakpoint
     wider: int = 4  # each window is this times as wide as the one before
     parts: int = 400  # of a step that are compared with the breakpoints, at most
-    halvings: int = 60  # of such a part, at the least precision
+    halvings: int = 60  # of a part of a step, at the least precision
     clear_of: int = 8  # distance, as a multiple of its own width, to which a set is followed beyond a breakpoint
 
 

@@ -39,7 +39,7 @@ class ClosedFormOptions(NamedTuple):
     step: float = 1.0  # distance of the points of expansion, in units of the oscillation's 1 / frequency
     order: int = 18  # of expansions: the terms beyond are below rounding there, 1 / 19! = 8e-18
     block: int = 2  # expansions whose events are searched in one call
-    # After these the phase of the oscillation has fewer than four digits left: the motion is given up.
+    # Steps after which the phase of the oscillation has fewer than four digits left: the motion is given up.
     most_steps: float = 1e12
     # Expansions before the end of a range without zeros, known to rounding, at which the search resumes.
     early: float = 0.01

@@ -12,7 +12,7 @@ class CellOptions(NamedTuple):
     halvings: int = 5  # of a cell, at most
     curvature: float = 4.0  # the largest ratio of the curvature in a cell to that which its second differences show
     beside: float = 1.6  # distance from the middle, in halves of a side, of zeros predicted by nearly linear functions
-    near: float = 4.0  # the same distance where functions are not nearly linear
+    near: float = 4.0  # that distance where functions are not nearly linear
 
 
 CELLS = CellOptions()

@@ -30,7 +30,7 @@ class BranchOptions(NamedTuple):
     # Largest size of the last coefficients of a piece's polynomials, relative to the first; else it is too long.
     last_coefficients: float = 1e-9
     parts: int = 4  # of a piece on which signs are decided
-    halvings: int = 40  # of such a part, at most
+    halvings: int = 40  # of a part on which a sign is undecided, at most
     undecided: int = 12  # parts to halve, at most
     halvings_of_contact: int = 4  # of a part of a piece on which no contact is proved
     halvings_of_signs: int = 7  # of a part of a piece on which a sign is undecided

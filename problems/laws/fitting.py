@@ -33,7 +33,7 @@ class FitOptions(NamedTuple):
     own_size: float = 0.5  # of starts about values that the user has stated, as powers of 10
     best: int = 6  # starts that are continued
     tolerance: float = 1e-15  # relative to which they are continued
-    outside: float = 1e3  # where a formula is not finite, its residuals are this times those of the start
+    outside: float = 1e3  # residuals where a formula is not finite, as a multiple of those of the start
     # Standard errors of the logarithm of their ratio by which the residuals of a formula that does not fit exceed the
     # noise.
     lack_significance: float = 4.0
