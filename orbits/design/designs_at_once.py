@@ -16,7 +16,7 @@ from ..periodic.orbit import Orbit, orbit_of
 from ..periodic.orbits_at_once import certified_near, lowest_orbits, motions_together
 from ..periodic.quantities import OF_RUNS, names_of_many, numbers_of
 from ..periodic.stated_start import StartLike, in_units_of
-from ..periodic.tuned import Tuning, tuning_of
+from ..periodic.tuned import Tuning, errors_of_tuned, tuning_of
 from ..running import interrupts
 from ..shooting.formulations import equations_of, iterative, method_of
 from ..symbolic.formula import Formula, parse
@@ -185,6 +185,7 @@ def _continue_tuned(
             one = designs.only(i)
             try:
                 _, own = first_tuned(one.machine(0), start, family, tuning.names, tuning.values)
+                errors_of_tuned(own)  # refuses a number that the orbit does not determine
                 _fill_in_continued(one, Continued(own.us, {}, [(np.zeros(1, int), own)]))
             except OrbitsError as error:
                 one.refuse(0, error)
