@@ -10,9 +10,9 @@ from flint import arb
 from orbits.balls import equations
 from orbits.balls.equations import Equations, IntervalParameters
 from orbits.exact.exact_mechanics import parameter_of
-from orbits.exact.expressions import SMOOTH_FUNCTIONS, call, expression, power as power_of, symbol
 from orbits.exact.stated import exact_bounds
 from orbits.exact.statement import ExactArc, ExactStatement
+from orbits.symbolic.tree import SMOOTH_FUNCTIONS, call, expression, power as power_of, symbol
 
 # Functions of expressions by name.
 fn = SimpleNamespace(**{name: partial(call, name) for name in SMOOTH_FUNCTIONS})

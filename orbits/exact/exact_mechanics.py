@@ -1,11 +1,5 @@
-"""The equations of a stated machine, derived on exact expressions.
-
-With the kinetic energy v' M(y) v/2 and the forces Q(y) of springs, weights and potentials, Lagrange's equations are
-
-    M y'' = Q - C,    C = (d(M v)/dy) v - grad(v' M v)/2,
-
-in contact with + lambda g, g the gap's gradient, and g y'' = 0: the closed gap determines one coordinate, y = E s.
-Coordinates that stick are 0 in contact too, with a force on each of them.
+"""The equations of a stated machine: Lagrange's equations of `mechanics.kinetics` under the forces Q(y) of springs,
+weights and potentials that the theorem states.
 
 All is in units of length and time that suit the motion, powers of 2: with y = L q and t = T u, the same equations
 hold of q and u with the forces L T^2 Q.
@@ -16,24 +10,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from .decimals import exact_fraction
-from .exact_linear import ExactRows, inner_product, pivots, solved, solved_by_parts
-from .exact_symmetry import Column, ExactReversor
-from .expressions import (
-    ONE,
+from ..mechanics.kinetics import Closed, ClosedGap, Kinetics, Square
+from ..symbolic.identities import vanishes
+from ..symbolic.tree import (
     ZERO,
     ExactExpression,
-    along,
     depends_on,
     derivative_by,
     exact_number,
     expression,
-    jacobian,
     substitute,
     symbol,
     total,
-    vanishes,
 )
+from ..symbolic.tree_linear import Column, ExactRows, Factors, inner_product, rows_of
+from .decimals import exact_fraction
+from .exact_symmetry import ExactReversor
 from .formulas import Domains, expression_of
 from .refusal import Unproved
 from .stated import StatedMachine, StatedSpring
@@ -92,26 +84,15 @@ class LoneExtension:
     domains: list[Domains]
 
 
-@dataclass(frozen=True)
-class Square:
-    """The square of a speed in a kinetic energy: the gradient (n,) of a place whose second derivative by time is the
-    gradient times the accelerations and the bend."""
-
-    mass: ExactExpression
-    gradient: Column
-    bend: ExactExpression
-
-
 class ExactMechanics:
     """The equations of motion of a stated machine.
 
     free : the name of a parameter that is an unknown
-    squares : the kinetic energy as a sum of squares, where the inertia varies and it is one
     tuned : the symbols by name of those parameters that are unknowns of the orbit, and `tuned_units` their units
     y, v : symbols (n,) of the coordinates and their rates, in the units of `scale`
     parameters : the expression of each name: a number, a function of the `share` of an interval, or the symbol of an
         unknown
-    inertia : M (n, n)
+    kinetics, closed : the kinetic energy, and that while the gap is closed; inertia : M (n, n)
     gap : its weights (n,), exact, the largest of which is 1
     sticks : the coordinates that stick
     independent, embed : the coordinates of the contact, and the exact matrix (n, n - 1 - sticks) from these to all
@@ -141,31 +122,30 @@ class ExactMechanics:
         places = [scale.length * each for each in self.y]
         self.names = {**self.parameters, **dict(zip(stated.coordinates, places, strict=True))}
         self.domains = Domains()
-        self.inertia = self._inertia()
-        self.gap = self._gap()
-        self.eliminated = max(range(self.size), key=lambda i: self.gap[i])
+        self.kinetics = self._kinetics()
+        self.inertia = self.kinetics.matrix
         self.sticks = [stated.coordinates.index(name) for name in stated.sticks]
-        self.independent = [i for i in range(self.size) if i not in (self.eliminated, *self.sticks)]
-        if stated.launch not in [stated.coordinates[i] for i in self.independent]:
+        closed_gap = ClosedGap(self._gap(), tuple(self.sticks), self.y, self.v)
+        self.gap, self.independent, self.embed = closed_gap.weights, closed_gap.left, closed_gap.exact_embed
+        self.s, self.w, self.inside, self.in_contact = (
+            closed_gap.s, closed_gap.w, closed_gap.inside, closed_gap.weights_inside
+        )  # fmt: skip
+        names = [stated.coordinates[i] for i in self.independent]
+        if stated.launch not in names:
             raise Unproved(f"'{stated.launch}' is no coordinate of the contact")
-        self.launched = [stated.coordinates[i] for i in self.independent].index(stated.launch)
-        rows = {i: [Fraction(int(i == j)) for j in self.independent] for i in self.independent}
-        rows[self.eliminated] = [-self.gap[j] for j in self.independent]
-        rows |= {i: [Fraction(0)] * len(self.independent) for i in self.sticks}
-        self.embed = [rows[i] for i in range(self.size)]
+        self.launched = names.index(stated.launch)
         self.counts = self.formula(stated.counts)
         self.separation = None if stated.separation is None else self.formula(stated.separation)
         self.heights = [(name, self.formula(height)) for name, height in stated.heights]
         self.pieces, self.law_domains, self.conservative = self._forces()
-        self.squares = self._squares() if depends_on([each for row in self.inertia for each in row], self.y) else []
-        centrifugal = self._centrifugal()
+        centrifugal = self.kinetics.centrifugal
         self.forces = [[q - c for q, c in zip(force, centrifugal, strict=True)] for force in self.conservative]
-        self.accelerations = [
-            of_squares(self.squares, loads) or solved(self.inertia, force)
-            for loads, force in zip(self.conservative, self.forces, strict=True)
-        ]
-        self.s, self.w = [self.y[i] for i in self.independent], [self.v[i] for i in self.independent]
-        self.contact_accelerations, self.contact_force, self.holding_forces = self._contact()
+        self.accelerations = [self.kinetics.accelerations(loads, bent=True) for loads in self.conservative]
+        self.closed = Closed(self.kinetics, closed_gap)
+        columns = rows_of(self.conservative, self.size)
+        self.contact_accelerations = rows_of(self.closed.accelerations(columns, bent=True), len(columns[0]))
+        self.contact_force, *holding = self.closed.forces(rows_of(self.accelerations, self.size))
+        self.holding_forces = rows_of(holding, len(columns[0]))
         if depends_on(self.functions, [self.y[i] for i in self.sticks]):
             raise Unproved("something depends on the place of a coordinate that sticks")
         self.reversor, whole = self._reversors()
@@ -188,21 +168,20 @@ class ExactMechanics:
             raise Unproved(f"mass '{text}' depends on coordinates")
         return found
 
-    def _inertia(self) -> ExactRows:
-        s, matrix = self.stated, [[ZERO] * self.size for _ in range(self.size)]
-        if s.inertia:
-            square = self.scale.length**2
-            matrix = [[square * self.formula(entry) for entry in row] for row in s.inertia]
-            for i in range(self.size):
-                for j in range(i):
-                    if not vanishes(matrix[i][j] - matrix[j][i]):
-                        raise Unproved("the stated inertia is not plainly symmetric")
-        for place, size in (*s.masses, *s.inerters):
-            along, mass = self.gradient(self.formula(place)), self._of_parameters(size)
-            matrix = [[matrix[i][j] + mass * along[i] * along[j] for j in range(self.size)] for i in range(self.size)]
-        for pivot in pivots(matrix):
+    def _kinetics(self) -> Kinetics:
+        s, square = self.stated, self.scale.length**2
+        stated = [[square * self.formula(entry) for entry in row] for row in s.inertia] or None
+        for i, row in enumerate(stated or []):
+            if not all(vanishes(row[j] - other[i]) for j, other in enumerate(stated or []) if j < i):
+                raise Unproved("the stated inertia is not plainly symmetric")
+        paths = [
+            [Square.of(self._of_parameters(size), self.formula(place), self.y, self.v)]
+            for place, size in (*s.masses, *s.inerters)
+        ]
+        found = Kinetics.of(paths, stated, self.y, self.v)
+        for pivot in Factors(found.matrix).pivots:
             self.domains.need("the inverse of the inertia", pivot, positive=True)
-        return matrix
+        return found
 
     def _gap(self) -> list[Fraction]:
         """The weights (n,) of the gap, the largest of which is 1."""
@@ -215,30 +194,6 @@ class ExactMechanics:
         if largest <= 0:
             raise Unproved(f"gap '{self.stated.gap}' is closed by no coordinate that rises")
         return [each.value / largest for each in weights]
-
-    def _squares(self) -> list["Square"]:
-        """The kinetic energy as a sum of squares of speeds; empty where it is stated otherwise."""
-        s, square, found = self.stated, self.scale.length**2, list[Square]()
-        for i, row in enumerate(s.inertia):
-            entries = [square * self.formula(entry) for entry in row]
-            if depends_on(entries, self.y) or not all(each.is_(0) for j, each in enumerate(entries) if j != i):
-                return []
-            if not entries[i].is_(0):
-                found.append(Square(entries[i], [ONE if j == i else ZERO for j in range(self.size)], ZERO))
-        for place, size in (*s.masses, *s.inerters):
-            gradient = self.gradient(self.formula(place))
-            bend = along(along(self.formula(place), self.y, self.v), self.y, self.v)
-            found.append(Square(self._of_parameters(size), gradient, bend))
-        return found
-
-    def _centrifugal(self) -> Column:
-        if self.squares:
-            bends = [(each.mass * each.bend, each.gradient) for each in self.squares]
-            return [total(bend * gradient[i] for bend, gradient in bends) for i in range(self.size)]
-        momentum = [total(m * v for m, v in zip(row, self.v, strict=True)) for row in self.inertia]
-        energy = total(v * p for v, p in zip(self.v, momentum, strict=True)) / 2
-        turned = [total(s * v for s, v in zip(row, self.v, strict=True)) for row in jacobian(momentum, self.y)]
-        return [a - b for a, b in zip(turned, self.gradient(energy), strict=True)]
 
     def _forces(self) -> tuple[ExactPieces | None, list[Domains], ExactRows]:
         """The pieces of the springs' laws, their domains, and the forces (laws, n) without those of the speeds."""
@@ -313,31 +268,6 @@ class ExactMechanics:
             *(each for row in (*self.inertia, *self.forces) for each in row),
         ]
 
-    def _contact(self) -> tuple[ExactRows, Column, ExactRows]:
-        """Accelerations in contact, contact force, and the forces on what sticks, for each law, as functions of s and
-        w."""
-        places = {**dict(zip(self.y, self.embedded(self.s), strict=True))}
-        places |= dict(zip(self.v, self.embedded(self.w), strict=True))
-        inertia = [substitute(row, places) for row in self.inertia]
-        count = range(len(self.independent))
-        projected = [[total(row[i] * self.embed[i][j] for i in range(self.size)) for j in count] for row in inertia]
-        reduced = [[total(self.embed[i][k] * projected[i][j] for i in range(self.size)) for j in count] for k in count]
-        self._reduced = reduced, [self.along(substitute(force, places)) for force in self.forces]
-        accelerations, contact_force, holding = list[Column](), list[ExactExpression](), list[Column]()
-        squares = [
-            Square(each.mass, self.along(substitute(each.gradient, places)), substitute([each.bend], places)[0])
-            for each in self.squares
-        ]
-        squares = [each for each in squares if not all(x.is_(0) for x in each.gradient)]
-        for loads, force in zip(self.conservative, self.forces, strict=True):
-            inside = substitute(force, places)
-            rates = of_squares(squares, self.along(substitute(loads, places))) or solved(reduced, self.along(inside))
-            held = [inner_product(projected[i], rates) - inside[i] for i in (self.eliminated, *self.sticks)]
-            accelerations.append(rates)
-            contact_force.append(held[0])
-            holding.append([each - self.gap[i] * held[0] for i, each in zip(self.sticks, held[1:], strict=True)])
-        return accelerations, contact_force, holding
-
     def _reversors(self) -> tuple[ExactReversor, ExactReversor]:
         """The reversor of the flight, and that of the contact for all coordinates."""
         names, maps = self.stated.coordinates, (dict(self.stated.reversor), dict(self.stated.symmetry))
@@ -359,7 +289,13 @@ class ExactMechanics:
         weights, breaks = (self.pieces.weights, self.pieces.breaks) if self.pieces else ([Fraction(0)] * self.size, ())
         self.order = back.check_turns("the reversor", self.y, self.v, self.inertia, self.forces, weights, breaks)
         self.contact_order = own.check_turns(
-            "the symmetry after the reversor", self.s, self.w, *self._reduced, self.in_contact(weights), breaks
+            "the symmetry after the reversor",
+            self.s,
+            self.w,
+            self.closed.own.matrix,
+            [self.closed.along(self.inside(force)) for force in self.forces],
+            self.in_contact(weights),
+            breaks,
         )
 
     @property
@@ -370,19 +306,9 @@ class ExactMechanics:
             return self.contact_force
         return self.contact_reversor.turned(self.contact_force[:: self.contact_order], self.s, self.w)
 
-    def in_contact(self, weights: Sequence[Fraction]) -> list[Fraction]:
-        """The weights of the contact's coordinates in a sum of all of them."""
-        count = range(len(self.independent))
-        return [sum((weights[i] * self.embed[i][j] for i in range(self.size)), Fraction(0)) for j in count]
-
     def embedded(self, s: Sequence[ExactExpression]) -> Column:
         """All coordinates, or rates, from those of the contact."""
         return [total(weight * x for weight, x in zip(row, s, strict=True)) for row in self.embed]
-
-    def along(self, forces: Sequence[ExactExpression]) -> Column:
-        """Forces on all coordinates as those on the coordinates of the contact."""
-        count = range(len(self.independent))
-        return [total(self.embed[i][j] * forces[i] for i in range(self.size)) for j in count]
 
     def lone_extension(self) -> LoneExtension | None:
         """The extension that moves alone; None where none evidently does."""
@@ -413,9 +339,9 @@ class ExactMechanics:
             (offset,) = substitute([extension], dict.fromkeys(self.y, ZERO))
             actions.append((factor, offset))
         place, r = symbol("lone extension"), [expression(each) for each in along]
-        mobility = solved(self.inertia, r)
+        mobility = self.kinetics.accelerations(r)
         thrown = [mobility[1], -mobility[0]]
-        falling = [self.scale.time**2 * each for each in solved(self.inertia, load)]
+        falling = [self.scale.time**2 * each for each in self.kinetics.accelerations(load)]
         accelerations, domains, squared = list[ExactExpression](), [Domains() for _ in self.forces], self.scale.time**2
         for law, own in enumerate(domains):
             pull = total(
@@ -452,16 +378,3 @@ def place_of(name: str) -> ExactExpression:
 def parameter_of(name: str, low: Fraction, high: Fraction) -> ExactExpression:
     """The expression of a parameter between bounds."""
     return exact_number((low + high) / 2) + exact_number((high - low) / 2) * place_of(name)
-
-
-def of_squares(squares: Sequence[Square], loads: Column) -> Column | None:
-    """The accelerations under loads (n,) of a kinetic energy that is a sum of n squares, with the gradients G as rows
-    and the masses D: G' D (G y'' + bends) = loads. None for other numbers of squares, and where G is not easily solved.
-    """
-    if len(squares) != len(loads):
-        return None
-    rows = [each.gradient for each in squares]
-    pulls = solved_by_parts([list(column) for column in zip(*rows, strict=True)], loads)
-    if pulls is None:
-        return None
-    return solved_by_parts(rows, [pull / each.mass - each.bend for pull, each in zip(pulls, squares, strict=True)])

@@ -14,10 +14,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from .expressions import ZERO, ExactExpression, derivative_by, substitute, total, vanishes
+from ..symbolic.identities import vanishes
+from ..symbolic.tree import ZERO, ExactExpression, derivative_by, substitute, total
+from ..symbolic.tree_linear import Column
 from .refusal import Unproved
-
-Column = list[ExactExpression]
 
 
 @dataclass(frozen=True)

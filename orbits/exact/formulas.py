@@ -5,16 +5,17 @@ that is no whole number are collected as a `Domain`: the expression may be simpl
 and still has no value at r = 1.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 from flint import arb
 
 from ..errors import InputError
 from ..symbolic.formula import BLANKS, parse
+from ..symbolic.tree import PI, SMOOTH_FUNCTIONS, ExactExpression, call
+from ..symbolic.tree_formulas import expression_of_nodes
 from .decimals import exact_fraction
-from .expressions import PI, SMOOTH_FUNCTIONS, ExactExpression, call, exact_number, power
 from .refusal import Unproved
 
 
@@ -60,47 +61,24 @@ def expression_of(text: str, names: Mapping[str, ExactExpression], domains: Doma
     formula = _parsed_formula(text)
     if missing := sorted(formula.names - names.keys()):
         raise InputError(f"'{text}' needs a value for {', '.join(missing)}")
-    stack, shown = list[ExactExpression](), f"'{text.strip(BLANKS)[:60]}'"
-    for node in formula.nodes:
-        kind = node[0]
-        if kind == "number":
-            stack.append(exact_number(exact_fraction("a numeral", node[2])))
-        elif kind == "name":
-            stack.append(PI if node[1] == "pi" else names[node[1]])
-        elif kind == "negative":
-            stack.append(-stack.pop())
-        elif kind == "call":
-            stack.append(_function_value(node[1], stack.pop(), shown, domains))
-        else:
-            right, left = stack.pop(), stack.pop()
-            stack.append(_operation_value(kind, left, right, shown, domains))
-    return stack.pop()
+    shown = f"'{text.strip(BLANKS)[:60]}'"
 
+    def note(kind: str, operands: Sequence[ExactExpression]) -> None:
+        """Collect the domain of an operation."""
+        if kind == "/":
+            domains.need(f"a quotient in {shown}", operands[1], positive=False)
+        elif kind == "**":
+            base, exponent = operands
+            whole = exponent.is_number and exponent.value.denominator == 1
+            if not whole or exponent.value < 0:
+                domains.need(f"a power in {shown}", base, positive=not whole)
+        elif kind not in ("+", "-", "*"):
+            if kind not in SMOOTH_FUNCTIONS:
+                raise Unproved(f"{shown} has {kind}, which has no Taylor series everywhere")
+            for place in _PLACES.get(kind, lambda x: ())(operands[0]):
+                domains.need(f"{kind} in {shown}", place, positive=kind != "tan")
 
-def _operation_value(
-    kind: str, left: ExactExpression, right: ExactExpression, shown: str, domains: Domains
-) -> ExactExpression:
-    if kind == "+":
-        return left + right
-    if kind == "-":
-        return left - right
-    if kind == "*":
-        return left * right
-    if kind == "/":
-        domains.need(f"a quotient in {shown}", right, positive=False)
-        return left / right
-    whole = right.is_number and right.value.denominator == 1
-    if not whole or right.value < 0:
-        domains.need(f"a power in {shown}", left, positive=not whole)
-    return power(left, right)
-
-
-def _function_value(name: str, x: ExactExpression, shown: str, domains: Domains) -> ExactExpression:
-    if name not in SMOOTH_FUNCTIONS:
-        raise Unproved(f"{shown} has {name}, which has no Taylor series everywhere")
-    for place in _PLACES.get(name, lambda x: ())(x):
-        domains.need(f"{name} in {shown}", place, positive=name != "tan")
-    return call(name, x)
+    return expression_of_nodes(formula.nodes, {"pi": PI, **names}, partial(exact_fraction, "a numeral"), note)
 
 
 # The expressions of each function's argument x that have to be positive; for the tangent, not zero.

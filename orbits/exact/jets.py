@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
+from ..symbolic.tree import ZERO, ExactExpression, along, exact_number, substitute, symbol, symbols
 from .exact_mechanics import Column, unknown
-from .expressions import ZERO, ExactExpression, along, exact_number, substitute, symbol, symbols
 from .statement import ExactArc, ExactStatement
 
 

@@ -11,19 +11,19 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from ..model.model import STEP_LENGTH
-from .claim import CONTACT_DURATION, FLIGHT_DURATION
-from .exact_linear import inner_product
-from .exact_mechanics import Column, ExactMechanics, LoneExtension, unknown
-from .exact_symmetry import ExactReversor
-from .expressions import (
+from ..symbolic.identities import vanishes
+from ..symbolic.tree import (
     ExactExpression,
     depends_on,
     expression,
     substitute,
     symbol,
     symbols,
-    vanishes,
 )
+from ..symbolic.tree_linear import inner_product
+from .claim import CONTACT_DURATION, FLIGHT_DURATION
+from .exact_mechanics import Column, ExactMechanics, LoneExtension, unknown
+from .exact_symmetry import ExactReversor
 from .formulas import Domain, Domains
 from .refusal import Unproved
 

@@ -1,21 +1,17 @@
 """Numbers that follow from a machine's parameters, and from its configuration where its inertia depends on that.
 
-Their structure is decided exactly, never by values. Their expressions are quotients of polynomials of symbols,
-roots, sines and other functions over the rational numbers (`symbolic.rational`): the numerals of formulas are the
-decimals that are written, numbers of Python the doubles that they are. So a coefficient is a number, or 0, or does not
-depend on the coordinates, where that is an identity. Rounding comes last, once for each number, so that nothing is
-dropped because it is small. An expression that is too long to be worked out counts as one that depends on all that
-occurs in it; this costs time and changes no result.
+They are exact expressions: the numerals of formulas are the decimals that are written, numbers of Python the doubles
+that they are. Their structure is decided exactly, never by values (`symbolic.identities`): a coefficient is a number,
+or 0, or does not depend on the coordinates, where that is an identity. Rounding comes last, once for each number, so
+that nothing is dropped because it is small.
 """
 
 import operator
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from decimal import Decimal
 from fractions import Fraction
 from functools import cached_property
-from math import nan
+from math import isnan, nan
 
 import casadi as ca
 import numpy as np
@@ -23,10 +19,10 @@ import numpy as np
 from ..laws.law import Algebraic, Parameters, Scalars
 from ..running.exclusive import LOCK
 from ..symbolic.calls import single_assignment
-from ..symbolic.folding import exact_numeral
-from ..symbolic.formula import CONSTANTS
+from ..symbolic.identities import has_symbols, number_of, simplified, without
 from ..symbolic.kernels import ElementwiseFunction
-from ..symbolic.rational import NormalForms, Normalised, normalised, rounded
+from ..symbolic.tree import ExactExpression, in_order, symbol
+from ..symbolic.tree_casadi import lowered, rounded
 
 # Short expressions of these operations, of two arguments or of one that occurs twice, are evaluated step by step on
 # Python's numbers and NumPy's arrays, since a call of a compiled function takes as long as fifty of them.
@@ -44,57 +40,6 @@ MOST_OPERATIONS = 60
 EXPRESSIONS = (ca.SX, ca.MX)
 
 
-class Numerals:
-    """The numbers of a machine as symbols, so that CasADi does not round while it derives.
-
-    symbols : by the texts of the numbers, see `symbolic.formula.symbolic_numerals`
-    """
-
-    def __init__(self) -> None:
-        self.symbols: dict[str, ca.SX] = {}
-        self._known: tuple[ca.SX, list[ca.SX], list[Fraction]] = (ca.SX(0, 1), [], [])
-
-    def number(self, value: float | Fraction) -> ca.SX:
-        """The symbol of a number; 0, 1 and -1 stand for themselves, with which CasADi's arithmetic is exact."""
-        if value in (0, 1, -1):
-            return ca.SX(float(value))
-        text = str(value) if isinstance(value, Fraction) else str(Decimal(value))
-        if text.startswith("-"):
-            return -self.number(-value)
-        return self.symbols.setdefault(text, ca.SX.sym(text))
-
-    def known(self) -> tuple[ca.SX, list[ca.SX], list[Fraction]]:
-        """The symbols, as a vector and one by one, and the numbers for which they stand."""
-        if len(self.symbols) != len(self._known[1]):
-            scalars = list(self.symbols.values())
-            self._known = ca.vertcat(*scalars), scalars, [self._value(text) for text in self.symbols]
-        return self._known
-
-    @staticmethod
-    def _value(text: str) -> Fraction:
-        return Fraction(CONSTANTS[text]) if text in CONSTANTS else exact_numeral(text)
-
-    def rounded(self, expression: ca.SX) -> ca.SX:
-        """An expression with doubles in place of the symbols."""
-        vector, scalars, values = self.known()
-        if not scalars:
-            return expression
-        return ca.substitute(expression, vector, ca.SX(ca.DM([float(each) for each in values])))
-
-
-class Symbols:
-    """The symbols in a machine's expressions.
-
-    place : the coordinates, or those of the contact
-    p : the parameters by name
-    """
-
-    def __init__(self, place: ca.SX, p: Mapping[str, ca.SX], numerals: Numerals):
-        self.place, self.p, self.numerals = place, p, numerals
-        self.vectors, self.scalars = [place, ca.vertcat(*p.values())], [*ca.vertsplit(place), *p.values()]
-        self.size, self.names = place.numel(), list(p)
-
-
 class Coefficients:
     """A matrix of expressions of coordinates and parameters; entries that are constant become numbers.
 
@@ -103,16 +48,51 @@ class Coefficients:
     by_coordinates : whether an entry depends on coordinates
     """
 
-    def __init__(self, matrix: ca.SX, symbols: Symbols):
-        self.shape = matrix.shape
-        found = Entries(matrix, symbols)
-        self.exact, self.constants = found.exact, found.constants
-        self.places = [i for i, constant in enumerate(self.constants) if constant != constant]
-        written, used = [found.written(place) for place in self.places], set[int]()
-        used.update(*(variables for _, variables in written))
-        self.by_coordinates = any(variable < symbols.size for variable in used)
-        self.names = [name for i, name in enumerate(symbols.names, symbols.size) if i in used]
-        self._written, self._symbols = [expression for expression, _ in written], symbols
+    def __init__(self, matrix: Sequence[Sequence[ExactExpression]], place: Sequence[ExactExpression]):
+        """The rows of the matrix, and the coordinates; all other symbols are parameters."""
+        self.shape, self._place = (len(matrix), len(matrix[0])), list(place)
+        self._entries = [each for column in zip(*matrix, strict=True) for each in column]
+
+    @cached_property
+    def exact(self) -> list[Fraction | None]:
+        with LOCK:
+            return list(map(number_of, self._entries))
+
+    @cached_property
+    def _varying(self) -> dict[int, ExactExpression]:
+        """The entries that are no rational numbers, by their places, written without coordinates where that is so."""
+        with LOCK:
+            left = [(i, each) for i, each in enumerate(self._entries) if self.exact[i] is None]
+            return {i: simplified(without(each, self._place) or each) for i, each in left}
+
+    @cached_property
+    def constants(self) -> list[float]:
+        with LOCK:
+            left = {i: nan if has_symbols(each) else _value(each) for i, each in self._varying.items()}
+            return [left[i] if value is None else rounded(value) for i, value in enumerate(self.exact)]
+
+    @cached_property
+    def places(self) -> list[int]:
+        """The places of the entries that depend on something."""
+        return [i for i in self._varying if isnan(self.constants[i])]
+
+    @cached_property
+    def _written(self) -> list[ExactExpression]:
+        return [self._varying[i] for i in self.places]
+
+    @cached_property
+    def _used(self) -> set[ExactExpression]:
+        """The symbols in the entries."""
+        return {each for each in in_order(self._written) if each.kind == "symbol"}
+
+    @cached_property
+    def by_coordinates(self) -> bool:
+        return not self._used.isdisjoint(self._place)
+
+    @cached_property
+    def names(self) -> list[str]:
+        """The names of the parameters on which they depend."""
+        return sorted(each.value for each in self._used.difference(self._place))
 
     def __call__(self, p: Parameters, y: Scalars = ()) -> list[list[Algebraic]]:
         """The rows of the matrix at parameters and coordinates that are expressions, numbers, or arrays (m,)."""
@@ -127,9 +107,10 @@ class Coefficients:
     def function(self) -> ca.Function:
         """The entries at `places`, of the coordinates and of the parameters `names`."""
         with LOCK:
-            used = ca.vertcat(*(self._symbols.p[name] for name in self.names))
-            entries = ca.cse(ca.SX(ca.vertcat(*self._written)))
-            return ca.Function("coefficients", [self._symbols.place, used], [entries])
+            place, used = ([ca.SX.sym(each) for each in names] for names in (map(str, self._place), self.names))
+            symbols = dict(zip([*self._place, *map(symbol, self.names)], [*place, *used], strict=True))
+            entries = ca.cse(ca.vertcat(*lowered(self._written, symbols)))
+            return ca.Function("coefficients", [ca.vertcat(*place), ca.vertcat(*used)], [entries])
 
     def _matrix(self, values: list[Algebraic]) -> list[list[Algebraic]]:
         """The rows of the matrix with these values, which go down its columns."""
@@ -215,59 +196,6 @@ def program_of(function: ca.Function) -> Program | None:
     return Program(tuple(constants), tuple(steps), tuple(results[i] for i in range(len(results))))
 
 
-class Entries:
-    """The entries of a matrix of expressions and their dependencies, decided exactly.
-
-    exact, constants : as in `Coefficients`
-    """
-
-    def __init__(self, matrix: ca.SX, symbols: Symbols):
-        self.symbols, self.entries = symbols, ca.densify(ca.vec(matrix))
-        vector, scalars, values = symbols.numerals.known()
-        self.count, function = len(symbols.scalars), ca.Function("entries", [*symbols.vectors, vector], [self.entries])
-        exact = dict(enumerate(values, self.count))
-        self.found: Normalised = normalised(function, [*symbols.scalars, *scalars], exact)
-        self.forms: NormalForms = self.found.forms
-        self.exact = [self.forms.constant(each) for each in self.found.results]
-        self.constants = [self._rounded(place) for place in range(len(self.exact))]
-
-    @property
-    def vanishes(self) -> bool:
-        """Whether all entries are 0."""
-        return all(each == 0 for each in self.exact)
-
-    @property
-    def varies(self) -> bool:
-        """Whether an entry depends on coordinates."""
-        coordinates = range(self.symbols.size)
-        return any(self.forms.without(form, coordinates) is None for form in self.found.results)
-
-    def _rounded(self, place: int) -> float:
-        """The double of an entry, NaN where it is no number, or lies outside the range of doubles."""
-        value, form = self.exact[place], self.found.results[place]
-        if value is None and not self.forms.variables(form):  # a function of numbers, as sqrt(2)
-            return float(ca.evalf(self.symbols.numerals.rounded(self.forms.expression(form))))
-        try:
-            return nan if value is None else rounded(value)
-        except OverflowError:
-            return nan
-
-    def written(self, place: int) -> tuple[ca.SX, set[int]]:
-        """The expression of an entry, and the places of the symbols on which it depends.
-
-        The expression of the normal form is taken where it is no longer than the derived one, or where it alone is free
-        of coordinates.
-        """
-        form, used, rounded = self.found.results[place], self.found.uses[place], self.symbols.numerals.rounded
-        free = self.forms.without(form, range(self.symbols.size))
-        simplest = form if free is None else free
-        varies = any(variable < self.symbols.size for variable in used)
-        if self.forms.operations(simplest) <= self.found.sizes[place] or (varies and free is not None):
-            with suppress(OverflowError):
-                expression, generators = self.forms.expression(simplest), simplest.generators
-                if max(generators, default=0) < self.count:  # of symbols alone
-                    return expression, generators
-                # The arguments of functions stand as they were derived, with numerals and with all that cancels.
-                expression, symbols = rounded(expression), enumerate(self.symbols.scalars)
-                return expression, {i for i, symbol in symbols if ca.depends_on(expression, symbol)}
-        return rounded(self.entries[place]), used
+def _value(each: ExactExpression) -> float:
+    """The double of an expression without symbols, as sqrt(2)."""
+    return float(ca.evalf(lowered([each], {})[0]))

@@ -1,16 +1,22 @@
 """The coordinates of a mechanism with their symbols, and exact properties of expressions of them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 
 from ..laws.law import Parameters, Scalars
 from ..symbolic.formula import symbolic_numerals
-from .coefficients import Coefficients, Entries, Numerals, Symbols
-from .elements import Scalar, value_of
+from ..symbolic.identities import number_of, vanishes, without
+from ..symbolic.tree import ZERO, ExactExpression, derivative_by, exact_number, substitute, symbol
+from ..symbolic.tree_casadi import exact_value, lifted
+from ..symbolic.tree_formulas import expression_of_nodes
+from ..symbolic.tree_linear import Column
+from .coefficients import Coefficients
+from .elements import Scalar, parsed, value_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,23 +25,18 @@ class Coordinates:
 
     names, actuators : each actuator is the name of a displacement and that of its rate
     p : the parameters
-    numerals : the numbers that stand in expressions
-    y, v : coordinates with displacements, and their rates, (n + k,)
     """
 
     names: tuple[str, ...]
     actuators: tuple[tuple[str, str], ...]
     p: dict[str, ca.SX]
-    numerals: Numerals
-    y: ca.SX
-    v: ca.SX
+    _known: dict[Scalar, ExactExpression] = field(default_factory=dict, repr=False)
     _weights: dict[Scalar, list[Fraction] | None] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, names: Sequence[str], actuators: Sequence[tuple[str, str]], parameters: Sequence[str]) -> "Coordinates":
         """The coordinates and actuators of these names."""
-        y, v = (ca.SX.sym(name, len(names) + len(actuators)) for name in ("y", "v"))
-        return cls(tuple(names), tuple(actuators), {name: ca.SX.sym(name) for name in parameters}, Numerals(), y, v)
+        return cls(tuple(names), tuple(actuators), {name: ca.SX.sym(name) for name in parameters})
 
     @property
     def size(self) -> int:
@@ -47,62 +48,84 @@ class Coordinates:
         """The names (n + k,) of coordinates and displacements."""
         return (*self.names, *(name for name, _ in self.actuators))
 
+    @cached_property
+    def y(self) -> Column:
+        """The symbols (n + k,) of coordinates and displacements."""
+        return list(map(symbol, self.moved))
+
+    @cached_property
+    def v(self) -> Column:
+        """The symbols (n + k,) of their rates."""
+        return [symbol(f"{name}'") for name in self.moved]
+
     def named(self, values: Scalars) -> Parameters:
         """Values (n + k,) by the names of the coordinates and displacements."""
         return dict(zip(self.moved, values, strict=True))
 
-    @cached_property
-    def own_symbols(self) -> Symbols:
-        """The symbols of expressions of the coordinates and of the parameters."""
-        return self.symbols(self.y)
+    def scalar(self, expression: Scalar) -> ExactExpression:
+        """An expression of the coordinates and parameters."""
+        if expression not in self._known:
+            if isinstance(expression, str):
+                formula = parsed(expression)
+                names = {"pi": exact_value("pi"), **{name: symbol(name) for name in formula.names}}
+                found = expression_of_nodes(formula.folded_nodes, names)
+            elif callable(expression):
+                found = self.of_function(lambda y, v: value_of(expression, self.named(y), self.p))
+            else:
+                found = exact_number(Fraction(float(expression)))
+            self._known[expression] = found
+        return self._known[expression]
 
-    def symbols(self, *place: ca.SX) -> Symbols:
-        """The symbols of expressions of these and of the parameters."""
-        return Symbols(ca.vertcat(*place), self.p, self.numerals)
+    def of_function(self, function: Callable[[list[ca.SX], list[ca.SX]], Any]) -> ExactExpression:
+        """The exact expression of a function of CasADi's coordinates and rates, (n + k,) each, in which the numerals of
+        formulas are exact."""
+        y, v = ([ca.SX.sym(each.value) for each in symbols] for symbols in (self.y, self.v))
+        numerals = dict[str, ca.SX]()
+        with symbolic_numerals(numerals):
+            found = ca.SX(function(y, v))
+        known = dict(zip([*y, *v], [*self.y, *self.v], strict=True))
+        return self.lifted([found], {**known, **{each: exact_value(text) for text, each in numerals.items()}})[0]
 
-    def scalar(self, expression: Scalar) -> ca.SX:
-        """An expression of the coordinates and parameters, with symbols for its numerals."""
-        if not (isinstance(expression, str) or callable(expression)):
-            return self.numerals.number(float(expression))
-        with symbolic_numerals(self.numerals.symbols, folded=True):
-            return ca.SX(value_of(expression, self.named(ca.vertsplit(self.y)), self.p))
+    def lifted(self, expressions: Sequence[ca.SX], symbols: Mapping[ca.SX, ExactExpression] | None = None) -> Column:
+        """The exact expressions of CasADi's ones of the parameters and of other symbols."""
+        own = {each: symbol(name) for name, each in self.p.items()}
+        return lifted(expressions, {**own, **(symbols or {})})
 
-    def coefficients(self, matrix: ca.SX, symbols: Symbols | None = None) -> Coefficients:
+    def coefficients(
+        self, matrix: Sequence[Sequence[ExactExpression]], place: Sequence[ExactExpression] | None = None
+    ) -> Coefficients:
         """A matrix of expressions of the coordinates, or of other symbols, and of the parameters."""
-        return Coefficients(matrix, symbols or self.own_symbols)
+        return Coefficients(matrix, self.y if place is None else place)
 
-    def vanishes(self, matrix: ca.SX, symbols: Symbols | None = None) -> bool:
-        """Whether all entries of a matrix are 0."""
-        return matrix.is_zero() or Entries(matrix, symbols or self.own_symbols).vanishes
+    def varies(self, entries: Iterable[ExactExpression], place: Sequence[ExactExpression] | None = None) -> bool:
+        """Whether an expression depends on the coordinates, or on other symbols."""
+        return any(without(each, self.y if place is None else place) is None for each in entries)
 
-    def varies(self, matrix: ca.SX, symbols: Symbols | None = None) -> bool:
-        """Whether a matrix depends on the coordinates, or on the other symbols' place."""
-        symbols = symbols or self.own_symbols
-        return ca.depends_on(matrix, symbols.place) and Entries(matrix, symbols).varies
-
-    def gradient(self, expression: Scalar) -> ca.SX:
+    def gradient(self, expression: Scalar | ExactExpression) -> Column:
         """The gradient (n + k,) of an expression by the coordinates and displacements."""
-        return ca.gradient(self.scalar(expression), self.y)
+        own = expression if isinstance(expression, ExactExpression) else self.scalar(expression)
+        return [derivative_by(own, each) for each in self.y]
 
-    def at_zero(self, expression: Scalar) -> ca.SX:
+    def at_zero(self, expression: Scalar | ExactExpression) -> ExactExpression:
         """An expression where all coordinates are 0."""
-        return self.without_place(self.scalar(expression))
-
-    def without_place(self, expression: ca.SX) -> ca.SX:
-        """An expression of symbols where all coordinates are 0."""
-        return ca.substitute(expression, self.y, ca.SX(ca.DM.zeros(self.y.numel())))
+        own = expression if isinstance(expression, ExactExpression) else self.scalar(expression)
+        return substitute([own], dict.fromkeys(self.y, ZERO))[0]
 
     def affine(self, expression: Scalar) -> Coefficients | None:
         """The weights of the coordinates and displacements and the offset of an expression, functions of the
         parameters; None where it is not affine."""
-        found = self.coefficients(ca.horzcat(self.gradient(expression).T, self.at_zero(expression)))
+        found = self.coefficients([[*self.gradient(expression), self.at_zero(expression)]])
         return None if found.by_coordinates else found
 
     def weights(self, expression: Scalar) -> list[Fraction] | None:
         """The weights (n + k,) of the coordinates and displacements in an expression that is a sum of these, with
         rational numbers before them, and of parameters; None for another."""
         if expression not in self._weights:
-            weights = Entries(self.gradient(expression), self.own_symbols).exact
-            numbers = [weight for weight in weights if weight is not None]
-            self._weights[expression] = numbers if len(numbers) == len(weights) else None
+            numbers = [weight for each in self.gradient(expression) if (weight := number_of(each)) is not None]
+            self._weights[expression] = numbers if len(numbers) == len(self.y) else None
         return self._weights[expression]
+
+
+def all_vanish(entries: Iterable[ExactExpression]) -> bool:
+    """Whether all expressions are 0 everywhere."""
+    return all(map(vanishes, entries))

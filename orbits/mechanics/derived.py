@@ -27,8 +27,8 @@ def derived_model(structure: Structure) -> Model:
     """The model of a mechanism; raises `InputError` where it is no mechanism."""
     s, parts = structure, _parts_of(structure)
     mechanics, gap, steps = parts.mechanics, parts.gap, parts.steps
-    if steps and steps.reversible and mechanics.conservative:
-        steps.refuse_forces(mechanics)
+    if mechanics.conservative:
+        _needs_odd_tables(s)
     launch = launch_of(mechanics, parts.alone, parts.words["liftoff"], dict(s.rest).get(parts.launched, 0.0))
     linear = Linear.of(mechanics, steps, parts.reactions)
     # The motion of one extension alone leads to orbits where nothing damps or drives it. Under gravity that varies it

@@ -3,115 +3,37 @@
 Each element exerts a force f against a function of the coordinates y (n,) with the gradient J (n,), so that in
 flight
 
-    M y'' = -sum of J f,
+    M y'' + C = -sum of J f,
 
-M (n, n) being the inertia. A mass that moves along a function h of the coordinates which is no straight line adds the
-force m v^T (Hessian of h) v. In contact the gap g(y) = weights . y stays closed: one coordinate is eliminated, y = E s
-with a matrix E of numbers, and E^T M E s'' = -sum of E^T J f. The row of the eliminated coordinate gives the force
-lambda of the contact,
+with the inertia M (n, n) and what is quadratic in the rates, C (n,), of `kinetics`. In contact the gap
+g(y) = weights . y stays closed: one coordinate is eliminated, y = E s with a matrix E of numbers, and the row of the
+eliminated coordinate gives the force of the contact. Coordinates that stick are at rest in contact too, at 0, and the
+ground exerts a force on each. With the gradients of the gap and of these as the columns of G, an impact changes the
+speeds by M^-1 G (G^T M^-1 G)^-1 per change of the speeds that it brings to 0.
 
-    lambda dg/dy = M y'' + sum of J f.
-
-Coordinates that stick are at rest in contact too, at 0, and the ground exerts a force on each. With the gradients of
-the gap and of these as the columns of G, an impact changes the speeds by M^-1 G (G^T M^-1 G)^-1 per change of the
-speeds that it brings to 0. The coefficients of the forces are
-functions of the parameters, and numbers where these make no difference. Nothing is rounded while they are derived: all
-numbers are symbols (`Numerals`), and whatever the structure depends on, as whether a coefficient is 0, whether an
-extension is a sum of coordinates, and whether two forces are one, is decided exactly (`Entries`).
+The coefficients of the forces are functions of the parameters, and numbers where these make no difference. Nothing is
+rounded while they are derived on exact expressions, and whatever the structure depends on, as whether a coefficient is
+0, whether an extension is a sum of coordinates, and whether two forces are one, is decided exactly.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
-from functools import cached_property
+from functools import cache, cached_property
 
 import casadi as ca
-import numpy as np
 
 from ..errors import InputError
 from ..laws.law import Algebraic, Key, Parameters, Scalars
 from ..model.model import CONTACT_FORCE, names_of_holding
 from ..model.phase import is_used, weighted_sum
-from .coefficients import Coefficients, Entries, Symbols
-from .coordinates import Coordinates
-from .elements import Damper, Element, Force, Mass, Scalar, Spring
-from .inertia import Inertia, inverse, squares_of
-from .terms import Gravity, Term, mass_of, moving_masses, terms_of, with_law
-
-
-@dataclass(frozen=True, eq=False)
-class ClosedGap:
-    """The gap as a sum of coordinates, and the coordinates that remain while it is closed.
-
-    weights : (n,), the largest being 1: the contact force is the force on its coordinate, which is eliminated
-    left : the places of the remaining ones among the coordinates and displacements
-    s : the symbols of these
-    sticks : the places of the coordinates that stick while it is closed
-    """
-
-    weights: list[Fraction]
-    exact: ca.SX
-    left: list[int]
-    s: ca.SX
-    sticks: tuple[int, ...] = ()
-
-    @classmethod
-    def of(cls, c: Coordinates, expression: Scalar, sticks: Sequence[str] = ()) -> "ClosedGap":
-        """The gap that an expression states, with the coordinates that stick; raises `InputError` for one that is no
-        sum of coordinates."""
-        weights, at_closed = c.weights(expression), c.at_zero(expression)
-        sums = weights is not None and c.vanishes(at_closed) and not any(weights[c.size :])
-        if weights is None or not sums or max(weights) <= 0:
-            raise InputError(
-                f"gap '{expression}' is no sum of coordinates with numbers before them, as \"foot - plate\""
-            )
-        weights = [weight / max(weights) for weight in weights[: c.size]]
-        held = tuple(map(c.names.index, sticks))
-        if any(weights[i] for i in held):
-            raise InputError(f"gap '{expression}' opens along the ground: what sticks ({sticks[0]}) is not in it")
-        left = [i for i in range(len(c.moved)) if i not in (weights.index(Fraction(1)), *held)]
-        return cls(weights, ca.vertcat(*map(c.numerals.number, weights)), left, ca.SX.sym("s", len(left)), held)
-
-    @property
-    def own(self) -> int:
-        """The number of coordinates that remain."""
-        return len(self.weights) - 1 - len(self.sticks)
-
-    @cached_property
-    def held(self) -> ca.SX:
-        """The matrix (n, 1 + sticks) of the gradients of the gap and of what sticks."""
-        return ca.horzcat(self.exact, *(ca.SX.eye(len(self.weights))[:, i] for i in self.sticks))
-
-    @cached_property
-    def numbers(self) -> np.ndarray:
-        """The weights (n,) as doubles."""
-        return np.array(self.weights, dtype=float)
-
-    @cached_property
-    def embed(self) -> np.ndarray:
-        """The matrix (n + k, own + k) from the remaining coordinates and displacements to all of them."""
-        place, own = self.weights.index(Fraction(1)), self.own
-        matrix = np.eye(len(self.left) + 1 + len(self.sticks))[:, self.left]
-        matrix[place, :own] = -self.numbers[self.left[:own]]
-        return matrix
-
-    @cached_property
-    def exact_embed(self) -> ca.SX:
-        """The same matrix, with symbols for its numbers."""
-        place, own = self.weights.index(Fraction(1)), self.own
-        matrix = ca.SX.eye(len(self.left) + 1 + len(self.sticks))[:, self.left]
-        matrix[place, :own] = -self.exact[self.left[:own]].T
-        return matrix
-
-    def inside(self, expression: ca.SX, c: Coordinates) -> ca.SX:
-        """An expression of the coordinates as one of the remaining ones."""
-        return ca.substitute(expression, c.y, ca.densify(ca.sparsify(self.exact_embed) @ self.s))
-
-    def weights_inside(self, weights: Sequence[Fraction]) -> list[Fraction]:
-        """The weights of the remaining ones in a sum of all coordinates and displacements."""
-        lost = weights[self.weights.index(Fraction(1))]
-        gap = [*self.weights, *(Fraction(0) for _ in range(len(weights) - len(self.weights)))]
-        return [weights[i] - lost * gap[i] for i in self.left]
+from ..symbolic.identities import vanishes
+from ..symbolic.tree import ZERO, ExactExpression, derivative_by, total
+from ..symbolic.tree_linear import Column, ExactRows, inner_product, rows_of
+from .coefficients import Coefficients
+from .coordinates import Coordinates, all_vanish
+from .elements import Damper, Element, Force, Inerter, Mass, Scalar, Spring, paths_of
+from .kinetics import Closed, ClosedGap, Kinetics, Square
+from .terms import Gravity, Term, mass_of, terms_of, with_law
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,49 +41,51 @@ class InFlight:
     """The equations of motion of the flight.
 
     terms : the forces
-    parts : the masses, with the gradients (n,) along which they move, that make the kinetic energy
-    inertia : (n, n)
+    kinetics : the kinetic energy
     gradients : (n + k, terms) of the functions that the forces act against
     accelerations : (n, terms) per force; `coefficients` of these
+    bent : (n,), the accelerations by what is quadratic in the rates; `quadratic` of these, None where they vanish
     kick : (n, 1 + sticks), the change of the speeds per impulse of the contact and of what sticks
     impact, impact_mass : (1 + sticks, n) the change of the speeds per change of the gap's speed and of those that
         stick, and the masses (1 + sticks, 1 + sticks) that these speeds have
     moves_ends : whether a force depends on the rates of the actuators
-    quadratic : (n, 1), the accelerations by the forces quadratic in the rates, of places and rates; None where they are
-        among the forces of `coefficients`
     """
 
     terms: list[Term]
-    parts: list[tuple[ca.SX, ca.SX]]
-    inertia: ca.SX
-    gradients: ca.SX
-    accelerations: ca.SX
+    kinetics: Kinetics
+    gradients: ExactRows
+    accelerations: ExactRows
     coefficients: Coefficients
-    kick: ca.SX
+    bent: Column
+    quadratic: Coefficients | None
+    kick: ExactRows
     impact: Coefficients
-    impact_mass: ca.SX
+    impact_mass: ExactRows
     moves_ends: bool
-    quadratic: Coefficients | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class InContact:
     """The equations of motion of the contact.
 
-    symbols : of its expressions
     terms : the forces that differ there
-    row : (1 + sticks, terms), the contact force and those on what sticks, per force; `force_coefficients` of these
+    held, bent_row : (1 + sticks, terms of the flight) and (1 + sticks,), the contact force and those on what sticks,
+        per force and by what is quadratic in the rates
+    row : the same (1 + sticks, terms) per force that differs
+    force_coefficients, force_quadratic : of these
     inertia : of the remaining coordinates; `coefficients` of their accelerations per force
     quadratic : as in flight
     """
 
-    symbols: Symbols
     terms: list[Term]
-    row: ca.SX
+    held: ExactRows
+    bent_row: Column
+    row: ExactRows
     force_coefficients: Coefficients
-    inertia: ca.SX
+    force_quadratic: Coefficients | None
+    inertia: ExactRows
     coefficients: Coefficients
-    quadratic: Coefficients | None = None
+    quadratic: Coefficients | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,17 +133,13 @@ class Mechanics:
         c, flight, contact = replace(self.coordinates, p=p), self.in_flight, self.in_contact
         flying, standing = ([with_law(c, term, laws) for term in each.terms] for each in (flight, contact))
         flight = replace(flight, terms=flying)
-        contact = replace(contact, terms=standing, symbols=c.symbols(self.gap.s))
+        contact = replace(contact, terms=standing)
         return replace(self, coordinates=c, in_flight=flight, in_contact=contact, laws=tuple(laws))
 
     def law_of(self, spring: Element | None) -> Key:
         """The key of a spring's law."""
         assert isinstance(spring, Spring)
         return self.laws[spring.force]
-
-    def inside(self, expression: ca.SX) -> ca.SX:
-        """An expression of the coordinates as one of the coordinates of the contact."""
-        return self.gap.inside(expression, self.coordinates)
 
     def flight(self, x: Scalars, p: Parameters, q: Scalars) -> list[Algebraic]:
         """The field of the flight, see `Phase`."""
@@ -236,8 +156,10 @@ class Mechanics:
         """The force of the contact, which presses where it is above 0; where `held` is not 0, the force on the
         coordinate that sticks of this number, from 1."""
         s, rates = self.positions_and_rates(x, p)
-        row, place = self.in_contact.force_coefficients(p, s)[held], (self.embedded(s), self.embedded(rates))
-        return weighted_sum(row, forces_of(self.in_contact.terms, [row], place, p, q))
+        contact, place = self.in_contact, (self.embedded(s), self.embedded(rates))
+        row = contact.force_coefficients(p, s)[held]
+        force = weighted_sum(row, forces_of(contact.terms, [row], place, p, q))
+        return _with_bent([force], contact.force_quadratic, (s, rates), p, held)[0]
 
     def positions_and_rates(self, x: Scalars, p: Parameters) -> tuple[list[Algebraic], list[Algebraic]]:
         """Coordinates with the actuators' displacements, and their rates, of a flight or a contact state."""
@@ -260,23 +182,35 @@ class Mechanics:
     ) -> list[Algebraic]:  # fmt: skip
         forces = forces_of(phase.terms, rows, place, p, q)
         changes = [weighted_sum(row, forces) for row in rows]
-        if phase.quadratic:
-            each = zip(changes, phase.quadratic(p, [*own[0], *own[1]]), strict=True)
-            changes = [change + more if is_used(more) else change for change, (more,) in each]
+        changes = _with_bent(changes, phase.quadratic, own, p)
         pairs = [part for pair in zip(own[1], changes, strict=False) for part in pair]
         return [*pairs, *(p[rate] for _, rate in self.coordinates.actuators)]
 
-    def turning(self, unit: ca.SX) -> Callable:
+    def turning(self, unit: ExactExpression) -> Callable:
         """(coordinates, rates, p) -> the slopes of the kinetic energy in a unit by the coordinates and displacements,
         which vanish where an inertia does not depend on them."""
-        c, inertia, rates = self.coordinates, self.in_flight.inertia / unit, ca.SX.sym("v", self.size)
-        if not c.varies(inertia):
+        c, matrix = self.coordinates, self.in_flight.kinetics.matrix
+        if not c.varies(each for row in matrix for each in row):
             return lambda y, v, p: [0.0] * len(c.moved)
-        slopes = c.numerals.rounded(ca.gradient(ca.bilin(inertia, rates, rates) / 2, c.y))
-        function = ca.Function("turning", [c.y, rates, ca.vertcat(*c.p.values())], [slopes])
-        return lambda y, v, p: ca.vertsplit(
-            function(ca.vertcat(*y), ca.vertcat(*v[: rates.numel()]), ca.vertcat(*(p[name] for name in c.p)))
-        )
+
+        @cache
+        def slopes() -> Coefficients:
+            rates = c.v[: self.size]
+            energy = inner_product(rates, [inner_product(row, rates) for row in matrix]) / (2 * unit)
+            return c.coefficients([[derivative_by(energy, each) for each in c.y]], [*c.y, *c.v])
+
+        return lambda y, v, p: slopes()(p, [*y, *v])[0]
+
+
+def _with_bent(
+    changes: Sequence[Algebraic], quadratic: Coefficients | None, own: tuple[Scalars, Scalars], p: Parameters,
+    first: int = 0,
+) -> list[Algebraic]:  # fmt: skip
+    """What is linear in the forces, with what is quadratic in the rates, from its row `first` on."""
+    if quadratic is None:
+        return list(changes)
+    rows = quadratic(p, [*own[0], *own[1]])[first : first + len(changes)]
+    return [change + more if is_used(more) else change for change, (more,) in zip(changes, rows, strict=True)]
 
 
 def mechanics_of(
@@ -290,12 +224,11 @@ def mechanics_of(
 
     Raises `InputError` for an inertia that is singular, and for a gap that no coordinate closes.
     """
-    stated = stated_inertia(c, inertia)
-    whole = _inertia(c, elements, stated)
-    terms = terms_of(c, elements, gravity, stated)
-    closed = ClosedGap.of(c, gap, sticks)
-    flight = _flight_equations(c, elements, terms, stated, whole, closed)
-    return Mechanics(c, tuple(elements), gravity, closed, flight, _contact_equations(c, closed, flight))
+    kinetics = _kinetics_of(c, elements, stated_inertia(c, inertia))
+    closed = closed_gap(c, gap, sticks)
+    standing = Closed(kinetics, closed)
+    flight = _flight_equations(c, elements, terms_of(c, elements, gravity), kinetics, standing)
+    return Mechanics(c, tuple(elements), gravity, closed, flight, _contact_equations(c, closed, flight, standing))
 
 
 def forces_of(
@@ -307,125 +240,94 @@ def forces_of(
     return [term.force(*place, p, q) if use else 0.0 for term, use in zip(terms, used, strict=True)]
 
 
-def stated_inertia(c: Coordinates, stated: Sequence[Sequence[Scalar]]) -> ca.SX:
-    """The matrix (n, n) that is stated beside the elements."""
-    matrix = ca.SX(c.size, c.size)
-    for i, row in enumerate(stated):
-        for j, entry in enumerate(row):
-            if entry != 0:
-                matrix[i, j] = c.scalar(entry)
-    return matrix
+def closed_gap(c: Coordinates, expression: Scalar, sticks: Sequence[str] = ()) -> ClosedGap:
+    """The gap that an expression states, with the coordinates that stick; raises `InputError` for one that is no sum of
+    coordinates."""
+    weights, at_closed = c.weights(expression), c.at_zero(expression)
+    sums = weights is not None and vanishes(at_closed) and not any(weights[c.size :])
+    if weights is None or not sums or max(weights) <= 0:
+        raise InputError(f"gap '{expression}' is no sum of coordinates with numbers before them, as \"foot - plate\"")
+    weights = [weight / max(weights) for weight in weights[: c.size]]
+    held = tuple(map(c.names.index, sticks))
+    if any(weights[i] for i in held):
+        raise InputError(f"gap '{expression}' opens along the ground: what sticks ({sticks[0]}) is not in it")
+    return ClosedGap(weights, held, c.y, c.v)
 
 
-def _inertia(c: Coordinates, elements: Sequence[Element], stated: ca.SX) -> ca.SX:
-    """The matrix (n, n) of the kinetic energy."""
-    matrix = stated
-    for place, mass in moving_masses(elements):
-        gradient = ca.sparsify(c.gradient(place))
-        if not c.vanishes(gradient[c.size :]):
-            raise InputError(f"'{place}' moves with an actuator: what has mass moves with coordinates alone")
-        matrix = matrix + mass_of(c, mass) * (gradient[: c.size] @ gradient[: c.size].T)
-    matrix = ca.sparsify(matrix)
-    if still := [name for i, name in enumerate(c.names) if c.vanishes(matrix[i, i])]:
+def stated_inertia(c: Coordinates, stated: Sequence[Sequence[Scalar]]) -> ExactRows | None:
+    """The matrix (n, n) that is stated beside the elements; None without one."""
+    return [list(map(c.scalar, row)) for row in stated] or None
+
+
+def moving_masses(elements: Sequence[Element]) -> list[tuple[list[Scalar], Scalar]]:
+    """The functions of the coordinates along which something with a mass moves, and the mass."""
+    masses = [(paths_of(each), each.mass) for each in elements if isinstance(each, Mass)]
+    return masses + [([each.extension], each.inertance) for each in elements if isinstance(each, Inerter)]
+
+
+def _kinetics_of(c: Coordinates, elements: Sequence[Element], stated: ExactRows | None) -> Kinetics:
+    """The kinetic energy of the elements and of the `stated` inertia."""
+    paths, y, v = list[list[Square]](), c.y[: c.size], c.v[: c.size]
+    for places, mass in moving_masses(elements):
+        size = mass_of(c, mass)
+        for place in places:
+            if not all_vanish(c.gradient(place)[c.size :]):
+                raise InputError(f"'{place}' moves with an actuator: what has mass moves with coordinates alone")
+        paths.append([Square.of(size, c.scalar(place), y, v) for place in places])
+    found = Kinetics.of(paths, stated, y, v)
+    if still := [name for i, name in enumerate(c.names) if vanishes(found.matrix[i][i])]:
         raise InputError(f"coordinate '{still[0]}' has no inertia: give it a Mass, or state its inertia")
-    return matrix
+    return found
 
 
 def _flight_equations(
-    c: Coordinates, elements: Sequence[Element], terms: list[Term], stated: ca.SX, inertia: ca.SX, gap: ClosedGap
+    c: Coordinates, elements: Sequence[Element], terms: list[Term], kinetics: Kinetics, closed: Closed
 ) -> InFlight:
-    """The equations of the flight; the inertia is the `stated` one and that of the elements."""
-    parts = [(c.scalar(mass), c.gradient(place)[: c.size]) for place, mass in moving_masses(elements)]
-    parts += squares_of(stated, c.vanishes) if stated.nnz() else []
-    gradients, solved = ca.horzcat(*(term.gradient for term in terms)), Inertia(c.size, parts, as_number(c, gap))
-    accelerations, kick = -solved.solve(gradients[: c.size, :]), solved.solve(gap.held)
-    masses, compliance = inverse_of(c, gap.held.T @ kick), gap.held.T @ kick
+    """The equations of the flight."""
+    gradients = rows_of([term.gradient for term in terms], len(c.moved))
+    rows = kinetics.per_force([[-each for each in row] for row in gradients[: c.size]])
+    impact = [[inner_product(row, kick) for kick in closed.kick] for row in closed.masses]
     dampers = [term.gradient[c.size :] for term in terms if term.what == "damper"]
-    moves_ends = any(not c.vanishes(along) for along in dampers) or any(isinstance(each, Force) for each in elements)
-    by_place, quadratic = accelerations, None
-    if any(isinstance(each, Mass) and each.across is not None for each in elements):
-        by_place, quadratic = _bent_apart(c, terms, accelerations, (c.y, c.v))
+    moves_ends = not all(map(all_vanish, dampers)) or any(isinstance(each, Force) for each in elements)
+    bent = kinetics.accelerations([ZERO] * c.size, bent=True)
     return InFlight(
-        terms, parts, inertia, gradients, accelerations, c.coefficients(by_place), kick,
-        c.coefficients(masses @ kick.T if gap.sticks else kick.T / compliance), masses, moves_ends, quadratic,
+        terms, kinetics, gradients, rows, c.coefficients(rows), bent, _quadratic(kinetics, bent, [*c.y, *c.v]),
+        closed.kick, c.coefficients(impact), closed.masses, moves_ends,
     )  # fmt: skip
 
 
-def _bent_apart(
-    c: Coordinates, terms: Sequence[Term], rows: ca.SX, own: tuple[ca.SX, ca.SX], inside: Callable = lambda each: each
-) -> tuple[ca.SX, Coefficients | None]:
-    """Rows (n, terms) without the forces that are quadratic in the rates, and the sums of these, written out so that
-    what cancels is seen; None without any."""
-    quadratic, rows = ca.SX(rows.shape[0], 1), ca.densify(rows)
-    bent = [j for j, term in enumerate(terms) if term.element is None]
-    for j in bent:
-        quadratic += rows[:, j] * inside(terms[j].by_rates)
-        rows[:, j] = 0
-    return ca.sparsify(rows), c.coefficients(quadratic, c.symbols(*own)) if bent else None
+def _quadratic(kinetics: Kinetics, bent: Column, place: Column) -> Coefficients | None:
+    """The values of what follows from C of a kinetic energy; None where that vanishes."""
+    return Coefficients([[each] for each in bent], place) if kinetics.bends and not all_vanish(bent) else None
 
 
-def _contact_equations(c: Coordinates, gap: ClosedGap, flight: InFlight) -> InContact:
+def _contact_equations(c: Coordinates, gap: ClosedGap, flight: InFlight, closed: Closed) -> InContact:
     """The equations of the contact."""
-    n, m, symbols = c.size, gap.own, c.symbols(gap.s)
-    embed = ca.sparsify(gap.exact_embed[:n, :m])
-    terms, merging = _merged(c, gap, symbols, flight.terms)
-    columns = ca.SX(ca.sparsify(ca.DM(merging)))
-    along = embed.T @ (gap.inside(flight.gradients, c) @ columns)[:n, :]
-    parts = [(gap.inside(mass, c), embed.T @ gap.inside(gradient, c)) for mass, gradient in flight.parts]
-    # The contact force takes away the acceleration of the gap that the other forces would make.
-    row, quadratic = held_by(c, gap, flight, columns), None
-    accelerations = -Inertia(m, parts, as_number(c, gap)).solve(along)
-    if flight.quadratic:
-        rates = ca.SX.sym("w", gap.s.numel())
-        moving = lambda each: ca.substitute(gap.inside(each, c), c.v, ca.densify(ca.sparsify(gap.exact_embed) @ rates))  # noqa: E731
-        accelerations, quadratic = _bent_apart(c, terms, accelerations, (gap.s, rates), moving)
+    accelerations = closed.accelerations([[-each for each in row] for row in flight.gradients[: c.size]])
+    bent = [each for (each,) in closed.accelerations([[ZERO]] * c.size, bent=True)]
+    held, bent_row = (
+        closed.forces(flight.accelerations),
+        [row[0] for row in closed.forces([[each] for each in flight.bent])],
+    )
+    terms, merging = _merged(c, gap, flight.terms)
+    merged = lambda rows: [[total(row[i] for i in members) for members in merging] for row in rows]  # noqa: E731
+    row, place = merged(held), [*gap.s, *gap.w]
     return InContact(
-        symbols, terms, row, c.coefficients(row, symbols),
-        ca.sparsify(embed.T @ gap.inside(flight.inertia, c) @ embed),
-        c.coefficients(accelerations, symbols), quadratic,
+        terms, held, bent_row, row, c.coefficients(row, gap.s),
+        _quadratic(flight.kinetics, bent_row, place), closed.own.matrix, c.coefficients(merged(accelerations), gap.s),
+        _quadratic(flight.kinetics, bent, place),
     )  # fmt: skip
 
 
-def held_by(c: Coordinates, gap: ClosedGap, flight: InFlight, columns: ca.SX) -> ca.SX:
-    """The contact force, and the forces on what sticks, (1 + sticks, k) per force of the flight, of which `columns`
-    (terms, k) are sums."""
-    opening = gap.held.T @ gap.inside(flight.accelerations, c) @ columns
-    compliance = gap.inside(gap.held.T @ flight.kick, c)
-    return -inverse_of(c, compliance, c.symbols(gap.s)) @ opening if gap.sticks else -opening / compliance
-
-
-def inverse_of(c: Coordinates, compliance: ca.SX, symbols: Symbols | None = None) -> ca.SX:
-    """The inverse of the compliance of what is held, of which entries that vanish are left out."""
-    if compliance.numel() == 1:
-        return 1 / compliance
-    for i, j in np.ndindex(*compliance.shape):
-        if c.vanishes(compliance[i, j], symbols):
-            compliance[i, j] = 0
-    return inverse(ca.sparsify(compliance))
-
-
-def as_number(c: Coordinates, gap: ClosedGap) -> Callable[[ca.SX], ca.SX]:
-    """An expression -> the same one, a number where it is one."""
-
-    def exactly(expression: ca.SX) -> ca.SX:
-        (value,) = Entries(expression, c.symbols(c.y, gap.s)).exact
-        return expression if value is None else c.numerals.number(value)
-
-    return exactly
-
-
-def _merged(c: Coordinates, gap: ClosedGap, symbols: Symbols, terms: Sequence[Term]) -> tuple[list[Term], np.ndarray]:
-    """The terms that differ in contact, and the matrix (terms, different terms) that assigns the ones to the others."""
+def _merged(c: Coordinates, gap: ClosedGap, terms: Sequence[Term]) -> tuple[list[Term], list[list[int]]]:
+    """The terms that differ in contact, and the places of the terms of the flight that are each of them."""
     found: list[tuple[Term, list[int]]] = []
     for i, term in enumerate(terms):
         for other, members in found:
             alike = term.what is not None and term.what == other.what
-            if alike and c.vanishes(gap.inside(c.scalar(term.place) - c.scalar(other.place), c), symbols):
+            if alike and all_vanish(gap.inside([c.scalar(term.place) - c.scalar(other.place)])):
                 members.append(i)
                 break
         else:
             found.append((term, [i]))
-    columns = np.zeros((len(terms), len(found)))
-    for j, (_, members) in enumerate(found):
-        columns[members, j] = 1.0
-    return [term for term, _ in found], columns
+    return [term for term, _ in found], [members for _, members in found]

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 
 from ..laws.law import Parameters, Scalars
@@ -11,6 +10,8 @@ from ..model.model import LANDED_FORCE
 from ..model.modes import Modes, linear_modes
 from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
 from ..model.relative import straight_line
+from ..symbolic.tree import ExactExpression, total
+from ..symbolic.tree_linear import inner_product, rows_of
 from .coordinates import Coordinates
 from .elements import Potential, Spring
 from .lagrange import Mechanics
@@ -42,12 +43,16 @@ class Linear:
         self.mechanics, c, flight, self.steps = mechanics, mechanics.coordinates, mechanics.in_flight, steps
         self.reactions = reactions
         self.straight = [term for term in flight.terms if not term.is_weight]
-        weight = sum((term.gradient for term in flight.terms if term.is_weight), ca.SX(c.size, 1))
-        self._weight, self._inertia = c.coefficients(ca.densify(weight)), c.coefficients(flight.inertia)
+        n, weights = c.size, [term.gradient for term in flight.terms if term.is_weight]
+        weight = [total(each[i] for each in weights) for i in range(n)]
+        self._weight, self._inertia = (
+            c.coefficients([[each] for each in weight]),
+            c.coefficients(flight.kinetics.matrix),
+        )
         forces = [_straight_force(c, term) for term in self.straight]
-        self._against = c.coefficients(ca.horzcat(*(term.gradient for term in self.straight)))
-        self._along = c.coefficients(ca.horzcat(*(ca.gradient(force, c.y) for force in forces)))
-        self._offsets = c.coefficients(ca.horzcat(*(c.without_place(force) for force in forces)))
+        against, along = [term.gradient[:n] for term in self.straight], [c.gradient(force)[:n] for force in forces]
+        self._against, self._along = (c.coefficients(rows_of(each, n)) for each in (against, along))
+        self._offsets = c.coefficients([list(map(c.at_zero, forces))])
         self.embed = mechanics.gap.embed[:, : mechanics.gap.own]
 
     @classmethod
@@ -57,8 +62,8 @@ class Linear:
         """The linear form of a mechanism; None where it is not linear."""
         c, flight = mechanics.coordinates, mechanics.in_flight
         linear = mechanics.conservative and not mechanics.gravity.varies and not c.actuators
-        linear = linear and not c.varies(flight.inertia)
-        linear = linear and not (reactions and reactions.by_rates)
+        linear = linear and not c.varies(each for row in flight.kinetics.matrix for each in row)
+        linear = linear and flight.quadratic is None and not (reactions and reactions.by_rates)
         return cls(mechanics, steps, reactions) if linear and all(map(_is_straight(mechanics), flight.terms)) else None
 
     def equations(self, p: Parameters) -> LinearEquations:
@@ -130,10 +135,10 @@ def _owner_of(term: Term) -> int:
     return id(term.force if isinstance(term.element, Potential) else term.element)
 
 
-def _straight_force(c: Coordinates, term: Term) -> ca.SX:
+def _straight_force(c: Coordinates, term: Term) -> ExactExpression:
     """The extension of a spring, or the force of a potential."""
     if isinstance(term.element, Potential):
-        return ca.dot(term.gradient, c.gradient(term.element.energy))
+        return inner_product(term.gradient, c.gradient(term.element.energy))
     return c.scalar(term.place)
 
 
@@ -146,7 +151,7 @@ def _is_straight(mechanics: Mechanics) -> Callable[[Term], bool]:
         if isinstance(term.element, Spring):
             return mechanics.law_of(term.element).degree() == 1 and c.affine(term.place) is not None
         if isinstance(term.element, Potential):
-            return not c.varies(ca.gradient(_straight_force(c, term), c.y))
+            return not c.varies(c.gradient(_straight_force(c, term)))
         return term.is_weight and not c.varies(term.gradient)
 
     return is_straight

@@ -18,9 +18,13 @@ from ..model.liftoff import Liftoff
 from ..model.modes import Modes, single_mode
 from ..model.phase import data_at, is_used
 from ..model.relative import Reduction, Relative, straight_line
+from ..symbolic.identities import vanishes
+from ..symbolic.tree import ONE, ZERO, ExactExpression, exact_number, substitute, symbols, total
+from ..symbolic.tree_linear import Column, inner_product
 from .coefficients import Coefficients
-from .elements import Force, Potential, Scalar, Spring
-from .lagrange import Mechanics
+from .coordinates import all_vanish
+from .elements import Force, Potential, Scalar, Spring, value_of
+from .lagrange import InFlight, Mechanics
 
 # The launch speed, as a parameter of the law by which a machine lifts off whose contact force depends on its speed.
 SPEED_OF_LAUNCH = "_launch_speed"
@@ -58,38 +62,39 @@ class Alone:
     springs : the springs, each with the factor and the offset by which its own extension follows from that one
     """
 
-    def __init__(self, mechanics: Mechanics, springs: Sequence[tuple[Spring, Fraction, ca.SX]], along: ca.SX):
+    def __init__(
+        self, mechanics: Mechanics, springs: Sequence[tuple[Spring, Fraction, ExactExpression]], along: Column
+    ):
         self.mechanics, self.springs = mechanics, springs
-        c, gap, embed = mechanics.coordinates, mechanics.gap.exact, mechanics.gap.exact_embed
-        flight, contact = mechanics.in_flight, mechanics.in_contact
-        across = across_line(along)
-        weight = ca.SX(sum(term.gradient[:2] for term in flight.terms if term.is_weight))
+        c, gap, flight, contact = mechanics.coordinates, mechanics.gap, mechanics.in_flight, mechanics.in_contact
+        weight, embed = weight_of(flight), [exact_number(row[0]) for row in gap.exact_embed[:2]]
+        across, columns = across_line(along), list(zip(*flight.kinetics.matrix, strict=True))
         # The rows are scaled so that the thrown coordinate falls with acceleration 1.
-        apart = ca.vertcat(along.T, across @ flight.inertia / (across @ weight))
-        determinant = apart[0, 0] * apart[1, 1] - apart[0, 1] * apart[1, 0]
-        mix = ca.vertcat(ca.horzcat(apart[1, 1], -apart[0, 1]), ca.horzcat(-apart[1, 0], apart[0, 0])) / determinant
-        by_extension, by_throw = ca.vertsplit((gap.T @ mix).T)
+        fall = inner_product(across, weight)
+        (a, b), (d, e) = apart = along, [inner_product(across, column) / fall for column in columns]
+        determinant = a * e - b * d
+        mix = [[e / determinant, -b / determinant], [-d / determinant, a / determinant]]
+        by_extension, by_throw = (inner_product(gap.held[0], column) for column in zip(*mix, strict=True))
         rate = -by_throw / by_extension
-        self.rate, self.gap_slope_of = self._numbers(rate), self._numbers(by_extension)
-        self.lifted = self._numbers(apart[1, :] @ embed[:2, 0])
+        self.rate, self.gap_slope_of = self._number(rate), self._number(by_extension)
+        self.lifted = self._number(inner_product(apart[1], embed))
         self.mix, self.apart = c.coefficients(mix), c.coefficients(apart)
-        pulls = -(along.T @ flight.accelerations) / rate
-        columns = [[i for i, term in enumerate(flight.terms) if term.element is spring] for spring, *_ in springs]
-        self.shares = [self._numbers(pulls[column[0]]) for column in columns]
-        weights = [i for i, term in enumerate(flight.terms) if term.is_weight]
-        self.load = self._numbers(sum((pulls[i] for i in weights), ca.SX(0)))
-        self.offsets = [self._numbers(offset) for *_, offset in springs]
+        pulls = [-inner_product(along, column) / rate for column in zip(*flight.accelerations, strict=True)]
+        acting = [next(i for i, term in enumerate(flight.terms) if term.element is spring) for spring, *_ in springs]
+        self.shares = [self._number(pulls[i]) for i in acting]
+        load = total(pulls[i] for i, term in enumerate(flight.terms) if term.is_weight)
+        self.load, self.offsets = self._number(load), [self._number(offset) for *_, offset in springs]
         # The contact force is this multiple of phi + load - 1, and each damper adds to it.
-        multiple = by_extension * rate / (1 / flight.impact_mass)
-        dampers = [i for i, term in enumerate(contact.terms) if term.what == "damper"]
-        rates = [c.gradient(contact.terms[i].place).T @ embed[:, 0] for i in dampers]
-        self.damping = self._numbers(
-            sum((contact.row[i] * r for i, r in zip(dampers, rates, strict=True)), ca.SX(0)) / multiple
-        )
+        multiple = by_extension * rate * flight.impact_mass[0][0]
+        dampers = [
+            (row, term) for row, term in zip(contact.row[0], contact.terms, strict=True) if term.what == "damper"
+        ]
+        damping = total(row * inner_product(c.gradient(term.place)[:2], embed) for row, term in dampers)
+        self.damping = self._number(damping / multiple)
         # In contact the same phi pulls at the one remaining coordinate s: s'' = fall - pull (phi + load).
-        pull = c.numerals.number(springs[0][1]) / (pulls[columns[0][0]] * contact.inertia[0, 0])
-        fall = pull * sum(pulls[i] for i in weights) - weight.T @ embed[:2, 0] / contact.inertia[0, 0]
-        self.held = c.coefficients(ca.horzcat(pull, fall, multiple))
+        inertia = contact.inertia[0][0]
+        pull = springs[0][1] / (pulls[acting[0]] * inertia)
+        self.held = c.coefficients([[pull, pull * load - inner_product(weight, embed) / inertia, multiple]])
 
     @classmethod
     def of(cls, mechanics: Mechanics) -> "Alone | None":
@@ -101,10 +106,11 @@ class Alone:
             or not springs
             or unusual
             or mechanics.in_flight.coefficients.by_coordinates
+            or mechanics.in_flight.quadratic
             or not _is_level(mechanics)
         ):
             return None
-        c, found, along = mechanics.coordinates, list[tuple[Spring, Fraction, ca.SX]](), list[Fraction]()
+        c, found, along = mechanics.coordinates, list[tuple[Spring, Fraction, ExactExpression]](), list[Fraction]()
         for spring in springs:
             weights = c.weights(spring.extension)
             if weights is None or not (factor := mechanics.gap.weights_inside(weights)[0]):
@@ -114,14 +120,13 @@ class Alone:
             if direction != along:
                 return None
             found.append((spring, factor, c.at_zero(spring.extension)))
-        line, weight = ca.vertcat(*map(c.numerals.number, along)), ca.SX(2, 1)
-        for term in mechanics.in_flight.terms:
-            weight += term.gradient[:2] if term.is_weight else 0
-        return None if c.vanishes(across_line(line) @ weight) else cls(mechanics, found, line)
+        line = list(map(exact_number, along))
+        falls = not vanishes(inner_product(across_line(line), weight_of(mechanics.in_flight)))
+        return cls(mechanics, found, line) if falls else None
 
-    def _numbers(self, expression: ca.SX) -> "_Number":
+    def _number(self, expression: ExactExpression) -> "_Number":
         """p -> the value of an expression."""
-        return _Number(self.mechanics.coordinates.coefficients(ca.SX(expression)))
+        return _Number(self.mechanics.coordinates.coefficients([[expression]]))
 
     def launch(self, mechanics: Mechanics, level: str) -> Launch:
         """The launches with the laws of the mechanics."""
@@ -190,9 +195,15 @@ class Alone:
         return self.gap_slope_of(p) * (dz[0] - times)
 
 
-def across_line(along: ca.SX) -> ca.SX:
-    """A row (1, 2) across a direction (2,)."""
-    return ca.horzcat(-along[1], along[0])
+def across_line(along: Column) -> Column:
+    """A row (2,) across a direction (2,)."""
+    return [-along[1], along[0]]
+
+
+def weight_of(flight: InFlight) -> Column:
+    """The gradient (n,) of the weights."""
+    columns = [term.gradient for term in flight.terms if term.is_weight]
+    return [total(each[i] for each in columns) for i in range(flight.kinetics.size)]
 
 
 class _Number:
@@ -215,12 +226,12 @@ def _for_steps(value: Algebraic) -> Algebraic:
 def _is_level(mechanics: Mechanics) -> bool:
     """Whether gravity enters the contact force by its value on the ground alone, even where it varies."""
     c, contact = mechanics.coordinates, mechanics.in_contact
-    pulls = zip(contact.terms, contact.force_coefficients.exact, strict=True)
-    heights = (term.place for term, coefficient in pulls if term.what == "gravity" and coefficient != 0)
-    return all(c.vanishes(mechanics.inside(c.scalar(height)), contact.symbols) for height in heights)
+    pulls = zip(contact.terms, contact.row[0], strict=True)
+    heights = [c.scalar(term.place) for term, pull in pulls if term.what == "gravity" and not vanishes(pull)]
+    return all_vanish(mechanics.gap.inside(heights))
 
 
-def _scales_at(mechanics: Mechanics, start: ca.SX) -> tuple[ca.SX, ca.SX]:
+def _scales_at(mechanics: Mechanics, start: ca.SX) -> list[ca.SX]:
     """A unit of the contact force, and the rate of a launch: both follow at lift-off from the slopes at rest.
 
     With the acceleration F of the launched coordinate in flight, the contact force lambda vanishes at the extension
@@ -240,29 +251,31 @@ def _scales_at(mechanics: Mechanics, start: ca.SX) -> tuple[ca.SX, ca.SX]:
     rate = -(fall - stiffness * level / slope)
     # Without a slope at rest there is no scale; the stated numbers are then taken to be of order 1.
     regular = ca.logic_and(ca.fabs(slope) > 1e-12, ca.logic_and(stiffness < -1e-12, rate > 1e-12))
-    return ca.if_else(regular, slope * rate / stiffness, 1.0), ca.if_else(regular, rate, 1.0)
+    return [ca.if_else(regular, slope * rate / stiffness, 1.0), ca.if_else(regular, rate, 1.0)]
 
 
 def _has_rates(mechanics: Mechanics) -> bool:
     """Whether the contact force depends on the rate of the coordinate that is launched, the actuators at rest."""
-    c, contact, rate, total = mechanics.coordinates, mechanics.in_contact, ca.SX.sym("v"), ca.SX(0)
-    moving = ca.densify(ca.sparsify(mechanics.gap.exact_embed[:, 0]) * rate)
-    for j, term in enumerate(contact.terms):
+    contact, gap, found = mechanics.in_contact, mechanics.gap, mechanics.in_contact.bent_row[0]
+    for force, term in zip(contact.row[0], contact.terms, strict=True):
         if term.by_rates is not None:
-            force, still = (ca.substitute(term.by_rates, c.v, v) for v in (moving, ca.SX.zeros(moving.shape)))
-            total += contact.row[j] * mechanics.inside(force - still)
-    return not c.vanishes(total, c.symbols(mechanics.gap.s, rate))
+            found = found + force * gap.inside([term.by_rates])[0]
+    still = dict.fromkeys(gap.w, ZERO)
+    (moving,) = substitute([found], dict.fromkeys(gap.w[1:], ZERO))
+    return not vanishes(moving - substitute([found], still)[0])
 
 
-def _pieces_of_launch(m: Mechanics, start: ca.SX) -> LawPieces | None:
+def _pieces_of_launch(m: Mechanics, start: Scalar) -> LawPieces | None:
     """The pieces of the law whose extension in contact is the launched coordinate, counted from where it rests; raises
     `InputError` for a law in pieces along anything else."""
-    c, pieces, r = m.coordinates, None, ca.SX.sym("r")
-    place = ca.vertcat(*m.embedded([start + r, *(0.0 for _ in c.actuators)]))
+    c, gap, pieces = m.coordinates, m.gap, None
+    first, *others = gap.s
+    (r,) = symbols("launched", 1)
+    place = {first: c.scalar(start) + r, **dict.fromkeys(others, ZERO)}
     for spring in (element for element in m.elements if isinstance(element, Spring)):
         if (law := m.law_of(spring)).pieces:
-            extension = ca.substitute(c.scalar(spring.extension), c.y, place)
-            if pieces or not c.vanishes(extension - r, c.symbols(r)):
+            (extension,) = substitute(gap.inside([c.scalar(spring.extension)]), place)
+            if pieces or not vanishes(extension - r):
                 where = "where its extension is what is launched, counted from its rest"
                 why = "as lift-off has no formula elsewhere; state a formula"
                 raise InputError(f"spring '{law.text}' is in pieces: such a law can be taken {where}, {why}")
@@ -272,11 +285,12 @@ def _pieces_of_launch(m: Mechanics, start: ca.SX) -> LawPieces | None:
 
 def _held(mechanics: Mechanics, rest: Scalar) -> Launch:
     """The launch of a machine whose contact force is a function of the coordinate that is launched and of its rate."""
-    m, c, start = mechanics, mechanics.coordinates, mechanics.coordinates.scalar(rest)
-    pieces = _pieces_of_launch(m, start)
+    m, c = mechanics, mechanics.coordinates
+    pieces = _pieces_of_launch(m, rest)
     # The slopes of a law in pieces at rest are those of one piece: there the stated numbers are taken to be of order 1.
-    scales = (ca.SX(1), ca.SX(1)) if pieces else _scales_at(mechanics, start)
-    numbers = c.coefficients(ca.horzcat(*scales, start))
+    start = ca.SX(value_of(rest, {}, c.p))
+    scales = [ONE, ONE] if pieces else c.lifted(_scales_at(mechanics, start))
+    numbers = c.coefficients([[*scales, c.scalar(rest)]])
 
     def expression(r: Algebraic, p: Parameters, q: Scalars) -> Algebraic:
         unit, _, start = numbers(p)[0]
@@ -293,9 +307,10 @@ def _held(mechanics: Mechanics, rest: Scalar) -> Launch:
     relative = Relative(law, gravity, liftoff, rate, by_speed=by_speed, rest=offset)
     if still:
         return Launch(relative)
-    symbols = ca.SX.sym("r"), ca.SX.sym("speed")
-    q = data_at(symbols[0] * pieces.units(c.p) - pieces.origins(c.p), *pieces.table(c.p)) if pieces else []
-    force = ca.SX(expression(symbols[0], {**c.p, SPEED_OF_LAUNCH: symbols[1]}, q))
-    by_extension, by_rate = (ca.jacobian(force, symbol) for symbol in symbols)
-    slope = c.coefficients(-by_rate / by_extension, c.symbols(*symbols))
+    own = ca.SX.sym("r"), ca.SX.sym("speed")
+    q = data_at(own[0] * pieces.units(c.p) - pieces.origins(c.p), *pieces.table(c.p)) if pieces else []
+    force = ca.SX(expression(own[0], {**c.p, SPEED_OF_LAUNCH: own[1]}, q))
+    by_extension, by_rate = (ca.jacobian(force, each) for each in own)
+    place = symbols("launched", 2)
+    slope = c.coefficients([c.lifted([-by_rate / by_extension], dict(zip(own, place, strict=True)))], place)
     return Launch(relative, None, lambda u, p: slope(p, [u["liftoff"] - offset(p), u["alpha"]])[0][0])

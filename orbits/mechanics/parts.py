@@ -6,7 +6,6 @@ from fractions import Fraction
 from functools import partial
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -16,6 +15,8 @@ from ..model.model import LANDED_FORCE, Knee
 from ..model.phase import Affine, Phase, Pieces, weighted_sum
 from ..model.relative import pieces_along
 from ..model.state_formula import StateFormula
+from ..symbolic.tree import ZERO, exact_number
+from ..symbolic.tree_linear import inner_product
 from .coefficients import Coefficients
 from .coordinates import Coordinates
 from .elements import Scalar, Spring, names_in, value_of
@@ -69,15 +70,17 @@ class Parts:
         if launched not in known:
             raise InputError(f"launch '{launched}' is no coordinate of the contact; those are {', '.join(known)}")
         unit = c.scalar(s.energy_unit)
-        of_forces = flight.gradients @ ca.SX(np.diag([float(term.conservative) for term in flight.terms])) / unit
+        over = [1 / unit if term.conservative else ZERO for term in flight.terms]
+        of_forces = [[each * own for each, own in zip(row, over, strict=True)] for row in flight.gradients]
+        matrices = flight.impact_mass, flight.kinetics.matrix
+        masses, inertia = ([[each / unit for each in row] for row in matrix] for matrix in matrices)
         steps = steps_of(c, s, mechanics)
         return cls(
             s, mechanics, launched, _sum_of_coordinates(c, s.counts, "counts"), _offset(c, s.counts), _counted(c, s),
             {name: _height(c, height) for name, height in s.heights},
             None if s.separation is None else _height(c, s.separation),
-            c.coefficients(flight.impact_mass / unit), c.coefficients(of_forces),
-            c.coefficients(flight.inertia / unit), mechanics.turning(unit), _drawn(c, s), Alone.of(mechanics),
-            steps, reactions_of(mechanics, s.inertia, s.friction, steps),
+            c.coefficients(masses), c.coefficients(of_forces), c.coefficients(inertia), mechanics.turning(unit),
+            _drawn(c, s), Alone.of(mechanics), steps, reactions_of(mechanics, s.inertia, s.friction, steps),
         )  # fmt: skip
 
     def with_laws(self, laws: Sequence[Key]) -> "Parts":
@@ -194,8 +197,7 @@ class Parts:
 
     def _offset(self, expression: Scalar) -> Callable | None:
         """p -> what a sum of coordinates is where all of them are 0; None where that is 0."""
-        found = self.mechanics.coordinates.coefficients(self.mechanics.coordinates.at_zero(expression))
-        return None if found.constants[0] == 0 else lambda p: found(p)[0][0]
+        return _offset(self.mechanics.coordinates, expression)
 
     def no_release(self, alpha: ArrayLike, p: Parameters) -> np.ndarray:
         """Refuses a launch that is more than a speed."""
@@ -322,25 +324,25 @@ def _sum_of_coordinates(c: Coordinates, expression: Scalar, what: str) -> Affine
 
 def _offset(c: Coordinates, expression: Scalar) -> Callable | None:
     """p -> the value of an expression where all coordinates are 0; None where that is 0."""
-    found = c.coefficients(c.at_zero(expression))
+    found = c.coefficients([[c.at_zero(expression)]])
     return None if found.exact[0] == 0 else lambda p: found(p)[0][0]
 
 
 def _counted(c: Coordinates, s: Structure) -> list[tuple[Spring, Coefficients]]:
     """The springs along the extension that is counted, however long at rest, each with the change of its own
     extension per change of that one; none where such a ratio depends on the configuration."""
-    weights = c.weights(s.counts) or []
-    along = ca.vertcat(*map(c.numerals.number, weights[: c.size]))
+    along = list(map(exact_number, (c.weights(s.counts) or [])[: c.size]))
     found = list[tuple[Spring, Coefficients]]()
     for spring in springs_of(s):
         gradient = c.gradient(spring.extension)[: c.size]
-        ratio = ca.dot(gradient, along) / ca.dot(along, along)
-        numbers = c.coefficients(ca.vertcat(ratio, gradient - ratio * along))
+        ratio = inner_product(gradient, along) / inner_product(along, along)
+        across = [slope - ratio * each for slope, each in zip(gradient, along, strict=True)]
+        numbers = c.coefficients([[ratio, *across]])
         if any(each != 0 for each in numbers.exact[1:]) or numbers.exact[0] == 0:
             continue
         if numbers.by_coordinates:
             return []
-        found.append((spring, c.coefficients(ratio)))
+        found.append((spring, c.coefficients([[ratio]])))
     return found
 
 

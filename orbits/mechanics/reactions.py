@@ -14,34 +14,38 @@ I being what masses at heights and across do not have of the inertia M.
 """
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
-
-import casadi as ca
+from typing import NamedTuple, TypeAlias
 
 from ..errors import InputError
 from ..laws.law import Algebraic, Parameters, Scalars
 from ..model.phase import weighted_sum
 from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE, Planar
 from ..model.symmetry import SignedShift
+from ..symbolic.identities import vanishes
+from ..symbolic.tree import ZERO, ExactExpression, derivative_by, substitute, symbols, total
+from ..symbolic.tree_linear import Column, ExactRows, inner_product
 from .coefficients import Coefficients
+from .coordinates import all_vanish
 from .elements import Inerter, Mass, Scalar, Weight, paths_of, value_of
-from .inertia import Inertia
-from .lagrange import Mechanics, forces_of, held_by, stated_inertia
+from .kinetics import Square
+from .lagrange import Mechanics, forces_of, stated_inertia
 from .stepping import Stepping
-from .terms import bend_of, mass_of
+from .terms import mass_of
+
+# What a force of the ground is per force of the mechanism, and its part that is quadratic in the rates.
+_Row: TypeAlias = tuple[Column, ExactExpression]
 
 
 class _Reaction(NamedTuple):
     """The two forces in a phase.
 
     rows : (2, terms of the flight), per force
-    by_rates : (place, rates, parameters of these names) -> what is quadratic in the rates, one after the other
+    by_rates : (2, 1), what is quadratic in the rates, of places and rates
     vanish : whether each of the two is 0 on all motions
     """
 
     rows: Coefficients
-    by_rates: ca.Function
-    names: tuple[str, ...]
+    by_rates: Coefficients
     vanish: tuple[bool, bool]
 
 
@@ -73,11 +77,10 @@ class Reactions(NamedTuple):
                 s, rates = mechanics.positions_and_rates(x, p)
                 place = (mechanics.embedded(s), mechanics.embedded(rates)) if contact else (s, rates)
                 row = reaction.rows(p, s)[i]
-                total = weighted_sum(row, forces_of(terms, [row], place, p, q))
-                if not reaction.by_rates.sparsity_out(0).has_nz(i, 0):
-                    return total
-                arguments = ca.vertcat(*s), ca.vertcat(*rates), ca.vertcat(*(p[name] for name in reaction.names))
-                return total + reaction.by_rates(*arguments)[i]
+                linear = weighted_sum(row, forces_of(terms, [row], place, p, q))
+                if reaction.by_rates.exact[i] == 0:
+                    return linear
+                return linear + reaction.by_rates(p, [*s, *rates])[i][0]
 
             return force
 
@@ -86,7 +89,7 @@ class Reactions(NamedTuple):
     @property
     def by_rates(self) -> bool:
         """Whether one of the forces depends on rates."""
-        return any(each.by_rates.sparsity_out(0).nnz() for each in (self.flight, self.contact))
+        return any(exact != 0 for each in (self.flight, self.contact) for exact in each.by_rates.exact)
 
     @property
     def planar(self) -> Planar:
@@ -117,70 +120,84 @@ def reactions_of(
     masses = [each for each in m.elements if isinstance(each, Mass)]
     if all(each.across is None for each in masses):
         return None
-    c, flight, gap = m.coordinates, m.in_flight, m.gap
-    sums, bends = [ca.SX(0), ca.SX(0)], [ca.SX(0), ca.SX(0)]
+    c, flight, contact, gap, n = m.coordinates, m.in_flight, m.in_contact, m.gap, m.size
+    sums, bends = [ZERO, ZERO], [ZERO, ZERO]
     for each in masses:
         for i, place in enumerate(paths_of(each)):
-            sums[i] += mass_of(c, each.mass) * c.scalar(place)
-            bends[i] += mass_of(c, each.mass) * bend_of(c, place)
+            path = Square.of(mass_of(c, each.mass), c.scalar(place), c.y, c.v)
+            sums[i], bends[i] = sums[i] + path.mass * c.scalar(place), bends[i] + path.mass * path.bend
     if steps and steps.reversible:
         _refuse_unturned(m, steps, sums)
-    along = ca.vertcat(*(ca.gradient(each, c.y)[: c.size].T for each in sums))
-    rows, heavy = ca.densify(along @ flight.accelerations), ca.SX(0)
+    along, heavy = [c.gradient(each)[:n] for each in sums], ZERO
+    carried = [ZERO] * len(flight.terms)
     for weight in (each for each in m.elements if isinstance(each, Mass | Weight)):
         place = next(
             j for j, term in enumerate(flight.terms)
             if term.is_weight and (not m.gravity.varies or term.element is weight)
         )  # fmt: skip
-        rows[0, place] += mass_of(c, weight.mass) * m.gravity.at_ground(c)
-        heavy += mass_of(c, weight.mass) * m.gravity.at_ground(c)
-    held = held_by(c, gap, flight, ca.SX.eye(len(flight.terms)))
-    in_contact = m.inside(rows) + m.inside(along @ flight.kick) @ held
-    rates, embed = ca.SX.sym("w", gap.s.numel()), ca.sparsify(gap.exact_embed)
-    bent = ca.vertcat(*bends)
-    total = sum((mass_of(c, each.mass) for each in masses), ca.SX(0))
-    travel = c.coefficients(along[1, :] / total, c.symbols(c.y)) if gap.sticks else None
-    inside = lambda expression: ca.substitute(m.inside(expression), c.v, ca.densify(embed @ rates))  # noqa: E731
+        own = mass_of(c, weight.mass) * m.gravity.at_ground(c)
+        carried[place], heavy = carried[place] + own, heavy + own
+    mass = total(mass_of(c, each.mass) for each in masses)
+    travel = c.coefficients([[each / mass for each in along[1]]]) if gap.sticks else None
+    flying, held = list[_Row](), list[_Row]()
+    for weights, slopes, bend in zip([carried, [ZERO] * len(carried)], along, bends, strict=True):
+        pulls, bent, pushes = _momentum(m, slopes)
+        row = [own + pull for own, pull in zip(weights, pulls, strict=True)], bend + bent
+        *linear, quadratic = gap.inside([*row[0], row[1]])
+        pushes = gap.inside(pushes)
+        forces = zip(*contact.held, strict=True)
+        flying.append(row)
+        held.append(
+            (
+                [own + inner_product(pushes, force) for own, force in zip(linear, forces, strict=True)],
+                quadratic + inner_product(pushes, contact.bent_row),
+            )
+        )
     return Reactions(
-        _reaction(m, rows, bent, lambda each: each, c.y, c.v),
-        _reaction(m, in_contact, inside(bent), inside, gap.s, rates), friction,
+        _reaction(flying, c.y, c.v), _reaction(held, gap.s, gap.w), friction,
         _handed(m, masses, stated_inertia(c, inertia), steps) if steps and steps.row else None, travel,
-        c.coefficients(heavy, c.symbols()) if gap.sticks else None,
-        c.coefficients(sums[1] / total, c.symbols(c.y)),
+        c.coefficients([[heavy]], []) if gap.sticks else None,
+        c.coefficients([[sums[1] / mass]]),
     )  # fmt: skip
 
 
-def _reaction(m: Mechanics, rows: ca.SX, bent: ca.SX, inside: Callable, place: ca.SX, rates: ca.SX) -> _Reaction:
-    c, terms, by_place = m.coordinates, m.in_flight.terms, ca.densify(rows)
-    quadratic = bent
-    for j, term in enumerate(terms):
-        if term.element is None:  # the forces quadratic in the rates are written out, so that what cancels is seen
-            quadratic = quadratic + by_place[:, j] * inside(term.by_rates)
-            by_place[:, j] = 0
-    symbols = c.symbols(place, rates)
-    for i in range(2):
-        if c.vanishes(ca.densify(quadratic[i]), symbols):
-            quadratic[i] = 0
-    coefficients = c.coefficients(by_place, c.symbols(place))
-    exact = coefficients.exact
-    vanish = tuple(quadratic[i].is_zero() and all(each == 0 for each in exact[i::2]) for i in range(2))
-    function = ca.Function(
-        "by_rates", [place, rates, ca.vertcat(*c.p.values())], [c.numerals.rounded(ca.sparsify(quadratic))]
+def _momentum(m: Mechanics, slopes: Column) -> tuple[Column, ExactExpression, Column]:
+    """The products of slopes (n,) and the accelerations of the flight, per force and by the rates, and of those per
+    impulse of the contact and of what sticks.
+
+    Where all that has mass moves along with a coordinate, its equation of motion has them without any inverse.
+    """
+    flight, held = m.in_flight, m.gap.held
+    for i, row in enumerate(flight.kinetics.matrix):
+        if all_vanish(a - b for a, b in zip(row, slopes, strict=True)):
+            return [-each for each in flight.gradients[i]], -flight.kinetics.centrifugal[i], [each[i] for each in held]
+    columns = zip(*flight.accelerations, strict=True)
+    kicks = zip(*flight.kick, strict=True)
+    return (
+        [inner_product(slopes, each) for each in columns],
+        inner_product(slopes, flight.bent),
+        [inner_product(slopes, each) for each in kicks],
     )
-    return _Reaction(coefficients, function, tuple(c.p), (vanish[0], vanish[1]))
 
 
-def _refuse_unturned(m: Mechanics, steps: Stepping, sums: Sequence[ca.SX]) -> None:
+def _reaction(rows: Sequence[_Row], place: Column, rates: Column) -> _Reaction:
+    linear = Coefficients([row for row, _ in rows], place)
+    quadratic = Coefficients([[ZERO if vanishes(own) else own] for _, own in rows], [*place, *rates])
+    vanish = [quadratic.exact[i] == 0 and all(each == 0 for each in linear.exact[i::2]) for i in range(2)]
+    return _Reaction(linear, quadratic, (vanish[0], vanish[1]))
+
+
+def _refuse_unturned(m: Mechanics, steps: Stepping, sums: Column) -> None:
     """Raise `InputError` where the reversors of flight and contact do not leave heights as they are, and places across
     as they are or mirrored: halves of motions then need different friction."""
     c, gap = m.coordinates, m.gap
-    around, closed = steps.relabelling.after(steps.reversor), ca.densify(ca.sparsify(gap.exact_embed) @ gap.s)
-    for by, place, here in ((steps.reversor, c.y, c.y), (around, gap.s, closed)):
-        there = ca.vertcat(*by.image(ca.vertsplit(here), {}))
+    around = steps.relabelling.after(steps.reversor)
+    for by, place, here in ((steps.reversor, c.y, c.y), (around, gap.s, gap.inside(c.y))):
+        there = dict(zip(c.y, by.image(here, {}), strict=True))
         for whole, signs in zip(sums, ((1,), (1, -1)), strict=True):
-            at, own = ca.substitute(whole, c.y, there), ca.substitute(whole, c.y, here)
-            changes = (ca.densify(ca.gradient(at - sign * own, place)) for sign in signs)
-            if not any(c.vanishes(change, c.symbols(place)) for change in changes):
+            (at,), (own,) = substitute([whole], there), substitute([whole], dict(zip(c.y, here, strict=True)))
+            changes = ([derivative_by(at - sign * own, each) for each in place] for sign in signs)
+            if not any(map(all_vanish, changes)):
                 raise InputError(
                     "the reversor and the symmetry change the places of the masses, so that the ground's forces in one "
                     "half of a motion are not those in the other: leave across= out"
@@ -188,24 +205,42 @@ def _refuse_unturned(m: Mechanics, steps: Stepping, sums: Sequence[ca.SX]) -> No
 
 
 def _handed(
-    m: Mechanics, masses: Sequence[Mass], stated: ca.SX, steps: Stepping
+    m: Mechanics, masses: Sequence[Mass], stated: ExactRows | None, steps: Stepping
 ) -> tuple[tuple[SignedShift, Coefficients], ...]:
     """The relabelling of states and the matrix (n, n) of the speeds after a step, and those for a step back."""
-    c, found = m.coordinates, list[tuple[SignedShift, Coefficients]]()
+    c, n, found = m.coordinates, m.size, list[tuple[SignedShift, Coefficients]]()
     for label in (steps.relabelling, steps.relabelling.inverse):
-        image = ca.densify(ca.vertcat(*label.image(ca.vertsplit(c.y), {})))
-        there = lambda expression, image=image: ca.substitute(expression, c.y, image)  # noqa: E731
-        signs, mirrored = ca.diag(ca.SX(ca.DM(label.signs))), -1 if min(label.signs) < 0 else 1
-        whole = there(stated) @ signs
-        for each in m.elements:
-            if isinstance(each, Inerter):
-                gradient = there(c.gradient(each.extension)[: c.size])
-                whole += c.scalar(each.inertance) * (gradient @ gradient.T @ signs)
-        for each in masses:
-            for place, sign in zip(paths_of(each), (1, mirrored), strict=False):
-                gradient = c.gradient(place)[: c.size]
-                whole += sign * mass_of(c, each.mass) * (there(gradient) @ gradient.T)
-        parts = [(there(mass), there(gradient)) for mass, gradient in m.in_flight.parts]
-        solved = Inertia(c.size, parts, lambda expression: expression).solve(ca.densify(whole))
-        found.append((steps.states(label), c.coefficients(ca.densify(solved))))
+        image = dict(zip(c.y, label.image(c.y, {}), strict=True))
+        mirrored = -1 if min(label.signs) < 0 else 1
+        paths = [(c.scalar(each.inertance), each.extension, 0) for each in m.elements if isinstance(each, Inerter)]
+        paths += [
+            (mass_of(c, each.mass), place, sign)
+            for each in masses
+            for place, sign in zip(paths_of(each), (1, mirrored), strict=False)
+        ]
+        whole = [list(row) for row in stated or [[ZERO] * n] * n]
+        whole = [[sign * each for sign, each in zip(label.signs, substitute(row, image), strict=True)] for row in whole]
+        for mass, place, sign in paths:
+            before = c.gradient(place)[:n]
+            after = substitute(before, image)
+            # What has no mass at heights and across is turned by the labels alone.
+            own = (
+                [sign * each for each in before]
+                if sign
+                else [s * each for s, each in zip(label.signs, after, strict=True)]
+            )
+            whole = [
+                [entry + mass * a * b for entry, b in zip(row, own, strict=True)]
+                for row, a in zip(whole, after, strict=True)
+            ]
+        columns = zip(*whole, strict=True)
+        speeds = [_solved_there(m, list(column), image) for column in columns]
+        found.append((steps.states(label), c.coefficients([[each[i] for each in speeds] for i in range(n)])))
     return tuple(found)
+
+
+def _solved_there(m: Mechanics, loads: Column, image: dict[ExactExpression, ExactExpression]) -> Column:
+    """The inverse of the inertia at the image of a place, times loads at the place."""
+    unknowns = symbols("load", m.size)
+    found = substitute(m.in_flight.kinetics.accelerations(unknowns), image)
+    return substitute(found, dict(zip(unknowns, loads, strict=True)))

@@ -11,18 +11,18 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-import casadi as ca
 import numpy as np
 
 from ..errors import InputError
 from ..laws.law import Algebraic, Parameters, Scalars, from_key
 from ..model.phase import Affine, weighted_sum
 from ..model.symmetry import SignedShift
-from ..symbolic.formula import symbolic_numerals
+from ..symbolic.identities import vanishes
+from ..symbolic.tree import ZERO, ExactExpression, call, exact_number, expression, substitute, total
+from ..symbolic.tree_linear import Column, inner_product
 from .coefficients import Coefficients
-from .coordinates import Coordinates
+from .coordinates import Coordinates, all_vanish
 from .elements import Potential, Scalar, Spring
-from .inertia import Inertia
 from .lagrange import Mechanics, forces_of
 from .structure import Structure
 from .terms import Term
@@ -34,17 +34,18 @@ REMEDY = (
     "state an odd law for a spring whose extension changes its sign, as r + r**3; a `Mechanism` with reversor=None is "
     "simulated alone"
 )
-StatedGap = tuple[list[Fraction], ca.SX]  # weights of the coordinates, and the offset, of a sum of them
+StatedGap = tuple[list[Fraction], ExactExpression]  # weights of the coordinates, and the offset, of a sum of them
 
 
 @dataclass(frozen=True, eq=False)
 class Stepping:
-    """The maps of a mechanism, with symbols for their numbers.
+    """The maps of a mechanism, whose shifts are exact expressions.
 
     reversor, relabelling : of the coordinates (n,)
     reversible : whether motions are turned back, at least if nothing damps them
     landing : the gap that closes at landing
     row : (1, terms of the flight), the force on the landed point per force; None where the same point opens again
+    quadratic : what is quadratic in the rates in that force, of places and rates in contact; None where that vanishes
     """
 
     coordinates: Coordinates
@@ -53,6 +54,7 @@ class Stepping:
     reversible: bool
     landing: StatedGap
     row: Coefficients | None
+    quadratic: Coefficients | None = None
 
     def states(self, stated: SignedShift) -> SignedShift:
         """The map of the flight states, of which the rates of a reversor have the other signs."""
@@ -60,15 +62,15 @@ class Stepping:
         signs = tuple(each for sign in stated.signs for each in (sign, turned * sign))
         if stated.shift is None:
             return SignedShift(signs)
-        shifts = self.coordinates.coefficients(ca.SX(ca.horzcat(*stated.shifts({}))))
+        shifts = self.coordinates.coefficients([[expression(each) for each in stated.shifts({})]])
         return SignedShift(signs, lambda p: [each for shift in shifts(p)[0] for each in (shift, 0.0)])
 
     def landing_gap(self, gap: Sequence[Fraction]) -> Callable[[Parameters], Affine] | None:
         """As in `Model`, for the gap that opens."""
         (weights, offset), c = self.landing, self.coordinates
-        if weights == gap and c.vanishes(offset):
+        if weights == gap and vanishes(offset):
             return None
-        found, numbers = c.coefficients(offset), tuple(each for weight in weights for each in (float(weight), 0.0))
+        found, numbers = c.coefficients([[offset]]), tuple(each for weight in weights for each in (float(weight), 0.0))
         return lambda p: Affine(numbers, found(p)[0][0])
 
     def landed_force(self, m: Mechanics) -> Callable:
@@ -80,9 +82,9 @@ class Stepping:
             """A term; the data of a law in pieces are those of the place after the step."""
             if not _in_pieces(m, term):
                 return term
-            c, place = self.coordinates, self.coordinates.scalar(term.place)
-            change = ca.substitute(place, c.y, _before_step(m, self.relabelling)) - m.inside(place)
-            sign = 1.0 if c.vanishes(change, c.symbols(m.gap.s)) else -1.0
+            place = self.coordinates.scalar(term.place)
+            (before,), (here,) = substitute([place], _before_step(m, self.relabelling)), m.gap.inside([place])
+            sign = 1.0 if vanishes(before - here) else -1.0
             after = lambda y, v, p: step.image(_alternating(y, v), p)[::2]  # noqa: E731
             return term._replace(force=lambda y, v, p, q: sign * term.force(after(y, v, p), v, p, q))
 
@@ -91,7 +93,8 @@ class Stepping:
         def force(x: Scalars, p: Parameters, q: Scalars) -> Algebraic:
             s, rates = m.positions_and_rates(x, p)
             before, rows = back.image(_alternating(m.embedded(s), m.embedded(rates)), p), row(p, s)
-            return weighted_sum(rows[0], forces_of(terms, rows, (before[::2], before[1::2]), p, q))
+            linear = weighted_sum(rows[0], forces_of(terms, rows, (before[::2], before[1::2]), p, q))
+            return linear if self.quadratic is None else linear + self.quadratic(p, [*s, *rates])[0][0]
 
         return force
 
@@ -129,30 +132,39 @@ def steps_of(c: Coordinates, s: Structure, m: Mechanics) -> Stepping | None:
         _own_inverse(c, _stated(c, dict(s.reversor or ()), "reversor")),
         _stated(c, dict(s.symmetry), "symmetry"),
     )
-    gap, landing = m.gap.weights, _image_of_gap(c, (m.gap.weights, ca.SX(0)), back)
+    gap, landing = m.gap.weights, _image_of_gap((m.gap.weights, ZERO), back)
     if len(s.gaps) == 2:
         largest, (name, expression) = max(c.weights(s.gap) or [Fraction(1)]), s.gaps[1]
-        offset = c.at_zero(expression) / c.numerals.number(largest)
+        offset = c.at_zero(expression) / largest
         stated = [weight / largest for weight in c.weights(expression) or []], offset
-        if s.reversor is not None and not (stated[0] == landing[0] and c.vanishes(offset - landing[1])):
+        if s.reversor is not None and not (stated[0] == landing[0] and vanishes(offset - landing[1])):
             raise InputError(f"gap '{name}' = '{expression}' is not the image of '{s.gap}' under the reversor")
         landing = stated
-    same = _side(c, gap, _image_of_gap(c, landing, label.inverse)) if len(landing[0]) == c.size else 0
-    around = _image_of_gap(c, (gap, ca.SX(0)), label.after(back))
-    if not same or (s.reversor is not None and not _side(c, gap, around)):
+    same = _side(gap, _image_of_gap(landing, label.inverse)) if len(landing[0]) == c.size else 0
+    around = _image_of_gap((gap, ZERO), label.after(back))
+    if not same or (s.reversor is not None and not _side(gap, around)):
         raise InputError(f"the gap that lands is not gap '{s.gap}' after the symmetry: state one that makes it so")
-    row = None
-    if same < 0:
-        numbers, before = ca.vertcat(*map(c.numerals.number, landing[0])), _before_step(m, label)
-        kick = Inertia(c.size, m.in_flight.parts, lambda expression: expression).solve(numbers)
-        share = -(numbers.T @ m.in_flight.accelerations) / (numbers.T @ kick)
-        row = c.coefficients(ca.substitute(share, c.y, before), c.symbols(m.gap.s))
-    return Stepping(c, back, label, s.reversor is not None, landing, row)
+    row, quadratic = _landed_rows(m, label, landing[0]) if same < 0 else (None, None)
+    return Stepping(c, back, label, s.reversor is not None, landing, row, quadratic)
+
+
+def _landed_rows(
+    m: Mechanics, label: SignedShift, weights: Sequence[Fraction]
+) -> tuple[Coefficients, Coefficients | None]:
+    """The force that holds the landing gap closed in the labels of before, per force and by the rates, as functions of
+    the contact."""
+    flight, gap, numbers = m.in_flight, m.gap, list(map(exact_number, weights))
+    before = _before_step(m, label)
+    compliance = inner_product(numbers, flight.kinetics.accelerations(numbers))
+    columns = [*zip(*flight.accelerations, strict=True), flight.bent]
+    *row, bent = substitute([-inner_product(numbers, each) / compliance for each in columns], before)
+    place = [*gap.s, *gap.w]
+    return Coefficients([row], gap.s), None if vanishes(bent) else Coefficients([[bent]], place)
 
 
 def _stated(c: Coordinates, stated: Mapping[str, Scalar], what: str) -> SignedShift:
     """A map as it is stated, by coordinate."""
-    signs, shifts = list[int](), list[ca.SX]()
+    signs, shifts = list[int](), list[ExactExpression]()
     for i, name in enumerate(c.names):
         weights, unit = c.weights(stated.get(name, name)), [Fraction(i == j) for j in range(c.size)]
         if weights != unit and weights != [-each for each in unit]:
@@ -162,14 +174,13 @@ def _stated(c: Coordinates, stated: Mapping[str, Scalar], what: str) -> SignedSh
             )
         signs.append(int(weights[i]))
         shifts.append(c.at_zero(stated.get(name, name)))
-    still = c.vanishes(ca.vertcat(*shifts))
-    return SignedShift(tuple(signs), None if still else lambda p: shifts)
+    return SignedShift(tuple(signs), None if all_vanish(shifts) else lambda p: shifts)
 
 
 def _own_inverse(c: Coordinates, reversor: SignedShift) -> SignedShift:
     """A reversor; raises `InputError` for one that is not its own inverse."""
     for name, sign, shift in zip(c.names, reversor.signs, reversor.shifts({}), strict=True):
-        if sign > 0 and not c.vanishes(ca.SX(shift)):
+        if sign > 0 and not vanishes(expression(shift)):
             raise InputError(
                 f"reversor of '{name}': done twice, it does not lead back to '{name}'; state '{name}' as it is, or its "
                 "negative plus an amount"
@@ -177,23 +188,25 @@ def _own_inverse(c: Coordinates, reversor: SignedShift) -> SignedShift:
     return reversor
 
 
-def _image_of_gap(c: Coordinates, gap: StatedGap, by: SignedShift) -> StatedGap:
+def _image_of_gap(gap: StatedGap, by: SignedShift) -> StatedGap:
     """A sum of coordinates of the image of a place."""
-    numbers, shifts = ca.vertcat(*map(c.numerals.number, gap[0])), ca.vertcat(*map(ca.SX, by.shifts({})))
-    return [weight * sign for weight, sign in zip(gap[0], by.signs, strict=True)], gap[1] + ca.dot(numbers, shifts)
+    moved = total(weight * expression(shift) for weight, shift in zip(gap[0], by.shifts({}), strict=True))
+    return [weight * sign for weight, sign in zip(gap[0], by.signs, strict=True)], gap[1] + moved
 
 
-def _side(c: Coordinates, gap: Sequence[Fraction], image: StatedGap) -> int:
+def _side(gap: Sequence[Fraction], image: StatedGap) -> int:
     """1 where a sum of coordinates is the gap, -1 where it is its negative, 0 for another."""
     weights, offset = image
     signs = {1: list(gap), -1: [-weight for weight in gap]}
-    return next((sign for sign in signs if weights == signs[sign] and c.vanishes(offset)), 0)
+    return next((sign for sign in signs if weights == signs[sign] and vanishes(offset)), 0)
 
 
-def _before_step(m: Mechanics, label: SignedShift) -> ca.SX:
-    """The place (n,) in contact in the labels of before the step."""
-    closed = ca.densify(ca.sparsify(m.gap.exact_embed) @ m.gap.s)
-    return ca.SX(ca.vertcat(*label.inverse.image(ca.vertsplit(closed), {})))
+def _before_step(m: Mechanics, label: SignedShift) -> dict[ExactExpression, ExactExpression]:
+    """The places and rates in the labels of before the step, by those in contact."""
+    y, v, back = m.coordinates.y, m.coordinates.v, label.inverse
+    places, rates = back.image(m.gap.inside(y), {}), m.gap.inside(v)
+    turned = [sign * rate for sign, rate in zip(back.signs, rates, strict=True)]
+    return dict(zip([*y, *v], [*places, *turned], strict=True))
 
 
 def _alternating(y: Scalars, v: Scalars) -> list[Algebraic]:
@@ -207,33 +220,37 @@ def _in_pieces(m: Mechanics, term: Term) -> bool:
 def _needs_odd(m: Mechanics, by: SignedShift, where: str) -> bool:
     """Whether a map turns the motions in flight, or in contact, back if laws in pieces are odd, and not otherwise;
     raises `InputError` where it does not even then."""
-    c, flight = m.coordinates, m.in_flight
-    embed, place = (ca.SX.eye(c.size), c.y) if where == "flight" else (ca.sparsify(m.gap.exact_embed), m.gap.s)
-    closed = ca.densify(embed @ place)
-    there, signs = ca.vertcat(*by.image(ca.vertsplit(closed), {})), ca.diag(ca.SX(ca.DM(by.signs)))
+    c, flight, gap = m.coordinates, m.in_flight, m.gap
+    closed = c.y if where == "flight" else gap.inside(c.y)
+    matrix = gap.exact_embed if where == "contact" else [[int(i == j) for j in range(c.size)] for i in range(c.size)]
+    embed = [list(map(exact_number, column)) for column in zip(*matrix, strict=True)]
+    there, here = (dict(zip(c.y, each, strict=True)) for each in (by.image(closed, {}), closed))
 
-    def left(expression: ca.SX, turned: ca.SX) -> ca.SX:
-        """What is left of an expression at a place less that at its image, which `turned` turns back."""
-        at, here = (ca.substitute(expression, c.y, each) for each in (there, closed))
-        return ca.densify(embed.T @ (signs @ at @ turned - here))
+    def left(column: Column, sign: int = 1) -> Column:
+        """What is left of a column at a place less that at its image, which the signs turn back."""
+        pairs = zip(by.signs, substitute(column, there), substitute(column, here), strict=True)
+        change = [own * sign * at - now for own, at, now in pairs]
+        return [inner_product(each, change) for each in embed]
 
-    def force(term: Term, like: Callable) -> ca.SX:
+    def force(term: Term, like: str) -> Column:
         """The force of a term at rest; a law in pieces is like another one."""
         if isinstance(term.element, Potential):
-            return term.gradient * ca.dot(term.gradient, c.gradient(term.element.energy))
-        with symbolic_numerals(c.numerals.symbols, folded=True):  # decimals are not rounded, as in the maps
-            own = like(c.scalar(term.place)) if _in_pieces(m, term) else term.force(ca.vertsplit(c.y), still, c.p, [])
-        return term.gradient * own
+            own = inner_product(term.gradient, c.gradient(term.element.energy))
+        elif _in_pieces(m, term):
+            own = call(like, c.scalar(term.place))
+        else:
+            own = c.of_function(lambda y, v: term.force(y, [0.0] * c.size, c.p, []))
+        return [slope * own for slope in term.gradient]
 
-    still, symbols = [0.0] * c.size, c.symbols(place)
     maps = "the reversor" if where == "flight" else "the reversor and the symmetry"
     refused = f"motions in {where} are not turned back by {maps}, for {{}}: {REMEDY}"
-    if not c.vanishes(left(flight.inertia, signs) @ embed, symbols):
+    inertia = [left(column, sign) for sign, column in zip(by.signs, flight.kinetics.matrix, strict=True)]
+    if not all_vanish(inner_product(each, row) for row in zip(*inertia, strict=True) for each in embed):
         raise InputError(refused.format("the inertia"))
-    for like in (ca.exp, ca.atan):
-        each = [left(force(term, like), ca.SX(1)) for term in flight.terms]
-        if c.vanishes(sum(each, ca.SX(embed.shape[1], 1)), symbols):
-            return like is ca.atan
-    element = next(term.element for term, own in zip(flight.terms, each, strict=True) if not c.vanishes(own, symbols))
+    for like in ("exp", "atan"):
+        each = [left(force(term, like)) for term in flight.terms]
+        if all_vanish(total(rows) for rows in zip(*each, strict=True)):
+            return like == "atan"
+    element = next(term.element for term, own in zip(flight.terms, each, strict=True) if not all_vanish(own))
     spring = f"the spring '{m.law_of(element).text}' along '{element.extension}'" if isinstance(element, Spring) else ""
     raise InputError(refused.format(spring or repr(element)))

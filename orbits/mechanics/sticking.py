@@ -7,10 +7,11 @@ stance, and an orbit is one up to such a move.
 from collections.abc import Iterator
 from typing import Any
 
-import casadi as ca
-
 from ..errors import InputError
-from .coordinates import Coordinates
+from ..symbolic.identities import vanishes
+from ..symbolic.tree import derivative_by
+from ..symbolic.tree_linear import Column
+from .coordinates import Coordinates, all_vanish
 from .elements import Damper, Force, Inerter, Mass, Potential, Spring, Weight
 from .lagrange import Mechanics, stated_inertia
 from .structure import Structure
@@ -20,36 +21,36 @@ def refuse_places(c: Coordinates, s: Structure, m: Mechanics) -> None:
     """Raise `InputError` where something of a structure depends on the place of a coordinate that sticks."""
     for name in s.sticks:
         place = c.y[c.names.index(name)]
-        for what, expression in _free_of_places(c, s, m):
-            if not c.vanishes(ca.densify(ca.jacobian(ca.vec(expression), place)), c.symbols(c.y, c.v)):
+        for what, expressions in _free_of_places(c, s, m):
+            if not all_vanish(derivative_by(each, place) for each in expressions):
                 raise InputError(
                     f"{what} depends on the place of '{name}', which sticks: state it by places that are counted from "
                     f"'{name}', so that nothing changes where all is moved along the ground"
                 )
         for each in s.elements:
             across = each.across if isinstance(each, Mass) else None
-            if across is not None and not c.vanishes(ca.jacobian(c.scalar(across), place) - 1):
+            if across is not None and not vanishes(derivative_by(c.scalar(across), place) - 1):
                 raise InputError(f"'{across}' is a place along the ground that does not move on with '{name}'")
 
 
-def _free_of_places(c: Coordinates, s: Structure, m: Mechanics) -> Iterator[tuple[str, ca.SX]]:
-    """What may not depend on a place, in words with its expression."""
-    yield f"gap '{s.gap}'", c.scalar(s.gap)
-    yield f"counts = '{s.counts}'", c.scalar(s.counts)
-    yield from ((f"the height '{height}'", c.scalar(height)) for _, height in s.heights)
+def _free_of_places(c: Coordinates, s: Structure, m: Mechanics) -> Iterator[tuple[str, Column]]:
+    """What may not depend on a place, in words with its expressions."""
+    yield f"gap '{s.gap}'", [c.scalar(s.gap)]
+    yield f"counts = '{s.counts}'", [c.scalar(s.counts)]
+    yield from ((f"the height '{height}'", [c.scalar(height)]) for _, height in s.heights)
     if s.separation is not None:
-        yield f"separation = '{s.separation}'", c.scalar(s.separation)
+        yield f"separation = '{s.separation}'", [c.scalar(s.separation)]
     for each in s.elements:
         match each:
             case Spring(extension=extension) | Inerter(extension=extension):
-                yield f"the extension '{extension}'", c.scalar(extension)
+                yield f"the extension '{extension}'", [c.scalar(extension)]
             case Mass(height=height) | Weight(height=height):
-                yield f"the height '{height}'", c.scalar(height)
+                yield f"the height '{height}'", [c.scalar(height)]
             case Potential(energy=energy):
-                yield f"the potential '{energy}'", c.scalar(energy)
+                yield f"the potential '{energy}'", [c.scalar(energy)]
             case Damper(extension=extension):
                 yield f"the damper along '{extension}'", c.gradient(extension)
             case Force(along=along):
                 rates: Any = next(term.by_rates for term in m.in_flight.terms if term.element is each)
-                yield f"the force along '{along}'", ca.vertcat(c.gradient(along), rates)
-    yield "the inertia", stated_inertia(c, s.inertia)
+                yield f"the force along '{along}'", [*c.gradient(along), rates]
+    yield "the inertia", [each for row in stated_inertia(c, s.inertia) or [] for each in row]

@@ -1,16 +1,16 @@
-"""Forces of elements, and forces quadratic in the speeds, as terms of the equations of motion."""
+"""Forces of elements as terms of the equations of motion."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import casadi as ca
-import numpy as np
 
 from ..errors import InputError
 from ..laws.law import Algebraic, Key, Parameters, Scalars
 from ..model.phase import weighted_sum
-from ..symbolic.formula import symbolic_numerals
+from ..symbolic.tree import ONE, ZERO, ExactExpression, depends_on, total
+from ..symbolic.tree_linear import Column, inner_product
 from .coordinates import Coordinates
 from .elements import Damper, Element, Force, Inerter, Mass, Potential, Scalar, Spring, Weight, paths_of, value_of
 
@@ -21,7 +21,7 @@ GRAVITY_SHARE = "gravity_share"
 class Term(NamedTuple):
     """One force of a mechanism.
 
-    element : whose force it is, None for a force quadratic in the speeds
+    element : whose force it is
     force : (y, v, p, q) -> the force, of coordinates with the actuators' displacements, rates, parameters and data
     gradient : (n + k,), of the function that it acts against, by the coordinates and the displacements
     conservative : whether it is one of the energy's
@@ -30,13 +30,13 @@ class Term(NamedTuple):
     by_rates : the force as an expression, of one that depends on the rates
     """
 
-    element: Element | None
+    element: Element
     force: Callable
-    gradient: ca.SX
+    gradient: Column
     conservative: bool = True
     what: str | Spring | None = None
     place: Scalar = 0.0
-    by_rates: ca.SX | None = None
+    by_rates: ExactExpression | None = None
 
     @property
     def is_weight(self) -> bool:
@@ -60,11 +60,9 @@ class Gravity:
         """Whether it depends on the height."""
         return self.key.degree() > 0
 
-    def at_ground(self, c: Coordinates) -> ca.SX:
+    def at_ground(self, c: Coordinates) -> ExactExpression:
         """The acceleration at the height 0."""
-        with symbolic_numerals(c.numerals.symbols, folded=True):
-            law = self.key.expression(ca.SX(0), c.p, [])
-        return c.scalar(self.surface) * law
+        return c.scalar(self.surface) * c.of_function(lambda y, v: self.key.expression(ca.SX(0), c.p, []))
 
     def pull(self, height: Algebraic, p: Parameters) -> Algebraic:
         """Gravity at a height over that at the ground, with the share of its variation that the parameter says."""
@@ -78,30 +76,24 @@ def moving_masses(elements: Sequence[Element]) -> list[tuple[Scalar, Scalar]]:
     return masses + [(each.extension, each.inertance) for each in elements if isinstance(each, Inerter)]
 
 
-def bend_of(c: Coordinates, place: Scalar) -> ca.SX:
-    """The second derivative of a function of the coordinates in a motion without accelerations of these."""
-    return ca.bilin(ca.jacobian(c.gradient(place), c.y), c.v, c.v)
-
-
-def mass_of(c: Coordinates, expression: Scalar) -> ca.SX:
+def mass_of(c: Coordinates, expression: Scalar) -> ExactExpression:
     """A mass, which does not depend on the coordinates; raises `InputError` for one that does."""
     mass = c.scalar(expression)
-    if ca.depends_on(mass, c.y):
+    if depends_on([mass], c.y):
         raise InputError(f"mass '{expression}' depends on coordinates: state such an inertia as inertia=")
     return mass
 
 
-def terms_of(c: Coordinates, elements: Sequence[Element], gravity: Gravity, stated: ca.SX) -> list[Term]:
-    """All forces: those of the elements, of springs without laws yet, and those quadratic in the speeds, `stated`
-    being the inertia (n, n) beside that of the elements."""
+def terms_of(c: Coordinates, elements: Sequence[Element], gravity: Gravity) -> list[Term]:
+    """The forces of elements, of springs without laws yet."""
     ground = gravity.at_ground(c)
     forces = [term for element in elements for term in _terms_of(c, element, gravity, ground)]
     weights = [term for term in forces if term.what == "constant gravity"]
     forces = [term for term in forces if term.what != "constant gravity"]
     if weights:  # under constant gravity all weights are one force
-        whole = sum((each.gradient for each in weights[1:]), weights[0].gradient)
+        whole = [total(column) for column in zip(*(each.gradient for each in weights), strict=True)]
         forces.append(weights[0]._replace(gradient=whole))
-    return [*forces, *_inertial_terms(c, elements, stated)]
+    return forces
 
 
 def with_law(c: Coordinates, term: Term, laws: Sequence[Key]) -> Term:
@@ -116,12 +108,13 @@ def _no_law(y: Scalars, v: Scalars, p: Parameters, q: Scalars) -> float:
     raise AssertionError("the springs have no laws yet")
 
 
-def _terms_of(c: Coordinates, element: Element, gravity: Gravity, ground: ca.SX) -> Iterator[Term]:
+def _terms_of(c: Coordinates, element: Element, gravity: Gravity, ground: ExactExpression) -> Iterator[Term]:
     """The forces of an element, the acceleration of gravity being `ground` at the height 0."""
     if isinstance(element, Spring):
         yield Term(element, _no_law, c.gradient(element.extension), True, element, element.extension)
     elif isinstance(element, Mass | Weight):
-        height, weight = element.height, mass_of(c, element.mass) * c.gradient(element.height) * ground
+        height, size = element.height, mass_of(c, element.mass) * ground
+        weight = [size * each for each in c.gradient(height)]
         if gravity.varies:
             pull = lambda y, v, p, q: gravity.pull(value_of(height, c.named(y), p), p)  # noqa: E731
             yield Term(element, pull, weight, True, "gravity", height)
@@ -129,43 +122,23 @@ def _terms_of(c: Coordinates, element: Element, gravity: Gravity, ground: ca.SX)
             yield Term(element, lambda y, v, p, q: 1.0, weight, True, "constant gravity")
     elif isinstance(element, Damper):
         gradient, coefficient = c.gradient(element.extension), c.scalar(element.coefficient)
-        weights, rate = c.coefficients(gradient.T), ca.dot(gradient, c.v)
+        weights, rate = c.coefficients([gradient]), inner_product(gradient, c.v)
         force = lambda y, v, p, q: weighted_sum(weights(p, y)[0], v)  # noqa: E731
-        yield Term(element, force, gradient * coefficient, False, "damper", element.extension, rate)
+        along = [coefficient * each for each in gradient]
+        yield Term(element, force, along, False, "damper", element.extension, rate)
     elif isinstance(element, Potential):
-        slopes = c.gradient(element.energy)
-        for i, along in enumerate(np.eye(len(c.moved))):
-            if not slopes[i].is_zero():
-                yield Term(element, _of_state(c, slopes[i]), ca.SX(along))
+        for i, slope in enumerate(c.gradient(element.energy)):
+            if not slope.is_(0):
+                unit = [ONE if j == i else ZERO for j in range(len(c.moved))]
+                yield Term(element, _of_place(c, slope), unit)
     elif isinstance(element, Force):
         stated = element.force
         against = lambda y, v, p, q: -stated(c.named(y), c.named(v), p)  # noqa: E731
-        by_rates = ca.SX(against(ca.vertsplit(c.y), ca.vertsplit(c.v), c.p, []))
+        by_rates = c.of_function(lambda y, v: against(y, v, c.p, []))
         yield Term(element, against, c.gradient(element.along), False, by_rates=by_rates)
 
 
-def _inertial_terms(c: Coordinates, elements: Sequence[Element], stated: ca.SX) -> Iterator[Term]:
-    """Forces quadratic in the speeds: a mass that moves along a function h of the coordinates has the acceleration
-    J^T y'' + v^T (Hessian of h) v; and the terms of a stated inertia that depends on the configuration."""
-    symbols = c.symbols(c.y, c.v)
-    turning = [each for each in elements if isinstance(each, Mass) and each.across is not None]
-    # Those of a mass on a circle vanish together.
-    whole = [sum(c.gradient(place) * bend_of(c, place) for place in paths_of(each)) for each in turning]
-    round_ = [each for each, force in zip(turning, whole, strict=True) if c.vanishes(ca.densify(force), symbols)]
-    for place, mass in moving_masses([each for each in elements if not any(each is one for one in round_)]):
-        bend = bend_of(c, place)
-        if not c.vanishes(bend, symbols):
-            along = c.scalar(mass) * c.gradient(place)
-            yield Term(None, _of_state(c, bend), along, False, by_rates=bend)
-    v = c.v[: c.size]
-    if c.varies(stated):
-        energy = ca.bilin(stated, v, v) / 2
-        force = ca.jtimes(stated @ v, c.y, c.v) - ca.gradient(energy, c.y)[: c.size]
-        for i, row in enumerate(np.eye(len(c.moved))[: c.size]):
-            yield Term(None, _of_state(c, force[i]), ca.SX(row), False, by_rates=force[i])
-
-
-def _of_state(c: Coordinates, expression: ca.SX) -> Callable:
-    """(y, v, p, q) -> an expression of the symbols."""
-    function = ca.Function("force", [c.y, c.v, ca.vertcat(*c.p.values())], [c.numerals.rounded(expression)])
-    return lambda y, v, p, q: function(ca.vertcat(*y), ca.vertcat(*v), ca.vertcat(*(p[name] for name in c.p)))
+def _of_place(c: Coordinates, expression: ExactExpression) -> Callable:
+    """(y, v, p, q) -> an expression of the coordinates."""
+    found = c.coefficients([[expression]])
+    return lambda y, v, p, q: found(p, y)[0][0]

@@ -9,12 +9,12 @@ launch, half the durations, and the further unknowns of a launch (`statement`). 
 no other zero is nearby, and that the solution is a motion. With interval parameters all of this is proved for each
 value in them.
 
-From the text to the equations. A formula becomes an exact expression (`formulas`, `expressions`), in which a numeral is
-the decimal that is written, and only exact simplifications are made. The conditions for its operations to be defined,
-even where they cancel, are collected and checked along the whole motion. Lagrange's equations follow from the kinetic
-energy and the forces (`exact_mechanics`), and the equations of the contact from the closed gap. A float of the machine
-stands for the shortest decimal that rounds to it, and a Python function for the formula that it computes, which is part
-of the statement.
+From the text to the equations. A formula becomes an exact expression (`formulas`, `tree`), in which a numeral is the
+decimal that is written, and only identities simplify it (`identities`). The conditions for its operations to be
+defined, even where they cancel, are collected and checked along the whole motion. Lagrange's equations follow from the
+kinetic energy (`kinetics`) and the forces (`exact_mechanics`), and those of the contact from the closed gap. A float of
+the machine stands for the shortest decimal that rounds to it, and a Python function for the formula that it computes,
+which is part of the statement.
 
 Numbers. Expressions become programs (`programs`) of Arb's balls, midpoint and radius, rounded outward. Floats are used
 for guesses only: of roots, units, steps, tubes and frames. Each guess is then tested in balls.
@@ -107,9 +107,10 @@ which follows from the number of impacts of each hop (`hop_word`): hops that ret
 and the multiplier, which is enclosed through the derivatives of the events; and, by further derivatives (`hop_jets`),
 the point at which a fixed point loses its stability by period doubling.
 
-What is trusted: Arb and python-flint; CPython; Python's own parser of arithmetic; and these rooms, which a second
-program can check for proofs of orbits (`orbits.check_proof`) and of hops (`orbits.check_returns`). Forces that jump,
-abs and sign are refused, and so are machines that state no mechanics.
+What is trusted: Arb and python-flint; CPython; Python's own parser of arithmetic; and these rooms, with the exact
+expressions of `symbolic` and the kinetic energy of `mechanics`, which a second program can check for proofs of orbits
+(`orbits.check_proof`) and of hops (`orbits.check_returns`). Forces that jump, abs and sign are refused, and so are
+machines that state no mechanics.
 
 Sources: R. Krawczyk, Computing 4 (1969) 187-201; R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval
 Analysis, SIAM 2009; T. Kapela, M. Mrozek, D. Wilczak, P. Zgliczynski, CAPD::DynSys, Communications in Nonlinear Science

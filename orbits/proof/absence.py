@@ -39,11 +39,11 @@ from ..balls.rigorous_step import between
 from ..balls.root import FIRST_BITS
 from ..errors import InputError
 from ..exact.exact_mechanics import Column, ExactMechanics, LoneExtension, Scale
-from ..exact.expressions import ExactExpression, depends_on, derivative_by, expression, in_order
 from ..exact.outward_decimals import bounds_of_fractions, upper_fraction
 from ..exact.refusal import Unproved
 from ..exact.stated import Bounds, Decimals, stated_machine
 from ..model.machine import Machine, machine_in_words
+from ..symbolic.tree import ExactExpression, depends_on, derivative_by, expression, in_order
 from .case import check_mirrored, not_stated
 from .theorem import Proof
 

@@ -21,10 +21,10 @@ from ..balls.equations import Equations, IntervalParameters
 from ..balls.motion import Motion
 from ..balls.programs import BallProgram
 from ..balls.rigorous_step import between
-from ..exact.exact_linear import inner_product, solved
-from ..exact.expressions import along, derivative_by, expression, substitute, symbol, total
 from ..exact.refusal import Unproved
 from ..exact.statement import ExactStatement, HalfOrbit, unknown
+from ..symbolic.tree import along, derivative_by, expression, substitute, symbol, total
+from ..symbolic.tree_linear import inner_product
 from .landings import JerkIntegrals
 from .launches import LAUNCHES, Flight, Launches, motions_of, states_between
 
@@ -60,7 +60,7 @@ class Bounces:
         for _ in range(3):
             gaps.append(along(gaps[-1], states, rates))
         weights, coordinate = [expression(each) for each in m.gap], m.independent[0]
-        mobility = solved(m.inertia, weights)
+        mobility = m.kinetics.accelerations(weights)
         mass = 1 / inner_product(weights, mobility)
         after = [v - each * mass * gaps[1] for v, each in zip(m.v, mobility, strict=True)]
         landed = [each for pair in zip(m.y, after, strict=True) for each in pair]

@@ -18,9 +18,9 @@ from ..balls.taylor_model import TaylorModel, as_model
 from ..balls.tube import prove_tube
 from ..errors import OrbitsError
 from ..exact.claim import CONTACT_DURATION
-from ..exact.expressions import symbol
 from ..exact.refusal import TooLong, Unproved
 from ..exact.statement import unknown
+from ..symbolic.tree import symbol
 from .branch_claim import Solver
 from .branch_piece import BRANCHES, CurveEquations, CurvePiece, parts_between
 from .case import CONDITIONS, NO_CONTACT, PROVED, UNDECIDED, counted_family, motion_conditions

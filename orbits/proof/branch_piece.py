@@ -17,10 +17,10 @@ from ..balls.taylor_model import TaylorModel
 from ..balls.tube import Tube, prove_tube
 from ..exact.claim import CONTACT_DURATION, FLIGHT_DURATION
 from ..exact.exact_mechanics import ExactMechanics, Scale
-from ..exact.expressions import symbol
 from ..exact.refusal import Unproved
 from ..exact.stated import StatedMachine
 from ..exact.statement import HalfOrbit
+from ..symbolic.tree import symbol
 from .branch_claim import Solver
 
 

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from math import isfinite
 from typing import Any, NamedTuple
 
@@ -18,12 +19,13 @@ from ..exact.bounds import Enclosure
 from ..exact.claim import CONTACT_DURATION, FLIGHT_DURATION, Claim
 from ..exact.decimals import decimal_text
 from ..exact.exact_mechanics import ExactMechanics, Scale, nearest_power_of_two
-from ..exact.expressions import ExactExpression, substitute, vanishes
 from ..exact.outward_decimals import bounds_of_fractions, enclosure_of, lower_decimal, radius_of
 from ..exact.refusal import Undecided, Unproved
 from ..exact.stated import StatedMachine
 from ..exact.statement import ExactStatement, HalfOrbit
 from ..model.machine import Machine, machine_in_words
+from ..symbolic.identities import vanishes
+from ..symbolic.tree import ExactExpression, substitute
 from .attraction import Attraction, Hop, attraction_of
 from .digits import DIGITS, bits_of_digits, with_enough_digits
 from .loss import Loss, enclosed_loss
@@ -181,7 +183,7 @@ def whole_proof(
         proved=not reasons,
         statement=" ".join(filter(None, sentences)),
         machine=words,
-        stated=stated.document() | {"eliminated": stated.coordinates[found.half.mechanics.eliminated]},
+        stated=stated.document() | {"eliminated": stated.coordinates[found.half.mechanics.gap.index(Fraction(1))]},
         family=verdicts.family,
         parameters=parameters,
         enclosures=enclosures,

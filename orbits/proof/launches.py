@@ -19,10 +19,10 @@ from ..balls.programs import BallProgram
 from ..balls.rigorous_step import between
 from ..balls.root import evaluated_on
 from ..exact.claim import FLIGHT_DURATION
-from ..exact.exact_linear import inner_product, solved
-from ..exact.expressions import ExactExpression, along, derivative_by, expression, symbol, symbols
 from ..exact.refusal import Unproved
 from ..exact.statement import ExactArc, ExactStatement, HalfOrbit, unknown
+from ..symbolic.tree import ExactExpression, along, derivative_by, expression, symbol, symbols
+from ..symbolic.tree_linear import inner_product
 from .loss import launch_expressions
 
 
@@ -210,7 +210,7 @@ def _landing_functions(half: HalfOrbit, arc: ExactArc) -> list[ExactExpression]:
         gaps.append(along(gaps[-1], own, arc.rates[0][: len(own)]))
     gaps_by_speed = [along(each, own, arc.states[len(own) :]) for each in gaps[:3]]
     weights, coordinate = [expression(each) for each in m.gap], m.independent[0]
-    mobility = solved(m.inertia, weights)
+    mobility = m.kinetics.accelerations(weights)
     mass = 1 / inner_product(weights, mobility)
     after = m.v[coordinate] - mobility[coordinate] * mass * gaps[1]
     return [-gaps[3], *gaps_by_speed, by_speed[m.y[coordinate]], m.y[coordinate], m.v[coordinate], after, mass]

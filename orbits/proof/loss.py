@@ -15,10 +15,10 @@ from ..balls.enclosure import FINE, follow_set, unit_matrix
 from ..balls.equations import BallLeg
 from ..balls.motion import Motion
 from ..balls.programs import UNDEFINED, BallProgram, ball_of_fraction
-from ..exact.exact_linear import inner_product, solved
-from ..exact.expressions import ExactExpression, derivative_by, expression, substitute
 from ..exact.refusal import Undecided, Unproved
 from ..exact.statement import HalfOrbit
+from ..symbolic.tree import ExactExpression, derivative_by, expression, substitute
+from ..symbolic.tree_linear import inner_product
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def launch_expressions(half: HalfOrbit, law: int) -> list[ExactExpression]:
     kinetic = inner_product(m.v, momentum) / 2
     by_place = [derivative_by(kinetic, place) - force for place, force in zip(m.y, m.conservative[law], strict=True)]
     gap = [expression(each) for each in m.gap]
-    mass = 1 / inner_product(gap, solved(m.inertia, gap))
+    mass = 1 / inner_product(gap, m.kinetics.accelerations(gap))
     places = dict(zip([*m.y, *m.v], [*launch[::2], *launch[1::2]], strict=True))
     mass, *gradient = substitute([mass, *by_place, *momentum], places)
     return [mass, inner_product(gradient, [*by_alpha[::2], *by_alpha[1::2]]), *by_alpha]

@@ -14,10 +14,11 @@ from flint import arb
 from ..balls.motion import Derivatives, Motion, Refuted
 from ..balls.rigorous_step import between
 from ..exact.decimals import decimal_text
-from ..exact.expressions import exact_number, substitute, vanishes
 from ..exact.outward_decimals import enclosure_of
 from ..exact.refusal import Unproved
 from ..exact.statement import HalfOrbit
+from ..symbolic.identities import vanishes
+from ..symbolic.tree import exact_number, substitute
 
 # The relative width to which the needed coefficient is enclosed for a message.
 NEEDED_TO = 1e-4

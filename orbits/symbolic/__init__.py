@@ -1,1 +1,1 @@
-"""Expressions: formulas from text, Taylor series, compiled calls, and Ipopt."""
+"""Expressions: formulas from text, exact trees, Taylor series, compiled calls, and Ipopt."""

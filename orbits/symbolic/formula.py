@@ -66,6 +66,11 @@ class Formula:
         ("name", name), ("call", function, ...), ("negative", ...), or an operator with its two operands."""
         return _nodes(self.tree)
 
+    @cached_property
+    def folded_nodes(self) -> list[tuple]:
+        """The same operations with numerals worked out, whose texts may then be quotients, as "1/3"."""
+        return _nodes(self.folded)
+
     @property
     def pieces(self) -> list[str]:
         """The functions in it that have no second derivative somewhere, whatever their argument."""
@@ -116,8 +121,7 @@ class Formula:
             raise InputError(f"'{self.text}' needs a value for {', '.join(missing)}")
         kinds = {type(value) for value in values.values() if isinstance(value, casadi.SX | casadi.MX)}
         if kinds:
-            as_written = _numerals is not None and not _numerals_folded
-            return _evaluate(self.tree if as_written else self.folded, values, kinds.pop(), casadi)
+            return _evaluate(self.folded, values, kinds.pop(), casadi)
         arrays = {name: np.asarray(value, dtype=float) for name, value in values.items()}
         with np.errstate(all="ignore"):
             return _evaluate(self.folded, arrays, np.float64, np)
@@ -290,26 +294,24 @@ def _evaluate(tree: tuple, values: Mapping, constant: type, library):
     return stack.pop()
 
 
-# The symbols of the numerals by their texts while `symbolic_numerals` is open, and whether they are worked out before.
+# The symbols of the numerals by their texts while `symbolic_numerals` is open.
 _numerals: dict[str, casadi.SX] | None = None
-_numerals_folded = False
 
 
 @contextmanager
-def symbolic_numerals(symbols: dict[str, casadi.SX], folded: bool = False) -> Iterator[None]:
+def symbolic_numerals(symbols: dict[str, casadi.SX]) -> Iterator[None]:
     """Formulas evaluated with CasADi expressions in this block take a symbol for each numeral, and for pi, in place of
-    a rounded number. The mapping from the texts of the numerals to their symbols grows as formulas are evaluated.
-
-    folded : whether the numerals are worked out before; a text may then be a quotient, as "1/3"
+    a rounded number. The mapping from the texts of the numerals to their symbols grows as formulas are evaluated; a
+    text may be a quotient, as "1/3".
 
     Nothing that is stored for later may be built in the block: it would contain the symbols.
     """
-    global _numerals, _numerals_folded
-    before, _numerals, _numerals_folded = (_numerals, _numerals_folded), symbols, folded
+    global _numerals
+    before, _numerals = _numerals, symbols
     try:
         yield
     finally:
-        _numerals, _numerals_folded = before
+        _numerals = before
 
 
 def _numeral(text: str) -> casadi.SX:

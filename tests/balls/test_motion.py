@@ -8,8 +8,8 @@ from ball_systems import clock_of, fn
 from flint import arb, ctx
 
 from orbits.balls.motion import Motion, Refuted
-from orbits.exact.expressions import expression, symbol
 from orbits.exact.refusal import Unproved
+from orbits.symbolic.tree import expression, symbol
 
 END = 3.0
 

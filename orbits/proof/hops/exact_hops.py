@@ -25,10 +25,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from ...exact.exact_linear import inner_product, solved
 from ...exact.exact_mechanics import Column, ExactMechanics
-from ...exact.expressions import ExactExpression, substitute, symbols, total
 from ...exact.statement import ExactArc, ExactStatement, HalfOrbit, unknown
+from ...symbolic.tree import ExactExpression, substitute, symbols
+from ...symbolic.tree_linear import inner_product
 from .hop_word import HopWord
 
 INJECTION = "inject"
@@ -95,13 +95,9 @@ def landed_in_contact(mechanics: ExactMechanics, before: Sequence[ExactExpressio
     """Place and rate of the contact after a plastic landing in a flight state, coordinates and rates alternating:
     the only impulse is the contact's, so that the momentum along the contact is conserved."""
     m = mechanics
-    momentum = m.along([inner_product(row, m.v) for row in m.inertia])
-    columns = [[row[j] for row in m.embed] for j in range(len(m.s))]
-    reduced = [
-        [total(a[i] * m.inertia[i][k] * b[k] for i in range(m.size) for k in range(m.size)) for b in columns]
-        for a in columns
-    ]
-    rates = substitute(solved(reduced, momentum), dict(zip(m.y, m.embedded(m.s), strict=True)))
+    momentum = m.closed.along([inner_product(row, m.v) for row in m.inertia])
+    closed = dict(zip(m.y, m.embedded(m.s), strict=True))
+    rates = m.closed.own.accelerations(substitute(momentum, closed))
     at = dict(zip([*m.y, *m.v], [*before[::2], *before[1::2]], strict=True))
     places = [at[each] for each in m.s]
     return [*places, *substitute(rates, at)]

@@ -12,10 +12,10 @@ from ...balls.motion import Motion
 from ...balls.programs import ball_of_fraction
 from ...balls.root import FIRST_BITS, ProvedRoot, evaluated_on, polished, prove_root
 from ...exact.bounds import Enclosure
-from ...exact.expressions import ExactExpression, depends_on, substitute
 from ...exact.outward_decimals import enclosure_of, lower_decimal
 from ...exact.refusal import Unproved
 from ...exact.statement import ExactStatement
+from ...symbolic.tree import ExactExpression, depends_on, substitute
 from ..case import Verdicts, verdicts_of
 from ..digits import bits_of_digits
 from ..theorem import Part

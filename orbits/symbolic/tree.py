@@ -1,56 +1,69 @@
-"""Exact expressions: operations on symbols and rational numbers, differentiated and written as programs of balls.
+"""Exact expressions: operations on symbols and rational numbers, which are differentiated, and are evaluated by CasADi
+and by programs of balls.
 
 Nothing is rounded, and only exact simplifications are made: a sum or a product of rational numbers becomes a number,
-and 0 + x, 1 x, x - x and 0 x become x, x, 0 and 0. The last two may lose a place where x has no value. So whatever
-restricts the domain of a stated formula (a quotient, a root, a logarithm, a power) is collected beside it, see
-`orbits.exact.formulas.Domain`, and is checked along the whole motion, whether or not it remains in the expression.
+numbers come first in products, and 0 + x, 1 x, x - x, 0 x, x/x and (x y)/x become x, x, 0, 0, 1 and y. The last four
+may lose a place where x has no value. Proofs therefore collect what restricts the domain of a stated formula (a
+quotient, a root, a logarithm, a power), see `orbits.exact.formulas.Domain`, and check it along the whole motion.
 
 Equal expressions are one object, so that common parts are computed once.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
+from itertools import count
 from math import isqrt
 from typing import Any, ClassVar, Union
 from weakref import WeakValueDictionary
-
-from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
 # An expression, or an exact number that stands for one.
 Operand = Union["ExactExpression", Fraction, int]
 # Powers of numbers up to this exponent, with results of at most these bits, become numbers; others stay powers.
 LARGEST_EXPONENT, MOST_BITS = 512, 20_000
-# The largest power and the most terms of a polynomial that are expanded to decide whether an expression is 0.
-LARGEST_EXPANDED, MOST_EXPANDED_TERMS = 24, 3000
+# Sizes are not counted beyond this.
+LARGEST_SIZE = 10**6
 
 
 class ExactExpression:
     """An operation on other expressions: `kind` is "number", "symbol", "pi", "+", "*", "/", "**" with a whole exponent,
-    "power" with any other, or a function's name.
+    "power" with any other, a function's name, or "operation" for any other of CasADi's.
 
     parts : the operands
-    value : the Fraction of a number, the name of a symbol, the exponent of "**"
+    serial : larger than those of its parts
+    notes : what is worked out of it, see `noted`
+    size : how many operations it has, common parts counted as often as they are used
+    value : the Fraction of a number, the name of a symbol, the exponent of "**", the `Operation` of CasADi
     """
 
-    __slots__ = ("__weakref__", "_slopes", "kind", "parts", "value")
+    __slots__ = ("__weakref__", "kind", "notes", "parts", "serial", "size", "value")
 
     _known: ClassVar["WeakValueDictionary[tuple, ExactExpression]"] = WeakValueDictionary()
+    _serials: ClassVar[Iterator[int]] = count()
 
     kind: str
     parts: tuple["ExactExpression", ...]
     value: Any
-    _slopes: dict["ExactExpression", "ExactExpression"]
+    serial: int
+    size: int
+    notes: dict[Any, Any]
 
     @classmethod
-    def of(cls, kind: str, parts: tuple["ExactExpression", ...] = (), value: object = None) -> "ExactExpression":
+    def of(cls, kind: str, parts: tuple["ExactExpression", ...] = (), value: Any = None) -> "ExactExpression":
         """The one expression of this kind and these parts."""
-        key = (kind, tuple(map(id, parts)), value)
+        # The hash of a fraction takes longer than that of its parts.
+        own = value.as_integer_ratio() if kind == "number" else value
+        key = (kind, own, *map(id, parts))
         found = cls._known.get(key)
         if found is None:
             found = object.__new__(cls)
-            found.kind, found.parts, found.value, found._slopes = kind, parts, value, {}
+            found.kind, found.parts, found.value, found.notes = kind, parts, value, {}
+            found.serial = next(cls._serials)
+            found.size = min(1 + sum(part.size for part in parts), LARGEST_SIZE) if parts else 0
             cls._known[key] = found
         return found
+
+    def __lt__(self, other: "ExactExpression") -> bool:
+        return self.serial < other.serial
 
     @property
     def is_number(self) -> bool:
@@ -84,6 +97,12 @@ class ExactExpression:
                 return b
             if b.kind == "*" and b.parts[0].is_number:
                 return exact_number(a.value * b.parts[0].value) * b.parts[1]
+            return ExactExpression.of("*", (a, b))
+        for x, y in ((a, b), (b, a)):
+            if x.kind == "*" and x.parts[0].is_number:
+                return x.parts[0] * (x.parts[1] * y)
+            if x.kind == "/" and x.parts[1] is y:
+                return x.parts[0]
         return ExactExpression.of("*", (a, b))
 
     __radd__, __rmul__ = __add__, __mul__
@@ -105,6 +124,10 @@ class ExactExpression:
             return exact_number(1 / b.value) * a
         if a.is_(0) and not b.is_number:
             return ZERO
+        if a is b and not b.is_number:
+            return ONE
+        if a.kind == "*" and b in a.parts and not b.is_number:
+            return a.parts[0] if a.parts[1] is b else a.parts[1]
         return ExactExpression.of("/", (a, b))
 
     def __rtruediv__(self, other: Operand) -> "ExactExpression":
@@ -131,7 +154,7 @@ class ExactExpression:
 
 def exact_number(value: Fraction | int) -> ExactExpression:
     """The expression of a rational number."""
-    return ExactExpression.of("number", (), Fraction(value))
+    return ExactExpression.of("number", (), value if isinstance(value, Fraction) else Fraction(value))
 
 
 def symbol(name: str) -> ExactExpression:
@@ -177,12 +200,12 @@ def power(base: ExactExpression, exponent: ExactExpression) -> ExactExpression:
 
 
 _ZERO_AT_ZERO = (
-    "sin", "tan", "sinh", "tanh", "asin", "atan", "asinh", "atanh", "expm1", "log1p",
+    "abs", "sign", "sin", "tan", "sinh", "tanh", "asin", "atan", "asinh", "atanh", "expm1", "log1p",
 )  # fmt: skip
 # The functions that are odd (-1) and even (1).
-PARITIES = {
-    **dict.fromkeys(("sin", "tan", "sinh", "tanh", "asin", "atan", "asinh", "atanh"), -1),
-    **dict.fromkeys(("cos", "cosh"), 1),
+_PARITIES = {
+    **dict.fromkeys(("sin", "tan", "sinh", "tanh", "asin", "atan", "asinh", "atanh", "sign"), -1),
+    **dict.fromkeys(("cos", "cosh", "abs"), 1),
 }
 # The derivative of each function f by its argument x.
 _SLOPES = {
@@ -203,8 +226,15 @@ _SLOPES = {
     "asinh": lambda f, x: 1 / call("sqrt", 1 + x**2),
     "acosh": lambda f, x: 1 / (call("sqrt", x - 1) * call("sqrt", x + 1)),
     "atanh": lambda f, x: 1 / (1 - x**2),
+    "abs": lambda f, x: call("sign", x),
+    "sign": lambda f, x: ZERO,
 }
-SMOOTH_FUNCTIONS = frozenset(_SLOPES)
+SMOOTH_FUNCTIONS = frozenset(_SLOPES) - {"abs", "sign"}
+
+
+def parity_of(each: ExactExpression) -> int:
+    """-1 for an odd function, 1 for an even one, 0 for any other operation."""
+    return each.value.parity if each.kind == "operation" else _PARITIES.get(each.kind, 0)
 
 
 def in_order(outputs: Iterable[ExactExpression]) -> list[ExactExpression]:
@@ -222,29 +252,37 @@ def in_order(outputs: Iterable[ExactExpression]) -> list[ExactExpression]:
     return order
 
 
-def derivative_by(of: ExactExpression, by: ExactExpression) -> ExactExpression:
-    """The derivative by a symbol."""
+def noted(of: ExactExpression, key: Any, work: Callable[[ExactExpression], Any]) -> Any:
+    """What is worked out of an expression, once it is of its parts; stored under the key."""
     waiting = [of]
     while waiting:
         each = waiting[-1]
-        if by in each._slopes:
+        if key in each.notes:
             waiting.pop()
-        elif missing := [part for part in each.parts if by not in part._slopes]:
+        elif missing := [part for part in each.parts if key not in part.notes]:
             waiting += missing
         else:
-            each._slopes[by] = _derivative_of(each, by)
-    return of._slopes[by]
+            each.notes[key] = work(each)
+    return of.notes[key]
+
+
+def derivative_by(of: ExactExpression, by: ExactExpression) -> ExactExpression:
+    """The derivative by a symbol."""
+    return noted(of, by, lambda each: _derivative_of(each, by))
 
 
 def _derivative_of(of: ExactExpression, by: ExactExpression) -> ExactExpression:
     """The derivative of an expression whose parts have their derivatives stored."""
     if not of.parts:
         return ONE if of is by else ZERO
-    (x, dx), *rest = [(part, part._slopes[by]) for part in of.parts]
+    (x, dx), *rest = [(part, part.notes[by]) for part in of.parts]
     if of.kind in _SLOPES:
         return dx if dx is ZERO else _SLOPES[of.kind](of, x) * dx
     if of.kind == "**":
         return dx if dx is ZERO else of.value * x ** (of.value - 1) * dx
+    if of.kind == "operation":
+        slopes = of.value.slopes(of.parts)
+        return total(slope * part.notes[by] for slope, part in zip(slopes, of.parts, strict=True))
     y, dy = rest[0]
     if of.kind == "+":
         return dx + dy
@@ -253,6 +291,8 @@ def _derivative_of(of: ExactExpression, by: ExactExpression) -> ExactExpression:
     if of.kind == "/":
         return dx / y if dy is ZERO else (dx - of * dy) / y
     assert of.kind == "power"
+    if y.is_number:
+        return dx if dx is ZERO else y * power(x, y - 1) * dx
     by_base = ZERO if dx is ZERO else y * dx / x
     return of * (by_base if dy is ZERO else by_base + dy * call("log", x))
 
@@ -304,52 +344,9 @@ def rebuilt(each: ExactExpression, parts: Sequence[ExactExpression]) -> ExactExp
         return parts[0] / parts[1]
     if each.kind == "**":
         return parts[0] ** each.value
+    if each.kind == "operation":
+        return ExactExpression.of(each.kind, tuple(parts), each.value)
     return power(*parts) if each.kind == "power" else call(each.kind, parts[0])
-
-
-def vanishes(each: ExactExpression) -> bool:
-    """Whether an expression is 0 as a quotient of polynomials in its symbols and its function values, of which those at
-    equal arguments are equal, and those at opposite ones if the function is even or odd; one that is 0 by another
-    identity of functions is not recognised."""
-    order = in_order([each])
-    polynomials = ("number", "+", "*", "/", "**")
-    atoms = [node for node in order if node.kind not in polynomials]
-    context = fmpq_mpoly_ctx.get([f"x{i}" for i in range(len(atoms))], Ordering.lex)
-    known = dict(zip(atoms, context.gens(), strict=True))
-    one = context.constant(1)
-    found = dict[ExactExpression, tuple[Any, Any]]()
-    for node in order:
-        parts = [found[part] for part in node.parts]
-        if node in known:
-            same = ((_same_value(node, parts, other, found), other) for other in atoms if other in found and parts)
-            sign, other = next((pair for pair in same if pair[0]), (1, node))
-            found[node] = sign * (known[node] if other is node else found[other][0]), one
-        elif node.kind == "number":
-            found[node] = context.constant(fmpq(node.value.numerator, node.value.denominator)), one
-        elif node.kind == "**":
-            (a, b), n = parts[0], abs(node.value)
-            if n > LARGEST_EXPANDED:
-                return False
-            found[node] = (a**n, b**n) if node.value > 0 else (b**n, a**n)
-        else:
-            (a, b), (c, d) = parts
-            found[node] = (a * d + c * b, b * d) if node.kind == "+" else (a * c, b * d)
-            if node.kind == "/":
-                found[node] = a * d, b * c
-        if found[node][1] == 0 or max(map(len, found[node])) > MOST_EXPANDED_TERMS:
-            return False
-    return bool(found[each][0] == 0)
-
-
-def _same_value(each: ExactExpression, parts: list, other: ExactExpression, found: Mapping) -> int:
-    """1 where a function's value is that of another expression, -1 where it is the negative of that, else 0; `parts`
-    and `found` have the quotients of polynomials that the arguments are."""
-    if each.kind != other.kind:
-        return 0
-    pairs = list(zip(parts, (found[part] for part in other.parts), strict=True))
-    if all(a * d == c * b for (a, b), (c, d) in pairs):
-        return 1
-    return PARITIES.get(each.kind, 0) if all(a * d == -c * b for (a, b), (c, d) in pairs) else 0
 
 
 def depends_on(of: Iterable[ExactExpression], on: Iterable[ExactExpression]) -> bool:

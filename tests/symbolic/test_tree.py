@@ -8,7 +8,8 @@ from ball_systems import fn, holds, power
 from flint import arb, ctx
 
 from orbits.balls.programs import BallProgram
-from orbits.exact.expressions import (
+from orbits.symbolic.identities import vanishes
+from orbits.symbolic.tree import (
     ONE,
     PI,
     ZERO,
@@ -19,7 +20,6 @@ from orbits.exact.expressions import (
     expression,
     substitute,
     symbol,
-    vanishes,
 )
 
 X, Y = symbol("x"), symbol("y")
@@ -45,7 +45,7 @@ def test_what_is_exactly_so_is_simplified(found, expected):
     assert found is expected
 
 
-@pytest.mark.parametrize("kept", [number(1) / 0, number(0) ** -1, fn.sqrt(number(2)), fn.sqrt(number(-4)), X / X])
+@pytest.mark.parametrize("kept", [number(1) / 0, number(0) ** -1, fn.sqrt(number(2)), fn.sqrt(number(-4)), 1 / X])
 def test_what_is_not_exactly_so_stays(kept):
     assert not kept.is_number
 
@@ -100,7 +100,7 @@ def test_rational_identities_are_seen(zero):
 @pytest.mark.parametrize(
     "other",
     [
-        X - Y, (X + Y) ** 2 - X**2 - Y**2, number(Fraction(1, 10**40)) * X, fn.sin(X) ** 2 + fn.cos(X) ** 2 - 1,
+        X - Y, (X + Y) ** 2 - X**2 - Y**2, number(Fraction(1, 10**40)) * X, fn.exp(X) * fn.exp(Y) - fn.exp(X + Y),
         X - X * (1 + Fraction(1, 10**30)), (X + Y) ** 500 - (Y + X) ** 500,
     ],
 )  # fmt: skip
