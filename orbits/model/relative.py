@@ -161,8 +161,9 @@ class Relative:
             values, slopes = law.with_slope(x)
             return values + self.liftoff.load, slopes
 
-        speeds, last = turning_speeds(force, self.liftoff.extension(law), law.range(), unit, fastest / pace, most)
-        return pace * speeds, pace * last
+        sought = fastest / pace
+        speeds, last = turning_speeds(force, self.liftoff.extension(law), law.range(), unit, sought, most)
+        return pace * speeds, fastest if last == sought else pace * last  # rounded, it might be slower
 
     def single(self, p: Mapping[str, np.ndarray]) -> np.ndarray:
         """Which of many machines (m,) have no feature for which `search` looks for several orbits."""

@@ -595,7 +595,7 @@ def test_units_of_another_system_convert_angles_to_themselves():
 def test_all_orbits_and_those_that_are_not(orbit):
     (only,) = find_all(MACHINE)
     assert only.alpha == orbit.alpha
-    with pytest.raises(NoOrbit, match=r"to 5 rad/s (finds none|has found none so far)"):
+    with pytest.raises(NoOrbit, match="to 5 rad/s finds none"):
         find_all(MACHINE, fastest=5.0)
     near = find(MACHINE, start=orbit)
     assert near.alpha == pytest.approx(orbit.alpha, rel=1e-13)
