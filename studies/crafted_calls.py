@@ -94,6 +94,9 @@ prove --inject 0.03 --near 4.6
 prove --spring cubic --along beta --from 0.1 --to 0.12 --rest-length 30
 prove --loss
 prove --spring k*r --tune k=1 --at frequency=0.1
+check --spring cubic --set beta=0.3
+check --machine leg.toml
+check --machine wheel.toml --start wheel.json
 check-proof proof.json
 check-proof orbit.json
 follow --spring cubic --along beta --from 0.1 --to 0.3 --longest 0.5
