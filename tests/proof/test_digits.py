@@ -62,4 +62,4 @@ def test_the_friction_of_a_runner_with_stops():
     machine = runner(0.1, 3.7, spring=springs.end_stops(gap=0.6, stop=1.3))
     proof = prove(find(machine, tune=("inertia", "hip_stiffness"), at={"speed": 0.4}), limit=300)
     assert proof.proved, proof.reasons
-    assert (proof.digits, proof.stated["friction"]) == (30, "0.2956")
+    assert (proof.digits, proof.stated["friction"]) == (None, "0.2956")  # needs no more digits than usual
