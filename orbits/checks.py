@@ -42,7 +42,7 @@ class Options:
     """The numbers of `check`.
 
     exact : what is exact holds to this share of its terms: rounding is far below, a mistake far above
-    tolerance, same_motion : motions are integrated again with this relative tolerance, and agree to the second number,
+    tolerance, same_motion : motions are integrated again with this relative tolerance, and agree to `same_motion`,
         since a motion amplifies errors, and laws may have corners
     moments : of such a motion, an odd number, so that one is its middle
     spreads : states lie this far about rest, in sizes of an orbit; the nearest are for laws with a small range

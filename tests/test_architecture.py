@@ -84,7 +84,7 @@ TESTED_WITH = {
 }
 # Numeric constants of all modules, which may only become fewer; those that a module which iterates may have, and the
 # modules that still have more: their numbers may only become smaller, and no module may be added.
-MOST_CONSTANTS_OF_ALL = 258
+MOST_CONSTANTS_OF_ALL = 255
 MOST_CONSTANTS = 3
 TOO_MANY = {
     "orbits/model/liftoff": 6,

@@ -29,9 +29,9 @@ from .extremes import Place, place_near, places_of
 from .problem import DesignProblem, Outputs
 from .tuned_machine import TunedMachine, statement_of_orbits, unknowns_of
 
-# Neighbours differ by this share of a unit, or by less where a time or an unknown would change by more than the second
-# share of itself: second derivatives are then exact to about the first share.
-NEIGHBOUR_SHARE, LARGEST_SHIFT = 1e-5, 1e-3
+# Neighbours differ by this share of a unit, to which second derivatives are then exact.
+NEIGHBOUR_SHARE = 1e-5
+LARGEST_SHIFT = 1e-3  # of a time or an unknown between neighbours, as a share of itself: they are nearer otherwise
 # Demands on a motion stay this far above zero, in the machine's units: a motion that just touches is refused.
 DEMAND_MARGIN = 1e-9
 # Further places of extremes, by name, which are held equal to the first.

@@ -14,9 +14,10 @@ from .design_quantities import extremes_of
 from .extremes import Place, peaks_of
 from .problem import DesignProblem, Outputs
 
-# Places of the motion whose values differ by no more than the first share of these may be the same beside a point, and
-# are the same at it by the second. Where the derivatives of both agree to the third, they are images of each other.
-BESIDE_ANOTHER, SAME_EXTREME, IMAGE_OF_PLACE = 1e-2, 1e-7, 1e-7
+# Places of the motion whose values differ by no more than this share of these may be the same beside a point.
+BESIDE_ANOTHER = 1e-2
+SAME_EXTREME = 1e-7  # share by which the values of two places differ at most where they are the same
+IMAGE_OF_PLACE = 1e-7  # share to which the derivatives at two places agree that are images of each other
 SAME_TIME_OF_PLACE = 1e-6  # times of one place of a motion differ by no more, where they are found in two ways
 
 

@@ -142,7 +142,7 @@ class StatedMachine:
     restitution: Fraction = Fraction(0)
 
     def with_tuned(self, tuned: Sequence[str], prescribed: Mapping[str, ExactNumber]) -> "StatedMachine":
-        """The same machine with parameters that are unknowns, where quantities have these values; raises `InputError`
+        """This machine with parameters that are unknowns, where quantities have these values; raises `InputError`
         for values that are no decimals, and `Unproved` for a name that would stand for two things."""
         values = tuple((name, exact_bounds(name, value)[0]) for name, value in prescribed.items())
         named = {name for name, _ in values if name != STEP_LENGTH} & {*self.coordinates, *self.parameters}

@@ -108,7 +108,7 @@ class _Energies:
 
     @classmethod
     def of(cls, coordinates: Any) -> "_Energies":
-        """Those of functions of time."""
+        """The expressions of functions of time."""
         sympy, listed = sympy_package(), list(coordinates) if np.iterable(coordinates) else [coordinates]
         times = {each.args for each in listed if isinstance(each, sympy.core.function.AppliedUndef)}
         odd = [each for each in listed if not isinstance(each, sympy.core.function.AppliedUndef)]

@@ -113,7 +113,7 @@ class Kinetics:
         return [each for (each,) in self.per_force([[each] for each in loads], bent)]
 
     def per_force(self, loads: ExactRows, bent: bool = False) -> ExactRows:
-        """The same of several loads at once, (n, k)."""
+        """The accelerations of several loads at once, (n, k)."""
         known = {
             i: rates for i, each in enumerate(zip(*loads, strict=True)) if not bent and (rates := self._uniform(each))
         }
@@ -262,7 +262,7 @@ class ClosedGap:
 
     @cached_property
     def embed(self) -> np.ndarray:
-        """The same matrix as doubles."""
+        """The matrix as doubles."""
         return np.array(self.exact_embed, dtype=float)
 
     @cached_property
@@ -320,7 +320,7 @@ class Closed:
         return [inner_product(column, loads) for column in self._embed]
 
     def accelerations(self, loads: ExactRows, bent: bool = False) -> ExactRows:
-        """Those of the remaining coordinates under loads (n, k) of the flight, as of `Kinetics`."""
+        """The accelerations of the remaining coordinates under loads (n, k) of the flight, as of `Kinetics`."""
         inside = [self._inside(row) for row in loads]
         columns = [self.along(column) for column in zip(*inside, strict=True)]
         return self.own.per_force(rows_of(columns, self.own.size), bent)

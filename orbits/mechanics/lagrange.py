@@ -127,7 +127,7 @@ class Mechanics:
         return CONTACT_FORCE, *names_of_holding(self.coordinates.names[i] for i in self.gap.sticks)
 
     def with_laws(self, laws: Sequence[Key]) -> "Mechanics":
-        """The same mechanics with the keys of the springs' laws."""
+        """These mechanics with the keys of the springs' laws."""
         own = self.coordinates.p
         p = own | {name: ca.SX.sym(name) for law in laws for name in law.names if name not in own}
         c, flight, contact = replace(self.coordinates, p=p), self.in_flight, self.in_contact

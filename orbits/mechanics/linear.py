@@ -131,7 +131,7 @@ class Linear:
 
 
 def _owner_of(term: Term) -> int:
-    """The same number for the terms of one force in flight and in contact."""
+    """One number for the terms of one force in flight and in contact."""
     return id(term.force if isinstance(term.element, Potential) else term.element)
 
 

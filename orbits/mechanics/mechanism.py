@@ -360,7 +360,7 @@ class Mechanism(Stated):
         return dict(self.parameters) | ({GRAVITY_SHARE: 1.0} if self.model.homotopy else {})
 
     def with_values(self, **values: float) -> Self:
-        """The same mechanism with other values of some parameters; raises `InputError` for an unknown name."""
+        """This mechanism with other values of some parameters; raises `InputError` for an unknown name."""
         for name in values:
             if name not in self.names:
                 raise InputError(f"this machine has no parameter '{name}'{suggest(name, self.names)}")
@@ -372,7 +372,7 @@ class Mechanism(Stated):
         return upright(self)
 
     def with_springs(self, forces: Sequence[Any]) -> Self:
-        """The same mechanism with other laws of its springs, without the parameters that these no longer need."""
+        """This mechanism with other laws of its springs, without the parameters that these no longer need."""
         new = iter(forces)
         elements = [replace(each, force=next(new)) if isinstance(each, Spring) else each for each in self.elements]
         beside = {name: self.parameters[name] for name in self._names_beside_springs if name in self.parameters}
@@ -390,7 +390,7 @@ class Mechanism(Stated):
         return self
 
     def dimensionless(self) -> Self:
-        """The same machine without units."""
+        """This machine without units."""
         return replace(self, in_si=False)
 
     @property
@@ -433,5 +433,5 @@ class Mechanism(Stated):
 
 @lru_cache(maxsize=64)
 def _with_units(model: Model, units: Units, springs: tuple[tuple[str, Dimension], ...]) -> Model:
-    """The same model, its results in units, and the forces of its springs of these dimensions."""
+    """The model with its results in units, and the forces of its springs of these dimensions."""
     return replace(model, units=lambda p: units, spring_dimensions=dict(springs))

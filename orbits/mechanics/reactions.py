@@ -93,7 +93,7 @@ class Reactions(NamedTuple):
 
     @property
     def planar(self) -> Planar:
-        """As in `Model`."""
+        """The speeds after landing, as in `Model`."""
         share = self.friction
         limit = None if share is None else lambda p: value_of(share, {}, p)
         forward, back = (_taken_over(*each) for each in self.handed) if self.handed else (None, None)

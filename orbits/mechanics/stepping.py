@@ -66,7 +66,7 @@ class Stepping:
         return SignedShift(signs, lambda p: [each for shift in shifts(p)[0] for each in (shift, 0.0)])
 
     def landing_gap(self, gap: Sequence[Fraction]) -> Callable[[Parameters], Affine] | None:
-        """As in `Model`, for the gap that opens."""
+        """The gap that opens, as in `Model`."""
         (weights, offset), c = self.landing, self.coordinates
         if weights == gap and vanishes(offset):
             return None

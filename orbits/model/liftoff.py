@@ -13,9 +13,9 @@ from ..units import EXTENSION, Message, Quantity
 
 # Below this slope, rounding cannot distinguish a force that passes the level of lift-off from one that only touches it.
 FLATTEST_LIFTOFF = 1e-14
-# The force jumps over the level of lift-off where it differs from it by more than the first number, this many of the
-# last digits of the extension beside.
-JUMPS_OVER, DIGITS_BESIDE = 1e-6, 4.0
+# The force jumps over the level of lift-off where it differs from it by more than this just beside.
+JUMPS_OVER = 1e-6
+DIGITS_BESIDE = 4.0  # last digits of the extension from lift-off to there
 # Distances from rest at which the force is sampled: densely where a spring in its own units lifts off.
 SAMPLED_DISTANCES = np.concatenate(
     [[0.0], np.geomspace(1e-9, 1e-3, 50)[:-1], np.geomspace(1e-3, 1e3, 200), np.geomspace(1e3, 1e9, 50)[1:]]

@@ -68,7 +68,7 @@ class Formula:
 
     @cached_property
     def folded_nodes(self) -> list[tuple]:
-        """The same operations with numerals worked out, whose texts may then be quotients, as "1/3"."""
+        """These operations with numerals worked out, whose texts may then be quotients, as "1/3"."""
         return _nodes(self.folded)
 
     @property

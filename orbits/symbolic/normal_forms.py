@@ -81,7 +81,7 @@ def is_zero(a: Ratio) -> bool:
 
 
 def free_of(a: Ratio, symbols: Collection[ExactExpression]) -> Ratio | None:
-    """The same function, written without symbols on which it does not depend; None where it depends on them."""
+    """This function, written without symbols on which it does not depend; None where it depends on them."""
     inside, these = symbols_in(_generators(a)), frozenset(symbols)
     return _free_of(a, {each for each in _generators(a) if not inside[each].isdisjoint(these)})
 
@@ -111,7 +111,7 @@ def _generators(a: Ratio) -> set[ExactExpression]:
 
 
 def _free_of(a: Ratio, out: Collection[ExactExpression]) -> Ratio | None:
-    """The same function, written without generators; None where it depends on them."""
+    """This function, written without generators; None where it depends on them."""
     if is_zero(a):
         return Ratio({})
     if not out:

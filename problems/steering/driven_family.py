@@ -22,8 +22,10 @@ from .goals import dimensions_of_costs, motion_in_si
 from .prescribed import LAUNCH_CONDITIONS, OF_THE_ORBIT, check_free_fall
 
 # Steps of the differences that are the slopes of a machine's dimensionless numbers, as a share of the range, or of the
-# value if that is larger; numbers that are linear to the second share, at these shares of the range, are so exactly.
-DIFFERENCE_OF_NUMBERS, LINEAR, LINEAR_AT = 1e-5, 1e-14, (0.3, 0.7)
+# value if that is larger.
+DIFFERENCE_OF_NUMBERS = 1e-5
+LINEAR = 1e-14  # numbers that are linear to this share at `LINEAR_AT` are so exactly
+LINEAR_AT = (0.3, 0.7)  # shares of the range
 # The numbers of a launch that are followed: what is prescribed of a hop, and what is missing of a launch speed.
 OF_LAUNCHES: Mapping[str, Dimension] = {**LAUNCH_CONDITIONS, "short": LIFTOFF_SPEED}
 

@@ -138,7 +138,7 @@ def test_an_extension_in_pieces(scale):
 
 
 def test_a_quintic_has_the_values_of_both_rows():
-    """Those of value, slope and curvature, which determine it."""
+    """The polynomials of value, slope and curvature, which determine it."""
     rows, r = (("-0.5", "1.25", "3e-1", "-2"), ("0.7", "-0.1", "0.0", "7.5")), symbol("r")
     found = polynomial_between(rows, r)
     for row in rows:

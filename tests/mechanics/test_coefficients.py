@@ -198,7 +198,7 @@ def flat(machine: Machine, place, rates, held) -> tuple[list, list]:
 
 
 def ours(model, machine: Machine, place, rates, held) -> list[float]:
-    """The same by the toolkit."""
+    """The equations as the toolkit derives them."""
     p = dict(machine.parameters) | ({"gravity_share": 1.0} if model.homotopy else {})
     closed, closed_rates, kept = held
     x = [part for pair in zip(place, rates, strict=True) for part in pair]
