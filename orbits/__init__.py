@@ -1,16 +1,97 @@
 """Lossless periodic orbits of machines with plastic contact: found, certified, followed, controlled and designed."""
 
-import ast
 from importlib import import_module
 from importlib.util import find_spec
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-# The interface file beside this one states each name with its module, which is imported when the name is first used:
-# a command that finds an orbit needs half of them.
-_INTERFACE = ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")).body
-PLACE_OF = {each.name: line.module for line in _INTERFACE if isinstance(line, ast.ImportFrom) for each in line.names}
-__all__ = next(ast.literal_eval(line.value) for line in _INTERFACE if isinstance(line, ast.Assign))
+from .public_names import public_names
+
+if TYPE_CHECKING:
+    from .checks import Checked, check
+    from .continuation import (
+        End,
+        Event,
+        Family,
+        Point,
+        StepControl,
+        follow,
+        follow_branch,
+        follow_branch_points,
+        follow_event,
+        follow_fold,
+        orbit_at,
+        start_from_rest,
+        starts,
+        trace,
+    )
+    from .control import Control, Guess, Hold, Input, OptimalFamily, Stage, hold, steer
+    from .design import (
+        Active,
+        Design,
+        DesignCurve,
+        DesignEvent,
+        Front,
+        optimize,
+        orbit_function,
+        pareto,
+        quantities,
+        sensitivities,
+    )
+    from .errors import FlowError, InconsistentModel, InputError, NoOrbit, OrbitsError, OutOfRange
+    from .exact import Enclosure
+    from .hops import HopMultipliers, Simulation, multiplier, multipliers, simulate
+    from .mechanics import (
+        Body,
+        Damper,
+        Drawing,
+        Force,
+        Ground,
+        Inerter,
+        Joint,
+        Mass,
+        Mechanism,
+        Outline,
+        Potential,
+        Spring,
+        Weight,
+    )
+    from .model import Affine, Arc, Machine, Modes, Phase, Pieces, Reduction, StateFormula, Statement, linear_modes
+    from .periodic import BranchPoint, Certificate, Orbit, find, find_all, find_branch_points, fold_statement
+    from .proof import Proof, prove, prove_absence, prove_fold
+    from .returns import (
+        Bifurcation,
+        BifurcationCurve,
+        BifurcationDiagram,
+        Branch,
+        BranchEnd,
+        FixedPoint,
+        Hops,
+        LaunchHops,
+        PeriodDiagram,
+        PeriodicHop,
+        ReturningHops,
+        ReturnMap,
+        bifurcations,
+        period_diagram,
+        prove_doubling,
+        prove_fixed_point,
+    )
+    from .running import time_limit
+    from .shooting import METHODS
+    from .sweeps import Existence, Sweep, SweepProgress, Uncertainty, existence, sweep, uncertainty
+    from .units import Units
+
+PLACE_OF = public_names(__name__)  # the module or the room of each name
+__all__ = [
+    "BifurcationCurve", "BifurcationDiagram", "BranchPoint", "Control", "Design", "DesignCurve", "Existence",
+    "Family", "Front", "HopMultipliers", "InputError", "Machine", "Mechanism", "NoOrbit", "OptimalFamily",
+    "Orbit", "OrbitsError", "PeriodDiagram", "Proof", "ReturnMap", "ReturningHops", "Simulation", "Sweep",
+    "Uncertainty", "Units", "__version__", "bifurcations", "check", "existence", "find", "find_all",
+    "find_branch_points", "follow", "follow_branch", "follow_branch_points", "follow_event", "follow_fold",
+    "multiplier", "multipliers", "optimize", "orbit_at", "orbit_function", "pareto", "period_diagram", "prove",
+    "prove_absence", "prove_doubling", "prove_fixed_point", "prove_fold", "quantities",
+    "sensitivities", "simulate", "start_from_rest", "starts", "steer", "sweep", "time_limit", "trace", "uncertainty",
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
@@ -18,13 +99,6 @@ def __getattr__(name: str) -> Any:
         from .io import version
 
         return version("persistent-orbits")
-    if name in PLACE_OF:
-        value = globals()[name] = getattr(import_module(f".{PLACE_OF[name]}", __name__), name)
-        return value
-    if name.startswith("_") or find_spec(f"{__name__}.{name}") is None:
+    if name in PLACE_OF or name.startswith("_") or find_spec(f"{__name__}.{name}") is None:
         raise AttributeError(f"module 'orbits' has no attribute '{name}'")
     return import_module(f".{name}", __name__)
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})

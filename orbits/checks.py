@@ -17,23 +17,25 @@ import casadi as ca
 import numpy as np
 
 from .errors import InconsistentModel, InputError, NoOrbit
-from .hops.simulated import Simulation
-from .hops.simulation import simulate
-from .laws.law import Algebraic
-from .mechanics.balance import Balance
-from .mechanics.elements import value_of
-from .mechanics.mechanism import Mechanism
-from .model.machine import Machine, dimensionless, machine_in_words
-from .model.model import CONTACT_FORCE, LANDED_FORCE, names_of_holding
-from .model.phase import Phase
-from .model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
-from .periodic.find import find
-from .periodic.orbit import Orbit, start_in_file
-from .periodic.stated_start import StartLike
+from .hops import Simulation, simulate
+from .laws import Algebraic
+from .mechanics import Balance, Mechanism, value_of
+from .model import (
+    CONTACT_FORCE,
+    LANDED_FORCE,
+    NORMAL_FORCE,
+    TANGENTIAL_FORCE,
+    Machine,
+    Phase,
+    dimensionless,
+    machine_in_words,
+    names_of_holding,
+)
+from .periodic import Orbit, StartLike, find, start_in_file
 from .result import Result
-from .returns.return_map import ReturnMap
-from .running.exclusive import exclusive
-from .symbolic.calls import BufferedFunction, MappedFunction
+from .returns import ReturnMap
+from .running import exclusive
+from .symbolic import BufferedFunction, MappedFunction
 from .units import ENERGY, FORCE, LENGTH, LIFTOFF_SPEED, TIME, Dimension
 
 

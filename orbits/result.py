@@ -36,8 +36,8 @@ from .io import (
     write_table,
     writing,
 )
-from .model.machine import Machine, machine_in_words
-from .running.arguments import check_report
+from .model import Machine, machine_in_words
+from .running import check_report
 from .tables import DIGITS, html_table, number_text, text_table
 from .units import UNIT_TEXTS
 

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from orbits import find
-from orbits.show.plot import plot_orbit, save_figure
+from orbits.show import save_figure
+from orbits.show.plot import plot_orbit
 from problems import juggler_in_si
 
 BALL, HAND = 0.2923, 0.2657  # kg

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from orbits import find
-from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
+from orbits.show import COLOURS, legend_below, save_figure
+from orbits.show.plot import new_row
 from problems import hopper_in_si
 
 ROVER = {"body_mass": 2.5, "foot_mass": 0.5, "surface_gravity": 1e-4, "rest_length": 0.6}

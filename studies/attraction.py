@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from orbits import ReturnMap
-from orbits.show.plot import COLOURS, new_row, save_figure
+from orbits.show import COLOURS, save_figure
+from orbits.show.plot import new_row
 from problems import Hopper
 
 LAUNCHES = (4.5, 20.0)

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orbits import InputError, NoOrbit, find
-from orbits.laws.law import Law
+from orbits.laws import Law
 from problems import hopper_in_si, springs
 
 KINDS = ("elastic", "friction", "viscoelastic")

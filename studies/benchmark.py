@@ -32,10 +32,10 @@ from scipy.integrate import solve_ivp
 from orbits import InputError, ReturnMap, find, follow, orbit_at
 from orbits.continuation.curve import Curve
 from orbits.curves.bordered_newton import newton_steps
-from orbits.flow.flow import Flow
+from orbits.flow import Flow
 from orbits.flow.runge_kutta import RungeKuttaStepper
-from orbits.shooting.formulations import METHODS, equations_of
-from orbits.show.plot import save_figure
+from orbits.shooting import METHODS, equations_of
+from orbits.show import save_figure
 from problems import Chain, Hopper
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies

@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from orbits.result import Axes
-from orbits.shooting.formulations import METHODS
-from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
+from orbits.shooting import METHODS
+from orbits.show import COLOURS, legend_below, save_figure
+from orbits.show.plot import new_row
 
 OURS = (*METHODS, "warm", "Taylor, virtual machine", "Taylor, compiled", "Runge-Kutta of order 8")
 LOOKS = {way: ("o", colour) for way, colour in zip(OURS, cycle(COLOURS), strict=False)}

@@ -22,9 +22,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orbits import BifurcationDiagram, ReturnMap, bifurcations
-from orbits.numerics.roots import enclosed_sign_changes
+from orbits.numerics import enclosed_sign_changes
 from orbits.returns.cycles import MapsAlong
-from orbits.show.plot import new_row, save_figure
+from orbits.show import save_figure
+from orbits.show.plot import new_row
 from problems import Hopper, hopper_in_si, springs
 
 LAUNCHES = (4.4, 4.7)

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from orbits import find, find_all, follow, simulate
-from orbits.show.plot import COLOURS, NO_MOTIONS, legend_below, new_row, plot_orbit, save_figure
+from orbits.show import COLOURS, legend_below, save_figure
+from orbits.show.plot import NO_MOTIONS, new_row, plot_orbit
 from problems import Chain
 
 LONGEST = 10.0

@@ -208,7 +208,7 @@ def writers() -> dict[str, Callable[[Path], object]]:
     """What writes a file whose bytes are the same each time, by its name."""
     from matplotlib import pyplot
 
-    from orbits.show.plot import save_figure
+    from orbits.show import save_figure
 
     os.environ["SOURCE_DATE_EPOCH"] = "0"  # the date in a figure
     orbit, family = find(HOPPER), follow(HOPPER, "beta", stop=0.4, longest=0.05)

@@ -17,8 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from orbits import ReturnMap, find
-from orbits.hops.impacts import Impacts
-from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
+from orbits.hops import Impacts
+from orbits.show import COLOURS, legend_below, save_figure
+from orbits.show.plot import new_row
 from problems import Hopper
 from problems.steering import keep_hopping, missed, work
 

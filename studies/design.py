@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from orbits import Design, DesignCurve, Front, NoOrbit, optimize, pareto, quantities
-from orbits.show.plot import new_row, save_figure
+from orbits.show import save_figure
+from orbits.show.plot import new_row
 from problems import hopper_in_si
 
 BODY, FOOT = 60.0, 3.0  # kg

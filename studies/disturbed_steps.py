@@ -9,7 +9,7 @@ import numpy as np
 
 from orbits import Orbit, ReturnMap
 from orbits.result import Axes
-from orbits.show.plot import COLOURS, legend_below
+from orbits.show import COLOURS, legend_below
 
 
 def factors(orbit: Orbit) -> dict[int, float]:

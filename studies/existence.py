@@ -15,7 +15,8 @@ from time import perf_counter
 import numpy as np
 
 from orbits import Existence, existence, follow, follow_fold
-from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
+from orbits.show import COLOURS, legend_below, save_figure
+from orbits.show.plot import new_row
 from problems import Hopper, Juggler
 
 REST_LENGTH = 30.0

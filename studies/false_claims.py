@@ -17,11 +17,11 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from orbits import InputError, Mechanism, NoOrbit, Orbit, Proof, find, prove
-from orbits.exact.claim import Claim
+from orbits.exact import Claim
 from orbits.io import write_json
-from orbits.laws.law import Law, Written
+from orbits.laws import Law, Written
 from orbits.mechanics import Mass, Spring
-from orbits.proof.prove import prove_claims
+from orbits.proof import prove_claims
 from problems import Hopper, hopper_in_si
 from problems.laws import springs
 

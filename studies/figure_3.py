@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from orbits import find
-from orbits.show.plot import new_row, plot_orbit, save_figure
+from orbits.show import save_figure
+from orbits.show.plot import new_row, plot_orbit
 from problems import Hopper, Juggler
 
 

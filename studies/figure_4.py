@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from orbits import find
-from orbits.flow.flow import flow_of
-from orbits.show.plot import COLOURS, new_row, save_figure
+from orbits.flow import flow_of
+from orbits.show import COLOURS, save_figure
+from orbits.show.plot import new_row
 from problems import Hopper
 
 ALPHA = 4.493409457909064

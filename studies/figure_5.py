@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from orbits import ReturnMap, find
-from orbits.hops.impacts import CAP
-from orbits.show.plot import COLOURS, new_row, save_figure
+from orbits.hops import CAP
+from orbits.show import COLOURS, save_figure
+from orbits.show.plot import new_row
 from problems import HeavyHand, Hopper
 
 LIGHT, HEAVY = 0.02, 1e3

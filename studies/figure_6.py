@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from orbits import find, simulate
-from orbits.show.plot import new_row, plot_gap, save_figure
+from orbits.show import save_figure
+from orbits.show.plot import new_row, plot_gap
 from problems import Hopper
 
 TYPICAL = 4.0

@@ -14,11 +14,12 @@ import numpy as np
 from scipy.optimize import brentq
 
 from orbits import find
-from orbits.flow.flow import flow_of
+from orbits.flow import flow_of
 from orbits.model import Arc, Statement
-from orbits.numerics.polynomial_roots import derivative, piecewise_roots
-from orbits.shooting.single_shooting import Shooting
-from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
+from orbits.numerics import derivative, piecewise_roots
+from orbits.shooting import Shooting
+from orbits.show import COLOURS, legend_below, save_figure
+from orbits.show.plot import new_row
 from problems import Hopper
 
 MACHINE = Hopper("r + beta*r**3", "1/(1 + z/R)**2", rest_length=12.0, parameters={"beta": 0.1, "R": 60.0})

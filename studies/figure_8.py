@@ -22,8 +22,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
 
 from orbits import NoOrbit, ReturnMap, find, multiplier
-from orbits.numerics.roots import bracketed_root
-from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
+from orbits.numerics import bracketed_root
+from orbits.show import COLOURS, legend_below, save_figure
+from orbits.show.plot import new_row
 from problems import Hopper
 from studies.period_four import crisis
 

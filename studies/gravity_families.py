@@ -12,7 +12,8 @@ import argparse
 from pathlib import Path
 
 from orbits import Family, follow
-from orbits.show.plot import new_row, plot_family, save_figure
+from orbits.show import plot_family, save_figure
+from orbits.show.plot import new_row
 from problems import Hopper, Juggler
 
 REST_LENGTH = 12.0

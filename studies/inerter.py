@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from orbits import Family, find, follow
-from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
+from orbits.show import COLOURS, legend_below, save_figure
+from orbits.show.plot import new_row
 from problems import inerter_hopper
 
 BODY, FOOT, GRAVITY, LENGTH, STIFFNESS, HARDENING = 60.0, 3.0, 9.81, 0.8, 5000.0, 1e5  # kg, m, N/m, N/m^3

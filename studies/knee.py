@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from orbits import Family, Orbit, Sweep, find, follow, sweep
-from orbits.model.relative import half_angle
-from orbits.show.plot import COLOURS, NO_MOTIONS, SHADE, legend_below, new_row, plot_orbit, save_figure
+from orbits.model import half_angle
+from orbits.show import COLOURS, legend_below, save_figure
+from orbits.show.plot import NO_MOTIONS, SHADE, new_row, plot_orbit
 from problems import knee_hopper
 
 LEG = knee_hopper(body_mass=60.0, foot_mass=3.0, link=0.45, stiffness=400.0, rest_angle=2.0)

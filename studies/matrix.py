@@ -25,8 +25,8 @@ from scipy.optimize import root
 import orbits
 from orbits import OrbitsError, ReturnMap, find, find_all, follow, simulate, starts
 from orbits.mechanics import Damper, Spring
-from orbits.model.machine import dimensionless, free_parameters
-from orbits.symbolic.formula import parse
+from orbits.model import dimensionless, free_parameters
+from orbits.symbolic import parse
 from orbits.units import LIFTOFF_SPEED
 from problems import (
     Actuator,

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
-from orbits.symbolic.calls import single_assignment
+from orbits.symbolic import single_assignment
 
 # That scipy is asked with.
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)

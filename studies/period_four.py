@@ -19,9 +19,10 @@ from pathlib import Path
 import numpy as np
 
 from orbits import ReturnMap, bifurcations, find, multiplier, period_diagram
-from orbits.numerics.roots import bracketed_root
+from orbits.numerics import bracketed_root
+from orbits.show import COLOURS, legend_below, save_figure
 from orbits.show.period_figures import name_curve
-from orbits.show.plot import COLOURS, legend_below, new_axes, new_row, save_figure
+from orbits.show.plot import new_axes, new_row
 from problems import Hopper
 
 INJECT, LAUNCHES = (0.0, 0.15), (4.3, 4.8)

@@ -18,7 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from orbits import Family, NoOrbit, Orbit, find, find_all, follow, starts
-from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
+from orbits.show import COLOURS, legend_below, save_figure
+from orbits.show.plot import new_row
 from problems import Hopper, plate_hopper
 
 ALONG = {"plate_stiffness": (0.1, 200.0), "m3": (0.1, 200.0)}

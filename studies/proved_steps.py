@@ -22,9 +22,9 @@ from scipy.optimize import brentq
 
 from orbits import InputError, Mechanism, NoOrbit, find
 from orbits.check_proof import check
-from orbits.exact.claim import Claim
+from orbits.exact import Claim
 from orbits.mechanics import Potential, Spring
-from orbits.proof.prove import prove_claims
+from orbits.proof import prove_claims
 from studies.false_claims import SECONDS, bare
 
 # Odd forces as formulas with a number c, and as functions.

@@ -15,7 +15,8 @@ import numpy as np
 from scipy.stats import norm
 
 from orbits import Sweep, Uncertainty, sweep, uncertainty
-from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
+from orbits.show import COLOURS, legend_below, save_figure
+from orbits.show.plot import new_row
 from problems import hopper_in_si
 
 LEG = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 5000.0, "b": 1e5}, rest_length=0.8)

@@ -20,7 +20,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds t
 
 from orbits import Orbit, find, follow
 from orbits.result import Axes
-from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
+from orbits.show import COLOURS, legend_below, save_figure
+from orbits.show.plot import new_row
 from orbits.units import STANDARD_GRAVITY
 from problems import rocking_block
 from studies.disturbed_steps import draw_disturbed

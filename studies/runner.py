@@ -27,7 +27,8 @@ from orbits import (
     multipliers,
     orbit_at,
 )
-from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
+from orbits.show import COLOURS, legend_below, save_figure
+from orbits.show.plot import new_row
 from orbits.units import STANDARD_GRAVITY
 from problems import runner
 from studies.walker import in_few_colours

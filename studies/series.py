@@ -17,7 +17,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
 
 from orbits import NoOrbit, Orbit, find, find_all, follow
-from orbits.show.plot import COLOURS, legend_below, new_row, plot_orbit, save_figure
+from orbits.show import COLOURS, legend_below, save_figure
+from orbits.show.plot import new_row, plot_orbit
 from problems import Chain
 from studies.plate import plain
 

@@ -9,7 +9,8 @@ import argparse
 from pathlib import Path
 
 from orbits import Family, follow
-from orbits.show.plot import new_row, plot_family, save_figure
+from orbits.show import plot_family, save_figure
+from orbits.show.plot import new_row
 from problems import Hopper
 
 # Title, spring, the parameter followed, from, to, and the others' values.

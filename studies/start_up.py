@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from orbits import NoOrbit, find
-from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
+from orbits.show import COLOURS, legend_below, save_figure
+from orbits.show.plot import new_row
 from problems import Hopper
 from problems.steering import missed, recover, rerun, start_up
 

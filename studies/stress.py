@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
 
 from orbits import InputError, NoOrbit, ReturnMap, find, follow
-from orbits.shooting.formulations import METHODS
+from orbits.shooting import METHODS
 from problems import Hopper, Juggler
 from problems.laws import springs
 from studies.oracle import bisected, by_another_integrator, landed

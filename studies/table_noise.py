@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orbits import NoOrbit, Orbit, find
-from orbits.laws.law import Law
+from orbits.laws import Law
 from problems import Hopper, springs
 
 # Laws with the bounds of their parameters, drawn evenly in the logarithm.

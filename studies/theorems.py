@@ -19,7 +19,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
 
 from orbits import NoOrbit, Orbit, Proof, find, prove, time_limit
-from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
+from orbits.show import COLOURS, legend_below, save_figure
+from orbits.show.plot import new_row
 from problems import Hopper
 from studies.false_claims import KINDS, OUT_OF_TIME, PROVED, REFUSED, false_claims
 from studies.stress import random_laws

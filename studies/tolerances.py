@@ -14,7 +14,8 @@ import numpy as np
 from scipy.stats import uniform
 
 from orbits import Uncertainty, uncertainty
-from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
+from orbits.show import COLOURS, legend_below, save_figure
+from orbits.show.plot import new_row
 from problems import juggler_in_si
 
 SLOPE, EARTH = 1.1 / 60, 9.81  # rise over length of the track; m/s^2

@@ -14,7 +14,7 @@ import numpy as np
 
 from orbits import Mechanism, ReturnMap, check, find, follow, multiplier, optimize, simulate
 from orbits.mechanics import Inerter, Mass, Spring
-from orbits.show.plot import save_figure
+from orbits.show import save_figure
 
 
 def leg(inertance: float) -> Mechanism:

@@ -397,8 +397,8 @@ def requested(scene: str, **message: Any) -> str:
     """The state of the live page of a scene after a message from its tab, its hops computed in this process."""
     from bokeh.document import Document
 
+    from problems.explorer import beginning
     from problems.explorer.page import Explorer
-    from problems.explorer.scene import beginning
     from problems.explorer.worker import COMPUTATIONS, Done, Failure
 
     def in_this_process(page: Explorer, receive: Callable[[Any, object], None], calm: bool = False) -> Any:

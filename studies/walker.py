@@ -21,7 +21,8 @@ from scipy.special import ellipkinc
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
 
 from orbits import Orbit, find, follow, simulate
-from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
+from orbits.show import COLOURS, legend_below, save_figure
+from orbits.show.plot import new_row
 from orbits.units import STANDARD_GRAVITY
 from problems import rimless_wheel
 from studies.disturbed_steps import draw_disturbed

@@ -7,12 +7,10 @@ from types import SimpleNamespace
 import mpmath as mp
 from flint import arb
 
-from orbits.balls import equations
-from orbits.balls.equations import Equations, IntervalParameters
-from orbits.exact.exact_mechanics import parameter_of
-from orbits.exact.stated import exact_bounds
-from orbits.exact.statement import ExactArc, ExactStatement
-from orbits.symbolic.tree import SMOOTH_FUNCTIONS, call, expression, power as power_of, symbol
+from orbits.balls import Equations, IntervalParameters, equations
+from orbits.exact import ExactArc, ExactStatement, exact_bounds, parameter_of
+from orbits.symbolic import SMOOTH_FUNCTIONS, call, expression, symbol
+from orbits.symbolic.tree import power as power_of
 
 # Functions of expressions by name.
 fn = SimpleNamespace(**{name: partial(call, name) for name in SMOOTH_FUNCTIONS})

@@ -3,7 +3,7 @@
 import casadi as ca
 import numpy as np
 
-from orbits.symbolic.kernels import Kernel
+from orbits.symbolic import Kernel
 
 
 def once(arguments: list, results: list) -> ca.Function:

@@ -4,8 +4,7 @@ import numpy as np
 from conftest import REFERENCES, machine_of
 
 from orbits import find
-from orbits.shooting.formulations import equations_of
-from orbits.shooting.single_shooting import Shooting
+from orbits.shooting import Shooting, equations_of
 from problems import Hopper
 from problems.laws import springs
 

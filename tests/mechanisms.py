@@ -4,7 +4,8 @@ import pytest
 
 from orbits import Mechanism
 from orbits.mechanics import Mass, Spring
-from orbits.periodic.linear_hops import LinearHop, LinearSearch
+from orbits.periodic import LinearSearch
+from orbits.periodic.linear_hops import LinearHop
 
 MASSES = [Mass("body", "m1"), Mass("foot", "m2")]
 VALUES = {"m1": 2.0, "m2": 0.5, "k": 3.0}

@@ -3,7 +3,7 @@
 import casadi as ca
 import numpy as np
 
-from orbits.flow.flow import Flow
+from orbits.flow import Flow
 from orbits.model import Phase, Pieces
 
 START, TIME = np.array([0.83, 2.93]), 2.9

@@ -13,8 +13,7 @@ from scipy.optimize import brentq
 
 from orbits import Mechanism
 from orbits.mechanics import Potential, Spring
-from orbits.model.model import Model
-from orbits.model.phase import Affine, Phase
+from orbits.model import Affine, Model, Phase
 
 STATES = ("phi", "phi'", "theta", "theta'")
 # mu, kappa, family -> half flight S, launch speed v over a (or b/h), whole contact.

@@ -185,6 +185,12 @@ def docstrings(paths: list[Path]) -> list[tuple[str, str]]:
     return [(name, found) for name, node in nodes if (found := ast.get_docstring(node))]
 
 
+def test_docstrings_begin_with_what_they_are_about():
+    files = [*SOURCES, *(ROOT / "tests").rglob("*.py")]
+    wrong = [f"{name}: {text}" for name, text in docstrings(files) if re.match(r"(The same|Those|As)\b", text)]
+    assert not wrong, "\n".join(wrong)
+
+
 def test_the_modules_that_a_room_names_are_there():
     """In brackets, as (`programs`), in the docstring of a room."""
     modules = {path.stem for path in ENGINE}
@@ -237,19 +243,30 @@ def test_no_circles_and_few_floors():
     assert max(heights(rooms).values()) <= MOST_FLOORS
 
 
-def test_a_rooms_face_is_its_docstring_and_names_of_its_modules():
-    """The names are those that `orbits.PLACE_OF` says are there."""
-    wrong = []
-    for path in (ROOT / "orbits").glob("*/__init__.py"):
-        first, *others = tree_of(path).body
-        public = sorted(name for name, place in orbits.PLACE_OF.items() if place == path.parent.name)
-        imports = [each for each in others[:-1] if isinstance(each, ast.ImportFrom) and each.level == 1]
-        shown = sorted(alias.name for each in imports for alias in each.names)
-        listed = ast.literal_eval(others[-1].value) if others and isinstance(others[-1], ast.Assign) else []
-        plain = isinstance(first, ast.Expr) and len(others) == len(imports) + bool(listed)
-        # A room without public names of the package may have a face for other rooms.
-        wrong += [] if plain and (public or shown) == shown == sorted(listed) else [name_of(path)]
-    assert not wrong, wrong
+def public_names_of(package: Path) -> dict[str, str]:
+    """The public names that a package states, each with its module."""
+    stated = [line for block in tree_of(package).body if isinstance(block, ast.If) for line in block.body]
+    return {each.name: line.module or each.name for line in stated for each in line.names}
+
+
+def test_rooms_import_what_other_rooms_hand_out():
+    """In the engine and in the machines. What a room hands out is imported elsewhere, and is not named as a module in
+    which it is not."""
+    packages = [path for path in SOURCES if path.name == "__init__.py" and module_of(path).count(".") == 1]
+    public, used, wrong = {module_of(path): public_names_of(path) for path in packages}, defaultdict(set), []
+    for path in SOURCES:
+        own = ".".join(module_of(path).split(".")[:2])
+        for module, name in imported(path):
+            room = ".".join(module.split(".")[:2])
+            if room in public and room != own:
+                used[room].add(name)
+                if not path.is_relative_to(ROOT / "studies") and not (module == room and name in public[room]):
+                    wrong.append(f"{name_of(path)} imports {module}.{name}")
+    for path in packages:
+        room, modules = module_of(path), {each.stem for each in path.parent.rglob("*.py")}
+        wrong += [f"{room}.{name} is in {place}" for name, place in public[room].items() if name in modules - {place}]
+        wrong += [f"nothing imports {room}.{name}" for name in public[room].keys() - used[room]]
+    assert not wrong, "\n".join(sorted(wrong))
 
 
 def test_packages_import_from_packages_below():

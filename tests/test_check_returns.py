@@ -12,8 +12,8 @@ from proofs import restated
 from orbits import ReturnMap, find, prove_doubling, prove_fixed_point
 from orbits.check_returns import check_saved
 from orbits.check_statement import statement_of
-from orbits.proof.hops.hop_theorems import proof_of_fixed_point
-from orbits.returns.bifurcation import Bifurcation
+from orbits.proof import proof_of_fixed_point
+from orbits.returns import Bifurcation
 from orbits.returns.proofs import guessed_hop
 from problems import Hopper, hopper_in_si
 

@@ -11,7 +11,7 @@ from conftest import slow_after
 from orbits import InputError, check, starts
 from orbits.errors import InconsistentModel
 from orbits.mechanics import Force, Mass
-from orbits.model.planar import TANGENTIAL_FORCE
+from orbits.model import TANGENTIAL_FORCE
 from problems import Chain, HeavyHand, Hopper, chain_hand, plate_hopper
 from problems.laws import springs
 

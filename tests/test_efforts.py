@@ -11,9 +11,8 @@ from carts import STRAIGHT, cart
 from recorded import known
 
 from orbits import NoOrbit, ReturnMap, find, follow, optimize, prove, simulate, steer, sweep
-from orbits.balls.programs import BallProgram
-from orbits.symbolic.ipopt import Minimiser
-from orbits.symbolic.kernels import Kernel
+from orbits.balls import BallProgram
+from orbits.symbolic import Kernel, Minimiser
 from problems import Chain, Hopper, hopper_in_si
 
 SLACK = 0.05  # rounding may differ, and with it a few of the numbers a little

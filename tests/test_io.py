@@ -54,7 +54,7 @@ def writers(orbit, family, swept):
 def save(orbit, path):
     from matplotlib import pyplot
 
-    from orbits.show.plot import save_figure
+    from orbits.show import save_figure
 
     axes = orbit.plot()
     try:

@@ -38,7 +38,7 @@ from orbits import (
     sweep,
     uncertainty,
 )
-from orbits.continuation.family import Family
+from orbits.continuation import Family
 from orbits.design.design_curve import SeveralDesigns
 from orbits.io import to_json
 from orbits.result import Result

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from flint import arb, arb_poly, ctx
 
-from ..exact.refusal import Unproved
+from ..exact import Unproved
 from .programs import EachLaw
 from .rigorous_step import Step, System, between, take_step
 

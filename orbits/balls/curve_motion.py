@@ -27,7 +27,7 @@ from functools import lru_cache
 import numpy as np
 from flint import arb, arb_mat, arb_poly, arb_series
 
-from ..exact.refusal import Unproved, check_proof_time
+from ..exact import Unproved, check_proof_time
 from .enclosure import TOO_LONG, Passage, Piece, Variation, orthogonal_frame
 from .rigorous_step import Step, picard_coefficients, widened, with_few_digits
 from .taylor_model import ALL_PLACES, ALL_TIMES, CURVES, TaylorModel, as_model

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from flint import arb, arb_mat, ctx
 
-from ..exact.refusal import Unproved, check_proof_time
+from ..exact import Unproved, check_proof_time
 from .crossing import NO_BREAKPOINTS, Breakpoints, advance_step
 from .programs import EachLaw
 from .rigorous_step import SETS, SPREADING, Step, System

@@ -13,11 +13,8 @@ from functools import reduce
 import numpy as np
 from flint import arb, arb_mat
 
-from ..exact.exact_mechanics import place_of
-from ..exact.refusal import Unproved
-from ..exact.stated import Bounds
-from ..exact.statement import ExactArc, ExactStatement
-from ..symbolic.tree import ZERO, ExactExpression, exact_number, jacobian, substitute, symbol, symbols_in, total
+from ..exact import Bounds, ExactArc, ExactStatement, Unproved, place_of
+from ..symbolic import ZERO, ExactExpression, exact_number, jacobian, substitute, symbol, symbols_in, total
 from .crossing import Breakpoints
 from .enclosure import COARSE, Fineness, Passage, Variation, follow_set
 from .programs import BallProgram, EachLaw, ball_of_fraction

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from flint import arb, ctx
 
 from ..errors import OrbitsError
-from ..exact.refusal import Undecided, Unproved
-from ..symbolic.tree import ExactExpression, along
+from ..exact import Undecided, Unproved
+from ..symbolic import ExactExpression, along
 from .enclosure import Passage, Piece
 from .equations import BallLeg
 from .programs import BallProgram, EachLaw

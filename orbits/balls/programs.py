@@ -11,8 +11,8 @@ from typing import Any, Generic, TypeAlias, TypeVar
 
 from flint import arb, arb_series, ctx, fmpq
 
-from ..exact.refusal import Unproved
-from ..symbolic.tree import ExactExpression, in_order
+from ..exact import Unproved
+from ..symbolic import ExactExpression, in_order
 
 # A ball, or a power series of balls that is cut off at the context's order.
 Value: TypeAlias = Any

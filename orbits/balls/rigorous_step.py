@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from flint import arb, arb_poly, arb_series, ctx
 
-from ..exact.refusal import Unproved
+from ..exact import Unproved
 from .programs import UNDEFINED, BallProgram, Value, coefficient
 
 SPREADING = "the set of motions spreads too far to be enclosed; narrower intervals of parameters would help"

@@ -16,8 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from flint import arb, arb_mat, ctx
 
-from ..exact.claim import CONTACT_DURATION, FLIGHT_DURATION
-from ..exact.refusal import TooLong, Undecided, Unproved
+from ..exact import CONTACT_DURATION, FLIGHT_DURATION, TooLong, Undecided, Unproved
 from .enclosure import COARSE, Fineness, fineness_for, unit_matrix
 from .equations import Equations, Evaluated, columns_of
 from .programs import UNDEFINED

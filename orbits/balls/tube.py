@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from flint import arb, arb_mat
 
-from ..exact.refusal import Unproved
+from ..exact import Unproved
 from .curve_motion import CurveStep, SpreadTooFar, coefficients_through, follow_curve, places
 from .equations import BallLeg
 from .taylor_model import CURVES, TaylorModel, as_model

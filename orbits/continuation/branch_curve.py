@@ -5,12 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import InputError, NoOrbit, finite_number, is_list
-from ..model.machine import check_parameters
-from ..periodic.branch_points import BranchPoint, Lateral, branch_point
-from ..periodic.find import unknowns_of_hop
-from ..periodic.ways import along_ways
-from ..running import interrupts
-from ..running.exclusive import exclusive
+from ..model import check_parameters
+from ..periodic import BranchPoint, Lateral, along_ways, branch_point, unknowns_of_hop
+from ..running import exclusive, interrupts
 
 
 @exclusive

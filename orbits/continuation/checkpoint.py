@@ -15,11 +15,10 @@ from typing import Any, TypeAlias
 from ..curves import Points
 from ..errors import InputError
 from ..io import check_ending, check_path, refusing, version, writing
-from ..model.machine import machine_in_words
+from ..model import machine_in_words
 from ..records import Records
 from ..result import Progress
-from ..running import interrupts
-from ..running.time_limit import TimeOver
+from ..running import TimeOver, interrupts
 from .family import FAMILY_ENDINGS, UNFINISHED, Family, Sealing
 from .family_run import FamilyRun
 from .point import End, Event, Point, json_line

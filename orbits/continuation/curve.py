@@ -14,23 +14,41 @@ import numpy as np
 
 from ..curves import Points
 from ..errors import InputError, NoOrbit, OrbitsError
-from ..flow.phase_field import OUT_OF_LAW
-from ..hops.lossless_hops import LosslessHops
-from ..model.machine import Machine, check_parameters
-from ..model.planar import Planar
-from ..numerics.roots import solve
-from ..periodic.certificate import Certificate
-from ..periodic.certified import Solved, certified, orbit_from, orbit_of_solved
-from ..periodic.orbit import Orbit
-from ..periodic.quantities import motion_numbers
-from ..periodic.tuned import METHOD, counts, is_quantity
+from ..flow import OUT_OF_LAW
+from ..hops import LosslessHops
+from ..model import Machine, Planar, check_parameters
+from ..numerics import solve
+from ..periodic import (
+    METHOD,
+    Certificate,
+    Orbit,
+    Solved,
+    certified,
+    counts,
+    is_quantity,
+    motion_numbers,
+    orbit_from,
+    orbit_of_solved,
+)
 from ..records import NONE, Records
-from ..shooting.division import Division, are_divided, counts_of_parts, division_at, growths_without_nodes
-from ..shooting.error_bound import rounding_of_unknowns
-from ..shooting.formulations import Cycles, equations_of, iterative, method_of
-from ..shooting.newton_kernel import NewtonKernel, newton_kernel
-from ..shooting.node_places import DIVISION, growths_along, steady_tangents
-from ..shooting.single_shooting import Evaluation
+from ..shooting import (
+    DIVISION,
+    Cycles,
+    Division,
+    Evaluation,
+    NewtonKernel,
+    are_divided,
+    counts_of_parts,
+    division_at,
+    equations_of,
+    growths_along,
+    growths_without_nodes,
+    iterative,
+    method_of,
+    newton_kernel,
+    rounding_of_unknowns,
+    steady_tangents,
+)
 from ..units import Units
 from .point import RESERVED_NAMES, Point, point_in_units
 

@@ -11,11 +11,10 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from ..laws.jumps import switches
-from ..numerics.roots import Array
-from ..shooting.single_shooting import Shooting
-from ..symbolic.caches import cached
-from ..symbolic.calls import BufferedFunction
+from ..laws import switches
+from ..numerics import Array
+from ..shooting import Shooting
+from ..symbolic import BufferedFunction, cached
 
 # A curve is followed up to this length before a corner, and again from as far beyond it: rounding does not decide on
 # which side these points are, and each differs from the corner by less than a plot or a table shows.

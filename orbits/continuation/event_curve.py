@@ -18,19 +18,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..curves import CHANGES, Points, Test
-from ..design.event_statement import EventStatement
+from ..design import EventStatement
 from ..errors import FlowError, NoOrbit
-from ..hops.lossless_hops import CROSSINGS, angles_left
-from ..model.machine import Machine
-from ..model.model import Model
-from ..numerics.roots import solve
-from ..periodic.certificate import Certificate
-from ..periodic.certified import Solved
+from ..hops import CROSSINGS, angles_left
+from ..model import Machine, Model
+from ..numerics import solve
+from ..periodic import Certificate, Solved
 from ..records import NONE, Records
-from ..shooting.division import Division, division_of
-from ..shooting.formulations import Cycles
-from ..shooting.node_places import DIVISION
-from ..shooting.single_shooting import Evaluation, shooting_equations
+from ..shooting import DIVISION, Cycles, Division, Evaluation, division_of, shooting_equations
 from .curve import AT_A_FOLD, TEST_FUNCTIONS, Curve, TestFunction
 from .limits import Endings
 from .point import End, Event, Point

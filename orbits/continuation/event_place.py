@@ -4,15 +4,12 @@ from collections import Counter
 
 import numpy as np
 
-from ..design.design_quantities import FRICTION_LEFT
-from ..design.problem import Outputs, known_formula, names_along
-from ..design.sensitivities import quantities
+from ..design import FRICTION_LEFT, Outputs, known_formula, names_along, quantities
 from ..errors import InputError, NoOrbit
-from ..hops.lossless_hops import CROSSINGS
-from ..model.machine import Machine
-from ..model.phase import Statement
-from ..periodic.certified import orbit_from
-from ..symbolic.formula import Formula, suggest
+from ..hops import CROSSINGS
+from ..model import Machine, Statement
+from ..periodic import orbit_from
+from ..symbolic import Formula, suggest
 from .curve import TEST_FUNCTIONS
 from .family import Family, names_of_numbers, varied_at
 from .point import Event, Point, point_in_units

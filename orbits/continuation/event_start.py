@@ -5,28 +5,29 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..design.design_point import no_motion
-from ..design.design_quantities import ABSENT, COMPOSITION, VARIATIONAL, base_statement
-from ..design.event_statement import (
+from ..design import (
+    ABSENT,
     BARRIER,
+    COMPOSITION,
+    VARIATIONAL,
     EventStatement,
+    Kind,
+    Outputs,
+    Place,
+    base_statement,
     collapse_statement,
     event_statement,
     names_of_kind,
+    no_motion,
+    places_of,
 )
-from ..design.extremes import Kind, Place, places_of
-from ..design.problem import Outputs
 from ..errors import FlowError, InputError, NoOrbit, finite_number
-from ..flow.flow import flow_of
-from ..hops.lossless_hops import CROSSINGS
-from ..model.machine import Machine
-from ..model.phase import Statement
-from ..periodic.certificate import Certificate
-from ..periodic.certified import orbit_from
-from ..periodic.orbit import Orbit
-from ..shooting.formulations import vector
-from ..shooting.single_shooting import shooting_equations
-from ..symbolic.formula import Formula, parse
+from ..flow import flow_of
+from ..hops import CROSSINGS
+from ..model import Machine, Statement
+from ..periodic import Certificate, Orbit, orbit_from
+from ..shooting import shooting_equations, vector
+from ..symbolic import Formula, parse
 from .event_curve import COLLAPSE, LIMITS, EventCondition
 from .event_place import (
     EXTREMUM,

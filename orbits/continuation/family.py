@@ -10,7 +10,7 @@ from typing import Any, BinaryIO, Literal, NotRequired, TypedDict, overload
 import numpy as np
 
 from ..errors import InputError, finite_number
-from ..exact.claim import CONTACT_DURATION, Claim
+from ..exact import CONTACT_DURATION, Claim
 from ..io import (
     DIGEST,
     MEGABYTE,
@@ -24,14 +24,9 @@ from ..io import (
     unsealed,
     writing,
 )
-from ..model.machine import Machine, check_parameters, title_of_machine
-from ..periodic.certified import orbit_from
-from ..periodic.orbit import Orbit
-from ..periodic.saved_orbit import SavedLaws, with_note
-from ..periodic.tuned import OF_STEPS, PRESCRIBED, QUANTITIES_ALONG
-from ..proof.branch_claim import BranchClaim
-from ..proof.prove import prove_branch, prove_claims
-from ..proof.theorem import Proof
+from ..model import Machine, check_parameters, title_of_machine
+from ..periodic import OF_STEPS, PRESCRIBED, QUANTITIES_ALONG, Orbit, SavedLaws, orbit_from, with_note
+from ..proof import BranchClaim, Proof, prove_branch, prove_claims
 from ..result import ENDINGS, Axes, Progress, Result, Row, is_of, reported, shown
 from ..units import saved_units, unit_text
 from .point import (

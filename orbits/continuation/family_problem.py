@@ -11,13 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..curves import ASKS, Barrier, Border, End, Event, Points, Problem, Start, Steps, Test, correct
-from ..curves.curve_batch import ANOTHER
+from ..curves import ANOTHER, ASKS, Barrier, Border, End, Event, Points, Problem, Start, Steps, Test, correct
 from ..errors import FlowError, NoOrbit, NoStep, OrbitsError
-from ..numerics.hermite import through
-from ..numerics.roots import Array
-from ..shooting.node_places import DIVISION
-from ..shooting.single_shooting import Evaluation, joined
+from ..numerics import Array, through
+from ..shooting import DIVISION, Evaluation, joined
 from .curve import Curve, evaluation_at
 from .curve_corners import AWAY_FROM_CORNER, CurveCorner, CurveCorners
 from .limits import Endings

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..curves import End, Event, Points, Run
 from ..records import Records
-from ..running.time_limit import TimeOver, time_to_finish
+from ..running import TimeOver, time_to_finish
 from .curve import Curve
 from .curve_corners import AWAY_FROM_CORNER
 from .family_problem import FamilyProblem, largest_batch

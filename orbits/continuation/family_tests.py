@@ -8,9 +8,9 @@ import numpy as np
 
 from ..curves import BRANCH, FOLD, Points, Test
 from ..errors import InputError, OrbitsError, finite_number
-from ..hops.lossless_hops import CROSSINGS, is_crossing
-from ..numerics.roots import Array
-from ..periodic.orbit import Orbit
+from ..hops import CROSSINGS, is_crossing
+from ..numerics import Array
+from ..periodic import Orbit
 from ..records import NONE
 from ..units import LIFTOFF_SPEED
 from .curve import Curve, TestFunction

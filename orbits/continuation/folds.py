@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError, NoOrbit
-from ..model.machine import Machine
-from ..running.exclusive import exclusive
+from ..model import Machine
+from ..running import exclusive
 from .curve import check_followed, machine_at, tuned_at
 from .event_start import start_of_fold
 from .family import Family

@@ -9,19 +9,27 @@ import numpy as np
 
 from ..curves import Points
 from ..errors import InputError, NoOrbit, finite_number
-from ..model.machine import Machine, machine_in_words
-from ..periodic.certified import Solved
-from ..periodic.family_orbits import another_family, family_number, lowest_of_family, solve_family
-from ..periodic.find import first_tuned, solve_near
-from ..periodic.orbit import Orbit, start_in_file
-from ..periodic.stated_start import StartLike, check_start
-from ..periodic.tuned import METHOD, check_determined, is_quantity, tuned_values
+from ..model import Machine, machine_in_words
+from ..periodic import (
+    METHOD,
+    Orbit,
+    Solved,
+    StartLike,
+    another_family,
+    check_determined,
+    check_start,
+    family_number,
+    first_tuned,
+    is_quantity,
+    lowest_of_family,
+    solve_family,
+    solve_near,
+    start_in_file,
+    tuned_values,
+)
 from ..result import Progress
-from ..running import interrupts
-from ..running.exclusive import LOCK, exclusive
-from ..running.heartbeat import running
-from ..running.time_limit import TimeOver, time_limit
-from ..shooting.formulations import iterative, method_of
+from ..running import LOCK, TimeOver, exclusive, interrupts, running, time_limit
+from ..shooting import iterative, method_of
 from ..units import without_units
 from .checkpoint import check_output, collect_family
 from .curve import Curve, Watch, machine_at, tuned_at

@@ -7,13 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from ..design.design_quantities import extremes_of
+from ..design import extremes_of
 from ..errors import FlowError, InputError, NoOrbit, range_of, whole_number
-from ..periodic.certificate import Certificate
-from ..periodic.family_orbits import another_family
-from ..running import interrupts
-from ..running.exclusive import exclusive
-from ..symbolic.formula import parse
+from ..periodic import Certificate, another_family
+from ..running import exclusive, interrupts
+from ..symbolic import parse
 from ..units import without_units
 from .checkpoint import check_output, collect_family
 from .curve import check_followed

@@ -14,10 +14,9 @@ import casadi as ca
 import numpy as np
 
 from ..curves import Points
-from ..flow.flow import Flow
-from ..numerics.roots import Array
-from ..symbolic.caches import cached
-from ..symbolic.calls import BufferedFunction
+from ..flow import Flow
+from ..numerics import Array
+from ..symbolic import BufferedFunction, cached
 from ..units import FREQUENCY, TIME, Message, Quantity, described
 from .curve import Curve, evaluation_at
 

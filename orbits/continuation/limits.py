@@ -10,8 +10,8 @@ import numpy as np
 
 from ..curves import End, Event, Points, Test
 from ..errors import BreaksDown, InputError, NoStep, OrbitsError, RunsAway
-from ..numerics.roots import bracketed_root
-from ..shooting.node_places import DIVISION
+from ..numerics import bracketed_root
+from ..shooting import DIVISION
 from ..units import LIFTOFF_SPEED, TIME, Message, Quantity, in_units
 from .curve import Curve
 from .homoclinic import Homoclinic, homoclinic

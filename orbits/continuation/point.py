@@ -8,9 +8,7 @@ import numpy as np
 
 from ..curves import End, Event
 from ..io import fields_in_line, to_json
-from ..periodic.certificate import Certificate
-from ..periodic.orbit import certificate_in_units
-from ..periodic.quantities import CERTIFIED, OF_CERTIFICATE, PLANAR, QUANTITIES
+from ..periodic import CERTIFIED, OF_CERTIFICATE, PLANAR, QUANTITIES, Certificate, certificate_in_units
 from ..records import Records, numbers_or_nan
 from ..units import Units
 

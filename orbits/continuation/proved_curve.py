@@ -6,9 +6,9 @@ import numpy as np
 
 from ..curves import Border, correct
 from ..errors import InputError, NoStep
-from ..exact.claim import Claim
-from ..model.machine import Machine
-from ..proof.branch_claim import BranchClaim
+from ..exact import Claim
+from ..model import Machine
+from ..proof import BranchClaim
 from ..records import numbers_or_nan
 from .curve import Curve
 from .family_problem import FamilyProblem

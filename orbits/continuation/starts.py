@@ -9,20 +9,14 @@ from typing import Any, NamedTuple, overload
 import numpy as np
 
 from ..errors import LARGEST_SEED, FlowError, InputError, NoOrbit, finite_number, whole_number
-from ..flow.flow import flow_of
-from ..laws.law import Algebraic, Key, Law, Parameters, from_key
-from ..laws.law_statement import from_formula
-from ..mechanics.elements import Damper, Force, Spring
-from ..mechanics.mechanism import Mechanism
-from ..model.machine import Machine
-from ..model.model import refuse_hysteresis
-from ..periodic.linear_hops import LinearSearch
+from ..flow import flow_of
+from ..laws import Algebraic, Key, Law, Parameters, from_formula, from_key
+from ..mechanics import Damper, Force, Mechanism, Spring
+from ..model import Machine, refuse_hysteresis
+from ..periodic import LinearSearch
 from ..result import Progress
-from ..running import interrupts
-from ..running.exclusive import exclusive
-from ..running.heartbeat import LOGGER
-from ..running.time_limit import TimeOver, time_left, time_limit
-from ..shooting.formulations import equations_of
+from ..running import LOGGER, TimeOver, exclusive, interrupts, time_left, time_limit
+from ..shooting import equations_of
 from .curve import Curve
 from .together import WayTogether, follow_together
 

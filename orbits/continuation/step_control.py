@@ -4,11 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
-from ..curves import Steps
-from ..curves.step_options import check_bounds, from_to
+from ..curves import Steps, check_bounds, from_to
 from ..errors import InputError, finite_number, is_list, true_or_false, whole_number
-from ..hops.lossless_hops import CROSSINGS
-from ..shooting.node_places import DIVISION
+from ..hops import CROSSINGS
+from ..shooting import DIVISION
 from .curve import TEST_FUNCTIONS, Watch
 
 # Events that are not among `TEST_FUNCTIONS`. The functions of a user cannot have these names.

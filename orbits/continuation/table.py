@@ -5,10 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from ..model.machine import Machine
-from ..periodic.certified import known_solutions
-from ..periodic.quantities import PLANAR, names_of_many, numbers_of
-from ..running.exclusive import exclusive
+from ..model import Machine
+from ..periodic import PLANAR, known_solutions, names_of_many, numbers_of
+from ..running import exclusive
 from .point import KNOWN
 
 AT_ONCE_IN_TABLE = 500  # orbits whose motions are in memory together

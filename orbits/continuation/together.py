@@ -11,7 +11,7 @@ import numpy as np
 
 from ..curves import ASKS, Border, End, Event, Points, Problem, Run, Start, Steps, Test, correct
 from ..errors import FlowError
-from ..numerics.roots import Array
+from ..numerics import Array
 from .curve import Curve
 
 # With rougher points on the way, steps become too short at sharp folds. A curve that arrives takes 10 steps, or 100

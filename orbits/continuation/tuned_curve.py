@@ -7,11 +7,11 @@ import numpy as np
 
 from ..curves import Points
 from ..errors import InputError, NoOrbit
-from ..model.machine import Machine
-from ..numerics.roots import solve
-from ..periodic.orbit import Orbit
-from ..periodic.tuned import (
+from ..model import Machine
+from ..numerics import solve
+from ..periodic import (
     METHOD,
+    Orbit,
     check_count,
     errors_of_tuned,
     is_quantity,
@@ -20,8 +20,7 @@ from ..periodic.tuned import (
     tuned_equations,
     tuned_names,
 )
-from ..shooting.formulations import equations_of
-from ..shooting.single_shooting import Shooting
+from ..shooting import Shooting, equations_of
 from .curve import Curve, check_followed
 from .point import Point
 

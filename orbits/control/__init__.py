@@ -1,7 +1,14 @@
 """Optimal control of motions through several phases."""
 
-from .holding import Hold, hold
-from .stage import Input, Stage
-from .steer import Guess
+from typing import TYPE_CHECKING
 
-__all__ = ["Guess", "Hold", "Input", "Stage", "hold"]
+from ..public_names import public_names
+
+if TYPE_CHECKING:
+    from .control import Control, ControlledLeg, control_in_units
+    from .holding import Hold, hold
+    from .optimal_family import FixedParameters, OptimalFamily, follow_optimum, known_program
+    from .stage import RUNNING_COST, Input, Stage
+    from .steer import Guess, as_guess, steer
+
+__all__ = [*public_names(__name__)]

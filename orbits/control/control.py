@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..flow.trajectory import Trajectory
-from ..hops.simulated import Leg, index_of_legs, rows_of_legs, times_within
+from ..flow import Trajectory
+from ..hops import Leg, index_of_legs, rows_of_legs, times_within
 from ..io import Document, conform
-from ..model.machine import Machine
+from ..model import Machine
 from ..result import TABLE_ROWS, Axes, Result, Row, shown
 from ..units import Dimension, Units, dimension_of_state, unit_text
 from .stage import RUNNING_COST

@@ -18,17 +18,13 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from ..errors import InputError, NoOrbit, finite_number, whole_number
-from ..flow.flow import Flow
-from ..hops.impacts import Impacts
-from ..hops.launch_section import LaunchSection
-from ..hops.multiplier import tangential_landing, through_contact
+from ..flow import Flow
+from ..hops import Impacts, LaunchSection, tangential_landing, through_contact
 from ..io import one_line
-from ..laws.law import Algebraic, Parameters
-from ..mechanics.elements import Force
-from ..mechanics.mechanism import Mechanism
-from ..periodic.orbit import Orbit
-from ..running import interrupts
-from ..running.exclusive import exclusive
+from ..laws import Algebraic, Parameters
+from ..mechanics import Force, Mechanism
+from ..periodic import Orbit
+from ..running import exclusive, interrupts
 from ..units import LENGTH, Units
 
 INPUT = "hold"  # the parameter of the force that holds an orbit

@@ -15,21 +15,15 @@ from typing import Any, TypedDict
 import casadi as ca
 import numpy as np
 
-from ..continuation.follow import bounds_of
-from ..continuation.step_control import checked_options
-from ..curves import End, Event, Steps
-from ..curves.kkt_curve import ENDS_OF_MINIMA, MinimumCurve
-from ..curves.kkt_limits import CriticalPoint
-from ..curves.kkt_options import STEPS_OF_MINIMA
+from ..continuation import bounds_of, checked_options
+from ..curves import ENDS_OF_MINIMA, STEPS_OF_MINIMA, CriticalPoint, End, Event, MinimumCurve, Steps
 from ..errors import InputError, NoOrbit, finite_number
 from ..io import Document, conform
-from ..model.machine import Machine
-from ..numerics.roots import Array
+from ..model import Machine
+from ..numerics import Array
 from ..result import Axes, Result, Row, shown, stored
-from ..running import interrupts
-from ..running.exclusive import exclusive
-from ..symbolic.caches import cached
-from ..symbolic.calls import BufferedFunction
+from ..running import exclusive, interrupts
+from ..symbolic import BufferedFunction, cached
 from .control import Control, WarmStart
 from .parametric import ExchangePoint, ParametricTranscription
 from .rollout import roll_out

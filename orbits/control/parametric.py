@@ -15,10 +15,9 @@ import casadi as ca
 import numpy as np
 import scipy.sparse as sp
 
-from ..curves.kkt_conditions import FirstDerivatives, SecondDerivatives, filled
-from ..numerics.roots import Array
-from ..symbolic.caches import cached
-from ..symbolic.calls import BufferedFunction
+from ..curves import FirstDerivatives, SecondDerivatives, filled
+from ..numerics import Array
+from ..symbolic import BufferedFunction, cached
 from .stage import Stage
 from .transcription import Transcription, advance
 

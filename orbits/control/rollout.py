@@ -6,8 +6,8 @@ from math import comb
 
 import numpy as np
 
-from ..flow.trajectory import Trajectory
-from ..numerics.polynomial_roots import PiecewisePolynomials, powers
+from ..flow import Trajectory
+from ..numerics import PiecewisePolynomials, powers
 from .control import Control, ControlledLeg, WarmStart
 from .stage import RUNNING_COST, Stage, stage_flow
 from .transcription import StageUnknowns

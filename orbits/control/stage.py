@@ -9,10 +9,10 @@ from numbers import Real
 import numpy as np
 
 from ..errors import InputError, whole_number
-from ..flow.flow import Flow, flow_of
+from ..flow import Flow, flow_of
 from ..io import fields_in_line
-from ..laws.law import Algebraic, Parameters
-from ..model.phase import Phase
+from ..laws import Algebraic, Parameters
+from ..model import Phase
 
 # Name of the length of an interval among the parameters of a phase. The apostrophe keeps it apart from identifiers.
 INTERVAL_LENGTH = "interval's length"

@@ -16,9 +16,8 @@ from numpy.typing import ArrayLike
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number, is_list, whole_number
 from ..result import Progress
-from ..running import interrupts
-from ..running.exclusive import exclusive
-from ..symbolic.ipopt import Minimum
+from ..running import exclusive, interrupts
+from ..symbolic import Minimum
 from ..units import TIME, Message, Quantity
 from .control import Control, ControlledLeg, WarmStart
 from .rollout import MotionRollout, roll_out

@@ -6,11 +6,9 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..flow.vector_field import runge_kutta_step
-from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
-from ..symbolic.caches import cached
-from ..symbolic.ipopt import Minimiser, Minimum
-from ..symbolic.taylor_series import taylor_coefficients
+from ..flow import runge_kutta_step
+from ..numerics import GAUSS_PLACES, GAUSS_WEIGHTS
+from ..symbolic import Minimiser, Minimum, cached, taylor_coefficients
 from .stage import Stage, stage_flow
 
 # Order of the Taylor steps, half as costly as those of the accurate flow; where it is too low the steps are halved.

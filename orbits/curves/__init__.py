@@ -7,44 +7,20 @@ Minima of programs are followed by `kkt_curve`, with sparse equations, active li
 events and ends.
 """
 
-from .bordered_newton import Border, correct
-from .curve_events import solved_at
-from .curve_run import Run, started
-from .protocol import (
-    ASKS,
-    BRANCH,
-    CHANGES,
-    FOLD,
-    HAPPENS,
-    KINDS_OF_END,
-    Barrier,
-    End,
-    Event,
-    Points,
-    Problem,
-    Start,
-    Test,
-)
-from .step_options import Steps
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "ASKS",
-    "BRANCH",
-    "CHANGES",
-    "FOLD",
-    "HAPPENS",
-    "KINDS_OF_END",
-    "Barrier",
-    "Border",
-    "End",
-    "Event",
-    "Points",
-    "Problem",
-    "Run",
-    "Start",
-    "Steps",
-    "Test",
-    "correct",
-    "solved_at",
-    "started",
-]
+from ..public_names import public_names
+
+if TYPE_CHECKING:
+    from .bordered_newton import Border, correct
+    from .curve_batch import ANOTHER
+    from .curve_events import solved_at
+    from .curve_run import Run, started
+    from .kkt_conditions import FirstDerivatives, SecondDerivatives, filled
+    from .kkt_curve import ENDS_OF_MINIMA, MinimumCurve
+    from .kkt_limits import CriticalPoint
+    from .kkt_options import STEPS_OF_MINIMA, KktOptions
+    from .protocol import ASKS, BRANCH, CHANGES, FOLD, Barrier, End, Event, Points, Problem, Start, Test
+    from .step_options import Steps, check_bounds, from_to
+
+__all__ = [*public_names(__name__)]

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..numerics.roots import ROOTS, solve
+from ..numerics import ROOTS, solve
 from .protocol import Array, Points, Problem
 from .step_options import Steps
 

@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..numerics.hermite import through
-from ..numerics.roots import root_search
+from ..numerics import root_search, through
 from .bordered_newton import Border, correct
 from .protocol import ASKS, Array, Points, Problem, Test
 from .step_options import Steps

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, OrbitsError, finite_number
-from ..running.interrupts import heed
+from ..running import heed
 from .bordered_newton import Border
 from .curve_batch import Group, Limits, Progress, points_of, steps_of
 from .curve_events import OUTSIDE, Found, Segments, changes, located, solved_at, values_of

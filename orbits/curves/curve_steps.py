@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..numerics.hermite import through
+from ..numerics import through
 from .bordered_newton import Border, correct, some
 from .protocol import Array, Barrier, Points, Problem
 from .step_options import Steps

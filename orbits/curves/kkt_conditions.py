@@ -26,7 +26,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import SuperLU, splu
 
-from ..numerics.roots import Array
+from ..numerics import Array
 from .kkt_options import POINTS_OF_MINIMA, KktOptions
 
 # The orders of elimination are ours; the matrices have small supernodes.

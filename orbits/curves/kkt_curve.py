@@ -15,8 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import NoOrbit
-from ..numerics.hermite import at_level
-from ..numerics.roots import Array, bracketed_root
+from ..numerics import Array, at_level, bracketed_root
 from .kkt_conditions import ParametricProgram
 from .kkt_limits import CriticalPoint, ExclusiveLimits, limits_changed, rooms_at
 from .kkt_options import POINTS_OF_MINIMA, STEPS_OF_MINIMA, KktOptions

@@ -7,7 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from ..numerics.roots import Array
+from ..numerics import Array
 from .kkt_conditions import ParametricProgram, SecondDerivatives, sparse_columns
 
 # Marks of the limits: not active, at the lower or upper limit, or an equality.

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..numerics.roots import Array
+from ..numerics import Array
 from .kkt_conditions import (
     ActivePattern,
     LinearisedConditions,

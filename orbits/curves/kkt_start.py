@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 
 from ..errors import NoOrbit
-from ..numerics.roots import Array
+from ..numerics import Array
 from .kkt_limits import (
     EQUAL,
     FREE,

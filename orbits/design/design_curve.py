@@ -7,17 +7,14 @@ from typing import Any, TypedDict
 
 import numpy as np
 
-from ..curves import Event
-from ..curves.kkt_limits import CriticalPoint
+from ..curves import CriticalPoint, Event
 from ..errors import InputError, OrbitsError, finite_number, whole_number
 from ..io import Document, conform
-from ..model.machine import Machine
-from ..periodic.find import find
-from ..periodic.orbit import orbit_of
+from ..model import Machine
+from ..periodic import find, orbit_of
 from ..result import Axes, Progress, Result, shown
-from ..running import interrupts
-from ..running.exclusive import exclusive
-from ..symbolic.formula import suggest
+from ..running import exclusive, interrupts
+from ..symbolic import suggest
 from .design_point import Case, design_points, no_motion
 from .moving_design import MovingDesign
 from .moving_number import Moving, moving_number

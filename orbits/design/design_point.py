@@ -14,14 +14,12 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from ..errors import FlowError, NoOrbit
-from ..flow.flow import flow_of
-from ..model.machine import Machine
-from ..numerics.polynomial_roots import TINY
-from ..numerics.roots import Array
-from ..periodic.orbit import Orbit
-from ..periodic.quantities import dimension_of
-from ..shooting.formulations import vector
-from ..symbolic.quadratic_models import QuadraticModels
+from ..flow import flow_of
+from ..model import Machine
+from ..numerics import TINY, Array
+from ..periodic import Orbit, dimension_of
+from ..shooting import vector
+from ..symbolic import QuadraticModels
 from ..units import Message, Units, in_units
 from .design_quantities import ABSENT, extremes_of
 from .evaluator import DesignPoints, Evaluator, Varied, by_logarithm, evaluator

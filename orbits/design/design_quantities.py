@@ -12,12 +12,28 @@ from typing import Any
 import casadi as ca
 
 from ..errors import InputError
-from ..model.model import CONTACT_FORCE, LANDED_FORCE, Model, refuse_forward
-from ..model.phase import Arc, Phase, Statement
-from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
-from ..periodic.loss_coefficient import by_launch_speed, launch_power, loss_coefficient
-from ..periodic.quantities import DESIGNED, OF_RUNS, PLANAR, speed_in_flight, step_of
-from ..shooting.formulations import half_orbit
+from ..model import (
+    CONTACT_FORCE,
+    LANDED_FORCE,
+    NORMAL_FORCE,
+    TANGENTIAL_FORCE,
+    Arc,
+    Model,
+    Phase,
+    Statement,
+    refuse_forward,
+)
+from ..periodic import (
+    DESIGNED,
+    OF_RUNS,
+    PLANAR,
+    by_launch_speed,
+    launch_power,
+    loss_coefficient,
+    speed_in_flight,
+    step_of,
+)
+from ..shooting import half_orbit
 
 VARIATIONAL = ("landing_sensitivity", "loss_coefficient")  # these need the variation of the flight with alpha
 FRICTION_LEFT = "friction_left"  # the stated friction less that which is needed

@@ -7,19 +7,34 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError, shortened
-from ..model.machine import Machine
-from ..model.model import Model
-from ..periodic.certified import Certified
-from ..periodic.continued import AT_FOLD, NOT_REACHED, Continued, continued, continued_tuned, orbit_from_unknowns
-from ..periodic.find import find, first_tuned
-from ..periodic.orbit import Orbit, orbit_of
-from ..periodic.orbits_at_once import certified_near, lowest_orbits, motions_together
-from ..periodic.quantities import OF_RUNS, names_of_many, numbers_of
-from ..periodic.stated_start import StartLike, in_units_of
-from ..periodic.tuned import Tuning, errors_of_tuned, tuning_of
+from ..model import Machine, Model
+from ..periodic import (
+    AT_FOLD,
+    NOT_REACHED,
+    OF_RUNS,
+    Certified,
+    Continued,
+    Orbit,
+    StartLike,
+    Tuning,
+    certified_near,
+    continued,
+    continued_tuned,
+    errors_of_tuned,
+    find,
+    first_tuned,
+    in_units_of,
+    lowest_orbits,
+    motions_together,
+    names_of_many,
+    numbers_of,
+    orbit_from_unknowns,
+    orbit_of,
+    tuning_of,
+)
 from ..running import interrupts
-from ..shooting.formulations import equations_of, iterative, method_of
-from ..symbolic.formula import Formula, parse
+from ..shooting import equations_of, iterative, method_of
+from ..symbolic import Formula, parse
 from ..units import Units, in_units
 from .sensitivities import quantities
 from .tuned_machine import start_of_tuned

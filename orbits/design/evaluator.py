@@ -12,14 +12,11 @@ import casadi as ca
 import numpy as np
 
 from ..errors import InputError
-from ..flow.flow import flow_of
-from ..model.model import Model
-from ..model.phase import Phase, Statement
-from ..numerics.roots import Array, solve
-from ..periodic.loss_coefficient import late_factor
-from ..periodic.quantities import dimension_of
-from ..symbolic.caches import cached
-from ..symbolic.calls import MappedFunction
+from ..flow import flow_of
+from ..model import Model, Phase, Statement
+from ..numerics import Array, solve
+from ..periodic import dimension_of, late_factor
+from ..symbolic import MappedFunction, cached
 from ..units import Units
 from .design_quantities import (
     VARIATIONAL,

@@ -14,10 +14,9 @@ from typing import Any, NamedTuple
 import casadi as ca
 
 from ..errors import InputError
-from ..model.model import Model
-from ..model.phase import Arc, Phase, Statement
-from ..periodic.quantities import dimension_of
-from ..symbolic.formula import Formula
+from ..model import Arc, Model, Phase, Statement
+from ..periodic import dimension_of
+from ..symbolic import Formula
 from ..units import Units
 from .design_quantities import VARIATIONAL, expressions, extreme_of, landing_sensitivity, variational_arc
 from .extremes import Kind, extreme_function, start_function

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import OrbitsError
-from ..model.machine import Machine
-from ..periodic.orbit import Orbit
+from ..model import Machine
+from ..periodic import Orbit
 from .design_point import Case, DesignPoint, design_points
 from .design_quantities import extremes_of
 from .extremes import Place, peaks_of

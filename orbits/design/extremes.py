@@ -6,18 +6,12 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..flow.flow import flow_of
-from ..flow.trajectory import Trajectories
-from ..model.machine import Machine
-from ..model.model import Model
-from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
-from ..numerics.polynomial_roots import evaluate, powers
-from ..numerics.roots import Array, enclosed_sign_changes
-from ..periodic.motion_conditions import STATIONARY
-from ..periodic.orbit import Orbit
-from ..shooting.formulations import vector
-from ..symbolic.caches import cached
-from ..symbolic.kernels import ElementwiseFunction
+from ..flow import Trajectories, flow_of
+from ..model import NORMAL_FORCE, TANGENTIAL_FORCE, Machine, Model
+from ..numerics import Array, enclosed_sign_changes, evaluate, powers
+from ..periodic import STATIONARY, Orbit
+from ..shooting import vector
+from ..symbolic import ElementwiseFunction, cached
 from .design_quantities import LOCAL, extreme_of
 
 # An extreme whose largest sample is less than another's by this share may be larger between its samples.

@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError
-from ..model.machine import Machine
-from ..periodic.orbit import Orbit
+from ..model import Machine
+from ..periodic import Orbit
 from ..running import interrupts
-from ..shooting.single_shooting import NEWTON
-from ..symbolic.quadratic_models import Weights
+from ..shooting import NEWTON
+from ..symbolic import Weights
 from .design_point import DEMAND_MARGIN, Case, DesignPoint, Ties, design_points, no_motion
 from .evaluator import by_logarithm
 from .optimality import Design, constraint_sizes, demands_of, optimum_at

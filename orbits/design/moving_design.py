@@ -11,13 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..curves import End
-from ..curves.kkt_conditions import FirstDerivatives, SecondDerivatives
-from ..curves.kkt_limits import CriticalPoint
+from ..curves import CriticalPoint, End, FirstDerivatives, SecondDerivatives
 from ..errors import InputError, NoOrbit, OrbitsError
-from ..model.machine import Machine
-from ..numerics.roots import Array
-from ..periodic.orbit import Orbit
+from ..model import Machine
+from ..numerics import Array
+from ..periodic import Orbit
 from ..running import interrupts
 from .design_point import DEMAND_MARGIN, DesignPoint, design_points
 from .design_quantities import extremes_of

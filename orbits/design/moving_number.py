@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import InputError
-from ..model.machine import Machine, free_parameters
-from ..symbolic.formula import parse, suggest
+from ..model import Machine, free_parameters
+from ..symbolic import parse, suggest
 from .problem import Constraint, DesignProblem
 from .tuned_machine import tuned_numbers
 

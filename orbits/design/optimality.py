@@ -13,9 +13,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..io import Document, conform
-from ..model.machine import Machine
-from ..periodic.find import find
-from ..periodic.orbit import Orbit
+from ..model import Machine
+from ..periodic import Orbit, find
 from ..result import Axes, Progress, Result, Row, is_of
 from .design_point import DEMAND_MARGIN, DesignPoint
 from .design_quantities import FRICTION_LEFT

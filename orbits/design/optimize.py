@@ -11,15 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import LARGEST_SEED, InputError, NoOrbit, OrbitsError, whole_number
-from ..model.machine import Machine, check_parameters
-from ..periodic.continued import continued_orbits
-from ..periodic.find import find
-from ..periodic.orbit import Orbit
-from ..periodic.stated_start import StartLike, check_start
+from ..model import Machine, check_parameters
+from ..periodic import Orbit, StartLike, check_start, continued_orbits, find
 from ..result import Progress
-from ..running import interrupts
-from ..running.exclusive import exclusive
-from ..symbolic.formula import Formula
+from ..running import exclusive, interrupts
+from ..symbolic import Formula
 from .designs_at_once import Designs, names_together, solved_designs
 from .local import Infeasible, Unbounded, attempt, local_optima
 from .optimality import Design, Start

@@ -13,15 +13,12 @@ import casadi as ca
 import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError, list_of_names, whole_number
-from ..model.machine import Machine, check_parameters
-from ..model.model import Model, refuse_forward, refuse_hysteresis
-from ..numerics.roots import Array
-from ..periodic.find import find
-from ..periodic.orbit import Orbit, orbit_of
-from ..periodic.stated_start import StartLike
-from ..running.exclusive import exclusive
-from ..shooting.formulations import vector
-from ..symbolic.caches import cached
+from ..model import Machine, Model, check_parameters, refuse_forward, refuse_hysteresis
+from ..numerics import Array
+from ..periodic import Orbit, StartLike, find, orbit_of
+from ..running import exclusive
+from ..shooting import vector
+from ..symbolic import cached
 from ..units import TIME, Units
 from .evaluator import DesignPoints, Evaluator, Varied, VariedOrbit, evaluator, of_varied
 from .local import attempt

@@ -8,16 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from ..curves import Event
-from ..curves.kkt_curve import ENDS_OF_MINIMA
+from ..curves import ENDS_OF_MINIMA, Event
 from ..errors import InputError, OrbitsError, is_list, list_of_names, whole_number
 from ..io import Document
-from ..model.machine import Machine
-from ..periodic.orbit import orbit_of
-from ..periodic.stated_start import StartLike
+from ..model import Machine
+from ..periodic import StartLike, orbit_of
 from ..result import Axes, Progress, shown
-from ..running import interrupts
-from ..running.exclusive import exclusive
+from ..running import exclusive, interrupts
 from .design_curve import SeveralDesigns, designs_along
 from .local import attempt
 from .moving_number import Moving

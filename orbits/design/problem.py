@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError, range_of
-from ..model.machine import Machine, check_parameters, free_parameters
-from ..model.model import Model, refuse_forward
-from ..numerics.sobol import sobol_points
-from ..periodic.quantities import OF_RUNS
-from ..symbolic.formula import Formula, parse, suggest
+from ..model import Machine, Model, check_parameters, free_parameters, refuse_forward
+from ..numerics import sobol_points
+from ..periodic import OF_RUNS
+from ..symbolic import Formula, parse, suggest
 from .design_quantities import VARIATIONAL, extremes_of, quantity_names
 
 # Bounds nearer together than this share of their size are refused: rounding of the parameter changes an orbit as much.

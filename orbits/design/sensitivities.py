@@ -7,13 +7,10 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from ..errors import InputError, OrbitsError, list_of_names
-from ..model.machine import Machine, check_parameters, free_parameters, machine_in_words
-from ..periodic.find import find
-from ..periodic.orbit import OTHER_EQUATIONS, Orbit, is_orbit_of, orbit_of
-from ..periodic.stated_start import StartLike, check_start
+from ..model import Machine, check_parameters, free_parameters, machine_in_words
+from ..periodic import OTHER_EQUATIONS, Orbit, StartLike, check_start, find, is_orbit_of, orbit_of
 from ..result import Axes, Result, Row, shown
-from ..running import interrupts
-from ..running.exclusive import exclusive
+from ..running import exclusive, interrupts
 from .design_point import Case, DesignPoint, design_points, has_loss, no_motion
 from .design_quantities import extremes_of, quantity_names
 from .extremes import places_of

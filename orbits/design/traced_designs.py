@@ -8,13 +8,10 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from ..curves import End, Event, Steps
-from ..curves.kkt_curve import ENDS_OF_MINIMA, MinimumCurve
-from ..curves.kkt_limits import CriticalPoint
-from ..curves.kkt_options import STEPS_OF_MINIMA, KktOptions
+from ..curves import ENDS_OF_MINIMA, STEPS_OF_MINIMA, CriticalPoint, End, Event, KktOptions, MinimumCurve, Steps
 from ..errors import NoOrbit, OrbitsError
-from ..model.machine import Machine
-from ..periodic.orbit import Orbit
+from ..model import Machine
+from ..periodic import Orbit
 from ..result import Progress
 from ..running import interrupts
 from .design_point import Case, DesignPoint, design_points, no_motion

@@ -13,29 +13,30 @@ from typing import Any, Self
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit
-from ..model.machine import Machine
-from ..model.model import STEP_LENGTH
-from ..model.phase import Statement
-from ..numerics.roots import Array
-from ..periodic.certified import Solved, certified_orbit
-from ..periodic.continued import continued_tuned
-from ..periodic.find import find, first_tuned
-from ..periodic.orbit import Orbit
-from ..periodic.orbits_at_once import orbits_near
-from ..periodic.stated_start import LONGEST_START, StartLike, in_units_of, stated_unknowns
-from ..periodic.tuned import (
+from ..model import STEP_LENGTH, Machine, Statement
+from ..numerics import Array
+from ..periodic import (
+    LONGEST_START,
     METHOD,
+    Orbit,
+    Solved,
+    StartLike,
     Tuning,
+    certified_orbit,
+    continued_tuned,
+    find,
+    first_tuned,
+    in_units_of,
+    orbits_near,
     prescribable,
     solved_near,
+    stated_unknowns,
     tuned_equations,
     tuned_statement,
     tuned_values,
     tuning_of,
 )
-from ..shooting.division import NodedSolution
-from ..shooting.formulations import vector
-from ..shooting.single_shooting import Shooting
+from ..shooting import NodedSolution, Shooting, vector
 from .design_quantities import base_statement
 from .problem import formula_names, names_along
 

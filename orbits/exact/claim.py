@@ -8,11 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, NoOrbit, list_of_names
-from ..model.machine import MACHINE_FIELDS, Machine, check_parameters
-from ..model.model import STEP_LENGTH
-from ..periodic.find import find
-from ..periodic.orbit import Orbit
-from ..periodic.tuned import OF_STEPS, PRESCRIBED
+from ..model import MACHINE_FIELDS, STEP_LENGTH, Machine, check_parameters
+from ..periodic import OF_STEPS, PRESCRIBED, Orbit, find
 from .decimals import exact_fraction
 from .stated import Decimals, ExactNumber, StatedMachine, stated_machine
 

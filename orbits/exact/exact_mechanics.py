@@ -10,20 +10,24 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from ..mechanics.kinetics import Closed, ClosedGap, Kinetics, Square
-from ..symbolic.identities import vanishes
-from ..symbolic.tree import (
+from ..mechanics import Closed, ClosedGap, Kinetics, Square
+from ..symbolic import (
     ZERO,
+    Column,
     ExactExpression,
+    ExactRows,
+    Factors,
     depends_on,
     derivative_by,
     exact_number,
     expression,
+    inner_product,
+    rows_of,
     substitute,
     symbol,
     total,
+    vanishes,
 )
-from ..symbolic.tree_linear import Column, ExactRows, Factors, inner_product, rows_of
 from .decimals import exact_fraction
 from .exact_symmetry import ExactReversor
 from .formulas import Domains, expression_of

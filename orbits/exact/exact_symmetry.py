@@ -14,9 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from ..symbolic.identities import vanishes
-from ..symbolic.tree import ZERO, ExactExpression, derivative_by, substitute, total
-from ..symbolic.tree_linear import Column
+from ..symbolic import ZERO, Column, ExactExpression, derivative_by, substitute, total, vanishes
 from .refusal import Unproved
 
 

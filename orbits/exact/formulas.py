@@ -12,9 +12,7 @@ from functools import lru_cache, partial
 from flint import arb
 
 from ..errors import InputError
-from ..symbolic.formula import BLANKS, parse
-from ..symbolic.tree import PI, SMOOTH_FUNCTIONS, ExactExpression, call
-from ..symbolic.tree_formulas import expression_of_nodes
+from ..symbolic import BLANKS, PI, SMOOTH_FUNCTIONS, ExactExpression, call, expression_of_nodes, parse
 from .decimals import exact_fraction
 from .refusal import Unproved
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from ..symbolic.tree import ZERO, ExactExpression, along, exact_number, substitute, symbol, symbols
+from ..symbolic import ZERO, ExactExpression, along, exact_number, substitute, symbol, symbols
 from .exact_mechanics import Column, unknown
 from .statement import ExactArc, ExactStatement
 

@@ -1,7 +1,6 @@
 """Exceptions of a proof that does not succeed or takes too long, which is no error but a result."""
 
-from ..running import interrupts
-from ..running.time_limit import TimeOver
+from ..running import TimeOver, interrupts
 
 # Why some theorems need a law without pieces.
 NOT_ACROSS = "second derivatives are not enclosed across the breakpoints of a law in pieces, or of a table"

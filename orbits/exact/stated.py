@@ -13,14 +13,10 @@ from typing import Any
 
 from ..errors import InputError
 from ..io import Document
-from ..laws.law import Key
-from ..mechanics.derived import derived_launch
-from ..mechanics.elements import Inerter, Mass, Potential, Scalar, Spring, Weight
-from ..mechanics.mechanism import Mechanism
-from ..model.machine import Machine, free_parameters
-from ..model.model import STEP_LENGTH
-from ..symbolic.formula import parse
-from ..symbolic.tracing import traced_of_places
+from ..laws import Key
+from ..mechanics import Inerter, Mass, Mechanism, Potential, Scalar, Spring, Weight, derived_launch
+from ..model import STEP_LENGTH, Machine, free_parameters
+from ..symbolic import parse, traced_of_places
 from .decimals import decimal_text, exact_fraction, is_decimal
 from .refusal import Unproved
 

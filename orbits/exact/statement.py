@@ -10,17 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from ..model.model import STEP_LENGTH
-from ..symbolic.identities import vanishes
-from ..symbolic.tree import (
-    ExactExpression,
-    depends_on,
-    expression,
-    substitute,
-    symbol,
-    symbols,
-)
-from ..symbolic.tree_linear import inner_product
+from ..model import STEP_LENGTH
+from ..symbolic import ExactExpression, depends_on, expression, inner_product, substitute, symbol, symbols, vanishes
 from .claim import CONTACT_DURATION, FLIGHT_DURATION
 from .exact_mechanics import Column, ExactMechanics, LoneExtension, unknown
 from .exact_symmetry import ExactReversor

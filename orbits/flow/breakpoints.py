@@ -5,8 +5,7 @@ Taylor steps find these themselves, see `taylor.PieceRows`.
 
 import numpy as np
 
-from ..numerics.polynomial_roots import roots_within
-from ..numerics.roots import Array
+from ..numerics import Array, roots_within
 from .vector_field import TAYLOR
 
 # How far from a breakpoint the limits of the field on its two sides are evaluated, relative to the breakpoint. They are

@@ -12,11 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import BreaksDown, FlowError, RunsAway
-from ..model.phase import Affine
-from ..numerics.polynomial_roots import Crossings, PiecewisePolynomials, evaluate
-from ..numerics.roots import Array
-from ..running import interrupts
-from ..running.exclusive import apart
+from ..model import Affine
+from ..numerics import Array, Crossings, PiecewisePolynomials, evaluate
+from ..running import apart, interrupts
 from .flow import CLOSED_FORM, Flow, StopTest
 from .taylor import OnPieces, TaylorStepper, Watch, Watched
 from .trajectory import Trajectories, Trajectory, begins_of_steps

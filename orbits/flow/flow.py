@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import BreaksDown, FlowError, RunsAway
-from ..model.modes import Modes
-from ..model.phase import Phase
-from ..numerics.roots import Array
+from ..model import Modes, Phase
+from ..numerics import Array
 from ..running import interrupts
-from ..symbolic.caches import cached
+from ..symbolic import cached
 from ..units import TIME, Message, Quantity, described
 from .phase_field import PhaseField
 from .runge_kutta import RungeKuttaMotion, RungeKuttaStepper

@@ -8,10 +8,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..model.model import Model
-from ..running.exclusive import exclusive
-from ..symbolic.caches import cached
-from ..symbolic.kernels import ElementwiseFunction
+from ..model import Model
+from ..running import exclusive
+from ..symbolic import ElementwiseFunction, cached
 from ..units import FORCE
 from .flow import flow_of
 

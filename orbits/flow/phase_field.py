@@ -7,12 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import OutOfRange
-from ..laws.law import parameters_of
-from ..model.phase import Phase
-from ..numerics.polynomial_roots import evaluate
-from ..numerics.roots import Array
-from ..symbolic.calls import BufferedFunction, MappedFunction
-from ..symbolic.kernels import ElementwiseFunction
+from ..laws import parameters_of
+from ..model import Phase
+from ..numerics import Array, evaluate
+from ..symbolic import BufferedFunction, ElementwiseFunction, MappedFunction
 from ..units import Message, Quantity
 from .breakpoints import SIDE_DISTANCE, same_place
 from .trajectory import Trajectories, Trajectory

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..numerics.roots import Array
-from ..symbolic.calls import BufferedFunction
+from ..numerics import Array
+from ..symbolic import BufferedFunction
 from .breakpoints import ActivePiece
 from .vector_field import FLOW_CONTROL, VectorField, runge_kutta_step
 

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..model.phase import Phase
-from ..numerics.polynomial_roots import derivative, evaluate
+from ..model import Phase
+from ..numerics import derivative, evaluate
 from .flow import flow_of
 from .trajectory import Trajectory
 

@@ -7,14 +7,18 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..model.phase import Affine
-from ..numerics.exclusion import HIGHEST_ORDER, bernstein_coefficients, first_root, without_first_zero
-from ..numerics.roots import Array
-from ..running.exclusive import exclusive_property
-from ..symbolic.caches import cached
-from ..symbolic.calls import BufferedFunction, with_common_parts
-from ..symbolic.kernels import ElementwiseFunction, Kernel
-from ..symbolic.series_loops import InLoops, VariationsInLoops
+from ..model import Affine
+from ..numerics import HIGHEST_ORDER, Array, bernstein_coefficients, first_root, without_first_zero
+from ..running import exclusive_property
+from ..symbolic import (
+    BufferedFunction,
+    ElementwiseFunction,
+    InLoops,
+    Kernel,
+    VariationsInLoops,
+    cached,
+    with_common_parts,
+)
 from .phase_field import PhaseField
 from .taylor_step import NO_PIECES, PieceRows, Places, after_step, length_function, step_expansion, step_function_of
 from .vector_field import FLOW_CONTROL, TAYLOR, VectorField, rows_used, symbolic_powers

@@ -11,11 +11,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..numerics.polynomial_roots import TINY
-from ..numerics.roots import Array
-from ..symbolic.caches import cached
-from ..symbolic.local_scales import Room
-from ..symbolic.taylor_series import driven_coefficients, tangent, variations
+from ..numerics import TINY, Array
+from ..symbolic import Room, cached, driven_coefficients, tangent, variations
 from .vector_field import TAYLOR, VectorField, symbolic_powers
 
 

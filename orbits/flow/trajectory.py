@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..io import Document, conform, one_line
-from ..model.phase import Affine
-from ..model.state_formula import StateFormula
-from ..numerics.polynomial_roots import evaluate, powers, shifted
-from ..numerics.roots import Array
+from ..model import Affine, StateFormula
+from ..numerics import Array, evaluate, powers, shifted
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..numerics.roots import Array
-from ..symbolic.local_scales import Reach, kinks_of, reaches_of
-from ..symbolic.taylor_series import has_taylor_series, taylor_coefficients
+from ..numerics import Array
+from ..symbolic import Reach, has_taylor_series, kinks_of, reaches_of, taylor_coefficients
 
 
 class TaylorOptions(NamedTuple):

@@ -8,9 +8,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from ..errors import FlowError
-from ..flow.flow import Flow
-from ..flow.trajectory import Trajectory
-from ..flow.vector_field import TAYLOR
+from ..flow import TAYLOR, Flow, Trajectory
 from .hand_over import Landed
 from .hysteresis import Branches
 from .impacts import LIFTOFF_ORDER, STATUS, Impacts

@@ -13,15 +13,10 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..flow.flow import Flow
-from ..flow.trajectory import Trajectory
-from ..model.model import CONTACT_FORCE, LANDED_FORCE, Model
-from ..model.phase import Affine
-from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
-from ..model.symmetry import SignedShift
-from ..numerics.polynomial_roots import Crossings
-from ..symbolic.caches import cached
-from ..symbolic.kernels import ElementwiseFunction
+from ..flow import Flow, Trajectory
+from ..model import CONTACT_FORCE, LANDED_FORCE, NORMAL_FORCE, TANGENTIAL_FORCE, Affine, Model, SignedShift
+from ..numerics import Crossings
+from ..symbolic import ElementwiseFunction, cached
 
 # A landing slower than this, relative to the state, loses nothing but rounding.
 SLOW = 1e-8

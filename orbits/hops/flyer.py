@@ -13,10 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import FlowError
-from ..flow.first_events import Events, first_events, recorded_event
-from ..flow.flow import StopTest
-from ..flow.taylor import Watch
-from ..flow.trajectory import Trajectory
+from ..flow import Events, StopTest, Trajectory, Watch, first_events, recorded_event
 from .arcs import BRIEF, Arcs, Flown, Phase, Rules
 from .course import Course
 from .feet import LIFTS_OFF, REVERSES, STEPS_BACK, Exit

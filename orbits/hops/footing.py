@@ -11,14 +11,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..flow.flow import Flow
-from ..laws.law import Parameters
-from ..model.model import Model
-from ..model.phase import Affine
-from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
-from ..model.state_formula import StateFormula
-from ..numerics.polynomial_roots import Crossings, evaluate
-from ..numerics.roots import bracketed_root
+from ..flow import Flow
+from ..laws import Parameters
+from ..model import NORMAL_FORCE, TANGENTIAL_FORCE, Affine, Model, StateFormula
+from ..numerics import Crossings, bracketed_root, evaluate
 from ..units import LENGTH, Message, Quantity, described
 from .feet import Foot
 

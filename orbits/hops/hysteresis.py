@@ -13,15 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import InputError
-from ..flow.first_events import first_zero
-from ..flow.taylor import Watch
-from ..laws.hysteretic_law import LARGEST_CROSSING
-from ..laws.law import from_key
-from ..laws.law_statement import from_formula
-from ..mechanics.elements import Spring
-from ..mechanics.mechanism import Mechanism
-from ..model.model import refuse_steps
-from ..model.phase import Affine
+from ..flow import Watch, first_zero
+from ..laws import LARGEST_CROSSING, from_formula, from_key
+from ..mechanics import Mechanism, Spring
+from ..model import Affine, refuse_steps
 from .impacts import Impacts
 
 

@@ -16,19 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import BreaksDown, FlowError, InputError, OutOfRange, RunsAway, finite_number
-from ..flow.first_events import FirstOf
-from ..flow.flow import StopTest, flow_of
-from ..flow.taylor import Watch
-from ..flow.trajectory import Trajectory
-from ..model.machine import Machine, check_machine
-from ..model.model import CONTACT_FORCE, Model
-from ..model.phase import Affine
-from ..numerics.polynomial_roots import Crossings
-from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
-from ..periodic.energy_changes import gradients
-from ..shooting.formulations import vector
-from ..symbolic.caches import cached
-from ..symbolic.kernels import ElementwiseFunction
+from ..flow import FirstOf, StopTest, Trajectory, Watch, flow_of
+from ..model import CONTACT_FORCE, Affine, Machine, Model, check_machine
+from ..numerics import GAUSS_PLACES, GAUSS_WEIGHTS, Crossings
+from ..periodic import gradients
+from ..shooting import vector
+from ..symbolic import ElementwiseFunction, cached
 from ..units import LIFTOFF_SPEED, Message, Quantity
 from .feet import REVERSES, Exit, Foot, exits_of, feet_of
 from .footing import FALLS, SLIPS, FallTest, Footing, SlipTest

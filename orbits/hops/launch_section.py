@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..model.model import STEP_LENGTH
-from ..numerics.roots import newton_root
-from ..periodic.orbit import start_in_file
+from ..model import STEP_LENGTH
+from ..numerics import newton_root
+from ..periodic import start_in_file
 from ..units import UNKNOWNS, Dimension, Message, Units, described, dimension_of_state
 from .impacts import Impacts
 

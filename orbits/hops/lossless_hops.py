@@ -15,11 +15,10 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from ..errors import InputError
-from ..model.machine import Machine, dimensionless
-from ..numerics.roots import Array
-from ..periodic.energy_changes import gradients
-from ..shooting.formulations import columns, through_mirror
-from ..shooting.single_shooting import Evaluation
+from ..model import Machine, dimensionless
+from ..numerics import Array
+from ..periodic import gradients
+from ..shooting import Evaluation, columns, through_mirror
 from .impacts import impacts_of
 from .launch_section import LaunchSection
 

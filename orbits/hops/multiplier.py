@@ -13,12 +13,10 @@ from typing import TypeAlias, cast
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
-from ..flow.flow import Flow
-from ..model.machine import Machine
-from ..model.phase import Affine
-from ..periodic.certificate import mass_of_landing
-from ..periodic.loss_coefficient import LOSSES, bounce_factors, hand_over_factors, jerk_jumps, loss_coefficient
-from ..running.exclusive import exclusive
+from ..flow import Flow
+from ..model import Affine, Machine
+from ..periodic import LOSSES, bounce_factors, hand_over_factors, jerk_jumps, loss_coefficient, mass_of_landing
+from ..running import exclusive
 from ..units import DIMENSIONS, LIFTOFF_SPEED, SPEED, Message, Quantity, in_own_units
 from .arcs import Arcs, Flown, Rules, integrated
 from .feet import LIFTS_OFF, REVERSES, STEPS_BACK, Foot

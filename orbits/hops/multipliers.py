@@ -9,9 +9,9 @@ import numpy as np
 
 from ..errors import NoOrbit, whole_number
 from ..io import Document
-from ..model.machine import Machine, dimensionless, machine_in_words
+from ..model import Machine, dimensionless, machine_in_words
 from ..result import Axes, Result, Row, shown, stored
-from ..running.exclusive import exclusive
+from ..running import exclusive
 from ..units import LIFTOFF_SPEED, Message, Quantity, Units, without_units
 from .impacts import FASTEST_LAUNCH, impacts_of, injected
 from .launch_section import LaunchSection

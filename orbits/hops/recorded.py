@@ -5,7 +5,7 @@ from typing import TypeAlias, cast
 import numpy as np
 
 from ..errors import FlowError
-from ..model.machine import Machine
+from ..model import Machine
 from ..units import TIME, Message, Quantity
 from .arcs import Arcs, Flown, Rules, integrated
 from .feet import unheld

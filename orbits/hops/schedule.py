@@ -6,7 +6,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..errors import InputError
-from ..model.machine import Machine, free_parameters
+from ..model import Machine, free_parameters
 
 # A schedule's times (k + 1,), and the values (k,) of parameters by name.
 Inputs = tuple[np.ndarray, Mapping[str, np.ndarray]]

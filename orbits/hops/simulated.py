@@ -10,15 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, as_array_or_nan
-from ..flow.forces import spring_forces, units_of_springs
-from ..flow.trajectory import Trajectory
+from ..flow import Trajectory, spring_forces, units_of_springs
 from ..io import Document, fields_in_line
-from ..model.machine import Machine, dimensionless, machine_in_words
-from ..model.model import CONTACT_FORCE, Knee
-from ..model.phase import Affine
-from ..model.state_formula import StateFormula
-from ..numerics.polynomial_roots import lowest
-from ..periodic.cycle_shape import relabelled_back
+from ..model import CONTACT_FORCE, Affine, Knee, Machine, StateFormula, dimensionless, machine_in_words
+from ..numerics import lowest
+from ..periodic import relabelled_back
 from ..result import TABLE_ROWS, Axes, Progress, Result, Row, known, shown
 from ..units import ENERGY, FORCE, LENGTH, LIFTOFF_SPEED, SPEED, TIME, Units, in_units
 from .footing import FALLS

@@ -14,12 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, finite_number, whole_number
-from ..model.machine import Machine, check_machine
-from ..model.model import refuse_steps
-from ..periodic.orbit import Orbit, start_in_file
-from ..periodic.stated_start import StartLike, unknowns_of_start
-from ..running import interrupts
-from ..running.exclusive import exclusive
+from ..model import Machine, check_machine, refuse_steps
+from ..periodic import Orbit, StartLike, start_in_file, unknowns_of_start
+from ..running import exclusive, interrupts
 from ..units import LENGTH, LIFTOFF_SPEED, TIME, Message, Quantity, described, in_own_units
 from .arcs import Flown
 from .course import Course

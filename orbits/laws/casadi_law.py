@@ -7,10 +7,7 @@ from typing import Any
 import casadi as ca
 
 from ..errors import InputError
-from ..symbolic.calls import single_assignment
-from ..symbolic.formula import CONSTANTS, FUNCTIONS, MAX_LENGTH
-from ..symbolic.machine_code import OPERATIONS
-from ..symbolic.tracing import Text
+from ..symbolic import CONSTANTS, FUNCTIONS, MAX_LENGTH, OPERATIONS, Text, single_assignment
 
 _OPERATION_NAMES = {getattr(ca, name): name.removeprefix("OP_").lower() for name in dir(ca) if name.startswith("OP_")}
 _BRANCHING = ("lt", "le", "eq", "ne", "not", "and", "or", "if_else_zero", "floor", "ceil", "fmin", "fmax")

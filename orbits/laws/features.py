@@ -13,9 +13,7 @@ import casadi as ca
 import numpy as np
 
 from ..errors import NoOrbit
-from ..symbolic.caches import cached
-from ..symbolic.kernels import ElementwiseFunction, Kernel
-from ..symbolic.local_scales import kinks_of, reaches_of
+from ..symbolic import ElementwiseFunction, Kernel, cached, kinks_of, reaches_of
 from .law import Algebraic, Key, Law, Parameters, evaluated, from_key, symbols_of, values_and_slopes
 
 

@@ -18,7 +18,7 @@ from itertools import pairwise
 from typing import Any
 
 from ..errors import InputError
-from ..symbolic.formula import suggest
+from ..symbolic import suggest
 from .law import Key, Law, LawPieces
 from .law_expressions import Expression, break_table
 from .law_statement import from_formula

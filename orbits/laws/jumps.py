@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..running.exclusive import LOCK, exclusive
-from ..symbolic.calls import single_assignment
-from ..symbolic.taylor_series import applied
+from ..running import LOCK, exclusive
+from ..symbolic import applied, single_assignment
 from .features import FEATURES
 from .law import Law, LawPieces, Parameters
 from .law_expressions import Expression, break_table

@@ -16,12 +16,8 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError, OutOfRange
 from ..io import in_words
-from ..running.exclusive import LOCK, exclusive
-from ..symbolic.caches import cached
-from ..symbolic.calls import MappedFunction
-from ..symbolic.formula import suggest
-from ..symbolic.kernels import ElementwiseFunction
-from ..symbolic.taylor_series import has_taylor_series
+from ..running import LOCK, exclusive
+from ..symbolic import ElementwiseFunction, MappedFunction, cached, has_taylor_series, suggest
 from ..units import LENGTH, Message, Quantity
 from .law_expressions import UNIT_FORCE, UNIT_LENGTH, Expression, scaled_expression, symbols_of
 

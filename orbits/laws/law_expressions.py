@@ -7,7 +7,7 @@ from typing import Any
 import casadi as ca
 
 from ..errors import InputError
-from ..symbolic.formula import parse
+from ..symbolic import parse
 
 # Parameters of a law in SI that is brought to a dimensionless machine's units.
 UNIT_LENGTH, UNIT_FORCE = "unit_length", "unit_force"

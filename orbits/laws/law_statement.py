@@ -10,9 +10,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..io import in_words
-from ..running.exclusive import exclusive
-from ..symbolic.formula import CONSTANTS, parse, suggest
-from ..symbolic.tracing import traced
+from ..running import exclusive
+from ..symbolic import CONSTANTS, parse, suggest, traced
 from .casadi_law import CasadiLaw
 from .jumps import in_pieces
 from .law import Algebraic, Key, Law, Written, number

@@ -1,21 +1,20 @@
 """The mechanics of a mechanism: its elements, its equations of motion, and the model that follows from them."""
 
-from .bodies import Body, Joint
-from .drawing import Drawing, Outline
-from .elements import Damper, Force, Inerter, Mass, Potential, Spring, Weight
-from .ground import Ground
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "Body",
-    "Damper",
-    "Drawing",
-    "Force",
-    "Ground",
-    "Inerter",
-    "Joint",
-    "Mass",
-    "Outline",
-    "Potential",
-    "Spring",
-    "Weight",
-]
+from ..public_names import public_names
+
+if TYPE_CHECKING:
+    from .balance import Balance
+    from .bodies import AXES, Body, Joint, bodies_of
+    from .derived import derived_launch
+    from .dimensions import coefficient_dimensions, length_or_angle
+    from .drawing import LANDINGS, REPEATED, Drawing, Outline
+    from .elements import Damper, Element, Force, Inerter, Mass, Potential, Scalar, Spring, Weight, names_in, value_of
+    from .ground import Ground
+    from .kinetics import Closed, ClosedGap, Kinetics, Square
+    from .mechanism import Mechanism
+    from .refusals import joined_values
+    from .terms import moving_masses
+
+__all__ = [*public_names(__name__)]

@@ -14,9 +14,9 @@ from collections.abc import Iterator, Mapping
 import casadi as ca
 import numpy as np
 
-from ..laws.law import Key, Parameters
-from ..model.phase import data_at
-from ..symbolic.calls import MappedFunction
+from ..laws import Key, Parameters
+from ..model import data_at
+from ..symbolic import MappedFunction
 from .elements import Damper, Force, Inerter, Mass, Potential, Scalar, Spring, Weight, paths_of, value_of
 from .mechanism import Mechanism
 

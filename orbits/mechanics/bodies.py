@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..errors import InputError
-from ..symbolic.formula import suggest
+from ..symbolic import suggest
 from .dimensions import plain_slope
 from .drawing import LANDINGS, REPEATED, Outline
 from .elements import Inerter, Mass, Scalar, names_in, value_of

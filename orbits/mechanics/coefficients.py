@@ -16,13 +16,21 @@ from math import isnan, nan
 import casadi as ca
 import numpy as np
 
-from ..laws.law import Algebraic, Parameters, Scalars
-from ..running.exclusive import LOCK
-from ..symbolic.calls import single_assignment
-from ..symbolic.identities import has_symbols, number_of, simplified, without
-from ..symbolic.kernels import ElementwiseFunction
-from ..symbolic.tree import ExactExpression, in_order, symbol
-from ..symbolic.tree_casadi import lowered, rounded
+from ..laws import Algebraic, Parameters, Scalars
+from ..running import LOCK
+from ..symbolic import (
+    ElementwiseFunction,
+    ExactExpression,
+    has_symbols,
+    in_order,
+    lowered,
+    number_of,
+    rounded,
+    simplified,
+    single_assignment,
+    symbol,
+    without,
+)
 
 # Short expressions of these operations, of two arguments or of one that occurs twice, are evaluated step by step on
 # Python's numbers and NumPy's arrays, since a call of a compiled function takes as long as fifty of them.

@@ -8,13 +8,23 @@ from typing import Any
 
 import casadi as ca
 
-from ..laws.law import Parameters, Scalars
-from ..symbolic.formula import symbolic_numerals
-from ..symbolic.identities import number_of, vanishes, without
-from ..symbolic.tree import ZERO, ExactExpression, derivative_by, exact_number, substitute, symbol
-from ..symbolic.tree_casadi import exact_value, lifted
-from ..symbolic.tree_formulas import expression_of_nodes
-from ..symbolic.tree_linear import Column
+from ..laws import Parameters, Scalars
+from ..symbolic import (
+    ZERO,
+    Column,
+    ExactExpression,
+    derivative_by,
+    exact_number,
+    exact_value,
+    expression_of_nodes,
+    lifted,
+    number_of,
+    substitute,
+    symbol,
+    symbolic_numerals,
+    vanishes,
+    without,
+)
 from .coefficients import Coefficients
 from .elements import Scalar, parsed, value_of
 

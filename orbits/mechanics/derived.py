@@ -5,10 +5,9 @@ from functools import lru_cache, partial
 from typing import Any
 
 from ..errors import InputError
-from ..laws.law import Parameters
-from ..model.linear_guess import search_of_steps
-from ..model.model import STEP_LENGTH, Model
-from ..running.exclusive import exclusive
+from ..laws import Parameters
+from ..model import STEP_LENGTH, Model, search_of_steps
+from ..running import exclusive
 from .coordinates import Coordinates
 from .elements import Force, Spring, expressions_of, names_in
 from .lagrange import mechanics_of

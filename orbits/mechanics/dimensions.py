@@ -10,8 +10,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..laws.law import Key
-from ..running.exclusive import exclusive
+from ..laws import Key
+from ..running import exclusive
 from ..units import ACCELERATION, ANGLE, FORCE, INERTIA, LENGTH, MASS, Dimension, unit_text
 from .elements import Damper, Inerter, Mass, Spring, Weight, names_in, paths_of, value_of
 

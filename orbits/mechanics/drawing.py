@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ..errors import InputError
-from ..symbolic.formula import suggest
+from ..symbolic import suggest
 from .elements import Scalar, names_in
 
 # What formulas of outlines may name besides coordinates and parameters: the landings so far, and the number from 0 of

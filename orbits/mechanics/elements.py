@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, TypeAlias
 
-from ..laws.law import Algebraic, Parameters
-from ..symbolic.formula import Formula, parse
+from ..laws import Algebraic, Parameters
+from ..symbolic import Formula, parse
 
 Scalar: TypeAlias = str | float | Callable[[Parameters, Parameters], Algebraic]
 

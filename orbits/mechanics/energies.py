@@ -18,9 +18,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, as_array_or_nan, true_or_false
-from ..laws.law import number
-from ..symbolic.formula import suggest
-from ..symbolic.sympy_formulas import abridged, formula_of, name_of_parameter, sympy_package
+from ..laws import number
+from ..symbolic import abridged, formula_of, name_of_parameter, suggest, sympy_package
 from .bodies import Body, Joint
 from .drawing import LANDINGS, REPEATED, Drawing, Outline
 from .elements import Element, Potential, Spring, Weight, names_in, value_of

@@ -27,9 +27,27 @@ from math import comb, prod
 
 import numpy as np
 
-from ..symbolic.identities import number_of, simplified, vanishes
-from ..symbolic.tree import ONE, ZERO, ExactExpression, along, derivative_by, exact_number, jacobian, substitute, total
-from ..symbolic.tree_linear import Column, ExactRows, Factors, inner_product, nonzero, rows_of, solved_by_parts
+from ..symbolic import (
+    ONE,
+    ZERO,
+    Column,
+    ExactExpression,
+    ExactRows,
+    Factors,
+    along,
+    derivative_by,
+    exact_number,
+    inner_product,
+    jacobian,
+    nonzero,
+    number_of,
+    rows_of,
+    simplified,
+    solved_by_parts,
+    substitute,
+    total,
+    vanishes,
+)
 
 # Sums of more products than these are longer than an elimination.
 MOST_PRODUCTS = 70

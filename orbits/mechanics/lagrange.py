@@ -23,12 +23,9 @@ from functools import cache, cached_property
 import casadi as ca
 
 from ..errors import InputError
-from ..laws.law import Algebraic, Key, Parameters, Scalars
-from ..model.model import CONTACT_FORCE, names_of_holding
-from ..model.phase import is_used, weighted_sum
-from ..symbolic.identities import vanishes
-from ..symbolic.tree import ZERO, ExactExpression, derivative_by, total
-from ..symbolic.tree_linear import Column, ExactRows, inner_product, rows_of
+from ..laws import Algebraic, Key, Parameters, Scalars
+from ..model import CONTACT_FORCE, is_used, names_of_holding, weighted_sum
+from ..symbolic import ZERO, Column, ExactExpression, ExactRows, derivative_by, inner_product, rows_of, total, vanishes
 from .coefficients import Coefficients
 from .coordinates import Coordinates, all_vanish
 from .elements import Damper, Element, Force, Inerter, Mass, Scalar, Spring, paths_of

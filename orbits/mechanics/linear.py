@@ -5,13 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..laws.law import Parameters, Scalars
-from ..model.model import LANDED_FORCE
-from ..model.modes import Modes, linear_modes
-from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
-from ..model.relative import straight_line
-from ..symbolic.tree import ExactExpression, total
-from ..symbolic.tree_linear import inner_product, rows_of
+from ..laws import Parameters, Scalars
+from ..model import LANDED_FORCE, NORMAL_FORCE, TANGENTIAL_FORCE, Modes, linear_modes, straight_line
+from ..symbolic import ExactExpression, inner_product, rows_of, total
 from .coordinates import Coordinates
 from .elements import Potential, Spring
 from .lagrange import Mechanics

@@ -13,14 +13,20 @@ import casadi as ca
 import numpy as np
 
 from ..errors import InputError
-from ..laws.law import Algebraic, Key, LawPieces, Parameters, Scalars
-from ..model.liftoff import Liftoff
-from ..model.modes import Modes, single_mode
-from ..model.phase import data_at, is_used
-from ..model.relative import Reduction, Relative, straight_line
-from ..symbolic.identities import vanishes
-from ..symbolic.tree import ONE, ZERO, ExactExpression, exact_number, substitute, symbols, total
-from ..symbolic.tree_linear import Column, inner_product
+from ..laws import Algebraic, Key, LawPieces, Parameters, Scalars
+from ..model import Liftoff, Modes, Reduction, Relative, data_at, is_used, single_mode, straight_line
+from ..symbolic import (
+    ONE,
+    ZERO,
+    Column,
+    ExactExpression,
+    exact_number,
+    inner_product,
+    substitute,
+    symbols,
+    total,
+    vanishes,
+)
 from .coefficients import Coefficients
 from .coordinates import all_vanish
 from .elements import Force, Potential, Scalar, Spring, value_of

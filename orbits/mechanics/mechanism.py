@@ -24,12 +24,10 @@ import numpy as np
 
 from ..errors import InputError, true_or_false
 from ..io import one_line
-from ..laws.law import Key, Law, coefficient_of_restitution, number
-from ..laws.law_statement import key_of
-from ..model.machine import Stated
-from ..model.model import STEP_LENGTH, Model
-from ..running.exclusive import exclusive, exclusive_property
-from ..symbolic.formula import suggest
+from ..laws import Key, Law, coefficient_of_restitution, key_of, number
+from ..model import STEP_LENGTH, Model, Stated
+from ..running import exclusive, exclusive_property
+from ..symbolic import suggest
 from ..units import FORCE, LENGTH, TORQUE, Dimension, Units, unit_text
 from .bodies import Body, refuse_misbuilt
 from .derived import derived_launch, derived_model, linear_equations, refuse_uneven_tables

@@ -10,13 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..laws.law import Algebraic, Key, Parameters, Scalars
-from ..model.model import LANDED_FORCE, Knee
-from ..model.phase import Affine, Phase, Pieces, weighted_sum
-from ..model.relative import pieces_along
-from ..model.state_formula import StateFormula
-from ..symbolic.tree import ZERO, exact_number
-from ..symbolic.tree_linear import inner_product
+from ..laws import Algebraic, Key, Parameters, Scalars
+from ..model import LANDED_FORCE, Affine, Knee, Phase, Pieces, StateFormula, pieces_along, weighted_sum
+from ..symbolic import ZERO, exact_number, inner_product
 from .coefficients import Coefficients
 from .coordinates import Coordinates
 from .elements import Scalar, Spring, names_in, value_of

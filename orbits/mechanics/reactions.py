@@ -17,13 +17,20 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, TypeAlias
 
 from ..errors import InputError
-from ..laws.law import Algebraic, Parameters, Scalars
-from ..model.phase import weighted_sum
-from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE, Planar
-from ..model.symmetry import SignedShift
-from ..symbolic.identities import vanishes
-from ..symbolic.tree import ZERO, ExactExpression, derivative_by, substitute, symbols, total
-from ..symbolic.tree_linear import Column, ExactRows, inner_product
+from ..laws import Algebraic, Parameters, Scalars
+from ..model import NORMAL_FORCE, TANGENTIAL_FORCE, Planar, SignedShift, weighted_sum
+from ..symbolic import (
+    ZERO,
+    Column,
+    ExactExpression,
+    ExactRows,
+    derivative_by,
+    inner_product,
+    substitute,
+    symbols,
+    total,
+    vanishes,
+)
 from .coefficients import Coefficients
 from .coordinates import all_vanish
 from .elements import Inerter, Mass, Scalar, Weight, paths_of, value_of

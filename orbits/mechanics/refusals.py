@@ -7,8 +7,8 @@ from numbers import Real
 from typing import Any, get_args
 
 from ..errors import InputError, finite_number, is_list, takes
-from ..model.model import STEP_LENGTH
-from ..symbolic.formula import CONSTANTS, FUNCTIONS, suggest
+from ..model import STEP_LENGTH
+from ..symbolic import CONSTANTS, FUNCTIONS, suggest
 from .elements import Damper, Element, Force, Inerter, Mass, Scalar, Weight, fields_of, names_in, paths_of, value_of
 from .structure import USUAL_WORDS
 from .terms import GRAVITY_SHARE

@@ -14,12 +14,20 @@ from fractions import Fraction
 import numpy as np
 
 from ..errors import InputError
-from ..laws.law import Algebraic, Parameters, Scalars, from_key
-from ..model.phase import Affine, weighted_sum
-from ..model.symmetry import SignedShift
-from ..symbolic.identities import vanishes
-from ..symbolic.tree import ZERO, ExactExpression, call, exact_number, expression, substitute, total
-from ..symbolic.tree_linear import Column, inner_product
+from ..laws import Algebraic, Parameters, Scalars, from_key
+from ..model import Affine, SignedShift, weighted_sum
+from ..symbolic import (
+    ZERO,
+    Column,
+    ExactExpression,
+    call,
+    exact_number,
+    expression,
+    inner_product,
+    substitute,
+    total,
+    vanishes,
+)
 from .coefficients import Coefficients
 from .coordinates import Coordinates, all_vanish
 from .elements import Potential, Scalar, Spring

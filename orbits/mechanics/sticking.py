@@ -8,9 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from ..errors import InputError
-from ..symbolic.identities import vanishes
-from ..symbolic.tree import derivative_by
-from ..symbolic.tree_linear import Column
+from ..symbolic import Column, derivative_by, vanishes
 from .coordinates import Coordinates, all_vanish
 from .elements import Damper, Force, Inerter, Mass, Potential, Spring, Weight
 from .lagrange import Mechanics, stated_inertia

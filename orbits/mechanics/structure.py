@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ..laws.law import Key
+from ..laws import Key
 from .elements import Element, Scalar
 
 # The words of a model where the mechanism has no words of its own.

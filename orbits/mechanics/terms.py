@@ -7,10 +7,9 @@ from typing import NamedTuple
 import casadi as ca
 
 from ..errors import InputError
-from ..laws.law import Algebraic, Key, Parameters, Scalars
-from ..model.phase import weighted_sum
-from ..symbolic.tree import ONE, ZERO, ExactExpression, depends_on, total
-from ..symbolic.tree_linear import Column, inner_product
+from ..laws import Algebraic, Key, Parameters, Scalars
+from ..model import weighted_sum
+from ..symbolic import ONE, ZERO, Column, ExactExpression, depends_on, inner_product, total
 from .coordinates import Coordinates
 from .elements import Damper, Element, Force, Inerter, Mass, Potential, Scalar, Spring, Weight, paths_of, value_of
 

@@ -1,8 +1,42 @@
 """The engine's description of a machine: phases, closed forms, and the model of a hybrid machine."""
 
-from .modes import Modes, linear_modes
-from .phase import Affine, Arc, Phase, Pieces, Statement
-from .relative import Reduction
-from .state_formula import StateFormula
+from typing import TYPE_CHECKING
 
-__all__ = ["Affine", "Arc", "Modes", "Phase", "Pieces", "Reduction", "StateFormula", "Statement", "linear_modes"]
+from ..public_names import public_names
+
+if TYPE_CHECKING:
+    from .liftoff import Liftoff
+    from .linear_guess import linear_guess, search_of_steps
+    from .machine import (
+        MACHINE_FIELDS,
+        Machine,
+        Stated,
+        check_machine,
+        check_parameters,
+        dimensionless,
+        free_parameters,
+        laws_in_words,
+        machine_in_words,
+        title_of_machine,
+    )
+    from .model import (
+        CONTACT_FORCE,
+        LANDED_FORCE,
+        STEP_LENGTH,
+        Knee,
+        Model,
+        names_of_holding,
+        refuse_forward,
+        refuse_hysteresis,
+        refuse_one_way,
+        refuse_steps,
+        reparametrised,
+    )
+    from .modes import MODES, Modes, linear_modes, single_mode
+    from .phase import Affine, Arc, Phase, Pieces, Statement, data_at, is_used, weighted_sum
+    from .planar import NORMAL_FORCE, TANGENTIAL_FORCE, Planar
+    from .relative import RELATIVE, Reduction, Relative, Search, half_angle, pieces_along, straight_line
+    from .state_formula import SavedHeight, StateFormula, height_of
+    from .symmetry import SignedShift
+
+__all__ = [*public_names(__name__)]

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit
-from ..laws.features import sampled_closely
-from ..laws.law import ONE_SIDED, WRONG_SIGN, Key, Law, values_and_slopes
+from ..laws import ONE_SIDED, WRONG_SIGN, Key, Law, sampled_closely, values_and_slopes
 from ..units import EXTENSION, Message, Quantity
 
 # Below this slope, rounding cannot distinguish a force that passes the level of lift-off from one that only touches it.

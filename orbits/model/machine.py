@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import Any, Protocol, Self, cast, runtime_checkable
 
 from ..errors import InputError, refuse_machine
-from ..symbolic.formula import suggest
+from ..symbolic import suggest
 from ..units import Units
 from .model import Model
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit
 from ..io import fields_in_line
-from ..laws.law import Algebraic, Parameters, Scalars
+from ..laws import Algebraic, Parameters, Scalars
 from ..units import Dimension
 from .phase import Affine, Phase, weighted_sum
 from .planar import Planar

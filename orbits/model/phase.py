@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..io import fields_in_line
-from ..laws.law import Algebraic, Parameters, RowNoise, Scalars
+from ..laws import Algebraic, Parameters, RowNoise, Scalars
 from .modes import Modes
 
 

@@ -16,8 +16,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..laws.features import NO_FEATURES, features, features_of_many, unit_of_length, units_of_length
-from ..laws.law import WRONG_SIGN, Algebraic, Key, Parameters, from_key, number
+from ..laws import (
+    NO_FEATURES,
+    WRONG_SIGN,
+    Algebraic,
+    Key,
+    Parameters,
+    features,
+    features_of_many,
+    from_key,
+    number,
+    unit_of_length,
+    units_of_length,
+)
 from .liftoff import Liftoff
 from .modes import Modes, single_mode
 from .phase import Arc, Phase, Pieces, Statement

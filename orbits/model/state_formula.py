@@ -10,11 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..laws.law import Algebraic, Parameters, Scalars
-from ..symbolic.caches import cached
-from ..symbolic.formula import Formula, parse
-from ..symbolic.kernels import ElementwiseFunction
-from ..symbolic.taylor_series import composed_coefficients
+from ..laws import Algebraic, Parameters, Scalars
+from ..symbolic import ElementwiseFunction, Formula, cached, composed_coefficients, parse
 from .phase import Affine
 
 

@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ..laws.law import Algebraic, Parameters, Scalars
+from ..laws import Algebraic, Parameters, Scalars
 from .phase import Affine, is_used
 
 # p -> the shifts (n,) of a state, numbers, arrays (m,) or expressions.

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
+from ..numerics import GAUSS_PLACES, GAUSS_WEIGHTS
 
 # Places outward from lift-off at which a law is sampled first, in units of length.
 OUTWARD = np.geomspace(1e-2, 1e10, 241)

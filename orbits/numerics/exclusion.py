@@ -7,8 +7,7 @@ from math import comb
 import casadi as ca
 import numpy as np
 
-from ..symbolic.caches import cached
-from ..symbolic.kernels import ElementwiseFunction, Kernel
+from ..symbolic import ElementwiseFunction, Kernel, cached
 from .roots import ROOTS
 
 # The highest order of a zero at the start that is divided out; where it is higher, fewer polynomials are excluded.

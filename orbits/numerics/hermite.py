@@ -9,7 +9,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from ..symbolic.calls import BufferedFunction, MappedFunction
+from ..symbolic import BufferedFunction, MappedFunction
 
 # A point lies beyond a bend, and is not used, where the component of its tangent along the row is less than this share
 # of the component of the nearest point's tangent.

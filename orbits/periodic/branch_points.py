@@ -11,17 +11,11 @@ import casadi as ca
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number, range_of, whole_number
-from ..model.machine import Machine, check_machine, check_parameters, dimensionless
-from ..model.model import STEP_LENGTH
-from ..numerics.common_zeros import near_common_zeros
-from ..numerics.roots import solve
-from ..running import interrupts
-from ..running.exclusive import exclusive
-from ..running.time_limit import check_time, time_limit
-from ..shooting.error_bound import error_bounds
-from ..shooting.formulations import vector
-from ..shooting.single_shooting import Shooting, shooting_equations
-from ..symbolic.calls import MappedFunction
+from ..model import STEP_LENGTH, Machine, check_machine, check_parameters, dimensionless
+from ..numerics import near_common_zeros, solve
+from ..running import check_time, exclusive, interrupts, time_limit
+from ..shooting import Shooting, error_bounds, shooting_equations, vector
+from ..symbolic import MappedFunction
 from .branch_statement import BesideVerticalHop, branch_statement, whole_hop_statement
 from .family_orbits import family_number
 from .find import find, unknowns_of_hop, vertical_hop

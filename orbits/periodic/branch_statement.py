@@ -12,10 +12,9 @@ from functools import lru_cache
 
 import casadi as ca
 
-from ..laws.law import Algebraic, Parameters, Scalars
-from ..model.model import Model, names_of_holding
-from ..model.phase import Arc, Phase, Statement, weighted_sum
-from ..shooting.formulations import half_contact, half_flight
+from ..laws import Algebraic, Parameters, Scalars
+from ..model import Arc, Model, Phase, Statement, names_of_holding, weighted_sum
+from ..shooting import half_contact, half_flight
 
 
 @lru_cache(maxsize=64)

@@ -7,13 +7,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import NoOrbit
-from ..flow.flow import flow_of
+from ..flow import flow_of
 from ..io import fields_in_line
-from ..model.model import Model
-from ..model.phase import weighted_sum
+from ..model import Model, weighted_sum
 from ..records import NONE, Records
-from ..shooting.error_bound import EPS, ERRORS, NARROW
-from ..shooting.formulations import Cycles, vectors
+from ..shooting import EPS, ERRORS, NARROW, Cycles, vectors
 from .energy_changes import energy_changes
 from .loss_coefficient import (
     LOSSES,

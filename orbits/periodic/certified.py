@@ -9,15 +9,24 @@ import numpy as np
 from numpy import ndarray
 
 from ..errors import InputError, OrbitsError
-from ..laws.law_expressions import UNIT_FORCE
-from ..model.machine import Machine
-from ..model.model import Model
+from ..laws import UNIT_FORCE
+from ..model import Machine, Model
 from ..records import NONE, Records
-from ..running.exclusive import exclusive
-from ..shooting.division import NodedSolution, solved_with_nodes, with_nodes
-from ..shooting.error_bound import by_pieces, error_bounds
-from ..shooting.formulations import Cycles, equations_of, interpret, refused_by_unfolding, vector
-from ..shooting.single_shooting import Evaluation, Shooting
+from ..running import exclusive
+from ..shooting import (
+    Cycles,
+    Evaluation,
+    NodedSolution,
+    Shooting,
+    by_pieces,
+    equations_of,
+    error_bounds,
+    interpret,
+    refused_by_unfolding,
+    solved_with_nodes,
+    vector,
+    with_nodes,
+)
 from .certificate import Certificate, certify
 from .cycle_shape import Shape, StepMaps
 from .friction import with_friction

@@ -13,16 +13,22 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import FlowError, NoOrbit
-from ..flow.vector_field import FLOW_CONTROL
-from ..model.machine import Machine
-from ..model.model import Model
-from ..numerics.polynomial_roots import TINY
-from ..numerics.roots import Array, solve
+from ..flow import FLOW_CONTROL
+from ..model import Machine, Model
+from ..numerics import TINY, Array, solve
 from ..running import interrupts
-from ..shooting.division import NodedSolution
-from ..shooting.error_bound import error_bounds
-from ..shooting.formulations import equations_of, iterative, method_of, vector
-from ..shooting.single_shooting import NEWTON, Evaluation, Shooting, settles
+from ..shooting import (
+    NEWTON,
+    Evaluation,
+    NodedSolution,
+    Shooting,
+    equations_of,
+    error_bounds,
+    iterative,
+    method_of,
+    settles,
+    vector,
+)
 from .certified import Certified, Solved, certified, certified_orbit, solve_from
 from .orbit import Orbit
 from .stated_start import stated_unknowns

@@ -7,10 +7,8 @@ from typing import NamedTuple, NotRequired, TypedDict
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..flow.trajectory import Trajectory
-from ..model.model import Knee
-from ..model.phase import Affine
-from ..model.state_formula import SavedHeight, StateFormula, height_of
+from ..flow import Trajectory
+from ..model import Affine, Knee, SavedHeight, StateFormula, height_of
 
 
 class StepMaps(NamedTuple):

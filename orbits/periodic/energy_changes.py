@@ -5,16 +5,11 @@ from collections.abc import Callable, Mapping
 import casadi as ca
 import numpy as np
 
-from ..flow.flow import flow_of
-from ..flow.trajectory import Trajectories
-from ..flow.vector_field import TAYLOR
-from ..model.model import Model
-from ..model.phase import Phase
-from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
-from ..shooting.error_bound import EPS
-from ..shooting.formulations import Cycles, vectors
-from ..symbolic.caches import cached
-from ..symbolic.kernels import ElementwiseFunction
+from ..flow import TAYLOR, Trajectories, flow_of
+from ..model import Model, Phase
+from ..numerics import GAUSS_PLACES, GAUSS_WEIGHTS
+from ..shooting import EPS, Cycles, vectors
+from ..symbolic import ElementwiseFunction, cached
 
 
 @cached

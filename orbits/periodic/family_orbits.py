@@ -6,12 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import InputError, NoOrbit
-from ..model.machine import Machine
-from ..model.model import Model
+from ..model import Machine, Model
 from ..result import Progress
-from ..running.heartbeat import LOGGER
-from ..shooting.division import NodedSolution
-from ..shooting.formulations import equations_of, vector
+from ..running import LOGGER
+from ..shooting import NodedSolution, equations_of, vector
 from ..units import LIFTOFF_SPEED, Message, Quantity, in_own_units, in_units
 from .certified import Solved, certified_orbit, corrector, known_solutions, solve_from
 from .family_search import Cells, Lateness

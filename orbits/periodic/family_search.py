@@ -16,15 +16,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import NoOrbit
-from ..flow.first_events import first_events
-from ..flow.flow import flow_of
-from ..flow.taylor import Watch
-from ..model.linear_guess import linear_guess
-from ..model.model import Model
-from ..model.phase import Affine
-from ..model.relative import Search
-from ..numerics.roots import enclosed_sign_changes
-from ..shooting.formulations import columns, equations_of, reduction_of
+from ..flow import Watch, first_events, flow_of
+from ..model import Affine, Model, Search, linear_guess
+from ..numerics import enclosed_sign_changes
+from ..shooting import columns, equations_of, reduction_of
 from .guess import GUESS, times_of_turns
 
 

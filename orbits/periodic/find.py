@@ -9,13 +9,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
-from ..model.machine import Machine, check_machine, dimensionless
-from ..model.model import STEP_LENGTH, refuse_hysteresis
+from ..model import STEP_LENGTH, Machine, check_machine, dimensionless, refuse_hysteresis
 from ..result import Progress
-from ..running import interrupts
-from ..running.exclusive import exclusive
-from ..running.time_limit import time_limit
-from ..shooting.formulations import equations_of, iterative, method_of
+from ..running import exclusive, interrupts, time_limit
+from ..shooting import equations_of, iterative, method_of
 from ..units import Message, in_own_units, without_units
 from .certified import Solved, certified_orbit, solve_from
 from .family_orbits import another_family, family_number, lowest_of_family, orbits_of_family, same_orbit

@@ -11,7 +11,7 @@ from functools import lru_cache
 import casadi as ca
 
 from ..errors import InputError
-from ..model.phase import Arc, Phase, Pieces, Statement
+from ..model import Arc, Phase, Pieces, Statement
 
 
 @lru_cache(maxsize=64)

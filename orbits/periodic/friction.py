@@ -11,17 +11,12 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..flow.flow import flow_of
-from ..flow.trajectory import Trajectories
-from ..model.model import Model
-from ..model.phase import Phase
-from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
-from ..numerics.polynomial_roots import evaluate
+from ..flow import Trajectories, flow_of
+from ..model import NORMAL_FORCE, TANGENTIAL_FORCE, Model, Phase
+from ..numerics import evaluate
 from ..records import NONE, Records
-from ..shooting.error_bound import EPS
-from ..shooting.formulations import Cycles, columns, vectors
-from ..symbolic.caches import cached
-from ..symbolic.kernels import ElementwiseFunction
+from ..shooting import EPS, Cycles, columns, vectors
+from ..symbolic import ElementwiseFunction, cached
 from ..units import FORCE, TIME, Message, Quantity
 from .certificate import Certificate
 from .loss_coefficient import by_launch_speed

@@ -7,17 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import BreaksDown, FlowError, NoOrbit, OutOfRange
-from ..flow.first_events import first_events
-from ..flow.flow import Flow, flow_of
-from ..flow.taylor import Watch
-from ..laws.law import from_key, values_and_slopes
-from ..model.linear_guess import linear_guess
-from ..model.model import Model, refuse_hysteresis
-from ..model.phase import Affine
-from ..model.relative import RELATIVE, Relative, half_angle
-from ..numerics.polynomial_roots import Crossings
-from ..numerics.roots import root_search
-from ..shooting.formulations import vectors
+from ..flow import Flow, Watch, first_events, flow_of
+from ..laws import from_key, values_and_slopes
+from ..model import RELATIVE, Affine, Model, Relative, half_angle, linear_guess, refuse_hysteresis
+from ..numerics import Crossings, root_search
+from ..shooting import vectors
 from ..units import SPEED, Message, Quantity
 
 

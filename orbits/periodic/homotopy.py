@@ -6,11 +6,10 @@ import numpy as np
 
 from ..curves import Steps
 from ..errors import NoOrbit
-from ..model.model import Model
-from ..numerics.roots import solve
+from ..model import Model
+from ..numerics import solve
 from ..result import Progress
-from ..shooting.formulations import halved, vector
-from ..shooting.single_shooting import Evaluation, Shooting
+from ..shooting import Evaluation, Shooting, halved, vector
 from ..units import LIFTOFF_SPEED, Message, Quantity
 from .guess import guess
 from .motion_conditions import count_families

@@ -23,9 +23,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit, finite_number
-from ..model.modes import MODES, linear_modes
-from ..numerics.roots import Array, solve
-from ..numerics.sobol import sobol_points
+from ..model import MODES, linear_modes
+from ..numerics import Array, sobol_points, solve
 
 
 class LinearOptions(NamedTuple):

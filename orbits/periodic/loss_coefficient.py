@@ -18,11 +18,10 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..flow.flow import Flow, flow_of
-from ..laws.law import Algebraic
-from ..model.phase import Phase
-from ..symbolic.caches import cached
-from ..symbolic.kernels import ElementwiseFunction
+from ..flow import Flow, flow_of
+from ..laws import Algebraic
+from ..model import Phase
+from ..symbolic import ElementwiseFunction, cached
 
 
 class LossOptions(NamedTuple):

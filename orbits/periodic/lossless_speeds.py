@@ -10,12 +10,11 @@ from itertools import count
 import numpy as np
 
 from ..errors import FlowError, NoOrbit
-from ..flow.flow import flow_of
-from ..model.machine import Machine
-from ..numerics.polynomial_roots import piecewise_roots
-from ..numerics.roots import enclosed_sign_changes, resolved
+from ..flow import flow_of
+from ..model import Machine
+from ..numerics import enclosed_sign_changes, piecewise_roots, resolved
 from ..running import interrupts
-from ..shooting.formulations import vector
+from ..shooting import vector
 from .certified import certified_orbit, solve_from
 from .find import find, find_all
 from .orbit import Orbit

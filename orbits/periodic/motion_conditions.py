@@ -8,15 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from ..flow.flow import flow_of
-from ..flow.trajectory import Trajectories
-from ..laws.law import Algebraic
-from ..model.model import CONTACT_FORCE, LANDED_FORCE, Model
-from ..model.phase import Affine
-from ..model.state_formula import StateFormula
+from ..flow import Trajectories, flow_of
+from ..laws import Algebraic
+from ..model import CONTACT_FORCE, LANDED_FORCE, Affine, Model, StateFormula
 from ..records import NONE
-from ..shooting.error_bound import EPS
-from ..shooting.formulations import Cycles, vectors
+from ..shooting import EPS, Cycles, vectors
 from ..units import LENGTH, TIME, Message, Quantity
 from .loss_coefficient import jerks
 from .turns_and_zeros import MIDDLE, TurnsAndZeros, turns_and_zeros

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import NoOrbit
-from ..flow.phase_field import OUT_OF_LAW
-from ..laws.law import Law
+from ..flow import OUT_OF_LAW
+from ..laws import Law
 from ..units import EXTENSION, Message, Quantity
 from .orbit import Orbit
 

@@ -10,14 +10,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, OrbitsError, finite_times
-from ..flow.forces import spring_forces, units_of_springs
-from ..flow.same_motion import is_motion_of
-from ..flow.trajectory import Trajectory
+from ..flow import Trajectory, is_motion_of, spring_forces, units_of_springs
 from ..io import DIGEST, Changed, Document, has_digest, parse_json, read_file, to_json, unsealed
-from ..model.machine import Machine, dimensionless, machine_in_words, title_of_machine
-from ..model.model import CONTACT_FORCE, LANDED_FORCE, STEP_LENGTH
-from ..model.symmetry import SignedShift
-from ..numerics.polynomial_roots import lowest
+from ..model import (
+    CONTACT_FORCE,
+    LANDED_FORCE,
+    STEP_LENGTH,
+    Machine,
+    SignedShift,
+    dimensionless,
+    machine_in_words,
+    title_of_machine,
+)
+from ..numerics import lowest
 from ..result import TABLE_ROWS, Axes, Progress, Result, Row, is_of, shown
 from ..tables import VIOLATED, machine_numbers
 from ..units import ENERGY, LIFTOFF_SPEED, TORQUE, Units, in_units, saved_units

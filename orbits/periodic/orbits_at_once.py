@@ -12,11 +12,18 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import NoOrbit, OrbitsError
-from ..model.machine import Machine
-from ..model.model import Model
-from ..shooting.formulations import equations_of, iterative, method_of
-from ..shooting.newton_kernel import NewtonKernel, Solutions, newton_kernel
-from ..shooting.single_shooting import NEWTON, Evaluation, Shooting
+from ..model import Machine, Model
+from ..shooting import (
+    NEWTON,
+    Evaluation,
+    NewtonKernel,
+    Shooting,
+    Solutions,
+    equations_of,
+    iterative,
+    method_of,
+    newton_kernel,
+)
 from .certified import Certified, Solved, certified, certified_orbit, orbits_of, solve_from
 from .family_orbits import none_found, with_search
 from .family_search import Lateness

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ..model.model import STEP_LENGTH, Model
+from ..model import STEP_LENGTH, Model
 from ..records import NONE, Records, numbers_or_nan
-from ..shooting.formulations import Cycles
+from ..shooting import Cycles
 from ..units import DIMENSIONS, FREQUENCY, LENGTH, OF_ANGLES, Dimension, Units
 from .certificate import Certificate
 from .turns_and_zeros import extremes

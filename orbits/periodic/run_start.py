@@ -13,9 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import FlowError, NoOrbit
-from ..model.model import STEP_LENGTH
-from ..shooting.formulations import vector
-from ..shooting.single_shooting import Shooting
+from ..model import STEP_LENGTH
+from ..shooting import Shooting, vector
 from .certified import Solved
 from .tuned import OF_STEPS, Tuning, prescribed_value, solve_tuned
 

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NotRequired, TypedDict
 
-from ..flow.trajectory import Trajectory
+from ..flow import Trajectory
 from ..io import conform
-from ..model.machine import MACHINE_FIELDS
+from ..model import MACHINE_FIELDS
 from ..units import UNIT_TEXTS, SavedUnits
 from .certificate import Certificate
 from .cycle_shape import SavedShape, shape_of

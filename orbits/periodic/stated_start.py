@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from ..errors import InputError, finite_number
-from ..model.machine import Machine
-from ..model.model import STEP_LENGTH, Model, refuse_hysteresis, refuse_one_way
+from ..model import STEP_LENGTH, Machine, Model, refuse_hysteresis, refuse_one_way
 from ..units import TIME, Message, Quantity
 from .orbit import Orbit
 

@@ -12,17 +12,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number, list_of_names
-from ..model.machine import Machine, check_parameters
-from ..model.model import STEP_LENGTH, Model
-from ..model.phase import Statement
-from ..numerics.roots import solve
-from ..running.time_limit import TimeOver
-from ..shooting.division import NodedSolution, solved_with_nodes
-from ..shooting.error_bound import error_bounds
-from ..shooting.formulations import half_contact, half_orbit
-from ..shooting.multiple_shooting import boundary_functions
-from ..shooting.single_shooting import Shooting, shooting_equations
-from ..symbolic.formula import suggest
+from ..model import STEP_LENGTH, Machine, Model, Statement, check_parameters
+from ..numerics import solve
+from ..running import TimeOver
+from ..shooting import (
+    NodedSolution,
+    Shooting,
+    boundary_functions,
+    error_bounds,
+    half_contact,
+    half_orbit,
+    shooting_equations,
+    solved_with_nodes,
+)
+from ..symbolic import suggest
 from ..units import DIMENSIONS, FREQUENCY, LENGTH, SPEED, Dimension
 from .certified import Solved
 from .quantities import speed_in_flight, step_of

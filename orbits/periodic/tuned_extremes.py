@@ -11,10 +11,10 @@ from itertools import combinations
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit
-from ..model.machine import Machine
-from ..numerics.roots import solve
-from ..running.time_limit import TimeOver
-from ..shooting.formulations import vector
+from ..model import Machine
+from ..numerics import solve
+from ..running import TimeOver
+from ..shooting import vector
 from .certificate import Certificate
 from .certified import known_solutions
 from .orbit import Orbit

@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..flow.trajectory import Trajectories
-from ..numerics.polynomial_roots import PiecewisePolynomials, evaluate, powers
+from ..flow import Trajectories
+from ..numerics import PiecewisePolynomials, evaluate, powers
 from ..records import NONE
 
 # A stationary point this near to the middle of the motion, as a share of its time, is the middle itself.

@@ -14,12 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import FlowError, NoOrbit
-from ..numerics.polynomial_roots import TINY
-from ..numerics.roots import Array, solve
+from ..numerics import TINY, Array, solve
 from ..running import interrupts
-from ..shooting.division import Division, NodedSolution, PartsOfArcs, Undetermined
-from ..shooting.node_places import DIVISION
-from ..shooting.single_shooting import NEWTON, Shooting
+from ..shooting import DIVISION, NEWTON, Division, NodedSolution, PartsOfArcs, Shooting, Undetermined
 
 # What a `_Stretch` has as `most_growth` where motions pass two unstable equilibria, and why they are not led further.
 NOT_DIVIDED = np.inf, DIVISION.sensitive

@@ -116,3 +116,16 @@ Sources: R. Krawczyk, Computing 4 (1969) 187-201; R. E. Moore, R. B. Kearfott, M
 Analysis, SIAM 2009; T. Kapela, M. Mrozek, D. Wilczak, P. Zgliczynski, CAPD::DynSys, Communications in Nonlinear Science
 and Numerical Simulation 101 (2021) 105578; F. Johansson, Arb, IEEE Transactions on Computers 66 (2017) 1281-1292.
 """
+
+from typing import TYPE_CHECKING
+
+from ..public_names import public_names
+
+if TYPE_CHECKING:
+    from .branch_claim import BranchClaim
+    from .digits import checked_digits
+    from .hops.hop_theorems import ClaimedHops, HopGuess, proof_of_doubling, proof_of_fixed_point
+    from .prove import Decimal, Exact, need_flint, prove, prove_absence, prove_branch, prove_claims, prove_fold
+    from .theorem import LINE_WIDTH, Proof
+
+__all__ = [*public_names(__name__)]

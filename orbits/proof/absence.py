@@ -33,17 +33,22 @@ from typing import TypeAlias
 
 from flint import arb, ctx
 
-from ..balls.equations import IntervalParameters
-from ..balls.programs import BallProgram
-from ..balls.rigorous_step import between
-from ..balls.root import FIRST_BITS
+from ..balls import FIRST_BITS, BallProgram, IntervalParameters, between
 from ..errors import InputError
-from ..exact.exact_mechanics import Column, ExactMechanics, LoneExtension, Scale
-from ..exact.outward_decimals import bounds_of_fractions, upper_fraction
-from ..exact.refusal import Unproved
-from ..exact.stated import Bounds, Decimals, stated_machine
-from ..model.machine import Machine, machine_in_words
-from ..symbolic.tree import ExactExpression, depends_on, derivative_by, expression, in_order
+from ..exact import (
+    Bounds,
+    Column,
+    Decimals,
+    ExactMechanics,
+    LoneExtension,
+    Scale,
+    Unproved,
+    bounds_of_fractions,
+    stated_machine,
+    upper_fraction,
+)
+from ..model import Machine, machine_in_words
+from ..symbolic import ExactExpression, depends_on, derivative_by, expression, in_order
 from .case import check_mirrored, not_stated
 from .theorem import Proof
 

@@ -35,14 +35,9 @@ from fractions import Fraction
 
 from flint import arb
 
-from ..balls.motion import Motion, Refuted
-from ..balls.programs import ball_of_fraction
-from ..exact.bounds import Enclosure
-from ..exact.exact_mechanics import ExactMechanics
-from ..exact.outward_decimals import enclosure_of
-from ..exact.refusal import NOT_ACROSS, TooLong, Unproved
-from ..exact.statement import ExactArc, HalfOrbit
-from ..symbolic.tree import substitute
+from ..balls import Motion, Refuted, ball_of_fraction
+from ..exact import NOT_ACROSS, Enclosure, ExactArc, ExactMechanics, HalfOrbit, TooLong, Unproved, enclosure_of
+from ..symbolic import substitute
 from .bounces import Bounces, losses_with_bounce
 from .landings import losses_at_landing
 from .launches import LAUNCHES, Flight, LaunchEquations, comes_below, launches_beyond

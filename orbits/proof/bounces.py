@@ -17,14 +17,9 @@ from functools import reduce
 
 from flint import arb
 
-from ..balls.equations import Equations, IntervalParameters
-from ..balls.motion import Motion
-from ..balls.programs import BallProgram
-from ..balls.rigorous_step import between
-from ..exact.refusal import Unproved
-from ..exact.statement import ExactStatement, HalfOrbit, unknown
-from ..symbolic.tree import along, derivative_by, expression, substitute, symbol, total
-from ..symbolic.tree_linear import inner_product
+from ..balls import BallProgram, Equations, IntervalParameters, Motion, between
+from ..exact import ExactStatement, HalfOrbit, Unproved, unknown
+from ..symbolic import along, derivative_by, expression, inner_product, substitute, symbol, total
 from .landings import JerkIntegrals
 from .launches import LAUNCHES, Flight, Launches, motions_of, states_between
 

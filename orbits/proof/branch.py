@@ -50,14 +50,9 @@ from fractions import Fraction
 
 from flint import arb, ctx
 
-from ..balls.programs import ball_of_fraction
-from ..balls.root import FIRST_BITS
-from ..balls.taylor_model import model_arithmetic
-from ..exact.claim import Claim
-from ..exact.exact_mechanics import Scale
-from ..exact.refusal import Unproved
-from ..exact.stated import StatedMachine, stated_machine
-from ..running.time_limit import default_limit, time_limit
+from ..balls import FIRST_BITS, ball_of_fraction, model_arithmetic
+from ..exact import Claim, Scale, StatedMachine, Unproved, stated_machine
+from ..running import default_limit, time_limit
 from .branch_claim import BranchClaim
 from .branch_motion import MotionChecks, MotionStretch
 from .branch_piece import CurveEquations, floats_about

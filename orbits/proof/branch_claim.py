@@ -6,8 +6,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ..exact.claim import Claim
-from ..model.machine import Machine
+from ..exact import Claim
+from ..model import Machine
 
 # Points (m, n + 1) of the numerical curve near guesses (m, n + 1) where a coordinate, given by its index, has values
 # (m,), with half the times of contact (m,), NaN where none ends; it raises an `OrbitsError` where there are none.

@@ -11,16 +11,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from flint import arb, arb_mat, arb_poly
 
-from ..balls.curve_motion import CurveStep, coefficients_through, follow_curve, passage_on, places
-from ..balls.equations import BallLeg
-from ..balls.motion import Motion
-from ..balls.taylor_model import TaylorModel, as_model
-from ..balls.tube import prove_tube
+from ..balls import (
+    BallLeg,
+    CurveStep,
+    Motion,
+    TaylorModel,
+    as_model,
+    coefficients_through,
+    follow_curve,
+    passage_on,
+    places,
+    prove_tube,
+)
 from ..errors import OrbitsError
-from ..exact.claim import CONTACT_DURATION
-from ..exact.refusal import TooLong, Unproved
-from ..exact.statement import unknown
-from ..symbolic.tree import symbol
+from ..exact import CONTACT_DURATION, TooLong, Unproved, unknown
+from ..symbolic import symbol
 from .branch_claim import Solver
 from .branch_piece import BRANCHES, CurveEquations, CurvePiece, parts_between
 from .case import CONDITIONS, NO_CONTACT, PROVED, UNDECIDED, counted_family, motion_conditions

@@ -10,17 +10,19 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from flint import arb, arb_mat, arb_poly
 
-from ..balls.curve_motion import coefficients_through, passage_on, places
-from ..balls.equations import BallLeg
-from ..balls.programs import BallProgram, ball_of_fraction
-from ..balls.taylor_model import TaylorModel
-from ..balls.tube import Tube, prove_tube
-from ..exact.claim import CONTACT_DURATION, FLIGHT_DURATION
-from ..exact.exact_mechanics import ExactMechanics, Scale
-from ..exact.refusal import Unproved
-from ..exact.stated import StatedMachine
-from ..exact.statement import HalfOrbit
-from ..symbolic.tree import symbol
+from ..balls import (
+    BallLeg,
+    BallProgram,
+    TaylorModel,
+    Tube,
+    ball_of_fraction,
+    coefficients_through,
+    passage_on,
+    places,
+    prove_tube,
+)
+from ..exact import CONTACT_DURATION, FLIGHT_DURATION, ExactMechanics, HalfOrbit, Scale, StatedMachine, Unproved
+from ..symbolic import symbol
 from .branch_claim import Solver
 
 

@@ -10,11 +10,9 @@ from functools import partial
 import numpy as np
 from flint import arb, ctx
 
-from ..balls.programs import ball_of_fraction
-from ..balls.root import FIRST_BITS
-from ..balls.tube import narrowed
+from ..balls import FIRST_BITS, ball_of_fraction, narrowed
 from ..errors import OrbitsError
-from ..exact.refusal import TooLong, Unproved
+from ..exact import TooLong, Unproved
 from .branch_claim import BranchClaim
 from .branch_piece import BRANCHES, CurveEquations, CurvePiece, floats_about, inside, prove_piece, signs_along
 from .proved_fold import proved_fold

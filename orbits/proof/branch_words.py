@@ -5,13 +5,17 @@ from dataclasses import dataclass
 
 from flint import arb, ctx
 
-from ..balls.programs import ball_of_fraction
-from ..balls.root import FIRST_BITS
-from ..exact.bounds import Enclosure
-from ..exact.decimals import decimal_text
-from ..exact.outward_decimals import bounds_of_fractions, enclosure_of, lower_decimal, upper_decimal
-from ..exact.stated import StatedMachine
-from ..model.machine import machine_in_words
+from ..balls import FIRST_BITS, ball_of_fraction
+from ..exact import (
+    Enclosure,
+    StatedMachine,
+    bounds_of_fractions,
+    decimal_text,
+    enclosure_of,
+    lower_decimal,
+    upper_decimal,
+)
+from ..model import machine_in_words
 from .branch_claim import BranchClaim
 from .branch_motion import MotionStretch
 from .branch_piece import CurvePiece, parts_between

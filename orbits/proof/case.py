@@ -10,22 +10,41 @@ from typing import Any, NamedTuple
 
 from flint import arb, ctx
 
-from ..balls.equations import Equations, IntervalParameters
-from ..balls.motion import Motion, Refuted
-from ..balls.programs import BallProgram, ball_of_fraction
-from ..balls.root import FIRST_BITS, ProvedRoot, evaluated_on, narrowed_root, prove_root
+from ..balls import (
+    FIRST_BITS,
+    BallProgram,
+    Equations,
+    IntervalParameters,
+    Motion,
+    ProvedRoot,
+    Refuted,
+    ball_of_fraction,
+    evaluated_on,
+    narrowed_root,
+    prove_root,
+)
 from ..errors import InputError
-from ..exact.bounds import Enclosure
-from ..exact.claim import CONTACT_DURATION, FLIGHT_DURATION, Claim
-from ..exact.decimals import decimal_text
-from ..exact.exact_mechanics import ExactMechanics, Scale, nearest_power_of_two
-from ..exact.outward_decimals import bounds_of_fractions, enclosure_of, lower_decimal, radius_of
-from ..exact.refusal import Undecided, Unproved
-from ..exact.stated import StatedMachine
-from ..exact.statement import ExactStatement, HalfOrbit
-from ..model.machine import Machine, machine_in_words
-from ..symbolic.identities import vanishes
-from ..symbolic.tree import ExactExpression, substitute
+from ..exact import (
+    CONTACT_DURATION,
+    FLIGHT_DURATION,
+    Claim,
+    Enclosure,
+    ExactMechanics,
+    ExactStatement,
+    HalfOrbit,
+    Scale,
+    StatedMachine,
+    Undecided,
+    Unproved,
+    bounds_of_fractions,
+    decimal_text,
+    enclosure_of,
+    lower_decimal,
+    nearest_power_of_two,
+    radius_of,
+)
+from ..model import Machine, machine_in_words
+from ..symbolic import ExactExpression, substitute, vanishes
 from .attraction import Attraction, Hop, attraction_of
 from .digits import DIGITS, bits_of_digits, with_enough_digits
 from .loss import Loss, enclosed_loss

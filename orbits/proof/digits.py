@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import NamedTuple, TypeVar
 
 from ..errors import InputError
-from ..exact.refusal import Unproved, check_proof_time
+from ..exact import Unproved, check_proof_time
 
 
 class DigitOptions(NamedTuple):

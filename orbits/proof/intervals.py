@@ -5,12 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
 
-from ..exact.bounds import Enclosure
-from ..exact.claim import Claim
-from ..exact.outward_decimals import bounds_of_fractions, radius_of
-from ..exact.refusal import Unproved
-from ..exact.stated import Bounds, Decimals, StatedMachine
-from ..running.time_limit import time_limit
+from ..exact import Bounds, Claim, Decimals, Enclosure, StatedMachine, Unproved, bounds_of_fractions, radius_of
+from ..running import time_limit
 from .case import CONDITIONS, REFUTED, UNDECIDED, check_mirrored, not_stated, whole_proof
 from .theorem import Proof
 from .wording import loss_sentence, motion_sentence, solved_words

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 from flint import arb
 
-from ..balls.rigorous_step import between
-from ..exact.refusal import Unproved
+from ..balls import between
+from ..exact import Unproved
 from .launches import LAUNCHES, Flight, Launches
 
 NO_TIME = arb(0)

@@ -13,16 +13,9 @@ from typing import NamedTuple
 
 from flint import arb, ctx
 
-from ..balls.equations import Equations, IntervalParameters
-from ..balls.motion import Motion
-from ..balls.programs import BallProgram
-from ..balls.rigorous_step import between
-from ..balls.root import evaluated_on
-from ..exact.claim import FLIGHT_DURATION
-from ..exact.refusal import Unproved
-from ..exact.statement import ExactArc, ExactStatement, HalfOrbit, unknown
-from ..symbolic.tree import ExactExpression, along, derivative_by, expression, symbol, symbols
-from ..symbolic.tree_linear import inner_product
+from ..balls import BallProgram, Equations, IntervalParameters, Motion, between, evaluated_on
+from ..exact import FLIGHT_DURATION, ExactArc, ExactStatement, HalfOrbit, Unproved, unknown
+from ..symbolic import ExactExpression, along, derivative_by, expression, inner_product, symbol, symbols
 from .loss import launch_expressions
 
 

@@ -11,14 +11,9 @@ from dataclasses import dataclass
 
 from flint import arb, arb_mat, ctx
 
-from ..balls.enclosure import FINE, follow_set, unit_matrix
-from ..balls.equations import BallLeg
-from ..balls.motion import Motion
-from ..balls.programs import UNDEFINED, BallProgram, ball_of_fraction
-from ..exact.refusal import Undecided, Unproved
-from ..exact.statement import HalfOrbit
-from ..symbolic.tree import ExactExpression, derivative_by, expression, substitute
-from ..symbolic.tree_linear import inner_product
+from ..balls import FINE, UNDEFINED, BallLeg, BallProgram, Motion, ball_of_fraction, follow_set, unit_matrix
+from ..exact import HalfOrbit, Undecided, Unproved
+from ..symbolic import ExactExpression, derivative_by, expression, inner_product, substitute
 
 
 @dataclass(frozen=True)

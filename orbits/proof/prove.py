@@ -12,13 +12,10 @@ from multiprocessing import get_context
 from typing import Protocol, TypeAlias
 
 from ..errors import InputError, whole_number
-from ..exact.claim import Claim, claim_of
-from ..exact.stated import exact_values
-from ..model.machine import Machine, check_machine, check_parameters
-from ..model.model import refuse_hysteresis
-from ..periodic.orbit import Orbit
-from ..running.exclusive import exclusive
-from ..running.time_limit import time_limit
+from ..exact import Claim, claim_of, exact_values
+from ..model import Machine, check_machine, check_parameters, refuse_hysteresis
+from ..periodic import Orbit
+from ..running import exclusive, time_limit
 from .branch_claim import BranchClaim
 from .theorem import Proof
 

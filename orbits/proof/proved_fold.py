@@ -8,19 +8,26 @@ from fractions import Fraction
 
 from flint import arb, ctx
 
-from ..balls.equations import Equations, IntervalParameters
-from ..balls.programs import ball_of_fraction
-from ..balls.root import FIRST_BITS, ProvedRoot, prove_root
+from ..balls import FIRST_BITS, Equations, IntervalParameters, ProvedRoot, ball_of_fraction, prove_root
 from ..errors import InputError
-from ..exact.claim import FLIGHT_DURATION
-from ..exact.exact_mechanics import ExactMechanics, Scale
-from ..exact.jets import statement_of_folds
-from ..exact.outward_decimals import bounds_of_fractions, enclosure_of, lower_decimal, radius_of
-from ..exact.refusal import NOT_ACROSS, Unproved
-from ..exact.stated import Decimals, StatedMachine, stated_machine
-from ..exact.statement import HalfOrbit
-from ..model.machine import Machine, machine_in_words
-from ..symbolic.tree import substitute, symbol
+from ..exact import (
+    FLIGHT_DURATION,
+    NOT_ACROSS,
+    Decimals,
+    ExactMechanics,
+    HalfOrbit,
+    Scale,
+    StatedMachine,
+    Unproved,
+    bounds_of_fractions,
+    enclosure_of,
+    lower_decimal,
+    radius_of,
+    stated_machine,
+    statement_of_folds,
+)
+from ..model import Machine, machine_in_words
+from ..symbolic import substitute, symbol
 from .case import ball_of, check_mirrored, not_stated
 from .digits import bits_of_digits
 from .theorem import Part, Proof

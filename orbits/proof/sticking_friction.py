@@ -11,14 +11,9 @@ from math import inf, nextafter
 
 from flint import arb
 
-from ..balls.motion import Derivatives, Motion, Refuted
-from ..balls.rigorous_step import between
-from ..exact.decimals import decimal_text
-from ..exact.outward_decimals import enclosure_of
-from ..exact.refusal import Unproved
-from ..exact.statement import HalfOrbit
-from ..symbolic.identities import vanishes
-from ..symbolic.tree import exact_number, substitute
+from ..balls import Derivatives, Motion, Refuted, between
+from ..exact import HalfOrbit, Unproved, decimal_text, enclosure_of
+from ..symbolic import exact_number, substitute, vanishes
 
 # The relative width to which the needed coefficient is enclosed for a message.
 NEEDED_TO = 1e-4

@@ -7,7 +7,7 @@ from typing import Any
 
 from ..check_statement import ALL_HOPS
 from ..errors import InputError
-from ..exact.bounds import Enclosure
+from ..exact import Enclosure
 from ..io import Document
 from ..result import Result, Row
 

@@ -2,9 +2,7 @@
 
 from collections.abc import Mapping
 
-from ..exact.bounds import Enclosure
-from ..exact.decimals import decimal_text
-from ..exact.stated import StatedMachine
+from ..exact import Enclosure, StatedMachine, decimal_text
 from .attraction import Attraction
 
 # The statement of each condition of a motion, where it is proved.

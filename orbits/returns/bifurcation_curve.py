@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..continuation.point import End
-from ..model.machine import title_of_machine
+from ..continuation import End
+from ..model import title_of_machine
 from ..result import Axes, Result, Row, shown
 from .bifurcation import name_of_hops
 

@@ -13,11 +13,10 @@ import numpy as np
 
 from ..curves import End, Event
 from ..errors import InputError, NoOrbit, finite_number, is_list, range_of, whole_number
-from ..hops.impacts import CAP
-from ..model.machine import Machine, machine_in_words
+from ..hops import CAP
+from ..model import Machine, machine_in_words
 from ..result import Progress
-from ..running import interrupts
-from ..running.exclusive import exclusive
+from ..running import exclusive, interrupts
 from .bifurcation import Bifurcation, name_of_hops
 from .branches import tracer_of
 from .cycles import INJECT, MapsAlong

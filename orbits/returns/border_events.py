@@ -12,7 +12,7 @@ import numpy as np
 
 from ..curves import Event
 from ..errors import NoOrbit
-from ..numerics.roots import solve
+from ..numerics import solve
 from .hop_borders import COLLISIONS, kind_of_border
 from .launch_curve import LAUNCH_CURVE, LaunchCurve, place_in_words
 from .map_pieces import CONTINUOUS, MapBorder

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from ..errors import InputError
-from ..hops.launch_section import LaunchSection
-from ..model.machine import Machine, check_machine, free_parameters, machine_in_words
+from ..hops import LaunchSection
+from ..model import Machine, check_machine, free_parameters, machine_in_words
 from ..units import LIFTOFF_SPEED
 from .hops import Hops
 from .hops_along import INJECT, HopsAlong

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ..continuation.point import End
-from ..continuation.step_control import Options, StepControl
+from ..continuation import End, Options, StepControl
 from ..errors import InputError
 from ..io import Document, one_line
-from ..model.machine import Machine, title_of_machine
+from ..model import Machine, title_of_machine
 from ..result import Axes, Result, Row, known, shown, stored
 from .bifurcation import WORDS_OF_STABILITY, Bifurcation, name_of_hops
 from .bifurcation_curve import BifurcationCurve

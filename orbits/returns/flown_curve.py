@@ -12,7 +12,7 @@ import numpy as np
 
 from ..curves import CHANGES, Points, Problem, Test
 from ..errors import OrbitsError
-from ..hops.multipliers import derivative_of_hops
+from ..hops import derivative_of_hops
 from .cycles import INJECT, MAPS, MapsAlong
 from .hop_curve import KINDS_OF_TESTS, STEPS_OF_HOPS, confirmed, inside, of_matrix
 from .launch_curve import LAUNCH_CURVE

@@ -4,9 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..hops.arcs import Flown
-from ..hops.flyer import Flyer
-from ..hops.impacts import Impacts
+from ..hops import Flown, Flyer, Impacts
 
 MOST_IMPACTS = 100  # of a hop that is followed impact by impact
 

@@ -13,15 +13,12 @@ from typing import Any, cast
 
 import numpy as np
 
-from ..continuation.follow import bounds_of
-from ..continuation.step_control import Options, StepControl, checked_options
+from ..continuation import Options, StepControl, bounds_of, checked_options
 from ..curves import ASKS, CHANGES, FOLD, End, Event, Points, Run, Steps, Test, started
 from ..errors import InputError, NoOrbit, OrbitsError
-from ..hops.hand_over import landed
-from ..hops.impacts import LIFTOFF_ORDER, Impacts
-from ..model.machine import Machine, machine_in_words
-from ..model.phase import Affine
-from ..numerics.polynomial_roots import Crossings
+from ..hops import LIFTOFF_ORDER, Impacts, landed
+from ..model import Affine, Machine, machine_in_words
+from ..numerics import Crossings
 from ..units import LIFTOFF_SPEED
 from .bifurcation import Bifurcation
 from .bifurcation_curve import BifurcationCurve, PlaceOnCurve

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..curves import End, Points, Start
 from ..errors import NoOrbit
-from ..hops.impacts import STATUSES
+from ..hops import STATUSES
 from .hop_curve import TOLERANCES, HopCurve, turned
 from .hop_statement import FORCE, GAP, REST, SPEED, Slack, Word
 from .hops_along import INJECT

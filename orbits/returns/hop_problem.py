@@ -11,11 +11,10 @@ import numpy as np
 
 from ..curves import Points, Problem
 from ..errors import NoOrbit
-from ..flow.trajectory import Trajectories
-from ..hops.impacts import LIFTOFF_ORDER
-from ..numerics.polynomial_roots import evaluate
-from ..numerics.roots import ROOTS, solve
-from ..shooting.single_shooting import Evaluation
+from ..flow import Trajectories
+from ..hops import LIFTOFF_ORDER
+from ..numerics import ROOTS, evaluate, solve
+from ..shooting import Evaluation
 from .hop_statement import (
     CONTACT,
     FORCE,

@@ -16,14 +16,13 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..hops.impacts import LIFTOFF_ORDER
-from ..laws.law import Algebraic, Parameters, Scalars
-from ..model.model import CONTACT_FORCE, Model
-from ..model.phase import Arc, Phase, Statement, weighted_sum
-from ..numerics.roots import solve
-from ..periodic.fold_statement import fold_statement
-from ..shooting.single_shooting import Shooting, shooting_equations
-from ..symbolic.kernels import ElementwiseFunction
+from ..hops import LIFTOFF_ORDER
+from ..laws import Algebraic, Parameters, Scalars
+from ..model import CONTACT_FORCE, Arc, Model, Phase, Statement, weighted_sum
+from ..numerics import solve
+from ..periodic import fold_statement
+from ..shooting import Shooting, shooting_equations
+from ..symbolic import ElementwiseFunction
 
 Array = np.ndarray
 Word = tuple[int, ...]

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..curves import Border, End, Event, Points, Run, Start, solved_at
 from ..errors import NoOrbit
-from ..hops.impacts import STATUSES
+from ..hops import STATUSES
 from .bifurcation import name_of_hops
 from .border_events import distance
 from .cycles import INJECT, MapsAlong

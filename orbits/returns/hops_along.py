@@ -5,9 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..hops.impacts import Impacts
-from ..hops.launch_section import LaunchSection
-from ..model.machine import Machine
+from ..hops import Impacts, LaunchSection
+from ..model import Machine
 from ..units import LIFTOFF_SPEED
 from .flown_hops import flown_hops
 from .hop_statement import Array, HopEquations, Word, hop_equations

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError
-from ..numerics.roots import enclosed_sign_changes
+from ..numerics import enclosed_sign_changes
 from ..running import interrupts
 from .map_pieces import MapPieces
 

@@ -7,13 +7,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..hops.decided_hops import hops_of_states, stand
-from ..hops.impacts import FASTEST_LAUNCH, STATUS
-from ..hops.launch_section import LaunchSection
+from ..hops import FASTEST_LAUNCH, STATUS, LaunchSection, hops_of_states, stand
 from ..io import Document
-from ..model.machine import Machine, machine_in_words
+from ..model import Machine, machine_in_words
 from ..result import Axes, Result, Row, known, shown
-from ..running.exclusive import in_threads
+from ..running import in_threads
 from ..units import ENERGY, Units
 from .hops import WithStatuses
 

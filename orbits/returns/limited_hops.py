@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..hops.feet import LIFTS_OFF
-from ..hops.impacts import CAP, STATUSES
+from ..hops import CAP, LIFTS_OFF, STATUSES
 from .hops import HOP_COLUMNS, Hops
 
 # Labels of hops without a next launch; their impacts are not followed farther where the last one is.

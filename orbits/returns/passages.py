@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ..numerics.roots import enclosed_sign_changes, resolved
+from ..numerics import enclosed_sign_changes, resolved
 from ..result import Progress
 from .hops import Hops
 from .itineraries import ITINERARIES, MonotoneBranches

@@ -7,11 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import InputError, NoOrbit
-from ..hops.decided_hops import hops_of_states
-from ..hops.launch_section import LaunchSection
-from ..hops.multipliers import EnergyLoss, HopsDerivative, derivative_of_hops
-from ..hops.simulation import simulate
-from ..model.machine import Machine
+from ..hops import EnergyLoss, HopsDerivative, LaunchSection, derivative_of_hops, hops_of_states, simulate
+from ..model import Machine
 from ..result import Progress, Result
 from ..units import LIFTOFF_SPEED, Message, Quantity
 from .returning_hops import ReturningHops

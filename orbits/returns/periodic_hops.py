@@ -8,11 +8,10 @@ from typing import Any, overload
 import numpy as np
 
 from ..errors import NoOrbit
-from ..hops.multiplier import slope_of_hop
-from ..hops.simulation import simulate
+from ..hops import simulate, slope_of_hop
 from ..io import Document, conform
-from ..model.machine import Machine, machine_in_words
-from ..numerics.roots import ROOTS, solve
+from ..model import Machine, machine_in_words
+from ..numerics import ROOTS, solve
 from ..result import Axes, Progress, Result, Row, reported, shown, stored
 from ..units import LIFTOFF_SPEED, Units
 from .bifurcation import WORDS_OF_STABILITY

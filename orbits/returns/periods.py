@@ -12,13 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import InputError, finite_number, range_of, whole_number
-from ..hops.feet import LIFTS_OFF
-from ..hops.impacts import CAP
+from ..hops import CAP, LIFTS_OFF
 from ..io import Document
-from ..model.machine import Machine, machine_in_words, title_of_machine
+from ..model import Machine, machine_in_words, title_of_machine
 from ..result import Axes, Progress, Result, Row, shown, stored
-from ..running import interrupts
-from ..running.exclusive import exclusive
+from ..running import exclusive, interrupts
 from ..units import LIFTOFF_SPEED
 from .cycles import INJECT, RESTITUTION, MapsAlong, parameters_of_maps
 from .diagram import RESERVED_IN_DIAGRAMS

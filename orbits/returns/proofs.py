@@ -8,20 +8,17 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from ..errors import InputError, NoOrbit, finite_number
-from ..exact.stated import exact_values
-from ..hops.simulation import simulate
-from ..model.machine import Machine, check_machine
-from ..model.model import refuse_steps
-from ..proof.prove import Decimal, Exact, need_flint
-from ..proof.theorem import Proof
-from ..running.exclusive import exclusive
-from ..running.time_limit import time_limit
+from ..exact import exact_values
+from ..hops import simulate
+from ..model import Machine, check_machine, refuse_steps
+from ..proof import Decimal, Exact, Proof, need_flint
+from ..running import exclusive, time_limit
 from .bifurcation import Bifurcation
 from .return_map import ReturnMap
 from .returning_hops import ReturningHops
 
 if TYPE_CHECKING:
-    from ..proof.hops.hop_theorems import HopGuess
+    from ..proof import HopGuess
 
 
 @exclusive
@@ -52,9 +49,8 @@ def prove_fixed_point(
     (True, '-0.5976197', True)
     """
     _check_plastic(machine)
-    from ..exact.stated import exact_bounds
-    from ..proof.digits import checked_digits
-    from ..proof.hops.hop_theorems import ClaimedHops, proof_of_fixed_point
+    from ..exact import exact_bounds
+    from ..proof import ClaimedHops, checked_digits, proof_of_fixed_point
 
     digits, values = checked_digits(digits), exact_values(parameters)
     low, high = exact_bounds("inject", inject)
@@ -99,8 +95,7 @@ def prove_doubling(
     _check_plastic(machine)
     if not (isinstance(flip, Bifurcation) and flip.kind == "flip" and len(flip.alphas) == 1):
         raise InputError('a doubling is a "flip" event of fixed points along "inject", see `bifurcations`')
-    from ..proof.digits import checked_digits
-    from ..proof.hops.hop_theorems import proof_of_doubling
+    from ..proof import checked_digits, proof_of_doubling
 
     digits, values = checked_digits(digits), exact_values(parameters)
     with time_limit(limit):
@@ -132,7 +127,7 @@ def guessed_hop(machine: Machine, alpha: float, inject: float) -> "HopGuess":
 
 def guess_at(machine: Machine, launches: Sequence[float], inject: float) -> "HopGuess":
     """The hops from launch speeds, in floats; raises `NoOrbit` for a launch without a next one."""
-    from ..proof.hops.hop_theorems import HopGuess
+    from ..proof import HopGuess
 
     durations = list[list[float]]()
     for alpha in launches:

@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..hops.feet import LIFTS_OFF
-from ..numerics.roots import enclosed_ends
+from ..hops import LIFTS_OFF
+from ..numerics import enclosed_ends
 from ..result import Progress
 from ..running import heartbeat, interrupts
 from .hops import Hops

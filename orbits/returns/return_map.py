@@ -14,18 +14,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
-from ..hops.decided_hops import hops_of_speeds, stand
-from ..hops.hysteresis import Branches
-from ..hops.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, impacts_of, injected
-from ..hops.launch_section import LaunchSection
+from ..hops import (
+    CAP,
+    FASTEST_LAUNCH,
+    STATUS,
+    Branches,
+    Impacts,
+    LaunchSection,
+    hops_of_speeds,
+    impacts_of,
+    injected,
+    stand,
+)
 from ..io import fields_in_line
-from ..model.machine import Machine, check_machine, dimensionless, machine_in_words
-from ..numerics.roots import enclosed_ends
-from ..periodic.find import find
-from ..periodic.lossless_speeds import lossless_speeds
+from ..model import Machine, check_machine, dimensionless, machine_in_words
+from ..numerics import enclosed_ends
+from ..periodic import find, lossless_speeds
 from ..result import Axes, Progress, cell, shown
-from ..running.exclusive import exclusive, in_threads
-from ..running.time_limit import TimeOver, time_limit
+from ..running import TimeOver, exclusive, in_threads, time_limit
 from ..tables import number_text
 from ..units import ENERGY, LIFTOFF_SPEED, Message, Quantity, in_own_units, without_units
 from .basins import Basins

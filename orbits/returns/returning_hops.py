@@ -7,7 +7,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..hops.multipliers import HopMultipliers
+from ..hops import HopMultipliers
 from ..io import Document
 from ..result import Axes, Result, Row, shown, stored
 from ..units import LENGTH, LIFTOFF_SPEED, Units

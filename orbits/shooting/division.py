@@ -15,10 +15,10 @@ from typing import TypeAlias
 import numpy as np
 
 from ..errors import FlowError, NoOrbit
-from ..flow.trajectory import Trajectories, Trajectory
-from ..model.phase import Arc, Statement
-from ..numerics.roots import Array
-from ..symbolic.caches import cached
+from ..flow import Trajectories, Trajectory
+from ..model import Arc, Statement
+from ..numerics import Array
+from ..symbolic import cached
 from .error_bound import error_bounds
 from .node_places import DIVISION, GrowthAlong, growths_along, largest_growths, lengths_of_parts
 from .single_shooting import NEWTON, Evaluation, Shooting, joined, settles, shooting_equations

@@ -8,15 +8,9 @@ import numpy as np
 from numpy import ndarray
 
 from ..errors import NoOrbit
-from ..flow.flow import Flow
-from ..flow.trajectory import Trajectories, Trajectory
-from ..flow.vector_field import TAYLOR, runge_kutta_step, symbolic_powers
-from ..numerics.polynomial_roots import powers
-from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
-from ..numerics.roots import solve
-from ..symbolic.caches import cached
-from ..symbolic.calls import BufferedFunction
-from ..symbolic.kernels import ElementwiseFunction
+from ..flow import TAYLOR, Flow, Trajectories, Trajectory, runge_kutta_step, symbolic_powers
+from ..numerics import GAUSS_PLACES, GAUSS_WEIGHTS, powers, solve
+from ..symbolic import BufferedFunction, ElementwiseFunction, cached
 from ..units import UNKNOWNS, Message, Quantity
 from .single_shooting import Evaluation, Shooting, relative
 

@@ -9,16 +9,21 @@ import numpy as np
 from numpy import ndarray
 
 from ..errors import FlowError, InputError, NoOrbit, OutOfRange, one_of
-from ..flow.first_events import first_events, first_zero, until_zero
-from ..flow.flow import flow_of
-from ..flow.taylor import Watch
-from ..flow.trajectory import Trajectories
-from ..laws.law import Algebraic
-from ..model.model import CONTACT_FORCE, Model, refuse_hysteresis, refuse_one_way
-from ..model.phase import Affine, Arc, Phase, Statement
-from ..model.relative import Reduction
-from ..model.symmetry import SignedShift
-from ..numerics.roots import solve
+from ..flow import Trajectories, Watch, first_events, first_zero, flow_of, until_zero
+from ..laws import Algebraic
+from ..model import (
+    CONTACT_FORCE,
+    Affine,
+    Arc,
+    Model,
+    Phase,
+    Reduction,
+    SignedShift,
+    Statement,
+    refuse_hysteresis,
+    refuse_one_way,
+)
+from ..numerics import solve
 from ..records import NONE
 from ..units import Message
 from .single_shooting import Evaluation, Shooting, relative, shooting_equations

@@ -5,9 +5,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..flow.flow import Flow
-from ..flow.trajectory import Trajectories, Trajectory
-from ..model.phase import Statement
+from ..flow import Flow, Trajectories, Trajectory
+from ..model import Statement
 
 # A duration stays above this share of its guess: a solver that shrinks it to zero collapses the phase.
 SHORTEST_DURATION = 1e-3

@@ -6,11 +6,9 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..flow.taylor import TaylorStepper
-from ..flow.trajectory import Trajectories, begins_of_steps
-from ..flow.vector_field import TAYLOR, rows_used
-from ..numerics.roots import ROOTS, Array
-from ..symbolic.caches import cached
+from ..flow import TAYLOR, TaylorStepper, Trajectories, begins_of_steps, rows_used
+from ..numerics import ROOTS, Array
+from ..symbolic import cached
 from .single_shooting import NEWTON, Evaluation, Shooting, arrival, settles
 
 

@@ -15,9 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..flow.trajectory import Trajectories
-from ..numerics.hermite import slopes
-from ..numerics.roots import Array
+from ..flow import Trajectories
+from ..numerics import Array, slopes
 from .single_shooting import Evaluation
 
 

@@ -10,14 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import FlowError, NoOrbit
-from ..flow.flow import Flow, flow_of
-from ..flow.trajectory import Trajectories, Trajectory
-from ..model.phase import Statement
-from ..numerics.polynomial_roots import derivative
-from ..numerics.roots import ROOTS, solve
-from ..symbolic.caches import cached
-from ..symbolic.calls import BufferedFunction, MappedFunction
-from ..symbolic.ipopt import solve_equations
+from ..flow import Flow, Trajectories, Trajectory, flow_of
+from ..model import Statement
+from ..numerics import ROOTS, derivative, solve
+from ..symbolic import BufferedFunction, MappedFunction, cached, solve_equations
 from .multiple_shooting import MultipleShooting, boundary_functions
 
 

@@ -15,8 +15,8 @@ from .plane import animate_in_plane, cycles_shown, drawing_of, labelled, write_f
 from .plot import COLOURS, SHADE, new_axes, off_screen, phases_in_words, unit_labels
 
 if TYPE_CHECKING:
-    from ..hops.simulated import Simulation
-    from ..periodic.orbit import Orbit
+    from ..hops import Simulation
+    from ..periodic import Orbit
 
 ANIMATIONS = (".gif", ".mp4")
 SPRING_END = "spring's end"  # the height of an end that an actuator moves; it is drawn as a thin bar

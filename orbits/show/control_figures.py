@@ -10,8 +10,7 @@ from ..result import Axes
 from .plot import COLOURS, STYLE, axes_or_new, plain
 
 if TYPE_CHECKING:
-    from ..control.control import Control, ControlledLeg
-    from ..control.optimal_family import OptimalFamily
+    from ..control import Control, ControlledLeg, OptimalFamily
 
 DASHES = ("-", (0, (5, 2)), (0, (1, 1.5)))  # of curves beyond the number of colours
 

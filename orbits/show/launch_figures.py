@@ -9,9 +9,8 @@ from .map_figures import IDENTITY
 from .plot import axes_or_new, finished
 
 if TYPE_CHECKING:
-    from ..hops.multipliers import HopMultipliers
-    from ..returns.launch_hops import LaunchHops
-    from ..returns.returning_hops import ReturningHops
+    from ..hops import HopMultipliers
+    from ..returns import LaunchHops, ReturningHops
 
 
 def plot_launch_hops(hops: "LaunchHops", axes: Axes | None = None) -> Axes:

@@ -6,16 +6,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError, finite_number, true_or_false
-from ..model.machine import title_of_machine
+from ..model import title_of_machine
 from ..result import Axes
-from ..returns.bifurcation import WORDS_OF_STABILITY, name_of_hops
+from ..returns import WORDS_OF_STABILITY, name_of_hops
 from ..units import LIFTOFF_SPEED
 from .plot import COLOURS, STYLE, axes_or_new, cobweb, finished, plain, sampled_map
 
 if TYPE_CHECKING:
-    from ..returns.hops import Hops
-    from ..returns.return_map import ReturnMap
-    from ..returns.returning_hops import ReturningHops
+    from ..returns import Hops, ReturningHops, ReturnMap
 
 IDENTITY: dict[str, object] = {"color": "0.6", "lw": 0.8, "zorder": 1}
 # Markers of fixed points: full where they attract, open where they do not, half where they attract from above only.

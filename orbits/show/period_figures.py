@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..result import Axes
-from ..returns.bifurcation import name_of_hops
+from ..returns import name_of_hops
 from .plot import COLOURS, STYLE, axes_or_new, finished, legend_below, plain
 
 IN_REST, IN_CHAOS, WITHOUT_PERIOD = -2, -1, 0  # places where no launch goes on, and where one does without a period

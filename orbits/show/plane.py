@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..io import writing
-from ..mechanics.drawing import LANDINGS, REPEATED, Drawing, Outline
-from ..mechanics.elements import value_of
+from ..mechanics import LANDINGS, REPEATED, Drawing, Outline, value_of
 from ..result import Axes, Progress
 from ..units import Units
 from .plot import COLOURS, SHADE, STYLE, new_axes, off_screen, phases_in_words, plain, title, unit_labels
 
 if TYPE_CHECKING:
-    from ..hops.simulated import Simulation
-    from ..periodic.orbit import Orbit
+    from ..hops import Simulation
+    from ..periodic import Orbit
 
 EDGE, WALL = "#4c4c4c", "#8c8c8c"  # colours of the ground's edge and of what is fixed
 

@@ -19,18 +19,16 @@ import numpy as np
 
 from ..errors import InputError
 from ..io import check_path, writing
-from ..model.machine import laws_in_words, title_of_machine
-from ..model.phase import Affine
+from ..model import Affine, laws_in_words, title_of_machine
 from ..result import Axes
 from ..units import LIFTOFF_SPEED, Units
 
 if TYPE_CHECKING:
-    from ..continuation.family import Family
-    from ..design.design_curve import DesignCurve
-    from ..design.pareto import Front
-    from ..hops.simulated import Simulation
-    from ..periodic.orbit import Orbit
-    from ..returns.return_map import ReturnMap
+    from ..continuation import Family
+    from ..design import DesignCurve, Front
+    from ..hops import Simulation
+    from ..periodic import Orbit
+    from ..returns import ReturnMap
 
 FIGURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".eps")
 

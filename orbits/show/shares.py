@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError
-from ..model.machine import title_of_machine
+from ..model import title_of_machine
 from ..result import Axes
 from .plot import COLOURS, STYLE, axes_or_new, finished, label_of, plain
 
 if TYPE_CHECKING:
-    from ..design.sensitivities import Sensitivities
+    from ..design import Sensitivities
 
 DIVERGING = "RdBu_r"  # of colours, from falling to rising
 

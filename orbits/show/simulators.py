@@ -17,19 +17,31 @@ from numpy.typing import ArrayLike
 
 from ..errors import LARGEST_NUMBER, InputError, as_array_or_nan
 from ..io import refusing, write_table, writing
-from ..laws.law import from_key
-from ..mechanics.bodies import AXES, Body, Joint, bodies_of
-from ..mechanics.drawing import LANDINGS, REPEATED
-from ..mechanics.elements import Damper, Force, Mass, Potential, Spring, Weight, value_of
-from ..mechanics.terms import moving_masses
+from ..laws import from_key
+from ..mechanics import (
+    AXES,
+    LANDINGS,
+    REPEATED,
+    Body,
+    Damper,
+    Force,
+    Joint,
+    Mass,
+    Potential,
+    Spring,
+    Weight,
+    bodies_of,
+    moving_masses,
+    value_of,
+)
 from ..result import TABLE_ROWS
-from ..running.exclusive import exclusive
-from ..symbolic.calls import MappedFunction
+from ..running import exclusive
+from ..symbolic import MappedFunction
 from .plane import cycles_shown, drawing_of, labelled
 
 if TYPE_CHECKING:
-    from ..hops.simulated import Simulation
-    from ..periodic.orbit import Orbit
+    from ..hops import Simulation
+    from ..periodic import Orbit
 
 MOTION_FILE, MODEL_FILE = "motion.csv", "model.xml"
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..model.machine import title_of_machine
+from ..model import title_of_machine
 from ..result import Axes
 from .diagram_cells import cells_of_diagram
 from .pages.sweep_view import MOTIONS

@@ -8,8 +8,7 @@ from time import perf_counter
 
 import numpy as np
 
-from ..running import interrupts
-from ..running.time_limit import TimeOver
+from ..running import TimeOver, interrupts
 from .boundary_curves import BoundaryCurve
 from .continued_edges import Settled, continued_edges
 from .diagram_grid import Brackets, Grid

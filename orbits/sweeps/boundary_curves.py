@@ -7,17 +7,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..continuation.checkpoint import begun
-from ..continuation.event_curve import COLLAPSE, LIMITS, EventCurve
-from ..continuation.family import Family
-from ..continuation.follow import begin_run
-from ..continuation.follow_event import collected, run_along_event
-from ..continuation.passings import passings
-from ..continuation.point import End, Event, Point
-from ..continuation.step_control import StepControl, checked_options
+from ..continuation import (
+    COLLAPSE,
+    LIMITS,
+    End,
+    Event,
+    EventCurve,
+    Family,
+    Point,
+    StepControl,
+    begin_run,
+    begun,
+    checked_options,
+    collected,
+    passings,
+    run_along_event,
+)
 from ..errors import OrbitsError
-from ..model.machine import Machine
-from ..periodic.orbit import Orbit
+from ..model import Machine
+from ..periodic import Orbit
 from ..running import interrupts
 from .diagram_grid import Grid
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import LARGEST_SEED, InputError, finite_number, is_list, one_of, whole_number
 from ..io import MEGABYTE, read_file
-from ..numerics.sobol import sobol_points
+from ..numerics import sobol_points
 
 SAMPLINGS = ("grid", "sobol", "lhs", "random")
 # Largest number of members of a sweep: their columns in memory take some hundred bytes each.

@@ -18,9 +18,8 @@ import numpy as np
 
 from ..errors import InputError, whole_number
 from ..io import MEGABYTE
-from ..running import interrupts
-from ..running.exclusive import CHECK_INTERVAL
-from ..symbolic.machine_code import Compiled, compiled_here, receive
+from ..running import CHECK_INTERVAL, interrupts
+from ..symbolic import Compiled, compiled_here, receive
 from .members import failed_table, solve_chunk
 from .question import CHUNK, Question, Table
 

@@ -18,19 +18,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..design.designs_at_once import settled_designs, solved_designs
+from ..design import settled_designs, solved_designs
 from ..errors import InputError, NoOrbit, list_of_names, whole_number
 from ..io import Document
-from ..model.machine import Machine
-from ..periodic.continued import AT_FOLD, NOT_REACHED, continued_orbits
-from ..periodic.family_orbits import family_number
-from ..periodic.find import find
-from ..periodic.orbit import Orbit, orbit_of
-from ..periodic.stated_start import StartLike
+from ..model import Machine
+from ..periodic import AT_FOLD, NOT_REACHED, Orbit, StartLike, continued_orbits, family_number, find, orbit_of
 from ..result import Axes, Result, Row, shown
-from ..running.heartbeat import running
-from ..running.time_limit import TimeOver
-from ..symbolic.kernels import compiled_early
+from ..running import TimeOver, running
+from ..symbolic import compiled_early
 from .boundaries import LOCATED_TO, Boundaries, bisected, by_continuation, cut_by_curves
 from .boundary_curves import BoundaryCurve, boundary_curves
 from .designs import MOST_MEMBERS, Axis, axis_of

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, whole_number
-from ..model.machine import machine_in_words
-from ..numerics.sobol import sobol_points
+from ..model import machine_in_words
+from ..numerics import sobol_points
 from ..result import Axes, Result, Row, shown
 from .question import Question
 

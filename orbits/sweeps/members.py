@@ -4,13 +4,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..design.designs_at_once import solved_designs
-from ..design.problem import known_formula
+from ..design import known_formula, solved_designs
 from ..errors import OrbitsError
-from ..periodic.find import find
-from ..returns.return_map import ReturnMap
-from ..running import interrupts
-from ..running.exclusive import exclusive
+from ..periodic import find
+from ..returns import ReturnMap
+from ..running import exclusive, interrupts
 from .question import LAUNCH_SPEED, Question, Table, empty_table, names_of_quantities
 
 

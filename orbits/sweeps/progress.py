@@ -6,8 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from ..errors import true_or_false
-from ..running import heartbeat
-from ..running.arguments import check_report
+from ..running import check_report, heartbeat
 
 # Seconds between two lines.
 PAUSE = 0.2

@@ -7,19 +7,13 @@ from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
-from ..continuation.checkpoint import versions
-from ..design.designs_at_once import columns_of_tuned, names_together
-from ..design.problem import formula_names, known_formula
-from ..design.tuned_machine import tuning_of_designs
+from ..continuation import versions
+from ..design import columns_of_tuned, formula_names, known_formula, names_together, tuning_of_designs
 from ..errors import InputError, list_of_names, range_of
 from ..io import Document
-from ..model.machine import Machine, machine_in_words
-from ..periodic.family_orbits import family_number
-from ..periodic.find import find
-from ..periodic.orbit import Orbit, start_in_file
-from ..periodic.stated_start import check_start, unknowns_of_start
-from ..periodic.tuned import Tuning
-from ..running.exclusive import exclusive
+from ..model import Machine, machine_in_words
+from ..periodic import Orbit, Tuning, check_start, family_number, find, start_in_file, unknowns_of_start
+from ..running import exclusive
 from .designs import Axis, Members
 from .same_equations import EQUATIONS, digest_of_equations
 

@@ -10,12 +10,10 @@ from typing import Any
 import casadi as ca
 
 from ..io import version
-from ..laws.law import Algebraic, Parameters
-from ..model.machine import Machine
-from ..model.model import Model
-from ..model.phase import Phase
-from ..running.exclusive import exclusive
-from ..symbolic.caches import cached
+from ..laws import Algebraic, Parameters
+from ..model import Machine, Model, Phase
+from ..running import exclusive
+from ..symbolic import cached
 
 EQUATIONS = "equations"  # the key of the digest in a question's document
 
@@ -28,7 +26,7 @@ def digest_of_equations(machine: Machine) -> str:
     """
     models, names = [machine.model], tuple(machine.values)
     if machine.model.hysteretic:
-        from ..hops.hysteresis import Branches
+        from ..hops import Branches
 
         models += [each.model for each in Branches(machine).of.values()]
     digests = "".join(_digest_of_model(model, names) for model in models)

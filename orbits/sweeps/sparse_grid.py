@@ -6,9 +6,7 @@ from time import perf_counter
 
 import numpy as np
 
-from ..running import interrupts
-from ..running.exclusive import exclusive
-from ..running.time_limit import TimeOver
+from ..running import TimeOver, exclusive, interrupts
 from .members import solve_chunk
 from .progress import SweepProgress, pace
 from .question import CHUNK, Question, empty_table

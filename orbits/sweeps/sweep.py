@@ -9,12 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError, OrbitsError, one_of, true_or_false
-from ..model.machine import Machine, check_machine, free_parameters
-from ..periodic.stated_start import StartLike
-from ..running import interrupts
-from ..running.exclusive import exclusive
-from ..running.heartbeat import running
-from ..running.time_limit import TimeOver
+from ..model import Machine, check_machine, free_parameters
+from ..periodic import StartLike
+from ..running import TimeOver, exclusive, interrupts, running
 from .designs import Members, members_of
 from .execute import check_executor, chunks_of, solved_chunks
 from .progress import SweepProgress, on_screen, pace

@@ -9,13 +9,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypedDict
 
 import numpy as np
 
-from ..design.designs_at_once import DESIGN_STATUSES, tuned_orbit
+from ..design import DESIGN_STATUSES, tuned_orbit
 from ..errors import InputError, NoOrbit, list_of_names, whole_number
 from ..io import Document, conform, extra_package, named_file, to_json
-from ..model.machine import Machine
-from ..periodic.continued import continued_orbits
-from ..periodic.find import find
-from ..periodic.orbit import Orbit, orbit_of
+from ..model import Machine
+from ..periodic import Orbit, continued_orbits, find, orbit_of
 from ..result import Axes, Result, Row, is_of, shown
 from ..units import DIMENSIONS_OF_HOPS, UNIT_TEXTS, unit_text
 from .question import COLUMNS_OF, Question, SavedQuestion, Table, question_again

@@ -6,11 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..design.sensitivities import sensitivities
+from ..design import sensitivities
 from ..errors import InputError, list_of_names, whole_number
-from ..model.machine import Machine, check_machine
-from ..periodic.find import find
-from ..periodic.stated_start import StartLike, check_start
+from ..model import Machine, check_machine
+from ..periodic import StartLike, check_start, find
 from ..result import Axes, Result, shown
 from .designs import members_of
 from .sweep import sweep as swept

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 
 import casadi as ca
 
-from ..running.exclusive import LOCK
+from ..running import LOCK
 
 
 class CacheOptions(NamedTuple):

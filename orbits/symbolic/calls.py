@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..running.exclusive import LOCK
+from ..running import LOCK
 from .caches import weigh
 
 # A scalar operation of an SX function: its code, its arguments, and the value of an OP_CONST, else None. The arguments

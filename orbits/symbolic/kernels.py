@@ -14,8 +14,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..running import interrupts
-from ..running.exclusive import LOCK, apart, threads
+from ..running import LOCK, apart, interrupts, threads
 from .caches import weigh
 from .calls import BufferedFunction, MappedFunction, with_common_parts
 from .machine_code import CODE, MachineCode, compile_seconds, say_interpreted, target

@@ -14,8 +14,7 @@ from click.core import ParameterSource
 from . import options
 
 if TYPE_CHECKING:
-    from orbits.returns.hops import Hops
-    from orbits.returns.return_map import ReturnMap
+    from orbits.returns import Hops, ReturnMap
 
 EXAMPLES = """\b
 Examples:
@@ -101,9 +100,9 @@ def find_command(
     save: str | None, export: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Find one lossless orbit and certify it. With --tune and --at, numbers of the machine are found too."""
-    from orbits.periodic.find import find
+    from orbits.periodic import find
 
-    from ..machines.files import build, search
+    from ..machines import build, search
 
     stated_family = click.get_current_context().get_parameter_source("family") is not ParameterSource.DEFAULT
     stated, tuned = options.with_tuned(stated, tune)
@@ -167,10 +166,10 @@ def prove_command(
     pip install 'persistent-orbits[proof]'.
     """
     from orbits.errors import InputError
-    from orbits.exact.claim import BY_EQUATIONS
-    from orbits.periodic.find import find
-    from orbits.proof.prove import prove
-    from orbits.returns.proofs import prove_fixed_point
+    from orbits.exact import BY_EQUATIONS
+    from orbits.periodic import find
+    from orbits.proof import prove
+    from orbits.returns import prove_fixed_point
 
     if (inject is None) != (near is None) or ((loss or attraction) and inject is not None):
         raise InputError("--inject EPS and --near ALPHA go together, and without --loss and --attraction")
@@ -225,12 +224,12 @@ def check_proof_command(file: str, limit: float | None, as_json: bool) -> None:
 
     from orbits.errors import InputError
     from orbits.io import read_file, read_sealed
-    from orbits.proof.prove import need_flint
+    from orbits.proof import need_flint
 
     need_flint()
     from orbits.check_returns import check_saved
     from orbits.check_statement import LIMIT, OutOfTime, statement_of
-    from orbits.proof.theorem import LINE_WIDTH
+    from orbits.proof import LINE_WIDTH
 
     document = read_file(file, f"'{file}' is no saved proof", read_sealed)
     began = time.perf_counter()
@@ -297,10 +296,9 @@ def follow_command(
     output: str | None, save: str | None, resume: str | None, event: str | None, second: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Follow a family of orbits along a parameter, past folds, to its end; or an event of it in two parameters."""
-    from orbits.continuation.family import Family
-    from orbits.continuation.follow import follow, orbit_at
-    from orbits.periodic.tuned import QUANTITIES_ALONG
-    from orbits.show.plot import plot_family, save_figure, spread, thumbnails
+    from orbits.continuation import Family, follow, orbit_at
+    from orbits.periodic import QUANTITIES_ALONG
+    from orbits.show import plot_family, save_figure, spread, thumbnails
 
     values = options.numbers("--at", at, float) if at else []
     before = None if resume is None else Family.load(resume)
@@ -316,7 +314,7 @@ def follow_command(
             output=None if of_event else output, resume=before, progress=report, tune=tuned,
         )  # fmt: skip
     if of_event:
-        from orbits.continuation.follow_event import follow_event
+        from orbits.continuation import follow_event
 
         followed = follow_event(followed, *of_event, longest=longest, output=output)
         if plot is not None:
@@ -361,8 +359,8 @@ def return_map(
     speeds instead of its own."""
     from orbits.errors import InputError
     from orbits.io import to_json
-    from orbits.returns.return_map import ReturnMap
-    from orbits.show.plot import save_figure
+    from orbits.returns import ReturnMap
+    from orbits.show import save_figure
 
     speeds = None if alpha is None else options.launch_speeds(alpha)
     if along is not None:
@@ -436,7 +434,7 @@ def simulate_command(
     plot: str | None, animate: str | None, export: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Simulate the machine from a launch, through every impact and contact."""
-    from orbits.hops.simulation import simulate
+    from orbits.hops import simulate
 
     machine = options.machine_of(**stated)
     launch = options.launches_of(machine, hop, alpha)
@@ -470,12 +468,11 @@ def optimize_command(file: str, hop: str | None, as_json: bool, plot: str | None
     and where needed with subject_to, a list of constraints, tune, at, family, starts, seed and points. The table
     [design.over] has the bounds of each parameter, as k = [1e3, 1e5].
     """
-    from orbits.design.optimize import optimize as best_design
-    from orbits.design.pareto import Front, pareto
+    from orbits.design import Front, optimize as best_design, pareto
     from orbits.errors import InputError
-    from orbits.show.plot import save_figure
+    from orbits.show import save_figure
 
-    from ..machines.files import build, design, read
+    from ..machines import build, design, read
 
     statement = read(file)
     machine, problem = build(statement, file), design(statement, file)
@@ -530,7 +527,7 @@ def sweep_command(
 ) -> None:  # fmt: skip
     """Find the orbits of many machines, over ranges of their parameters."""
     from orbits.errors import InputError
-    from orbits.sweeps.sweep import sweep
+    from orbits.sweeps import sweep
 
     axes, table = options.swept_members(over, designs)
     if table is not None and samples is not None:
@@ -572,8 +569,8 @@ def existence_command(
 ) -> None:  # fmt: skip
     """Find where orbits exist in two parameters, and where they are motions."""
     from orbits.errors import InputError
-    from orbits.show.plot import save_figure
-    from orbits.sweeps.existence import existence
+    from orbits.show import save_figure
+    from orbits.sweeps import existence
 
     row, between = options.swept_axis("--along", along)
     column, values = options.swept_axis("--across", across)
@@ -625,8 +622,8 @@ def uncertainty_command(
     """
     from orbits.errors import InputError
     from orbits.io import to_json
-    from orbits.show.plot import save_figure
-    from orbits.sweeps.uncertainty import uncertainty
+    from orbits.show import save_figure
+    from orbits.sweeps import uncertainty
 
     if quantity is not None and plot is None:
         raise InputError("--quantity is shown in a figure: give --plot FILE too, or name it by --quantities")
@@ -725,10 +722,10 @@ def explore_command(family: int, no_browser: bool, port: int, **stated: object) 
 
     The page is served to this computer only, and needs no network.
     """
-    from ..explorer.processes import prepare
+    from ..explorer import prepare
 
     prepare()  # it imports the solver while this process imports Bokeh
-    from ..explorer.server import run
+    from ..explorer import run
 
     run(options.first_scene(family, **stated), port, not no_browser, click.echo)
 
@@ -760,7 +757,7 @@ def main() -> None:
         code = _failed("there is not enough memory: state fewer launches, hops or points", 1)
     except Exception as error:
         from orbits.errors import InputError, OrbitsError
-        from orbits.running.time_limit import TimeOver
+        from orbits.running import TimeOver
 
         if isinstance(error, OrbitsError | TimeOver):
             code = _failed(str(error), 2 if isinstance(error, InputError) else 1)

@@ -17,11 +17,11 @@ import click
 if TYPE_CHECKING:
     import numpy as np
 
-    from orbits.proof.theorem import Proof
-    from orbits.returns.diagram import BifurcationDiagram
+    from orbits.proof import Proof
+    from orbits.returns import BifurcationDiagram
 
-    from ..explorer.scene import Scene
-    from ..machines.files import MachineOfFile
+    from ..explorer import Scene
+    from ..machines import MachineOfFile
 
 
 def combined(*options: Callable) -> Callable:
@@ -79,7 +79,7 @@ limit_option = click.option(
 
 def _limited(context: click.Context, parameter: click.Parameter, seconds: float | None) -> None:
     """Hold all that the command does to a limit of time."""
-    from orbits.running.time_limit import time_limit
+    from orbits.running import time_limit
 
     if seconds is not None:
         context.with_resource(time_limit(seconds))
@@ -120,12 +120,12 @@ def file_option(flag: str, kind: str, text: str) -> Callable:
 
     def check(context, parameter, path):
         if path is not None:
-            from orbits.continuation.family import FAMILY_ENDINGS
+            from orbits.continuation import FAMILY_ENDINGS
             from orbits.result import check_file
-            from orbits.show.plot import FIGURES
+            from orbits.show import FIGURES
 
             if kind == "animation":
-                from orbits.show.animation import check_animation
+                from orbits.show import check_animation
 
                 return str(check_animation(path))
             endings = {
@@ -141,7 +141,7 @@ def file_option(flag: str, kind: str, text: str) -> Callable:
 
 
 def _checked_folder(context: Any, parameter: Any, folder: str | None) -> str | None:
-    from orbits.show.simulators import check_folder
+    from orbits.show import check_folder
 
     return folder if folder is None else str(check_folder(folder))
 
@@ -160,7 +160,7 @@ def write(
 ) -> None:  # fmt: skip
     """Write the requested files, and print the result as one JSON document or in words."""
     from orbits.io import to_json
-    from orbits.show.plot import save_figure
+    from orbits.show import save_figure
 
     if plot is not None:
         save_figure(result.plot(), plot)
@@ -225,7 +225,7 @@ def formulas(text: str | None) -> list[str]:
 def swept_members(over: Sequence[str], designs: str | None) -> tuple[dict[str, Any], dict[str, "np.ndarray"] | None]:
     """The ranges of --over by parameter, or the table that --from names; raises `InputError` for neither or both."""
     from orbits.errors import InputError
-    from orbits.sweeps.designs import as_numbers, read_designs
+    from orbits.sweeps import as_numbers, read_designs
 
     if bool(over) == (designs is not None):
         raise InputError("a sweep is --over NAME=RANGE, repeatable, or --from FILE.csv")
@@ -275,7 +275,7 @@ def with_first_values(stated: dict[str, Any], axes: dict[str, object], table: An
     """The options that state a machine, with a value for each swept parameter that has none: a formula needs one."""
     import numpy as np
 
-    from orbits.sweeps.designs import axis_of
+    from orbits.sweeps import axis_of
 
     settings = list(stated.get("settings", ()))
     known = {setting.partition("=")[0].strip() for setting in settings}
@@ -304,9 +304,8 @@ def launches_of(machine: "MachineOfFile", hop: str | None, alpha: Any) -> Any:
     """The launches of --alpha and --start, for `simulate` and the map: speeds, or the launch of an orbit with its own
     speed or with those; raises `InputError` for neither, and where --start is missing."""
     from orbits.errors import InputError
-    from orbits.periodic.orbit import start_in_file
-    from orbits.periodic.stated_start import unknowns_of_start
-    from orbits.returns.return_map import ReturnMap
+    from orbits.periodic import start_in_file, unknowns_of_start
+    from orbits.returns import ReturnMap
 
     started(machine, hop)
     if hop is None and alpha is None:
@@ -321,9 +320,9 @@ def launches_of(machine: "MachineOfFile", hop: str | None, alpha: Any) -> Any:
 def write_launches(step: Any, launches: Any, as_json: bool, plot: str | None, alone: bool) -> None:
     """Write the hops of a map from launches of several numbers, as `write` does; and where one launch stands `alone`,
     its multipliers."""
-    from orbits.hops.multipliers import multipliers
+    from orbits.hops import multipliers
     from orbits.io import to_json
-    from orbits.show.plot import save_figure
+    from orbits.show import save_figure
 
     with progress():
         hops = step(launches)
@@ -356,7 +355,7 @@ def steering_arguments(goal: str, stated: dict[str, Any]) -> dict[str, Any]:
     those that state the machine; raises `InputError` for one of another goal, and where one is missing."""
     from orbits.errors import InputError
 
-    from ..steering.actuated import Actuator
+    from ..steering import Actuator
 
     common = {name: stated.pop(name) for name in ("rate", "stroke", "force", "power", "intervals")}
     if (stated_actuator := stated.pop("actuator")) is not None:
@@ -429,9 +428,8 @@ def diagram_of(
     requested: dict[str, Any],
 ) -> "BifurcationDiagram":  # fmt: skip
     """The bifurcation diagram of the stated machine along a parameter, between the ends of its range `span`."""
-    from orbits.periodic.orbit import start_in_file
-    from orbits.returns.bifurcations import bifurcations
-    from orbits.returns.cycles import DAMPERS_OF_HOPS, INJECT, RESTITUTION
+    from orbits.periodic import start_in_file
+    from orbits.returns import DAMPERS_OF_HOPS, INJECT, RESTITUTION, bifurcations
 
     between = float(speeds[0]), float(speeds[-1])
     known = along in (INJECT, RESTITUTION, *DAMPERS_OF_HOPS)  # without being a parameter of the formulas
@@ -447,9 +445,9 @@ def proved_curve(
 ) -> "Proof":
     """The proof that the orbits of the stated machine along a parameter are one curve over its range `span`; raises
     `NoOrbit` where the family ends before."""
-    from orbits.continuation.follow import follow
+    from orbits.continuation import follow
     from orbits.errors import NoOrbit
-    from orbits.proof.prove import need_flint
+    from orbits.proof import need_flint
 
     need_flint()
     start, stop = span
@@ -463,7 +461,7 @@ def proved_curve(
 
 def machine_of(machine: str | None, *arguments: Any, **stated: Any) -> "MachineOfFile":
     """The machine that the options describe, as in `statement_of`."""
-    from ..machines.files import build
+    from ..machines import build
 
     return build(*statement_of(machine, *arguments, **stated))
 
@@ -480,7 +478,7 @@ def statement_of(
     """
     from orbits.errors import InputError
 
-    from ..machines.files import GROUND_PARAMETERS, KINDS, MASSES, SI_PARAMETERS, STEPPING, read
+    from ..machines import GROUND_PARAMETERS, KINDS, MASSES, SI_PARAMETERS, STEPPING, read
 
     statement: dict[str, Any] = {"machine": machine or "hopper"}
     where = "the options"
@@ -518,9 +516,8 @@ def statement_of(
 def first_scene(family: int = 1, **stated: Any) -> "Scene":
     """The scene of the command line's options, of a hopper with a cubic spring where they say nothing; raises
     `InputError` for a machine that cannot be."""
-    from ..explorer.forms import scene_of_statement
-    from ..explorer.scene import beginning
-    from ..machines.files import build
+    from ..explorer import beginning, scene_of_statement
+    from ..machines import build
 
     if not any(value for value in stated.values()):
         return replace(beginning("hopper"), family=family)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from orbits.errors import OrbitsError
-from orbits.model.machine import Machine, free_parameters, machine_in_words
+from orbits.model import Machine, free_parameters, machine_in_words
 
 from .scene import Scene
 

@@ -12,9 +12,8 @@ from urllib.parse import urlencode
 
 from orbits.errors import InputError
 
-from ..laws.springs import HYSTERETIC_KINDS
-from ..machines.files import MASSES, SI_KEYS, SI_KEYS_OF_STEPS, STEPPING
-from ..machines.steps import RATIOS
+from ..laws import HYSTERETIC_KINDS
+from ..machines import MASSES, RATIOS, SI_KEYS, SI_KEYS_OF_STEPS, STEPPING
 from .scene import (
     BEGINNINGS,
     LARGEST,
@@ -179,8 +178,8 @@ def _scene_of_steps(
 
 def _rows_from_file(spring: str) -> DroppedRows:
     """The rows of "table:FILE?branch=loading&noise=0.5", with the text of the file."""
-    from ..laws.springs import table_options
-    from ..recordings.text_rows import text_of
+    from ..laws import table_options
+    from ..recordings import text_of
 
     path, options = table_options(spring.removeprefix("table:"))
     if moved := [name for name in ("scale", "shift") if name in options]:

@@ -17,10 +17,7 @@ from bokeh.server.callbacks import TimeoutCallback
 from jinja2 import Template
 
 from orbits.errors import InputError
-from orbits.show.pages.family_view import FamilyFigure
-from orbits.show.pages.hop_view import HopFigures
-from orbits.show.pages.law_view import LawFigure
-from orbits.show.pages.map_view import MapData, MapFigure
+from orbits.show import FamilyFigure, HopFigures, LawFigure, MapData, MapFigure
 
 from .fields import changed
 from .page_state import PAGES, Computed, Requested, kind_of, tab_state

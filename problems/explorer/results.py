@@ -6,19 +6,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from orbits.continuation.family import Family
-from orbits.continuation.follow import follow
-from orbits.continuation.point import Point
+from orbits.continuation import Family, Point, follow
 from orbits.errors import InputError, NoOrbit
-from orbits.model.machine import Machine
-from orbits.periodic.find import find
-from orbits.periodic.orbit import Orbit
-from orbits.periodic.stated_start import stated_unknowns
-from orbits.returns.return_map import ReturnMap
-from orbits.show.pages.family_view import FamilyData, family_data
-from orbits.show.pages.hop_view import HopData, hop_data
-from orbits.show.pages.law_view import LawData, law_data
-from orbits.show.pages.map_view import MapData, map_data
+from orbits.model import Machine
+from orbits.periodic import Orbit, find, stated_unknowns
+from orbits.returns import ReturnMap
+from orbits.show import FamilyData, HopData, LawData, MapData, family_data, hop_data, law_data, map_data
 from orbits.tables import number_text
 
 from .dials import Dial, dials_of

@@ -15,14 +15,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from orbits.errors import InputError, finite_number, whole_number
-from orbits.laws.law import Law
-from orbits.model.machine import Machine, free_parameters
-from orbits.symbolic.formula import parse, suggest
+from orbits.laws import Law
+from orbits.model import Machine, free_parameters
+from orbits.symbolic import parse, suggest
 from orbits.units import STANDARD_GRAVITY
 
 from ..laws import gravity as gravities, springs
-from ..machines.files import KINDS, MASSES, SI_KEYS, SI_KEYS_OF_STEPS, SI_PARAMETERS, STEPPING, build
-from ..machines.in_si import AnyMachine, MachineInSI
+from ..machines import KINDS, MASSES, SI_KEYS, SI_KEYS_OF_STEPS, SI_PARAMETERS, STEPPING, AnyMachine, MachineInSI, build
 
 # A machine passed to `explore` that no statement makes.
 PYTHON_MACHINE = "given"

@@ -143,7 +143,7 @@ def _page_of(scene: "Scene", python_machine: object) -> Callable[[Any], None]:
 
 def _page_of_text(text: str) -> object:
     """A text as a model of Bokeh."""
-    from orbits.show.pages.bokeh_figures import bokeh
+    from orbits.show import bokeh
 
     return bokeh("models").Div(text=escape(text))
 
@@ -239,12 +239,12 @@ def explore(machine: Any = None, *, height: int = 900) -> Exploration:
     for arguments that are not machines.
     """
     if machine is None:
-        from ..machines.hopper import Hopper
+        from ..machines import Hopper
 
         machine = Hopper("r + beta*r**3", rest_length=8.0, parameters={"beta": 0.3})
     from multiprocessing import current_process
 
-    from orbits.model.machine import check_machine
+    from orbits.model import check_machine
 
     check_machine(machine, "with_values")
     if getattr(current_process(), "_inheriting", False):  # a worker is importing the script that called this

@@ -10,17 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.errors import InputError
-from orbits.laws import law_statement as laws
-from orbits.laws.law import Law, number
+from orbits.laws import Law, law_statement as laws, number
 from orbits.result import Axes, Result, Row, shown
-from orbits.running.exclusive import exclusive
-from orbits.symbolic.calls import MappedFunction
-from orbits.symbolic.formula import parse
+from orbits.running import exclusive
+from orbits.symbolic import MappedFunction, parse
 
-from ..recordings.bench_record import BenchRecord, read_record
-from ..recordings.chosen_branch import choose
-from ..recordings.measured_rows import MeasuredRows
-from ..recordings.smoothing import SMOOTHING, SmoothCurves
+from ..recordings import SMOOTHING, BenchRecord, MeasuredRows, SmoothCurves, choose, read_record
 
 
 class FitOptions(NamedTuple):

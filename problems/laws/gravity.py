@@ -9,9 +9,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from orbits.errors import InputError
-from orbits.laws import law_statement as laws
-from orbits.laws.law import Law, positive
-from orbits.laws.law_statement import LawLike
+from orbits.laws import Law, LawLike, law_statement as laws, positive
 
 
 def formula(text: str, /, **parameters: float) -> Law:

@@ -7,18 +7,19 @@ from typing import NamedTuple
 import numpy as np
 
 from orbits.errors import InputError
-from orbits.laws.hysteretic_law import (
+from orbits.laws import (
     LARGEST_CROSSING,
     ONE_PIECE,
     HystereticLaw,
+    Law,
+    LawPieces,
     hysteretic_law,
     merged_pieces,
+    number,
     scaled_branch,
     sides_of,
 )
-from orbits.laws.law import Law, LawPieces, number
-from orbits.numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
-from orbits.numerics.roots import bracketed_root
+from orbits.numerics import GAUSS_PLACES, GAUSS_WEIGHTS, bracketed_root
 
 
 class LoopOptions(NamedTuple):

@@ -17,16 +17,20 @@ from typing import Any
 import numpy as np
 
 from orbits.errors import InputError
-from orbits.laws import law_statement as laws
-from orbits.laws.hysteretic_law import HystereticLaw
-from orbits.laws.law import Law, LawPieces, Written, number, positive
-from orbits.laws.law_expressions import Expression
-from orbits.laws.law_statement import LawLike
-from orbits.symbolic.formula import suggest
+from orbits.laws import (
+    Expression,
+    HystereticLaw,
+    Law,
+    LawLike,
+    LawPieces,
+    Written,
+    law_statement as laws,
+    number,
+    positive,
+)
+from orbits.symbolic import suggest
 
-from ..recordings.bench_record import BenchRecord, read_record
-from ..recordings.chosen_branch import choose
-from ..recordings.smoothing import SmoothCurve, curve_of, with_drifts
+from ..recordings import BenchRecord, SmoothCurve, choose, curve_of, read_record, with_drifts
 from . import loops
 from .fitting import fit as fit
 

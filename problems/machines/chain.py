@@ -18,17 +18,15 @@ from typing import Any
 import numpy as np
 
 from orbits import Mechanism, start_from_rest, starts
-from orbits.continuation.starts import Starts
+from orbits.continuation import Starts
 from orbits.errors import InputError
 from orbits.io import one_line
-from orbits.laws.law import Law, coefficient_of_restitution, number
-from orbits.mechanics import Mass, Spring
-from orbits.mechanics.refusals import joined_values
-from orbits.model.machine import Stated
-from orbits.model.model import Model
-from orbits.running.exclusive import exclusive, exclusive_property
+from orbits.laws import Law, coefficient_of_restitution, number
+from orbits.mechanics import Mass, Spring, joined_values
+from orbits.model import Model, Stated
+from orbits.running import exclusive, exclusive_property
 
-from ..laws.springs import as_spring
+from ..laws import as_spring
 from .parameters import checked_numbers, refuse_taken
 
 MOST_MASSES = 12

@@ -23,10 +23,10 @@ from itertools import pairwise
 
 from orbits import Mechanism
 from orbits.errors import InputError
-from orbits.laws.law_statement import LawLike
+from orbits.laws import LawLike
 from orbits.mechanics import Mass, Spring
 
-from ..laws.springs import as_spring
+from ..laws import as_spring
 from .chain import MOST_MASSES, mass_parameters
 from .parameters import stated_numbers, with_parameters
 

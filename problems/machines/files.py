@@ -55,7 +55,7 @@ from orbits import Mechanism
 from orbits.errors import InputError
 from orbits.io import conform, read_file
 from orbits.mechanics import Ground
-from orbits.symbolic.formula import suggest
+from orbits.symbolic import suggest
 
 from .hopper import Hopper
 from .in_si import AnyMachine, MachineInSI, hopper_in_si, juggler_in_si

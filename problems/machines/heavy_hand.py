@@ -6,10 +6,8 @@ from typing import Any
 
 from orbits import Mechanism
 from orbits.errors import InputError
-from orbits.laws.law import Algebraic, Key, Parameters, Scalars
-from orbits.model.model import Model
-from orbits.model.modes import Modes, single_mode
-from orbits.model.relative import straight_line
+from orbits.laws import Algebraic, Key, Parameters, Scalars
+from orbits.model import Model, Modes, single_mode, straight_line
 
 from .juggler import Juggler
 from .two_masses import TwoMassMachine

@@ -14,19 +14,14 @@ import numpy as np
 
 from orbits import Mechanism
 from orbits.errors import InputError
-from orbits.laws.law import WRONG_SIGN, Algebraic, Law, Parameters, number
-from orbits.laws.law_expressions import UNIT_FORCE, UNIT_LENGTH
-from orbits.laws.law_statement import LawLike
-from orbits.mechanics import Ground, Mass
-from orbits.mechanics.dimensions import coefficient_dimensions
-from orbits.model.model import Model, reparametrised
-from orbits.running.exclusive import exclusive, exclusive_property
-from orbits.symbolic.formula import suggest
+from orbits.laws import UNIT_FORCE, UNIT_LENGTH, WRONG_SIGN, Algebraic, Law, LawLike, Parameters, number
+from orbits.mechanics import Ground, Mass, coefficient_dimensions
+from orbits.model import Model, reparametrised
+from orbits.running import exclusive, exclusive_property
+from orbits.symbolic import suggest
 from orbits.units import ACCELERATION, LENGTH, MASS, STANDARD_GRAVITY, Dimension, Units, unit_text
 
-from ..laws import gravity as gravities, springs
-from ..laws.gravity import as_gravity
-from ..laws.springs import as_spring
+from ..laws import as_gravity, as_spring, gravity as gravities, springs
 from .hopper import Hopper
 from .juggler import Juggler
 from .parameters import refuse_taken, stated_numbers

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from orbits import Mechanism
-from orbits.laws.law import Key
+from orbits.laws import Key
 from orbits.mechanics import Damper, Mass, Spring
 
 from .two_masses import TwoMassMachine

@@ -18,10 +18,8 @@ from math import pi
 
 from orbits import Mechanism
 from orbits.errors import InputError
-from orbits.laws.law import number
-from orbits.laws.law_statement import LawLike
-from orbits.mechanics import Mass, Spring
-from orbits.mechanics.elements import names_in
+from orbits.laws import LawLike, number
+from orbits.mechanics import Mass, Spring, names_in
 from orbits.units import STANDARD_GRAVITY
 
 from .parameters import with_parameters

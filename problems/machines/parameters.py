@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 from orbits.errors import InputError
-from orbits.laws.law import number
+from orbits.laws import number
 from orbits.units import STANDARD_GRAVITY
 
 

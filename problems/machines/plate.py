@@ -26,10 +26,10 @@ those near a zero of the denominator shake the plate hard.
 from collections.abc import Mapping, Sequence
 
 from orbits import Mechanism
-from orbits.laws.law_statement import LawLike
+from orbits.laws import LawLike
 from orbits.mechanics import Ground, Mass, Spring
 
-from ..laws.springs import as_spring
+from ..laws import as_spring
 from .chain import mass_parameters
 from .parameters import checked_numbers, with_parameters
 

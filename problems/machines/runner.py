@@ -22,11 +22,10 @@ from math import inf
 
 from orbits import Mechanism
 from orbits.errors import InputError, true_or_false
-from orbits.laws.law import number
-from orbits.laws.law_statement import LawLike
+from orbits.laws import LawLike, number
 from orbits.mechanics import Body, Drawing, Joint, Mass, Outline, Spring
 
-from ..laws.springs import as_spring
+from ..laws import as_spring
 from .parameters import gravity_in_si, refuse_taken, stated_numbers, with_parameters
 
 HIP = ("x + l*sin(theta)", "z + l*cos(theta)")

@@ -28,12 +28,10 @@ from typing import Any
 
 from orbits import Mechanism
 from orbits.errors import InputError
-from orbits.laws.law import number
-from orbits.laws.law_statement import LawLike
-from orbits.mechanics import Body, Drawing, Joint, Mass, Outline, Potential, Spring, Weight
-from orbits.mechanics.elements import Element
+from orbits.laws import LawLike, number
+from orbits.mechanics import Body, Drawing, Element, Joint, Mass, Outline, Potential, Spring, Weight
 
-from ..laws.springs import as_spring
+from ..laws import as_spring
 from .parameters import gravity_in_si, stated_numbers, with_parameters
 
 # Beyond these ratios and angles the numbers of a machine are lost in rounding.

@@ -7,17 +7,13 @@ from typing import Any, ClassVar, Self
 
 from orbits.errors import InputError
 from orbits.io import one_line
-from orbits.laws.law import Key, Law, coefficient_of_restitution, number
-from orbits.mechanics.ground import Ground
-from orbits.mechanics.mechanism import Mechanism
-from orbits.mechanics.refusals import joined_values
-from orbits.model.machine import Stated
-from orbits.model.model import Model
-from orbits.running.exclusive import exclusive, exclusive_property
-from orbits.symbolic.formula import suggest
+from orbits.laws import Key, Law, coefficient_of_restitution, number
+from orbits.mechanics import Ground, Mechanism, joined_values
+from orbits.model import Model, Stated
+from orbits.running import exclusive, exclusive_property
+from orbits.symbolic import suggest
 
-from ..laws.gravity import as_gravity
-from ..laws.springs import as_spring, formula
+from ..laws import as_gravity, as_spring, formula
 from .parameters import checked_numbers, refuse_taken
 
 # Beyond these bounds one of the two masses is lost in rounding.
@@ -67,7 +63,7 @@ class TwoMasses(Stated):
         None where the spring is no branch of a loop. Raises `NoOrbit` where the hop has no next launch."""
         if self.spring is None or self.spring.loop is None:
             return None
-        from orbits.returns.return_map import ReturnMap  # most machines need none
+        from orbits.returns import ReturnMap  # most machines need none
 
         return ReturnMap(replace(self, spring=self.spring.loop())).upkeep(alpha)
 

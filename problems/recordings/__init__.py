@@ -1,1 +1,14 @@
 """Records of test stands: their columns and rows, their cycles and branches, and the smooth curves through these."""
+
+from typing import TYPE_CHECKING
+
+from orbits.public_names import public_names
+
+if TYPE_CHECKING:
+    from .bench_record import BenchRecord, read_record
+    from .chosen_branch import choose
+    from .measured_rows import MeasuredRows
+    from .smoothing import SMOOTHING, SmoothCurve, SmoothCurves, curve_of, with_drifts
+    from .text_rows import text_of
+
+__all__ = [*public_names(__name__)]

@@ -1,5 +1,14 @@
 """Optimal control by an actuator: keep a damped machine hopping, bring it back to its hop, start it from rest."""
 
-from .goals import keep_hopping, missed, recover, rerun, start_up, work
+from typing import TYPE_CHECKING
 
-__all__ = ["keep_hopping", "missed", "recover", "rerun", "start_up", "work"]
+from orbits.public_names import public_names
+
+if TYPE_CHECKING:
+    from .actuated import Actuated, Actuator
+    from .disturbed import Disturbed
+    from .driven import Driven
+    from .driven_family import DrivenFamily
+    from .goals import keep_hopping, missed, recover, rerun, start_up, work
+
+__all__ = [*public_names(__name__)]

@@ -16,19 +16,14 @@ import casadi as ca
 import numpy as np
 
 from orbits.errors import InputError
-from orbits.laws.law import Algebraic, Parameters, Scalars, from_key
-from orbits.mechanics import Damper, Force, Spring
-from orbits.mechanics.dimensions import length_or_angle
-from orbits.mechanics.elements import Element, Scalar, names_in, value_of
-from orbits.mechanics.mechanism import Mechanism
-from orbits.model.machine import Stated
-from orbits.model.model import Model
-from orbits.running.exclusive import exclusive, exclusive_property
-from orbits.symbolic.formula import suggest
+from orbits.laws import Algebraic, Parameters, Scalars, from_key
+from orbits.mechanics import Damper, Element, Force, Mechanism, Scalar, Spring, length_or_angle, names_in, value_of
+from orbits.model import Model, Stated
+from orbits.running import exclusive, exclusive_property
+from orbits.symbolic import suggest
 from orbits.units import ANGLE, ANGULAR_SPEED, FORCE, LENGTH, SPEED, TORQUE, Dimension, Units
 
-from ..machines.parameters import refuse_taken
-from ..machines.two_masses import DAMPERS, TwoMassMachine
+from ..machines import DAMPERS, TwoMassMachine, refuse_taken
 
 SIZES = ("length", "time", "force")
 # The state and the input of each kind of actuator.

@@ -6,9 +6,9 @@ from typing import Any
 import casadi as ca
 
 from orbits.errors import InputError
-from orbits.numerics.roots import newton_root
-from orbits.periodic.stated_start import in_units_of
-from orbits.running.exclusive import exclusive
+from orbits.numerics import newton_root
+from orbits.periodic import in_units_of
+from orbits.running import exclusive
 from orbits.units import LIFTOFF_SPEED, Message, Quantity
 
 from .actuated import Actuated

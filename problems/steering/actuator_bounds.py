@@ -8,8 +8,8 @@ import numpy as np
 
 from orbits.control import Input
 from orbits.errors import InputError, finite_number
-from orbits.laws.law import Algebraic, Scalars
-from orbits.model.phase import Affine
+from orbits.laws import Algebraic, Scalars
+from orbits.model import Affine
 from orbits.units import Dimension, Message, Quantity
 
 from .actuated import Actuated, Drive

@@ -13,14 +13,11 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from orbits import Control, NoOrbit, steer
-from orbits.control import Guess, Stage
-from orbits.control.control import ControlledLeg
-from orbits.control.stage import RUNNING_COST
-from orbits.control.steer import as_guess
-from orbits.flow.trajectory import Trajectory
-from orbits.laws.law import Algebraic, Parameters, Scalars
-from orbits.model.phase import Affine, Phase, Pieces, weighted_sum
-from orbits.numerics.polynomial_roots import PiecewisePolynomials
+from orbits.control import RUNNING_COST, ControlledLeg, Guess, Stage, as_guess
+from orbits.flow import Trajectory
+from orbits.laws import Algebraic, Parameters, Scalars
+from orbits.model import Affine, Phase, Pieces, weighted_sum
+from orbits.numerics import PiecewisePolynomials
 
 # The paths that keep a part on its side of the breakpoints.
 ROOMS_AT_CORNERS = ("room above the corner", "room below the corner")

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from orbits import InputError, Simulation, simulate
 from orbits.errors import finite_number, whole_number
-from orbits.hops.schedule import Inputs
+from orbits.hops import Inputs
 from orbits.result import Axes, Result
 from orbits.units import LIFTOFF_SPEED
 

@@ -10,21 +10,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits import Control, InputError, Simulation, simulate
-from orbits.control.control import ControlledLeg
+from orbits.control import ControlledLeg
 from orbits.errors import whole_number
-from orbits.flow.forces import units_of_springs
-from orbits.flow.same_motion import is_motion_of
-from orbits.hops.simulated import times_within
+from orbits.flow import is_motion_of, units_of_springs
+from orbits.hops import times_within
 from orbits.io import Document, conform
-from orbits.model.machine import Machine, machine_in_words
-from orbits.model.model import CONTACT_FORCE
-from orbits.model.phase import Affine
+from orbits.model import CONTACT_FORCE, Affine, Machine, machine_in_words
 from orbits.result import Axes, Progress, Row, is_of
-from orbits.show.animation import SPRING_END, animate_simulation
+from orbits.show import SPRING_END, animate_simulation
 from orbits.units import ENERGY, LIFTOFF_SPEED, unit_text
 
-from ..machines.files import machine_stated, statement_for_file
-from ..machines.two_masses import TwoMasses
+from ..machines import TwoMasses, machine_stated, statement_for_file
 from .actuated import Actuated, Actuator
 from .actuator_bounds import POWER
 from .disturbed import Disturbed, disturbed

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from orbits import InputError
-from orbits.control.optimal_family import FixedParameters, OptimalFamily, follow_optimum, known_program
+from orbits.control import FixedParameters, OptimalFamily, follow_optimum, known_program
 from orbits.errors import finite_number
-from orbits.model.machine import machine_in_words
-from orbits.running.exclusive import exclusive
+from orbits.model import machine_in_words
+from orbits.running import exclusive
 from orbits.units import LIFTOFF_SPEED, Dimension, unit_text
 
 from .actuated import Actuated, Actuator, undamped

@@ -7,8 +7,8 @@ import numpy as np
 
 from orbits import NoOrbit, Orbit, simulate
 from orbits.control import Guess
-from orbits.flow.flow import flow_of
-from orbits.numerics.roots import bracketed_root
+from orbits.flow import flow_of
+from orbits.numerics import bracketed_root
 from orbits.units import LIFTOFF_SPEED, Message, Quantity
 
 from .actuated import Actuated

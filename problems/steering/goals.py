@@ -17,12 +17,12 @@ from typing import Any, cast
 import numpy as np
 
 from orbits import Control, InputError, NoOrbit, Orbit, Simulation, find, simulate, steer
-from orbits.control.control import control_in_units
+from orbits.control import control_in_units
 from orbits.errors import finite_number, whole_number
-from orbits.hops.simulated import run_in_units
-from orbits.periodic.stated_start import StartLike
+from orbits.hops import run_in_units
+from orbits.periodic import StartLike
 from orbits.result import Progress
-from orbits.running.exclusive import exclusive
+from orbits.running import exclusive
 from orbits.units import ENERGY, LIFTOFF_SPEED, Dimension, Message, Quantity, Units, in_own_units
 
 from .actuated import Actuated, Actuator, undamped

@@ -12,13 +12,12 @@ import numpy as np
 
 from orbits import InputError, Orbit
 from orbits.errors import finite_number
-from orbits.laws.law import Algebraic, Parameters, Scalars
-from orbits.model.model import Model
-from orbits.model.phase import Affine, weighted_sum
-from orbits.running.exclusive import exclusive
+from orbits.laws import Algebraic, Parameters, Scalars
+from orbits.model import Affine, Model, weighted_sum
+from orbits.running import exclusive
 from orbits.units import LENGTH, LIFTOFF_SPEED, Dimension, Message, Quantity
 
-from ..machines.parameters import refuse_taken
+from ..machines import refuse_taken
 from .actuated import Actuated, Drive
 
 # What may be prescribed, which is a parameter of the program by this name, with its dimension.

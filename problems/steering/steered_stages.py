@@ -6,9 +6,8 @@ from functools import lru_cache
 import numpy as np
 
 from orbits.control import Stage
-from orbits.laws.law import Algebraic, Parameters, Scalars
-from orbits.model.model import Model
-from orbits.model.phase import Affine
+from orbits.laws import Algebraic, Parameters, Scalars
+from orbits.model import Affine, Model
 
 from .actuated import Drive
 from .actuator_bounds import product

@@ -5,8 +5,16 @@ from typing import Any
 import numpy as np
 
 from orbits.result import Axes
-from orbits.show.control_figures import finished_panels, mark_stages, panels_below
-from orbits.show.plot import COLOURS, axes_or_new, legend_below, plot_simulation, unit_labels
+from orbits.show import (
+    COLOURS,
+    axes_or_new,
+    finished_panels,
+    legend_below,
+    mark_stages,
+    panels_below,
+    plot_simulation,
+    unit_labels,
+)
 from orbits.units import LIFTOFF_SPEED
 
 LONGEST = 1.1  # of a disturbed motion that comes to rest is drawn, as a multiple of the undisturbed one

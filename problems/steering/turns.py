@@ -5,9 +5,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from orbits import Orbit
-from orbits.control.control import ControlledLeg
-from orbits.model.phase import Affine
-from orbits.numerics.polynomial_roots import derivative, piecewise_roots
+from orbits.control import ControlledLeg
+from orbits.model import Affine
+from orbits.numerics import derivative, piecewise_roots
 
 # Two turns with less between them than this share of the extension's range may merge, or appear, on the way from the
 # lossless orbit to a motion of the same kind.

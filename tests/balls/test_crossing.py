@@ -13,10 +13,9 @@ from flint import arb
 from orbits import find, find_all, prove
 from orbits.balls.crossing import Breakpoints
 from orbits.check_proof import check
-from orbits.exact.claim import claim_of
-from orbits.exact.refusal import Unproved
-from orbits.laws.law import Written
-from orbits.proof.prove import prove_claims
+from orbits.exact import Unproved, claim_of
+from orbits.laws import Written
+from orbits.proof import prove_claims
 from problems import Chain, Hopper, Juggler
 from problems.laws import springs
 from studies.false_claims import REFUSED, _tables

@@ -7,9 +7,9 @@ import pytest
 from ball_systems import clock_of, fn
 from flint import arb, ctx
 
-from orbits.balls.motion import Motion, Refuted
-from orbits.exact.refusal import Unproved
-from orbits.symbolic.tree import expression, symbol
+from orbits.balls import Motion, Refuted
+from orbits.exact import Unproved
+from orbits.symbolic import expression, symbol
 
 END = 3.0
 

@@ -7,9 +7,10 @@ import pytest
 from ball_systems import fn, holds, power
 from flint import arb, arb_series, ctx
 
-from orbits.balls.programs import BallProgram, coefficient
-from orbits.exact.refusal import Unproved
-from orbits.symbolic.tree import PI, ZERO, derivative_by, exact_number, symbol
+from orbits.balls import BallProgram
+from orbits.balls.programs import coefficient
+from orbits.exact import Unproved
+from orbits.symbolic import PI, ZERO, derivative_by, exact_number, symbol
 
 ORDER = 10
 # In CasADi, in mpmath, and a place.

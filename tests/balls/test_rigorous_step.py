@@ -9,11 +9,11 @@ import pytest
 from ball_systems import THREE_HALVES, fn, power, system_of
 from flint import arb, ctx
 
+from orbits.balls import ball_of_fraction, between
 from orbits.balls.crossing import NO_BREAKPOINTS
 from orbits.balls.enclosure import follow_centre
-from orbits.balls.programs import ball_of_fraction
-from orbits.balls.rigorous_step import SETS, ball_coefficients, between, picard_coefficients, take_step
-from orbits.exact.refusal import Unproved
+from orbits.balls.rigorous_step import SETS, ball_coefficients, picard_coefficients, take_step
+from orbits.exact import Unproved
 
 GROWTH = system_of(1, lambda x: [x[0]])
 OSCILLATOR = system_of(2, lambda x: [x[1], -x[0]])

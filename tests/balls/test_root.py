@@ -4,8 +4,8 @@ import pytest
 from ball_systems import algebraic, clock_of, equations_of, oscillator
 from flint import arb, ctx
 
-from orbits.balls.root import FIRST_BITS, prove_root
-from orbits.exact.refusal import Unproved
+from orbits.balls import FIRST_BITS, prove_root
+from orbits.exact import Unproved
 
 
 @pytest.fixture(autouse=True)

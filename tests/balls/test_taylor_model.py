@@ -6,7 +6,7 @@ import random
 import pytest
 from flint import arb
 
-from orbits.balls.taylor_model import TaylorModel, model_arithmetic
+from orbits.balls import TaylorModel, model_arithmetic
 
 PLACES = [-1.0, -0.7, -0.2, 0.0, 0.35, 0.9, 1.0]
 

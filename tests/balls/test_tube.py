@@ -5,13 +5,9 @@ import math
 import pytest
 from flint import arb, arb_mat
 
-from orbits.balls.curve_motion import coefficients_through, places
-from orbits.balls.equations import BallLeg
-from orbits.balls.taylor_model import TaylorModel, model_arithmetic
-from orbits.balls.tube import prove_tube
-from orbits.exact.refusal import Unproved
-from orbits.exact.statement import ExactArc
-from orbits.symbolic.tree import ONE, ZERO, symbol
+from orbits.balls import BallLeg, TaylorModel, coefficients_through, model_arithmetic, places, prove_tube
+from orbits.exact import ExactArc, Unproved
+from orbits.symbolic import ONE, ZERO, symbol
 
 PLACES = [-1.0, -0.7, -0.2, 0.0, 0.35, 0.9, 1.0]
 

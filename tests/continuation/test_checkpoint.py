@@ -12,8 +12,7 @@ from browser import wait_for
 from families import GOLDEN, events
 
 from orbits import Family, InputError, follow, follow_branch, follow_event
-from orbits.continuation import checkpoint
-from orbits.continuation.step_control import StepControl
+from orbits.continuation import StepControl, checkpoint
 from problems import Hopper
 
 

@@ -8,9 +8,9 @@ import pytest
 from scipy.optimize import brentq
 
 from orbits import Family, find, follow, follow_event
+from orbits.continuation import Options
 from orbits.continuation.curve import Curve
 from orbits.continuation.family_problem import FamilyProblem
-from orbits.continuation.step_control import Options
 from problems import Hopper, hopper_in_si, springs
 
 # Pieces of a law are (low, high, stiffness k, centre c), where the force is k (r - c).

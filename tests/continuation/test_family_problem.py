@@ -9,15 +9,15 @@ from families import GOLDEN
 from many_at_once import cubics
 
 from orbits import NoOrbit, find, follow
+from orbits.continuation import Options, StepControl
 from orbits.continuation.curve import Curve
 from orbits.continuation.family_problem import FamilyProblem
-from orbits.continuation.step_control import Options, StepControl
 from orbits.curves import Border, correct
 from orbits.curves.bordered_newton import newton_steps
 from orbits.curves.curve_steps import step
 from orbits.periodic.certificate import certify
-from orbits.running.time_limit import TimeOver
-from orbits.shooting.single_shooting import Shooting, joined
+from orbits.running import TimeOver
+from orbits.shooting import Shooting, joined
 from problems import Hopper
 
 

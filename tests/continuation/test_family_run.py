@@ -6,7 +6,7 @@ from conftest import slow_after
 
 from orbits import follow
 from orbits.flow.vector_field import FlowControl
-from orbits.shooting.newton_kernel import NewtonKernel
+from orbits.shooting import NewtonKernel
 from problems import Hopper
 from studies.random_families import differences, faults_at_the_barrier, random_springs, share_of_error, twice
 

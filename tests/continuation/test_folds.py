@@ -4,7 +4,7 @@ import pytest
 from conftest import PROVED, middle
 
 from orbits import InputError, follow, follow_fold
-from orbits.periodic.fold_statement import fold_statement
+from orbits.periodic import fold_statement
 from problems import Hopper
 
 

@@ -8,9 +8,9 @@ from families import FOLD, FOLD_ALPHA, GOLDEN, events
 from hanging import quartic_error
 
 from orbits import InputError, NoOrbit, Orbit, find, follow, follow_branch, orbit_at, trace
-from orbits.continuation.point import End, Event
-from orbits.periodic.family_orbits import solve_family
-from orbits.show.plot import thumbnails
+from orbits.continuation import End, Event
+from orbits.periodic import solve_family
+from orbits.show import thumbnails
 from problems import Hopper, hopper_in_si
 from problems.laws import springs
 

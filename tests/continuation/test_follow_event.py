@@ -9,7 +9,7 @@ from orbits import Family, InputError, NoOrbit, find, follow, follow_event, foll
 from orbits.continuation import event_curve
 from orbits.continuation.event_start import event_start
 from orbits.curves import Event
-from orbits.hops.lossless_hops import angles_left
+from orbits.hops import angles_left
 from problems import Chain, Hopper, Juggler, hopper_in_si, rimless_wheel, rocking_block, runner
 
 LONG = {"longest": 0.2}

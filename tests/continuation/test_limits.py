@@ -8,8 +8,8 @@ from conftest import slow_after
 from families import FOLD, FOLD_ALPHA, events
 
 from orbits import InputError, NoOrbit, follow, orbit_at
+from orbits.continuation import Options, StepControl
 from orbits.continuation.limits import Endings, limit
-from orbits.continuation.step_control import Options, StepControl
 from orbits.curves import Points
 from orbits.errors import BreaksDown, NoStep
 from problems import Hopper, shuttle

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from orbits import find, follow
-from orbits.continuation.follow_event import collected, run_along_event
-from orbits.continuation.passings import passings
-from orbits.continuation.step_control import checked_options
+from orbits.continuation import checked_options, collected, passings, run_along_event
 from problems import Hopper
 
 

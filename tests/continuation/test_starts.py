@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from orbits import InputError, Mechanism, find, starts
 from orbits.continuation.starts import _straight_line
-from orbits.laws.law_statement import from_formula
+from orbits.laws import from_formula
 from orbits.mechanics import Damper, Force, Mass, Spring
 from problems import Hopper, plate_hopper
 from problems.laws import springs

@@ -8,7 +8,7 @@ import pytest
 from conftest import PROVED, middle
 
 from orbits import InputError, follow, follow_fold, trace
-from orbits.continuation.step_control import StepControl
+from orbits.continuation import StepControl
 from problems import Hopper
 
 ALPHA = middle(PROVED["cubic"]["1"]["alpha"])

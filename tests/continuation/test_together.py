@@ -5,7 +5,7 @@ import pytest
 
 from orbits.continuation.together import follow_together
 from orbits.errors import FlowError
-from orbits.shooting.single_shooting import Evaluation
+from orbits.shooting import Evaluation
 
 
 class Curves:

@@ -3,8 +3,7 @@
 import pytest
 
 from orbits import Family, InputError, NoOrbit, find, follow, follow_fold, orbit_at, trace
-from orbits.continuation.follow import begin_run
-from orbits.continuation.step_control import Options
+from orbits.continuation import Options, begin_run
 from problems import Hopper, hopper_in_si, runner
 
 B = 4.493409457909064  # B = tan(B), eq. (12) of the paper

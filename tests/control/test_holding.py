@@ -8,8 +8,7 @@ from orbits import find, find_all, multipliers, simulate
 from orbits.control import hold
 from orbits.control.holding import _regulator, _Stage
 from orbits.errors import InputError, NoOrbit
-from orbits.hops.impacts import Impacts
-from orbits.hops.launch_section import LaunchSection
+from orbits.hops import Impacts, LaunchSection
 from problems import Chain, Hopper, runner, springs
 
 

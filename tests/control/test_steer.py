@@ -8,8 +8,7 @@ from carts import EFFORT, STRAIGHT, cart
 
 from orbits import InputError, NoOrbit, steer
 from orbits.control import Guess, Input, Stage
-from orbits.model import Phase
-from orbits.model.phase import Pieces
+from orbits.model import Phase, Pieces
 
 
 def test_least_effort_from_rest_to_rest():

@@ -340,7 +340,7 @@ def test_a_run_is_resumed_from_its_points():
 
 def test_a_run_heeds_the_time_limit():
     from orbits.errors import NoOrbit
-    from orbits.running.time_limit import time_limit
+    from orbits.running import time_limit
 
     run = run_of(Formula(circle), (1.0, 0.0), stop=2.0, behind=-2.0)
     with pytest.raises(NoOrbit, match="it takes more than"), time_limit(1e-9):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from orbits.curves.kkt_conditions import SecondDerivatives, linearised
+from orbits.curves import SecondDerivatives
+from orbits.curves.kkt_conditions import linearised
 
 
 @pytest.mark.parametrize("seed", range(6))

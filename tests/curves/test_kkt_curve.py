@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from orbits.curves import End, Event
-from orbits.curves.kkt_conditions import FirstDerivatives, SecondDerivatives
-from orbits.curves.kkt_curve import MinimumCurve
-from orbits.curves.kkt_limits import CriticalPoint
+from orbits.curves import CriticalPoint, End, Event, FirstDerivatives, MinimumCurve, SecondDerivatives
 from orbits.errors import NoOrbit
 
 

@@ -7,7 +7,7 @@ from orbits import find
 from orbits.design import design_point
 from orbits.design.design_point import Case, Outputs, design_points
 from orbits.errors import FlowError
-from orbits.symbolic.formula import parse
+from orbits.symbolic import parse
 from problems import Hopper
 
 

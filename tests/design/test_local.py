@@ -4,8 +4,7 @@ import pytest
 from designs import CUBIC, RANGE
 
 from orbits import NoOrbit, find, follow, optimize, quantities, sensitivities
-from orbits.design import local
-from orbits.design.optimality import Design
+from orbits.design import Design, local
 from orbits.design.problem import design_problem
 from problems import Hopper
 

@@ -18,10 +18,10 @@ from orbits import (
     pareto,
     sensitivities,
 )
+from orbits.design import Outputs
 from orbits.design.design_point import Case, design_points
-from orbits.design.problem import Outputs
 from orbits.design.tuned_machine import TunedMachine, first_of_tuned, names_of_designs, unknowns_of
-from orbits.symbolic.formula import parse
+from orbits.symbolic import parse
 from problems import Hopper, hopper_in_si, runner
 
 LINEAR = Hopper("k*r", parameters={"k": 1.0})

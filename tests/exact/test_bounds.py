@@ -5,7 +5,7 @@ from decimal import Decimal
 
 import pytest
 
-from orbits.exact.bounds import Enclosure
+from orbits.exact import Enclosure
 
 
 def test_what_lies_in_an_enclosure():

@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from orbits import InputError, Orbit, find, prove
-from orbits.exact.claim import claim_of
+from orbits.exact import claim_of
 from problems import HeavyHand, hopper_in_si
 
 

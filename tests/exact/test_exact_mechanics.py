@@ -10,13 +10,12 @@ import pytest
 from flint import arb, ctx
 
 from orbits import Mechanism
-from orbits.balls.programs import BallProgram
-from orbits.exact.exact_mechanics import ExactMechanics, Scale, inner_product, polynomial_between
-from orbits.exact.refusal import Unproved
-from orbits.exact.stated import StatedSpring, stated_machine
+from orbits.balls import BallProgram
+from orbits.exact import ExactMechanics, Scale, Unproved, stated_machine
+from orbits.exact.exact_mechanics import inner_product, polynomial_between
+from orbits.exact.stated import StatedSpring
 from orbits.mechanics import Inerter, Mass, Potential, Spring, Weight
-from orbits.symbolic.identities import vanishes
-from orbits.symbolic.tree import derivative_by, substitute, symbol
+from orbits.symbolic import derivative_by, substitute, symbol, vanishes
 from tests.mechanics.lagrange import Machine, equations
 
 KINDS = {(True, True): Mass, (True, False): Inerter, (False, True): Weight}

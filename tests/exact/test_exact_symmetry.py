@@ -7,9 +7,8 @@ import pytest
 from steps import TABLE, stepping
 
 from orbits import Mechanism
-from orbits.exact.exact_mechanics import ExactMechanics, Scale
-from orbits.exact.refusal import Unproved
-from orbits.exact.stated import StatedSpring, stated_machine
+from orbits.exact import ExactMechanics, Scale, Unproved, stated_machine
+from orbits.exact.stated import StatedSpring
 from orbits.mechanics import Potential, Spring
 from problems import Hopper
 from problems.laws import springs

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
-from orbits.exact.outward_decimals import enclosure_of, lower_decimal, upper_decimal
+from orbits.exact import enclosure_of, lower_decimal, upper_decimal
 
 
 @pytest.fixture(autouse=True)

@@ -10,8 +10,7 @@ from conftest import slow_after
 from steps import stepping
 
 from orbits import InputError, Mechanism, find, prove, prove_fold
-from orbits.exact.refusal import Unproved
-from orbits.exact.stated import stated_machine
+from orbits.exact import Unproved, stated_machine
 from orbits.mechanics import Mass, Spring
 from orbits.proof.wording import equations_words
 from problems import Hopper, rimless_wheel, runner, springs

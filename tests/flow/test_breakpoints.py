@@ -5,9 +5,7 @@ import pytest
 from oscillators import BILINEAR, START, bilinear, oscillator
 
 from orbits.errors import OutOfRange
-from orbits.flow.first_events import first_events
-from orbits.flow.flow import Flow
-from orbits.flow.taylor import Watch
+from orbits.flow import Flow, Watch, first_events
 from orbits.model import Affine, Phase, Pieces
 
 

@@ -10,13 +10,13 @@ from many_at_once import MACHINES
 
 from orbits import ReturnMap
 from orbits.errors import FlowError, OutOfRange
-from orbits.flow.first_events import FirstOf, _Search, first_events, first_zero, until_zero
-from orbits.flow.flow import CLOSED_FORM, Flow, flow_of
-from orbits.flow.taylor import Watch
+from orbits.flow import FirstOf, Flow, Watch, first_events, first_zero, flow_of, until_zero
+from orbits.flow.first_events import _Search
+from orbits.flow.flow import CLOSED_FORM
 from orbits.flow.vector_field import FlowControl, VectorField
-from orbits.hops.impacts import Impacts
-from orbits.model.phase import Affine
-from orbits.numerics.polynomial_roots import piecewise_roots
+from orbits.hops import Impacts
+from orbits.model import Affine
+from orbits.numerics import piecewise_roots
 from problems import Hopper, rimless_wheel
 
 

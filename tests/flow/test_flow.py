@@ -6,8 +6,7 @@ import pytest
 from oscillators import BILINEAR, START, TIME, bilinear, duffing, duffing_by_cases, oscillator
 
 from orbits.errors import FlowError
-from orbits.flow.first_events import first_zero
-from orbits.flow.flow import Flow
+from orbits.flow import Flow, first_zero
 from orbits.flow.vector_field import VectorField
 from orbits.model import Affine, Phase, linear_modes
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orbits import InputError, Mechanism, Orbit, find, sensitivities
-from orbits.flow.same_motion import is_motion_of
+from orbits.flow import is_motion_of
 from orbits.mechanics import Mass, Spring
 from problems import Hopper, hopper_in_si, rimless_wheel, springs
 

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from orbits.flow.first_events import first_zero, until_zero
-from orbits.flow.flow import flow_of
+from orbits.flow import TAYLOR, first_zero, flow_of, until_zero
 from orbits.flow.taylor import _may_change_sign
-from orbits.flow.vector_field import TAYLOR, VectorField
-from orbits.model.phase import Affine
-from orbits.symbolic.calls import BufferedFunction
+from orbits.flow.vector_field import VectorField
+from orbits.model import Affine
+from orbits.symbolic import BufferedFunction
 from problems import Hopper
 
 

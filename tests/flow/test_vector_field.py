@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from orbits.flow.flow import Flow
-from orbits.flow.vector_field import VectorField, runge_kutta_step
+from orbits.flow import Flow, runge_kutta_step
+from orbits.flow.vector_field import VectorField
 from orbits.model import Phase
 
 

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 
 from orbits import InputError, NoOrbit, ReturnMap, multiplier, simulate
 from orbits.flow.vector_field import FlowControl
-from orbits.hops.impacts import STATUSES, Impacts
+from orbits.hops import STATUSES, Impacts
 from problems import Hopper, Juggler
 from problems.laws.springs import table
 

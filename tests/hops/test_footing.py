@@ -11,8 +11,7 @@ from two_feet import FEET, height_in_contact, slowest_step
 
 from orbits import Mechanism, ReturnMap, find, multipliers, simulate
 from orbits.errors import InputError, NoOrbit
-from orbits.hops.impacts import STATUSES, Impacts
-from orbits.hops.launch_section import LaunchSection
+from orbits.hops import STATUSES, Impacts, LaunchSection
 from orbits.mechanics import Damper, Mass, Spring
 from problems import runner
 

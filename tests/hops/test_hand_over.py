@@ -10,11 +10,10 @@ from steps import stepping
 
 from orbits import Mechanism, ReturnMap, find, simulate
 from orbits.errors import InputError
-from orbits.hops import hand_over
+from orbits.hops import Impacts, hand_over
 from orbits.hops.hand_over import share_left
-from orbits.hops.impacts import Impacts
 from orbits.mechanics import Damper, Mass, Spring
-from orbits.periodic.loss_coefficient import hand_over_factors
+from orbits.periodic import hand_over_factors
 from problems import springs
 
 MU, KAPPA, A = 1.0, 0.5, 0.3

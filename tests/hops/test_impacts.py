@@ -6,11 +6,10 @@ from conftest import grazing_flights
 from many_at_once import MACHINES
 
 from orbits import ReturnMap, simulate
-from orbits.flow.first_events import first_events
-from orbits.hops.arcs import Flown
-from orbits.hops.decided_hops import hops_of_speeds, stand
+from orbits.flow import first_events
+from orbits.hops import Flown, Impacts, hops_of_speeds, stand
 from orbits.hops.flyer import Rounding
-from orbits.hops.impacts import ImpactOptions, Impacts
+from orbits.hops.impacts import ImpactOptions
 from problems import HeavyHand, Hopper, Juggler
 
 

@@ -5,8 +5,7 @@ import pytest
 from columns import CUBIC, column
 
 from orbits import InputError, ReturnMap, simulate
-from orbits.hops.impacts import Impacts
-from orbits.hops.launch_section import LaunchSection
+from orbits.hops import Impacts, LaunchSection
 from problems import Hopper, plate_hopper
 
 

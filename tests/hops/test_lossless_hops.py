@@ -5,9 +5,8 @@ import pytest
 from columns import hop_of
 
 from orbits import InputError, find, multipliers
-from orbits.hops.lossless_hops import CROSSINGS, LosslessHops, angles_left, is_crossing
-from orbits.shooting.formulations import half_orbit, vector
-from orbits.shooting.single_shooting import shooting_equations
+from orbits.hops import CROSSINGS, LosslessHops, angles_left, is_crossing
+from orbits.shooting import half_orbit, shooting_equations, vector
 from problems import Hopper, runner
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orbits import InputError, simulate
-from orbits.hops.impacts import Impacts
+from orbits.hops import Impacts
 from problems import Hopper, Juggler
 
 

@@ -5,7 +5,7 @@ import pytest
 from columns import column, hop_of
 
 from orbits import InputError, find, simulate
-from orbits.hops.impacts import Impacts
+from orbits.hops import Impacts
 from problems import Hopper, Juggler, hopper_in_si
 
 

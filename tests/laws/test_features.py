@@ -5,8 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from orbits import NoOrbit, find
-from orbits.laws.features import features, features_of_many, sampled_closely, unit_of_length
-from orbits.laws.law import Law
+from orbits.laws import Law, features, features_of_many, sampled_closely, unit_of_length
 from orbits.laws.law_expressions import formula_expression
 from problems import Hopper
 from studies.search import Case

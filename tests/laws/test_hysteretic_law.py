@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from orbits.errors import InputError
-from orbits.laws.hysteretic_law import hysteretic_law, mean_of, merged_pieces
-from orbits.laws.law import from_key
+from orbits.laws import from_key, hysteretic_law, merged_pieces
+from orbits.laws.hysteretic_law import mean_of
 from problems import springs
 
 R = np.linspace(-1.9, 1.9, 41)

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from orbits import InputError, ReturnMap, find, follow
-from orbits.periodic.orbit import is_orbit_of
+from orbits.periodic import is_orbit_of
 from problems import Hopper
 from problems.laws import gravity, springs
 

@@ -5,9 +5,7 @@ from dataclasses import replace
 import pytest
 
 from orbits import InputError, Mechanism
-from orbits.mechanics import Body, Inerter, Joint, Mass, Spring
-from orbits.mechanics.bodies import bodies_of
-from orbits.mechanics.drawing import Outline
+from orbits.mechanics import Body, Inerter, Joint, Mass, Outline, Spring, bodies_of
 from problems import Chain, rimless_wheel
 
 TWO = Mechanism(

@@ -8,9 +8,7 @@ from mechanisms import leg
 
 from orbits import InputError, Mechanism
 from orbits.errors import RunsAway
-from orbits.flow.first_events import first_events
-from orbits.flow.flow import flow_of
-from orbits.flow.taylor import Watch
+from orbits.flow import Watch, first_events, flow_of
 from orbits.mechanics import Damper, Potential, Spring
 from orbits.model import Affine
 

@@ -6,7 +6,7 @@ from mechanisms import VALUES, leg, same
 from orbits import InputError, Mechanism, check, find, follow, prove, starts
 from orbits.check_proof import check as faults_of_proof
 from orbits.mechanics import Mass, Spring
-from orbits.show.pages.law_view import law_data
+from orbits.show import law_data
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from steps import stepping
 
 from orbits import InputError, Mechanism
 from orbits.mechanics import Mass, Spring
-from orbits.model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
+from orbits.model import NORMAL_FORCE, TANGENTIAL_FORCE
 
 
 @pytest.mark.parametrize("machine", [wheel(0.7, 0.5, 0.3, 0.8), rocker(1.0, 0.5, 0.3, 0.7)], ids=["wheel", "rocker"])

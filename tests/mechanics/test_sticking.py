@@ -8,7 +8,8 @@ from runners import NAMES, energy_by_hand, fast_runner, rates_by_hand
 
 from orbits import InputError, Mechanism, check
 from orbits.mechanics import Damper, Force, Mass, Potential, Spring
-from orbits.model.model import CONTACT_FORCE, HOLDING_FORCE
+from orbits.model import CONTACT_FORCE
+from orbits.model.model import HOLDING_FORCE
 from problems import runner
 
 

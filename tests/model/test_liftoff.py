@@ -5,8 +5,9 @@ import pytest
 from conftest import slow_after
 
 from orbits import InputError, NoOrbit, find, find_all
-from orbits.laws.law_statement import from_formula, from_function
-from orbits.model.liftoff import Liftoff
+from orbits.laws import from_formula
+from orbits.laws.law_statement import from_function
+from orbits.model import Liftoff
 from problems import Hopper, Juggler, hopper_in_si, springs
 
 WEIGHT = Liftoff(0.0, "the foot's weight")

@@ -9,7 +9,7 @@ from conftest import slow_after
 from steps import SINES, TABLE, closed_form, rates, stepping
 
 from orbits import InputError, NoOrbit, find, find_all
-from orbits.model.linear_guess import linear_guess
+from orbits.model import linear_guess
 from problems import rocking_block
 
 

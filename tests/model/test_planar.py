@@ -2,8 +2,7 @@
 
 from plane import wheel
 
-from orbits.model.model import reparametrised
-from orbits.model.planar import NORMAL_FORCE
+from orbits.model import NORMAL_FORCE, reparametrised
 
 
 def test_a_model_in_other_parameters_has_the_same_ground():

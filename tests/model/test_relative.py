@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from orbits import InputError, find
-from orbits.laws.law_statement import from_formula
-from orbits.model.relative import half_angle, straight_line
+from orbits.laws import from_formula
+from orbits.model import half_angle, straight_line
 from problems import Hopper, Juggler, inerter_hopper
 
 

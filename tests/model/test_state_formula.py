@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from orbits import InputError
-from orbits.model.phase import Affine
-from orbits.model.state_formula import StateFormula, height_of
+from orbits.model import Affine, StateFormula, height_of
 
 
 def test_formulas_of_the_state():

@@ -5,8 +5,7 @@ import pytest
 from steps import SINES, TABLE, by_hand, closed_form, start_of
 
 from orbits import InputError, find
-from orbits.model.phase import Affine
-from orbits.model.symmetry import SignedShift
+from orbits.model import Affine, SignedShift
 
 A = SignedShift((-1, 1, 1), lambda p: [2 * p["c"], 0.0, p["d"]])
 B = SignedShift((1, -1, -1), lambda p: [1.0, p["c"], 0.0])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orbits.numerics.common_zeros import near_common_zeros
+from orbits.numerics import near_common_zeros
 
 
 def of_two(first, second):

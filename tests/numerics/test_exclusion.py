@@ -7,9 +7,9 @@ from math import comb
 import numpy as np
 import pytest
 
-from orbits.numerics import polynomial_roots
+from orbits.numerics import PiecewisePolynomials, derivative, polynomial_roots, powers
 from orbits.numerics.exclusion import sign_changes
-from orbits.numerics.polynomial_roots import POLYNOMIALS, PiecewisePolynomials, bernstein, derivative, powers
+from orbits.numerics.polynomial_roots import POLYNOMIALS, bernstein
 
 
 def test_control_values_in_fractions():

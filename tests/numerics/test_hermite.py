@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orbits.numerics.hermite import slopes, through
+from orbits.numerics import slopes, through
 
 
 def test_what_rests_on_a_chain_of_points():

@@ -3,22 +3,20 @@
 import numpy as np
 import pytest
 
-from orbits.numerics import polynomial_roots
-from orbits.numerics.polynomial_roots import (
+from orbits.numerics import (
+    ROOTS,
     Crossings,
     PiecewisePolynomials,
-    _refine,
-    _refine_together,
-    bernstein,
     derivative,
     evaluate,
     lowest,
     piecewise_roots,
+    polynomial_roots,
     powers,
     roots_within,
     shifted,
 )
-from orbits.numerics.roots import ROOTS
+from orbits.numerics.polynomial_roots import _refine, _refine_together, bernstein
 from orbits.symbolic import kernels
 
 RNG = np.random.default_rng(7)

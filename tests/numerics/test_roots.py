@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orbits.numerics.roots import bracketed_root, enclosed_ends, enclosed_sign_changes, newton_root, resolved, solve
+from orbits.numerics import bracketed_root, enclosed_ends, enclosed_sign_changes, newton_root, resolved, solve
 
 
 @pytest.mark.parametrize("share", [0.05, 0.3, -0.05, -0.45])

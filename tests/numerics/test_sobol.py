@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import qmc
 
-from orbits.numerics.sobol import DIRECTIONS, sobol_points
+from orbits.numerics import sobol_points
+from orbits.numerics.sobol import DIRECTIONS
 
 # One more dimension than there are direction numbers is SciPy's own.
 MOST = len(DIRECTIONS) + 2

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from orbits import find
-from orbits.model.model import STEP_LENGTH
-from orbits.periodic.branch_points import Lateral
-from orbits.periodic.find import unknowns_of_hop
-from orbits.shooting.formulations import half_orbit, vector
-from orbits.shooting.single_shooting import shooting_equations
+from orbits.model import STEP_LENGTH
+from orbits.periodic import Lateral, unknowns_of_hop
+from orbits.shooting import half_orbit, shooting_equations, vector
 from problems import runner
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from orbits import find
+from orbits.continuation import Options
 from orbits.continuation.curve import Curve
 from orbits.continuation.family_problem import FamilyProblem
-from orbits.continuation.step_control import Options
 from orbits.curves import Border, correct
 from problems import Hopper
 

@@ -8,7 +8,7 @@ import pytest
 from mechanisms import linear_hops
 
 from orbits import NoOrbit, find, find_all, follow, starts
-from orbits.periodic.continued import continued, continued_orbits
+from orbits.periodic import continued, continued_orbits
 from orbits.periodic.ways import WayOptions
 from problems import Chain, Hopper, plate_hopper
 

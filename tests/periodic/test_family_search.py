@@ -6,7 +6,7 @@ import pytest
 import studies.search
 from orbits import InputError, NoOrbit, find, find_all
 from orbits.errors import MESSAGES
-from orbits.model.relative import Search
+from orbits.model import Search
 from orbits.periodic.family_search import SEARCH, Lateness
 from problems import Chain, Hopper, Juggler, knee_hopper, shuttle
 from studies.search import Case

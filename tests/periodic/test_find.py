@@ -6,7 +6,7 @@ from conftest import PROVED, REFERENCES, machine_of, middle
 from hanging import quadratic_lateness
 
 from orbits import InputError, NoOrbit, find, find_all
-from orbits.shooting.formulations import METHODS
+from orbits.shooting import METHODS
 from problems import Hopper
 from problems.laws import springs
 from studies.stress import random_laws

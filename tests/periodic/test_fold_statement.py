@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from orbits.model import Arc, Statement
-from orbits.periodic.fold_statement import fold_statement
-from orbits.shooting.single_shooting import Shooting
+from orbits.periodic import fold_statement
+from orbits.shooting import Shooting
 from problems import Hopper
 
 
@@ -31,7 +31,7 @@ def test_the_fold_of_a_scaled_landing_condition():
 def test_second_derivatives_are_exact(method):
     """The Jacobian of the fold's equations against differences of its residual."""
     machine = Hopper("cubic", rest_length=20.0, parameters={"beta": -0.01})
-    from orbits.shooting.formulations import equations_of
+    from orbits.shooting import equations_of
 
     names = tuple(machine.values)
     statement = fold_statement(equations_of(machine.model, method, names).statement, "beta")

@@ -8,7 +8,7 @@ from mechanisms import linear_hops
 from scipy.optimize import brentq
 
 from orbits import InputError, NoOrbit
-from orbits.model.relative import half_angle
+from orbits.model import half_angle
 from orbits.periodic.linear_hops import LinearHop
 from problems import Chain
 

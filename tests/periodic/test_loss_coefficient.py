@@ -21,15 +21,9 @@ from orbits import (
     simulate,
     starts,
 )
-from orbits.flow.flow import flow_of
+from orbits.flow import flow_of
 from orbits.mechanics import Mass, Spring
-from orbits.periodic.loss_coefficient import (
-    bounce_factors,
-    by_launch_speed,
-    hand_over_factors,
-    late_factor,
-    launch_power,
-)
+from orbits.periodic import bounce_factors, by_launch_speed, hand_over_factors, late_factor, launch_power
 from orbits.shooting.formulations import landing_gap_slope
 from problems import HeavyHand, Hopper, Juggler, springs
 

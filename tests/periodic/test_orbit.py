@@ -10,7 +10,8 @@ from steps import stepping
 
 from orbits import InputError, Orbit, OrbitsError, find, orbit_at, sweep
 from orbits.io import to_json
-from orbits.show.plot import new_axes, save_figure
+from orbits.show import save_figure
+from orbits.show.plot import new_axes
 from problems import Hopper, Juggler, hopper_in_si, juggler_in_si
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from orbits import find, find_all
 from orbits.design.design_point import unknowns_of
-from orbits.periodic.orbits_at_once import lowest_orbits, orbits_near
+from orbits.periodic import lowest_orbits, orbits_near
 from problems import Hopper, Juggler
 from studies.search import Case
 

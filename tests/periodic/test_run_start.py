@@ -6,8 +6,8 @@ from runners import FAST, rates_by_hand
 from scipy.integrate import solve_ivp
 
 from orbits import NoOrbit, find
-from orbits.periodic.find import start_of_run, unknowns_of_hop, vertical_hop
-from orbits.periodic.tuned import tuning_of
+from orbits.periodic import tuning_of, unknowns_of_hop
+from orbits.periodic.find import start_of_run, vertical_hop
 from problems import runner
 
 TUNE = ("inertia", "hip_stiffness")

@@ -3,7 +3,7 @@
 import pytest
 
 from orbits import InputError, find
-from orbits.periodic.stated_start import stated_unknowns, unknowns_of_start
+from orbits.periodic import stated_unknowns, unknowns_of_start
 from problems import Hopper, hopper_in_si
 
 

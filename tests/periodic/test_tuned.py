@@ -12,10 +12,9 @@ from scipy.optimize import brentq
 
 from orbits import InputError, NoOrbit, Orbit, find, find_branch_points, follow, quantities, starts
 from orbits.io import to_json
-from orbits.periodic import tuned, tuned_extremes
-from orbits.periodic.tuned import tuned_equations
-from orbits.running.time_limit import TimeOver
-from orbits.shooting.formulations import vector
+from orbits.periodic import tuned, tuned_equations, tuned_extremes
+from orbits.running import TimeOver
+from orbits.shooting import vector
 from problems import Chain, Hopper, hopper_in_si, rimless_wheel, runner
 
 B = 4.493409457909064  # B = tan(B), eq. (12) of the paper

@@ -6,7 +6,7 @@ from conftest import slow_after
 from hanging import quadratic_lateness
 
 from orbits import find
-from orbits.periodic.continued import continued_orbits
+from orbits.periodic import continued_orbits
 from problems import Hopper
 
 

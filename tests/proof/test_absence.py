@@ -8,7 +8,7 @@ from conftest import slow_after
 
 from orbits import InputError, NoOrbit, find, prove_absence, simulate
 from orbits.proof.absence import trend_of
-from orbits.symbolic.tree import symbol
+from orbits.symbolic import symbol
 from problems import Chain, Hopper, Juggler
 
 

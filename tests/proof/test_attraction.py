@@ -10,7 +10,7 @@ from proofs import within
 
 from orbits import ReturnMap, find, find_all, prove
 from orbits.check_proof import check
-from orbits.running.time_limit import default_limit
+from orbits.running import default_limit
 from problems import Chain, Hopper, Juggler, hopper_in_si, inerter_hopper, knee_hopper
 
 SLOW = pytest.mark.slow

@@ -5,7 +5,7 @@ import pytest
 from proofs import within
 
 from orbits import ReturnMap, find_all, prove
-from orbits.running.time_limit import default_limit
+from orbits.running import default_limit
 from problems import Hopper
 
 SLOW = pytest.mark.slow

@@ -13,13 +13,12 @@ from steps import SINES, TABLE, closed_form, stepping
 
 from orbits import InputError, find, prove, prove_absence
 from orbits.check_proof import check
-from orbits.exact.claim import claim_of
+from orbits.exact import HalfOrbit, claim_of, stated_machine
 from orbits.exact.decimals import exact_fraction
-from orbits.exact.stated import StatedSpring, stated_machine
-from orbits.exact.statement import HalfOrbit
+from orbits.exact.stated import StatedSpring
+from orbits.proof import prove_claims
 from orbits.proof.case import whole_proof
 from orbits.proof.intervals import proof_of
-from orbits.proof.prove import prove_claims
 from problems import Hopper, Juggler
 
 SLOW = pytest.mark.slow

@@ -4,7 +4,7 @@ import mpmath as mp
 import pytest
 
 from orbits import find, prove, time_limit
-from orbits.exact.refusal import Unproved
+from orbits.exact import Unproved
 from orbits.proof.digits import with_enough_digits
 from problems import Hopper, runner, springs
 

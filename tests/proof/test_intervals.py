@@ -11,7 +11,7 @@ from proofs import CUBIC, meets, overlap
 
 from orbits import find, prove
 from orbits.check_proof import check
-from orbits.exact.claim import claim_of
+from orbits.exact import claim_of
 from orbits.proof import intervals
 from orbits.proof.case import whole_proof
 from problems import Hopper, inerter_hopper

@@ -6,7 +6,7 @@ import pytest
 from steps import stepping
 
 from orbits import InputError, follow, prove_fold
-from orbits.running.time_limit import default_limit
+from orbits.running import default_limit
 from problems import Hopper
 
 # The fold of family 1 of the cubic spring, by continuation in another program.

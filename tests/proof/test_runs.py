@@ -14,17 +14,13 @@ from proofs import CONDITIONS, meets, restated
 from runners import FAST, NAMES, fast_runner, rates_by_hand
 
 from orbits import InputError, find, prove
-from orbits.balls.motion import Motion
-from orbits.balls.programs import BallProgram
+from orbits.balls import BallProgram, Motion
 from orbits.check_proof import check
-from orbits.exact.claim import claim_of, rounded_up
-from orbits.exact.exact_mechanics import ExactMechanics, Scale
-from orbits.exact.refusal import Unproved
-from orbits.exact.stated import stated_machine
-from orbits.exact.statement import HalfOrbit
+from orbits.exact import ExactMechanics, HalfOrbit, Scale, Unproved, claim_of, stated_machine
+from orbits.exact.claim import rounded_up
 from orbits.proof.case import existence_of, motion_conditions
 from orbits.proof.sticking_friction import needed_friction
-from orbits.running.time_limit import default_limit
+from orbits.running import default_limit
 from problems import Hopper, runner
 
 SLOW = pytest.mark.slow

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from orbits import BifurcationCurve
-from orbits.continuation.point import End
-from orbits.model.machine import machine_in_words
+from orbits.continuation import End
+from orbits.model import machine_in_words
 from orbits.returns.bifurcation_curve import PlaceOnCurve
 from problems import Hopper, hopper_in_si
 

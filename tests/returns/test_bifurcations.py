@@ -8,9 +8,9 @@ from conftest import slow_after
 from return_maps import KnownMaps, of_the_paper
 
 from orbits import InputError, ReturnMap, bifurcations, find, multiplier, simulate
-from orbits.continuation.point import End
+from orbits.continuation import End
 from orbits.curves import Event
-from orbits.numerics.roots import bracketed_root
+from orbits.numerics import bracketed_root
 from orbits.returns.bifurcations import _Search, _with_events_at_points
 from orbits.returns.cycles import MapsAlong
 from orbits.returns.periodic_hops import slope_at

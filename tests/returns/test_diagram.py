@@ -7,8 +7,8 @@ import pytest
 from return_maps import of_the_paper
 
 from orbits import InputError
-from orbits.continuation.point import End
-from orbits.returns.diagram import BifurcationDiagram, Branch
+from orbits.continuation import End
+from orbits.returns import BifurcationDiagram, Branch
 
 
 def test_a_branch_without_multipliers_is_not_called_unstable(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orbits import ReturnMap, simulate
-from orbits.hops.impacts import Impacts
+from orbits.hops import Impacts
 from orbits.returns.flown_hops import flown_hops
 from problems import Hopper
 

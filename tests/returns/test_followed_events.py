@@ -7,8 +7,8 @@ import pytest
 from conftest import slow_after
 
 from orbits import Bifurcation, BifurcationCurve, BifurcationDiagram, InputError, NoOrbit, ReturnMap, find, multiplier
-from orbits.model.machine import machine_in_words
-from orbits.numerics.roots import bracketed_root
+from orbits.model import machine_in_words
+from orbits.numerics import bracketed_root
 from orbits.returns.followed_events import follow_bifurcation, located
 from problems import Chain, Hopper, hopper_in_si, rimless_wheel
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orbits import ReturnMap, find
-from orbits.hops.impacts import Impacts
+from orbits.hops import Impacts
 from orbits.returns.flown_hops import flown_hops
 from orbits.returns.hop_statement import Slack, hop_equations, slacks_of
 from problems import HeavyHand, Hopper, Juggler

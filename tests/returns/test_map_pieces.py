@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orbits import ReturnMap, find, multiplier
-from orbits.returns.hops import Hops
+from orbits.returns import Hops
 from orbits.returns.limited_hops import PlainMap, Resolution
 from orbits.returns.map_pieces import polynomials
 from orbits.returns.resolution import map_pieces

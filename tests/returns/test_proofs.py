@@ -3,7 +3,7 @@
 import pytest
 
 from orbits import InputError, NoOrbit, ReturnMap, prove_fixed_point
-from orbits.returns.returning_hops import ReturningHops
+from orbits.returns import ReturningHops
 from problems import Chain, Hopper
 
 

@@ -7,9 +7,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from orbits import InputError, ReturnMap
-from orbits.hops.impacts import STATUS
-from orbits.numerics.roots import enclosed_sign_changes
-from orbits.returns.hops import Hops
+from orbits.hops import STATUS
+from orbits.numerics import enclosed_sign_changes
+from orbits.returns import Hops
 from orbits.returns.itineraries import MonotoneBranches
 from orbits.returns.limited_hops import RESOLUTION, PlainMap
 from orbits.returns.passages import Passages

@@ -7,8 +7,7 @@ import pytest
 import orbits
 from orbits import ReturningHops, ReturnMap
 from orbits.io import write_json
-from orbits.returns.hops import FixedPoint
-from orbits.returns.periodic_hop import PeriodicHop
+from orbits.returns import FixedPoint, PeriodicHop
 from orbits.returns.periodic_hops import Cycle, PeriodicHops
 from problems import Hopper
 

@@ -10,7 +10,8 @@ import pytest
 from scripts import run
 
 from orbits import InputError, ReturnMap, find_all, multiplier, trace
-from orbits.running.exclusive import _DYING, LOCK, MOST_DYING, apart, exclusive, in_threads
+from orbits.running import LOCK, apart, exclusive, in_threads
+from orbits.running.exclusive import _DYING, MOST_DYING
 from orbits.symbolic import caches
 from problems import Hopper
 

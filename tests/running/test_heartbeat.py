@@ -7,8 +7,7 @@ from importlib import import_module
 import pytest
 
 from orbits import InputError
-from orbits.running import interrupts
-from orbits.running.exclusive import exclusive
+from orbits.running import exclusive, interrupts
 from problems import Hopper, steering
 
 

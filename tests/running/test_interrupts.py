@@ -21,8 +21,7 @@ from conftest import slow_after
 
 from orbits import ReturnMap, find, follow, multiplier, optimize, simulate, sweep
 from orbits.errors import InputError
-from orbits.running import interrupts
-from orbits.running.exclusive import LOCK, exclusive
+from orbits.running import LOCK, exclusive, interrupts
 from problems import Hopper
 
 SEARCH = "find(Hopper('r + 0.1*r**3', mass_ratio=0.5), 40, method='shooting')"

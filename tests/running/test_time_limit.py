@@ -10,7 +10,7 @@ import pytest
 
 from orbits import Family, InputError, NoOrbit, existence, find, find_all, follow, sweep, time_limit
 from orbits.curves import Run
-from orbits.running.time_limit import check_time
+from orbits.running import check_time
 from orbits.sweeps import sparse_grid
 from problems import Hopper
 

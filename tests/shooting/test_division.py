@@ -8,10 +8,8 @@ from scipy.special import ellipkm1
 
 from orbits import NoOrbit, find
 from orbits.model import Arc, Phase, Statement
-from orbits.shooting.division import division_at, division_of, with_nodes
-from orbits.shooting.formulations import equations_of
-from orbits.shooting.node_places import GrowthAlong, even, growths_along
-from orbits.shooting.single_shooting import Shooting
+from orbits.shooting import Shooting, division_at, division_of, equations_of, growths_along, with_nodes
+from orbits.shooting.node_places import GrowthAlong, even
 from problems import Chain, Hopper
 
 CHAIN = Chain([1.0, 1.0, 1.0], "r + b*r**3", parameters={"b": -0.001})

@@ -7,8 +7,7 @@ from scipy.integrate import solve_ivp
 from thirty_digits import exact_alpha
 
 from orbits import NoOrbit, find
-from orbits.shooting import error_bound
-from orbits.shooting.formulations import METHODS
+from orbits.shooting import METHODS, error_bound
 from problems import Hopper, springs
 
 mpmath.mp.dps = 30

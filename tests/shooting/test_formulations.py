@@ -8,7 +8,8 @@ from columns import column
 from conftest import REFERENCES, machine_of, slow_after
 
 from orbits import InputError, NoOrbit, find
-from orbits.shooting.formulations import contact_force_row, half_orbit, whole_flight
+from orbits.shooting import half_orbit
+from orbits.shooting.formulations import contact_force_row, whole_flight
 from problems import Hopper
 from problems.laws import springs
 
@@ -49,7 +50,7 @@ def test_a_model_without_a_reversor_is_unfolded(machine):
 
 def test_the_direct_statement_is_degenerate_and_the_unfolded_one_is_not():
     """Height and speed of the foot at landing depend on the launch speed alone, so they cannot fix the flight time."""
-    from orbits.shooting.single_shooting import shooting_equations
+    from orbits.shooting import shooting_equations
 
     machine = Hopper("r", rest_length=20.0)
     orbit = find(machine)

@@ -5,11 +5,10 @@ import pytest
 from conftest import REFERENCES, machine_of
 
 from orbits import find
-from orbits.flow.flow import flow_of
+from orbits.flow import flow_of
 from orbits.model import Arc, Phase, Pieces, Statement
-from orbits.shooting.formulations import equations_of
+from orbits.shooting import Shooting, equations_of
 from orbits.shooting.multiple_shooting import MultipleShooting
-from orbits.shooting.single_shooting import Shooting
 
 
 def test_breakpoints_are_nodes_of_the_multiple_shooting():

@@ -5,11 +5,11 @@ import pytest
 from conftest import REFERENCES, machine_of
 from many_at_once import cubics
 
+from orbits.continuation import Options
 from orbits.continuation.curve import Curve
 from orbits.continuation.family_problem import FamilyProblem
-from orbits.continuation.step_control import Options
 from orbits.curves import BRANCH, Border, correct
-from orbits.shooting.newton_kernel import NewtonKernel
+from orbits.shooting import NewtonKernel
 
 
 def test_newton_steps_in_lanes_and_one_after_the_other(monkeypatch):

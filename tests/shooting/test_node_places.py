@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from orbits.model import Arc, Phase, Statement
-from orbits.shooting.node_places import GrowthAlong, even, growths_along, largest_growths, lengths_of_parts
-from orbits.shooting.single_shooting import Shooting
+from orbits.shooting import Shooting, growths_along
+from orbits.shooting.node_places import GrowthAlong, even, largest_growths, lengths_of_parts
 
 
 def test_changes_that_grow_all_the_way_have_nodes_in_equal_distances():

@@ -10,8 +10,7 @@ from orbits import NoOrbit, find
 from orbits.errors import FlowError
 from orbits.flow.vector_field import FlowControl
 from orbits.model import Arc, Phase, Statement, linear_modes
-from orbits.shooting.formulations import equations_of
-from orbits.shooting.single_shooting import Shooting, joined, settles
+from orbits.shooting import Shooting, equations_of, joined, settles
 from orbits.symbolic import caches
 from problems import Hopper
 

@@ -11,7 +11,7 @@ from cells import Cells
 from orbits import ReturnMap, existence, find, follow, optimize, pareto, prove, simulate, sweep, uncertainty
 from orbits.model import linear_modes
 from orbits.result import DISPLAY, cell
-from orbits.returns.bifurcations import bifurcations
+from orbits.returns import bifurcations
 from orbits.tables import VIOLATED
 from problems import Hopper, hopper_in_si, steering
 

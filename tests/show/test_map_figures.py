@@ -8,9 +8,8 @@ from legibility import faults
 from looks import check_looks
 
 from orbits import InputError, ReturnMap, find
-from orbits.continuation.point import End
-from orbits.returns.bifurcation import Bifurcation
-from orbits.returns.diagram import BifurcationDiagram, Branch
+from orbits.continuation import End
+from orbits.returns import Bifurcation, BifurcationDiagram, Branch
 from problems import Hopper, hopper_in_si
 
 LEG = hopper_in_si(60.0, 3.0, stiffness=8000.0, rest_length=0.8)

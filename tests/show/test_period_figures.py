@@ -3,9 +3,10 @@
 import numpy as np
 
 from orbits import PeriodDiagram
-from orbits.continuation.point import End
-from orbits.model.machine import machine_in_words
-from orbits.returns.bifurcation_curve import BifurcationCurve, PlaceOnCurve
+from orbits.continuation import End
+from orbits.model import machine_in_words
+from orbits.returns import BifurcationCurve
+from orbits.returns.bifurcation_curve import PlaceOnCurve
 from problems import Hopper
 from tests.legibility import faults
 

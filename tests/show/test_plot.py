@@ -10,8 +10,7 @@ from legibility import faults, smallest_text
 from looks import check_looks
 
 from orbits import find, follow, orbit_at, pareto, simulate, starts
-from orbits.show import plot
-from orbits.show.plot import spread, thumbnails
+from orbits.show import plot, spread, thumbnails
 from problems import Chain, Hopper, hopper_in_si
 
 NOTEBOOK, SMALLEST = 400, 7.0  # pixels: the width of a figure in a narrow notebook, and its smallest type there

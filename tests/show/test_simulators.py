@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from orbits import InputError, Mechanism, Orbit, find, simulate
-from orbits.mechanics import Body, Inerter, Joint, Mass, Spring, Weight
-from orbits.mechanics.bodies import bodies_of
+from orbits.mechanics import Body, Inerter, Joint, Mass, Spring, Weight, bodies_of
 from orbits.show.plane import labelled
 from problems import Chain, Hopper, Juggler, hopper_in_si, knee_hopper, rimless_wheel, rocking_block, runner
 
@@ -144,7 +143,7 @@ def test_the_command(tmp_path, orbits):
 
 def places_of_masses(result, t):
     """The places (k, m, 2), across and up, of the elements with mass, moved on by the steps of the drawing."""
-    from orbits.mechanics.elements import value_of
+    from orbits.mechanics import value_of
     from orbits.show.plane import _led_on
 
     machine, (states, landings) = result.source.stated(), labelled(result, t)

@@ -119,7 +119,7 @@ def test_curves_that_meet_in_a_cell_are_joined_where_they_meet():
 )
 @pytest.mark.parametrize("sampling", ["grid", "sobol"])
 def test_figures(over, sampling, tmp_path):
-    from orbits.show.plot import save_figure
+    from orbits.show import save_figure
 
     found = sweep(Hopper("cubic", rest_length=8.0), over, 5 if sampling == "grid" else 30, sampling=sampling)
     axes = found.plot("flight_time")

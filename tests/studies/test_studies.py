@@ -17,7 +17,8 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 from orbits import find
-from orbits.show.plot import new_axes, save_figure
+from orbits.show import save_figure
+from orbits.show.plot import new_axes
 from problems import Hopper
 from studies import (
     air_track,

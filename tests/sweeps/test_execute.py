@@ -18,9 +18,9 @@ import pytest
 from browser import PATIENCE, wait_for
 
 from orbits.errors import InputError
+from orbits.sweeps import sweep
 from orbits.sweeps.execute import _Processes
 from orbits.sweeps.question import CHUNK
-from orbits.sweeps.sweep import sweep
 from problems import Hopper
 
 OVER = {"beta": (0.0, 0.5), "mass_ratio": (0.5, 2.0)}

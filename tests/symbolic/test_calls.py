@@ -4,8 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from orbits.symbolic.calls import BufferedFunction
-from orbits.symbolic.kernels import ElementwiseFunction
+from orbits.symbolic import BufferedFunction, ElementwiseFunction
 
 
 @pytest.mark.parametrize("compiled", [False, True])

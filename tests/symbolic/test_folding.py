@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from orbits import InputError
-from orbits.symbolic.formula import parse, symbolic_numerals
+from orbits.symbolic import parse, symbolic_numerals
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from orbits import InputError
-from orbits.symbolic.formula import FUNCTIONS, MAX_DEPTH, MAX_LENGTH, MAX_NODES, Formula, parse
+from orbits.symbolic import FUNCTIONS, MAX_LENGTH, Formula, parse
+from orbits.symbolic.formula import MAX_DEPTH, MAX_NODES
 
 PYTHON = {name: getattr(math, name) for name in FUNCTIONS if hasattr(math, name)}
 PYTHON |= {"abs": abs, "sign": lambda x: math.copysign(1, x) if x else 0.0, "pi": math.pi, "__builtins__": {}}

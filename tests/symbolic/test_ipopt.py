@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from orbits import NoOrbit
-from orbits.symbolic.ipopt import solve_equations
+from orbits.symbolic import solve_equations
 
 
 def test_ipopt_reports_what_it_could_not_do():

@@ -10,8 +10,7 @@ from kernel_functions import assert_equal, both, countdown, starts
 
 from orbits import InputError, ReturnMap, find, follow
 from orbits.running import interrupts
-from orbits.symbolic import kernels
-from orbits.symbolic.kernels import Kernel, compiled_early
+from orbits.symbolic import Kernel, compiled_early, kernels
 from problems import Hopper
 
 

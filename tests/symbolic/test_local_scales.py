@@ -4,7 +4,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from orbits.symbolic.local_scales import SCALES, kinks_of, reaches_of
+from orbits.symbolic import kinks_of, reaches_of
+from orbits.symbolic.local_scales import SCALES
 
 
 def reach_of(function, waves=False):

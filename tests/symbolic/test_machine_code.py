@@ -10,10 +10,8 @@ import numpy as np
 import pytest
 from kernel_functions import assert_equal, both, countdown, once, starts
 
-from orbits.flow import taylor
-from orbits.flow.flow import flow_of
-from orbits.symbolic import machine_code
-from orbits.symbolic.kernels import Kernel
+from orbits.flow import flow_of, taylor
+from orbits.symbolic import Kernel, machine_code
 from problems import Hopper
 
 x, y = ca.SX.sym("x"), ca.SX.sym("y")

@@ -6,10 +6,18 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from orbits.symbolic.identities import number_of, vanishes, without
+from orbits.symbolic import (
+    ExactExpression,
+    expression as exact,
+    lifted,
+    lowered,
+    number_of,
+    substitute,
+    symbol,
+    vanishes,
+    without,
+)
 from orbits.symbolic.normal_forms import constant as constant_of, normal_form, written
-from orbits.symbolic.tree import ExactExpression, expression as exact, substitute, symbol
-from orbits.symbolic.tree_casadi import lifted, lowered
 
 A, B, C = SYMBOLS = [ca.SX.sym(name) for name in "abc"]
 EXACT = list(map(symbol, "abc"))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orbits.symbolic.quadratic_models import QuadraticModels, Weights
+from orbits.symbolic import QuadraticModels, Weights
 
 # x^2 + 4 y^2 at (2, 1), a circle's (x^2 + y^2) there, and x - y.
 MODELS = QuadraticModels(

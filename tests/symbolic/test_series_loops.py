@@ -4,9 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from orbits.symbolic.kernels import Kernel
-from orbits.symbolic.series_loops import InLoops, VariationsInLoops
-from orbits.symbolic.taylor_series import variations
+from orbits.symbolic import InLoops, Kernel, VariationsInLoops, variations
 
 ORDER, COLUMNS, VARIED, STEP = 10, 3, (0, 2), 0.3
 

@@ -5,8 +5,7 @@ import random
 import pytest
 
 from orbits import InputError
-from orbits.symbolic.formula import FUNCTIONS, parse
-from orbits.symbolic.sympy_formulas import formula_of, name_of_parameter
+from orbits.symbolic import FUNCTIONS, formula_of, name_of_parameter, parse
 
 sympy = pytest.importorskip("sympy")
 pytestmark = pytest.mark.extra("sympy")

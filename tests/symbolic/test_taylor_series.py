@@ -4,13 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from orbits.symbolic.taylor_series import (
-    driven_coefficients,
-    has_taylor_series,
-    tangent,
-    taylor_coefficients,
-    variations,
-)
+from orbits.symbolic import driven_coefficients, has_taylor_series, tangent, taylor_coefficients, variations
 
 ORDER = 10
 FUNCTIONS = {

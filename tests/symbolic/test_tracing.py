@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from orbits.symbolic.formula import parse
-from orbits.symbolic.tracing import traced, traced_of_places
+from orbits.symbolic import parse, traced, traced_of_places
 
 TRACED = [
     lambda r, b: r + b, lambda r, b: 2 + r - b, lambda r, b: r - (b - 1), lambda r, b: r - (b + 1),

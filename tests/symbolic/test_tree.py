@@ -7,9 +7,8 @@ import pytest
 from ball_systems import fn, holds, power
 from flint import arb, ctx
 
-from orbits.balls.programs import BallProgram
-from orbits.symbolic.identities import vanishes
-from orbits.symbolic.tree import (
+from orbits.balls import BallProgram
+from orbits.symbolic import (
     ONE,
     PI,
     ZERO,
@@ -20,6 +19,7 @@ from orbits.symbolic.tree import (
     expression,
     substitute,
     symbol,
+    vanishes,
 )
 
 X, Y = symbol("x"), symbol("y")

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from orbits import InputError
-from orbits.symbolic.tree import derivative_by, exact_number, symbol
-from orbits.symbolic.tree_casadi import lifted, lowered, rounded
+from orbits.symbolic import derivative_by, exact_number, lifted, lowered, rounded, symbol
 
 A, B = (ca.SX.sym(name) for name in "ab")
 X, Y = symbol("a"), symbol("b")

@@ -25,10 +25,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from ...exact.exact_mechanics import Column, ExactMechanics
-from ...exact.statement import ExactArc, ExactStatement, HalfOrbit, unknown
-from ...symbolic.tree import ExactExpression, substitute, symbols
-from ...symbolic.tree_linear import inner_product
+from ...exact import Column, ExactArc, ExactMechanics, ExactStatement, HalfOrbit, unknown
+from ...symbolic import ExactExpression, inner_product, substitute, symbols
 from .hop_word import HopWord
 
 INJECTION = "inject"

@@ -11,11 +11,9 @@ from math import ceil, log2
 
 from flint import arb, arb_mat
 
-from ...balls.programs import ball_of_fraction
-from ...exact.jets import statement_of_jets
-from ...exact.refusal import Unproved
-from ...exact.statement import ExactStatement
-from ...symbolic.tree import ExactExpression
+from ...balls import ball_of_fraction
+from ...exact import ExactStatement, Unproved, statement_of_jets
+from ...symbolic import ExactExpression
 from .exact_hops import INJECTION, HopStatement
 
 # The map's derivative in the last equation where the multiplier is -1.

@@ -46,19 +46,29 @@ from fractions import Fraction
 
 from flint import arb, ctx
 
-from ...balls.equations import Equations, IntervalParameters
-from ...balls.programs import ball_of_fraction
-from ...balls.rigorous_step import between
-from ...balls.root import FIRST_BITS, evaluated_on
+from ...balls import FIRST_BITS, Equations, IntervalParameters, ball_of_fraction, between, evaluated_on
 from ...errors import InputError
-from ...exact.bounds import Enclosure
-from ...exact.decimals import decimal_text
-from ...exact.exact_mechanics import ExactMechanics, Scale, parameter_of
-from ...exact.outward_decimals import bounds_of_fractions, enclosure_of, radius_of
-from ...exact.refusal import NOT_ACROSS, Undecided, Unproved
-from ...exact.stated import Bounds, Decimals, StatedMachine, exact_bounds, range_text, stated_machine
-from ...exact.statement import unknown
-from ...model.machine import Machine, machine_in_words
+from ...exact import (
+    NOT_ACROSS,
+    Bounds,
+    Decimals,
+    Enclosure,
+    ExactMechanics,
+    Scale,
+    StatedMachine,
+    Undecided,
+    Unproved,
+    bounds_of_fractions,
+    decimal_text,
+    enclosure_of,
+    exact_bounds,
+    parameter_of,
+    radius_of,
+    range_text,
+    stated_machine,
+    unknown,
+)
+from ...model import Machine, machine_in_words
 from ..case import CLAIMS, PROVED, not_stated
 from ..digits import with_enough_digits
 from ..theorem import Part, Proof

@@ -6,16 +6,20 @@ from itertools import islice
 
 from flint import arb, ctx
 
-from ...balls.enclosure import COARSE, FINE
-from ...balls.equations import Equations
-from ...balls.motion import Motion
-from ...balls.programs import ball_of_fraction
-from ...balls.root import FIRST_BITS, ProvedRoot, evaluated_on, polished, prove_root
-from ...exact.bounds import Enclosure
-from ...exact.outward_decimals import enclosure_of, lower_decimal
-from ...exact.refusal import Unproved
-from ...exact.statement import ExactStatement
-from ...symbolic.tree import ExactExpression, depends_on, substitute
+from ...balls import (
+    COARSE,
+    FINE,
+    FIRST_BITS,
+    Equations,
+    Motion,
+    ProvedRoot,
+    ball_of_fraction,
+    evaluated_on,
+    polished,
+    prove_root,
+)
+from ...exact import Enclosure, ExactStatement, Unproved, enclosure_of, lower_decimal
+from ...symbolic import ExactExpression, depends_on, substitute
 from ..case import Verdicts, verdicts_of
 from ..digits import bits_of_digits
 from ..theorem import Part

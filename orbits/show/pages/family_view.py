@@ -23,7 +23,7 @@ from .bokeh_figures import (
 )
 
 if TYPE_CHECKING:
-    from ...continuation.family import Family
+    from ...continuation import Family
 
 # Markers of events, the same in each figure of a family.
 SHAPES = {"fold": "circle", "branch point": "square", "grazing": "inverted_triangle", "masses touch": "x"}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import InputError
-from ...model.model import LANDED_FORCE
+from ...model import LANDED_FORCE
 from ..animation import drawn_heights, drawn_range
 from ..plane import PlaneMotion, motion_in_plane
 from ..plot import COLOURS, SHADE, angles_shown, masses_at, states_to_show, title, unit_labels, vertical
@@ -29,7 +29,7 @@ from .bokeh_figures import (
 from .player import new_player
 
 if TYPE_CHECKING:
-    from ...periodic.orbit import Orbit
+    from ...periodic import Orbit
 
 CENTRE_OF_MASS = "centre of mass"
 IN_PLANE = ("points", "trails", "advance", "marks", "cycles", "middle")  # columns of one motion in the plane

@@ -7,8 +7,8 @@ import casadi as ca
 import numpy as np
 
 from ...errors import InputError
-from ...model.machine import Machine, dimensionless
-from ...running.exclusive import exclusive
+from ...model import Machine, dimensionless
+from ...running import exclusive
 from ...units import EXTENSION, FORCE, TORQUE
 from ..plot import COLOURS, SHADE, angles_shown
 from .bokeh_figures import (
@@ -26,7 +26,7 @@ from .bokeh_figures import (
 )
 
 if TYPE_CHECKING:
-    from ...periodic.orbit import Orbit
+    from ...periodic import Orbit
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ from .bokeh_figures import (
 )
 
 if TYPE_CHECKING:
-    from ...returns.return_map import ReturnMap
+    from ...returns import ReturnMap
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,8 @@ from .law_view import LawFigure, law_data
 from .sweep_view import sweep_figures
 
 if TYPE_CHECKING:
-    from ...continuation.family import Family
-    from ...periodic.orbit import Orbit
+    from ...continuation import Family
+    from ...periodic import Orbit
     from ...result import Result
 
 PAGES = (".html",)

@@ -10,7 +10,7 @@ from conftest import Result
 
 from orbits import Orbit
 from orbits.io import to_json
-from orbits.shooting.formulations import METHODS
+from orbits.shooting import METHODS
 from tests.browser import PATIENCE
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha, eq. (12) of the paper

@@ -5,7 +5,8 @@ from urllib.parse import parse_qs
 
 import pytest
 
-from problems.explorer.scene import DroppedRows, Scene, beginning
+from problems.explorer import Scene, beginning
+from problems.explorer.scene import DroppedRows
 from problems.laws import springs
 
 ROWS = DroppedRows("leg spring.csv", springs.SAMPLE.read_text(encoding="utf-8"), "mean")

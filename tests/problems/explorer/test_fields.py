@@ -6,9 +6,9 @@ import pytest
 from orbits import InputError
 from orbits.errors import MESSAGES
 from problems import rimless_wheel
+from problems.explorer import beginning
 from problems.explorer.dials import dials_of
 from problems.explorer.fields import changed, shown_fields
-from problems.explorer.scene import beginning
 from tests.problems.explorer.scenes import SCENES
 
 

@@ -16,10 +16,11 @@ from orbits.errors import MESSAGES
 from problems import inerter_hopper
 from problems.command.cli import orbits
 from problems.command.options import machine_of
-from problems.explorer.forms import link_of, machine_file, python_lines, scene_of_link, scene_of_statement
-from problems.explorer.scene import LARGEST, DroppedRows, beginning
+from problems.explorer import beginning, scene_of_statement
+from problems.explorer.forms import link_of, machine_file, python_lines, scene_of_link
+from problems.explorer.scene import LARGEST, DroppedRows
 from problems.laws.springs import SAMPLE
-from problems.machines.files import read, search
+from problems.machines import read, search
 from tests.problems.explorer.scenes import SCENES, SHORT_ROWS, arguments, given
 
 

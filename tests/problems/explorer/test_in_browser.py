@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("bokeh")
 
 from orbits import find, follow
-from orbits.show.plot import COLOURS
+from orbits.show import COLOURS
 from problems import Hopper, rimless_wheel, rocking_block, runner
 from problems.explorer.forms import scene_of_link
 from problems.laws import springs

@@ -11,9 +11,9 @@ from bokeh.document import Document
 
 from orbits import find
 from problems import Hopper
+from problems.explorer import Scene, beginning
 from problems.explorer.page import Explorer
 from problems.explorer.results import RESULTS as ON_PAGE
-from problems.explorer.scene import Scene, beginning
 from problems.explorer.worker import _results_of
 
 pytestmark = pytest.mark.extra("bokeh")

@@ -10,8 +10,8 @@ from problems import Hopper, runner
 
 pytest.importorskip("bokeh")
 
+from problems.explorer import beginning
 from problems.explorer.results import family_results, hop_results, map_results
-from problems.explorer.scene import beginning
 
 pytestmark = pytest.mark.extra("bokeh")
 CUBIC = beginning("hopper")

@@ -7,7 +7,8 @@ import pytest
 from orbits import InputError
 from problems import Hopper, Juggler, explorer, hopper_in_si, inerter_hopper, rocking_block, runner, shuttle
 from problems.command.options import first_scene
-from problems.explorer.scene import beginning, scene_of_machine
+from problems.explorer import beginning
+from problems.explorer.scene import scene_of_machine
 from problems.laws import springs
 from tests.problems.explorer.scenes import SHORT_ROWS
 

@@ -18,8 +18,8 @@ pytest.importorskip("bokeh")
 
 from bokeh.client import pull_session
 
+from problems.explorer import beginning
 from problems.explorer.page import Bridge
-from problems.explorer.scene import beginning
 from problems.explorer.server import serve
 from tests.browser import PATIENCE, wait_for
 from tests.problems.explorer.served import ENVIRONMENT, command, served

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("bokeh")
 
-from problems.explorer.scene import Scene, beginning
+from problems.explorer import Scene, beginning
 from problems.explorer.words import captions, verdict
 
 pytestmark = pytest.mark.extra("bokeh")

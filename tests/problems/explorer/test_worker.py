@@ -16,8 +16,8 @@ from problems import Hopper
 
 pytest.importorskip("bokeh")
 
+from problems.explorer import Scene, beginning
 from problems.explorer.results import HopResult
-from problems.explorer.scene import Scene, beginning
 from problems.explorer.worker import WORKERS, Done, Failure, Pool, Task, Worker
 from tests.browser import PATIENCE, wait_for
 

@@ -5,7 +5,7 @@ import pytest
 from conftest import slow_after
 
 from orbits import InputError, ReturnMap, find, follow, sensitivities, simulate
-from orbits.model.machine import free_parameters
+from orbits.model import free_parameters
 from problems import HeavyHand, Juggler
 
 

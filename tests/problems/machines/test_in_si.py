@@ -14,7 +14,7 @@ from machines_in_si import LEG, ROVER, THROWER
 from orbits import InputError, find, follow, simulate
 from problems import Hopper, hopper_in_si
 from problems.laws import gravity, springs
-from problems.machines.in_si import MachineInSI
+from problems.machines import MachineInSI
 
 
 def test_a_body_radius_is_a_parameter_in_metres_beside_a_force_law_of_any_names():

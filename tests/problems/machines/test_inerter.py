@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from orbits import ReturnMap, find, follow, multiplier, orbit_at, simulate
-from orbits.model.relative import half_angle
+from orbits.model import half_angle
 from problems import Hopper, inerter_hopper
 
 M1, M2, G, K, C = 2.0, 0.5, 9.81, 300.0, 4e3

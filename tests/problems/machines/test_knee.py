@@ -43,10 +43,9 @@ from orbits import (
     simulate,
 )
 from orbits.mechanics import Inerter
-from orbits.model.phase import Affine, Phase
-from orbits.model.state_formula import StateFormula
-from orbits.sweeps.sweep import sweep
-from orbits.symbolic.formula import parse
+from orbits.model import Affine, Phase, StateFormula
+from orbits.sweeps import sweep
+from orbits.symbolic import parse
 from orbits.units import Units
 from problems import hopper_in_si, knee_hopper, springs
 from studies.oracle import by_another_integrator

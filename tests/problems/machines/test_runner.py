@@ -10,14 +10,14 @@ from scipy.integrate import solve_ivp
 
 from orbits import InputError, NoOrbit, Orbit, ReturnMap, check, find
 from orbits.mechanics import Spring
-from orbits.model.state_formula import StateFormula
+from orbits.model import StateFormula
+from orbits.periodic import stated_unknowns, tuning_of
 from orbits.periodic.certificate import certify
 from orbits.periodic.friction import with_friction
-from orbits.periodic.stated_start import stated_unknowns
-from orbits.periodic.tuned import solve_tuned, tuning_of
+from orbits.periodic.tuned import solve_tuned
 from orbits.show.plane import landings_of, plane_paths
 from problems import runner
-from problems.machines.files import build, read
+from problems.machines import build, read
 
 TUNE, SPEED = ("inertia", "hip_stiffness"), {"speed": 0.4}
 

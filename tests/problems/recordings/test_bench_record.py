@@ -5,7 +5,7 @@ import pytest
 
 from orbits import InputError
 from problems import springs
-from problems.recordings.bench_record import read_record
+from problems.recordings import read_record
 
 R = np.linspace(-6.0, 5.0, 60)
 FORCE = R + 0.05 * R**3

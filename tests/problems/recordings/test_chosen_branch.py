@@ -6,8 +6,7 @@ from conftest import slow_after
 
 from orbits import InputError, find
 from problems import hopper_in_si, springs
-from problems.recordings.bench_record import read_record
-from problems.recordings.chosen_branch import choose
+from problems.recordings import choose, read_record
 
 STIFFNESS, FRICTION, NOISE = 1500.0, 6.0, 0.05
 BODY, FOOT, GRAVITY = 0.6, 0.3, 9.80665

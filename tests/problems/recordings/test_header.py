@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from orbits import InputError
-from problems.laws.springs import as_spring
+from problems.laws import as_spring
 from problems.machines import files
-from problems.recordings.bench_record import read_record
+from problems.recordings import read_record
 
 R = np.linspace(-5.0, 5.0, 11)  # mm, of a spring of 8 N/mm
 DEGREES = np.linspace(-50.0, 50.0, 11)  # of a spring of 0.3 N m for each degree

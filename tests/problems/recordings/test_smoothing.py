@@ -5,8 +5,7 @@ import pytest
 
 from orbits import InputError, Orbit, find
 from problems import Hopper, hopper_in_si
-from problems.laws import springs
-from problems.laws.springs import as_spring
+from problems.laws import as_spring, springs
 
 R = np.linspace(-5, 5, 11)
 

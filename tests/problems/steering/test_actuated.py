@@ -5,10 +5,10 @@ import pytest
 from scipy.integrate import trapezoid
 
 from orbits import InputError, Mechanism, simulate
-from orbits.hops.impacts import Impacts
+from orbits.hops import Impacts
 from orbits.mechanics import Damper, Mass, Spring
 from problems import Actuated, Actuator, Chain, Hopper, springs, steering
-from problems.laws.springs import as_spring
+from problems.laws import as_spring
 
 
 def test_driven_energy_and_schedules():

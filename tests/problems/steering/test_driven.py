@@ -10,7 +10,7 @@ from conftest import DAMPED_LEG, slow_after
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
 from orbits import Control, InputError
-from orbits.hops.simulated import Simulation
+from orbits.hops import Simulation
 from orbits.mechanics import Damper
 from problems import Actuated, Actuator, Disturbed, Driven, Hopper, Juggler, inerter_hopper, steering
 from problems.laws import springs

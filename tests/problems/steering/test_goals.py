@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp, trapezoid
 from scipy.linalg import expm
 
 from orbits import InputError, NoOrbit, find, find_all, simulate, starts
-from orbits.hops.impacts import Impacts
+from orbits.hops import Impacts
 from orbits.mechanics import Damper
 from problems import (
     Actuated,

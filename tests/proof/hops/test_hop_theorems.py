@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from orbits import InputError, ReturnMap, find, prove_doubling, prove_fixed_point
-from orbits.returns.bifurcation import Bifurcation
+from orbits.returns import Bifurcation, ReturningHops
 from orbits.returns.proofs import guess_at
-from orbits.returns.returning_hops import ReturningHops
-from orbits.running.time_limit import default_limit
+from orbits.running import default_limit
 from problems import Hopper, Juggler, hopper_in_si, inerter_hopper
 
 # Of the linear hopper with equal masses: launch speeds of fixed points, and the times of their flights.

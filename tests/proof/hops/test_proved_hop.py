@@ -6,7 +6,7 @@ import numpy as np
 
 from orbits import prove_fixed_point
 from orbits.mechanics import Inerter
-from orbits.proof.hops.hop_theorems import proof_of_fixed_point
+from orbits.proof import proof_of_fixed_point
 from orbits.returns.proofs import guessed_hop
 from problems import Hopper, knee_hopper
 

@@ -11,7 +11,8 @@ from orbits import InputError
 
 pytest.importorskip("bokeh")
 
-from orbits.show.pages.family_view import LABELS, FamilyData, FamilyFigure, family_data
+from orbits.show import FamilyData, FamilyFigure, family_data
+from orbits.show.pages.family_view import LABELS
 
 pytestmark = pytest.mark.extra("bokeh")
 

@@ -12,7 +12,7 @@ from problems import Hopper, Juggler, hopper_in_si, knee_hopper, rimless_wheel, 
 
 pytest.importorskip("bokeh")
 
-from orbits.show.pages.hop_view import HopFigures, hop_data
+from orbits.show import HopFigures, hop_data
 
 pytestmark = pytest.mark.extra("bokeh")
 

@@ -10,8 +10,7 @@ pytest.importorskip("bokeh")
 
 from bokeh.models import HoverTool
 
-from orbits.show.pages.hop_view import hop_data
-from orbits.show.pages.law_view import LawFigure, law_data
+from orbits.show import LawFigure, hop_data, law_data
 
 pytestmark = pytest.mark.extra("bokeh")
 G = 9.80665

@@ -15,8 +15,8 @@ pytest.importorskip("bokeh")
 
 from PIL import Image
 
+from orbits.show import COLOURS, spread
 from orbits.show.pages.saved_page import MOST_HOPS
-from orbits.show.plot import COLOURS, spread
 
 pytestmark = pytest.mark.browser
 SIZES = (1200, 400)
