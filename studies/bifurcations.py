@@ -23,7 +23,7 @@ import numpy as np
 
 from orbits import BifurcationDiagram, ReturnMap, bifurcations
 from orbits.numerics import enclosed_sign_changes
-from orbits.returns.cycles import MapsAlong
+from orbits.returns.launch_cycles import MapsAlong
 from orbits.show import save_figure
 from orbits.show.plot import new_row
 from problems import Hopper, hopper_in_si, springs

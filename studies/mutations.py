@@ -31,7 +31,7 @@ ROOT = Path(__file__).parent.parent
 COPIED = ("orbits", "problems", "studies", "tests", "README.md", "pyproject.toml")
 # The tests of rooms whose own folder does not have all of them.
 TESTED_BY = {
-    "balls": ("balls", "proof/test_branch.py", "proof/test_case.py", "exact/test_stated.py"),
+    "balls": ("balls", "proof/test_branch.py", "proof/test_orbit_case.py", "exact/test_stated.py"),
     "continuation": ("continuation", "periodic/test_fold_statement.py", "shooting/test_newton_kernel.py"),
     "control": ("control", "problems/steering"),
     "design": ("design", "problems/command/test_optimize_command.py"),
@@ -45,18 +45,18 @@ TESTED_BY = {
     "numerics": ("numerics", "hops/test_impacts.py", "returns/test_resolution.py"),
     "periodic": (
         *("periodic", "shooting", "laws/test_features.py", "problems/machines", "design/test_designs_at_once.py"),
-        *("sweeps/test_members.py", "continuation/test_table.py"),
+        *("sweeps/test_members.py", "continuation/test_motion_columns.py"),
     ),
     "proof": ("proof", "exact", "continuation/test_proved_curve.py"),
     "returns": (
         *("returns", "hops/test_multiplier.py", "problems/machines/test_juggler.py"),
         "show/test_map_figures.py",
     ),
-    "running": ("running", "symbolic", "sweeps/test_execute.py"),
+    "running": ("running", "symbolic", "sweeps/test_execution.py"),
     "shooting": ("shooting", "periodic", "mechanics/test_parts.py", "problems/laws/test_measured.py"),
     "hops": ("hops", "mechanics/test_parts.py", "problems/machines", "returns/test_return_map.py"),
     "symbolic": (
-        *("symbolic", "laws/test_features.py", "laws/test_law_statement.py", "design/test_problem.py"),
+        *("symbolic", "laws/test_features.py", "laws/test_law_statement.py", "design/test_design_problem.py"),
         "control/test_steer.py",
     ),
     "sweeps": ("sweeps", "design/test_designs_at_once.py"),

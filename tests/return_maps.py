@@ -8,8 +8,8 @@ import numpy as np
 from orbits import bifurcations
 from orbits.curves import Event
 from orbits.returns import Hops
-from orbits.returns.branches import BranchTracer
-from orbits.returns.cycles import MapsAlong
+from orbits.returns.launch_branches import BranchTracer
+from orbits.returns.launch_cycles import MapsAlong
 from orbits.returns.limited_hops import PlainMap
 from orbits.returns.periodic_launch import PeriodicLaunch
 from orbits.returns.resolution import map_pieces

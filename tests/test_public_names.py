@@ -66,7 +66,7 @@ def test_what_is_there(room):
 
 
 def test_all_names_are_there():
-    """Those of every package of the toolkit, each imported as the first one of an interpreter's package."""
+    """The names of every package of the toolkit, in a fresh interpreter."""
     code = (
         "import importlib, pkgutil, orbits, problems\n"
         "for top in (orbits, problems):\n"

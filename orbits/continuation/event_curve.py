@@ -27,7 +27,7 @@ from ..periodic import Certificate, Solved
 from ..records import NONE, Records
 from ..shooting import DIVISION, Cycles, Division, Evaluation, division_of, shooting_equations
 from .curve import AT_A_FOLD, TEST_FUNCTIONS, Curve, TestFunction
-from .limits import Endings
+from .curve_ends import Endings
 from .point import End, Event, Point
 from .tuned_curve import equations_of_family, values_of
 

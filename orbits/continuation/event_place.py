@@ -12,9 +12,9 @@ from ..periodic import orbit_from
 from ..symbolic import Formula, suggest
 from .curve import TEST_FUNCTIONS
 from .family import Family, names_of_numbers, varied_at
+from .motion_columns import names_of_motions
 from .point import Event, Point, point_in_units
 from .step_control import OTHER_EVENTS
-from .table import names_of_motions
 from .tuned_curve import equations_of_family
 
 # How the name of an event begins along which a quantity is stationary.

@@ -29,6 +29,7 @@ from ..periodic import OF_STEPS, PRESCRIBED, QUANTITIES_ALONG, Orbit, SavedLaws,
 from ..proof import BranchClaim, Proof, prove_branch, prove_claims
 from ..result import ENDINGS, Axes, Progress, Result, Row, is_of, reported, shown
 from ..units import saved_units, unit_text
+from .motion_columns import names_of_motions, numbers_of_motions
 from .point import (
     KNOWN,
     SIDES,
@@ -43,7 +44,6 @@ from .point import (
     stated,
 )
 from .proved_curve import branch_claim
-from .table import names_of_motions, numbers_of_motions
 
 # The reason why a family from an unfinished file has no end.
 UNFINISHED = "its file ends before it does: resume it to go on"

@@ -17,7 +17,7 @@ from ..numerics import Array, through
 from ..shooting import DIVISION, Evaluation, joined
 from .curve import Curve, evaluation_at
 from .curve_corners import AWAY_FROM_CORNER, CurveCorner, CurveCorners
-from .limits import Endings
+from .curve_ends import Endings
 from .step_control import Options
 
 

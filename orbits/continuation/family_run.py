@@ -11,9 +11,9 @@ from ..records import Records
 from ..running import TimeOver, time_to_finish
 from .curve import Curve
 from .curve_corners import AWAY_FROM_CORNER
+from .curve_ends import Endings
 from .family_problem import FamilyProblem, largest_batch
 from .family_tests import tests_of_family
-from .limits import Endings
 from .point import Point
 from .step_control import Options
 

@@ -33,10 +33,10 @@ from ..shooting import iterative, method_of
 from ..units import without_units
 from .checkpoint import check_output, collect_family
 from .curve import Curve, Watch, machine_at, tuned_at
+from .curve_ends import Endings
 from .family import Family
 from .family_problem import FamilyProblem
 from .family_run import FamilyRun
-from .limits import Endings
 from .point import End, Event, Point
 from .step_control import Options, StepControl, checked_options
 from .tuned_curve import TunedCurve, checked_tuning, curve_at

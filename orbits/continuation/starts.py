@@ -18,7 +18,7 @@ from ..result import Progress
 from ..running import LOGGER, TimeOver, exclusive, interrupts, time_left, time_limit
 from ..shooting import equations_of
 from .curve import Curve
-from .together import WayTogether, follow_together
+from .many_curves import WayTogether, follow_together
 
 # The homotopy parameter, which goes from straight lines at 0 to the springs' own laws at 1.
 LAW_SHARE = "share_of_the_springs_own_law"

@@ -16,10 +16,10 @@ from ..result import Axes, Progress, Result, shown
 from ..running import exclusive, interrupts
 from ..symbolic import suggest
 from .design_point import Case, design_points, no_motion
+from .design_problem import DesignProblem, Outputs, design_problem
 from .moving_design import MovingDesign
 from .moving_number import Moving, moving_number
 from .optimality import Design, optimum_at
-from .problem import DesignProblem, Outputs, design_problem
 from .traced_designs import program_about, traced_designs
 from .tuned_machine import TunedMachine, motions_near, names_of_designs
 

@@ -21,10 +21,10 @@ from ..periodic import Orbit, dimension_of
 from ..shooting import vector
 from ..symbolic import QuadraticModels
 from ..units import Message, Units, in_units
+from .design_problem import DesignProblem, Outputs
 from .design_quantities import ABSENT, extremes_of
 from .evaluator import DesignPoints, Evaluator, Varied, by_logarithm, evaluator
 from .extremes import Place, place_near, places_of
-from .problem import DesignProblem, Outputs
 from .tuned_machine import TunedMachine, statement_of_orbits, unknowns_of
 
 # Neighbours differ by this share of a unit, to which second derivatives are then exact.

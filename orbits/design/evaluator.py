@@ -18,6 +18,7 @@ from ..numerics import Array, solve
 from ..periodic import dimension_of, late_factor
 from ..symbolic import MappedFunction, cached
 from ..units import Units
+from .design_problem import Outputs
 from .design_quantities import (
     VARIATIONAL,
     base_statement,
@@ -28,7 +29,6 @@ from .design_quantities import (
     variational_arc,
 )
 from .extremes import Kind, extreme_function, start_function
-from .problem import Outputs
 
 
 class DesignPoints(NamedTuple):

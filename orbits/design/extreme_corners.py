@@ -10,9 +10,9 @@ from ..errors import OrbitsError
 from ..model import Machine
 from ..periodic import Orbit
 from .design_point import Case, DesignPoint, design_points
+from .design_problem import DesignProblem, Outputs
 from .design_quantities import extremes_of
 from .extremes import Place, peaks_of
-from .problem import DesignProblem, Outputs
 
 # Places of the motion whose values differ by no more than this share of these may be the same beside a point.
 BESIDE_ANOTHER = 1e-2

@@ -18,11 +18,11 @@ from ..numerics import Array
 from ..periodic import Orbit
 from ..running import interrupts
 from .design_point import DEMAND_MARGIN, DesignPoint, design_points
+from .design_problem import DesignProblem, Outputs
 from .design_quantities import extremes_of
 from .extreme_corners import Corner, Corners, jumping, quantity_with
 from .moving_number import Moving
 from .optimality import ACTIVE, AT_TWO_PLACES, ActiveRow, multipliers_of
-from .problem import DesignProblem, Outputs
 from .tuned_machine import motions_near, unknowns_of
 
 # The ends of curves in words.

@@ -7,7 +7,7 @@ import numpy as np
 from ..errors import InputError
 from ..model import Machine, free_parameters
 from ..symbolic import parse, suggest
-from .problem import Constraint, DesignProblem
+from .design_problem import Constraint, DesignProblem
 from .tuned_machine import tuned_numbers
 
 # The unit of a further parameter is the way that it goes, or this share of its size if that is more: second derivatives

@@ -16,10 +16,10 @@ from ..periodic import Orbit, StartLike, check_start, continued_orbits, find
 from ..result import Progress
 from ..running import exclusive, interrupts
 from ..symbolic import Formula
+from .design_problem import DesignProblem, design_problem
 from .designs_at_once import Designs, names_together, solved_designs
-from .local import Infeasible, Unbounded, attempt, local_optima
+from .local_search import Infeasible, Unbounded, attempt, local_optima
 from .optimality import Design, Start
-from .problem import DesignProblem, design_problem
 from .tuned_machine import (
     TunedMachine,
     continued_from,

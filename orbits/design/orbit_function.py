@@ -20,10 +20,10 @@ from ..running import exclusive
 from ..shooting import vector
 from ..symbolic import cached
 from ..units import TIME, Units
+from .design_problem import Outputs
 from .evaluator import DesignPoints, Evaluator, Varied, VariedOrbit, evaluator, of_varied
-from .local import attempt
+from .local_search import attempt
 from .optimize import Origin
-from .problem import Outputs
 from .sensitivities import check_varied, known_motion, sensitivities
 from .tuned_machine import (
     TunedMachine,

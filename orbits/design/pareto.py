@@ -16,11 +16,11 @@ from ..periodic import StartLike, orbit_of
 from ..result import Axes, Progress, shown
 from ..running import exclusive, interrupts
 from .design_curve import SeveralDesigns, designs_along
-from .local import attempt
+from .design_problem import Constraint, DesignProblem, design_problem, known_formula
+from .local_search import attempt
 from .moving_number import Moving
 from .optimality import Design
 from .optimize import Origin, best_design, multistart, starting_points
-from .problem import Constraint, DesignProblem, design_problem, known_formula
 from .sensitivities import quantities, sensitivities
 from .tuned_machine import names_of_designs, untuned, with_tuning
 

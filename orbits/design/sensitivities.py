@@ -12,9 +12,9 @@ from ..periodic import OTHER_EQUATIONS, Orbit, StartLike, check_start, find, is_
 from ..result import Axes, Result, Row, shown
 from ..running import exclusive, interrupts
 from .design_point import Case, DesignPoint, design_points, has_loss, no_motion
+from .design_problem import Outputs, known_formula
 from .design_quantities import extremes_of, quantity_names
 from .extremes import places_of
-from .problem import Outputs, known_formula
 from .tuned_machine import TunedMachine, first_of_tuned, names_of_designs, tuned_numbers, untuned, with_tuning
 
 # Requested names, one or a list; None for all.

@@ -15,11 +15,11 @@ from ..periodic import Orbit
 from ..result import Progress
 from ..running import interrupts
 from .design_point import Case, DesignPoint, design_points, no_motion
+from .design_problem import DesignProblem, Outputs
 from .extreme_corners import SAME_EXTREME, Corner
 from .moving_design import MovingDesign
 from .moving_number import Moving
 from .optimality import AT_TWO_PLACES, constraint_sizes, demands_of
-from .problem import DesignProblem, Outputs
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -37,8 +37,8 @@ from ..periodic import (
     tuning_of,
 )
 from ..shooting import NodedSolution, Shooting, vector
+from .design_problem import formula_names, names_along
 from .design_quantities import base_statement
-from .problem import formula_names, names_along
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,12 +15,12 @@ import numpy as np
 from ..errors import FlowError
 from ..flow import Events, StopTest, Trajectory, Watch, first_events, recorded_event
 from .arcs import BRIEF, Arcs, Flown, Phase, Rules
-from .course import Course
-from .feet import LIFTS_OFF, REVERSES, STEPS_BACK, Exit
-from .footing import FALLS, SLIPS, FallTest
 from .hand_over import Landed, landed
+from .hop_inputs import Course
 from .hysteresis import Branches, first_reversal
 from .impacts import CAP, LIFTOFF_ORDER, STATUS, STATUSES, status_of_failure
+from .points_of_contact import LIFTS_OFF, REVERSES, STEPS_BACK, Exit
+from .sticking_contact import FALLS, SLIPS, FallTest
 
 CUT, DONE = "cut", "done"  # how an arc ends where other parameters come into force, or the time of a simulation is over
 

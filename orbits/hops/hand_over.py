@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .feet import SLOW
+from .points_of_contact import SLOW
 
 # Hand-overs without a loss, up to rounding: then no contact ever holds.
 LOSSLESS_HAND_OVER = 1e-12

@@ -23,8 +23,8 @@ from ..periodic import gradients
 from ..shooting import vector
 from ..symbolic import ElementwiseFunction, cached
 from ..units import LIFTOFF_SPEED, Message, Quantity
-from .feet import REVERSES, Exit, Foot, exits_of, feet_of
-from .footing import FALLS, SLIPS, FallTest, Footing, SlipTest
+from .points_of_contact import REVERSES, Exit, Foot, exits_of, feet_of
+from .sticking_contact import FALLS, SLIPS, FallTest, Footing, SlipTest
 
 # The endings of a hop other than "lifts_off" (of a map) and "done" (of a simulation).
 STATUSES = {

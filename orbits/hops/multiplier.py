@@ -19,12 +19,12 @@ from ..periodic import LOSSES, bounce_factors, hand_over_factors, jerk_jumps, lo
 from ..running import exclusive
 from ..units import DIMENSIONS, LIFTOFF_SPEED, SPEED, Message, Quantity, in_own_units
 from .arcs import Arcs, Flown, Rules, integrated
-from .feet import LIFTS_OFF, REVERSES, STEPS_BACK, Foot
 from .flyer import Flyer
-from .footing import FALLS, SLIPS
 from .hand_over import Landed, share_left, standing
 from .hysteresis import Branches
 from .impacts import CAP, FASTEST_LAUNCH, STATUSES, ContactStop, Impacts, impacts_of, no_launch
+from .points_of_contact import LIFTS_OFF, REVERSES, STEPS_BACK, Foot
+from .sticking_contact import FALLS, SLIPS
 
 RESTS = "the machine rests: it does not lift off again"
 SLOWEST_LAUNCH_VARIED = 1e-150  # the square of a slower launch, and its inverse, are no numbers

@@ -17,8 +17,8 @@ from ..numerics import lowest
 from ..periodic import relabelled_back
 from ..result import TABLE_ROWS, Axes, Progress, Result, Row, known, shown
 from ..units import ENERGY, FORCE, LENGTH, LIFTOFF_SPEED, SPEED, TIME, Units, in_units
-from .footing import FALLS
 from .hysteresis import Branches
+from .sticking_contact import FALLS
 
 # The dimensions of a simulation's numbers by name; those of states are lengths and speeds.
 DIMENSIONS_OF_SIMULATIONS = {

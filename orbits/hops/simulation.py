@@ -19,14 +19,14 @@ from ..periodic import Orbit, StartLike, start_in_file, unknowns_of_start
 from ..running import exclusive, interrupts
 from ..units import LENGTH, LIFTOFF_SPEED, TIME, Message, Quantity, described, in_own_units
 from .arcs import Flown
-from .course import Course
-from .decided_hops import undecided
 from .flyer import Flyer
 from .hand_over import standing
+from .hop_inputs import Course
+from .hop_statuses import undecided
 from .hysteresis import Branches
 from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, Impacts, impacts_of, injected, no_launch
 from .launch_section import LaunchSection
-from .recorded import recorded
+from .recorded_simulation import recorded
 from .schedule import Decisions, Feedback, Inputs, Schedule, check_scheduled, parsed_schedule
 from .simulated import Simulation, run_in_units
 

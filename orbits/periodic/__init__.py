@@ -7,7 +7,15 @@ from ..public_names import public_names
 if TYPE_CHECKING:
     from .branch_points import BranchPoint, Lateral, branch_point, find_branch_points
     from .certificate import Certificate, mass_of_landing
-    from .certified import Certified, Solved, certified, certified_orbit, known_solutions, orbit_from, orbit_of_solved
+    from .certification import (
+        Certified,
+        Solved,
+        certified,
+        certified_orbit,
+        known_solutions,
+        orbit_from,
+        orbit_of_solved,
+    )
     from .continued import (
         AT_FOLD,
         NOT_REACHED,
@@ -37,6 +45,7 @@ if TYPE_CHECKING:
     from .motion_conditions import STATIONARY
     from .orbit import OTHER_EQUATIONS, Orbit, certificate_in_units, is_orbit_of, orbit_of, start_in_file
     from .orbits_at_once import certified_near, lowest_orbits, motions_together, orbits_near
+    from .parameter_paths import along_ways
     from .quantities import (
         CERTIFIED,
         DESIGNED,
@@ -52,8 +61,8 @@ if TYPE_CHECKING:
         step_of,
     )
     from .saved_orbit import SavedLaws, with_note
-    from .stated_start import LONGEST_START, StartLike, check_start, in_units_of, stated_unknowns, unknowns_of_start
-    from .tuned import (
+    from .start import LONGEST_START, StartLike, check_start, in_units_of, stated_unknowns, unknowns_of_start
+    from .tuned_orbits import (
         METHOD,
         OF_STEPS,
         PRESCRIBED,
@@ -73,6 +82,5 @@ if TYPE_CHECKING:
         tuned_values,
         tuning_of,
     )
-    from .ways import along_ways
 
 __all__ = [*public_names(__name__)]

@@ -29,10 +29,10 @@ from ..shooting import (
     settles,
     vector,
 )
-from .certified import Certified, Solved, certified, certified_orbit, solve_from
+from .certification import Certified, Solved, certified, certified_orbit, solve_from
 from .orbit import Orbit
-from .stated_start import stated_unknowns
-from .ways import STRAIGHT_WAYS, WayOptions, along_ways, sizes_of_unknowns
+from .parameter_paths import STRAIGHT_WAYS, WayOptions, along_ways, sizes_of_unknowns
+from .start import stated_unknowns
 
 # The statuses of a machine whose orbit is not reached: the orbits end at a fold on the way, or the way was too hard.
 AT_FOLD, NOT_REACHED = "ends", "not reached"

@@ -11,7 +11,7 @@ from ..result import Progress
 from ..running import LOGGER
 from ..shooting import NodedSolution, equations_of, vector
 from ..units import LIFTOFF_SPEED, Message, Quantity, in_own_units, in_units
-from .certified import Solved, certified_orbit, corrector, known_solutions, solve_from
+from .certification import Solved, certified_orbit, corrector, known_solutions, solve_from
 from .family_search import Cells, Lateness
 from .guess import refuse_jump
 from .homotopy import solve_by_homotopy

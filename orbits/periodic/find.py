@@ -14,13 +14,14 @@ from ..result import Progress
 from ..running import exclusive, interrupts, time_limit
 from ..shooting import equations_of, iterative, method_of
 from ..units import Message, in_own_units, without_units
-from .certified import Solved, certified_orbit, solve_from
+from .certification import Solved, certified_orbit, solve_from
 from .family_orbits import another_family, family_number, lowest_of_family, orbits_of_family, same_orbit
-from .needed_range import with_needed_range
 from .orbit import Orbit, orbit_of, start_in_file
-from .run_start import RUN_START, run_along_speeds, run_start
-from .stated_start import StartLike, check_start, stated_unknowns
-from .tuned import (
+from .range_of_law import with_needed_range
+from .start import StartLike, check_start, stated_unknowns
+from .start_of_run import RUN_START, run_along_speeds, run_start
+from .tuned_extremes import with_extremes
+from .tuned_orbits import (
     OF_STEPS,
     Tuning,
     errors_of_tuned,
@@ -29,7 +30,6 @@ from .tuned import (
     tuned_values,
     tuning_of,
 )
-from .tuned_extremes import with_extremes
 
 # The search for a run begins at these multiples of the slowest start, at the later ones where the others lead nowhere.
 FASTER_STARTS = (1.0, 2.0, 3.0, 5.0, 1.5, 2.5, 4.0)

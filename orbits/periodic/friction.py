@@ -19,8 +19,8 @@ from ..shooting import EPS, Cycles, columns, vectors
 from ..symbolic import ElementwiseFunction, cached
 from ..units import FORCE, TIME, Message, Quantity
 from .certificate import Certificate
+from .extrema_and_zeros import turns_and_zeros
 from .loss_coefficient import by_launch_speed
-from .turns_and_zeros import turns_and_zeros
 
 # Shares double their digits from round to round.
 MOST_SHARES = 40

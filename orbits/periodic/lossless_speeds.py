@@ -15,7 +15,7 @@ from ..model import Machine
 from ..numerics import enclosed_sign_changes, piecewise_roots, resolved
 from ..running import interrupts
 from ..shooting import vector
-from .certified import certified_orbit, solve_from
+from .certification import certified_orbit, solve_from
 from .find import find, find_all
 from .orbit import Orbit
 

@@ -14,8 +14,8 @@ from ..model import CONTACT_FORCE, LANDED_FORCE, Affine, Model, StateFormula
 from ..records import NONE
 from ..shooting import EPS, Cycles, vectors
 from ..units import LENGTH, TIME, Message, Quantity
+from .extrema_and_zeros import MIDDLE, TurnsAndZeros, turns_and_zeros
 from .loss_coefficient import jerks
-from .turns_and_zeros import MIDDLE, TurnsAndZeros, turns_and_zeros
 
 # Rounding moves the middle by at most this share, where small changes grow ten million times on the way there.
 LARGEST_MIDDLE = 0.1

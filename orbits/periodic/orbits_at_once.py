@@ -24,7 +24,7 @@ from ..shooting import (
     method_of,
     newton_kernel,
 )
-from .certified import Certified, Solved, certified, certified_orbit, orbits_of, solve_from
+from .certification import Certified, Solved, certified, certified_orbit, orbits_of, solve_from
 from .family_orbits import none_found, with_search
 from .family_search import Lateness
 from .guess import Guesses, guess as guess_alone, guesses

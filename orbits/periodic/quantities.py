@@ -11,7 +11,7 @@ from ..records import NONE, Records, numbers_or_nan
 from ..shooting import Cycles
 from ..units import DIMENSIONS, FREQUENCY, LENGTH, OF_ANGLES, Dimension, Units
 from .certificate import Certificate
-from .turns_and_zeros import extremes
+from .extrema_and_zeros import extremes
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ from ..numerics import solve
 from ..running import TimeOver
 from ..shooting import vector
 from .certificate import Certificate
-from .certified import known_solutions
+from .certification import known_solutions
 from .orbit import Orbit
 from .quantities import numbers_of
-from .tuned import METHOD, TUNED, Tuning
+from .tuned_orbits import METHOD, TUNED, Tuning
 
 
 @dataclass(frozen=True, kw_only=True)

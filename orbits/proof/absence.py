@@ -49,7 +49,7 @@ from ..exact import (
 )
 from ..model import Machine, machine_in_words
 from ..symbolic import ExactExpression, depends_on, derivative_by, expression, in_order
-from .case import check_mirrored, not_stated
+from .orbit_case import check_mirrored, not_stated
 from .theorem import Proof
 
 # Order of the highest derivative of a law that is checked.

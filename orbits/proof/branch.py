@@ -58,7 +58,7 @@ from .branch_motion import MotionChecks, MotionStretch
 from .branch_piece import CurveEquations, floats_about
 from .branch_way import Way
 from .branch_words import ProvedCurve, branch_proof
-from .case import ProvedExistence, check_mirrored, existence_of, not_stated, wrong_numbers
+from .orbit_case import ProvedExistence, check_mirrored, existence_of, not_stated, wrong_numbers
 from .theorem import Proof
 
 # Default limit of the processor time of a proof, in seconds.

@@ -20,7 +20,7 @@ from .branch_claim import BranchClaim
 from .branch_motion import MotionStretch
 from .branch_piece import CurvePiece, parts_between
 from .branch_way import Link
-from .case import PROVED, REFUTED, UNDECIDED, ProvedExistence
+from .orbit_case import PROVED, REFUTED, UNDECIDED, ProvedExistence
 from .theorem import CurvePart, Proof
 from .wording import enclosed_words, words_of_conditions
 

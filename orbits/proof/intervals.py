@@ -7,7 +7,7 @@ from decimal import Decimal
 
 from ..exact import Bounds, Claim, Decimals, Enclosure, StatedMachine, Unproved, bounds_of_fractions, radius_of
 from ..running import time_limit
-from .case import CONDITIONS, REFUTED, UNDECIDED, check_mirrored, not_stated, whole_proof
+from .orbit_case import CONDITIONS, REFUTED, UNDECIDED, check_mirrored, not_stated, whole_proof
 from .theorem import Proof
 from .wording import loss_sentence, motion_sentence, solved_words
 

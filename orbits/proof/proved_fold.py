@@ -28,8 +28,8 @@ from ..exact import (
 )
 from ..model import Machine, machine_in_words
 from ..symbolic import substitute, symbol
-from .case import ball_of, check_mirrored, not_stated
 from .digits import bits_of_digits
+from .orbit_case import ball_of, check_mirrored, not_stated
 from .theorem import Part, Proof
 from .wording import enclosed_words
 

@@ -8,9 +8,9 @@ if TYPE_CHECKING:
     from .bifurcation import WORDS_OF_STABILITY, Bifurcation, name_of_hops
     from .bifurcation_curve import BifurcationCurve
     from .bifurcations import bifurcations
-    from .cycles import DAMPERS_OF_HOPS, INJECT, RESTITUTION
     from .diagram import BifurcationDiagram, Branch, BranchEnd
     from .hops import FixedPoint, Hops
+    from .launch_cycles import DAMPERS_OF_HOPS, INJECT, RESTITUTION
     from .launch_hops import LaunchHops
     from .periodic_hop import PeriodicHop
     from .periods import PeriodDiagram, period_diagram

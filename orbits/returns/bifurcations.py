@@ -18,10 +18,10 @@ from ..model import Machine, machine_in_words
 from ..result import Progress
 from ..running import exclusive, interrupts
 from .bifurcation import Bifurcation, name_of_hops
-from .branches import tracer_of
-from .cycles import INJECT, MapsAlong
 from .diagram import RESERVED_IN_DIAGRAMS, BifurcationDiagram, Branch
+from .launch_branches import tracer_of
 from .launch_curve import STEPS_OF_BRANCHES
+from .launch_cycles import INJECT, MapsAlong
 from .periodic_hop import PeriodicHop, listed_starts
 from .periodic_launch import PeriodicLaunch
 from .return_map import hops_near

@@ -13,9 +13,9 @@ import numpy as np
 from ..curves import CHANGES, Points, Problem, Test
 from ..errors import OrbitsError
 from ..hops import derivative_of_hops
-from .cycles import INJECT, MAPS, MapsAlong
 from .hop_curve import KINDS_OF_TESTS, STEPS_OF_HOPS, confirmed, inside, of_matrix
 from .launch_curve import LAUNCH_CURVE
+from .launch_cycles import INJECT, MAPS, MapsAlong
 from .periodic_launch import PeriodicLaunch, dominant
 
 

@@ -22,12 +22,12 @@ from ..numerics import Crossings
 from ..units import LIFTOFF_SPEED
 from .bifurcation import Bifurcation
 from .bifurcation_curve import BifurcationCurve, PlaceOnCurve
-from .cycles import RESTITUTION, parameters_of_maps
 from .flown_hops import flown_hops
 from .hop_borders import COLLISIONS
 from .hop_problem import HopProblem, HopValues
 from .hop_statement import CONTACT, FORCE, GAP, REST, SPEED, Slack, Word, hop_equations, pressing, varied_hop_equations
 from .hops_along import DIFFERENCE, INJECT, HopsAlong
+from .launch_cycles import RESTITUTION, parameters_of_maps
 from .periodic_launch import MULTIPLIER_AT
 
 # What happens where a slack of a word vanishes, by its kind.

@@ -15,12 +15,12 @@ from ..errors import NoOrbit
 from ..hops import STATUSES
 from .bifurcation import name_of_hops
 from .border_events import distance
-from .cycles import INJECT, MapsAlong
 from .flown_curve import FlownCurve
 from .hop_borders import COLLISIONS, beyond
 from .hop_curve import STEPS_OF_HOPS, HopCurve, turned
 from .hop_statement import FORCE, Slack, Word
 from .launch_curve import LAUNCH_CURVE, STEPS_OF_BRANCHES, place_in_words
+from .launch_cycles import INJECT, MapsAlong
 from .periodic_launch import PeriodicLaunch
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..curves import Border, Points, Problem, Steps, Test, solved_at
 from ..errors import NoOrbit, OrbitsError
-from .cycles import INJECT, MapsAlong, excess_of
+from .launch_cycles import INJECT, MapsAlong, excess_of
 from .periodic_launch import MULTIPLIER_AT, PeriodicLaunch
 
 # Beside lossless hops the curvature has no bound, so that the first steps there are as short as the distance to them.

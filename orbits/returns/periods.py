@@ -18,8 +18,8 @@ from ..model import Machine, machine_in_words, title_of_machine
 from ..result import Axes, Progress, Result, Row, shown, stored
 from ..running import exclusive, interrupts
 from ..units import LIFTOFF_SPEED
-from .cycles import INJECT, RESTITUTION, MapsAlong, parameters_of_maps
 from .diagram import RESERVED_IN_DIAGRAMS
+from .launch_cycles import INJECT, RESTITUTION, MapsAlong, parameters_of_maps
 from .return_map import ReturnMap, pieces_between
 
 # What launches settle to besides the statuses of a hop that has no next launch.

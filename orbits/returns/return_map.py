@@ -39,9 +39,9 @@ from .hops import Hops, Upkeep
 from .launch_hops import hops_of_launches
 from .limited_hops import NEAR_LEVELS, PlainMap
 from .map_pieces import PIECES, Intervals, MapPieces
-from .passages import Passages
 from .periodic_hop import different_hops, periodic_hop
 from .periodic_hops import PeriodicHops, all_periodic_hops, lossless_hops, separation_at
+from .preimages import Passages
 from .resolution import Resolving, map_pieces
 from .returning_hops import FixedPoints, ReturningHops
 
@@ -300,7 +300,7 @@ class ReturnMap:
     def preimages(self, edges: Intervals, low: float, high: float, samples: int = 2000) -> Intervals:
         """The intervals of launch speeds between `low` and `high`, ascending, whose next launch speed lies in one of
         the intervals `edges`. They end where the map passes an edge, or jumps; `samples` is as in `fixed_points`, and
-        the map is resolved near the edges, see `orbits.returns.passages`."""
+        the map is resolved near the edges, see `orbits.returns.preimages`."""
         self._check_one_speed("preimages")
         low, high, samples = _checked_grid(low, high, samples)
         try:

@@ -30,7 +30,7 @@ from .boundaries import LOCATED_TO, Boundaries, bisected, by_continuation, cut_b
 from .boundary_curves import BoundaryCurve, boundary_curves
 from .designs import MOST_MEMBERS, Axis, axis_of
 from .diagram_grid import WITH_ORBIT, Grid
-from .execute import check_executor
+from .execution import check_executor
 from .progress import SweepProgress, on_screen
 from .sparse_grid import LARGE_GRID, NOT_SEARCHED, SparseGrid
 from .sweep import checked_question, sweep

@@ -13,7 +13,7 @@ from ..model import Machine, check_machine, free_parameters
 from ..periodic import StartLike
 from ..running import TimeOver, exclusive, interrupts, running
 from .designs import Members, members_of
-from .execute import check_executor, chunks_of, solved_chunks
+from .execution import check_executor, chunks_of, solved_chunks
 from .progress import SweepProgress, on_screen, pace
 from .question import LAUNCH_SPEED, OUTCOMES, Question, Table, empty_table, question_of
 from .sweep_result import Sweep, solves_again

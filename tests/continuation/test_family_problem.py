@@ -57,7 +57,7 @@ def test_points_are_certified_up_to_the_first_that_cannot_be(monkeypatch):
         wrong = np.flatnonzero(cases.p["beta"] > 0.35)
         return certificates, refused | {i: NoOrbit(f"not {cases.p['beta'][i]:.1f}") for i in wrong.tolist()}
 
-    monkeypatch.setattr(import_module("orbits.periodic.certified"), "certify", refusing)
+    monkeypatch.setattr(import_module("orbits.periodic.certification"), "certify", refusing)
     certified, errors = problem.certify(points)
     assert certified.own[:3].column("value") == pytest.approx(betas[:3])
     assert {i: str(error) for i, error in errors.items()} == {3: "not 0.4", 4: "not 0.5", 5: "not 0.6"}
@@ -92,7 +92,7 @@ def test_the_first_orbit_is_certified_with_the_first_batch(refused, monkeypatch)
         at = np.flatnonzero(cases.p["beta"] >= (1.0 if refused is None else refused))
         return certificates, errors | {i: NoOrbit("not here") for i in at.tolist()}
 
-    monkeypatch.setattr(import_module("orbits.periodic.certified"), "certify", certify_some)
+    monkeypatch.setattr(import_module("orbits.periodic.certification"), "certify", certify_some)
     if refused == 0.0:
         with pytest.raises(NoOrbit, match="not here"):
             follow(Hopper("cubic"), "beta", 0.5, 0.0)

@@ -9,8 +9,8 @@ from designs import CUBIC, LEG, OVER, RANGE
 from scipy.optimize import brentq
 
 from orbits import Design, DesignCurve, Front, InputError, NoOrbit, find, optimize, quantities
+from orbits.design.design_problem import design_problem
 from orbits.design.moving_number import moving_number
-from orbits.design.problem import design_problem
 from orbits.design.traced_designs import program_about
 from problems import Hopper, hopper_in_si
 

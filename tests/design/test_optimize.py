@@ -12,8 +12,8 @@ from scipy.optimize import brentq, minimize
 from steps import closed_form, stepping
 
 from orbits import InputError, NoOrbit, find, find_all, follow, optimize, pareto, quantities, sensitivities, sweep
+from orbits.design.design_problem import DesignProblem, design_problem
 from orbits.design.optimize import Origin, best_design, starting_points
-from orbits.design.problem import DesignProblem, design_problem
 from problems import Chain, Hopper, hopper_in_si, rimless_wheel, rocking_block, springs
 
 

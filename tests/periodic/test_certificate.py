@@ -12,7 +12,7 @@ from two_feet import FEET, height_in_contact, slowest_step
 
 from orbits import NoOrbit, find, quantities, sweep
 from orbits.flow import Trajectories
-from orbits.periodic.turns_and_zeros import TurnsAndZeros
+from orbits.periodic.extrema_and_zeros import TurnsAndZeros
 from problems import HeavyHand, Hopper
 from problems.laws import springs
 

@@ -9,7 +9,7 @@ from mechanisms import linear_hops
 
 from orbits import NoOrbit, find, find_all, follow, starts
 from orbits.periodic import continued, continued_orbits
-from orbits.periodic.ways import WayOptions
+from orbits.periodic.parameter_paths import WayOptions
 from problems import Chain, Hopper, plate_hopper
 
 LINEAR = Chain()

@@ -13,7 +13,7 @@ from orbits import find, prove
 from orbits.check_proof import check
 from orbits.exact import claim_of
 from orbits.proof import intervals
-from orbits.proof.case import whole_proof
+from orbits.proof.orbit_case import whole_proof
 from problems import Hopper, inerter_hopper
 
 MACHINE = Hopper("cubic", rest_length=8.0, parameters={"beta": 0.3})

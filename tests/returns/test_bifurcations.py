@@ -12,7 +12,7 @@ from orbits.continuation import End
 from orbits.curves import Event
 from orbits.numerics import bracketed_root
 from orbits.returns.bifurcations import _Search, _with_events_at_points
-from orbits.returns.cycles import MapsAlong
+from orbits.returns.launch_cycles import MapsAlong
 from orbits.returns.periodic_hops import slope_at
 from orbits.returns.periodic_launch import PeriodicLaunch
 from problems import Chain, HeavyHand, Hopper, hopper_in_si

@@ -7,8 +7,8 @@ from columns import column, hop_of
 from orbits import InputError, NoOrbit, ReturnMap, bifurcations, find
 from orbits.curves import Event
 from orbits.returns.bifurcations import _Search
-from orbits.returns.cycles import MapsAlong
 from orbits.returns.hop_tracer import FlownTracer
+from orbits.returns.launch_cycles import MapsAlong
 from problems import Hopper, chain_hand
 
 

@@ -5,9 +5,9 @@ import pytest
 
 from orbits import ReturnMap, find
 from orbits.curves import Points, Run
-from orbits.returns.cycles import MapsAlong
 from orbits.returns.hop_borders import beyond, kind_of_border
 from orbits.returns.hop_curve import HopCurve
+from orbits.returns.launch_cycles import MapsAlong
 from problems import Hopper
 
 

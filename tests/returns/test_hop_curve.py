@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from orbits.returns.cycles import MapsAlong
 from orbits.returns.hop_borders import beyond
 from orbits.returns.hop_curve import HopCurve
+from orbits.returns.launch_cycles import MapsAlong
 from problems import Hopper, hopper_in_si
 
 SI = hopper_in_si(2.0, 2.0, stiffness=100.0, rest_length=2.0)

@@ -6,8 +6,8 @@ from conftest import slow_after
 
 from orbits import ReturnMap
 from orbits.curves import Event
-from orbits.returns.cycles import MapsAlong
 from orbits.returns.hop_tracer import HopTracer
+from orbits.returns.launch_cycles import MapsAlong
 from orbits.returns.periodic_launch import PeriodicLaunch
 from problems import Hopper
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orbits import ReturnMap
-from orbits.returns.cycles import MapsAlong
+from orbits.returns.launch_cycles import MapsAlong
 from problems import Hopper, hopper_in_si
 
 

@@ -12,8 +12,8 @@ from orbits.numerics import enclosed_sign_changes
 from orbits.returns import Hops
 from orbits.returns.itineraries import MonotoneBranches
 from orbits.returns.limited_hops import RESOLUTION, PlainMap
-from orbits.returns.passages import Passages
 from orbits.returns.periodic_hops import cycles_of
+from orbits.returns.preimages import Passages
 from orbits.returns.resolution import Resolving, map_pieces
 from problems import Hopper, rimless_wheel
 

@@ -242,7 +242,7 @@ class TestTuned:
         machine = Hopper("r + e*c*r**3", parameters={"e": 0.0, "c": 1.0})
         own = {"tune": "c", "at": {"period": find(machine.with_values(e=1e-3)).period}}
         assert sweep(machine, {"e": [1e-3]}, **own)["c"] == pytest.approx(1.0, rel=1e-12)
-        tuned = import_module("orbits.periodic.tuned")
+        tuned = import_module("orbits.periodic.tuned_orbits")
         monkeypatch.setattr(tuned, "TUNED", tuned.TUNED._replace(worst=1e-15))
         found = sweep(machine, {"e": [1e-3]}, **own)
         assert found["status"].tolist() == ["no orbit"]

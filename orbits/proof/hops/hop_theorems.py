@@ -69,8 +69,8 @@ from ...exact import (
     unknown,
 )
 from ...model import Machine, machine_in_words
-from ..case import CLAIMS, PROVED, not_stated
 from ..digits import with_enough_digits
+from ..orbit_case import CLAIMS, PROVED, not_stated
 from ..theorem import Part, Proof
 from ..wording import enclosed_words
 from .exact_hops import INJECTION, HopStatement, hop_statement

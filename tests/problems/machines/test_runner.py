@@ -14,7 +14,7 @@ from orbits.model import StateFormula
 from orbits.periodic import stated_unknowns, tuning_of
 from orbits.periodic.certificate import certify
 from orbits.periodic.friction import with_friction
-from orbits.periodic.tuned import solve_tuned
+from orbits.periodic.tuned_orbits import solve_tuned
 from orbits.show.plane import landings_of, plane_paths
 from problems import runner
 from problems.machines import build, read

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .feet import Exit
 from .impacts import LIFTOFF_ORDER, Impacts
 from .launch_section import LaunchSection
+from .points_of_contact import Exit
 from .schedule import Decisions, Schedule
 
 

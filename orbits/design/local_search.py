@@ -20,9 +20,9 @@ from ..running import interrupts
 from ..shooting import NEWTON
 from ..symbolic import Weights
 from .design_point import DEMAND_MARGIN, Case, DesignPoint, Ties, design_points, no_motion
+from .design_problem import DesignProblem, Outputs
 from .evaluator import by_logarithm
 from .optimality import Design, constraint_sizes, demands_of, optimum_at
-from .problem import DesignProblem, Outputs
 from .tuned_machine import motions_near, statement_of_orbits, unknowns_of
 
 # The cost of a step is the objective, with the constraints held; or, where they are not nearly met, the objective and

@@ -16,7 +16,7 @@ from ..laws import Parameters
 from ..model import NORMAL_FORCE, TANGENTIAL_FORCE, Affine, Model, StateFormula
 from ..numerics import Crossings, bracketed_root, evaluate
 from ..units import LENGTH, Message, Quantity, described
-from .feet import Foot
+from .points_of_contact import Foot
 
 SLIPS = "slips"  # how a contact ends where the friction is exceeded
 FALLS = "falls"  # how a flight or a contact ends where a height other than the closed gap reaches the ground

@@ -6,11 +6,11 @@ After many bounces rounding may decide how a hop ends: neighbouring launches sho
 import numpy as np
 
 from .arcs import Flown, Rules
-from .course import Course
-from .feet import LIFTS_OFF
 from .flyer import ROUNDING, Flyer
+from .hop_inputs import Course
 from .hysteresis import Branches
 from .impacts import FASTEST_LAUNCH, Impacts
+from .points_of_contact import LIFTS_OFF
 
 
 def hops_of_speeds(rules: Rules, alpha: np.ndarray, cap: int) -> Flown:

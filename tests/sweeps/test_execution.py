@@ -19,7 +19,7 @@ from browser import PATIENCE, wait_for
 
 from orbits.errors import InputError
 from orbits.sweeps import sweep
-from orbits.sweeps.execute import _Processes
+from orbits.sweeps.execution import _Processes
 from orbits.sweeps.question import CHUNK
 from problems import Hopper
 
@@ -63,7 +63,7 @@ def test_a_member_does_not_depend_on_the_others():
 
 @pytest.mark.slow
 def test_a_member_that_kills_its_workers_has_failed_and_no_other(monkeypatch):
-    monkeypatch.setattr("orbits.sweeps.execute.CHECK_INTERVAL", 0.01)  # the crash comes after many checks
+    monkeypatch.setattr("orbits.sweeps.execution.CHECK_INTERVAL", 0.01)  # the crash comes after many checks
     table = {"beta": [*np.linspace(0.01, 0.1, 5), DEADLY, *np.linspace(0.15, 0.3, 4)]}
     found = sweep(
         DeadlyHopper("cubic"), None, table, quantities=["largest_spring_force"], executor="processes", workers=2

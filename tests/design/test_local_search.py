@@ -4,8 +4,8 @@ import pytest
 from designs import CUBIC, RANGE
 
 from orbits import NoOrbit, find, follow, optimize, quantities, sensitivities
-from orbits.design import Design, local
-from orbits.design.problem import design_problem
+from orbits.design import Design, local_search
+from orbits.design.design_problem import design_problem
 from problems import Hopper
 
 
@@ -101,14 +101,14 @@ def searched(starts, families):
     problem = design_problem(CUBIC, "loss_coefficient + alpha", None, {"b": RANGE}, ())
     machines = [CUBIC.with_values(b=b) for b in starts]
     motions = [(machine, find(machine, family)) for machine, family in zip(machines, families, strict=True)]
-    return local.local_optima(motions, problem, lambda share: None)
+    return local_search.local_optima(motions, problem, lambda share: None)
 
 
 @pytest.mark.parametrize("name", ["design_points", "motions_near"])
 def test_an_error_at_one_start_is_no_error_of_the_others(monkeypatch, name):
     """Where orbits of the second family are refused, a search in the first is as it is alone."""
     (alone,) = searched([0.3], [1])
-    function = getattr(local, name)
+    function = getattr(local_search, name)
 
     def refusing(items, *others):
         families = others[1] if name == "motions_near" else [case.orbit.family for case in items]
@@ -116,7 +116,7 @@ def test_an_error_at_one_start_is_no_error_of_the_others(monkeypatch, name):
             raise NoOrbit("the family is refused")
         return function(items, *others)
 
-    monkeypatch.setattr(local, name, refusing)
+    monkeypatch.setattr(local_search, name, refusing)
     refused, best = searched([0.3, 0.3], [2, 1])
     assert isinstance(refused, NoOrbit)
     assert "the family is refused" in str(refused)

@@ -17,8 +17,8 @@ from orbits.exact import HalfOrbit, claim_of, stated_machine
 from orbits.exact.decimals import exact_fraction
 from orbits.exact.stated import StatedSpring
 from orbits.proof import prove_claims
-from orbits.proof.case import whole_proof
 from orbits.proof.intervals import proof_of
+from orbits.proof.orbit_case import whole_proof
 from problems import Hopper, Juggler
 
 SLOW = pytest.mark.slow

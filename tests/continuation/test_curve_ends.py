@@ -9,7 +9,7 @@ from families import FOLD, FOLD_ALPHA, events
 
 from orbits import InputError, NoOrbit, follow, orbit_at
 from orbits.continuation import Options, StepControl
-from orbits.continuation.limits import Endings, limit
+from orbits.continuation.curve_ends import Endings, limit
 from orbits.curves import Points
 from orbits.errors import BreaksDown, NoStep
 from problems import Hopper, shuttle

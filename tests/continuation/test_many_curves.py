@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orbits.continuation.together import follow_together
+from orbits.continuation.many_curves import follow_together
 from orbits.errors import FlowError
 from orbits.shooting import Evaluation
 

@@ -8,11 +8,11 @@ from ..errors import FlowError
 from ..model import Machine
 from ..units import TIME, Message, Quantity
 from .arcs import Arcs, Flown, Rules, integrated
-from .feet import unheld
-from .footing import FALLS, SLIPS
 from .hysteresis import Branches
 from .impacts import Impacts, status_of_failure
+from .points_of_contact import unheld
 from .simulated import ContactEvent, Leg, Simulation
+from .sticking_contact import FALLS, SLIPS
 
 # An event: the rules there, its kind and time, the states before and after it, its loss, None where the energies show
 # it, and the name of the foot.

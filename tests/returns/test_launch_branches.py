@@ -5,7 +5,7 @@ import pytest
 from return_maps import LOGISTIC, KnownMaps, traced
 
 from orbits.curves import Event
-from orbits.returns.branches import BranchTracer
+from orbits.returns.launch_branches import BranchTracer
 from orbits.returns.periodic_launch import PeriodicLaunch
 
 

@@ -27,7 +27,7 @@ from ..shooting import (
 )
 from ..symbolic import suggest
 from ..units import DIMENSIONS, FREQUENCY, LENGTH, SPEED, Dimension
-from .certified import Solved
+from .certification import Solved
 from .quantities import speed_in_flight, step_of
 
 # The method whose equations are tuned.

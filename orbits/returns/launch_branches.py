@@ -12,10 +12,10 @@ import numpy as np
 from ..curves import End, Event, Points, Run, Start
 from ..errors import NoOrbit
 from .border_events import BordersOfCurve, distance
-from .cycles import MapsAlong
 from .hop_borders import COLLISION
 from .hop_tracer import LOST, FlownTracer, HopTracer, Tracer
 from .launch_curve import LAUNCH_CURVE, STEPS_OF_BRANCHES, LaunchCurve
+from .launch_cycles import MapsAlong
 from .periodic_launch import MULTIPLIER_AT, PeriodicLaunch
 
 

@@ -15,8 +15,8 @@ import numpy as np
 from ..errors import FlowError, NoOrbit
 from ..model import STEP_LENGTH
 from ..shooting import Shooting, vector
-from .certified import Solved
-from .tuned import OF_STEPS, Tuning, prescribed_value, solve_tuned
+from .certification import Solved
+from .tuned_orbits import OF_STEPS, Tuning, prescribed_value, solve_tuned
 
 
 class RunStartOptions(NamedTuple):

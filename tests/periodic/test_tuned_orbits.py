@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from orbits import InputError, NoOrbit, Orbit, find, find_branch_points, follow, quantities, starts
 from orbits.io import to_json
-from orbits.periodic import tuned, tuned_equations, tuned_extremes
+from orbits.periodic import tuned_equations, tuned_extremes, tuned_orbits
 from orbits.running import TimeOver
 from orbits.shooting import vector
 from problems import Chain, Hopper, hopper_in_si, rimless_wheel, runner
@@ -68,7 +68,7 @@ def test_without_units_prescribed_values_have_none():
 @pytest.mark.parametrize(("slow", "name"), [("solved_near", "period"), ("quantity_of", "body_rise")])
 def test_where_the_time_is_over_the_place_is_named(monkeypatch, slow, name):
     """The values of the orbit where the search begins, since the first step from there ends after the time."""
-    home = tuned if slow == "solved_near" else tuned_extremes
+    home = tuned_orbits if slow == "solved_near" else tuned_extremes
     known, calls, part = find(CUBIC), [], getattr(home, slow)
 
     def late(*arguments):
