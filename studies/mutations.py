@@ -41,6 +41,7 @@ TESTED_BY = {
         "laws/test_law_statement.py",
     ),
     "laws": ("laws", "problems/laws", "periodic"),
+    "mechanics": ("mechanics", "test_checks.py"),
     "model": ("model", "flow", "periodic", *(f"mechanics/test_{name}.py" for name in ("derived", "parts", "terms"))),
     "numerics": ("numerics", "hops/test_impacts.py", "returns/test_resolution.py"),
     "periodic": (

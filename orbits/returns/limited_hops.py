@@ -20,8 +20,8 @@ class Resolution:
 
     degrees : of the polynomials in a cell: the second one where the first does not fit
     fitted : shares of the values, for each degree, up to which the last coefficients are rounding
-    rounded, resting : a hop that is integrated rounds by more, up to the first number: there the coefficients have come
-        to rest at one size, up to the factor
+    rounded : share by which a hop that is integrated rounds at most; there the coefficients have come to rest
+    resting : factor between coefficients that have come to rest at one size
     nearly : share with which a cell is accepted that cannot be halved any more and holds no border
     rounded_loss : what the loss beside a lossless launch makes of its speed may be rounding up to this share
     last, before_last : numbers of coefficients that are compared with these shares, and that rest

@@ -50,9 +50,6 @@ def cut_by_curves(
     A side is divided at both sides of each place where a curve passes it, by the statuses of the orbits there.
     """
     cuts = _passed_sides(grid, curves, both_ways)
-    sides = grid.sides(
-        np.reshape([cut[:2] for cut in cuts], (-1, 2)).astype(int), np.array([cut[2] for cut in cuts], bool)
-    )
     whole = grid.brackets()
     each = zip(whole.nodes.tolist(), whole.in_row.tolist(), strict=True)
     whole = whole.take(np.array([(*node, in_row) not in cuts for node, in_row in each], bool))

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from fractions import Fraction
 from math import isfinite, pi
 
@@ -92,8 +93,9 @@ def rounded(number: Fraction) -> float:
     value = float(number) if abs(number) < Fraction(10) ** 308 else float("inf")
     if isfinite(value) and (abs(value) >= LEAST_NUMBER or not number):
         return value
-    where = "too large" if number and not isfinite(value) else "too small"
-    raise InputError(f"a coefficient of the machine is {where} for a number of 16 digits: state it in other units")
+    size = Decimal(abs(number.numerator)) / Decimal(number.denominator)
+    bound = f"below {LEAST_NUMBER:g}" if size < 1 else "above 1e308"
+    raise InputError(f"a coefficient of the machine has the size {size:.2e}, {bound}: state it in other units")
 
 
 def exact_value(text: str) -> ExactExpression:
