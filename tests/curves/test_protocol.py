@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from plane_curves import Formula, circle, found_by, lemniscate, run_of
 
-from orbits.curves import BRANCH, FOLD, KINDS_OF_END, End, Event, Problem, Test, started
+from orbits.curves import BRANCH, FOLD, End, Event, Problem, Test, started
+from orbits.curves.protocol import KINDS_OF_END
 from orbits.errors import InputError
 
 POINT = SimpleNamespace(value=0.5, cost=2.0)
