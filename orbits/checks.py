@@ -16,10 +16,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from .errors import InconsistentModel, InputError, NoOrbit
+from .errors import InconsistentModel, InputError, NoOrbit, finite_number
 from .hops import Simulation, simulate
-from .laws import Algebraic
-from .mechanics import Balance, Mechanism, value_of
+from .laws import Algebraic, coefficient_of_restitution
+from .mechanics import Balance, Mass, Mechanism, value_of
 from .model import (
     CONTACT_FORCE,
     LANDED_FORCE,
@@ -36,11 +36,11 @@ from .result import Result
 from .returns import ReturnMap
 from .running import exclusive
 from .symbolic import BufferedFunction, MappedFunction
-from .units import ENERGY, FORCE, LENGTH, LIFTOFF_SPEED, TIME, Dimension
+from .units import ENERGY, FORCE, LENGTH, LIFTOFF_SPEED, SPEED, TIME, Dimension
 
 
 @dataclass(frozen=True)
-class Options:
+class CheckOptions:
     """The numbers of `check`.
 
     exact : what is exact holds to this share of its terms: rounding is far below, a mistake far above
@@ -51,7 +51,8 @@ class Options:
     states : with each spread
     beside : hops begin at this multiple of an orbit's launch speed, or state, so that they lose energy
     launch : the launch speed of a hop of a machine without an orbit
-    hops, impacts : how many of them are followed
+    hops, impacts : how many of them are followed, and the most impacts in each: a machine that rattles has
+        some 80 before it stays in contact, and one that rolls down a slope has no last one
     """
 
     exact: float = 1e-8
@@ -63,10 +64,10 @@ class Options:
     beside: float = 1.05
     launch: float = 2.0
     hops: int = 2
-    impacts: int = 10
+    impacts: int = 100
 
 
-OPTIONS = Options()
+OPTIONS = CheckOptions()
 
 
 @dataclass(frozen=True)
@@ -125,10 +126,13 @@ def check(machine: Machine, *, start: StartLike | None = None) -> Checked:
         coordinate that sticks it is an orbit of that machine, to which numbers of the machine are tuned
 
     The forces of the stated elements have to balance at random states, in flight and in contact, and so have impulses
-    at impacts. An orbit, and a hop beside it, are integrated again by SciPy's DOP853, along which the energy is summed
-    from masses, heights and laws. The orbit has to land in the mirror image of its launch, and to lift off without a
-    force; the return map has to have the launches of the simulation.
-    Raises `InputError` for a machine that is not stated, and `InconsistentModel` with all relations that do not hold.
+    at impacts and hand-overs; gaps, heights, extensions, spring forces and the maps of steps have to be those stated.
+    An orbit, and a hop beside it, are integrated again by SciPy's DOP853, along which the energy is summed from masses,
+    heights and laws. The orbit has to land in the mirror image of its launch, to lift off without a force, and to be
+    that of all equations where it is found by the reduced ones; the return map has to have the launches of the
+    simulation. What a machine does not have, or what is not found, is not compared: `left_out` says so.
+    Raises `InputError` for a machine that is not stated and for numbers out of their bounds, and `InconsistentModel`
+    with all relations that do not hold.
 
     >>> from orbits import check
     >>> from problems import Hopper
@@ -138,6 +142,7 @@ def check(machine: Machine, *, start: StartLike | None = None) -> Checked:
     if not hasattr(machine, "stated"):
         kind = type(machine).__name__
         raise InputError(f"a {kind} is not stated, so there is nothing to check it against: state an orbits.Mechanism")
+    _refuse_numbers(machine)
     stated: Mechanism = machine.stated()
     launch = start_in_file(start) if isinstance(start, str | Path) else start
     left_out = list[str]()
@@ -151,12 +156,21 @@ def check(machine: Machine, *, start: StartLike | None = None) -> Checked:
     return Checked(machine_in_words(machine), tuple(relations), tuple(left_out))
 
 
+def _refuse_numbers(machine: Machine) -> None:
+    """Raise `InputError` for a number of the machine that is out of its bounds."""
+    for name, value in machine.values.items():
+        finite_number(name, value)
+    coefficient_of_restitution(getattr(machine, "restitution", 0.0))
+    if (rest_length := getattr(machine, "rest_length", None)) is not None:
+        finite_number("rest_length", rest_length)
+
+
 class _Compared:
     """A machine beside its statement. All states are in the units of the statement; those of contact are y (N, m)."""
 
     def __init__(self, machine: Machine, stated: Mechanism):
         self.machine, self.model, self.stated = machine, machine.model, stated
-        self.balance, self.count = Balance(stated), len(stated.coordinates)
+        self.balance, self.count = Balance(stated, OPTIONS.exact), len(stated.coordinates)
         self.places, self.speeds = slice(0, 2 * self.count, 2), slice(1, 2 * self.count, 2)
         self.sticking = [stated.coordinates.index(name) for name in self.model.sticks]
         self.unit: Callable[[Dimension], float] = machine.units.of if machine.units else lambda dimension: 1.0
@@ -164,8 +178,8 @@ class _Compared:
         self.sizes = {"flight": self._sizes(self.model.flight), "contact": self._sizes(self.model.contact)}
         self.embed = np.asarray(self.model.embed, float) * self.sizes["flight"][:, None] / self.sizes["contact"]
         self.moves = {"flight": self._moves("flight"), "contact": self._moves("contact")}
-        # Of the energy along motions, as shares of it; and the largest contact force at states that are compared.
-        self.drifts, self.pressing = list[float](), 1.0
+        # Of the energy along motions, as shares of it; and their rates by phase.
+        self.drifts, self.integrands = list[float](), dict[str, BufferedFunction]()
 
     def relations(self, start: Orbit | Mapping[str, float] | None, left_out: list[str]) -> list[Relation]:
         """All relations, each with its deviation."""
@@ -173,26 +187,44 @@ class _Compared:
         run = self._hop(orbit, left_out)
         x = self._states(orbit)
         with np.errstate(all="ignore"):  # a deviation that is no number counts as unbounded
-            found = [self._lengths(x), self._flight(x), self._contact(x), self._impact(x, run)]
+            found = [self._lengths(x), self._flight(x), self._contact(x, run), self._gradient(x), self._impact(x, run)]
+            found += self._reduced(orbit, start, left_out)
             found += self._along_orbit(orbit) if orbit else ()
-            found += [self._along_hops(run)] if run else []
-        words, off = "the energy is that of the masses, heights and laws", max(self._gradient(x), *self.drifts, 0.0)
-        return [*found, Relation(words, off, OPTIONS.same_motion)]
+            found += [self._along_hops(run, left_out)] if run else []
+        words = "the energy along motions is that of the masses, heights and laws"
+        return [*found, *([Relation(words, max(self.drifts), OPTIONS.same_motion)] if self.drifts else [])]
 
     def _orbit(self, start: Orbit | Mapping[str, float] | None, left_out: list[str]) -> Orbit | None:
         """An orbit of the machine; None where it has none, or none is found without a start."""
+        unused = "" if start is None else ", so that start= is not used"
         if self.model.hysteretic or not self.model.conservative:
-            left_out.append("no orbit: the machine loses energy, or forces drive it")
+            left_out.append(f"no orbit: the machine loses energy, or forces drive it{unused}")
         elif self.model.sticks:
             if isinstance(start, Orbit) and start.source is not None and start.source.values == self.machine.values:
                 return start
-            left_out.append("no orbit: its numbers are tuned; check(orbit.source, start=orbit) takes one")
+            unused = unused and ", and start= is not used, since it is no orbit of this machine"
+            left_out.append(f"no orbit: its numbers are tuned; check(orbit.source, start=orbit) takes one{unused}")
         else:
             try:
                 return find(self.machine, start=start)
             except NoOrbit as error:
                 left_out.append(f"no orbit: {error}")
         return None
+
+    def _reduced(
+        self, orbit: Orbit | None, start: Orbit | Mapping[str, float] | None, left_out: list[str]
+    ) -> Iterator[Relation]:
+        """The orbit by the reduced motion is that by all equations of motion, which may be found where that is not."""
+        if self.model.reduction is None or not self.model.conservative or self.model.hysteretic:
+            return
+        try:
+            whole = find(self.machine, start=start, method="half orbit")
+        except NoOrbit as error:
+            if orbit:
+                left_out.append(f"no orbit by all equations: {error}")
+            return
+        off = share(whole.alpha - orbit.alpha, whole.alpha) if orbit else np.inf
+        yield Relation("the reduced motion has the orbit of all equations", off, OPTIONS.same_motion)
 
     def _hop(self, orbit: Orbit | None, left_out: list[str]) -> Simulation | None:
         """Hops that lose energy: beside an orbit, or of a machine that a kick along the gap lifts from rest."""
@@ -204,15 +236,23 @@ class _Compared:
             rest = OPTIONS.beside * orbit(orbit.flight_time / 2)
         elif not self.model.one_speed:
             here = self.balance(rest[None])
-            kick = np.linalg.solve(here["inertia"][0], here["along_gap"][0, :, 0])
+            try:
+                kick = np.linalg.solve(here["inertia"][0], here["along_gap"][0, :, 0])
+            except np.linalg.LinAlgError:
+                left_out.append("no hop: the inertia is singular at rest, where a kick would lift the machine")
+                return None
             rest[self.speeds] = OPTIONS.launch * kick / (kick @ here["along_gap"][0, :, 0])
         alpha = OPTIONS.beside * orbit.alpha if orbit else OPTIONS.launch * self.unit(LIFTOFF_SPEED)
         begins = {"alpha": alpha} if self.model.one_speed else {"state": rest}
         try:
-            return simulate(self.machine, **begins, hops=OPTIONS.hops, cap=OPTIONS.impacts)
+            run = simulate(self.machine, **begins, hops=OPTIONS.hops, cap=OPTIONS.impacts)
         except (InputError, NoOrbit) as error:
             left_out.append(f"no hop: {error}")
             return None
+        if run.legs:
+            return run
+        left_out.append(f"no hop: the simulation ends where it begins, {run.reason or run.status}")
+        return None
 
     def _rest(self) -> np.ndarray:
         """The flight state at rest in contact."""
@@ -237,42 +277,74 @@ class _Compared:
         return x @ np.linalg.pinv(self.embed).T
 
     def _lengths(self, x: np.ndarray) -> Relation:
-        """The gaps, the separation, and those heights that are stated by their names."""
-        p, model = self.machine.values, self.model
-        own = [
-            model.gap(p),
-            model.landing_gap_of(p),
-            model.separation(p),
-            *map(model.heights(p).get, self.stated.heights or {}),
-        ]
-        stated, off = self.balance(x)["lengths"][..., 0], [0.0]
-        for k, function in enumerate(own):
+        """The gaps, the separation, the extension, the heights, the place of rest, and the maps of steps."""
+        model, p, size = self.model, self.machine.values, self.sizes["flight"]
+        heights, balanced = dict(model.heights(p)), self.balance(x)
+        functions = [model.gap(p), model.landing_gap_of(p), model.separation(p), model.extension_of(p)]
+        functions += [heights.pop(name, None) for name in self.stated.heights or {}]
+        pairs = list(zip(functions, balanced["lengths"][..., 0].T, strict=True))
+        off = [share(self._rest() - self.balance.rest, x, self.balance.rest)]
+        # Heights of other names are those of the masses, or of their centre, from any level: their rises matter.
+        centre, masses = heights.pop("centre of mass", None), balanced["places"][..., 0].T
+        for function, stated in [(centre, balanced["centre"][:, 0, 0]), *zip(heights.values(), masses, strict=False)]:
+            pairs.append((function and (lambda x, own=function: own(x) - own(x[:1])), stated - stated[0]))
+        for function, stated in pairs:
             if function is not None:
-                seen = np.asarray(function(x / self.sizes["flight"])) * self.unit(LENGTH)
-                off.append(share(seen - stated[:, k], x[:, self.places], stated[:, k]))
-        return Relation("gaps, distances and heights are those that are stated", max(off))
+                seen = np.asarray(function(x / size)) * self.unit(LENGTH)
+                off.append(share(seen - stated, x[:, self.places], stated))
+        maps = {"relabelled": model.relabelling} | ({"reversed": model.reversal} if model.reversor else {})
+        off += [share(own(x / size, p) * size - balanced[name][..., 0], x) for name, own in maps.items()]
+        off.append(self._along_ground(x))
+        return Relation("gaps, distances, heights and maps are those that are stated", max(off))
 
     def _flight(self, x: np.ndarray) -> Relation:
+        """The balance in flight, and the forces of the springs."""
         rates, watched = self._rates("flight", x)
-        off = self._unbalanced(x, rates, np.zeros((len(x), self.count)), watched)
-        return Relation("in flight masses times accelerations balance the forces", off)
+        off = [self._unbalanced(x, rates, np.zeros((len(x), self.count)), watched), self._in_closed_form("flight", x)]
+        stated, model = self.balance(x), self.model
+        dimensions = [model.spring_dimensions.get(name, FORCE) for name in model.spring_forces]
+        for own, name in (([*model.spring_forces.values()], "springs"), ([model.tension], "tension")):
+            if any(own):
+                seen = self._of_model(x, lambda x, p, q, own=own: [each(x, p, q) for each in own])
+                units = [self.unit(dimension) for dimension in [*dimensions, FORCE][: len(own)]]
+                off.append(_share_of_each(seen * units - stated[name][..., 0], stated[name][..., 0]))
+        return Relation("in flight masses times accelerations balance the forces", max(off))
 
-    def _contact(self, x: np.ndarray) -> Relation:
-        """The balance in contact; the force on a point that has just landed is that of the labels before."""
+    def _contact(self, x: np.ndarray, run: Simulation | None) -> Relation:
+        """The balance in contact, without a force at a launch; the force on a point that has just landed is that of the
+        labels before."""
         y = self._on_ground(x)
+        closed = self._in_closed_form("contact", y)
         rates, watched = self._rates("contact", y)
         x, rates = y @ self.embed.T, rates @ self.embed.T
-        self.pressing = float(np.abs(watched[CONTACT_FORCE]).max())
+        pressing = float(np.abs(watched[CONTACT_FORCE]).max())
         held = watched[CONTACT_FORCE][:, None] * self.balance(x)["along_gap"][..., 0]
         for place, name in zip(self.sticking, names_of_holding(self.model.sticks), strict=True):
             held[:, place] += watched[name]
-        off = self._unbalanced(x, rates, held, watched)
+        off = max(self._unbalanced(x, rates, held, watched), closed)
         if LANDED_FORCE in watched:
             zero, one = self.balance(np.stack([0 * x[0], 0 * x[0] + 1]))["relabelled"][..., 0]
             x, rates = (x - zero) * (one - zero), rates * (one - zero)
             held = watched[LANDED_FORCE][:, None] * self.balance(x)["along_landing_gap"][..., 0]
             off = max(off, self._unbalanced(x, rates, held, {}))
+        if run and self.model.one_speed:
+            released = self._rates("contact", self._on_ground(run(0.0)[None]))[1][CONTACT_FORCE]
+            off = max(off, share(released, pressing))
         return Relation("in contact the contact force balances them", off)
+
+    def _in_closed_form(self, where: str, x: np.ndarray) -> float:
+        """By which share the accelerations and the watched forces of a closed form are not those of the phase."""
+        phase: Phase = getattr(self.model, where)
+        if phase.closed_form is None:
+            return 0.0
+        size, (rates, watched), form = self.sizes[where], self._rates(where, x), phase.closed_form(self.machine.values)
+        places, speeds = (slice(i, 2 * len(form.squares), 2) for i in (0, 1))
+        pushes = (form.loads - form.squares * ((x / size)[:, places] @ form.apart.T)) @ form.shapes.T
+        off = [_share_of_each(pushes * size[speeds] / self.unit(TIME) - rates[:, speeds], rates[:, speeds])]
+        for name, (weights, force) in form.watch.items():
+            seen = (x / size @ np.asarray(weights, float) + force) * self.unit(FORCE)
+            off.append(share(seen - watched[name], watched[name]))
+        return max(off)
 
     def _unbalanced(
         self, x: np.ndarray, rates: np.ndarray, held: np.ndarray, watched: Mapping[str, np.ndarray]
@@ -287,11 +359,11 @@ class _Compared:
             off.append(share(seen - balanced["ground"][..., 0], seen, balanced["ground"]))
         return max(off)
 
-    def _gradient(self, x: np.ndarray) -> float:
-        """By which share the gradient of the model's energy is not that of the stated one."""
+    def _gradient(self, x: np.ndarray) -> Relation:
         seen = self._of_model(x, lambda x, p, q: self.model.flight_gradient(x, p, q)) / self.sizes["flight"]
         stated = self.balance(x)["gradient"][..., 0]
-        return _share_of_each(seen * self.unit(ENERGY) * self.energy_unit - stated, stated)
+        off = _share_of_each(seen * self.unit(ENERGY) * self.energy_unit - stated, stated)
+        return Relation("the energy has the slopes of the masses, heights and laws", off)
 
     def _impact(self, x: np.ndarray, run: Simulation | None) -> Relation:
         """A plastic impact changes the momentum along the gap and along what sticks alone, and stops these. With B the
@@ -311,20 +383,55 @@ class _Compared:
         off.append(share(np.swapaxes(along, 1, 2) @ after[:, self.speeds, None], before[:, self.speeds]))
         off.append(share((after - before)[:, self.places], before))
         off += [share(lost - loss, loss), share(mass / self.sizes["flight"][1] ** 2 - masses, masses)]
+        off.append(self._handed_over(x))
         return Relation("impacts change momentum and energy as the masses require", max(off))
+
+    def _handed_over(self, x: np.ndarray) -> float:
+        """By which share hand-overs change momentum: the point that lands gets an impulse alone, so that momentum along
+        all motions about it stays. A relabelling that flips signs mirrors the places across."""
+        planar, size, label, off = self.model.planar, self.sizes["flight"], self.model.relabelling, [0.0]
+        p = self.machine.values
+        if planar is None or planar.handed_over is None:
+            return 0.0
+        heights = sum(isinstance(each, Mass) for each in self.stated.elements)
+        for handed, onward in ((planar.handed_over, label), (planar.handed_back, label.inverse)):
+            named = onward(x / size, p) * size
+            after = self._of_model(x, lambda x, p, q, handed=handed: handed(x, p)) * size
+            off.append(share((after - named)[:, self.places], named))
+            before, renamed, then = self.balance(x), self.balance(named), self.balance(after)
+            before["rates"][:, heights:] *= min(label.signs)
+            change = then["by_rates"] @ (then["rates"] - before["rates"]) + then["turning"] - renamed["turning"]
+            off.append(share(change, then["by_rates"] @ then["rates"] + then["turning"]))
+        return max(off)
+
+    def _along_ground(self, x: np.ndarray) -> float:
+        """By which share the centre of mass along the ground, its speed and the weight are not the stated ones."""
+        off, planar, units = [0.0], self.model.planar, (LENGTH, SPEED, FORCE)
+        if planar is None:
+            return 0.0
+        weight = planar.weight and (lambda x, p: planar.weight(p))
+        for i, own in enumerate((planar.across, planar.travel, weight)):
+            if own is not None:
+                seen = self._of_model(x, lambda x, p, q, own=own: [own(x, p)])[:, 0] * self.unit(units[i])
+                off.append(share(seen - self.balance(x)["across"][:, i, 0], seen, x if i < 2 else 0.0))
+        return max(off)
 
     def _losses(self, run: Simulation | None) -> float:
         """By which share the losses of a simulation's impacts are not those of the stated energies. An impact leaves
-        the places as they are, or takes them to the labels of the next contact; of a landing that nothing is stated of
-        the loss is not known."""
+        the places as they are, or takes them to the labels of the next contact, or of the last one in a step back; of a
+        landing that nothing is stated of the loss is not known."""
         off, events = [0.0], run.events if run else ()
         known = events[:-1] if run and run.status == "unstated" else events
         for event in (each for each in known if each.kind in ("impact", "landing")):
             before, after = (self.balance(each[None]) for each in (event.before, event.after))
-            same = [share((x - event.after)[self.places], x) for x in (event.before, before["relabelled"][0, :, 0])]
-            if min(same) < OPTIONS.exact:
-                energies = [(each["kinetic"] + each["stored"])[0, 0, 0] for each in (before, after)]
-                off.append(share(energies[0] - energies[1] - event.loss * self.energy_unit, before["kinetic"]))
+            moves = [event.before - event.after, before["relabelled"][0, :, 0] - event.after]
+            moves.append(event.before - after["relabelled"][0, :, 0])
+            own = [move[self.places] for move in moves]
+            for move in own:
+                move[self.sticking] = 0.0  # it is counted from where it lands
+            off.append(min(share(move, event.before, event.after) for move in own))
+            energies = [(each["kinetic"] + each["stored"])[0, 0, 0] for each in (before, after)]
+            off.append(share(energies[0] - energies[1] - event.loss * self.energy_unit, before["kinetic"]))
         return max(off)
 
     def _along_orbit(self, orbit: Orbit) -> Iterator[Relation]:
@@ -346,32 +453,37 @@ class _Compared:
         words = "it lands in the mirror image of its launch, and lifts off without a force"
         yield Relation(words, max(ends), OPTIONS.same_motion)
 
-    def _along_hops(self, run: Simulation) -> Relation:
+    def _along_hops(self, run: Simulation, left_out: list[str]) -> Relation:
         """The legs of a simulation integrated again, and the return map of its launches."""
-        off, launch = [0.0], self._on_ground(run(0.0)[None])
-        if self.model.one_speed:
-            off.append(share(self._rates("contact", launch)[1][CONTACT_FORCE], self.pressing))
+        off, kinds = [0.0], {event.kind for event in run.events}
         for leg, event in zip(run.legs, run.events, strict=False):
             begins = leg.path(0.0)[: len(self.sizes[leg.phase])]
             ends = self._integrated(leg.phase, begins, float(leg.path.times[-1]))
             ends = ends @ self.embed.T if leg.phase == "contact" else ends
             off.append(share(ends[-1] - event.before, event.before, ends))
-        words, launches = "hops begin at lift-off, and are those integrated by DOP853", run.launches
-        if self.model.one_speed and np.isfinite(launches).sum() > 1:
+        words, launches = "hops are those integrated by DOP853", run.launches
+        known = np.isfinite(launches[:-1]) & np.isfinite(launches[1:])
+        missing = [f"no {kind}" for kind in ("landing", "lift-off") if kind not in kinds]
+        missing += ["no return map"] if self.model.one_speed and not known.any() else []
+        if missing:
+            events = "1 event" if len(run.events) == 1 else f"{len(run.events)} events"
+            left_out.append(f"{' and '.join(missing)}: the hop ends after {events}, {run.status}")
+        if self.model.one_speed and known.any():
             words += " and of the return map"
-            launches = launches[np.isfinite(launches)]
-            hops = ReturnMap(self.machine)(launches[:-1])
-            off.append(share((hops.next - launches[1:])[np.isfinite(hops.next)], launches))
+            hops = ReturnMap(self.machine)(launches[:-1][known])
+            off.append(share(hops.next - launches[1:][known], launches[1:][known]))
         return Relation(words, max(off), OPTIONS.same_motion)
 
     def _integrated(self, where: str, start: np.ndarray, time: float) -> np.ndarray:
         """States (moments, n) of a motion by DOP853, along which kinetic energy and the work of forces are summed."""
         from scipy.integrate import solve_ivp  # takes longer to import than most checks take
 
-        x = ca.SX.sym("x", len(start) + 1)  # the last is the work
-        flown = ca.mtimes(self.embed, x[:-1]) if where == "contact" else x[:-1]
-        rates = ca.vertcat(self.moves[where](x[:-1])[0], self.balance.power(flown))
-        rate = BufferedFunction(ca.Function("rate", [x], [ca.densify(rates)]))
+        if where not in self.integrands:
+            x = ca.SX.sym("x", len(start) + 1)  # the last is the work
+            flown = ca.mtimes(self.embed, x[:-1]) if where == "contact" else x[:-1]
+            rates = ca.vertcat(self.moves[where](x[:-1])[0], self.balance.power(flown))
+            self.integrands[where] = BufferedFunction(ca.Function("rate", [x], [ca.densify(rates)]))
+        rate = self.integrands[where]
         smallest = OPTIONS.tolerance * max(float(np.abs(start).max()), np.finfo(float).tiny)
         options = {"method": "DOP853", "rtol": OPTIONS.tolerance, "atol": smallest}
         times = np.linspace(0.0, time, OPTIONS.moments)

@@ -8,11 +8,12 @@ import pytest
 from checked_machines import MACHINES
 from conftest import slow_after
 
-from orbits import InputError, check, starts
+import orbits.checks
+from orbits import InputError, Mechanism, check, find, starts
 from orbits.errors import InconsistentModel
-from orbits.mechanics import Force, Mass
+from orbits.mechanics import Force, Mass, Spring
 from orbits.model import TANGENTIAL_FORCE
-from problems import Chain, HeavyHand, Hopper, chain_hand, plate_hopper
+from problems import Chain, HeavyHand, Hopper, chain_hand, plate_hopper, runner
 from problems.laws import springs
 
 SLOW = pytest.mark.slow
@@ -22,16 +23,17 @@ OTHERS = (
     *("inerter in SI", "soil in SI", "actuated in SI", "wheel in SI", "rocking block", "chain of 2"),
 )
 IN_FLIGHT, IN_CONTACT, IMPACTS = "in flight masses", "in contact the", "impacts change"
-LANDS, ENERGY, LENGTHS = "it lands", "the energy", "gaps, distances"
+LANDS, ENERGY, LENGTHS, HOPS = "it lands", "the energy", "gaps, distances", "hops are those"
+REDUCED = "the reduced motion"
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW if name in OTHERS else ()) for name in MACHINES])
 def test_machines_hold(name):
     checked = check(MACHINES[name])
     assert checked.largest < 1e-2
-    assert len(checked.relations) + len(checked.left_out) >= 6
+    assert len(checked.relations) + len(checked.left_out) >= 7
     lines = str(checked).splitlines()
-    assert len(lines) == 2 + len(checked.relations) + len(checked.left_out) <= 10
+    assert len(lines) == 2 + len(checked.relations) + len(checked.left_out) <= 12
     assert lines[0].endswith(f": {len(checked.relations)} relations hold")
 
 
@@ -57,12 +59,29 @@ def test_a_chain_holds_along_its_own_hop():
     assert checked.largest < 1e-2
 
 
-def posing(machine, model=None, stated=None) -> SimpleNamespace:
-    """A machine of the same numbers with another model, or with another statement."""
+@SLOW
+def test_a_runner_holds_along_its_own_orbit(tmp_path):
+    """Its orbit takes it on by a step, which is a number of the orbit; a file of another orbit is only a guess."""
+    orbit = find(runner(), tune=("inertia", "hip_stiffness"), at={"speed": 0.4})
+    checked = check(orbit.source, start=orbit)
+    assert any(each.words.startswith(LANDS) for each in checked.relations)
+    assert checked.largest < 1e-2
+    model = orbit.source.model
+    shifted = replace(model, symmetry_shift=changed(model.symmetry_shift))
+    with pytest.raises(InconsistentModel, match=LENGTHS):
+        check(posing(orbit.source, shifted), start=orbit)
+    chain = MACHINES["chain of 3"]
+    found = find(chain, start=starts(chain, 4.0, 4.0)[0])
+    found.save(tmp_path / "chain.json")
+    assert any(each.words.startswith(LANDS) for each in check(chain, start=tmp_path / "chain.json").relations)
+
+
+def posing(machine, model=None, stated=None, **numbers) -> SimpleNamespace:
+    """A machine of the same numbers, but for `numbers`, with another model, or with another statement."""
     names = ("values", "units", "describe", "with_values", "restitution", "rest_length", "scheduled", "dimensionless")
     own = {name: getattr(machine, name) for name in names if hasattr(machine, name)}
     statement = machine.stated() if stated is None else stated
-    return SimpleNamespace(**own, model=model or machine.model, stated=lambda: statement)
+    return SimpleNamespace(**own | numbers, model=model or machine.model, stated=lambda: statement)
 
 
 def broken(machine) -> list[str]:
@@ -133,6 +152,97 @@ def test_wrong_equations_are_found(name):
         assert any(words.startswith(relation) for words in broken(posing(machine, model)))
 
 
+def test_wrong_forces_heights_and_places_are_found():
+    """Each is used beside the motion: for quantities of an orbit, figures, and the count of families."""
+    machine = MACHINES["damped"]
+    model, heights = machine.model, machine.model.heights
+    longer = replace(model.extension, weights=tuple(1.01 * each for each in model.extension.weights))
+    for relation, changes in (
+        (IN_FLIGHT, {"tension": changed(model.tension)}),
+        (IN_FLIGHT, {"spring_forces": {name: changed(force) for name, force in model.spring_forces.items()}}),
+        (LENGTHS, {"extension": longer}),
+        (LENGTHS, {"extension_offset": lambda p: 1e-3}),
+        (LENGTHS, {"heights": lambda p: {**heights(p), "centre of mass": model.gap(p)}}),
+        (LENGTHS, {"rest": lambda p: np.array([1e-3, 0.0, 0.0, 0.0])}),
+        (ENERGY, {"flight_gradient": changed(model.flight_gradient, 1 + 5e-7)}),
+        (IN_CONTACT, {"release": lambda alpha, p: (1 + 1e-6) * np.asarray(model.release(alpha, p))}),
+    ):
+        assert any(words.startswith(relation) for words in broken(posing(machine, replace(model, **changes)))), changes
+
+
+@pytest.mark.parametrize("name", ["in SI", "juggler"])
+def test_wrong_forces_in_closed_form_are_found(name):
+    machine = MACHINES[name]
+    form = machine.model.contact.closed_form
+
+    def pressed(p):
+        ((named, (weights, force)),) = form(p).watch.items()
+        return replace(form(p), watch={named: (1.001 * np.array(weights), 1.001 * force)})
+
+    contact = replace(machine.model.contact, closed_form=pressed)
+    assert any(
+        words.startswith(IN_CONTACT) for words in broken(posing(machine, replace(machine.model, contact=contact)))
+    )
+
+
+def wrong_maps(model):
+    """A model with other maps of the motion turned back, of the next step, and of hand-overs."""
+    for name in ("reversor", "symmetry"):
+        if signs := getattr(model, name):
+            yield LENGTHS, replace(model, **{name: tuple(-sign for sign in signs)})
+        if shift := getattr(model, f"{name}_shift"):
+            yield LENGTHS, replace(model, **{f"{name}_shift": changed(shift)})
+    for name in ("across", "travel", "weight"):
+        if model.planar and (function := getattr(model.planar, name)):
+            yield LENGTHS, replace(model, planar=replace(model.planar, **{name: changed(function)}))
+    if model.planar and model.planar.handed_over:
+        for name in ("handed_over", "handed_back"):
+            faster = changed(getattr(model.planar, name), 1.05, slice(1, None, 2))
+            yield IMPACTS, replace(model, planar=replace(model.planar, **{name: faster}))
+
+
+@pytest.mark.parametrize("name", slow_after(2, ("wheel on a slope", "runner", "wheel", "rocking block")))
+def test_wrong_maps_are_found(name, monkeypatch):
+    machine, few = MACHINES[name], replace(orbits.checks.OPTIONS, impacts=3)
+    monkeypatch.setattr(orbits.checks, "OPTIONS", few)  # maps are compared at states, whatever a hop does
+    for relation, model in wrong_maps(machine.model):
+        if name == "runner" and model.symmetry_shift is not machine.model.symmetry_shift:
+            continue  # without an orbit its step is 0
+        if name == "runner" and model.reversor_shift is not machine.model.reversor_shift:
+            continue
+        assert any(words.startswith(relation) for words in broken(posing(machine, model)))
+
+
+def test_a_return_map_without_numbers_is_found(monkeypatch):
+    monkeypatch.setattr(
+        orbits.checks, "ReturnMap", lambda machine: lambda speeds: SimpleNamespace(next=np.full(len(speeds), np.nan))
+    )
+    assert [words.startswith(HOPS) for words in broken(MACHINES["in SI"])] == [True]
+
+
+def test_what_is_not_compared_is_said():
+    elements = [Mass("a", 1.3), Mass("b", 0.7), Mass("b + 2*cos(t)", 1.3), Spring("a - b", "r"), Spring("t", "r")]
+    left_out = check(Mechanism(("a", "b", "t"), elements, gap="b", angles=("t",), gravity=1.0)).left_out
+    assert any("no hop: the inertia is singular at rest" in reason for reason in left_out)
+    for name, why in (("damped", "so that start= is not used"), ("runner", "it is no orbit of this machine")):
+        left_out = check(MACHINES[name], start={"alpha": 3.0}).left_out
+        assert [why in reason for reason in left_out] == [True, False]
+        assert "no lift-off" in left_out[1]
+        assert "the hop ends after 1 event, " in left_out[1]
+
+
+def test_numbers_out_of_bounds_are_refused():
+    machine = MACHINES["cubic"]
+    for numbers, message in (
+        ({"restitution": 2.0}, "restitution = 2 is out of bounds; it lies between 0 and 1"),
+        ({"restitution": np.nan}, "restitution = nan is not a finite number"),
+        ({"rest_length": np.nan}, "rest_length = nan is not a finite number"),
+        ({"values": machine.values | {"mass_ratio": np.inf}}, "mass_ratio = inf is not a finite number"),
+    ):
+        with pytest.raises(InputError, match=message):
+            check(posing(machine, **numbers))
+
+
 def test_wrong_statements_are_found():
     """A mass that is 1 % larger, gravity, a spring or a force of the other sign, and a spring of another law."""
     machine = MACHINES["inerter"]
@@ -157,14 +267,14 @@ def test_a_wrong_reversor_is_found():
     other = SimpleNamespace(**{name: getattr(stated, name) for name in (*vars(stated), "values")})
     other.reversor = {**stated.reversor, "phi": "1.99*angle - phi"}
     assert [words.split(",")[0] for words in broken(posing(wheel, None, other))] == [
-        f"{LANDS} in the mirror image of its launch"
+        "gaps",
+        f"{LANDS} in the mirror image of its launch",
     ]
 
 
 @pytest.mark.parametrize("name", slow_after(1, ("cubic", "hopper", "juggler")))
 def test_wrong_short_cuts_are_found(name):
-    """The reduced flight, motions in closed form, and the extension at lift-off: `check` finds them, or says that there
-    is no orbit."""
+    """The reduced flight, motions in closed form, and the extension at lift-off."""
     machine = MACHINES[name]
     model, (arc,) = machine.model, machine.model.reduction.statement.arcs
     phase = replace(arc.phase, field=changed(arc.phase.field, entries=slice(1, 2)), closed_form=None)
@@ -178,14 +288,8 @@ def test_wrong_short_cuts_are_found(name):
         if form := getattr(model, where).closed_form:
             faster = lambda p, form=form: replace(form(p), squares=1.01 * form(p).squares)  # noqa: E731
             wrong.append({"reduction": None, where: replace(getattr(model, where), closed_form=faster)})
-    found = []
-    for changes in wrong:
-        try:
-            found.append(check(posing(machine, replace(model, **changes))).left_out)
-        except InconsistentModel as error:
-            found.append(error.relations)
-    assert all(found)
-    assert all(isinstance(reason, str) == ("cannot be certified" in str(reason)) for (reason, *_) in found)
+    found = [broken(posing(machine, replace(model, **changes))) for changes in wrong]
+    assert any(words.startswith(REDUCED) for words in found[0])
 
 
 @SLOW

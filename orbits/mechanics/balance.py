@@ -24,6 +24,9 @@ from .mechanism import Mechanism
 class Balance:
     """A mechanism with its numbers as functions of flight states x (N, 2 n + k) and accelerations a (N, n).
 
+    exact : extensions change along one another where what is across is at most this share
+    rest : (2 n + k,), the state in which it rests with the springs unloaded
+
     A call returns arrays by name:
     terms : (N, n, count), the summands of the balance along each coordinate
     ground : (N, 2, 1), the forces across and along the ground that all masses need
@@ -32,22 +35,32 @@ class Balance:
     gradient : (N, 2 n + k, 1), of the energy
     inertia : (N, n, n)
     gap, landing_gap : (N, 1, 1), of which the first has the largest weight 1; along_gap, along_landing_gap : (N, n, 1)
-    lengths : (N, k, 1), the gap, the landing gap, the separation, 0 where none is stated, and the heights
+    lengths : (N, k, 1), the gap, the landing gap, the separation, 0 where none is stated, the extension that is
+        counted, and the heights
+    centre, places : (N, 1, 1) and (N, k, 1), the heights of the centre of mass, 0 without masses, and of each mass
+    across : (N, 3, 1), the place of the centre of mass along the ground, its speed, and the weight on the ground
+    rates, by_rates, turning : (N, k, 1), (N, n, k) and (N, n, 1), the speeds of masses at heights and then across, the
+        momentum per each of them, and that of all else along the coordinates
+    tension, springs : (N, 1, 1) and (N, k, 1), the force of all springs along the extension that is counted, and of
+        each
     reversed, relabelled : (N, 2 n + k, 1), the images of the state under the maps that are stated
     """
 
-    def __init__(self, stated: Mechanism):
-        self.stated, self.p, self.count = stated, stated.values, len(stated.coordinates)
+    def __init__(self, stated: Mechanism, exact: float):
+        self.stated, self.p, self.count, self.exact = stated, stated.values, len(stated.coordinates), exact
         moved = (*stated.coordinates, *stated.actuators)
         self.q, self.v, self.a = (ca.SX.sym(name, len(moved)) for name in "qva")
         self.places, self.rates = (dict(zip(moved, ca.vertsplit(each), strict=True)) for each in (self.q, self.v))
-        n, found = self.count, {**self._balance(), **self._energies(), **self._geometry()}
+        n, energies = self.count, {**self._balance(), **self._energies(), **self._momenta()}
+        found = {**energies, **self._geometry(), **self._springs()}
         inner = ca.Function("stated", [self.q, self.v, self.a], [ca.densify(each) for each in found.values()])
         x, a = ca.SX.sym("x", n + len(moved)), ca.SX.sym("a", n)
         # The displacement of an actuator has a rate that is a parameter, and no acceleration.
         speeds = ca.vertcat(x[1 : 2 * n : 2], *(self.p[rate] for rate in stated.actuators.values()))
         accelerations = ca.vertcat(a, ca.SX.zeros(len(stated.actuators)))
         results = inner.call([self._places(x), speeds, accelerations])
+        still = [part for name in stated.coordinates for part in (self._stands_at(name), 0.0)]
+        self.rest = np.array([*still, *[0.0] * len(stated.actuators)])
         self.function = ca.Function("balance", [x, a], results, ["x", "a"], list(found))
         self.names, self._mapped = list(found), MappedFunction(self.function)
 
@@ -100,11 +113,60 @@ class Balance:
         gaps = {"gap": opens, "landing_gap": lands}
         gaps = {name: gap / ca.mmax(self._slope(opens)) for name, gap in gaps.items()}
         along = {f"along_{name}": self._slope(gap)[: self.count] for name, gap in gaps.items()}
-        lengths = [
-            self._at(each) for each in (0.0 if m.separation is None else m.separation, *(m.heights or {}).values())
-        ]
-        images = {"reversed": back, "relabelled": forward}
-        return {**gaps, **along, "lengths": ca.vertcat(*gaps.values(), *lengths), **images}
+        separation = self._at(0.0 if m.separation is None else m.separation)
+        lengths = [separation, self._counted(), *map(self._at, (m.heights or {}).values())]
+        heights = [(self._at(each.height), self._at(each.mass)) for each in m.elements if isinstance(each, Mass)]
+        mass = sum((mass for _, mass in heights), ca.SX(0))
+        return {
+            **gaps,
+            **along,
+            "lengths": ca.vertcat(*gaps.values(), *lengths),
+            "centre": sum((mass * h for h, mass in heights), ca.SX(0)) / mass if heights else ca.SX(0),
+            "places": ca.vertcat(*(h for h, _ in heights), ca.SX(0, 1)),
+            "reversed": back,
+            "relabelled": forward,
+        }
+
+    def _momenta(self) -> dict[str, ca.SX]:
+        n, masses = self.count, [each for each in self.stated.elements if isinstance(each, Mass)]
+        paths = [(self._at(each.height), self._at(each.mass)) for each in masses]
+        beside = [(self._at(each.across), self._at(each.mass)) for each in masses if each.across is not None]
+        whole, at_ground = ca.SX(0), _law(self.stated.gravity, ca.SX(0), self.p) * self._at(self.stated.surface_gravity)
+        for each in self.stated.elements:
+            whole += self._at(each.mass) * at_ground if isinstance(each, Mass | Weight) else 0
+        centre = sum((mass * x for x, mass in beside), ca.SX(0))
+        centre /= sum((mass for _, mass in paths), ca.SX(0)) if beside else 1
+        turning = (self._stated_inertia() @ self.v)[:n]
+        for each in self.stated.elements:
+            if isinstance(each, Inerter):
+                r = self._at(each.extension)
+                turning += self._at(each.inertance) * self._rate(r) * self._slope(r)[:n]
+        return {
+            "across": ca.vertcat(centre, self._rate(centre), whole),
+            "rates": ca.vertcat(*(self._rate(path) for path, _ in (*paths, *beside)), ca.SX(0, 1)),
+            "by_rates": ca.horzcat(*(mass * self._slope(path)[:n] for path, mass in (*paths, *beside)), ca.SX(n, 0)),
+            "turning": turning,
+        }
+
+    def _springs(self) -> dict[str, ca.SX]:
+        """The forces of springs; the tension is that of all whose extensions change with the one that is counted."""
+        along, tension, forces = self._slope(self._counted())[: self.count], ca.SX(0), list[ca.SX]()
+        for r, force in self._forces(Spring):
+            slope = self._slope(r)[: self.count]
+            ratio = ca.dot(slope, along) / ca.sumsqr(along)
+            parallel = ca.sumsqr(slope - ratio * along) < self.exact**2 * ca.sumsqr(slope)
+            tension += ca.if_else(parallel, ratio * force, 0)
+            forces.append(force)
+        return {"tension": tension, "springs": ca.vertcat(*forces, ca.SX(0, 1))}
+
+    def _counted(self) -> ca.SX:
+        """The extension whose stationary points count the family: the first spring's unless another one is stated."""
+        extensions = (each.extension for each in self.stated.elements if isinstance(each, Spring))
+        return self._at(next(extensions, 0.0) if self.stated.counts is None else self.stated.counts)
+
+    def _stands_at(self, name: str) -> float:
+        """Where a coordinate rests with the springs unloaded."""
+        return float(ca.evalf(ca.SX(value_of(self.stated.rest.get(name, 0.0), {}, self.p))))
 
     def _places(self, x: ca.SX) -> ca.SX:
         """The places with an actuator's displacement in a flight state."""

@@ -442,13 +442,16 @@ def simulate_command(
     options.write(run, as_json, plot, animate, export=export)
 
 
-@orbits.command("check", epilog="\b\nExit code: 0 it moves as it is stated, 2 it does not, or bad input.")
+@orbits.command("check", epilog="\b\nExit code: 0 no relation that is compared is broken, 2 one is, or bad input.")
 @options.machine_options
 @options.damper_options
 @options.start_option
 @options.json_option
 def check_command(hop: str | None, as_json: bool, **stated: Any) -> None:
-    """Check that the machine moves as it is stated: forces, impacts, energies, and an integration by DOP853."""
+    """Check that the machine moves as it is stated: forces, impacts, energies, and an integration by DOP853.
+
+    The relations that could not be compared are printed with the reason.
+    """
     from orbits.checks import check
 
     options.write(check(options.machine_of(**stated), start=hop), as_json)
