@@ -19,7 +19,7 @@ import numpy as np
 from .errors import InconsistentModel, InputError, NoOrbit, finite_number
 from .hops import Simulation, simulate
 from .laws import Algebraic, coefficient_of_restitution
-from .mechanics import Balance, Mass, Mechanism, value_of
+from .mechanics import Balance, Damper, Force, Mass, Mechanism, value_of
 from .model import (
     CONTACT_FORCE,
     LANDED_FORCE,
@@ -188,7 +188,7 @@ class _Compared:
         x = self._states(orbit)
         with np.errstate(all="ignore"):  # a deviation that is no number counts as unbounded
             found = [self._lengths(x), self._flight(x), self._contact(x, run), self._gradient(x), self._impact(x, run)]
-            found += self._reduced(orbit, start, left_out)
+            found += [*self._conserves(), *self._reduced(orbit, start, left_out)]
             found += self._along_orbit(orbit) if orbit else ()
             found += [self._along_hops(run, left_out)] if run else []
         words = "the energy along motions is that of the masses, heights and laws"
@@ -210,6 +210,12 @@ class _Compared:
             except NoOrbit as error:
                 left_out.append(f"no orbit: {error}")
         return None
+
+    def _conserves(self) -> Iterator[Relation]:
+        """A model that loses energy has an element that does so: it would have no orbit to compare otherwise."""
+        losing = any(isinstance(each, Damper | Force) for each in self.stated.elements) or self.stated.actuators
+        if not (self.model.conservative or losing or self.model.hysteretic):
+            yield Relation("energy is conserved where nothing that is stated loses it", np.inf)
 
     def _reduced(
         self, orbit: Orbit | None, start: Orbit | Mapping[str, float] | None, left_out: list[str]
@@ -409,7 +415,8 @@ class _Compared:
         off, planar, units = [0.0], self.model.planar, (LENGTH, SPEED, FORCE)
         if planar is None:
             return 0.0
-        weight = planar.weight and (lambda x, p: planar.weight(p))
+        heavy = planar.weight
+        weight = (lambda x, p: heavy(p)) if heavy else None
         for i, own in enumerate((planar.across, planar.travel, weight)):
             if own is not None:
                 seen = self._of_model(x, lambda x, p, q, own=own: [own(x, p)])[:, 0] * self.unit(units[i])
@@ -463,11 +470,11 @@ class _Compared:
             off.append(share(ends[-1] - event.before, event.before, ends))
         words, launches = "hops are those integrated by DOP853", run.launches
         known = np.isfinite(launches[:-1]) & np.isfinite(launches[1:])
-        missing = [f"no {kind}" for kind in ("landing", "lift-off") if kind not in kinds]
-        missing += ["no return map"] if self.model.one_speed and not known.any() else []
+        missing = [kind for kind in ("landing", "lift-off") if kind not in kinds]
+        missing += ["return map"] if self.model.one_speed and not known.any() else []
         if missing:
             events = "1 event" if len(run.events) == 1 else f"{len(run.events)} events"
-            left_out.append(f"{' and '.join(missing)}: the hop ends after {events}, {run.status}")
+            left_out.append(f"no {' or '.join(missing)}: the hop ends after {events}, {run.status}")
         if self.model.one_speed and known.any():
             words += " and of the return map"
             hops = ReturnMap(self.machine)(launches[:-1][known])

@@ -213,6 +213,11 @@ def test_wrong_maps_are_found(name, monkeypatch):
         assert any(words.startswith(relation) for words in broken(posing(machine, model)))
 
 
+def test_a_model_that_claims_to_lose_energy_is_found():
+    machine = MACHINES["in SI"]
+    assert broken(posing(machine, replace(machine.model, conservative=False)))[0].startswith("energy is conserved")
+
+
 def test_a_return_map_without_numbers_is_found(monkeypatch):
     monkeypatch.setattr(
         orbits.checks, "ReturnMap", lambda machine: lambda speeds: SimpleNamespace(next=np.full(len(speeds), np.nan))
