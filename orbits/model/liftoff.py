@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,21 +11,25 @@ from ..errors import InputError, NoOrbit
 from ..laws import ONE_SIDED, WRONG_SIGN, Key, Law, sampled_closely, values_and_slopes
 from ..units import EXTENSION, Message, Quantity
 
-# Below this slope, rounding cannot distinguish a force that passes the level of lift-off from one that only touches it.
-FLATTEST_LIFTOFF = 1e-14
-# The force jumps over the level of lift-off where it differs from it by more than this just beside.
-JUMPS_OVER = 1e-6
-DIGITS_BESIDE = 4.0  # last digits of the extension from lift-off to there
+
+class LiftoffOptions(NamedTuple):
+    """When a force passes the level of lift-off, and how the place is found."""
+
+    # Below this slope, rounding cannot distinguish a force that passes the level from one that only touches it.
+    flattest: float = 1e-14
+    jumps_over: float = 1e-6  # a force that differs from the level by more just beside the place jumps over it
+    digits_beside: float = 4.0  # last digits of the extension from lift-off to there
+    block: int = 256  # springs that are searched together, so that their sampled forces stay in the processor's cache
+    bisections: int = 60  # of an interval, after which its ends are neighbouring numbers
+
+
+LIFTOFF = LiftoffOptions()
 # Distances from rest at which the force is sampled: densely where a spring in its own units lifts off.
 SAMPLED_DISTANCES = np.concatenate(
     [[0.0], np.geomspace(1e-9, 1e-3, 50)[:-1], np.geomspace(1e-3, 1e3, 200), np.geomspace(1e3, 1e9, 50)[1:]]
 )
-# Springs whose lift-off is searched for together, so that their sampled forces stay in the processor's cache.
-BLOCK_OF_SPRINGS = 256
 # The dimension of a force's slope; the extension is a length or an angle.
 FORCE_PER_EXTENSION = (0, 0, 1, 0, -1)
-# Halvings of an interval after which its ends are neighbouring numbers.
-BISECTIONS = 60
 
 
 @dataclass(frozen=True)
@@ -83,8 +88,8 @@ class Liftoff:
             return found
         forces, slopes = values_and_slopes(key, p, np.zeros((count, 1)))
         away = np.where(forces[:, 0] < level, 1.0, -1.0)
-        for first in range(0, count, BLOCK_OF_SPRINGS):
-            rows = slice(first, first + BLOCK_OF_SPRINGS)
+        for first in range(0, count, LIFTOFF.block):
+            rows = slice(first, first + LIFTOFF.block)
             extensions, block = away[rows, None] * SAMPLED_DISTANCES, {name: values[rows] for name, values in p.items()}
             forces, slopes = values_and_slopes(key, block, extensions)
             with np.errstate(invalid="ignore"):
@@ -97,7 +102,7 @@ class Liftoff:
             found[rows][forces[:, 0] == level] = 0.0
             found[rows][steady] = self._reached(key, {name: values[steady] for name, values in block.items()}, *ends)
         forces, slopes = (each[:, 0] for each in values_and_slopes(key, p, np.nan_to_num(found)[:, None]))
-        found[~(slopes > FLATTEST_LIFTOFF) | (np.abs(forces - level) > JUMPS_OVER)] = np.nan
+        found[~(slopes > LIFTOFF.flattest) | (np.abs(forces - level) > LIFTOFF.jumps_over)] = np.nan
         return found
 
     def _reached(self, key: Key, p: Mapping[str, np.ndarray], low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -129,9 +134,10 @@ class Liftoff:
     def refuse_jump(self, law: Law, liftoff: float) -> None:
         """Raise `NoOrbit` where the force jumps over the level of lift-off: the equations of an orbit, in which it
         equals the level there, have no solution."""
-        beside = np.clip(liftoff + np.array([-1.0, 1.0]) * DIGITS_BESIDE * np.spacing(np.abs(liftoff)), *law.range())
+        digits = LIFTOFF.digits_beside * np.spacing(np.abs(liftoff))
+        beside = np.clip(liftoff + np.array([-1.0, 1.0]) * digits, *law.range())
         below, above = law(beside).tolist()
-        if max(1.0 - self.load - below, above - (1.0 - self.load)) <= JUMPS_OVER:
+        if max(1.0 - self.load - below, above - (1.0 - self.load)) <= LIFTOFF.jumps_over:
             return
         unit, zero, place = self.scale(law.parameters)
         text = (
@@ -145,7 +151,7 @@ class Liftoff:
     def _checked(self, law: Law, liftoff: float) -> float:
         """The extension at lift-off; raises `NoOrbit` where the force only touches the level there."""
         slope = float(law.with_slope(liftoff)[1])
-        if slope > FLATTEST_LIFTOFF:
+        if slope > LIFTOFF.flattest:
             return liftoff
         unit, _, place = self.scale(law.parameters)
         if np.isnan(slope):
@@ -219,7 +225,7 @@ def _end_of_rise(law: Law, inner: ArrayLike, outer: ArrayLike) -> np.ndarray:
 
 def _last_where(true: Callable, inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
     """The last extensions (m,) where something is true between `inner` (m,), where it is, and `outer` (m,)."""
-    for _ in range(BISECTIONS):
+    for _ in range(LIFTOFF.bisections):
         middle = 0.5 * (inner + outer)
         here = true(middle)
         inner, outer = np.where(here, middle, inner), np.where(here, outer, middle)
@@ -231,7 +237,7 @@ def _level_crossings(force_and_slope: Callable, level: np.ndarray, low: np.ndarr
     method safeguarded by bisection, each ended by its own step or bracket, which rounding alone determines where the
     force is flat."""
     r = 0.5 * (low + high)
-    for turn in range(3 * BISECTIONS):
+    for turn in range(3 * LIFTOFF.bisections):
         force, slope = force_and_slope(r)
         low, high = np.where(force < level, r, low), np.where(force < level, high, r)
         new = np.divide(level - force, slope, out=np.full(r.shape, np.inf), where=slope != 0) + r
@@ -239,7 +245,7 @@ def _level_crossings(force_and_slope: Callable, level: np.ndarray, low: np.ndarr
         if settled.all():
             break
         # Along a steep power Newton's method hardly moves.
-        inside = (low < new) & (new < high) & (turn < BISECTIONS)
+        inside = (low < new) & (new < high) & (turn < LIFTOFF.bisections)
         following = np.where(inside, new, 0.5 * (low + high))
         r = np.where(settled, r, following)
     return np.clip(new, low, high)
