@@ -8,8 +8,9 @@ import pytest
 from checked_machines import MACHINES
 from conftest import slow_after
 
-import orbits.checks
 from orbits import InputError, Mechanism, check, find, starts
+from orbits.checks import checked as checked_module
+from orbits.checks.relation import OPTIONS
 from orbits.errors import InconsistentModel
 from orbits.mechanics import Force, Mass, Spring
 from orbits.model import TANGENTIAL_FORCE
@@ -203,8 +204,8 @@ def wrong_maps(model):
 
 @pytest.mark.parametrize("name", slow_after(2, ("wheel on a slope", "runner", "wheel", "rocking block")))
 def test_wrong_maps_are_found(name, monkeypatch):
-    machine, few = MACHINES[name], replace(orbits.checks.OPTIONS, impacts=3)
-    monkeypatch.setattr(orbits.checks, "OPTIONS", few)  # maps are compared at states, whatever a hop does
+    machine, few = MACHINES[name], replace(OPTIONS, impacts=3)
+    monkeypatch.setattr(checked_module, "OPTIONS", few)  # maps are compared at states, whatever a hop does
     for relation, model in wrong_maps(machine.model):
         if name == "runner" and model.symmetry_shift is not machine.model.symmetry_shift:
             continue  # without an orbit its step is 0
@@ -220,7 +221,7 @@ def test_a_model_that_claims_to_lose_energy_is_found():
 
 def test_a_return_map_without_numbers_is_found(monkeypatch):
     monkeypatch.setattr(
-        orbits.checks, "ReturnMap", lambda machine: lambda speeds: SimpleNamespace(next=np.full(len(speeds), np.nan))
+        checked_module, "ReturnMap", lambda machine: lambda speeds: SimpleNamespace(next=np.full(len(speeds), np.nan))
     )
     assert [words.startswith(HOPS) for words in broken(MACHINES["in SI"])] == [True]
 

@@ -1,0 +1,251 @@
+"""The check of a machine against its statement: at states, along an orbit, and along hops beside it."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ..errors import InconsistentModel, InputError, NoOrbit, finite_number
+from ..hops import Simulation, simulate
+from ..laws import coefficient_of_restitution
+from ..mechanics import Damper, Force, Mechanism
+from ..model import CONTACT_FORCE, Machine, dimensionless, machine_in_words
+from ..periodic import Orbit, StartLike, find, start_in_file
+from ..result import Result
+from ..returns import ReturnMap
+from ..running import exclusive
+from ..symbolic import BufferedFunction
+from ..units import LIFTOFF_SPEED
+from .at_states import AtStates
+from .relation import OPTIONS, Relation, share
+
+
+@dataclass(frozen=True, repr=False)
+class Checked(Result, what="check", printed_digits=2, undrawn="relations have nothing to draw: print them"):
+    """The relations that `check` found to hold for a machine; printed, a table of them with their largest deviations.
+
+    machine : in words and numbers
+    relations : each with its deviation
+    left_out : relations that could not be checked, with the reason
+    """
+
+    machine: Mapping[str, Any]
+    relations: tuple[Relation, ...]
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def largest(self) -> float:
+        """The largest deviation as a share of its tolerance."""
+        return max(each.deviation / each.bound for each in self.relations)
+
+    def _line(self) -> dict[str, object]:
+        return {"machine": self.machine["machine"], "relations": len(self.relations), "largest": self.largest}
+
+    def title(self) -> str:
+        return f"{self.machine['machine']}: {len(self.relations)} relations hold"
+
+    def _notes(self) -> list[str]:
+        return list(self.left_out)
+
+    def table(self) -> dict[str, list[Any]]:
+        """The relations as columns: in words, their deviations, and the allowed ones."""
+        columns = zip(*((each.words, each.deviation, each.bound) for each in self.relations), strict=True)
+        return dict(zip(("relation", "deviation", "bound"), map(list, columns), strict=True))
+
+
+@exclusive
+def check(machine: Machine, *, start: StartLike | None = None) -> Checked:
+    """Check that a machine moves as it is stated.
+
+    machine : a `Mechanism`, or a machine that is stated as one, as those of `problems`
+    start : an initial guess as in `find`, for a machine whose launch has several numbers. For a machine with a
+        coordinate that sticks it is an orbit of that machine, to which numbers of the machine are tuned
+
+    The forces of the stated elements have to balance at random states, in flight and in contact, and so have impulses
+    at impacts and hand-overs; gaps, heights, extensions, spring forces and the maps of steps have to be those stated.
+    An orbit, and a hop beside it, are integrated again by SciPy's DOP853, along which the energy is summed from masses,
+    heights and laws. The orbit has to land in the mirror image of its launch, to lift off without a force, and to be
+    that of all equations where it is found by the reduced ones; the return map has to have the launches of the
+    simulation. What a machine does not have, or what is not found, is not compared: `left_out` says so.
+    Raises `InputError` for a machine that is not stated and for numbers out of their bounds, and `InconsistentModel`
+    with all relations that do not hold.
+
+    >>> from orbits import check
+    >>> from problems import Hopper
+    >>> check(Hopper()).largest < 1
+    True
+    """
+    if not hasattr(machine, "stated"):
+        kind = type(machine).__name__
+        raise InputError(f"a {kind} is not stated, so there is nothing to check it against: state an orbits.Mechanism")
+    _refuse_numbers(machine)
+    stated: Mechanism = machine.stated()
+    launch = start_in_file(start) if isinstance(start, str | Path) else start
+    left_out = list[str]()
+    bare = machine if stated.in_si else dimensionless(machine)
+    if launch is not None and bare is not machine and machine.units is not None:
+        launch = machine.units.dimensionless("start", launch)
+    relations = _Compared(bare, stated).relations(launch, left_out)
+    if broken := [each for each in relations if not each.holds]:
+        text = "; ".join(f"{each.words}: off by {each.deviation:.2g}" for each in broken)
+        raise InconsistentModel(f"the {stated.name} does not move as it is stated: {text}", tuple(broken))
+    return Checked(machine_in_words(machine), tuple(relations), tuple(left_out))
+
+
+def _refuse_numbers(machine: Machine) -> None:
+    """Raise `InputError` for a number of the machine that is out of its bounds."""
+    for name, value in machine.values.items():
+        finite_number(name, value)
+    coefficient_of_restitution(getattr(machine, "restitution", 0.0))
+    if (rest_length := getattr(machine, "rest_length", None)) is not None:
+        finite_number("rest_length", rest_length)
+
+
+class _Compared(AtStates):
+    """The relations of a machine: at states, along an orbit, and along hops."""
+
+    def __init__(self, machine: Machine, stated: Mechanism):
+        super().__init__(machine, stated)
+        # The energy's drifts along motions, as shares of it, and the rates of states and of the work by phase.
+        self.drifts, self.integrands = list[float](), dict[str, BufferedFunction]()
+
+    def relations(self, start: Orbit | Mapping[str, float] | None, left_out: list[str]) -> list[Relation]:
+        """All relations, each with its deviation."""
+        orbit = self._orbit(start, left_out)
+        run = self._hop(orbit, left_out)
+        x = self._states(orbit)
+        with np.errstate(all="ignore"):  # a deviation that is no number counts as unbounded
+            found = [self._lengths(x), self._flight(x), self._contact(x, run), self._gradient(x), self._impact(x, run)]
+            found += [*self._conserves(), *self._reduced(orbit, start, left_out)]
+            found += self._along_orbit(orbit) if orbit else ()
+            found += [self._along_hops(run, left_out)] if run else []
+        words = "the energy along motions is that of the masses, heights and laws"
+        return [*found, *([Relation(words, max(self.drifts), OPTIONS.same_motion)] if self.drifts else [])]
+
+    def _orbit(self, start: Orbit | Mapping[str, float] | None, left_out: list[str]) -> Orbit | None:
+        """An orbit of the machine; None where it has none, or none is found without a start."""
+        unused = "" if start is None else ", so that start= is not used"
+        if self.model.hysteretic or not self.model.conservative:
+            left_out.append(f"no orbit: the machine loses energy, or forces drive it{unused}")
+        elif self.model.sticks:
+            if isinstance(start, Orbit) and start.source is not None and start.source.values == self.machine.values:
+                return start
+            unused = unused and ", and start= is not used, since it is no orbit of this machine"
+            left_out.append(f"no orbit: its numbers are tuned; check(orbit.source, start=orbit) takes one{unused}")
+        else:
+            try:
+                return find(self.machine, start=start)
+            except NoOrbit as error:
+                left_out.append(f"no orbit: {error}")
+        return None
+
+    def _conserves(self) -> Iterator[Relation]:
+        """A model that loses energy has an element that does so: it would have no orbit to compare otherwise."""
+        losing = any(isinstance(each, Damper | Force) for each in self.stated.elements) or self.stated.actuators
+        if not (self.model.conservative or losing or self.model.hysteretic):
+            yield Relation("energy is conserved where nothing that is stated loses it", np.inf)
+
+    def _reduced(
+        self, orbit: Orbit | None, start: Orbit | Mapping[str, float] | None, left_out: list[str]
+    ) -> Iterator[Relation]:
+        """The orbit by the reduced motion is that by all equations of motion, which may be found where that is not."""
+        if self.model.reduction is None or not self.model.conservative or self.model.hysteretic:
+            return
+        try:
+            whole = find(self.machine, start=start, method="half orbit")
+        except NoOrbit as error:
+            if orbit:
+                left_out.append(f"no orbit by all equations: {error}")
+            return
+        off = share(whole.alpha - orbit.alpha, whole.alpha) if orbit else np.inf
+        yield Relation("the reduced motion has the orbit of all equations", off, OPTIONS.same_motion)
+
+    def _hop(self, orbit: Orbit | None, left_out: list[str]) -> Simulation | None:
+        """Hops that lose energy: beside an orbit, or of a machine that a kick along the gap lifts from rest."""
+        if self.model.hysteretic:
+            left_out.append("no hop: the phases have the mean law of a spring with hysteresis, and hops its branches")
+            return None
+        rest = self._rest()
+        if orbit:
+            rest = OPTIONS.beside * orbit(orbit.flight_time / 2)
+        elif not self.model.one_speed:
+            here = self.balance(rest[None])
+            try:
+                kick = np.linalg.solve(here["inertia"][0], here["along_gap"][0, :, 0])
+            except np.linalg.LinAlgError:
+                left_out.append("no hop: the inertia is singular at rest, where a kick would lift the machine")
+                return None
+            rest[self.speeds] = OPTIONS.launch * kick / (kick @ here["along_gap"][0, :, 0])
+        alpha = OPTIONS.beside * orbit.alpha if orbit else OPTIONS.launch * self.unit(LIFTOFF_SPEED)
+        begins = {"alpha": alpha} if self.model.one_speed else {"state": rest}
+        try:
+            run = simulate(self.machine, **begins, hops=OPTIONS.hops, cap=OPTIONS.impacts)
+        except (InputError, NoOrbit) as error:
+            left_out.append(f"no hop: {error}")
+            return None
+        if run.legs:
+            return run
+        left_out.append(f"no hop: the simulation ends where it begins, {run.reason or run.status}")
+        return None
+
+    def _along_orbit(self, orbit: Orbit) -> Iterator[Relation]:
+        """An orbit integrated again: its middles, its landing in the mirror image of the launch, and its lift-off."""
+        launch, time, middle = orbit(0.0), orbit.flight_time, OPTIONS.moments // 2
+        flown = self._integrated("flight", launch, time)
+        landed = self.balance(np.stack([launch, flown[-1]]))
+        image, gaps = landed["reversed"][0, :, 0], self.balance(flown)["gap"]
+        turned, same = flown[-1] - image, [share(flown[middle] - orbit(time / 2), launch, flown)]
+        turned[self.places][self.sticking] = 0.0  # it has moved on by a step
+        ends = [share(turned, launch, image), share(np.minimum(gaps, 0.0), gaps) if orbit.admissible else 0.0]
+        if orbit.contact is not None and orbit.contact_time is not None:
+            y = self._integrated("contact", self._on_ground(landed["relabelled"][1, :, 0]), orbit.contact_time)
+            force, stood = self._rates("contact", y)[1][CONTACT_FORCE], y @ self.embed.T
+            same.append(share(stood[middle] - orbit(time + orbit.contact_time / 2), launch, stood))
+            ends += [share(stood[-1] - launch, launch, stood), share(force[-1], force)]
+            ends.append(share(np.minimum(force, 0.0), force) if orbit.admissible else 0.0)
+        yield Relation("the orbit is that integrated by DOP853", max(same), OPTIONS.same_motion)
+        words = "it lands in the mirror image of its launch, and lifts off without a force"
+        yield Relation(words, max(ends), OPTIONS.same_motion)
+
+    def _along_hops(self, run: Simulation, left_out: list[str]) -> Relation:
+        """The legs of a simulation integrated again, and the return map of its launches."""
+        off, kinds = [0.0], {event.kind for event in run.events}
+        for leg, event in zip(run.legs, run.events, strict=False):
+            begins = leg.path(0.0)[: len(self.sizes[leg.phase])]
+            ends = self._integrated(leg.phase, begins, float(leg.path.times[-1]))
+            ends = ends @ self.embed.T if leg.phase == "contact" else ends
+            off.append(share(ends[-1] - event.before, event.before, ends))
+        words, launches = "hops are those integrated by DOP853", run.launches
+        known = np.isfinite(launches[:-1]) & np.isfinite(launches[1:])
+        missing = [kind for kind in ("landing", "lift-off") if kind not in kinds]
+        missing += ["return map"] if self.model.one_speed and not known.any() else []
+        if missing:
+            events = "1 event" if len(run.events) == 1 else f"{len(run.events)} events"
+            left_out.append(f"no {' or '.join(missing)}: the hop ends after {events}, {run.status}")
+        if self.model.one_speed and known.any():
+            words += " and of the return map"
+            hops = ReturnMap(self.machine)(launches[:-1][known])
+            off.append(share(hops.next - launches[1:][known], launches[1:][known]))
+        return Relation(words, max(off), OPTIONS.same_motion)
+
+    def _integrated(self, where: str, start: np.ndarray, time: float) -> np.ndarray:
+        """States (moments, n) of a motion by DOP853, along which kinetic energy and the work of forces are summed."""
+        from scipy.integrate import solve_ivp  # takes longer to import than most checks take
+
+        if where not in self.integrands:
+            x = ca.SX.sym("x", len(start) + 1)  # the last is the work
+            flown = ca.mtimes(self.embed, x[:-1]) if where == "contact" else x[:-1]
+            rates = ca.vertcat(self.moves[where](x[:-1])[0], self.balance.power(flown))
+            self.integrands[where] = BufferedFunction(ca.Function("rate", [x], [ca.densify(rates)]))
+        rate = self.integrands[where]
+        smallest = OPTIONS.tolerance * max(float(np.abs(start).max()), np.finfo(float).tiny)
+        options = {"method": "DOP853", "rtol": OPTIONS.tolerance, "atol": smallest}
+        times = np.linspace(0.0, time, OPTIONS.moments)
+        run = solve_ivp(lambda t, x: rate(x)[0][:, 0], (0.0, time), [*start, 0.0], t_eval=times, **options)
+        states, work = run.y[:-1].T, run.y[-1]
+        kinetic = self.balance(states @ self.embed.T if where == "contact" else states)["kinetic"][:, 0, 0]
+        self.drifts.append(share(kinetic + work - kinetic[0], kinetic, work))
+        return states
