@@ -1,5 +1,7 @@
 """Families along a quantity with tuned parameters against closed forms, single orbits, and themselves resumed."""
 
+from importlib import import_module
+
 import pytest
 
 from orbits import Family, InputError, NoOrbit, find, follow, follow_fold, orbit_at, trace
@@ -126,7 +128,7 @@ def test_a_number_that_does_not_matter_is_not_tuned():
 )
 def test_numbers_that_the_vertical_hop_does_not_determine_are_not_tuned(along, start, tuned, monkeypatch):
     """Without lateral motion the hip's spring stays unstretched, whatever its stiffness; no step is taken."""
-    monkeypatch.delattr("orbits.continuation.follow.FamilyRun")
+    monkeypatch.delattr(import_module("orbits.continuation.follow"), "FamilyRun")
     with pytest.raises(
         NoOrbit, match=r"does not determine .*hip_stiffness = .* tune another number; or prescribe a speed"
     ):
