@@ -7,27 +7,14 @@ from typing import Any
 import casadi as ca
 
 from ..errors import InputError
-from ..symbolic import CONSTANTS, FUNCTIONS, MAX_LENGTH, OPERATIONS, Text, single_assignment
+from ..symbolic import ARITHMETIC, CONSTANTS, FUNCTION_NAMES, FUNCTIONS, MAX_LENGTH, OPERATIONS, Text, single_assignment
 
 _OPERATION_NAMES = {getattr(ca, name): name.removeprefix("OP_").lower() for name in dir(ca) if name.startswith("OP_")}
 _BRANCHING = ("lt", "le", "eq", "ne", "not", "and", "or", "if_else_zero", "floor", "ceil", "fmin", "fmax")
 # Operations with kinks and jumps, beside those of formulas.
 BRANCHES = {op for op, name in _OPERATION_NAMES.items() if name in (*_BRANCHING, "copysign", "fmod", "remainder")}
 # Operations that formulas have, on parts of these.
-_WRITTEN: dict[int, Callable] = {
-    ca.OP_ASSIGN: lambda a: a,
-    ca.OP_ADD: lambda a, b: a + b,
-    ca.OP_SUB: lambda a, b: a - b,
-    ca.OP_MUL: lambda a, b: a * b,
-    ca.OP_DIV: lambda a, b: a / b,
-    ca.OP_NEG: lambda a: -a,
-    ca.OP_SQ: lambda a: a**2,
-    ca.OP_TWICE: lambda a: 2 * a,
-    ca.OP_INV: lambda a: 1 / a,
-    ca.OP_POW: lambda a, b: a**b,
-    ca.OP_CONSTPOW: lambda a, b: a**b,
-}
-_FUNCTION_NAMES = {getattr(ca, f"OP_{known.upper()}"): name for name, (_, known) in FUNCTIONS.items()}
+_WRITTEN: dict[int, Callable] = {**ARITHMETIC, ca.OP_ASSIGN: lambda a: a}
 
 
 class CasadiLaw:
@@ -112,8 +99,8 @@ class CasadiLaw:
                 values.append(arguments[places[0]])
             elif constant is not None:
                 values.append(int(constant) if constant == int(constant) else constant)
-            elif op in _FUNCTION_NAMES:
-                values.append(Text(f"{_FUNCTION_NAMES[op]}({values[places[0]].text})"))
+            elif op in FUNCTION_NAMES:
+                values.append(Text(f"{FUNCTION_NAMES[op]}({values[places[0]].text})"))
             elif op in _WRITTEN:
                 values.append(_WRITTEN[op](*(values[place] for place in places)))
             else:

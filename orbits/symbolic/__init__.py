@@ -46,7 +46,7 @@ if TYPE_CHECKING:
         symbols_in,
         total,
     )
-    from .tree_casadi import exact_value, lifted, lowered, rounded
+    from .tree_casadi import ARITHMETIC, FUNCTION_NAMES, exact_value, lifted, lowered, rounded
     from .tree_formulas import expression_of_nodes
     from .tree_linear import Column, ExactRows, Factors, inner_product, nonzero, rows_of, solved_by_parts
 

@@ -16,7 +16,8 @@ from .tree import ExactExpression, call, exact_number, in_order, power
 
 # Smaller numbers have fewer digits as doubles, or none.
 LEAST_NUMBER = 1e-300
-_ARITHMETIC: dict[int, Callable] = {
+# Arithmetic by the codes of CasADi, on whatever has these operators.
+ARITHMETIC: dict[int, Callable] = {
     ca.OP_ADD: lambda a, b: a + b,
     ca.OP_SUB: lambda a, b: a - b,
     ca.OP_MUL: lambda a, b: a * b,
@@ -25,10 +26,11 @@ _ARITHMETIC: dict[int, Callable] = {
     ca.OP_SQ: lambda a: a**2,
     ca.OP_TWICE: lambda a: 2 * a,
     ca.OP_INV: lambda a: 1 / a,
-    ca.OP_POW: power,
-    ca.OP_CONSTPOW: power,
+    ca.OP_POW: lambda a, b: a**b,
+    ca.OP_CONSTPOW: lambda a, b: a**b,
 }
-_NAMES = {getattr(ca, f"OP_{own.upper()}"): name for name, (_, own) in FUNCTIONS.items()}
+_ARITHMETIC = {**ARITHMETIC, ca.OP_POW: power, ca.OP_CONSTPOW: power}
+FUNCTION_NAMES = {getattr(ca, f"OP_{own.upper()}"): name for name, (_, own) in FUNCTIONS.items()}
 
 
 @dataclass(frozen=True)
@@ -129,6 +131,6 @@ def lifted(outputs: Sequence[ca.SX], symbols: Mapping[ca.SX, ExactExpression]) -
 def _lifted(operation: int, parts: list[ExactExpression]) -> ExactExpression:
     if operation in _ARITHMETIC:
         return _ARITHMETIC[operation](*parts)
-    if operation in _NAMES:
-        return call(_NAMES[operation], parts[0])
+    if operation in FUNCTION_NAMES:
+        return call(FUNCTION_NAMES[operation], parts[0])
     return ExactExpression.of("operation", tuple(parts), Operation(operation))
