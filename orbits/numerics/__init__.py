@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         bracketed_root,
         enclosed_ends,
         enclosed_sign_changes,
+        estimated_roots,
         newton_root,
         resolved,
         root_search,

@@ -159,28 +159,60 @@ def enclosed_sign_changes(
     function : (places (k,), which of the functions (k,)) -> values (k,); a value of 0 counts as positive
     Source: Chandrupatla, "A new hybrid quadratic/bisection algorithm", Adv. Eng. Software 28 (1997).
     """
-    x1, x2, f1, f2 = (np.array(values, dtype=float) for values in (a, b, fa, fb))
-    x3, f3, t = x2.copy(), f2.copy(), np.full(len(x1), 0.5)
-    going = np.arange(len(x1))
+    (x1, x2, _), (f1, f2, _) = _brackets_of_roots(function, a, b, fa, fb)
+    return x1, x2, f1, f2
+
+
+def estimated_roots(
+    function: Callable[[Array, Array], Array], a: ArrayLike, b: ArrayLike, fa: ArrayLike, fb: ArrayLike,
+    enough: ArrayLike,
+) -> Array:  # fmt: skip
+    """The roots (m,) of functions, as in `enclosed_sign_changes`, interpolated from values of at most `enough` (m,)."""
+    places, values = _brackets_of_roots(function, a, b, fa, fb, enough)
+    share, curved = _inverse_quadratic(places, values)
+    with np.errstate(invalid="ignore"):  # the value at the other end may be infinite
+        secant = np.where(np.isfinite(values[1]), values[0] / (values[0] - values[1]), 0.0)
+    return places[0] + np.where(curved, share, secant) * (places[1] - places[0])
+
+
+def _brackets_of_roots(
+    function: Callable[[Array, Array], Array], a: ArrayLike, b: ArrayLike, fa: ArrayLike, fb: ArrayLike,
+    enough: ArrayLike | None = None,
+) -> tuple[Array, Array]:  # fmt: skip
+    """Places and values (3, m): on both sides of the sign changes of functions, the first of them the latest, and the
+    place before; once these are neighbouring numbers, or the latest value is at most `enough` (m,)."""
+    x, f = (np.array([first, last, last], dtype=float) for first, last in ((a, b), (fa, fb)))
+    t, small = np.full(x.shape[1], 0.5), np.full(x.shape[1], -1.0)  # a value of 0 ends no search for neighbours
+    if enough is not None:
+        small[:], t[:] = enough, np.where(np.isfinite(f[:2]).all(0), f[0] / (f[0] - f[1]), 0.5)
+    going = np.arange(x.shape[1])
     for _ in range(ROOTS.iterations):
-        going = going[np.abs(x2[going] - x1[going]) > ROOTS.closed * np.abs(x1[going])]
+        going = going[np.abs(x[1, going] - x[0, going]) > ROOTS.closed * np.abs(x[0, going])]
+        going = going[~(np.abs(f[0, going]) <= small[going])]
         if not len(going):
             break
-        i = going
-        new = x1[i] + t[i] * (x2[i] - x1[i])
-        value = function(new, i)
-        same = (value >= 0) == (f1[i] >= 0)
-        x3[i], f3[i] = np.where(same, x1[i], x2[i]), np.where(same, f1[i], f2[i])
-        x2[i], f2[i] = np.where(same, x2[i], x1[i]), np.where(same, f2[i], f1[i])
-        x1[i], f1[i] = new, value
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            least = ROOTS.unit * np.abs(new) / np.abs(x2[i] - x1[i])
-            share, rise = (x1[i] - x2[i]) / (x3[i] - x2[i]), (f1[i] - f2[i]) / (f3[i] - f2[i])
-            inverse = f1[i] / (f2[i] - f1[i]) * f3[i] / (f2[i] - f3[i])
-            inverse += (x3[i] - x1[i]) / (x2[i] - x1[i]) * f1[i] / (f3[i] - f1[i]) * f2[i] / (f3[i] - f2[i])
-        smooth = (rise**2 < share) & ((1 - rise) ** 2 < 1 - share) & np.isfinite(inverse)
-        t[i] = np.clip(np.where(smooth, inverse, 0.5), np.minimum(least, 0.5), np.maximum(1 - least, 0.5))
-    return x1, x2, f1, f2
+        (x1, x2, _), (f1, f2, _) = x[:, going], f[:, going]
+        new = x1 + t[going] * (x2 - x1)
+        value = function(new, going)
+        same = (value >= 0) == (f1 >= 0)
+        x[:, going] = new, np.where(same, x2, x1), np.where(same, x1, x2)
+        f[:, going] = value, np.where(same, f2, f1), np.where(same, f1, f2)
+        share, curved = _inverse_quadratic(x[:, going], f[:, going])
+        with np.errstate(divide="ignore"):
+            least = np.minimum(ROOTS.unit * np.abs(new) / np.abs(x[1, going] - new), 0.5)
+        t[going] = np.clip(np.where(curved, share, 0.5), least, 1 - least)
+    return x, f
+
+
+def _inverse_quadratic(x: Array, f: Array) -> tuple[Array, Array]:
+    """The share (m,) of the way from the first places of x (3, m) to the second ones at which the inverse parabola
+    through values f (3, m) vanishes, and whether it is monotonic between these (m,)."""
+    (x1, x2, x3), (f1, f2, f3) = x, f
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        along, rise = (x1 - x2) / (x3 - x2), (f1 - f2) / (f3 - f2)
+        share = f1 / (f2 - f1) * f3 / (f2 - f3)
+        share += (x3 - x1) / (x2 - x1) * f1 / (f3 - f1) * f2 / (f3 - f2)
+        return share, (rise**2 < along) & ((1 - rise) ** 2 < 1 - along) & np.isfinite(share)
 
 
 def solve(matrix: Array, right: Array) -> Array:

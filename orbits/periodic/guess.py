@@ -1,16 +1,15 @@
 """Guesses of orbits: the lowest launch speed of a family under constant gravity, from which the search starts."""
 
-from collections.abc import Callable, Generator, Mapping
-from contextlib import suppress
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import BreaksDown, FlowError, NoOrbit, OutOfRange
+from ..errors import BreaksDown, FlowError, NoOrbit, OrbitsError, OutOfRange
 from ..flow import Flow, Watch, first_events, flow_of
 from ..laws import from_key, values_and_slopes
 from ..model import RELATIVE, Affine, Model, Relative, half_angle, linear_guess, refuse_hysteresis
-from ..numerics import Crossings, root_search
+from ..numerics import estimated_roots
 from ..shooting import vectors
 from ..units import SPEED, Message, Quantity
 
@@ -38,12 +37,13 @@ BARRIER_EXTENSIONS = np.outer([1.0, -1.0], np.geomspace(0.3, 300.0, 100)).ravel(
 # Why a motion may break down under a formula with exp.
 OVERFLOWS = "; exp(x) may overflow on the way: 1/(1 + exp(x)) is (1 - tanh(x/2))/2"
 SPEED_OF_EXTENSION = Affine((0.0, 1.0))  # of the relative motion
+GOLDEN = (np.sqrt(5) - 1) / 2
 
 
 class Guesses(NamedTuple):
     """The guesses of many machines with parameters (m,).
 
-    unknowns : by name (m,), NaN where there is none
+    unknowns : by name (m,), NaN where there is none; where a family is searched directly the lift-off alone
     own : whether each machine (m,) can be solved together with the others, by this model
     single : whether the family of each machine (m,) has one orbit according to `Model.search`
     refused : the reasons, by index, why a machine has no guess
@@ -52,7 +52,7 @@ class Guesses(NamedTuple):
     unknowns: Mapping[str, Any]
     own: np.ndarray
     single: np.ndarray
-    refused: Mapping[int, NoOrbit]
+    refused: Mapping[int, OrbitsError]
 
 
 def guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]:
@@ -61,24 +61,35 @@ def guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]
     refuse_hysteresis(model)
     if not model.conservative:
         raise NoOrbit("a damped machine loses energy on every hop: it has no lossless orbit, but a return map")
-    relative = model.relative
-    if relative is None and model.is_guessed:
-        return linear_guess(model, family, p)
-    if relative is None:
+    if not (model.relative or model.is_guessed):
         remedy = (
             "" if model.one_speed else ", as one of starts(machine), or search by find_all(machine, starts(machine))"
         )
         raise NoOrbit(f"the model of a {model.name} has no guess of its families: give `find` a start{remedy}")
-    p = relative.own(p)
-    law, ps = from_key(relative.law, p), {name: np.array([value]) for name, value in p.items()}
-    extension, rest = relative.liftoff.extension(law), np.array([law.rest()])
-    relative.liftoff.refuse_jump(law, extension)
-    slopes = lambda x: law.with_slope(np.clip(x, *law.range()))[1]  # noqa: E731
-    single = np.array([relative.search(p).single])
-    (alpha,), refused = lowest_launch_speeds(relative, ps, np.array([extension]), family, rest, slopes, single)
-    if refused:
-        raise refused[0]
-    return {"liftoff": extension, "alpha": float(alpha), "duration": float(alpha) * float(relative.time(p))}
+    found = guesses(model, family, {name: np.array([value]) for name, value in p.items()})
+    if found.refused:
+        raise found.refused[0]
+    return {name: float(values[0]) for name, values in found.unknowns.items()}
+
+
+def guesses(model: Model, family: int, p: Mapping[str, np.ndarray]) -> Guesses:
+    """The guesses of many machines of a model, with parameters (m,) by name."""
+    if model.relative:
+        return _by_relative_motion(model.relative, family, p)
+    count = len(next(iter(p.values())))
+    found, single, refused = np.full((3, count), np.nan), np.zeros(count, bool), dict[int, OrbitsError]()
+    for i in range(count):
+        own = {name: float(values[i]) for name, values in p.items()}
+        try:
+            found[0, i] = model.release(np.ones(1), own)[0]
+            if model.is_guessed:
+                found[:, i] = [*linear_guess(model, family, own).values()]
+                simple = model.plain or model.flight.closed_form is not None
+                single[i] = simple and model.search is not None and model.search(own).single
+        except OrbitsError as error:
+            refused[i] = error
+    unknowns = dict(zip(("liftoff", "alpha", "duration"), found, strict=True))
+    return Guesses(unknowns, np.isfinite(found[0]), single, refused)
 
 
 def refuse_jump(model: Model, p: Mapping[str, float]) -> None:
@@ -88,46 +99,31 @@ def refuse_jump(model: Model, p: Mapping[str, float]) -> None:
         relative.liftoff.refuse_jump(law, relative.liftoff.extension(law))
 
 
-def guesses(relative: Relative, family: int, p: Mapping[str, np.ndarray]) -> Guesses:
+def _by_relative_motion(relative: Relative, family: int, p: Mapping[str, np.ndarray]) -> Guesses:
     """The guesses of many machines with parameters (m,) by name, from their relative motions."""
-    p = relative.own(p)
-    alpha = np.full(len(next(iter(p.values()))), np.nan)
-    extension = relative.liftoff.extensions(relative.law, p)
-    own, single = np.isfinite(extension), relative.single(p)
-    law, refused = relative.law, dict[int, NoOrbit]()
-    if len(rows := np.flatnonzero(own)):
-        those, places = {name: values[rows] for name, values in p.items()}, extension[rows]
-        slopes = lambda x: values_and_slopes(law, those, x)[1]  # noqa: E731
-        if law.degree() == 1:
-            alpha[rows] = half_angle(family) * relative.scale(slopes(places[:, None])[:, 0], those)
-        else:
-            rests = np.zeros(len(rows))
-            alpha[rows], none = lowest_launch_speeds(relative, those, places, family, rests, slopes, single[rows])
-            refused = {int(rows[i]): error for i, error in none.items()}
-    found = {"liftoff": extension, "alpha": alpha, "duration": alpha * relative.time(p)}
-    return Guesses(found, own, single, refused)
-
-
-class _Sample(NamedTuple):
-    """The equation at a launch speed: the time from mid-flight to the family's turn, infinite if there is no such turn,
-    and half the period of the extension."""
-
-    alpha: float
-    lateness: float
-    half_period: float = np.inf
-
-
-class _LowestLaunch(NamedTuple):
-    """The result of a search: the launch speed, NaN where there is none; and the last launch speed that was too fast
-    for the extension to return, NaN where it always returned."""
-
-    alpha: float
-    lost: float = np.nan
+    p, law = relative.own(p), relative.law
+    count = len(next(iter(p.values())))
+    liftoffs = relative.liftoff.extensions(law, p) if count > 1 else np.full(count, np.nan)
+    own, rests, refused = np.isfinite(liftoffs), np.zeros(len(liftoffs)), dict[int, OrbitsError]()
+    for i in (~own).nonzero()[0].tolist():
+        one = from_key(law, {name: float(values[i]) for name, values in p.items()})
+        try:
+            liftoff = relative.liftoff.extension(one)
+            relative.liftoff.refuse_jump(one, liftoff)
+            liftoffs[i], rests[i] = liftoff, one.rest()
+        except OrbitsError as error:
+            refused[i] = error
+    alphas, known, single = np.full(len(liftoffs), np.nan), np.isfinite(liftoffs), relative.single(p)
+    if len(rows := known.nonzero()[0]):
+        these, places = {name: values[rows] for name, values in p.items()}, (liftoffs[rows], rests[rows])
+        alphas[rows], none = lowest_launch_speeds(relative, these, *places, family, single[rows])
+        refused |= {int(rows[i]): error for i, error in none.items()}
+    return Guesses({"liftoff": liftoffs, "alpha": alphas, "duration": alphas * relative.time(p)}, own, single, refused)
 
 
 def lowest_launch_speeds(
-    relative: Relative, p: Mapping[str, np.ndarray], liftoffs: np.ndarray, family: int, rests: np.ndarray,
-    slopes: Callable[[np.ndarray], np.ndarray], single: np.ndarray,
+    relative: Relative, p: Mapping[str, np.ndarray], liftoffs: np.ndarray, rests: np.ndarray, family: int,
+    single: np.ndarray,
 ) -> tuple[np.ndarray, dict[int, NoOrbit]]:  # fmt: skip
     """The lowest launch speeds (m,) whose half flight ends on the family's turn: time alpha = first turn + family half
     periods; NaN where there is none, and the reasons by index.
@@ -137,62 +133,136 @@ def lowest_launch_speeds(
 
     p : parameters (m,) by name
     liftoffs, rests : the extensions (m,) at lift-off and at rest
-    slopes : extensions (m, k) -> the slopes (m, k) of the springs there
     single : whether the springs (m,) bend seldom; the fast flights of others take long, and a search follows anyway
     """
-    flow, ps = flow_of(relative.phase, tuple(p)), vectors(p, len(liftoffs))
-    times, near = np.broadcast_to(relative.time(p), len(ps)), slopes(np.column_stack([liftoffs, rests]))
+    slopes = lambda x: values_and_slopes(relative.law, p, x)[1]  # noqa: E731
+    near = slopes(np.column_stack([liftoffs, rests]))
     steepest = np.where(np.isfinite(near), near, -np.inf).max(axis=1)  # a law has a slope at lift-off, if not at rest
+    scales = relative.scale(steepest, p)
+    if relative.phase.closed_form:  # eq. (12): a straight line has one orbit in each family
+        return half_angle(family) * scales, {}
     barriers = crossable_barriers(slopes(np.outer(family / steepest, BARRIER_EXTENSIONS)))
-    scales, ends = relative.scale(steepest, p), dict[int, _LowestLaunch]()
     fastest = np.where(single, RELATIVE.fastest, RELATIVE.fastest_in_detail) * family * scales
-    each = zip(scales.tolist(), fastest.tolist(), barriers.tolist(), strict=True)
-    searches = [_search(family, *one) for one in each]
-    wanted = {i: next(search) for i, search in enumerate(searches)}
-    oscillations = half_oscillation if len(ps) == 1 else half_oscillations
-    while wanted:
-        which, alphas = np.array(list(wanted)), np.array(list(wanted.values()))
-        starts = np.column_stack([liftoffs[which], alphas])
-        longest = GUESS.longest_flight * times[which] * (1 + alphas)
-        firsts, halves = oscillations(flow, ps[which], starts, longest) / times[which]
-        lateness = np.where(np.isfinite(halves), firsts + family * halves - alphas, np.inf)
-        rows, wanted = zip(which.tolist(), alphas.tolist(), lateness.tolist(), halves.tolist(), strict=True), {}
-        for i, *values in rows:
-            try:
-                wanted[i] = searches[i].send(_Sample(*values))
-            except StopIteration as end:
-                ends[i] = end.value
-    found = np.array([ends[i].alpha for i in range(len(scales))])
-    none = np.flatnonzero(np.isnan(found))
-    those = {name: values[none] for name, values in p.items()}
-    refused = _refusals(relative, those, family, liftoffs[none], [ends[i] for i in none.tolist()], fastest[none])
-    return found, dict(zip(none.tolist(), refused, strict=True))
+    search = _LaunchSearch(relative, family, p, liftoffs)
+    alphas, lost = search.lowest(scales, fastest, barriers)
+    none = np.isnan(alphas).nonzero()[0]
+    these = {name: values[none] for name, values in p.items()}
+    refused = _refusals(relative, these, family, liftoffs[none], lost[none], fastest[none])
+    return alphas, dict(zip(none.tolist(), refused, strict=True))
 
 
-def half_oscillation(flow: Flow, ps: np.ndarray, starts: np.ndarray, longest: np.ndarray) -> np.ndarray:
-    """The `half_oscillations` (2, 1) of one spring, which passes its first turn without a halt, to save calls."""
-    turns, clock, crossings = [], [0.0], Crossings()
+class _LaunchSearch:
+    """The search for the lowest launch speeds of springs with parameters (m,) by name and extensions (m,) at lift-off.
 
-    def second_turn(coefficients, steps):
-        for i, t in crossings(coefficients[:, 1], steps):
-            turns.append(clock[0] + steps[:i].sum() + t)
-            if len(turns) == 2:
-                return i, t
-        clock[0] += steps.sum()
-        return None
+    The lateness of a launch is the time from mid-flight to the family's turn, infinite without such a turn; it is 1 at
+    the speed 0. Up to its first sign change it is sampled at growing speeds.
+    """
 
-    with suppress(FlowError):
-        flow.run(starts[0], ps[0], longest[0], stop=second_turn)
-        if len(turns) == 2:
-            return np.array([turns[:1], np.diff(turns)])
-    return np.full((2, 1), np.nan)
+    def __init__(self, relative: Relative, family: int, p: Mapping[str, np.ndarray], liftoffs: np.ndarray):
+        self.family, self.liftoffs, self.flow = family, liftoffs, flow_of(relative.phase, tuple(p))
+        self.ps = vectors(p, len(liftoffs))
+        self.times = np.broadcast_to(relative.time(p), len(liftoffs))
+
+    def samples(self, alphas: np.ndarray, which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The lateness (k,) and the half periods (k,) of the springs `which` (k,) at launch speeds (k,)."""
+        firsts, halves = half_oscillations(self.flow, self.ps[which], self.liftoffs[which], alphas, self.times[which])
+        return np.where(np.isfinite(halves), firsts + self.family * halves - alphas, np.inf), halves
+
+    def lowest(self, scales: np.ndarray, fastest: np.ndarray, barriers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The launch speeds (m,), NaN where there is none; and the last speeds (m,) from which the extension did not
+        return, NaN where it always did.
+
+        scales, fastest : the scales of speed (m,), and the fastest launches (m,)
+        barriers : whether a hop can cross a barrier (m,)
+        """
+        count, slowest = len(scales), GUESS.slowest * scales
+        alphas = 2 * self.family * scales  # low for most springs; if too fast, the search starts at the slowest
+        # The last three speeds and their lateness, and the lowest speed from which the extension does not come back.
+        speeds, late, taken = np.zeros((count, 3)), np.ones((count, 3)), np.zeros(count, int)
+        no_return, lost = np.full(count, np.inf), np.full(count, np.nan)
+        brackets = np.full((5, count), np.nan)  # both speeds, their lateness, and the half period at the second
+        going = (alphas < fastest).nonzero()[0]
+        while len(going):
+            at, new = alphas[going], speeds[going]
+            value, half = self.samples(at, going)
+            comes, over = np.isfinite(value), value <= 0
+            lost[going[~comes]] = at[~comes]
+            again = (taken[going] == 0) & (at > slowest[going]) & ~(comes & ~over)
+            alphas[going[again]], lost[going[again]] = slowest[going[again]], np.nan
+            ends = over & ~again
+            brackets[:, going[ends]] = new[ends, 2], at[ends], late[going[ends], 2], value[ends], half[ends]
+            stays = going[comes & ~over]
+            for last, added in ((speeds, at[comes & ~over]), (late, value[comes & ~over])):
+                last[stays] = np.column_stack([last[stays, 1:], added])
+            taken[stays] += 1
+            away = ~comes & ~again
+            no_return[going[away]] = at[away]
+            # Near a fold, a pair of roots lies between samples; the start at speed 0 does not count.
+            early, middle, latest = late[stays].T
+            folds = stays[(taken[stays] > 2) & (early > middle) & (middle <= latest)]
+            if len(folds):
+                lowest, value, half = self._minima(folds, speeds[folds, ::2], late[folds, ::2])
+                under = value <= 0
+                own = folds[under]
+                brackets[:, own] = speeds[own, 0], lowest[under], late[own, 0], value[under], half[under]
+            going = going[np.isnan(brackets[0, going]) & ~(away & (at <= slowest[going]))]
+            sought = going[taken[going] > 0]
+            alphas[sought] = _next_speeds(
+                speeds[sought], late[sought], taken[sought], scales[sought], barriers[sought], no_return[sought]
+            )
+            going = going[(alphas[going] < fastest[going]) & (speeds[going, 2] < (1 - 1e-4) * no_return[going])]
+        return self._roots(brackets), lost
+
+    def _roots(self, brackets: np.ndarray) -> np.ndarray:
+        """The launch speeds (m,) at the sign changes of the lateness in brackets (5, m), NaN where there is none."""
+        found, which = np.full(brackets.shape[1], np.nan), np.isfinite(brackets[0]).nonzero()[0]
+        a, b, fa, fb, half = brackets[:, which]
+        enough = np.minimum(GUESS.accuracy * half, GUESS.depth * np.abs(fb))
+        found[which] = estimated_roots(lambda alphas, k: self.samples(alphas, which[k])[0], a, b, fa, fb, enough)
+        return found
+
+    def _minima(self, which: np.ndarray, ends: np.ndarray, late: np.ndarray) -> np.ndarray:
+        """The speeds, lateness and half periods (3, k) of the lowest samples between speeds (k, 2), by golden sections:
+        until one is not above zero, until the minimum cannot reach zero according to second differences, or until half
+        the digits of its speed are known, as no more are determined."""
+        shares = np.array([1 - GOLDEN, GOLDEN])
+        # Four speeds each, their lateness and half periods.
+        points = np.full((len(which), 3, 4), np.nan)
+        points[:, 0, ::3], points[:, 1, ::3] = ends, late
+        points[:, 0, 1:3] = ends[:, :1] + shares * (ends[:, 1:] - ends[:, :1])
+        for i in (1, 2):
+            points[:, 1:, i] = np.transpose(self.samples(points[:, 0, i], which))
+        while True:
+            a, b = points[:, 0, 0], points[:, 0, 3]
+            open_ = (b - a > 1e-8 * (a + b)) & _may_come_to_zero(points[:, 0], points[:, 1])
+            if not len(going := open_.nonzero()[0]):
+                break
+            here = points[going]
+            left = here[:, 1, 1] < here[:, 1, 2]  # the minimum is beside the left one of the inner speeds
+            here = np.where(left[:, None, None], here[:, :, [0, 1, 1, 2]], here[:, :, [1, 2, 2, 3]])
+            ends = here[:, 0, 3] - here[:, 0, 0]
+            new = np.where(left, here[:, 0, 3] - GOLDEN * ends, here[:, 0, 0] + GOLDEN * ends)
+            added = np.array([new, *self.samples(new, which[going])]).T
+            here[left, :, 1], here[~left, :, 2] = added[left], added[~left]
+            points[going] = here
+        lower = np.where(points[:, 1, 1] < points[:, 1, 2], 1, 2)
+        return np.take_along_axis(points, lower[:, None, None], 2)[:, :, 0].T
 
 
-def half_oscillations(flow: Flow, ps: np.ndarray, starts: np.ndarray, longest: np.ndarray) -> np.ndarray:
-    """Times (2, m) from lift-off to the first turn of the extension, and half its periods, of springs with parameters
-    (m, np) from states (m, 2); NaN when the extension does not return within times `longest` (m,), or the motion ends
-    before."""
-    return times_of_turns(flow, ps, starts, SPEED_OF_EXTENSION, longest, 2)[0]
+def half_oscillations(
+    flow: Flow, ps: np.ndarray, liftoffs: np.ndarray, alphas: np.ndarray, times: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Times (m,) from lift-off to the first turn of the extension, and half its periods (m,), in units of `times` (m,),
+    of springs with parameters (m, np) launched at speeds (m,); NaN where the extension does not return in time, or the
+    motion ends before.
+
+    Before the lift-off the motion is that after a launch with the opposite speed, backwards.
+    """
+    starts = np.column_stack([np.tile(liftoffs, 2), np.append(alphas, -alphas)])
+    longest = np.tile(GUESS.longest_flight * times * (1 + alphas), 2)
+    watch, each = Watch(flow, [SPEED_OF_EXTENSION]), ps if len(ps) == 1 else np.tile(ps, (2, 1))
+    after, before = first_events(flow, starts, each, watch, longest, reasons=False).times.reshape(2, -1) / times
+    return after, after + before
 
 
 def times_of_turns(
@@ -221,16 +291,17 @@ def times_of_turns(
 
 
 def _refusals(
-    relative: Relative, p: Mapping[str, np.ndarray], family: int, liftoffs: np.ndarray, ends: list[_LowestLaunch],
+    relative: Relative, p: Mapping[str, np.ndarray], family: int, liftoffs: np.ndarray, lost: np.ndarray,
     fastest: np.ndarray,
 ) -> list[NoOrbit]:  # fmt: skip
-    """The errors of springs with parameters (m,) by name that have no orbit, from the ends of their searches."""
-    lost, errors = np.array([end.lost for end in ends]), dict[int, FlowError]()
+    """The errors of springs with parameters (m,) by name that have no orbit. The extension does not return from speeds
+    `lost` (m,), or else the searches ended at the fastest ones (m,)."""
+    errors = dict[int, FlowError]()
     if len(known := np.flatnonzero(np.isfinite(lost))):
-        those = {name: values[known] for name, values in p.items()}
-        flow, ps = flow_of(relative.phase, tuple(p)), vectors(those, len(known))
+        these = {name: values[known] for name, values in p.items()}
+        flow, ps = flow_of(relative.phase, tuple(p)), vectors(these, len(known))
         starts = np.column_stack([liftoffs[known], lost[known]])
-        longest = GUESS.longest_flight * relative.time(those) * (1 + lost[known])
+        longest = GUESS.longest_flight * relative.time(these) * (1 + lost[known])
         failed = first_events(flow, starts, ps, Watch(flow, [SPEED_OF_EXTENSION], rising=True), longest).failed
         errors = {int(known[i]): error for i, error in failed.items()}
     refused = list[NoOrbit]()
@@ -249,36 +320,6 @@ def _refusals(
     return refused
 
 
-def _search(family: int, scale: float, fastest: float, barrier: bool) -> Generator[float, _Sample, _LowestLaunch]:
-    """A search of `lowest_launch_speeds`, which yields launch speeds and is sent samples there."""
-    samples = [_Sample(0.0, 1.0)]
-    slowest = GUESS.slowest * scale
-    no_return = np.inf  # the lowest speed from which the extension does not come back
-    alpha, lost = 2 * family * scale, np.nan  # low for most springs; if too fast, the search starts at the slowest
-    while alpha < fastest and samples[-1].alpha < (1 - 1e-4) * no_return:
-        new = yield alpha
-        lost = lost if np.isfinite(new.lateness) else alpha
-        if len(samples) == 1 and alpha > slowest and not 0 < new.lateness < np.inf:
-            alpha, lost = slowest, np.nan
-            continue
-        if new.lateness <= 0:
-            return _LowestLaunch((yield from _estimated_root(samples[-1], new)))
-        if np.isfinite(new.lateness):
-            samples.append(new)
-        elif alpha > slowest:
-            no_return = alpha
-        else:
-            break
-        # Near a fold, a pair of roots lies between samples; the start at speed 0 does not count.
-        folds = len(samples) > 3 and samples[-3].lateness > samples[-2].lateness <= samples[-1].lateness
-        if folds and new is samples[-1]:
-            lowest = yield from _golden_section(samples[-3], samples[-1])
-            if lowest.lateness <= 0:
-                return _LowestLaunch((yield from _estimated_root(samples[-3], lowest)))
-        alpha = _next_speed(samples, scale, barrier, no_return)
-    return _LowestLaunch(np.nan, lost)
-
-
 def crossable_barriers(slopes: np.ndarray) -> np.ndarray:
     """Whether springs with these slopes (m, k) at `BARRIER_EXTENSIONS` have a barrier (m,) that a hop can cross.
 
@@ -289,62 +330,25 @@ def crossable_barriers(slopes: np.ndarray) -> np.ndarray:
     return np.any((outward[..., :-1] < 0) & (outward[..., 1:] > 0), axis=(1, 2))
 
 
-def _estimated_root(early: _Sample, late: _Sample) -> Generator[float, _Sample, float]:
-    """The root between a sample where the turn comes too late and a faster one where it comes too early; yields launch
-    speeds and is sent samples there."""
-    enough, seen = min(GUESS.accuracy * late.half_period, GUESS.depth * abs(late.lateness)), [early, late]
-    search = root_search(early.alpha, late.alpha, early.lateness, late.lateness, enough)
-    try:
-        alpha = next(search)
-        while True:
-            seen.append((yield alpha))
-            alpha = search.send(seen[-1].lateness)
-    except StopIteration as end:
-        root = end.value
-    # The parabola of the speed over the last three values is far more accurate than the secant, often so much that
-    # Newton's method takes one step. Where it leads far from the secant's root, it is not used.
-    values = {each.lateness: each.alpha for each in seen[-3:] if np.isfinite(each.lateness)}
-    if len(values) < 3:
-        return root
-    (fa, a), (fb, b), (fc, c) = values.items()
-    slope, other = (b - a) / (fb - fa), (c - b) / (fc - fb)
-    better = c - fc * (other - fb * (other - slope) / (fc - fa))
-    return better if abs(better - root) < abs(root - c) else root
+def _next_speeds(
+    speeds: np.ndarray, late: np.ndarray, taken: np.ndarray, scales: np.ndarray, barriers: np.ndarray,
+    no_return: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """The next speeds (m,) of searches that have `taken` (m,) samples: just past where the last two of speeds (m, 3)
+    and lateness (m, 3) point, so that they bracket the roots."""
+    last, value = speeds[:, 2], late[:, 2]
+    rises = np.diff(speeds[:, 1:], axis=1)[:, 0]
+    slopes = np.divide(np.diff(late[:, 1:], axis=1)[:, 0], rises, out=np.zeros(len(last)), where=taken > 1)
+    ahead = np.where(slopes < 0, 1.2 * value / np.maximum(-slopes, 0.3), value / 1.5)
+    ahead = np.where(barriers, np.minimum(ahead, GUESS.longest_at_barriers * (scales + last)), ahead)
+    alphas = last + np.maximum(ahead, GUESS.shortest_step * (scales + last))
+    return np.where(alphas < no_return, alphas, 0.5 * (last + no_return))
 
 
-def _next_speed(samples: list[_Sample], scale: float, barrier: bool, no_return: float) -> float:
-    """The next speed of the search: just past where the last two samples point, so that it brackets the root."""
-    before, last = samples[-2:]
-    slope = (last.lateness - before.lateness) / (last.alpha - before.alpha) if len(samples) > 2 else 0.0
-    ahead = 1.2 * last.lateness / max(-slope, 0.3) if slope < 0 else last.lateness / 1.5
-    if barrier:
-        ahead = min(ahead, GUESS.longest_at_barriers * (scale + last.alpha))
-    alpha = last.alpha + max(ahead, GUESS.shortest_step * (scale + last.alpha))
-    return alpha if alpha < no_return else 0.5 * (last.alpha + no_return)
-
-
-def _golden_section(a: _Sample, b: _Sample) -> Generator[float, _Sample, _Sample]:
-    """The lowest sample so far, once it is not above zero, once the minimum between two samples cannot reach zero
-    according to second differences, or once half the digits of its speed are known, as no more are determined; yields
-    launch speeds and is sent samples there."""
-    ratio = (np.sqrt(5) - 1) / 2
-    left = yield b.alpha - ratio * (b.alpha - a.alpha)
-    right = yield a.alpha + ratio * (b.alpha - a.alpha)
-    while b.alpha - a.alpha > 1e-8 * (a.alpha + b.alpha) and _may_come_to_zero(a, left, right, b):
-        if left.lateness < right.lateness:
-            b, right = right, left
-            left = yield b.alpha - ratio * (b.alpha - a.alpha)
-        else:
-            a, left = left, right
-            right = yield a.alpha + ratio * (b.alpha - a.alpha)
-    return left if left.lateness < right.lateness else right
-
-
-def _may_come_to_zero(*samples: _Sample) -> bool:
-    """Whether lateness that is above zero at samples may vanish between them, if its curvature is at most
+def _may_come_to_zero(alphas: np.ndarray, late: np.ndarray) -> np.ndarray:
+    """Whether lateness that is above zero at samples (m, 4) may vanish between them (m,), if its curvature is at most
     `bend_safety` times that of their second differences."""
-    alphas, lateness = np.array([[each.alpha, each.lateness] for each in samples]).T
-    widths, least = np.diff(alphas), lateness.min()
+    widths, least = np.diff(alphas), late.min(axis=1)
     with np.errstate(invalid="ignore"):  # some lateness may be infinite
-        bends = np.abs(np.diff(np.diff(lateness) / widths)) / (0.5 * (widths[1:] + widths[:-1]))
-    return least > 0 and not least > GUESS.bend_safety * bends.max() * widths.max() ** 2 / 8
+        bends = np.abs(np.diff(np.diff(late) / widths)) / (0.5 * (widths[:, 1:] + widths[:, :-1]))
+    return (least > 0) & ~(least > GUESS.bend_safety * bends.max(axis=1) * widths.max(axis=1) ** 2 / 8)

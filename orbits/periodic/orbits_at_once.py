@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import NoOrbit, OrbitsError
+from ..errors import NoOrbit
 from ..model import Machine, Model
 from ..shooting import (
     NEWTON,
@@ -27,7 +27,7 @@ from ..shooting import (
 from .certification import Certified, Solved, certified, certified_orbit, orbits_of, solve_from
 from .family_orbits import none_found, with_search
 from .family_search import Lateness
-from .guess import Guesses, guess as guess_alone, guesses
+from .guess import Guesses, guesses
 from .homotopy import STEPS_OF_HOMOTOPY
 from .orbit import Orbit
 
@@ -73,7 +73,7 @@ def lowest_orbits(
         return [], {}
     sought = _Family(model, names, ps, family, method, equations)
     p = dict(zip(names, ps.T, strict=True))
-    guess = guesses(model.relative, family, p) if model.relative else _own_guesses(model, names, ps, family)
+    guess = guesses(model, family, p)
     guessed = _from_guesses(sought, guess)
     single, found = guess.single, np.full(len(ps), np.inf)
     if guessed:
@@ -126,25 +126,6 @@ def certified_near(
     sought = _Family(model, names, ps, family, method, equations_of(model, method, names))
     solved = _at_value(_kernel_of(model, sought.equations), us, ps, sought.most)
     return _certified(sought, solved.which, solved.xs[:, :-1], solved.evaluation)
-
-
-def _own_guesses(model: Model, names: tuple[str, ...], ps: np.ndarray, family: int) -> Guesses:
-    """The guesses of machines (m, np) one by one; of those whose families are searched directly the lift-offs, without
-    launch speeds."""
-    found, single, refused = np.full((3, len(ps)), np.nan), np.zeros(len(ps), bool), dict[int, NoOrbit]()
-    for i, values in enumerate(ps.tolist()):
-        p = dict(zip(names, values, strict=True))
-        with suppress(OrbitsError):
-            found[0, i] = model.release(np.ones(1), p)[0]
-        if model.is_guessed and model.search and np.isfinite(found[0, i]):
-            single[i] = (model.plain or model.flight.closed_form is not None) and model.search(p).single
-            try:
-                own = guess_alone(model, family, p)
-                found[:, i] = own["liftoff"], own["alpha"], own["duration"]
-            except NoOrbit as error:
-                refused[i] = error
-    unknowns = dict(zip(("liftoff", "alpha", "duration"), found, strict=True))
-    return Guesses(unknowns, np.isfinite(found[0]), single, refused)
 
 
 def _from_guesses(sought: _Family, guess: Guesses) -> Certified | None:

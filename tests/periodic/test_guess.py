@@ -25,8 +25,8 @@ def test_saturating_spring_has_none_above_its_limit():
 def test_a_fold_is_searched_once(monkeypatch):
     """Beyond the fold of cubic springs the lateness has a minimum above zero before the barrier."""
     launch = import_module("orbits.periodic.guess")
-    runs, count = launch.half_oscillation, []
-    monkeypatch.setattr(launch, "half_oscillation", lambda *a: (count.append(1), runs(*a))[1])
+    runs, count = launch.half_oscillations, []
+    monkeypatch.setattr(launch, "half_oscillations", lambda *a: (count.append(1), runs(*a))[1])
     with pytest.raises(NoOrbit, match="does not come back"):
         find(Hopper("r + beta*r**3 + delta*r**5", parameters={"beta": -0.0126, "delta": -1e-5}))
     assert len(count) < 30
@@ -35,8 +35,8 @@ def test_a_fold_is_searched_once(monkeypatch):
 @pytest.mark.parametrize("spring", ["r**2", "exp(r)/2"])
 def test_a_spring_that_never_pushes_is_soon_refused(spring, monkeypatch):
     launch = import_module("orbits.periodic.guess")
-    runs, count = launch.half_oscillation, []
-    monkeypatch.setattr(launch, "half_oscillation", lambda *a: (count.append(1), runs(*a))[1])
+    runs, count = launch.half_oscillations, []
+    monkeypatch.setattr(launch, "half_oscillations", lambda *a: (count.append(1), runs(*a))[1])
     with pytest.raises(NoOrbit, match=r"does not come back|none up to"):
         find(Hopper(spring))
     assert len(count) < 200
