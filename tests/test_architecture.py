@@ -48,6 +48,8 @@ TESTED_WITH = {
     "model/model": "test_checks",
     "numerics/quadrature": "shooting/test_error_bound",
     "mechanics/drawing": "show/test_plane",
+    "mechanics/lagrange": "mechanics/test_coefficients",
+    "mechanics/structure": "mechanics/test_mechanism",
     "periodic/cycle_shape": "periodic/test_orbit",
     "periodic/energy_changes": "periodic/test_certificate",
     "periodic/motion_conditions": "periodic/test_certificate",

@@ -1,11 +1,8 @@
 """Models that are derived of mechanics hold, and what none is derived of."""
 
-import casadi as ca
-import numpy as np
 import pytest
 from conftest import slow_after
 from mechanisms import VALUES, leg, machine
-from scipy.integrate import solve_ivp
 
 from orbits import Mechanism, OrbitsError, ReturnMap, check, find, simulate
 from orbits.mechanics import Damper, Force, Inerter, Mass, Potential, Spring, Weight
@@ -74,22 +71,6 @@ LEGS = [Spring("body - foot", "r"), Spring("foot - toe", "r")]
 def test_what_no_model_is_derived_of(change, telling):
     with pytest.raises(OrbitsError, match=telling):
         find(machine(**change))
-
-
-@pytest.mark.slow
-def test_springs_in_pieces_along_one_extension_are_one_law():
-    """The remedy of the refusal: the sum of two stops, against SciPy's integrator of r'' = -phi(r), where the spring
-    turns in mid-flight, at the time alpha."""
-    law = springs.function(lambda r: r + 10 * ca.fmax(r - 3, 0) + 5 * ca.fmin(r + 2, 0), breakpoints=(-2.0, 3.0))
-    two = Mechanism(("body", "foot"), [Mass("body", 1.0), Mass("foot", 1.0), Spring("body - foot", law)], "foot")
-    alpha = find(two).alpha / np.sqrt(2)  # the relative motion has the mass 1/2
-
-    def rates(t, x):
-        r, v = x
-        return v, -(r + 10 * max(r - 3, 0.0) + 5 * min(r + 2, 0.0))
-
-    end = solve_ivp(rates, (0, alpha), (1.0, alpha), method="DOP853", rtol=1e-12, atol=1e-12, max_step=0.01).y[:, -1]
-    assert end[1] == pytest.approx(0.0, abs=1e-6)
 
 
 LEVER = {"counts": "body - foot"}

@@ -4,16 +4,10 @@ import pytest
 from mechanisms import VALUES, machine
 
 from orbits import Mechanism
-from orbits.mechanics import Damper, Mass, Spring, Weight
+from orbits.mechanics import Damper, Mass, Spring
 
 
 class TestDimensions:
-    def test_of_a_name_that_stands_for_two_things_are_left_out(self):
-        two = machine(Damper("body - foot", "k"), in_si=True)
-        assert two.units_of_parameters() == {"m1": "kg", "m2": "kg"}
-        same = machine(Weight("foot", "m1"), in_si=True)
-        assert same.units_of_parameters() == {"m1": "kg", "m2": "kg", "k": "N/m"}
-
     @pytest.mark.parametrize("element", [Spring("body - foot - r0", "k*r"), Damper("body - foot - r0", 0.1)])
     def test_of_what_is_added_in_an_extension_are_lengths(self, element):
         stated = machine(element, parameters={**VALUES, "r0": 0.3}, in_si=True)
@@ -27,10 +21,6 @@ class TestDimensions:
         given = {**VALUES, "c": 1.0, **({"a": 0.3} if "a*" in extension else {})}
         stated = machine(Spring(extension, "c*r"), parameters=given, angles=("body",), in_si=True)
         assert stated.units_of_parameters().get("c") == unit
-
-    def test_an_angle_is_no_height(self):
-        turned = machine(parameters=VALUES, angles=("body",))
-        assert [*turned.heights] == ["foot"]
 
     def test_of_what_is_added_to_an_angle_are_none(self):
         turned = machine(Spring("body - r0", "c*r"), parameters={**VALUES, "c": 1.0, "r0": 0.3}, angles=("body",))

@@ -1,38 +1,14 @@
 """Elements of a mechanism in other words, side by side, and with losses."""
 
 import pytest
-from mechanisms import VALUES, leg, machine, same
+from mechanisms import VALUES, leg, machine
 
 from orbits import InputError, NoOrbit, ReturnMap, find
 from orbits.mechanics import Damper, Force, Inerter, Mass, Potential, Spring, Weight
 from problems import hopper_in_si
-from problems.laws import springs
 
 
 class TestTheSameMachine:
-    @pytest.mark.parametrize(
-        "element",
-        [
-            Spring("body - foot", "k*r"),
-            Spring("body - foot", springs.formula("k*r", k=3.0)),
-            Spring("body - foot", lambda r, k: k * r),
-            Spring("body - foot", "potential:k*r**2/2"),
-            Spring("2*(body - foot)", "k/4*r"),  # along a lever
-            Spring("body - foot + 0.3", "k*(r - 0.3)"),
-            Potential("k*(body - foot)**2/2"),
-        ],
-        ids=["formula", "law", "function", "potential law", "lever", "offset", "potential"],
-    )
-    def test_with_its_spring_in_other_words(self, element):
-        counts = {"counts": "body - foot"}
-        same(find(leg(element, **counts)), find(leg(Spring("body - foot", "k*r"))), rel=1e-12)
-
-    def test_with_two_springs_side_by_side(self):
-        two = leg(Spring("body - foot", "k*r"), Spring("body - foot", "c*r**3"), parameters={**VALUES, "c": 0.7})
-        one = leg(Spring("body - foot", "k*r + c*r**3"), parameters={**VALUES, "c": 0.7})
-        same(find(two), find(one))
-        assert find(two).method == find(one).method == "relative"
-
     def test_with_losses(self):
         damped = leg(Spring("body - foot", "k*r"), Damper("body - foot", "d"), parameters={**VALUES, "d": 0.02})
         forced = leg(

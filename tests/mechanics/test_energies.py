@@ -1,16 +1,13 @@
 """Machines from their energies in SymPy's expressions, against the same machines stated by their elements."""
 
-from dataclasses import replace
-from math import pi
-
 import numpy
 import pytest
 from conftest import slow_after
 
 from orbits import InputError, Mechanism, find, find_all, prove, simulate, starts
 from orbits.check_proof import check
-from orbits.mechanics import Body, Damper, Ground, Joint, Mass, Potential, Spring
-from problems import Chain, Hopper, hopper_in_si, knee_hopper, plate_hopper, rimless_wheel
+from orbits.mechanics import Damper, Mass, Potential, Spring
+from problems import Hopper, hopper_in_si, knee_hopper
 
 sympy = pytest.importorskip("sympy")
 from sympy.physics.mechanics import dynamicsymbols  # noqa: E402
@@ -58,35 +55,6 @@ def test_a_hopper_and_its_proof():
     assert check(proof.saved()) == []
 
 
-def test_a_spring_with_a_length_and_its_proof():
-    """Coordinates from the ground: the extension is the spring's own, and alpha that of one without a length."""
-    energy = k * (y1 - y2 - length) ** 2 / 2 + m1 * y1 + m2 * y2
-    numbers = {**MASSES, k: 1.0, length: 10.0}
-    orbit = find(Mechanism.from_lagrangian(TWO, energy, (y1, y2), y2, numbers, rest={y1: length}))
-    assert orbit.alpha == pytest.approx(find(Hopper()).alpha * 2**0.5, rel=1e-13)
-    assert orbit.liftoff_extension == 1.0
-    assert prove(orbit).proved
-
-
-@pytest.mark.slow
-def test_a_chain_and_a_plate():
-    plain = Mechanism.from_lagrangian(
-        kinetic((1, y1), (1, y2), (1, y3)), ((y1 - y2) ** 2 + (y2 - y3) ** 2) / 2 + y1 + y2 + y3, (y1, y2, y3), y3
-    )
-    chain = Chain(masses=(1, 1, 1))
-    pairs = [(plain, chain.mechanism)]
-    body, foot, plate = dynamicsymbols("body foot plate")
-    energy = (body - foot) ** 2 / 2 + k * plate**2 / 2 + m1 * body + m2 * foot + m3 * plate
-    numbers = {m1: 1, m2: 1, m3: 1, k: 100}
-    landed = Mechanism.from_lagrangian(
-        kinetic((m1, body), (m2, foot), (m3, plate)), energy, (body, foot, plate), foot - plate, numbers, launch=body
-    )
-    pairs.append((landed, plate_hopper()))
-    for machine, by_hand in pairs:
-        expected = find_all(by_hand, starts(by_hand, 4, 4))[0]
-        assert find(machine, start=expected).alpha == pytest.approx(expected.alpha, rel=1e-13)
-
-
 @pytest.mark.slow
 def test_an_inertia_that_varies():
     """The knee, whose masses depend on its angle."""
@@ -103,25 +71,6 @@ def test_an_inertia_that_varies():
     assert orbit.certificate.smallest_separation == pytest.approx(expected.certificate.smallest_separation, rel=1e-12)
 
 
-@pytest.mark.slow
-def test_a_wheel():
-    """A machine that steps, with two gaps by name and with maps in SymPy's expressions."""
-    phi, theta = dynamicsymbols("phi theta")
-    mass, about, body, angle = sympy.symbols("mass about body angle")
-    machine = Mechanism.from_lagrangian(
-        kinetic((about, theta), (body, phi)),
-        k * (phi - theta) ** 2 / 2 + mass * g * length * sympy.cos(theta - angle),
-        [phi, theta], {"rear foot": theta, "front foot": 2 * angle - theta},
-        {mass: 2.0, length: 0.4, about: 0.4, body: 0.4, k: 20.0, angle: pi / 8, g: 9.80665},
-        reversor={theta: 2 * angle - theta, phi: 2 * angle - phi}, in_si=True, angles=[phi, theta],
-        symmetry={theta: theta - 2 * angle, phi: phi - 2 * angle},
-    )  # fmt: skip
-    wheel = rimless_wheel(mass=2.0, length=0.4, spokes=8, inertia=0.4, body_inertia=0.4, stiffness=20.0)
-    walk, expected = find(machine), find(wheel)
-    for name in ("alpha", "flight_time", "contact_time"):
-        assert getattr(walk, name) == pytest.approx(getattr(expected, name), rel=1e-13)
-
-
 def test_a_constant_force_is_a_weight():
     """A body that a force pulls down too hops as one with so much more weight, and no more inertia."""
     pull = sympy.Symbol("pull")
@@ -135,15 +84,6 @@ def test_a_constant_force_is_a_weight():
     assert orbits[0] == pytest.approx(orbits[1], rel=1e-13)
     in_si = Mechanism.from_lagrangian(TWO, LINEAR + pull * y1, (y1, y2), y2, {m1: 1, m2: 1, pull: 1}, in_si=True)
     assert [each.energy for each in in_si.elements if isinstance(each, Potential)] == ["m1*y1 + pull*y1 + m2*y2"]
-
-
-def test_a_sum_with_an_irrational_number_is_a_spring():
-    machine = Mechanism.from_lagrangian(TWO, (sympy.sqrt(2) * y1 - y2) ** 2 / 2 + LINEAR, (y1, y2), y2, MASSES)
-    springs = [(each.extension, each.force.text) for each in machine.elements if isinstance(each, Spring)]
-    assert springs == [("y1 - y2", "r"), ("y1 - sqrt(2)*y2/2", "2*r")]
-    bent = replace(machine, elements=[machine.elements[0], Potential("(sqrt(2)*y1 - y2)**2/2"), *machine.elements[2:]])
-    times = [[event.time for event in simulate(each, 2.0, hops=1).events] for each in (machine, bent)]
-    assert times[0] == pytest.approx(times[1], rel=1e-11)
 
 
 def test_a_force_with_signs():
@@ -166,29 +106,6 @@ def test_energies_of_matrices():
         assert machine.inertia == (("m1", 0.0), (0.0, "m2"))
     with pytest.raises(InputError, match=r"T = Matrix.* is no scalar expression"):
         Mechanism.from_lagrangian(masses, LINEAR, (y1, y2), y2, MASSES)
-
-
-def test_expressions_stand_in_elements_and_bodies():
-    r = sympy.Symbol("r")
-    own = [Damper(y1 - y2, 2 * c), Spring(y1, k * r**3)]
-    bodies = [Body("top", [Joint("up", "up", y1 + k)], m1), Body("toe", [Joint("toe_up", "up", y2)], m2)]
-    numbers = MASSES | {c: 0.1, k: 1.0}
-    machine = Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, numbers, elements=own, bodies=bodies)
-    assert machine.elements[-2] == Damper("y1 - y2", "2*c")
-    assert machine.elements[-1].force.text == "k*r**3"
-    assert machine.bodies[0] == Body("top", [Joint("up", "up", "y1 + k")], "m1")
-
-
-def test_ground_that_yields():
-    """A stated inertia has none of the ground's."""
-    ground = Ground(mass=50.0, spring=k * sympy.Symbol("r"))
-    machine = Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, MASSES | {k: 1e4}, ground=ground)
-    two = [Mass("y1", "m1"), Mass("y2", "m2"), Spring("y1 - y2")]
-    by_elements = Mechanism(("y1", "y2"), two, "y2", {"m1": 1.0, "m2": 1.0, "k": 1e4}, ground=Ground(50.0, "k*r"))
-    state = [2.0, 0.0, 1.0, 0.0, 0.0, 0.0]
-    runs = [[each.time for each in simulate(m, state=state, time=3.0).events] for m in (machine, by_elements)]
-    assert runs[0]
-    assert runs[0] == pytest.approx(runs[1], rel=1e-12)
 
 
 def test_what_is_no_spring_is_a_potential():
@@ -252,12 +169,6 @@ def test_what_is_refused(T, V, gap, parameters, message):
 def test_a_place_of_rest_without_a_value_is_refused():
     with pytest.raises(InputError, match="rest: 'alpha' has no value"):
         Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, MASSES, rest={y1: "alpha"})
-
-
-@pytest.mark.parametrize("stated", [{"inertia": [[1, 0], [0, 1]]}, {"elements": 5}, {"rest": "a"}])
-def test_other_statements_are_refused(stated):
-    with pytest.raises(InputError, match=f"^{next(iter(stated))} = "):
-        Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, MASSES, **stated)
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orbits import InputError, Mechanism, NoOrbit, Orbit, ReturnMap, check, find, find_all, simulate, starts
-from orbits.mechanics import Ground, Mass, Spring
+from orbits import InputError, NoOrbit, Orbit, ReturnMap, check, find, simulate, starts
+from orbits.mechanics import Ground
 from problems import (
     Actuated,
     Hopper,
@@ -16,8 +16,6 @@ from problems import (
     hopper_in_si,
     inerter_hopper,
     juggler_in_si,
-    knee_hopper,
-    plate_hopper,
     springs,
 )
 from problems.machines import files
@@ -50,25 +48,6 @@ class TestRigidLimits:
         assert (np.abs(times) < 100 / masses).all()
         assert abs(hops[-1].contact_time / self.rigid.contact_time - 1) < 1e-3
 
-    @pytest.mark.slow
-    def test_stiff_ground(self):
-        """Where the phases of the ground's own vibration stay the same, the hop comes nearer like the root of the
-        stiffness."""
-        half_flight, half_contact = self.rigid.flight_time / 2, self.rigid.contact_time / 2
-        distances, stiffnesses = [], []
-        for n in (64, 128, 256):
-            flown, stood = (n + 0.25) * np.pi / half_flight, (n / 2 + 0.25) * np.pi / half_contact
-            mass = stood**2 / (flown**2 - stood**2)
-            # The unit of mass is that of the foot over 1 + M, and a force of 1 is the foot's weight.
-            stiffness = 1.5 * mass * flown**2
-            hop = near_rigid(self.hopper(Ground(mass, stiffness)), self.rigid, -mass / stiffness)
-            assert hop.admissible
-            stiffnesses.append(stiffness)
-            distances.append([hop.alpha / self.rigid.alpha - 1, hop.flight_time / self.rigid.flight_time - 1])
-        orders = np.diff(np.log(np.abs(distances)), axis=0) / np.diff(np.log(stiffnesses))[:, None]
-        assert orders == pytest.approx(np.full((2, 2), -0.5), abs=0.04)
-        assert np.abs(distances[-1]).max() < 0.01
-
     def test_an_impact_on_heavy_ground_and_a_spring_with_hysteresis(self):
         law = springs.lossy("r", loss_factor=0.02)
         rigid = simulate(Hopper(law), 4.7, hops=1)
@@ -82,48 +61,6 @@ class TestRigidLimits:
         assert heavy.end == pytest.approx(rigid.end, rel=1e-6)
         last = heavy(heavy.end)
         assert last[1] - last[5] == pytest.approx(rigid.launches[-1], rel=1e-6)
-
-
-@pytest.mark.slow
-def test_the_knee_hopper_on_heavy_ground():
-    """A mechanism whose inertia varies."""
-    rigid, machine = find(knee_hopper()), knee_hopper()
-    mass, stiffness = 1e6, 1e5
-    weight = (mass + machine.parameters["body_mass"] + machine.parameters["foot_mass"]) * 9.80665
-    yielding = replace(machine, ground=Ground(mass, stiffness))
-    assert yielding.coordinates == ("foot", "knee", "ground")
-    assert yielding.parameters == machine.parameters
-    launch = {"liftoff": rigid(0.0)[2], "alpha": rigid.alpha, "ground": -weight / stiffness, "ground'": 0.0}
-    times = {"duration": rigid.flight_time / 2, "contact_duration": rigid.contact_time / 2}
-    assert find(yielding, start=launch | times).alpha == pytest.approx(rigid.alpha, rel=1e-4)
-
-
-@pytest.mark.slow
-def test_the_plate_hopper_is_a_case():
-    """It is the mechanism that it was, with the plate among its elements; and the hopper in other units."""
-    own = {"m1": 1.0, "m2": 1.0, "m3": 2.0, "plate_stiffness": 5.0}
-    stated = Mechanism(
-        coordinates=("body", "foot", "plate"),
-        elements=[
-            *(Mass(name, mass) for name, mass in zip(("body", "foot", "plate"), ("m1", "m2", "m3"), strict=True)),
-            Spring("body - foot", "r"),
-            Spring("plate", "plate_stiffness*r"),
-        ],
-        gap="foot - plate",
-        launch="body",
-        parameters=own,
-    )
-    plate = plate_hopper((1.0, 1.0, 2.0), parameters={"plate_stiffness": 5.0})
-    hopper = Hopper(ground=Ground(2.0, 5.0))
-    found = [find_all(machine, starts(machine, 6.0, 6.0)) for machine in (stated, plate)]
-    assert len(found[0]) == len(found[1]) > 3
-    unit, others = np.sqrt(2), find_all(hopper, starts(hopper.stated(), 6.0 * np.sqrt(2), 6.0 * np.sqrt(2)))
-    speeds = [hop.alpha for hop in others]
-    for a, b in zip(*found, strict=True):
-        assert (a.alpha, a.flight_time, a.contact_time) == pytest.approx(
-            (b.alpha, b.flight_time, b.contact_time), rel=1e-13
-        )
-        assert min(abs(speed * unit - a.alpha) for speed in speeds) < 1e-11 * abs(a.alpha)
 
 
 class TestStatement:

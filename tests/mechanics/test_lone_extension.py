@@ -4,18 +4,8 @@ import pytest
 
 from orbits import Mechanism, NoOrbit, OrbitsError, ReturnMap, find
 from orbits.mechanics import Inerter, Mass, Potential, Spring, Weight
-from problems import Hopper, Juggler, hopper_in_si, knee_hopper
+from problems import hopper_in_si, knee_hopper
 from problems.laws import springs
-
-
-@pytest.mark.parametrize("machine", [Hopper("cubic", mass_ratio=0.4), Juggler("cubic", mass_ratio=0.4)])
-def test_the_relative_motion_is_found(machine):
-    """The hopper's and the juggler's own units make the rate of their relative motion 1, and no parameter is in it."""
-    relative = machine.model.relative
-    assert relative.rate is None
-    assert relative.liftoff.load == (0.0 if isinstance(machine, Hopper) else 1.0)
-    assert relative.law is not None
-    assert set(relative.law.names) == {"beta"}
 
 
 def leg_in_si(law, *elements, **more) -> Mechanism:

@@ -1,7 +1,7 @@
 """The parts of a model: tension, gap, landing, and displacements of actuators, against values by hand."""
 
 import pytest
-from mechanisms import VALUES, leg, same
+from mechanisms import VALUES, leg
 
 from orbits import InputError, Mechanism, check, find, follow, prove, starts
 from orbits.check_proof import check as faults_of_proof
@@ -43,14 +43,6 @@ def plated(gap: str, **names) -> Mechanism:
     return Mechanism(("body", "foot", "plate"), elements, gap, {"k": 3.0, "h": 20.0}, heights=heights)
 
 
-def test_a_gap_has_no_unit_of_its_own():
-    """Twice a gap closes as the gap does: the motion, the contact force and the landing jerk are the same."""
-    once, twice = find(leg(Spring("body - foot", "k*r"))), find(leg(Spring("body - foot", "k*r"), gap="2*foot"))
-    same(twice, once)
-    for name in ("largest_contact_force", "landing_jerk"):
-        assert getattr(twice.certificate, name) == pytest.approx(getattr(once.certificate, name), rel=1e-12)
-
-
 def test_a_gap_along_a_lever_by_substitution():
     """The foot y moves by twice the coordinate z = y/2: the gap "2*z - plate" is y - plate. It is measured along z, so
     that its force, along z, is twice that on the foot, and its jerk half of the foot's."""
@@ -66,16 +58,6 @@ def test_a_gap_along_a_lever_by_substitution():
     assert two.certificate.landing_jerk == pytest.approx(one.certificate.landing_jerk / 2, rel=1e-11)
     assert two.certificate.loss_coefficient == pytest.approx(one.certificate.loss_coefficient, rel=1e-9)
     assert check(lever, start=told).largest < 0.1
-
-
-def test_landing_on_a_plate_is_the_gap_its_speed_and_its_acceleration():
-    """The foot's acceleration less the plate's, written by hand."""
-    machine, (body, foot, plate) = plated("foot - plate"), (0.7, 0.2, -0.3)
-    x, u = [body, 0.4, foot, 0.5, plate, 0.1], dict.fromkeys(machine.model.launch_unknowns, 9.0)
-    accelerated = (3.0 * (body - foot) / 0.5 - 1) - (-20.0 * plate / 4.0 - 1)
-    assert [float(each) for each in machine.model.landing(u, x, machine.values)] == pytest.approx(
-        [foot - plate, 0.4, accelerated], rel=1e-13
-    )
 
 
 def long_leg(length: str, **parameters: float) -> Mechanism:

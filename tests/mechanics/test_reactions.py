@@ -39,18 +39,6 @@ def test_forces_are_those_that_accelerate_the_centre_of_mass(machine):
     assert standing == pytest.approx([m * g, 0.0], abs=1e-15)
 
 
-def test_a_mass_in_the_plane_makes_the_machine_of_its_whole_inertia():
-    """The fields are those of the wheel and the rocker that state the torque of gravity."""
-    for kind, machine in (("wheel", wheel(share=0.6)), ("rocker", rocker(share=0.6))):
-        other, x = stepping(kind, 1.0, 0.5, 0.3), [0.13, 0.2, 0.35, 0.4]
-        for phase in ("flight", "contact"):
-            own, stated = (getattr(each.model, phase) for each in (machine, other))
-            state = x[: len(own.states)]
-            pairs = ((own, machine.values), (stated, other.values))
-            found, expected = (list(map(float, each.field(state, p, []))) for each, p in pairs)
-            assert found == pytest.approx(expected, abs=1e-15)
-
-
 def test_a_solid_block_loses_speed_as_housner_says():
     """The rates after the landing over those before are 1 - 3/2 sin(A)^2 (Housner 1963)."""
     a = 0.3

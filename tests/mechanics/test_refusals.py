@@ -32,11 +32,6 @@ class TestParametersOfLaws:
         with pytest.raises(InputError, match=r"parameter 'k' has two values, .*rename one"):
             with_springs_of(*laws, **more)
 
-    def test_that_agree_are_one(self):
-        law = springs.formula("k*r/2", k=3.0)
-        two = with_springs_of(law, law, parameters={"k": 3.0})
-        assert find(two).alpha == pytest.approx(find(with_springs_of("k*r", parameters={"k": 3.0})).alpha, rel=1e-14)
-
     def test_are_changed_by_values(self):
         """The launch speed goes as the root of the stiffness' inverse."""
         stated = with_springs_of(springs.formula("k*r", k=3.0))
@@ -165,10 +160,6 @@ class TestValues:
     def test_that_no_element_has(self, elements, change, telling):
         with pytest.raises(InputError, match=telling):
             machine(*elements, parameters={**VALUES, **change})
-
-    def test_are_held_whenever_they_change(self):
-        with pytest.raises(InputError, match="m1 = -2: the mass"):
-            machine().with_values(m1=-2.0)
 
     @pytest.mark.parametrize(
         ("gravity_law", "more", "telling"),

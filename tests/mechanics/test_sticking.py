@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from runners import NAMES, energy_by_hand, fast_runner, rates_by_hand
+from runners import NAMES, energy_by_hand, rates_by_hand
 
 from orbits import InputError, Mechanism, check
 from orbits.mechanics import Damper, Force, Mass, Potential, Spring
@@ -53,26 +53,8 @@ def test_fields_forces_energies_and_landings_are_those_written_by_hand(model, fo
         assert energy_by_hand(x, p) - energy_by_hand(after, p) == pytest.approx(lost, abs=1e-13)
 
 
-def test_the_parts_of_the_model(model):
-    assert model.sticks == ("x",)
-    assert model.contact.states == ("l", "l'", "theta", "theta'", "phi", "phi'")
-    assert model.launch_unknowns == ("liftoff", "alpha", "theta", "theta'", "phi", "phi'")
-    assert not model.embed[:4].any()
-    p = {**runner().values, "step": 2.0}
-    assert model.reversal.image([0.0] * 10, p)[0] == 2.0
-    assert model.relabelling.image([2.0] + 9 * [0.0], p)[0] == 0.0
-    assert model.contact_reversal.shift is None or not any(model.contact_reversal.shifts(p))
-
-
 def test_the_relations_of_mechanics_hold():
     assert check(runner()).largest < 1
-
-
-def test_the_step_is_a_number_of_an_orbit():
-    machine = fast_runner()
-    assert machine.values["step"] > 1
-    assert "step" not in machine.describe()["parameters"]
-    assert machine.model is runner().model
 
 
 MACHINE = {
