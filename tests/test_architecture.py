@@ -46,6 +46,8 @@ TESTED_WITH = {
     "mechanics/coordinates": "mechanics/test_coefficients",
     "mechanics/kinetics": "mechanics/test_coefficients",
     "model/model": "test_checks",
+    "model/phase": "flow/test_phase_field",
+    "model/planar": "mechanics/test_reactions",
     "numerics/quadrature": "shooting/test_error_bound",
     "mechanics/drawing": "show/test_plane",
     "mechanics/lagrange": "mechanics/test_coefficients",

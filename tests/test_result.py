@@ -324,18 +324,3 @@ def test_copies_have_the_machine(kind):
         assert again.source.describe() == result.source.describe()
     motion = copy.deepcopy(made("Orbit"))
     assert np.array_equal(motion.spring_forces(1.0)["spring force"], made("Orbit").spring_forces(1.0)["spring force"])
-
-
-def test_what_comes_back_can_be_used():
-    orbit = made("Orbit")
-    t = np.linspace(0, orbit.period, 7)
-    assert np.array_equal(pickle.loads(pickle.dumps(orbit))(t), orbit(t))
-    motion = made("Simulation")
-    again = pickle.loads(pickle.dumps(motion))
-    assert np.array_equal(again(t), motion(t))
-    assert again.smallest_separation == motion.smallest_separation
-    again = pickle.loads(pickle.dumps(made("ReturnMap")))
-    assert same(again([4.4, 4.6]), made("ReturnMap")([4.4, 4.6]))
-    control = pickle.loads(pickle.dumps(made("Control")))
-    assert control.warm_start is None  # its nonlinear program stays behind; a solve starts from the motion
-    assert steer([cart(duration=(1, 1))], guess=control).cost == pytest.approx(12, rel=1e-9)

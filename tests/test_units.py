@@ -13,11 +13,9 @@ from orbits import (
     InputError,
     Orbit,
     ReturnMap,
-    existence,
     find,
     find_all,
     follow,
-    follow_fold,
     multiplier,
     optimize,
     orbit_at,
@@ -25,10 +23,9 @@ from orbits import (
     quantities,
     sensitivities,
     simulate,
-    trace,
 )
 from orbits.units import DIMENSIONS, SPEED, Units, saved_units, unit_text
-from problems import hopper_in_si, steering
+from problems import hopper_in_si
 
 SCHEDULE = "; it is a list of times, and lists of values of parameters by name"
 MACHINES = {"leg": LEG, "thrower": THROWER, "rover": ROVER}
@@ -147,10 +144,6 @@ def test_the_map(case):
         step(-1.0)
 
 
-def test_a_launch_that_is_no_number_in_other_units():
-    assert ReturnMap(LEG)(np.array([1e308])).status.tolist() == ["lost"]
-
-
 def test_sets_of_the_map():
     sizes, speed = sizes_of("leg"), sizes_of("leg")["alpha"]
     step, bare = ReturnMap(LEG), ReturnMap(LEG.dimensionless())
@@ -234,41 +227,6 @@ def test_families_along_every_parameter(along, stop, tmp_path):
     assert follow(LEG, along, stop, resume=half, longest=0.2)[-1].alpha == pytest.approx(family[-1].alpha, rel=1e-13)
 
 
-@pytest.mark.extra("xarray")
-def test_families_in_netcdf_and_traces(tmp_path):
-    import xarray
-
-    family = follow(LEG, "foot_mass", 3.2, longest=0.5)
-    data = xarray.load_dataset(family.save(tmp_path / "family.nc"))
-    assert data["alpha"].attrs["units"] == "m/s"
-    assert data["foot_mass"].attrs["units"] == "kg"
-    speeds = [item.alpha for item in trace(LEG, "foot_mass", 3.2, longest=0.5) if isinstance(item, Orbit)]
-    agree(speeds, family.column("alpha"), 1.0)
-    seen = []
-    follow(LEG, "foot_mass", 3.1, longest=1.0, watch={"fast": lambda orbit: seen.append(orbit.alpha) or 1.0})
-    assert min(seen) > 1.0
-    assert max(seen) < 1.2
-
-
-@pytest.mark.slow
-def test_folds_and_diagrams():
-    """The paper's softening spring in SI: b r**3 with b length**3/weight = -0.0106952149164040 at the fold."""
-    soft = hopper_in_si(2.0, 2.0, force="k*r + b*r**3", parameters={"k": 100.0, "b": 0.0}, rest_length=8.0)
-    length, weight = soft.units.length, soft.units.force
-    family = follow(soft, "b", -0.02 * weight / length**3, longest=0.2)
-    fold = next(event.point for event in family.events if event.kind == "fold")
-    assert fold.value * length**3 / weight == pytest.approx(-0.0106952149164040, rel=1e-12)
-    assert fold.alpha / (length / soft.units.time) == pytest.approx(5.83222367210583, rel=1e-7)
-    folds = follow_fold(soft, fold, "b", "foot_mass", 2.2, longest=1.0)
-    last = folds[-1]
-    heavier = soft.with_values(foot_mass=2.2).units  # under constant gravity the fold does not depend on the mass ratio
-    assert last.also["b"] * heavier.length**3 / heavier.force == pytest.approx(-0.0106952149164040, rel=1e-10)
-    diagram = existence(LEG, "rest_length", (0.1, 1.0), "body_mass", [55.0, 60.0], samples=5)
-    least = LEG.rest_length - find(LEG).certificate.smallest_separation
-    assert diagram.motions(1)[0][0] == pytest.approx(least, abs=1e-6 * 0.9)
-    assert diagram.plot().get_ylabel() == "body mass (kg)"
-
-
 @pytest.mark.parametrize("name", slow_after(1, ["leg", "thrower", "rover"]))
 def test_quantities_and_sensitivities(name):
     machine, bare_machine, sizes = MACHINES[name], MACHINES[name].dimensionless(), sizes_of(name)
@@ -303,49 +261,6 @@ def test_designs_over_masses(tmp_path):
     head = front.save(tmp_path / "front.csv").read_text().splitlines()[0]
     assert head == "-centre_of_mass_rise (m),largest_contact_force (N),foot_mass (kg)"
     assert [best.unit_of(name) for name in ("body_rise", "stroke/body_rise", "2*foot_rise")] == ["m", "", ""]
-
-
-@pytest.mark.slow
-def test_steering():
-    damped = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 5000.0, "b": 1e5}, damping=5.0)
-    units, bare_machine = damped.units, damped.dimensionless()
-    speed = units.length / units.time
-    kept = steering.keep_hopping(damped, intervals=20, stroke=0.05)
-    bare = steering.keep_hopping(bare_machine, intervals=20, stroke=0.05 / units.length)
-    agree(kept.cost, bare.cost, units.length**2 / units.time)
-    agree(kept.end, bare.end, units.time)
-    agree(kept.schedule("w")[1]["w"], bare.schedule("w")[1]["w"], speed)
-    displacement = np.concatenate([leg.path.row("u")[:, 0] for leg in kept.legs])
-    assert np.abs(displacement).max() <= 0.05
-    assert steering.missed(damped, kept) < 1e-9
-    agree(steering.work(damped, kept), steering.work(bare_machine, bare), units.energy)
-    run = steering.rerun(damped, kept)
-    agree(run.end, kept.end, 1.0, 1e-12)
-    assert " s\n" in str(kept)
-    assert {"cost": "m^2/s", "time": "s", "w": "m/s", "y1'": "m/s", "power": "W"}.items() <= kept.units.items()
-    back = steering.recover(damped.with_values(damping=0.0), short=0.01, intervals=20, guess=None)
-    assert back.parameters["aim"] - back.parameters["launch"] == pytest.approx(0.01, rel=1e-12)
-
-
-def test_an_orbit_is_the_same_after_its_file_also_without_dimensions(tmp_path):
-    orbit = find(ROVER.with_values(rest_length=6.0), 2)
-    again = Orbit.load(orbit.save(tmp_path / "hop.json"))
-    for one, other in ((again, orbit), (again.dimensionless(), orbit.dimensionless())):
-        assert one.document() == other.document()
-        assert str(one) == str(other)
-        assert np.array_equal(one(0.1), other(0.1))
-        assert one.certificate == other.certificate
-    assert json.loads((tmp_path / "hop.json").read_text())["alpha"] == orbit.alpha
-
-
-def test_a_launch_by_its_unknowns_is_in_si():
-    machine = hopper_in_si(60.0, 3.0, stiffness=5000.0, rest_length=0.8)
-    named = simulate(machine, {"alpha": 3.0, "liftoff": machine.units.length}, hops=1)
-    assert named.launches == pytest.approx(simulate(machine, 3.0, hops=1).launches, rel=1e-12)
-    assert str(named).splitlines()[-1].endswith(" s")
-    hops = ReturnMap(machine)([1.0, 2.0])
-    assert hops.document()["units"] == {"alpha": "m/s", "next": "m/s", "loss": "m^2/s^2"}
-    assert "units" not in ReturnMap(machine.dimensionless())([1.0, 2.0]).document()
 
 
 @pytest.mark.parametrize(

@@ -124,16 +124,6 @@ def test_a_run_in_si_is_held_as_the_dimensionless_one(held):
     )
 
 
-@pytest.mark.slow
-def test_a_run_that_is_held_goes_on(run, held):
-    """On the orbit the force is that of roundings, for many more steps than it stays without."""
-    motion = simulate(held.machine, run, hops=20, feedback=held)
-    assert abs(motion.distance - 20 * run.step) < 1e-7
-    assert np.abs(motion.schedule[1]["hold"]).max() < 1e-7
-    energies = np.array([event.energy for event in motion.events])
-    assert np.ptp(energies) < 1e-8
-
-
 def test_a_chain_is_held():
     """Its own multipliers are those of `multipliers`, and the feedback acts in flight as in contact."""
     chain = Chain((1, 1, 1))
@@ -142,14 +132,6 @@ def test_a_chain_is_held():
     assert np.abs(held.multipliers) == pytest.approx(np.abs(multipliers(chain, hop).values), rel=1e-8)
     assert np.abs(held.held_multipliers).max() < 0.3
     assert simulated_multipliers(hop, held) == pytest.approx(np.abs(held.held_multipliers), rel=1e-3)
-
-
-@pytest.mark.slow
-def test_words(held):
-    assert "feedback along phi - theta that holds an orbit of a runner" in str(held)
-    assert f"modulus {abs(held.multipliers[0]):.6g}, with the feedback" in str(held)
-    assert "the feedback costs nothing" in str(held)
-    assert "phi - theta" in repr(held)
 
 
 @pytest.mark.slow

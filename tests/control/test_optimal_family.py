@@ -93,25 +93,6 @@ def test_a_minimum_is_lost_where_the_rod_buckles():
     assert family.events[-1].kind == "bifurcation"
 
 
-def test_steps_are_halved_where_they_are_not_fine_enough():
-    """An arm on an ever stiffer spring."""
-    arm = Phase("arm", ("a", "w"), lambda x, p, q: [x[1], p["f"] - p["s"] * x[0] ** 3])
-    ends = {"start": lambda x, before, p: x, "end": lambda x, p: [x[0] - 1, x[1]]}
-    stage = Stage(arm, 2, (1.0, 1.0), {"f": Input(degree=1)}, **ends, running=lambda x, p, q: p["f"] ** 2)
-    family = steer([stage], {"s": 0.0}, guess=STRAIGHT).follow("s", 3.0)
-    assert {each.kind for each in family.events} == {"mesh"}
-    assert "the intervals of the stages have 2 steps" in family.events[0].what
-    end = family.at(3.0)
-    assert end.error <= 1e-9
-    assert end.cost == pytest.approx(steer([stage], {"s": 3.0}, guess=STRAIGHT).cost, rel=1e-8)
-
-
-def test_no_step_is_longer_than_the_longest():
-    family = to(1.0).follow("d", 2.0, longest=1e-3, most=3)
-    assert np.diff(family.values).max() <= 1e-3
-    assert family.end.reason == "after 3 points: raise `most` to go on"
-
-
 def test_a_family_is_printed_tabled_drawn_and_saved(tmp_path):
     family = to(1.0, low=-9.0, high=9.0).follow("d", 1.6)
     assert "enters: input 'f' of stage 1 (cart), interval 1" in str(family)

@@ -30,24 +30,6 @@ def program(moving: bool) -> tuple[ParametricTranscription, np.ndarray, np.ndarr
     return found, x, rng.standard_normal(len(problem.labels) + moving)
 
 
-def test_the_whole_is_the_sum_of_its_parts():
-    found, x, y = program(moving=False)
-    (unknowns, p, cost, values), _ = found.problem.program(found.problem._advanced)
-    multipliers = ca.MX.sym("y", len(y))
-    lagrangian = cost + ca.dot(multipliers, values)
-    hessian, gradient = ca.hessian(lagrangian, unknowns)
-    wanted = [cost, gradient, values, ca.jacobian(values, unknowns), hessian]
-    wanted = ca.Function("whole", [unknowns, p, multipliers], wanted)
-    whole = [np.array(each) for each in wanted(x, [0.3, 0.8**2, 0.4, 1.0], y)]
-    second = found.second(x, 0.8, y)
-    for own in (found.first(x, 0.8, y), second.first):
-        assert own.cost == pytest.approx(float(whole[0][0, 0]), rel=1e-13)
-        assert own.gradient == pytest.approx(whole[1].ravel(), abs=1e-12)
-        assert own.values == pytest.approx(whole[2].ravel(), abs=1e-12)
-    assert second.jacobian.toarray() == pytest.approx(whole[3], abs=1e-12)
-    assert second.hessian.toarray() == pytest.approx(whole[4], abs=1e-11)
-
-
 @pytest.mark.parametrize("moving", [False, True])
 def test_derivatives_are_the_limits_of_differences(moving):
     found, x, y = program(moving)

@@ -3,14 +3,12 @@
 import sys
 from dataclasses import replace
 
-import casadi as ca
 import numpy as np
 import pytest
-from carts import EFFORT, cart
+from carts import cart
 
 from orbits import InputError, NoOrbit, steer
-from orbits.control import Guess, Input, Stage
-from orbits.model import Phase
+from orbits.control import Guess
 
 steer_module = sys.modules["orbits.control.steer"]
 
@@ -43,17 +41,3 @@ def test_the_search_is_bounded_in_solves_and_in_work(monkeypatch):
     monkeypatch.setattr(steer_module, "STEER_OPTIONS", replace(steer_module.STEER_OPTIONS, work=1))
     with pytest.raises(NoOrbit, match="does not settle"):
         steer(stages, guess=guess)
-
-
-@pytest.mark.slow
-def test_steps_are_halved_until_they_agree():
-    pendulum = Phase("pendulum", ("a", "v"), lambda x, p, q: [x[1], p["f"] - 9 * ca.sin(x[0])])
-    swing = {"inputs": {"f": Input(degree=2)}, "start": lambda x, before, p: x, **EFFORT}
-    stage = Stage(pendulum, 4, (6.0, 6.0), end=lambda x, p: [x[0] - np.pi, x[1]], **swing)
-    guess = [Guess(6.0, lambda t: [0.3 * t * np.sin(3 * t), np.cos(3 * t)])]
-    found = steer([stage], guess=guess)
-    assert found.rounds > 1
-    assert found.error <= 1e-9
-    assert found.violation <= 1e-9
-    finer = steer([stage], guess=guess, tolerance=1e-12)
-    assert finer.cost == pytest.approx(found.cost, rel=1e-9)

@@ -8,16 +8,7 @@ import pytest
 
 from orbits import InputError, NoOrbit, Orbit, ReturnMap, check, find, simulate, starts
 from orbits.mechanics import Ground
-from problems import (
-    Actuated,
-    Hopper,
-    Juggler,
-    chain_hand,
-    hopper_in_si,
-    inerter_hopper,
-    juggler_in_si,
-    springs,
-)
+from problems import Actuated, Hopper, Juggler, chain_hand, hopper_in_si, inerter_hopper, juggler_in_si, springs
 from problems.machines import files
 
 CUBIC = {"beta": 0.3}

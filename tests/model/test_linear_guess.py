@@ -1,7 +1,6 @@
 """Guesses from straight lines: exact where the forces are straight lines, and near to the orbit elsewhere."""
 
 import math
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -72,27 +71,3 @@ def test_a_launch_speed_below_0_is_no_guess():
     """With opposite signs of all places the launch would press the contact."""
     with pytest.raises(NoOrbit, match="family 1 has the launch speed -"):
         find(stepping("wheel", 1.0, 0.5, -0.3))
-
-
-@pytest.mark.slow
-def test_gravity_that_is_no_straight_line_has_the_guess_of_a_launch_without_an_acceleration():
-    """Of a light wheel with a heavy inner body."""
-    machine = stepping("wheel", 120.0, 0.3924, math.pi / 8)
-    for family in (1, 2, 3, 4):
-        half, speed, _ = closed_form("wheel", 120.0, 0.3924, family)
-        guessed = linear_guess(machine.model, family, machine.values)
-        assert (guessed["alpha"], guessed["duration"]) == pytest.approx((speed * math.pi / 8, half), rel=1e-9)
-        (only,) = find_all(machine, family=family)  # its spring does not come to its centre on each swing
-        assert find(machine, family=family).alpha == pytest.approx(only.alpha, rel=1e-13)
-        assert only.alpha == pytest.approx(speed * math.pi / 8, rel=0.03)
-
-
-def test_machines_that_differ_in_numbers_share_the_tangents_of_their_forces(monkeypatch):
-    """A sweep has thousands of guesses; those of one machine are computed once."""
-    machine = stepping("rocker", 1.0, 0.5, 0.3, "r + r**3")
-    linear_guess(machine.model, 1, machine.values)
-    monkeypatch.setattr(import_module("orbits.model.linear_guess"), "ca", None)
-    for mu in (0.9, 1.1):
-        guessed = linear_guess(machine.model, 1, {**machine.values, "mu": mu})
-        guessed["alpha"] = 0.0  # the next caller has its own
-        assert linear_guess(machine.model, 1, {**machine.values, "mu": mu})["alpha"] > 0

@@ -88,27 +88,6 @@ def test_states_and_transitions_are_matrix_exponentials(n, thrown):
     np.testing.assert_allclose(moved, exact[1][:-1] @ np.vstack([several, np.ones(3)]), atol=2e-13 * scale)
 
 
-@pytest.mark.parametrize(("n", "thrown"), CASES)
-def test_series_are_the_powers_of_the_generator(n, thrown):
-    m, k, f = mechanism(n, thrown, 10 * n + thrown)
-    rng, order = np.random.default_rng(2), 8
-    weights, start = rng.normal(size=2 * n + 1), rng.normal(size=2 * n)
-    seen = rng.normal(size=2 * n), 0.3
-    modes = linear_modes(m, k, f, {"a force": seen})
-    with mp.workdps(30):
-        a = generator(m, k, f)
-        at = [mp.expm(a * mp.mpf(t)) * mp.matrix([*start, 1.0]) for t in (0.0, 0.4)]
-        powers = [a**j / mp.factorial(j) for j in range(order + 1)]
-        exact = np.array([[floats(power * x)[:-1, 0] for power in powers] for x in at])  # (2, order + 1, 2n)
-    watched = exact @ seen[0]
-    watched[:, 0] += seen[1]
-    rows = modes.series(start, np.array([0.0, 0.4]), order)
-    np.testing.assert_allclose(rows[:, :-1], exact.swapaxes(1, 2), atol=1e-12 * np.abs(exact).max())
-    np.testing.assert_allclose(rows[:, -1], watched, atol=1e-12 * np.abs(exact).max())
-    along = modes.along(weights, start, np.array([0.0, 0.4]), order)
-    np.testing.assert_allclose(along, exact @ weights[:-1] + weights[-1] * watched, atol=1e-11 * np.abs(exact).max())
-
-
 @pytest.mark.parametrize("ratio", [1e-8, 1e-3, 1.0, 1e3, 1e8])
 def test_two_masses_on_a_spring(ratio):
     """Whatever the masses, all digits of the frequency, of the centre of mass and of the shares in the vibration."""
@@ -144,20 +123,6 @@ def test_what_is_known_to_be_positive_is(n, thrown, order):
             end = min(until, 50.0)
             assert lowest_on_grid(modes, quantity, start, min(0.01, 0.1 * end), end) > 0
     assert np.mean(known) > 0.25
-
-
-def test_what_is_positive_for_ever_is_known_to_be():
-    """Two masses joined by a spring, of which the lower, with the gap, is pushed up; or the gap is wide."""
-    stretch, starts = np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([[0.1, 0.0, 0.0, 0.3], [0.0, 0.0, 0.0, 0.0]]).T
-    gap = Affine((0.0, 0.0, 1.0, 0.0), 0.5)
-    for load, ahead in (([0.0, 1.0], [0.0, 0.0]), ([0.0, 0.0], [0.0, 0.0])):
-        rises, falls = linear_modes(np.eye(2), stretch, load).positive_between(gap, starts)
-        np.testing.assert_array_equal(rises, ahead)
-        np.testing.assert_array_equal(falls, np.inf)
-    swing = linear_modes([[2.0]], [[2.0]], [0.0])
-    rises, falls = swing.positive_between(Affine((1.0, 0.0), 1.0), np.array([[0.9, 0.0], [0.0, 1.1]]).T)
-    np.testing.assert_array_equal(rises, [0.0, np.inf])
-    np.testing.assert_array_equal(falls, [np.inf, 0.0])
 
 
 @pytest.mark.parametrize(

@@ -50,19 +50,6 @@ def test_sines_and_a_cubic_spring_have_the_values_of_other_integrators(kind, law
     assert half is None or orbit.flight_time / 2 == pytest.approx(half, rel=0, abs=1e-12)
 
 
-def test_the_maps_of_a_model():
-    wheel = by_hand("wheel")(1.0, 0.5, 0.3)
-    model, p = wheel.model, wheel.values
-    assert model.contact_reversal.image([0.2, 0.5], p) == pytest.approx([-0.2, 0.5])
-    assert model.mid_contact(p).at([0.2, 0.5]) == pytest.approx(0.2)
-    assert model.changes_contact
-    assert not model.plain
-    assert model.reversal.of(model.gap(p), p).at([0.1, 0.2, 0.3, 0.4]) == pytest.approx(0.3)
-    shuttle = by_hand("shuttle")(1.0, 0.5, 0.3).model
-    assert shuttle.contact_reversal.image([0.2, 0.5], p) == pytest.approx([0.2, -0.5])
-    assert not shuttle.changes_contact
-
-
 def test_a_model_without_a_reversor_has_no_half_orbit():
     import dataclasses
 

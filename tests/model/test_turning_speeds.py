@@ -29,16 +29,6 @@ def test_speeds_accumulate_beside_a_barrier():
     assert 0 < (speeds[speeds > 2] - 2).min() < 1e-7
 
 
-def test_a_force_that_fades_away_takes_few_places():
-    """From rest at 0 the force r exp(a r) stops launches below sqrt(2)/a on the way out; its tail changes no speed."""
-    a = 0.3
-    force = lambda r: (r * np.exp(a * r), (1 + a * r) * np.exp(a * r))  # noqa: E731
-    speeds, last = turning_speeds(force, 0.0, (-np.inf, 50.0), 1.0, 30.0, 1000)
-    assert last == 30.0
-    assert np.abs(speeds - np.sqrt(2) / a).min() < 1e-12
-    assert (speeds > 20).any()
-
-
 def test_waves_are_resolved_until_there_are_too_many():
     """Of the force r + sin(9 r)/3 each wave, 0.7 long, has turning points, as far as they suffice."""
     force = lambda r: (r + np.sin(9 * r) / 3, 1 + 3 * np.cos(9 * r))  # noqa: E731

@@ -2,12 +2,9 @@
 
 import numpy as np
 import pytest
-from conftest import REFERENCES, machine_of
 
-from orbits import find
-from orbits.flow import flow_of
 from orbits.model import Arc, Phase, Pieces, Statement
-from orbits.shooting import Shooting, equations_of
+from orbits.shooting import Shooting
 from orbits.shooting.multiple_shooting import MultipleShooting
 
 
@@ -28,21 +25,3 @@ def test_breakpoints_are_nodes_of_the_multiple_shooting():
     lower = MultipleShooting(equations, np.array([2.3]), np.array([4.0])).lower
     assert lower[0] == pytest.approx(2.3e-3)
     assert set(lower[1:].tolist()) == {0.0, -np.inf}
-
-
-@pytest.mark.parametrize("reference", [each for each in REFERENCES if each["spring"] != "r"])
-def test_a_step_that_other_solvers_differentiate(reference):
-    """On a mesh it leads from node to node up to a few roundings, although its order is lower than the motion's."""
-    machine = machine_of(reference)
-    orbit, p = find(machine, reference["family"]), machine.values
-    statement = equations_of(machine.model, orbit.method, tuple(p)).statement
-    known = {"liftoff": orbit.liftoff_extension, "alpha": orbit.alpha, "duration": orbit.flight_time / 2}
-    (arc,), data = statement.arcs, np.array(list(p.values()))
-    flow = flow_of(arc.phase, tuple(p))
-    path, _ = flow.run(arc.start(known, [], p), data, known["duration"])
-    shares = np.linspace(0, len(path.steps), int(1.2 * len(path.steps)) + 2)
-    times = np.interp(shares, np.arange(len(path.times)), path.times)
-    nodes, lengths = path(times)[:, : flow.size], np.diff(times)
-    for before, after, h in zip(nodes[:-1], nodes[1:], lengths, strict=True):
-        end = flow.vector_field.step(before, h, data).full().ravel()
-        assert np.abs(end - after).max() <= 40 * np.finfo(float).eps * np.abs(nodes).max()

@@ -4,14 +4,12 @@ import casadi as ca
 import numpy as np
 import pytest
 from conftest import REFERENCES, machine_of
-from many_at_once import cubics
 
 from orbits import NoOrbit, find
 from orbits.errors import FlowError
 from orbits.flow.vector_field import FlowControl
 from orbits.model import Arc, Phase, Statement, linear_modes
-from orbits.shooting import Shooting, equations_of, joined, settles
-from orbits.symbolic import caches
+from orbits.shooting import Shooting, equations_of, settles
 from problems import Hopper
 
 
@@ -59,21 +57,6 @@ def test_the_unit_of_a_parameter_moves_the_end_as_a_state_does():
     by_w = np.array([t * (alpha / w * c - s) - alpha / w**2 * s, -alpha * t * s - s - w * t * c])
     unit = growth * np.abs(end).max() / np.abs(by_w / (2 * w)).max()
     assert found.parameter_units == pytest.approx(np.array([[unit]]), rel=1e-10)
-
-
-def test_the_fewest_derivatives_are_enough():
-    """Of a contact that starts at rest and a flight that starts on the ground, neither by its speed nor by its gap."""
-    machine = machine_of(REFERENCES[4])
-    equations = Shooting(across_contact(machine.model), tuple(machine.values))
-    us, ps = np.array([[-2.0, 1.6, 3.0], [-2.1, 1.5, 3.1]]), np.tile([*machine.values.values()], (2, 1))
-    known = equations.evaluate_all(us, ps, ("beta",))
-    for fewest in (False, True):
-        which, found = equations.evaluate_lanes(us, ps, ("beta",), fewest=fewest)
-        assert found is not None
-        assert which.tolist() == [0, 1]
-        assert found.residual == pytest.approx(known.residual, abs=1e-12)
-        assert found.jacobian == pytest.approx(known.jacobian, rel=1e-10, abs=1e-10)
-    assert [[*np.flatnonzero(~each.any((0, 1)))] for each in found.transitions] == [[1], [2, 3]]
 
 
 def test_derivatives_through_two_phases_and_a_parameter():
@@ -127,27 +110,6 @@ def test_no_solution_is_an_error_in_words():
         equations.newton([1.0, 1.0], np.array([40.0]))
 
 
-@pytest.mark.slow
-def test_in_machine_code_it_is_the_same():
-    """The equations with their derivatives, from lanes of the processor and from the virtual machine."""
-    machine = machine_of(REFERENCES[4])
-    names, values = tuple(machine.values), np.array(list(machine.values.values()))
-    us = np.array([1.0, 2.5, 2.4]) * (1 + 0.01 * np.random.default_rng(2).normal(size=(20, 3)))
-    found = []
-    for compiled in (False, True):
-        caches._cached.clear()
-        equations = Shooting(equations_of(machine.model, "half orbit", names).statement, names)
-        kernel = equations.flows[0].stepper(5, (names.index("beta"),)).kernel
-        kernel.interpretation_budget = -1.0 if compiled else np.inf
-        found.append(equations.evaluate_all(us, np.tile(values, (20, 1)), ("beta",)))
-        assert kernel.compiled == compiled
-    for name in ("residual", "jacobian"):
-        assert np.array_equal(*(getattr(each, name) for each in found))
-    one, other = (each.trajectories[0] for each in found)
-    assert np.array_equal(one.coefficients, other.coefficients)
-    assert np.array_equal(one.variations, other.variations)
-
-
 def test_parameter_derivatives_of_a_closed_form():
     """cos(w t) and its derivative with respect to the stiffness w^2."""
     phase = Phase(
@@ -177,25 +139,6 @@ def test_parameter_derivatives_of_a_closed_form():
 )  # fmt: skip
 def test_the_last_newton_step_worth_taking(size, last, amplification, last_one):
     assert bool(settles(size, last, amplification)) is last_one
-
-
-def assert_same(some, one):
-    """Two evaluations of a statement agree, up to the order of their roundings."""
-    assert some.residual == pytest.approx(one.residual, abs=1e-12)
-    assert some.jacobian == pytest.approx(one.jacobian, rel=1e-11, abs=1e-11)
-    assert some.amplification == pytest.approx(one.amplification, rel=1e-11)
-    assert some.trajectories[0].end[:4] == pytest.approx(one.trajectories[0].end[:4], abs=1e-12)
-
-
-def test_a_statement_at_many_points():
-    equations, xs, ps, _ = cubics(9)
-    here = equations.evaluate_all(xs[:, :3], ps, ("beta",))
-    halves = joined([here[np.arange(4)], here[np.arange(8, 3, -1)]])
-    assert list(here.amplification) == [here[i].amplification for i in range(9)]
-    for i, (x, p) in enumerate(zip(xs, ps, strict=True)):
-        one = equations.evaluate(x[:3], p, ("beta",))
-        assert_same(here[i], one)
-        assert_same(halves[i if i < 4 else 12 - i], one)
 
 
 def test_motions_of_many_steps_among_others(monkeypatch):

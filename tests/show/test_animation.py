@@ -9,7 +9,7 @@ from PIL import Image
 from orbits import InputError, Mechanism, find, simulate, starts
 from orbits.mechanics import Mass, Spring
 from orbits.show import animation, plot
-from problems import Chain, Hopper, Juggler, chain_hand, knee_hopper, plate_hopper
+from problems import Chain, Hopper, Juggler, chain_hand, plate_hopper
 
 FRAMES = 6
 
@@ -79,24 +79,6 @@ def test_what_lands_on_a_mass_is_drawn_on_it(motion, rooms, drawn):
     assert rooms == lifts(heights, orbit)
     assert len(coils) == len(orbit.shape.springs)
     assert min(coils, default=1.0) > 0
-
-
-@pytest.mark.slow
-def test_a_knee_is_drawn_with_links_of_their_length(tmp_path, monkeypatch):
-    """From below to above, in the picture as long as two links, whatever the heights."""
-    kept, new_axes = [], plot.new_axes
-    monkeypatch.setattr(animation, "new_axes", lambda *size: kept.append(new_axes(*size)) or kept[-1])
-    orbit = find(knee_hopper())
-    orbit.animate(tmp_path / "knee.gif", FRAMES)
-    (axes,), ((below, above, link),) = kept, orbit.shape.knees
-    (leg,) = (line for line in axes.lines if line.get_linewidth() == 4)
-    x, y = leg.get_data()
-    state = orbit(orbit.period * (1 - 1 / FRAMES))
-    assert [y[0], y[2]] == pytest.approx([float(orbit.shape.heights[name](state)) for name in (below, above)])
-    assert (x[0], x[2], y[1]) == (0, 0, pytest.approx(0.5 * (y[0] + y[2])))
-    pixels = axes.transData.transform(np.column_stack([x, y]))
-    per_metre = np.diff(axes.transData.transform([[0, 0], [0, 1]]), axis=0)[0, 1]
-    assert np.hypot(*np.diff(pixels, axis=0).T) / per_metre == pytest.approx([link, link], rel=1e-6)
 
 
 def test_springs_in_any_order():

@@ -9,7 +9,6 @@ import pytest
 from cells import Cells
 
 from orbits import ReturnMap, existence, find, follow, optimize, pareto, prove, simulate, sweep, uncertainty
-from orbits.model import linear_modes
 from orbits.result import DISPLAY, cell
 from orbits.returns import bifurcations
 from orbits.tables import VIOLATED
@@ -130,13 +129,3 @@ def test_long_tables_are_told_without_their_middle():
     assert len(seen.rows) == DISPLAY.rows_of_cell + 1
     assert seen.rows[-1] == ["999", "x", "y"]
     assert [row[1] for row in seen.rows if row[0] == "..."] == [f"{1000 - DISPLAY.rows_of_cell + 1} more"]
-
-
-def test_long_laws_are_told_in_one_line():
-    text = " + ".join(f"{i}*r**{2 * i + 1}" for i in range(1, 60))
-    machine = Hopper(f"r + 1e-9*({text})")
-    assert len(repr(machine)) < 200
-    assert len(repr(ReturnMap(machine))) < 200
-    modes = linear_modes(np.eye(40), 2 * np.eye(40), np.ones(40), {"gap": (np.ones(80), 0.0)})
-    assert len(repr(modes)) < 200
-    assert "\n" not in repr(modes)

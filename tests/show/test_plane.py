@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from looks import check_looks
-from PIL import Image
 
 from orbits import InputError, Mechanism, find
 from orbits.mechanics import Drawing, Outline, Potential, Spring
@@ -101,13 +100,6 @@ def test_pictures_can_be_read(walk, rock):
         _, names = axes.get_legend_handles_labels()
         assert names[-1] == "inner body"
         assert len(names) == 2
-
-
-@pytest.mark.slow
-def test_animations_go_on(walk, rock, tmp_path):
-    for orbit in (walk, rock):
-        with Image.open(orbit.animate(tmp_path / "motion.gif", 6)) as image:
-            assert image.n_frames == 6
 
 
 def test_a_page_shows_cycles_after_which_it_looks_as_at_first(walk, rock):

@@ -85,19 +85,6 @@ def test_figures_can_be_read(kind):
 
 
 @pytest.mark.slow
-def test_legends_name_only_what_is_there():
-    names = lambda axes: [text.get_text() for text in axes.get_legend().get_texts()]  # noqa: E731
-    assert names(find(Hopper(rest_length=20)).plot()) == ["body", "foot", "centre of mass", "contact"]
-    assert "impact" in names(simulate(Hopper(), 4.0, hops=1).plot())
-    family = softening()
-    assert set(names(family.plot())) == {"no motions", *(event.kind for event in family.events)}
-    assert follow(LEG, "body_mass", 80.0).plot().get_legend() is None
-    flight = simulate(Hopper(), 4.0, time=1.0)
-    assert set(names(flight.plot())) == {"body", "foot", "centre of mass"}
-    assert plot.plot_gap(flight).get_legend() is None
-
-
-@pytest.mark.slow
 def test_texts_with_dollars_are_no_mathematics(tmp_path):
     """What does not close would raise; units have their powers raised all the same."""
     orbit, family = find(Hopper()), follow(Hopper("cubic"), "beta", 0.01, 0.0)

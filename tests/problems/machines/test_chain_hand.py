@@ -5,7 +5,7 @@ import pytest
 from mechanisms import linear_hops
 from scipy.integrate import solve_ivp
 
-from orbits import InputError, NoOrbit, find, find_all, follow, orbit_at, simulate, starts
+from orbits import InputError, NoOrbit, find, find_all, simulate, starts
 from problems import Juggler, chain_hand
 
 PLAIN = find(Juggler())  # ball and hand of mass 1, gravity 1, stiffness 1
@@ -125,25 +125,6 @@ def test_all_linear_hops_by_their_equations():
         orbit = find(machine, start=start)
         assert (orbit.contact_time / 2, orbit.flight_time / 2) == pytest.approx(hop[:2], rel=1e-12)
         np.testing.assert_allclose(orbit(0.0), hop.liftoff, rtol=1e-11, atol=1e-11)
-
-
-@pytest.mark.slow
-def test_a_family_along_a_spring():
-    """Half of a hop in the middle of it, by another integrator: from rest in mid-contact to rest in mid-flight."""
-    first, _ = near_plain(0.3, 2.0)
-    machine = chain_hand((1.0, 1.0, 0.3), ["r + b*r**3", "K*r"], {"K": 2.0, "b": 0.0})
-    family = follow(machine, "b", 0.1, start=first)
-    assert family.end.kind == "reached"
-    orbit = orbit_at(machine, family[-1], "b")
-    pull = lambda r: r + 0.1 * r**3  # noqa: E731
-    contact = lambda t, x: [x[1], -pull(x[0] - x[2]) / 2 - 1, x[3], (pull(x[0] - x[2]) - 2 * x[2]) / 0.3 - 1]  # noqa: E731
-    flight = lambda t, x: [x[1], -pull(x[0] - x[2]) - 1, x[3], (pull(x[0] - x[2]) - 2 * x[2]) / 0.3 - 1]  # noqa: E731
-    rest = orbit(orbit.flight_time + orbit.contact_time / 2)[2:]
-    liftoff = solve_ivp(contact, (0, orbit.contact_time / 2), rest * [1, 0, 1, 0], **TIGHT).y[:, -1]
-    assert liftoff[0] == pytest.approx(liftoff[2], abs=1e-10)  # the spring below the hand is slack
-    assert liftoff[1] == pytest.approx(orbit.alpha, abs=1e-10)
-    middle = solve_ivp(flight, (0, orbit.alpha), liftoff, **TIGHT).y[:, -1]
-    assert middle[[1, 3]] == pytest.approx([0.0, 0.0], abs=1e-9)
 
 
 def test_what_is_no_hand():

@@ -41,12 +41,6 @@ def test_is_the_limit_of_heavy_jugglers():
     assert find(HeavyHand()).alpha == find(Juggler()).alpha
 
 
-def test_takes_no_mass_ratio():
-    with pytest.raises(InputError, match="no mass ratio"):
-        HeavyHand(mass_ratio=2.0)
-    assert find(HeavyHand()).machine["mass_ratio"] is None
-
-
 def test_only_what_may_vary_is_offered():
     """The launch speed does not depend on the masses, and so its slopes are the juggler's."""
     hand, juggler = HeavyHand("cubic", parameters={"beta": 0.3}), Juggler("cubic", parameters={"beta": 0.3})

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from orbits import ReturnMap, find, follow, multiplier, orbit_at, simulate
+from orbits import ReturnMap, find, multiplier, simulate
 from orbits.model import half_angle
 from problems import Hopper, inerter_hopper
 
@@ -52,17 +52,6 @@ def liftoff_of(b):
     return brentq(lambda r: ground_force(0.0, [r, 0.0], b), 0.0, 10.0, xtol=1e-16, rtol=1e-15)
 
 
-def launch_of(b, guess):
-    """The launch speed after which the extension stands still when the centre of mass does."""
-
-    def rate_in_mid_flight(alpha):
-        half = M1 * alpha / ((M1 + M2) * G)
-        x = travelled(flight, [liftoff_of(b), alpha, 0.0, 0.0], half, b).y[:, -1]
-        return x[1] - x[3]
-
-    return brentq(rate_in_mid_flight, 0.98 * guess, 1.02 * guess, xtol=1e-15, rtol=1e-15)
-
-
 @pytest.mark.parametrize("family", [1, 2, 5])
 @pytest.mark.parametrize("b", INERTANCES)
 def test_linear_springs(b, family):
@@ -95,22 +84,6 @@ def test_without_inerter_it_is_the_hopper():
     assert orbit.certificate.loss_coefficient == pytest.approx(plain.certificate.loss_coefficient, rel=1e-8)
 
 
-@pytest.mark.slow
-def test_a_hardening_family_along_the_inertance():
-    family = follow(hardening(0.0), "inertance", 0.0, 3.0)
-    assert family.end.kind == "reached"
-    for point in (family[0], family[len(family) // 2], family[-1]):
-        b, orbit = point.value, orbit_at(hardening(0.0), point, "inertance")
-        assert orbit.alpha == pytest.approx(launch_of(b, orbit.alpha), rel=1e-10)
-        t = np.linspace(0.0, 1.0, 31)
-        up = travelled(flight, [liftoff_of(b), orbit.alpha, 0.0, 0.0], orbit.flight_time, b)
-        assert np.abs(orbit(orbit.flight_time * t) - up.sol(orbit.flight_time * t).T).max() < 1e-10
-        down = travelled(contact, [liftoff_of(b), -orbit.alpha], orbit.contact_time, b)
-        standing = orbit(orbit.flight_time + orbit.contact_time * t[:-1])[:, :2]
-        assert np.abs(standing - down.sol(orbit.contact_time * t[:-1]).T).max() < 1e-10
-        assert down.y[:, -1] == pytest.approx([liftoff_of(b), orbit.alpha], abs=1e-10)
-
-
 @pytest.mark.parametrize("b", [0.4, 2.0])
 def test_a_hop_with_an_impact(b):
     """The ground stops the foot; what the body keeps is the momentum of its own coordinate, (m1 + b) y1' - b y2'."""
@@ -134,15 +107,3 @@ def test_a_hop_with_an_impact(b):
     assert float(step(alpha).next) == pytest.approx(down.y[1, -1], abs=1e-10)
     slope = float(step(alpha + change).next - step(alpha - change).next) / (2 * change)
     assert multiplier(machine, alpha) == pytest.approx(slope, rel=1e-5)
-
-
-def test_energy_over_many_hops():
-    machine = hardening(0.4)
-    run = simulate(machine, find(machine).alpha, hops=50)
-    energy = lambda x: (  # noqa: E731
-        M1 * x[1] ** 2 / 2 + M2 * x[3] ** 2 / 2 + 0.2 * (x[1] - x[3]) ** 2 + K * (x[0] - x[2]) ** 2 / 2
-        + C * (x[0] - x[2]) ** 4 / 4 + M1 * G * x[0] + M2 * G * x[2]
-    )  # fmt: skip
-    energies = np.array([energy(event.before) for event in run.events])
-    assert run.status == "done"
-    assert np.abs(energies / energies[0] - 1).max() <= 1e-10

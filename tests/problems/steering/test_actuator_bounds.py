@@ -31,19 +31,6 @@ def test_a_bound_holds_and_costs(kind, bound, share):
     assert steering.missed(MACHINE, found) <= 1e-8
 
 
-@pytest.mark.slow
-def test_the_stroke_of_a_force_is_that_of_its_way():
-    free = steering.keep_hopping(MACHINE, actuator=Actuator(kind="force"), intervals=20)
-    t = np.linspace(0, free.end, 20001)
-    way = np.abs(free(t)[:, 0] - free(t)[:, 2]).max()
-    assert steering.keep_hopping(MACHINE, actuator=Actuator(kind="force"), intervals=20, stroke=1.001 * way).cost == (
-        pytest.approx(free.cost, rel=1e-9)
-    )
-    bound = steering.keep_hopping(MACHINE, actuator=Actuator(kind="force"), intervals=20, stroke=0.99 * way)
-    t = np.linspace(0, bound.end, 20001)
-    assert np.abs(bound(t)[:, 0] - bound(t)[:, 2]).max() <= 0.99 * way * (1 + 1e-9)
-
-
 @pytest.mark.parametrize("bound", ["rate", "stroke", "force", "power"])
 def test_a_bound_is_above_zero(bound):
     with pytest.raises(InputError, match=f"{bound} = -1: the actuator's bound is above 0"):

@@ -4,11 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from orbits import NoOrbit, simulate
-from orbits.control import Guess
-from problems import Actuated, Hopper, Juggler, springs, steering
-from problems.steering import corners
-from problems.steering.corners import passages_of
+from orbits import simulate
+from problems import Hopper, Juggler, springs, steering
 
 SHARP = Hopper(springs.bilinear(ratio=2.0, gap=0.5), mass_ratio=0.5, rest_length=20.0)
 
@@ -68,14 +65,6 @@ def test_a_recovery_is_a_minimum_of_effort():
 
 
 @pytest.mark.slow
-def test_the_search_has_a_bound(monkeypatch):
-    """One solve is too few, in whatever order the pieces are passed."""
-    monkeypatch.setattr(corners, "PARTS", corners.PartOptions(solves=1))
-    with pytest.raises(NoOrbit, match=r"does not settle to .* after 1 rounds.*take more intervals"):
-        steering.recover(SHARP, 0.1, intervals=8)
-
-
-@pytest.mark.slow
 def test_the_parts_of_a_phase_are_one_leg():
     kept = steering.keep_hopping(SHARP.with_values(damping=0.01), intervals=14)
     assert [leg.phase for leg in kept.legs] == ["flight", "contact"]
@@ -94,17 +83,6 @@ def test_a_start_passes_corners_in_the_order_of_its_motion():
     up = steering.start_up(machine, 2, intervals=14)
     assert steering.missed(machine, up) < 1e-9
     assert max(up(np.linspace(0, up.end, 500))[:, 2]) < 0.5
-
-
-def test_passages_of_a_guess():
-    driven = Actuated(Hopper(springs.end_stops(gap=1.0, stop=5.0)))
-    contact, p = driven.model.contact, driven.values
-    guess = Guess(2 * np.pi, lambda t: [1.5 * np.sin(t), 1.5 * np.cos(t), 0.0])
-    found = passages_of(contact, p, guess)
-    assert [each.piece for each in found] == [1, 2, 1, 0, 1]
-    first = np.arcsin(1 / 1.5)
-    ends = [first, np.pi - first, np.pi + first, 2 * np.pi - first, 2 * np.pi]
-    assert [each.end for each in found] == pytest.approx(ends, abs=1e-9)
 
 
 def test_a_motion_begins_on_a_row_of_a_table_up_to_rounding():

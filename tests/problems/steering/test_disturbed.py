@@ -7,7 +7,7 @@ from conftest import slow_after
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from orbits import InputError, ReturnMap, find, simulate
+from orbits import InputError, ReturnMap, find
 from problems import Disturbed, Hopper, steering
 
 C = 0.01
@@ -128,32 +128,6 @@ def test_a_small_disturbance_grows_as_linearised():
         for size, tolerance in ((1e-3, 0.1), (1e-5, 1e-3), (1e-7, 1e-5)):
             found = driven.simulate(2, launch_error=sign * size).launch_errors[1:]
             assert found / (sign * size) == pytest.approx(slopes, rel=tolerance)
-
-
-@pytest.mark.slow
-def test_a_start_under_a_disturbance(started_hopper):
-    """A damper that the start does not know of, by another integrator; and a state of its own."""
-    times, inputs = started_hopper.schedule("w")
-    off = started_hopper.simulate(1, damping=1e-3)
-    times, rates = np.append(times, times[-1] + 1), np.append(inputs["w"], 0.0)
-    assert off.run.launches == pytest.approx(by_hand(times, rates, 1, 1e-3), abs=1e-8)
-    assert off.launch_errors[0] < -1e-3
-    state = np.add(started_hopper(0.0), [0.01, 0, 0, 0, 0])
-    run = simulate(started_hopper.actuated, state=state, hops=2, schedule=started_hopper.schedule("w"))
-    assert np.array_equal(started_hopper.simulate(2, state=state).run.launches, run.launches)
-
-
-@pytest.mark.slow
-def test_a_push_of_nothing_changes_nothing(driven_hopper):
-    """Wherever the motion is cut for it: in flight, in contact, and where no inputs are left."""
-    for driven, times in ((driven_hopper, (2.0, 11.0, 20.0)), (steering.recover(Hopper(), 0.05), (3.0, 12.0, 18.0))):
-        whole = driven.simulate(2).run
-        for time in times:
-            off = driven.simulate(2, push=(time, {"y1'": 0.0}))
-            assert off.launch_errors == pytest.approx(0, abs=1e-8)
-            t = np.linspace(0, 0.99 * whole.end, 60)
-            assert off.run(t) == pytest.approx(whole(t), abs=1e-7)
-            assert [event.kind for event in off.run.events][:2] == [event.kind for event in whole.events][:2]
 
 
 @pytest.mark.slow

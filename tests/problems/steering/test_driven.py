@@ -10,9 +10,8 @@ from conftest import DAMPED_LEG, slow_after
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
 from orbits import Control, InputError
-from orbits.hops import Simulation
 from orbits.mechanics import Damper
-from problems import Actuated, Actuator, Disturbed, Driven, Hopper, Juggler, inerter_hopper, steering
+from problems import Actuator, Disturbed, Driven, Hopper, Juggler, inerter_hopper, steering
 from problems.laws import springs
 from problems.steering.driven import WithMovedEnd
 
@@ -112,19 +111,6 @@ def test_files(name, tmp_path, request):
     assert np.array_equal(Control.load(tmp_path / "driven.json").legs[0].path(0.1), driven.legs[0].path(0.1))
 
 
-@pytest.mark.slow
-def test_a_machine_that_no_file_states_is_given(tmp_path):
-    machine = Hopper(springs.function(lambda r, b: r + b * r**3, b=0.01))
-    driven = steering.recover(machine, 0.05, intervals=14)
-    path = driven.save(tmp_path / "driven.json")
-    with pytest.raises(InputError, match=r"does not hold its machine.*load\(path, machine\)"):
-        Driven.load(path)
-    again = Driven.load(path, machine)
-    assert np.array_equal(again(1.0), driven(1.0))
-    with pytest.raises(InputError, match="it is of another machine"):
-        Driven.load(path, Hopper())
-
-
 @pytest.mark.usefixtures("any_digest")
 @pytest.mark.parametrize(
     ("damage", "words"),
@@ -144,31 +130,6 @@ def test_a_damaged_file_is_refused(driven_hopper, tmp_path, damage, words):
     with pytest.raises(InputError, match=words) as error:
         Driven.load(tmp_path / "driven.json")
     assert "is not a saved motion of a driven machine" in str(error.value)
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("any_digest")
-def test_stages_of_another_machine_are_refused(driven_hopper, driven_leg, tmp_path):
-    document = json.loads(driven_hopper.save(tmp_path / "driven.json").read_text())
-    other = json.loads(driven_leg.save(tmp_path / "leg.json").read_text())
-    named = json.loads((tmp_path / "driven.json").read_text().replace('"flight"', '"fall"'))
-    for mixed, words in (
-        ({**document, "machine": other["machine"], "statement": other["statement"]}, "units do not fit its machine"),
-        (named, "its stage 'fall' is none of its machine's"),
-    ):
-        (tmp_path / "mixed.json").write_text(json.dumps(mixed))
-        with pytest.raises(InputError, match=words):
-            Driven.load(tmp_path / "mixed.json")
-
-
-@pytest.mark.slow
-def test_a_juggler(tmp_path):
-    driven = steering.start_up(Juggler(), 2)
-    assert isinstance(driven.motion, Simulation)
-    assert driven.simulate(2).run.launches == pytest.approx(driven.parameters["aim"], abs=1e-7)
-    again = Driven.load(driven.save(tmp_path / "juggler.json"))
-    assert again.source == Juggler()
-    assert isinstance(again.actuated, Actuated)
 
 
 @pytest.mark.parametrize("machine", [Hopper(rest_length=9.0), Juggler(rest_length=20.0)], ids=repr)

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from conftest import DAMPED_LEG
 
 from orbits import InputError, NoOrbit
-from problems import DrivenFamily, Hopper, springs, steering
+from problems import Hopper, springs, steering
 from problems.steering.driven_family import _differenced
 
 
@@ -45,13 +44,6 @@ def test_a_landing_that_is_free_costs_111_9():
     assert family.at(below).cost == pytest.approx(family.costs[-1], rel=1e-9)
 
 
-@pytest.mark.slow
-def test_fifty_points_are_what_independent_solves_find(from_lossless):
-    for c in np.linspace(0.004, 0.2, 50):
-        solved = steering.keep_hopping(Hopper(damping=c)).cost
-        assert from_lossless.costs[from_lossless.values == c] == pytest.approx(solved, rel=1e-10)
-
-
 def test_a_hop_of_the_family_is_one_of_its_machine(from_lossless):
     hop = from_lossless.at(0.1)
     assert hop.source == Hopper(damping=0.1)
@@ -72,25 +64,6 @@ def test_a_stroke_bounds_the_damping():
         steering.keep_hopping(Hopper(damping=0.1), stroke=0.4)
 
 
-@pytest.mark.slow
-def test_bounds_that_are_touched_within_intervals():
-    """The force reaches its bound once in each of some intervals; the touches move with the damping."""
-    family = steering.keep_hopping(Hopper(damping=0.05), force=6.0).follow("damping", 0.1)
-    assert family.end.kind == "reached"
-    for c in (0.06, 0.1):
-        hop = family.at(c)
-        assert max(hop.error, hop.violation) < 1e-9
-        assert hop.cost == pytest.approx(steering.keep_hopping(Hopper(damping=c), force=6.0).cost, rel=1e-8)
-
-
-@pytest.mark.slow
-def test_a_design_number_is_followed():
-    kept = steering.keep_hopping(Hopper("cubic", parameters={"beta": 0.05}, damping=0.02), intervals=20)
-    family = kept.follow("beta", 0.06)
-    other = Hopper("cubic", parameters={"beta": 0.06}, damping=0.02)
-    assert family.costs[-1] == pytest.approx(steering.keep_hopping(other, intervals=20).cost, rel=1e-8)
-
-
 def test_recoveries_are_what_independent_solves_find():
     """From a launch that is too slow to one that is too fast, through the lossless orbit, and into damping."""
     back = steering.recover(Hopper(), short=0.1, intervals=20)
@@ -109,32 +82,6 @@ def test_a_flight_with_a_free_landing_is_longer_by_the_cube_root_of_the_damping(
     family = steering.keep_hopping(Hopper(damping=1e-5), lossless=False, intervals=20).follow("damping", 1e-6)
     longer = [family.at(c).legs[0].duration - 2 * 4.493409457909064 for c in (1e-5, 1e-6)]
     assert np.log10(longer[0] / longer[1]) == pytest.approx(1 / 3, abs=0.05)
-
-
-@pytest.mark.slow
-def test_starts_and_least_peaks_are_what_independent_solves_find():
-    begun = steering.start_up(Hopper(), pumps=2, stroke=2.0).follow("damping", 0.02).at(0.02)
-    assert begun.cost == pytest.approx(steering.start_up(Hopper(damping=0.02), pumps=2, stroke=2.0).cost, rel=1e-9)
-    least = {"cost": "peak", "intervals": 14}
-    family = steering.keep_hopping(Hopper(damping=0.01), **least).follow("damping", 0.02)
-    assert family.at(0.02).cost == pytest.approx(steering.keep_hopping(Hopper(damping=0.02), **least).cost, rel=1e-9)
-
-
-@pytest.mark.slow
-def test_a_leg_in_si(tmp_path):
-    kept = steering.keep_hopping(DAMPED_LEG, intervals=16)
-    family = kept.follow("damping", 8.0)
-    assert family.units["cost"] == "m^2/s"
-    hop, solved = family.at(8.0), steering.keep_hopping(DAMPED_LEG.with_values(damping=8.0), intervals=16)
-    assert hop.cost == pytest.approx(solved.cost, rel=1e-8)
-    assert family.costs[-1] == pytest.approx(solved.cost, rel=1e-8)
-    assert hop.units == solved.units
-    bare = steering.keep_hopping(DAMPED_LEG.with_values(damping=0.0), intervals=16).follow("damping", 8.0)
-    assert bare.costs[-1] == pytest.approx(solved.cost, rel=1e-8)
-    with pytest.raises(InputError, match="the machine's units change"):
-        kept.follow("body_mass", 80.0)
-    same = DrivenFamily.load(family.save(tmp_path / "family.json"), DAMPED_LEG)
-    assert str(same) == str(family)
 
 
 @pytest.mark.slow

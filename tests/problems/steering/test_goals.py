@@ -12,19 +12,7 @@ from scipy.linalg import expm
 from orbits import InputError, NoOrbit, find, find_all, simulate, starts
 from orbits.hops import Impacts
 from orbits.mechanics import Damper
-from problems import (
-    Actuated,
-    Actuator,
-    Chain,
-    HeavyHand,
-    Hopper,
-    Juggler,
-    chain_hand,
-    knee_hopper,
-    plate_hopper,
-    springs,
-    steering,
-)
+from problems import Actuated, Actuator, Chain, HeavyHand, Hopper, Juggler, chain_hand, steering
 
 
 def test_a_damped_hopper_is_kept_hopping(driven_hopper):
@@ -142,19 +130,6 @@ def test_a_plastic_landing_costs_less_and_each_cost_is_least_in_its_own(driven_h
     assert steering.keep_hopping(machine, cost="work", rate=0.1, lossless=False).cost < least.cost
 
 
-@pytest.mark.slow
-def test_little_damping_costs_its_square_whatever_the_landing():
-    """Cost over c^2 is analytic in c: what it tends to, from moderate c, is what tiny c cost."""
-    orbit = find(Hopper())
-    cost = lambda c: steering.keep_hopping(Hopper(damping=c), lossless=False, start=orbit).cost / c**2  # noqa: E731
-    limit = 2 * cost(1e-3) - cost(2e-3)
-    assert cost(1e-6) == pytest.approx(limit, rel=1e-5)
-    assert cost(1e-8) == pytest.approx(limit, rel=1e-3)
-    free = steering.keep_hopping(Hopper(), lossless=False, start=orbit)
-    assert free.cost < 1e-20
-    assert free.durations == pytest.approx([float(orbit.flight_time), float(orbit.contact_time)], abs=1e-9)
-
-
 @pytest.mark.parametrize("lossless", [True, False])
 def test_an_answer_is_the_motion_of_the_machine_written_out(driven_hopper, lossless):
     """By another integrator, from the equations of motion with the damper and the moved end."""
@@ -177,14 +152,6 @@ def test_an_answer_is_the_motion_of_the_machine_written_out(driven_hopper, lossl
         flies = begin < aloft * (1 - 1e-9)
         x = solve_ivp(field, (begin, end), x, "DOP853", args=(w, flies), rtol=1e-12, atol=1e-13).y[:, -1]
     assert x == pytest.approx(start, abs=1e-8)
-
-
-@pytest.mark.slow
-def test_a_varying_gravity_and_a_hard_spring():
-    machine = Hopper("cubic", "1/(1+z/R)**2", rest_length=20, damping=0.01, parameters={"beta": 0.05, "R": 150.0})
-    found = steering.keep_hopping(machine)
-    assert found.violation <= 1e-8
-    assert steering.missed(machine, found) <= 1e-8
 
 
 @pytest.mark.slow
@@ -272,19 +239,6 @@ def test_what_no_actuator_does(question, words):
         question()
 
 
-@pytest.mark.slow
-def test_a_measured_spring_is_driven_as_its_formula():
-    """Rows of a cubic law, whose interpolant is that law: the same motion of least effort."""
-    rows = np.linspace(-14, 14, 29)
-    table = springs.table((rows, rows + 0.02 * rows**3), noise=0)
-    expected, found = (
-        steering.recover(Hopper(law, mass_ratio=0.5, rest_length=10), 0.05, intervals=8)
-        for law in ("r + 0.02*r**3", table)
-    )
-    assert found.cost == pytest.approx(expected.cost, rel=1e-8)
-    assert found.error < 1e-9
-
-
 @cache
 def damped_column():
     """A damped column of three masses, driven at its lower spring, with the lossless hop near which it is kept."""
@@ -313,32 +267,6 @@ def test_a_damped_column_is_kept_hopping():
 
 
 @pytest.mark.slow
-def test_a_column_comes_onto_the_hop_at_which_it_is_kept():
-    """From rest, and from a launch that is too slow; then the inputs of that hop go on."""
-    column, hop, kept = damped_column()
-    lower = {"actuator": Actuator("y2 - y3"), "start": hop, "aim": kept}
-    started = steering.start_up(column, 2, intervals=14, **lower)
-    assert steering.missed(column, started) <= 1e-9
-    assert started.followed_by(kept, hops=2).launches == pytest.approx(kept.launch, abs=1e-9)
-    back = steering.recover(column, 0.1, intervals=20, **lower)
-    assert back.launch == pytest.approx(kept.launch - 0.1, abs=1e-9)
-    assert back.followed_by(kept, hops=1).launches[-2:] == pytest.approx(kept.launch, abs=1e-9)
-
-
-@pytest.mark.slow
-def test_a_start_onto_the_hop_at_which_a_damped_hopper_is_kept(driven_hopper):
-    started = steering.start_up(Hopper(damping=0.01), 2, stroke=3.0, aim=driven_hopper)
-    assert started(started.end) == pytest.approx(driven_hopper(0.0), abs=1e-9)
-    assert started.followed_by(driven_hopper, hops=3).launches == pytest.approx(driven_hopper.launch, abs=1e-9)
-    other = steering.keep_hopping(Hopper(damping=0.02))
-    for aim, words in ((other, "another machine"), (started, "repeats itself")):
-        with pytest.raises(InputError, match=words):
-            steering.start_up(Hopper(damping=0.01), 2, aim=aim)
-    with pytest.raises(InputError, match="another machine"):
-        started.followed_by(other)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("end", ["hand - y3", "y3"])
 def test_a_hand_of_two_masses_keeps_throwing(end):
     """The work is what the damper takes away, whichever spring is driven."""
@@ -351,37 +279,6 @@ def test_a_hand_of_two_masses_keeps_throwing(end):
     assert steering.missed(damped, kept) <= 1e-9
     t = np.linspace(0, kept.end, 20001)
     assert kept.work[0] == pytest.approx(1e-3 * trapezoid(kept(t)[:, 3] ** 2, t), rel=1e-3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("moved", slow_after(1, ["body - foot", "plate"]))
-def test_a_hopper_on_a_plate_is_kept_hopping(moved):
-    """Moved at its leg the machine hops on open loop; moved at the plate its contact force touches zero on the way."""
-    machine = plate_hopper((1.0, 1.0, 5.0))
-    dampers = [Damper("body - foot", "c"), Damper("plate", "c")]
-    damped = replace(machine, elements=[*machine.elements, *dampers], parameters={**machine.parameters, "c": 0.01})
-    orbit = min(find_all(machine, starts(machine, 5, 5)), key=lambda each: abs(each.alpha - 6.125))
-    kept = steering.keep_hopping(damped, actuator=Actuator(moved), start=orbit)
-    assert steering.missed(damped, kept) <= 1e-9
-    t = np.linspace(0, kept.end, 40001)
-    rates = kept(t)[:, 1::2]
-    lost = trapezoid((rates[:, 0] - rates[:, 1]) ** 2 + rates[:, 2] ** 2, t)
-    assert kept.work[0] == pytest.approx(0.01 * lost, rel=1e-4)
-    if moved == "body - foot":
-        assert kept.simulate(2).run.launches == pytest.approx(kept.launch, abs=1e-9)
-
-
-@pytest.mark.slow
-def test_a_knee_is_kept_bending():
-    """In SI: what is moved is an angle, its force a torque, and the launch speed one of the knee."""
-    leg = knee_hopper()
-    leg = replace(leg, elements=[*leg.elements, Damper("knee", "c")], parameters={**leg.parameters, "c": 0.01})
-    kept = steering.keep_hopping(leg, intervals=20)
-    assert steering.missed(leg, kept) <= 1e-9
-    names = ("u", "w", "actuator force", "spring force", "work")
-    assert [kept.units[name] for name in names] == ["rad", "rad/s", "N m", "N m", "J"]
-    t = np.linspace(0, kept.end, 40001)
-    assert kept.work[0] == pytest.approx(0.01 * trapezoid(kept(t)[:, 3] ** 2, t), rel=1e-4)
 
 
 @pytest.mark.slow

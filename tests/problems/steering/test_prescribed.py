@@ -5,7 +5,7 @@ import pytest
 from conftest import DAMPED_LEG
 
 from orbits import InputError, find
-from problems import DrivenFamily, Hopper, Juggler, steering
+from problems import Hopper, Juggler, steering
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha
 
@@ -53,15 +53,6 @@ def test_the_best_speed_of_a_damped_hop_is_that_which_is_left_free(driven_hopper
     assert (family.costs[1:] > driven_hopper.cost).all()
 
 
-@pytest.mark.slow
-def test_the_speed_leads_to_the_lossless_orbit_of_the_next_family():
-    """tan(alpha) = alpha at 7.7252518 too, where the extension turns twice more."""
-    to = find(Hopper(), family=2).alpha
-    family = steering.keep_hopping(Hopper(), speed=ALPHA, intervals=20).follow("speed", to)
-    assert family.costs.max() > 1
-    assert family.costs[-1] == pytest.approx(0, abs=1e-12)
-
-
 def test_damping_is_followed_at_a_speed():
     family = steering.keep_hopping(Hopper(), speed=4.6, intervals=20).follow("damping", 0.05)
     solved = steering.keep_hopping(Hopper(damping=0.05), speed=4.6, intervals=20)
@@ -85,32 +76,6 @@ def test_the_height_is_the_rise_of_the_centre_of_mass():
     assert _rise(family.at(5.5)) == pytest.approx(5.5, rel=1e-8)
     launch = 2 * 6.0**0.5  # v^2/(2 g), with the speed alpha/2 and gravity 1/2
     assert family.costs[-1] == pytest.approx(steering.keep_hopping(Hopper(), speed=launch, intervals=20).cost, rel=1e-8)
-
-
-@pytest.mark.slow
-def test_a_speed_and_then_a_height_are_followed():
-    """The height is v^2/(2 g), with the speed alpha/2 and gravity 1/2."""
-    machine = Hopper(damping=0.02)
-    along = steering.keep_hopping(machine, speed=4.5, intervals=12).follow("speed", 4.8)
-    on = steering.keep_hopping(machine, height=4.8**2 / 4, intervals=12, guess=along.at(4.8))
-    assert on.cost == pytest.approx(along.costs[-1], rel=1e-9)
-    solved = steering.keep_hopping(machine, speed=5.0, intervals=12)
-    assert on.follow("height", 5.0**2 / 4).costs[-1] == pytest.approx(solved.cost, rel=1e-8)
-
-
-@pytest.mark.slow
-def test_the_height_of_a_leg_in_si(tmp_path):
-    height = 1.1 * find(DAMPED_LEG.with_values(damping=0.0)).rises["centre of mass"]
-    kept = steering.keep_hopping(DAMPED_LEG, height=height, intervals=16)
-    assert (kept.parameters["height"], _rise(kept)) == pytest.approx((height, height), rel=1e-8)
-    family = kept.follow("height", 1.05 * height)
-    assert family.units == {"cost": "m^2/s", "height": "m"}
-    assert _rise(family.at(1.02 * height)) == pytest.approx(1.02 * height, rel=1e-8)
-    solved = steering.keep_hopping(DAMPED_LEG, height=1.05 * height, intervals=16)
-    assert family.costs[-1] == pytest.approx(solved.cost, rel=1e-8)
-    same = DrivenFamily.load(family.save(tmp_path / "family.json"), DAMPED_LEG)
-    assert str(same) == str(family)
-    assert _rise(kept.follow("damping", 6.0).at(6.0)) == pytest.approx(height, rel=1e-8)
 
 
 @pytest.mark.parametrize(
