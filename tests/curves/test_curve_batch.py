@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from plane_curves import BOTH, Formula, Values, circle, corner, found_by, line, places, run_of
 
-from orbits.curves import ASKS, CHANGES, Border, Start, Steps, Test, correct
+from orbits.curves import ASKS, Border, Start, Steps, Test, correct
 
 
 def test_steps_go_on_from_the_accepted_ends_before_a_rejected_point():
@@ -176,23 +176,3 @@ def test_a_step_by_another_method_passes_no_event_value_or_bound():
     bounded = Gap(line)
     xs, _, (end,) = found_by(run_of(bounded, (0.0, 0.0), stop=0.5005, options=options))
     assert (end.kind, xs[-1][1]) == ("reached", 0.5005)
-
-
-def test_a_lane_that_goes_on_outlives_a_later_point_of_its_batch_that_is_refused():
-    """Lane 0 goes on at 0.3 with the other half of the line, and its point beyond 0.4 in the same batch is refused."""
-
-    class Half(Formula):
-        changed_at = 0.3
-
-        def certify(self, points):
-            wrong = (points.lanes == 0) & (points.values > 0.4) & (points.values < 0.6) & (self.changed_at < 1)
-            return points, {i: ValueError("refused") for i in np.flatnonzero(wrong).tolist()}
-
-        def changed(self, event, passed):
-            self.changed_at = 1.0
-            return Start.at(self, event.point)
-
-    half = Test("half", lambda problem, points: points.values - 0.3, CHANGES, bare=True)
-    problem = Half(line, [half])
-    _, _, ends = found_by(run_of(problem, (0.0, 0.0), (0.1, 0.1), stop=1.0))
-    assert [end.kind for end in ends] == ["reached", "reached"]

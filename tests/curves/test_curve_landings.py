@@ -2,23 +2,9 @@
 
 import numpy as np
 import pytest
-from plane_curves import BOTH, UNDIVIDED, Formula, circle, found_by, line, run_of
+from plane_curves import BOTH, Formula, circle, found_by, line, run_of
 
 from orbits.curves import CHANGES, Start, Test
-
-
-@pytest.mark.parametrize("at", [(), (-3.0, 9.0)])
-def test_folds_far_from_requested_values_are_not_located(at):
-    """p = x/10 + sin(2 x)/2 folds twice in each wave; an accepted point takes about three evaluations."""
-
-    def waves(lanes, x, p):
-        return [0.1 * x + 0.5 * np.sin(2 * x) - p], [[0.1 + np.cos(2 * x), -1.0]]
-
-    problem = Formula(waves)
-    xs, _, (end,) = found_by(run_of(problem, (0.0, 0.0), stop=2.0, behind=-9.0, at=at, options=UNDIVIDED))
-    assert end.kind == "reached"
-    assert xs[-1][0] > 14
-    assert problem.points < 3.5 * len(xs)
 
 
 @BOTH
@@ -32,16 +18,6 @@ def test_values_and_bounds_are_met_on_both_sides_of_a_fold(options):
         assert abs(event.point.xs[0, 0]) == pytest.approx(np.sqrt(1 - event.point.values[0] ** 2), abs=1e-13)
     assert end.kind == "reached"
     assert xs[-1] == pytest.approx(np.array([-np.sqrt(0.75), -0.5]), abs=1e-15)
-
-
-@BOTH
-def test_folds_far_from_bounds_and_requested_values_cost_nothing(options):
-    counts = []
-    for bound in (2.0, np.inf):
-        problem = Formula(circle)
-        found_by(run_of(problem, (1.0, 0.0), stop=bound, behind=-bound, at=[-7.0], options=options))
-        counts.append(problem.points)
-    assert counts[0] == counts[1]
 
 
 def test_a_bound_beyond_which_the_curve_turns_ends_it():

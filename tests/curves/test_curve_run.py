@@ -233,25 +233,6 @@ def test_two_hundred_lanes_of_which_eighty_end_at_folds(options):
     assert {event.point.values[0] for event in at} == {0.15}
 
 
-def test_lanes_together_evaluate_no_more_points_than_alone():
-    """A lane whose first steps are rejected does not make the others solve theirs again."""
-
-    def curves(lanes, x, p):
-        steep = np.tanh(40 * (p - 0.1))
-        on = np.where(lanes == 1, steep, p)
-        return [x - on], [[np.ones_like(x), -np.where(lanes == 1, 40 * (1 - steep**2), 1.0)]]
-
-    options, counts = Steps(apart=np.inf, first=0.1, longest=1.0, moved=0.01), []
-    for starts in ([0, 1], [0], [1]):
-        problem = Formula(curves)
-        first = run_of(problem, (0.0, 0.0), (np.tanh(-4.0), 0.0), stop=1.0, options=options).blocks[0]
-        problem.points = 0
-        ends = [item for item in Run(problem, first[starts], 1.0, options=options) if hasattr(item, "reason")]
-        assert [end.kind for end in ends] == ["reached"] * len(starts)
-        counts.append(problem.points)
-    assert counts[0] == counts[1] + counts[2]
-
-
 def test_a_test_that_asks_is_asked_at_each_point_and_ends_a_curve():
     test = Test("escaped", lambda problem, points: 0.5 - points.xs[:, 0], ASKS, bare=True)
     xs, events, (end,) = found_by(run_of(Formula(parabolas, [test]), (np.sqrt(0.2), 0.0), stop=-1.0, way=-1))
@@ -356,27 +337,6 @@ def test_a_curve_ends_after_its_largest_number_of_points_and_where_it_is_lost():
     xs, _, (end,) = found_by(run_of(Formula(corner), (0.5, -0.2), stop=1.0))
     assert (end.kind, end.reason[:30]) == ("stuck", "no point is found in a step of")
     assert 0 < 0.3 - xs[-1][1] < 1e-3
-
-
-def test_first_points_are_certified_with_the_first_batch_or_before_in_all_lanes():
-    """Lane 0 is at its bound; the test of the others vanishes at 0.1, whatever its sign is in lane 0."""
-    test = Test("level", lambda _, points: points.values - np.where(points.lanes == 0, -1.0, 0.1), bare=True)
-    problem, bounds = Formula(parabolas, [test]), {"stop": np.array([0.0, 0.15, 0.15]), "behind": -1.0}
-    problem.certify = lambda points: (points.having(own=points.lanes), {})
-    starts = np.column_stack([np.sqrt(parabola_constants(np.arange(3))), np.zeros(3)])
-    known = started(problem, starts)
-    items = [*Run(problem, known.having(own=None), **bounds, certified=False)]
-    assert items[0].own.tolist() == [0, 1, 2]
-    levels = [(item.kind, *item.point.lanes.tolist()) for item in items if isinstance(item, Event)]
-    assert levels == [("level", 1), ("level", 2)]
-    assert bits(items) == bits(Run(problem, known, **bounds))
-    (alone, _) = Run(problem, known[:1].having(own=None), 0.0, behind=-1.0, certified=False)
-    assert alone.own.tolist() == [0]
-    problem.certify = lambda points: (points, dict.fromkeys(range(len(points)), ValueError("refused")))
-    run = Run(problem, known, **bounds, certified=False)
-    for _ in range(2):  # the error leaves the run as it was
-        with pytest.raises(ValueError, match="refused"):
-            next(iter(run))
 
 
 def test_what_cannot_be_run_is_refused():

@@ -5,7 +5,7 @@ import pytest
 from plane_curves import UNDIVIDED, Formula, circle, found_by, run_of
 
 from orbits.curves import Steps, started
-from orbits.curves.curve_steps import Tails, step, up_to_the_first
+from orbits.curves.curve_steps import Tails, step
 
 FAR = np.array([[-np.inf, np.inf]])
 
@@ -47,22 +47,6 @@ def test_a_problem_may_refuse_neighbours():
     assert taken.ends.values == pytest.approx([0.6 * np.sqrt(0.99) + 0.8 * 0.1], abs=1e-15)
 
 
-def test_steady_tangents_are_those_of_the_points_that_there_are():
-    """They are asked for at the points of each lane in order, none of which occurs twice."""
-    seen = []
-
-    class Steady(Formula):
-        def steady(self, lanes, xs, tangents):
-            seen.append((lanes.tolist(), xs[:, 1].tolist()))
-            return tangents
-
-    first_step(Steady(circle), [[1.0, 0.0], [0.8, 0.6]], [0.01, 0.01], FAR, Steps())
-    assert seen == [([0, 1], [0.0, 0.6])]
-    seen.clear()
-    found_by(run_of(Steady(circle), (1.0, 0.0), stop=0.9))
-    assert all((np.diff(values) > 0).all() for _, values in seen)
-
-
 def test_neighbouring_points_are_as_near_as_they_should_be_and_make_room_for_requested_values():
     xs, _, _ = found_by(run_of(
         Formula(circle), (1.0, 0.0), stop=2.0, behind=-2.0, at=[0.301], options=Steps(apart=0.01)
@@ -78,9 +62,3 @@ def test_steps_grow_up_to_the_longest_one():
     gaps = np.linalg.norm(np.diff(xs, axis=0), axis=1)
     assert gaps[:6] == pytest.approx(0.005 * 2.0 ** np.arange(6))
     assert gaps[6:-1] == pytest.approx(np.full(len(gaps) - 7, 0.2))
-
-
-def test_points_behind_a_bad_one_of_their_lane_are_left_out():
-    lanes, bad = np.array([0, 0, 0, 2, 2, 5]), np.array([False, True, False, False, True, False])
-    assert up_to_the_first(lanes, bad).tolist() == [True, False, False, True, False, True]
-    assert up_to_the_first(lanes[:0], bad[:0]).tolist() == []

@@ -28,12 +28,3 @@ def test_second_order_conditions_are_those_on_the_null_space(seed):
         whole = np.vstack([np.hstack([matrix, border[:, None]]), np.eye(12)[held]])
         rights = rng.standard_normal((12, 2))
         assert conditions.solve(rights, held) == pytest.approx(np.linalg.solve(whole, rights), abs=1e-7)
-
-
-@pytest.mark.parametrize("apart", [1e-2, 1e-4, 1e-6])
-def test_nearly_parallel_gradients_leave_the_minimum_on_their_null_space(apart):
-    """The null space is the third axis, whatever the distance of the gradients: a minimum or a saddle by its sign."""
-    rows = np.array([[1.0, 0, 0], [1.0, apart, 0]])
-    for last, expected in ((1.0, 0), (-1.0, 1)):
-        second = SecondDerivatives(rows, np.diag([-1.0, -1.0, last]), np.zeros(3), np.zeros(2))
-        assert linearised(second, np.array([3, 4]), {}).negative == expected

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from plane_curves import Formula, circle, found_by, lemniscate, run_of
 
-from orbits.curves import BRANCH, FOLD, End, Event, Problem, Test, started
+from orbits.curves import BRANCH, FOLD, End, Event, Test, started
 from orbits.curves.protocol import KINDS_OF_END
 from orbits.errors import InputError
 
@@ -63,12 +63,6 @@ def test_pickled_events_of_older_versions_are_read(state, event):
     old = Event.__new__(Event)
     old.__setstate__(state)
     assert (old, old.what, old.value) == (event, event.text, 0.5)
-
-
-def test_a_problem_states_its_equations_and_units():
-    for method in (Problem().evaluate, Problem().size):
-        with pytest.raises(NotImplementedError):
-            method(np.zeros(1, int), np.zeros((1, 2)))
 
 
 def test_branch_points_need_recorded_equations():

@@ -40,13 +40,3 @@ def test_one_that_cannot_be_evaluated_leaves_the_others(monkeypatch):
     for one, other in ((first, together[0]), (third, together[2])):
         assert one.values == pytest.approx(other.values, rel=1e-13)
         assert one.slopes == pytest.approx(other.slopes, rel=1e-11)
-
-
-def test_slopes_are_differences_of_values():
-    """Along the parameters by which the orbit stays lossless."""
-    (at,) = design_points(cases(0.3))
-    h = 1e-5
-    low, high = design_points(cases(0.3 - h, 0.3 + h))
-    assert (high.values - low.values) / (2 * h) == pytest.approx(at.slopes[:, 0], rel=1e-7)
-    assert at.values[0] == pytest.approx(at.orbit.rises["centre of mass"], rel=1e-12)
-    assert at.values[1] == pytest.approx(at.orbit.certificate.loss_coefficient, rel=1e-9)

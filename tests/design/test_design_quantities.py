@@ -99,12 +99,6 @@ class TestSteps:
             size = max(abs(slope), abs(values[each]))
             assert found[each][name] == pytest.approx(slope, abs=1e-7 * size), each
 
-    @pytest.mark.slow
-    def test_friction_that_is_left(self):
-        orbit = find(BLOCK)
-        left = 0.6 - orbit.certificate.friction_needed
-        assert quantities(BLOCK, orbit, "friction_left")["friction_left"] == pytest.approx(left, rel=1e-12)
-
     def test_what_a_step_does_not_have(self):
         wheel = rimless_wheel()
         orbit = find(wheel)
@@ -117,12 +111,3 @@ class TestSteps:
             quantities(wheel, orbit, "friction_left")
         with pytest.raises(InputError, match="unknown quantity 'friction_needed'"):
             quantities(shuttle(), find(shuttle()), "friction_needed")
-
-    @pytest.mark.slow
-    def test_a_standing_foot_that_lifts_needs_no_number_of_friction(self):
-        lifting = rimless_wheel(inertia_ratio=0.05, gravity_ratio=0.2, angle=0.5, share=1.0)
-        orbit = find(lifting)
-        assert any("lifts" in violation for violation in orbit.violations)
-        assert quantities(lifting, orbit)["smallest_stance_force"] < 0
-        with pytest.raises(NoOrbit, match="no friction_needed: the standing foot lifts"):
-            quantities(lifting, orbit, "friction_needed")

@@ -48,13 +48,3 @@ def test_a_corner_is_entered_and_left():
             assert curve.slopes[i] == pytest.approx(0.01 * (0.1 * length - at), abs=1e-9)
         elif share > 1:
             assert design.parameters["mass_ratio"] == pytest.approx(0.1 * length, rel=1e-11)
-
-
-@pytest.mark.slow
-def test_a_largest_extreme_jumps_at_a_corner():
-    """Where the larger of two forces is wanted, both sides of the corner are better than the corner itself."""
-    text, over = "largest_spring_force - 0.02*(mass_ratio - 0.1*rest_length)**2", {"mass_ratio": (10.0, 30.0)}
-    best = optimize(KINKED.with_values(rest_length=102.0), maximise=text, over=over)
-    curve = best.follow("rest_length", 100.0, points=2)
-    assert curve.values[-1] == pytest.approx(10 * AT_CORNER, rel=1e-9)
-    assert "the largest spring force is at two places of the motion, and designs at both sides are better" in curve.end

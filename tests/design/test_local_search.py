@@ -3,7 +3,7 @@
 import pytest
 from designs import CUBIC, RANGE
 
-from orbits import NoOrbit, find, follow, optimize, quantities, sensitivities
+from orbits import NoOrbit, find, optimize, quantities
 from orbits.design import Design, local_search
 from orbits.design.design_problem import design_problem
 from problems import Hopper
@@ -17,19 +17,6 @@ def test_an_optimum_stays_admissible():
     assert 0 < best.orbit.certificate.smallest_separation < 1e-8
     assert best.orbit.admissible
     assert [active.text for active in best.active] == ["smallest_separation > 0"]
-
-
-@pytest.mark.slow
-def test_an_extreme_at_two_places():
-    """Where the peak force in contact has come down to that in flight, it cannot fall further: a corner."""
-    spring = Hopper("r + a*r**2 + b*r**3", mass_ratio=5.0, rest_length=60.0, parameters={"a": 0.1, "b": 0.1})
-    best = optimize(spring, minimise="largest_spring_force + 0.05*mass_ratio", over={"mass_ratio": (1.0, 100.0)})
-    stiff = spring.with_values(mass_ratio=100.0)
-    in_flight = quantities(stiff, find(stiff), ["largest_spring_force"])["largest_spring_force"]
-    assert best.quantities["largest_spring_force"] == pytest.approx(in_flight, rel=1e-9)
-    in_contact = quantities(best.source, best.orbit, ["largest_contact_force - 1"])["largest_contact_force - 1"]
-    assert in_contact == pytest.approx(in_flight, rel=1e-9)
-    assert best.active[0].text == "an extreme at two places"
 
 
 @pytest.mark.parametrize(
@@ -76,24 +63,6 @@ def test_a_formula_without_a_value_on_the_equation(capfd):
     with pytest.raises(NoOrbit, match=r"'sqrt\(1-b\)' has no finite value or slope on the way: keep the parameters"):
         optimize(CUBIC, minimise="sqrt(1-b)", over={"b": RANGE}, starts=1)
     assert not capfd.readouterr().err
-
-
-@pytest.mark.slow
-def test_phase_that_collapses():
-    """The contact of a softening spring lasts ever longer, and at beta = -0.0067221 for ever."""
-    soft = Hopper("cubic", rest_length=30.0, parameters={"beta": -0.005})
-    family = follow(soft, "beta", -0.0072, start=-0.006)
-    (collapse,) = [event.point.value for event in family.events if event.kind == "collapse"]
-    with pytest.raises(NoOrbit, match="runs into a collapse just beyond beta = ") as error:
-        optimize(soft, maximise="contact_time", over={"beta": (-0.02, 0.1)})
-    assert float(str(error.value).split("beta = ")[1].split(":")[0]) == pytest.approx(collapse, rel=1e-5)
-    with pytest.raises(NoOrbit, match="the spring collapses"):
-        optimize(soft, minimise="stroke", over={"beta": (-0.0099, -0.0095)})
-    endless = soft.with_values(beta=-0.0072)
-    with pytest.raises(NoOrbit, match="the spring collapses"):
-        quantities(endless, find(endless))
-    with pytest.raises(NoOrbit, match="the spring collapses"):
-        sensitivities(Hopper("tanh(b*r)/b", mass_ratio=0.05, parameters={"b": 0.1}), 2)
 
 
 def searched(starts, families):

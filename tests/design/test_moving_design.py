@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import slow_after
-from designs import CUBIC, LEG, OVER, RANGE
+from designs import LEG, OVER
 from scipy.optimize import brentq
 
 from orbits import Design, DesignCurve, Front, InputError, NoOrbit, find, optimize, quantities
@@ -132,22 +132,6 @@ def test_an_inactive_constraint_enters_and_the_curve_ends_where_constraints_excl
     assert curve.values[-1] == pytest.approx(strokes[1], rel=1e-9)
     assert curve.designs[-1].parameters["body_mass"] == pytest.approx(20.0, rel=1e-9)
     assert "the constraints exclude each other" in curve.end
-
-
-@pytest.mark.slow
-def test_a_demand_on_the_motion_becomes_active():
-    """In shorter legs the masses come near each other, and at last the stiffness keeps them apart."""
-    best = optimize(CUBIC, minimise="loss_coefficient + alpha", over={"b": RANGE})
-    shortest = 20.0 - best.orbit.certificate.smallest_separation
-    curve = best.follow("rest_length", 0.9 * shortest, points=3)
-    (event,) = curve.events
-    assert (event.kind, event.text) == ("enters", "smallest_separation > 0")
-    assert event.value == pytest.approx(shortest, rel=1e-8)
-    last = curve.designs[-1]
-    assert last.parameters["b"] > best.parameters["b"]
-    assert last.orbit.certificate.smallest_separation == pytest.approx(0.0, abs=3e-9)
-    left = lambda b: find(CUBIC.with_values(b=b)).certificate.smallest_separation - 20 + curve.values[-1]  # noqa: E731
-    assert last.parameters["b"] == pytest.approx(brentq(left, best.parameters["b"], 3.0, xtol=1e-12), rel=1e-7)
 
 
 def test_a_curve_comes_back(linear, tmp_path):

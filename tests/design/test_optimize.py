@@ -9,11 +9,11 @@ import pytest
 from conftest import slow_after
 from designs import CUBIC, LEG, RANGE, VARYING
 from scipy.optimize import brentq, minimize
-from steps import closed_form, stepping
+from steps import closed_form
 
 from orbits import InputError, NoOrbit, find, find_all, follow, optimize, pareto, quantities, sensitivities, sweep
-from orbits.design.design_problem import DesignProblem, design_problem
-from orbits.design.optimize import Origin, best_design, starting_points
+from orbits.design.design_problem import design_problem
+from orbits.design.optimize import Origin, best_design
 from problems import Chain, Hopper, hopper_in_si, rimless_wheel, rocking_block, springs
 
 
@@ -92,15 +92,6 @@ def test_leg_in_si():
     again = find(hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters=best.parameters, rest_length=0.8), 2)
     assert again.si()["flight_time_s"] == pytest.approx(best.orbit.si()["flight_time_s"], rel=1e-10)
     assert again.certificate.loss_coefficient == pytest.approx(best.objective, rel=1e-9)
-
-
-@pytest.mark.slow
-def test_varying_gravity_goes_over_into_constant():
-    """On ever larger planets the design tends to that under constant gravity, found by another statement."""
-    texts = {"minimise": "centre_of_mass_rise", "over": {"b": RANGE}, "subject_to": ["stroke >= 6"]}
-    flat = optimize(CUBIC, **texts)
-    far = [optimize(VARYING.with_values(R=R), **texts).parameters["b"] for R in (1e4, 1e5)]
-    assert far[0] - flat.parameters["b"] == pytest.approx(10 * (far[1] - flat.parameters["b"]), rel=1e-2)
 
 
 @pytest.mark.slow
@@ -185,17 +176,6 @@ def test_where_the_best_optimum_cannot_be_certified_the_next_is_returned(monkeyp
         best_design(Origin(1, machine, None), problem, points)
 
 
-def test_starts_within_bounds_over_decades_are_spread_by_their_logarithm():
-    machine = Hopper("r + b*r**3", parameters={"b": 0.3})
-    problem = DesignProblem("alpha", None, 1, ("b", "mass_ratio"), (1e-4, 0.5), (1e4, 2.0), ())
-    first, *others = starting_points(machine, problem, 65, 1)
-    assert first == {"b": 0.3, "mass_ratio": 1.0}
-    decades = np.floor(np.log10([point["b"] for point in others])).astype(int)
-    assert (np.bincount(decades + 4, minlength=8) == 8).all()
-    quarters = np.floor((np.array([point["mass_ratio"] for point in others]) - 0.5) / 0.375).astype(int)
-    assert (np.bincount(quarters, minlength=4) == 16).all()
-
-
 ROWS = np.linspace(-14, 14, 97)
 MEASURED = Hopper(
     springs.table((ROWS, ROWS + 0.02 * ROWS**3), noise=0, scale="b"), rest_length=12, parameters={"b": 1.2}
@@ -231,24 +211,6 @@ def test_the_optimum_is_the_least_of_a_dense_grid(case):
     assert best.kkt < 1e-6
 
 
-@pytest.mark.slow
-def test_fronts_and_samples_of_designs_from_a_start():
-    """A front whose ends are the optima of its objectives, and the best of many local minima."""
-    over, start = {"m1": (0.95, 1.3), "b": (0.01, 0.05)}, find_all(Chain(), Chain().starts(4, 5))[0]
-    both = ("largest_contact_force", "-centre_of_mass_rise")
-    front = pareto(CHAIN, minimise=both, over=over, points=3, start=start)
-    for i, text in enumerate(both):
-        shares: list[float] = []
-        starts = None if i else "global"
-        best = optimize(CHAIN, minimise=text, over=over, start=start, starts=starts, progress=shares.append)
-        assert front.values[:, i].min() == pytest.approx(best.objective, rel=1e-9)
-        assert shares == sorted(shares)
-        assert (shares[0] < 0.5, shares[-1]) == (True, 1.0)
-    for design in front.designs:
-        again = find(design.source, start=design.orbit, method="shooting")
-        assert design.orbit.alpha == pytest.approx(again.alpha, rel=1e-11)
-
-
 # Body and foot may be exchanged in the loss coefficient, which so has edges at both ends of the mass ratio, and the
 # machine's own lies on the side of the worse one.
 BETWEEN_EDGES = Hopper("r + beta*r**3", mass_ratio=1.5, rest_length=10.0, parameters={"beta": 0.3})
@@ -279,14 +241,6 @@ def test_the_share_is_that_of_the_sample_on_this_side():
     """The coefficient falls away from the mass ratio 1 to either side, so that the designs below 1 lead to the lower
     edge: 0.7 of 1.7, up to what a sample of 256 and its neighbours blur."""
     assert found_everywhere().share == pytest.approx(0.7 / 1.7, abs=0.1)
-
-
-def test_equal_optima_are_not_the_same():
-    """Between 1/2 and 2 both edges are as good, and about half of the designs lead to each."""
-    over = {"mass_ratio": (0.5, 2.0)}
-    found = optimize(BETWEEN_EDGES, minimise="loss_coefficient", over=over, starts="global")
-    assert min(abs(found.parameters["mass_ratio"] - edge) for edge in (0.5, 2.0)) < 1e-6
-    assert 0.2 < found.share < 0.8
 
 
 def test_a_constraint_is_met_that_only_one_corner_meets():
@@ -333,18 +287,6 @@ class TestSteps:
         assert best.kkt < 1e-9
 
     @pytest.mark.slow
-    def test_the_foot_that_lands_has_to_press(self):
-        """Its force is least at a turn of the spring's torque, where it vanishes at the largest c."""
-        wheel = stepping("wheel", 0.26, 1.19, 0.52, "r - c*sin(8*r)", c=0.7)
-        start = {"liftoff": 0.424, "alpha": 1.4955, "duration": 2.389}
-        best = optimize(wheel, maximise="c", over={"c": (0.5, 1.0)}, start=start)
-        turn = lambda c: np.arccos(1 / (8 * c)) / 8  # noqa: E731
-        largest = brentq(lambda c: c * np.sin(8 * turn(c)) - turn(c) - 1.19 * np.sin(0.52), 0.5, 1.0, xtol=1e-14)
-        assert best.parameters["c"] == pytest.approx(largest, abs=3e-9)
-        assert best.orbit.admissible
-        assert [each.text for each in best.active] == ["smallest_contact_force > 0"]
-
-    @pytest.mark.slow
     def test_a_foot_must_not_slide(self):
         """The lightest inner body for which the stated friction suffices, also by bisection."""
         wheel = rimless_wheel(gravity_ratio=0.5, angle=0.3, share=0.8, friction=0.4)
@@ -360,21 +302,3 @@ class TestSteps:
             subject_to=["friction_needed <= 0.4"],
         )  # fmt: skip
         assert bounded.objective == pytest.approx(best.objective, abs=3e-9)
-
-    @pytest.mark.slow
-    def test_a_front_of_speed_and_friction(self):
-        """The ends are the optima of both, and no design of a grid is better in both than one of the front."""
-        wheel = rimless_wheel(gravity_ratio=0.5, angle=0.3, share=0.8)
-        over, both = {"inertia_ratio": (0.3, 3.0), "gravity_ratio": (0.2, 1.0)}, ("friction_needed", "period")
-        front = pareto(wheel, minimise=both, over=over, points=4)
-        grid = sweep(wheel, over, 36, sampling="sobol", quantities=list(both), progress=False)
-        for values in np.column_stack([grid[name] for name in both]):
-            assert not ((front.values > values * (1 + 1e-9)).all(1)).any()
-
-    @pytest.mark.slow
-    def test_steps_that_are_too_short_for_any_design(self):
-        """The stroke shrinks as fast as the period that is missed: the search ends, at the shortest steps of all."""
-        block = rocking_block(angle=0.1271651163414671, share=0.33413039750901763)
-        over = {"inertia_ratio": (0.4, 4.0), "gravity_ratio": (0.15, 1.5)}
-        with pytest.raises(NoOrbit, match=r"is missed by 0\.04194, at 5\.21494, with inertia_ratio = 4, gravity_ratio"):
-            optimize(block, maximise="stroke", over=over, subject_to=["period <= 5.173"], starts=1)

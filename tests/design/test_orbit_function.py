@@ -157,13 +157,6 @@ class TestRefusals:
         with pytest.raises(RuntimeError, match="cannot be followed to beta"):
             function(-0.02)
 
-    def test_values_do_not_depend_on_earlier_calls(self):
-        function = orbit_function(CUBIC, "beta")
-        before = float(function(0.5)[0][1])
-        for beta in (2.0, 0.1, 0.4999):
-            function(beta)
-        assert float(function(0.5)[0][1]) == before
-
     @pytest.mark.parametrize(
         ("arguments", "options", "words"),
         [

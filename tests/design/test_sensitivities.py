@@ -5,7 +5,7 @@ import pytest
 from designs import CUBIC, VARYING
 
 from orbits import InputError, NoOrbit, find, find_all, quantities, sensitivities, starts
-from problems import Chain, Hopper, Juggler, chain_hand, hopper_in_si, plate_hopper, springs
+from problems import Chain, Hopper, Juggler, chain_hand, hopper_in_si, springs
 
 ROWS = np.linspace(-14, 14, 97)
 MEASURED = springs.table((ROWS, ROWS + 0.02 * ROWS**3), noise=0, scale="b", shift="d")
@@ -60,43 +60,6 @@ def test_a_measured_spring_is_the_formula_that_it_was_made_of():
     for quantity, slopes in expected.items():
         for name, slope in slopes.items():
             assert found[quantity][name] == pytest.approx(slope, rel=1e-9, abs=1e-9), (quantity, name)
-
-
-@pytest.mark.slow
-def test_a_measured_spring_on_a_plate_is_the_formula_that_it_was_made_of():
-    """The launch has four unknowns, and lies between two rows."""
-    start = {"liftoff": 1.1537, "alpha": 5.6216, "plate": -0.011973, "plate'": 0.0030105}
-    start |= {"duration": 2.8123, "contact_duration": 1.5993}
-    found = []
-    for law in ("b*((r - d) + 0.02*(r - d)**3)", MEASURED):
-        machine = plate_hopper(spring=law, parameters={"plate_stiffness": 100.0, "b": 1.0, "d": 0.0})
-        over, of = ["b", "d", "plate_stiffness", "m1"], ["alpha", "flight_time", "contact_time"]
-        found.append(sensitivities(machine, find(machine, start=start), over, of))
-    for quantity, slopes in found[0].items():
-        assert found[1][quantity] == pytest.approx(slopes, rel=1e-11, abs=1e-11), quantity
-
-
-@pytest.mark.slow
-def test_a_force_that_jumps_has_no_smooth_variation():
-    law = springs.function(lambda r, k: r + 0.4 * k * np.where(r > 0.5, 1, 0), breakpoints=(0.5,), k=1.0)
-    machine = Hopper(law, mass_ratio=0.5)
-    orbit = find(machine)
-    assert quantities(machine, orbit, ["alpha"])["alpha"] == pytest.approx(orbit.alpha, rel=1e-12)
-    with pytest.raises(InputError, match=r"jumps at the extension 0\.5"):
-        quantities(machine, orbit, ["loss_coefficient"])
-
-
-@pytest.mark.slow
-def test_a_jump_that_moves_with_the_units_of_a_machine_in_si():
-    """The unit of length follows from the masses, and with it where the force jumps; against neighbouring orbits."""
-    law = springs.function(lambda r: 1000 * r + 30 * np.where(r > 0.02, 1, 0), breakpoints=(0.02,))
-    leg, names = hopper_in_si(3.0, 1.5, force=law, rest_length=0.3), ["alpha", "stroke"]
-    exact = sensitivities(leg, 1, ["foot_mass"], names)
-    h = 1e-4
-    up, down = (leg.with_values(foot_mass=1.5 + side * h) for side in (1, -1))
-    above, below = (quantities(each, find(each), names) for each in (up, down))
-    for name in names:
-        assert exact[name]["foot_mass"] == pytest.approx((above[name] - below[name]) / (2 * h), rel=1e-7)
 
 
 def motion_of(machine, half_contact: float, half_flight: float):
@@ -177,8 +140,3 @@ def test_the_table_has_units():
     assert table["value of parameter"] == [5000.0, 0.8]
     assert table["relative derivative"] == pytest.approx([-0.5, 0.0], abs=1e-9)
     assert sensitivities(Hopper("cubic"), 1, ["beta"], ["alpha"]).table()["unit"] == [""]
-
-
-def test_a_quantity_of_0_has_no_relative_derivative():
-    found = sensitivities(PLAIN_LEG, 1, ["stiffness"], ["alpha - alpha"])
-    assert np.isnan(found.relative()["alpha - alpha"]["stiffness"])

@@ -6,18 +6,7 @@ import pytest
 from conftest import slow_after
 from scipy.optimize import brentq, minimize_scalar
 
-from orbits import (
-    Design,
-    DesignCurve,
-    Front,
-    InputError,
-    NoOrbit,
-    find,
-    optimize,
-    orbit_function,
-    pareto,
-    sensitivities,
-)
+from orbits import Design, DesignCurve, InputError, NoOrbit, find, optimize, orbit_function, pareto, sensitivities
 from orbits.design import Outputs
 from orbits.design.design_point import Case, design_points
 from orbits.design.tuned_machine import TunedMachine, first_of_tuned, names_of_designs, unknowns_of
@@ -102,37 +91,6 @@ def test_the_best_of_a_sample_is_that_of_the_closed_form():
     assert 0.5 < best.share < 1
 
 
-@pytest.mark.slow
-def test_a_front_of_tuned_designs(tmp_path):
-    """Along the closed form, at evenly spaced levels; one end is where the stiffness of the first objective is met."""
-    front = pareto(LINEAR, minimise=("(k - 2)**2", "mass_ratio"), over=RANGE, points=3, **WITH_FREQUENCY)
-    met = brentq(lambda m: stiffness(m) - 2, 1.0, 1.2)
-    ratios = front.column("mass_ratio")
-    assert ratios == pytest.approx(np.linspace(met, 0.5, 3), rel=1e-7)
-    assert front.column("k") == pytest.approx([stiffness(ratio) for ratio in ratios], rel=1e-11)
-    assert front.values == pytest.approx(np.column_stack([(front.column("k") - 2) ** 2, ratios]), abs=1e-12)
-    assert np.array_equal(Front.load(front.save(tmp_path / "front.json"), LINEAR).values, front.values)
-
-
-@pytest.mark.slow
-def test_a_front_of_tuned_designs_in_si_is_that_of_searches_at_its_levels():
-    leg = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 1e5}, rest_length=0.8)
-    problem = {"over": {"body_mass": (20.0, 100.0), "b": (0.0, 1e6)}, "tune": "k", "at": {"period": 0.4}}
-    front = pareto(leg, minimise=("k", "stroke"), points=4, **problem)
-    assert len(front.designs) == 4
-    for design in front.designs[1:-1]:
-        same = optimize(leg, minimise="k", subject_to=[f"stroke <= {design.pair[1]!r}"], starts=3, **problem)
-        assert design.parameters == pytest.approx(same.parameters, rel=1e-8, abs=1e-6)
-        assert design.orbit.period == pytest.approx(0.4, rel=1e-11)
-
-
-def test_designs_stay_in_the_family_of_their_start():
-    best = optimize(LINEAR, minimise="k", over=RANGE, start=find(LINEAR, 2), **WITH_FREQUENCY)
-    assert best.orbit.family == 2
-    period = find(LINEAR.with_values(mass_ratio=3.0), 2).period
-    assert best.parameters == pytest.approx({"mass_ratio": 3.0, "k": (0.1 * period) ** 2}, rel=1e-11)
-
-
 def test_sensitivities_of_tuned_orbits():
     """The stiffness is the square of the frequency times that of the period of stiffness 1."""
     machine = LINEAR.with_values(mass_ratio=2.0)
@@ -203,28 +161,6 @@ def test_designs_are_followed(what, to, tmp_path):
         assert last == pytest.approx(curve.objectives[-1], rel=1e-12)
     with pytest.raises(InputError, match="'k' is tuned: follow a prescribed quantity"):
         best.follow("k", 1.0)
-
-
-@pytest.mark.slow
-def test_a_curve_ends_where_motions_last_too_long():
-    """The way to the frequency 0 is without end."""
-    best = optimize(LINEAR, minimise=COST, over={"mass_ratio": (0.4, 3.0)}, **WITH_FREQUENCY)
-    curve = best.follow("frequency", 0.0, points=3)
-    assert curve.end.startswith("beyond frequency")
-    assert 0 < curve.values[-1] < 1e-4
-
-
-@pytest.mark.slow
-def test_a_machine_in_si_is_followed():
-    """A leg whose stiffness is tuned to its period, against searches."""
-    leg = hopper_in_si(60.0, 3.0, force="k*r + 1e5*r**3", parameters={"k": 8000.0}, rest_length=0.8)
-    problem = {"minimise": "stroke + 0.002*body_mass", "over": {"body_mass": (20.0, 100.0)}, "tune": "k"}
-    best = optimize(leg, at={"period": 0.4}, subject_to=["k <= 9000"], **problem)
-    curve = best.follow("period", 0.42, points=3)
-    for value, design in zip(curve.values, curve.designs, strict=True):
-        alone = optimize(leg, at={"period": value}, subject_to=["k <= 9000"], **problem)
-        assert design.parameters == pytest.approx(alone.parameters, rel=1e-8)
-        assert design.orbit.period == pytest.approx(value, rel=1e-11)
 
 
 def test_bad_arguments_are_named():

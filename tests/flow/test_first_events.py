@@ -13,7 +13,7 @@ from orbits.errors import FlowError, OutOfRange
 from orbits.flow import FirstOf, Flow, Watch, first_events, first_zero, flow_of, until_zero
 from orbits.flow.first_events import _Search
 from orbits.flow.flow import CLOSED_FORM
-from orbits.flow.vector_field import FlowControl, VectorField
+from orbits.flow.vector_field import VectorField
 from orbits.hops import Impacts
 from orbits.model import Affine
 from orbits.numerics import piecewise_roots
@@ -83,19 +83,6 @@ def test_what_is_watched_is_told_at_the_zero():
     assert rows[0, 2] == pytest.approx(1.0 - 9.0 * rows[0, 0], rel=1e-14)
 
 
-@pytest.mark.slow
-def test_a_motion_that_falls_for_ever_is_given_up_without_its_steps(monkeypatch):
-    """The spring carries less than the weight, and bends so often that the fall takes thousands of steps."""
-    impacts = Impacts(Hopper("tanh(r) + s*sin(r)", parameters={"s": 3.0}))
-    monkeypatch.setattr(Flow, "run", lambda *_, **__: pytest.fail("followed by itself"))
-    starts = np.array([[0.4, -2.0], [0.4, -9.0]])
-    times, *_, failed = first_events(
-        impacts.contact, starts, impacts.p, Watch(impacts.contact, [impacts.model.contact_speed]), 1e7
-    )
-    assert np.isfinite(times).tolist() == [True, False]
-    assert list(failed) == [1]
-
-
 def test_motions_whose_time_ends_before_they_run_away_are_settled_together(monkeypatch):
     """A spring that repels far out: a motion that is followed for a little less time has no turn, and no error."""
     machine = Hopper("tanh(b*r)/b + c*r", parameters={"b": 0.2, "c": -0.1})
@@ -156,17 +143,6 @@ def test_motions_up_to_a_zero(name):
             assert path.times[-1] == pytest.approx(one.times[-1], rel=1e-12)
             assert path.end == pytest.approx(one.end, rel=1e-10, abs=1e-10)
     assert motions.counts.min() <= 6 < motions.counts.max()
-
-
-def test_motions_of_too_many_steps_leave_the_others_alone(monkeypatch):
-    """They are left out, and those of fewer are followed together the next time too."""
-    monkeypatch.setattr("orbits.flow.flow.Flow.control", FlowControl(max_block=6))
-    rules, back = Impacts(MACHINES["cubic"]), Affine((1.0, 0.0, 0.0))
-    starts = np.random.default_rng(8).normal(0, 4, (40, 2))
-    for _ in range(2):
-        which, motions = until_zero(rules.contact, starts, np.tile(rules.p, (40, 1)), back)
-        assert 0 < len(which) < 40
-        assert motions.counts.max() == 6
 
 
 def test_a_motion_that_breaks_down_later_still_has_its_zero():

@@ -110,13 +110,3 @@ def test_a_parameter_derivative_sees_poles_that_the_state_does_not():
     t, w = np.polynomial.legendre.leggauss(60)
     t, w = 5 * (t + 1), 5 * w
     assert slopes[0, 0] == pytest.approx(np.sum(w * (10 - t) * -(t - t**3) / (1 + t**2)), rel=1e-12)
-
-
-def test_a_closed_form_has_no_step_of_no_length():
-    phase = Phase(
-        "swing", ("x", "v"), lambda x, p, q: [x[1], -x[0]], closed_form=lambda p: linear_modes([[1.0]], [[9.81]], [0.0])
-    )
-    flow = Flow(phase, ())
-    for n in range(1, 200):
-        path, _ = flow.run([1.0, 0.0], [], n / np.sqrt(9.81))
-        assert (path.steps > 0).all()

@@ -9,19 +9,7 @@ import pytest
 
 from orbits import InputError, Mechanism, Orbit, find, find_all, simulate, starts
 from orbits.mechanics import Mass, Spring
-from problems import (
-    Chain,
-    HeavyHand,
-    Hopper,
-    Juggler,
-    chain_hand,
-    hopper_in_si,
-    inerter_hopper,
-    knee_hopper,
-    plate_hopper,
-    springs,
-    steering,
-)
+from problems import Chain, HeavyHand, Hopper, Juggler, hopper_in_si, inerter_hopper, knee_hopper, plate_hopper, springs
 
 CUBIC = Hopper("r + beta*r**3", mass_ratio=0.5, rest_length=10, parameters={"beta": 0.3})
 LEG = hopper_in_si(60.0, 3.0, force="8000*r + 2e6*r**3", rest_length=0.8)
@@ -142,17 +130,6 @@ def test_a_measured_spring_has_the_force_of_its_formula():
     assert columns["spring force"] == pytest.approx(x + 0.02 * x**3, abs=1e-12)
 
 
-@pytest.mark.slow
-def test_a_driven_motion_has_the_force_on_its_moved_spring():
-    driven = steering.recover(LEG, 0.01, intervals=14)
-    columns = driven.table()
-    r = columns["y1"] - columns["y2"] - columns["u"]
-    assert columns["spring force"] == pytest.approx(8000 * r + 2e6 * r**3, abs=1e-9)
-    power = -columns["spring force"] * columns["w"]
-    assert columns["power"] == pytest.approx(power, abs=1e-9)
-    assert driven.heading("contact force") == "contact force (N)"
-
-
 def test_several_springs_have_names_of_their_own():
     masses = [Mass("body", 1.0), Mass("foot", 1.0)]
     twice = [Spring("body - foot", "r"), Spring("body - foot", "r**3"), Spring(lambda y, p: y["body"], "0.1*r")]
@@ -185,92 +162,6 @@ def test_an_orbit_without_its_machine_says_what_it_needs(tmp_path):
     assert "spring force" not in orbit.table()
     with pytest.raises(InputError, match="name it"):
         orbit.spring_forces(0.0)
-
-
-R = np.linspace(-12, 12, 49)
-LINEAR, CUBIC_LAW = ("k*r", {"k": 1.0}), ("r + beta*r**3", {"beta": 0.02})
-POTENTIAL = springs.potential("r**2/2 + beta*r**4/4", beta=0.02), {}
-TABLE, PIECES = (springs.table((R, R + 0.02 * R**3), noise=0), {}), (springs.bilinear(ratio=2.0, gap=0.5), {})
-LAWS = {"linear": LINEAR, "cubic": CUBIC_LAW, "potential": POTENTIAL, "table": TABLE, "pieces": PIECES}
-FORCES = {
-    "linear": lambda r: r,
-    **dict.fromkeys(("cubic", "potential", "table"), lambda r: r + 0.02 * r**3),
-    "pieces": lambda r: np.where(r > 0.5, 0.5 + 2 * (r - 0.5), r),
-    "slightly cubic": lambda r: r + 1e-4 * r**3,
-}
-
-
-def column(law, numbers):
-    """Three masses stated by their mechanics."""
-    names = ("y1", "y2", "y3")
-    parts = [*(Mass(name, 1.0) for name in names), Spring("y1 - y2", law), Spring("y2 - y3", law)]
-    return Mechanism(names, parts, gap="y3", gravity=1.0, parameters=numbers, name="column")
-
-
-def hop_of_several(make, law, of_starts):
-    """An orbit of a machine of several coordinates, from one with straight springs."""
-    linear = make("r", {})
-    orbit = next(hop for hop in find_all(linear, of_starts(linear)) if hop.contact_time)
-    return orbit if law == "linear" else find(make("r + beta*r**3", {"beta": 1e-4}), start=orbit)
-
-
-OF_ONE_SPEED = {
-    "hopper": (lambda law, p: Hopper(law, mass_ratio=0.5, rest_length=10, parameters=p), "y1 - y2"),
-    "juggler": (lambda law, p: Juggler(law, mass_ratio=0.5, rest_length=10, parameters=p), "w2"),
-    "hand": (lambda law, p: HeavyHand(law, parameters=p), "w2"),
-    "inerter": (lambda law, p: inerter_hopper(law, parameters=p), "body - foot"),
-}
-OF_SEVERAL = {
-    "plate": (lambda law, p: plate_hopper(spring=law, parameters={"plate_stiffness": 100.0, **p}), "body - foot"),
-    "chain": (lambda law, p: Chain((1, 1, 1), law, parameters=p), "y1 - y2"),
-    "column": (column, "y1 - y2"),
-    "chain hand": (lambda law, p: chain_hand((1, 1, 1), law, parameters=p), "y3"),
-}
-
-
-CASES = [*(("hopper", law) for law in LAWS), ("juggler", "table"), ("hand", "pieces"), ("inerter", "potential")]
-
-
-@pytest.fixture(params=map(", ".join, CASES), scope="module")
-def of_one_speed(request):
-    name, law = request.param.split(", ")
-    make, extension = OF_ONE_SPEED[name]
-    return find(make(*LAWS[law])), "spring force", extension, FORCES[law]
-
-
-def with_mark(name, law):
-    """A plate's orbits take some seconds."""
-    return pytest.param(f"{name}, {law}", marks=[pytest.mark.slow] if name == "plate" else [])
-
-
-@pytest.fixture(params=[with_mark(name, law) for name in OF_SEVERAL for law in ("slightly cubic",)])
-def of_several(request):
-    name, law = request.param.split(", ")
-    make, extension = OF_SEVERAL[name]
-    orbit = hop_of_several(make, law, lambda m: m.starts(5, 5) if name == "chain" else starts(m, 4, 4))
-    return orbit, f"spring force of {extension}", extension, FORCES[law]
-
-
-def check_outcomes(orbit, force, extension, law, folder):
-    """The table of an orbit in a file, with the forces of its law; and the orbit again, its table and its figures."""
-    with open(orbit.save(folder / "hop.csv"), newline="") as file:
-        rows = [*csv.DictReader(file)]
-    columns = {name: np.array([row[name] for row in rows], dtype=float) for name in rows[0] if name != "phase"}
-    r = eval(extension, {}, columns)
-    assert columns[force] == pytest.approx(law(r), abs=1e-9 * (1 + np.abs(law(r)).max()))
-    assert np.isfinite(columns["contact force"]).all()
-    again = Orbit.load(orbit.save(folder / "hop.json"), orbit.source)
-    assert all(np.array_equal(each, again.table()[name]) for name, each in orbit.table().items())
-    assert orbit.plot().lines
-    assert orbit.plot_phase_portrait().lines
-
-
-def test_every_machine_of_one_speed_has_its_files(of_one_speed, tmp_path):
-    check_outcomes(*of_one_speed, tmp_path)
-
-
-def test_every_machine_of_several_coordinates_has_its_files(of_several, tmp_path):
-    check_outcomes(*of_several, tmp_path)
 
 
 @pytest.mark.parametrize("in_si", [False, True])

@@ -22,17 +22,6 @@ def test_rates_are_those_of_the_piece_of_each_state():
     assert FIELD.rates(states[3], FIELD.data(states[3:], P)[0]) == pytest.approx([1.0, -8.7], rel=1e-15)
 
 
-def test_pieces_change_with_parameters():
-    values, slopes = FIELD.piece_data(np.array([[0.0, 1.0], [1.0, 1.0]]), P[None])
-    assert values.tolist() == [[1.0, 0.0], [2.0, 0.7]]
-    assert slopes.tolist() == [np.zeros((2, 4)).tolist(), [[1.0, 0.0, 0.0, 0.0], [0.0] * 4]]
-    by_state, by_parameters = FIELD.approach(np.array([0.4, 1.0]), P, 1)
-    assert by_state.tolist() == [1.5, 0.0]
-    assert by_parameters == pytest.approx([0.0, -1.0, 0.4, 0.0])
-    assert [FIELD.depends_on(name) for name in FIELD.parameters] == [True, True, False, False]
-    assert not FIELD.moves_with("unused")
-
-
 def test_jumps_and_the_range():
     assert FIELD.jumps(P) == pytest.approx([0.4])
     closed = PhaseField(FIELD.phase, FIELD.parameters)  # the force is continuous where (b - 1) r = -0.7

@@ -56,23 +56,6 @@ def test_steps_share_the_time_and_are_halved_in_vain(monkeypatch):
     assert (motions.steps > 0).all()
 
 
-@pytest.mark.parametrize("columns", [1, 2])
-def test_sensitivities_after_a_shorter_step(columns):
-    """At the end of a step of any length up to the accepted one they are those of a motion that ends there."""
-    flow, p = flow_of(Hopper("cubic").model.reduction.statement.arcs[0].phase, ("beta",)), np.array([0.4])
-    stepper, x, dx, dp = (
-        flow.stepper(columns, (0,)),
-        np.array([1.2, 2.0]),
-        np.eye(2)[:, :columns],
-        np.ones((1, columns)),
-    )
-    (h, *_), begins = (getattr(flow.run(x, p, 100.0, dx, dp)[0], name) for name in ("steps", "variations"))
-    assert np.array_equal(begins[0], dx)
-    for share in (0.1, 0.7, 1.0):
-        whole = stepper.advance_all(x[None], p[None], np.array([share * h]), dx, dp)
-        assert stepper.sensitivities_after(x, p, dx, dp, share * h) == pytest.approx(whole.variations[0], rel=1e-13)
-
-
 def test_a_step_that_is_excluded_has_no_zero():
     """Random series, most of whose terms soon vanish, after zeros of order 0 to 3: where no sign change is said to be
     possible, there is none in two thousand places; and most of the others have one."""

@@ -14,7 +14,7 @@ from sympy.physics.mechanics import dynamicsymbols  # noqa: E402
 
 pytestmark = pytest.mark.extra("sympy")
 
-y1, y2, y3 = dynamicsymbols("y1 y2 y3")
+y1, y2 = dynamicsymbols("y1 y2")
 m1, m2, m3, k, c, g, length = sympy.symbols("m1 m2 m3 k c g length")
 MASSES = {m1: 1.0, m2: 1.0}
 

@@ -47,19 +47,6 @@ def test_curves_are_boundaries_where_the_statuses_beside_them_differ():
     assert len(found.nodes) == len(GRID.brackets().nodes)
 
 
-def test_a_boundary_beside_a_curve_is_bisected_and_the_curve_stays():
-    """Both lie between the same neighbours: the region ends at the circle, and so it does where a curve passes."""
-    island = lambda x: np.where(np.abs(x[:, 0] - 0.96) < 0.01, "inadmissible", statuses_at(x)).astype(object)  # noqa: E731
-    curves = [passing((0.95, 0.5), (0.97, 0.5))]
-    found, _ = cut_by_curves(GRID, curves, False, island)
-    found, stopped = bisected(GRID, found, False, island, lambda state: None)
-    boundaries = Boundaries.of(GRID, found, False)
-    here = boundaries.in_row & (boundaries.nodes == [4, 2]).all(1)
-    assert np.sort(boundaries.points[here, 0]) == pytest.approx([0.9, 0.95, 0.97], abs=1e-6)
-    assert boundaries.exact[here].sum() == 2
-    assert stopped == ""
-
-
 def test_all_other_boundaries_are_bisected():
     cut, _ = cut_by_curves(GRID, [passing((right_of(0.5), 0.5))], True, statuses_at)
     found, stopped = bisected(GRID, cut, True, statuses_at, lambda state: None)

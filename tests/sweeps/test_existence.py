@@ -8,11 +8,10 @@ import pytest
 from conftest import PROVED, middle
 from scipy.optimize import brentq
 
-from orbits import InputError, existence, find, find_all, follow, follow_fold, quantities, sweep
+from orbits import InputError, existence, find, find_all, follow, follow_fold, quantities
 from orbits.design.designs_at_once import CONTINUED_STATUSES
 from orbits.show.sweep_figures import STYLES
-from orbits.sweeps import sparse_grid
-from problems import Chain, Hopper, Juggler, rocking_block
+from problems import Chain, Hopper, rocking_block
 
 MACHINE = Hopper("r + beta*r**3 + delta*r**5", rest_length=30.0, parameters={"beta": 0.0, "delta": 0.0})
 BETWEEN, DELTAS = (-0.02, 0.01), [-4e-5, 0.0, 3e-5]
@@ -52,12 +51,6 @@ def test_the_edges_are_folds_and_the_collapse(diagram):
 
 
 @pytest.mark.slow
-def test_the_edge_moves_as_the_fold_does(diagram):
-    curve = follow_fold(MACHINE, event_of("fold"), "beta", "delta", -4e-5)
-    assert diagram.stretches(0)[0][0] == pytest.approx(curve[-1].also["beta"], abs=TO_ACCURACY)
-
-
-@pytest.mark.slow
 def test_boundaries_between_rows_are_located_too():
     """The flight under constant gravity does not depend on the mass ratio, and so the fold runs along the rows."""
     diagram = existence(MACHINE, "mass_ratio", (0.5, 2.0), "beta", (-0.02, 0.0), samples=(4, 4), both_ways=True)
@@ -66,24 +59,6 @@ def test_boundaries_between_rows_are_located_too():
     rows = existence(MACHINE, "mass_ratio", (0.5, 2.0), "beta", (-0.02, 0.0), samples=(2, 4))
     assert len(rows.orbit_edges) == 0
     assert len(rows.boundaries.points) == 4  # which a figure shows half way between the rows
-
-
-@pytest.mark.slow
-def test_boundaries_of_a_juggler():
-    """A softening spring of a juggler ends at a fold of its own."""
-    juggler = Juggler("r + beta*r**3", parameters={"beta": 0.0})
-    diagram = existence(juggler, "beta", (-0.012, 0.0), "mass_ratio", [0.5, 1.0], samples=7)
-    fold = event_of("fold", follow(juggler, "beta", -0.012).events).value
-    assert [diagram.stretches(row)[0][0] for row in (0, 1)] == pytest.approx([fold, fold], abs=0.012e-6)
-
-
-@pytest.mark.slow
-def test_three_statuses_between_two_neighbours():
-    """On a grid of two values the fold and the collapse lie between the same neighbours, and both are located."""
-    diagram = existence(MACHINE, "beta", BETWEEN, "delta", [0.0], samples=2)
-    found = [(stretch.low, stretch.status) for stretch in diagram.row(0)]
-    assert [status for _, status in found] == ["no orbit", "inadmissible", "certified"]
-    assert found[1][0] == pytest.approx(FOLD, abs=TO_ACCURACY)
 
 
 @pytest.mark.slow
@@ -107,17 +82,6 @@ def test_boundaries_lie_on_curves_of_events(diagram):
     assert begin == pytest.approx(event_of("collapse").value, abs=1e-13)
     assert diagram.rests_on.startswith("27 of 27 members were searched; ")
     assert diagram.rests_on.endswith("0 between members")
-
-
-@pytest.mark.slow
-def test_members_far_inside_a_region_without_orbits_are_not_searched(monkeypatch):
-    monkeypatch.setattr(sparse_grid, "LARGE_GRID", 0)
-    diagram = existence(MACHINE, "beta", (-0.03, -0.005), "delta", (-4e-5, 0.0), samples=(14, 9))
-    searched = sweep(MACHINE, {"beta": (-0.03, -0.005), "delta": (-4e-5, 0.0)}, (14, 9), sampling="grid")
-    assert (diagram.grid["status"] == searched["status"]).all()
-    assert diagram.grid["alpha"] == pytest.approx(searched["alpha"], abs=0, nan_ok=True)
-    assert np.count_nonzero(diagram.grid["reason"] == sparse_grid.NOT_SEARCHED) > 20
-    assert "inside regions without orbits were not" in str(diagram)
 
 
 def test_logarithmic_rows():
@@ -195,14 +159,6 @@ def test_rows_without_orbits_are_empty():
     assert diagram.stretches(1) == []
     assert diagram.motions(1) == []
     diagram.plot()
-
-
-@pytest.mark.slow
-def test_progress_is_told():
-    told = []
-    existence(MACHINE, "beta", BETWEEN, "delta", [0.0, 1e-5], samples=3, progress=told.append)
-    assert told[0].whole == 6
-    assert told[-1].done == told[-1].whole > 6
 
 
 def test_questions_that_cannot_be_meant():

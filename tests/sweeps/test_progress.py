@@ -72,19 +72,6 @@ def test_times_in_words(seconds, words, capsys):
     assert f", {words} left:" in capsys.readouterr().err
 
 
-def test_a_line_is_written_five_times_a_second(capsys, monkeypatch):
-    """And one that is shorter covers the one before; no rate is told before any time has passed."""
-    times, show = iter([50.0, 50.19, 50.21, 50.4, 50.42]), on_screen(True)
-    monkeypatch.setattr("time.monotonic", lambda: next(times))
-    for done, certified in ((20, 100), (30, 1), (40, 2), (50, 3), (60, 4)):
-        show(state(done, done - 20.0, 5.0, certified=certified))
-    first, second, third = capsys.readouterr().err.removeprefix("\r").split("\r")
-    assert len(second) == len(first)
-    assert first == "20 of 100 members in 0 s (0/s), 5 s left: 100 certified"
-    assert second.rstrip() == "40 of 100 members in 20 s (1/s), 5 s left: 2 certified"
-    assert third.rstrip() == "60 of 100 members in 40 s (1/s), 5 s left: 4 certified"
-
-
 @pytest.mark.parametrize(("terminal", "notebook"), [(True, False), (False, True), (False, False)])
 def test_a_line_is_shown_on_terminals_and_in_notebooks(terminal, notebook, capsys, monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)

@@ -8,7 +8,6 @@ from orbits.mechanics import Mass, Spring
 from orbits.sweeps import question, same_equations
 from orbits.sweeps.designs import members_of
 from orbits.sweeps.question import question_of
-from orbits.sweeps.same_equations import digest_of_equations
 from orbits.sweeps.store import Store
 from problems import Hopper, gravity, springs
 
@@ -56,9 +55,3 @@ def test_another_version_is_no_other_machine(tmp_path, monkeypatch):
     monkeypatch.setattr(same_equations, "version", lambda name: "9.9")
     with pytest.raises(InputError, match=r"its versions casadi is .*, here it is .9\.9"):
         Store(path, question_of(Hopper(), members, 1, (), "find", None))
-
-
-def test_branches_of_one_mean_are_other_equations():
-    """Two loops about the straight line r, of which the second takes four times as much energy."""
-    narrow, wide = (Hopper(springs.hysteretic(f"r + {c}*r", f"r - {c}*r")) for c in (0.1, 0.4))
-    assert len({digest_of_equations(machine) for machine in (narrow, wide, Hopper())}) == 3

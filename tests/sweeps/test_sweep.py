@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 from conftest import slow_after
 
-from orbits import InputError, Mechanism, NoOrbit, Sweep, find, find_all, quantities, sensitivities, starts, sweep
-from orbits.mechanics import Mass, Spring
-from orbits.sweeps.designs import members_of
-from orbits.sweeps.members import solve_chunk
-from orbits.sweeps.question import CHUNK, question_of
-from problems import Chain, HeavyHand, Hopper, Juggler, plate_hopper, runner, springs
-from tests.runners import FAST
+from orbits import InputError, NoOrbit, Sweep, find, find_all, quantities, sweep
+from orbits.sweeps.question import CHUNK
+from problems import Chain, HeavyHand, Hopper, Juggler
 from tests.sweeps.swept import CASES
 
 
@@ -150,43 +146,6 @@ def test_progress_is_reported_within_a_chunk(chain_hop, monkeypatch):
     assert done[0] < 20 == done[-1]
 
 
-@pytest.mark.slow
-def test_a_measured_spring_over_a_plate_is_the_formula_that_it_was_made_of():
-    """Designs of several unknowns whose law is in pieces: orbits, quantities and exact slopes."""
-    values, rows = {"s": 1.0, "plate_stiffness": 100.0}, np.linspace(-20, 20, 41)
-    table = springs.table((rows, rows + 1e-4 * rows**3), noise=0, scale="s")
-    smooth, measured = (plate_hopper(spring=law, parameters=values) for law in ("s*(r + 1e-4*r**3)", table))
-    straight = plate_hopper()
-    slow = min(find_all(straight, starts(straight, 3, 3)), key=lambda hop: abs(hop.alpha))
-    hop = find(smooth, start=slow)
-    over = {"s": (0.99, 1.01), "m3": (0.99, 1.01)}
-    expected, found = (sweep(each, over, 8, start=hop, quantities=["stroke"]) for each in (smooth, measured))
-    assert set(found["status"]) == {"certified"}
-    for name in ("alpha", "flight_time", "stroke"):
-        np.testing.assert_allclose(found[name], expected[name], rtol=1e-11)
-    slopes = [sensitivities(each, names="s", quantities=["alpha", "stroke"], start=hop) for each in (smooth, measured)]
-    for name, slope in slopes[0].items():
-        assert slopes[1][name]["s"] == pytest.approx(slope["s"], rel=1e-9)
-
-
-def test_a_column_in_si_is_the_chain_without_units():
-    """Springs of a mechanism in SI, in the units of its weights and stiffness, are those of the chain."""
-    masses, mass, k, g = ("m1", "m2", "m3"), 2.0, 800.0, 9.81
-    column = Mechanism(
-        coordinates=("y1", "y2", "y3"),
-        elements=[*(Mass(f"y{m[1]}", m) for m in masses), Spring("y1 - y2", "k*r"), Spring("y2 - y3", "k*r")],
-        gap="y3", counts="y2 - y3", gravity="g", in_si=True, parameters={**dict.fromkeys(masses, mass), "k": k, "g": g},
-    )  # fmt: skip
-    length, time = mass * g / k, np.sqrt(mass / k)
-    own, other = find_all(Chain(), Chain().starts(4, 5))[0], find_all(column, starts(column, 4 * time, 5 * time))[0]
-    assert other.alpha == pytest.approx(own.alpha * length / time, rel=1e-12)
-    expected = sweep(Chain(), {"m1": [0.95, 1.1]}, start=own, quantities="stroke")
-    found = sweep(column, {"m1": [0.95 * mass, 1.1 * mass]}, start=other, quantities="stroke")
-    np.testing.assert_allclose(found["alpha"], expected["alpha"] * length / time, rtol=1e-11)
-    np.testing.assert_allclose(found["stroke"], expected["stroke"] * length, rtol=1e-11)
-    assert found.orbit(1).alpha == pytest.approx(found["alpha"][1], rel=1e-12)
-
-
 def test_a_member_that_is_not_certified_alone_lacks_the_numbers_that_need_it(monkeypatch):
     machine = Hopper("cubic", rest_length=9.0)
 
@@ -260,29 +219,3 @@ class TestTuned:
         for options, words in wrong:
             with pytest.raises(InputError, match=words):
                 sweep(machine, {"mass_ratio": [0.5, 1.0]}, **options)
-
-    @pytest.mark.slow
-    def test_runners(self):
-        """The one with known digits, others as `find` finds them, and one beyond the fold of the family."""
-        machine = runner(foot_mass=0.1, rest_length=3.7, inertia=5.7, hip_stiffness=5.4)
-        own = {"tune": ("inertia", "hip_stiffness"), "at": {"speed": 0.4}}
-        found = sweep(machine, {"rest_length": [3.7, 3.9, 1.0]}, quantities="friction_needed/step", **own)
-        assert found["status"].tolist() == ["certified", "certified", "ends"]
-        for name in own["tune"]:
-            assert abs(found[name][0] - FAST[name]) <= found[f"{name}_error"][0] < 1e-10
-        assert found["friction_needed"][0] == pytest.approx(FAST["friction"], rel=1e-12)
-        assert found["mean_speed"][0] == pytest.approx(FAST["mean speed"], rel=1e-12)
-        assert found["friction_needed/step"][0] == pytest.approx(FAST["friction"] / FAST["step"], rel=1e-12)
-        alone = find(machine.with_values(rest_length=3.9), **own)
-        assert alone.source.values["inertia"] == pytest.approx(found["inertia"][1], rel=1e-11)
-        assert found.orbit(1).alpha == pytest.approx(alone.alpha, rel=1e-12)
-        assert "fold" in found["reason"][2]
-        assert np.isnan(found["inertia"][2])
-
-
-def test_members_of_every_family_are_counted_as_they_are_done():
-    counted, machine = list[int](), Hopper("cubic")
-    members = members_of({"beta": [0.1, 0.2, 0.3]}, None, None, 0, ["beta"])
-    question = question_of(machine, members, [1, 2, 3], (), "find", None)
-    solve_chunk(question, np.arange(9), question.values_of(np.arange(9)), counted.append)
-    assert counted == [3, 6]

@@ -1,16 +1,10 @@
 """Objects that are built for machines are bounded in memory."""
 
 import pytest
-from scripts import run
 
 from orbits import find
 from orbits.symbolic import caches
 from problems import Hopper
-
-
-@pytest.mark.slow
-def test_many_laws_take_little_memory():
-    run("symbolic/many_laws.py", 6, 370)
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from kernel_functions import assert_equal, both, countdown, starts
 
 from orbits import InputError, ReturnMap, find, follow
 from orbits.running import interrupts
-from orbits.symbolic import Kernel, compiled_early, kernels
+from orbits.symbolic import Kernel, kernels
 from problems import Hopper
 
 
@@ -109,14 +109,6 @@ def test_an_interrupt_ends_a_long_call(monkeypatch, threads):
     assert max(ends[:, 2].sum() for ends in calls) <= kernels.KERNELS.points * kernels.KERNELS.longest_run / 5
 
 
-def test_an_interrupt_ends_short_interpreted_motions():
-    kernel = Kernel(countdown())
-    kernel.interpretation_budget = np.inf
-    points = starts(50, 8)
-    with pytest.raises(KeyboardInterrupt):
-        interrupted(kernel, points, np.ones((1, 1)))
-
-
 def test_scratch_memory_is_bounded(monkeypatch):
     """A point with many records, and as many points as fit beside each other."""
     monkeypatch.setattr(kernels, "KERNELS", kernels.KERNELS._replace(scratch=3000))
@@ -174,30 +166,6 @@ def test_the_command_refuses_a_number_of_threads_that_is_none(monkeypatch, orbit
     done = orbits(f"{line} --spring 'r + beta*r**3' --set beta=0.3")
     assert (done.code, done.out) == (2, "")
     assert "ORBITS_THREADS = 'two': set it to a whole number" in done.err
-
-
-def test_nothing_is_compiled_for_a_few_points():
-    """But for many: what is interpreted until then takes no longer than compiling."""
-    kernel, z = Kernel(countdown()), starts(5, 6)
-    few = kernel(z, np.ones((1, 1)))
-    assert not kernel.compiled
-    while not kernel.compiled:
-        kernel(starts(1000, 6), np.ones((1, 1)))
-    assert_equal(kernel(z, np.ones((1, 1))), few)
-
-
-def test_code_is_made_early_where_many_calls_are_to_come():
-    """After a tenth of what is interpreted elsewhere, in other blocks within too; the numbers are the same."""
-    z, calls = starts(5, 6), []
-    few = Kernel(countdown())(z, np.ones((1, 1)))
-    for many in (False, True):
-        kernel, count = Kernel(countdown()), 0
-        with compiled_early(many), compiled_early(False):
-            while not kernel.compiled:
-                assert_equal(kernel(z, np.ones((1, 1))), few)
-                count += 1
-        calls.append(count)
-    assert 1 < calls[1] < calls[0] / 5
 
 
 def test_only_the_time_of_the_processor_counts(monkeypatch):

@@ -96,14 +96,6 @@ def test_polynomials_and_straight_lines_hide_nothing():
     assert float(reach_of(lambda r, p: r**p)(0.5, 1.5)[0]) < 0.5
 
 
-def test_the_coordinate_of_a_reach_is_a_sum_of_states():
-    x, p = ca.SX.sym("x", 4), ca.SX.sym("p", 1)
-    field = ca.Function("field", [x, p], [ca.vertcat(x[1], ca.exp((x[0] - x[2] - p) / p), x[3], -x[2])])
-    ((weights, (_, distance)),) = reaches_of(field, x, p)
-    assert ca.Function("w", [x, p], [weights])(0, 0.5).full().tolist() == [[1.0, 0.0, -1.0, 0.0]]
-    assert float(ca.Function("d", [x, p], [distance])([1.0, 0, 1.0, 0], 0.5)) == pytest.approx(0.5 * SCALES.visible)
-
-
 def test_kinks_of_absolute_values_and_comparisons():
     x, p = ca.SX.sym("x", 1), ca.SX.sym("p", 1)
     field = ca.Function(

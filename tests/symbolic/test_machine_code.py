@@ -1,7 +1,6 @@
 """Machine code against CasADi's virtual machine, number for number, and what runs without it."""
 
 import pickle
-import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 
@@ -10,9 +9,7 @@ import numpy as np
 import pytest
 from kernel_functions import assert_equal, both, countdown, once, starts
 
-from orbits.flow import flow_of, taylor
 from orbits.symbolic import Kernel, machine_code
-from problems import Hopper
 
 x, y = ca.SX.sym("x"), ca.SX.sym("y")
 # Every operation that has machine code, by its code, with its expression.
@@ -84,42 +81,6 @@ def test_a_function_that_the_c_library_lacks_is_interpreted(monkeypatch):
     assert kernel(np.array([[0.5]])).records[0] == pytest.approx(0.5204998778130465)
 
 
-LAWS = [
-    "cubic",
-    "sinh",
-    "tanh",
-    "toda",
-    "r*exp(0.1*r)",
-    "r + r**3/(1 + r**2)",
-    "sqrt(1 + r)-1",
-    "atan(r)",
-    "r + sin(r)/9",
-]
-
-
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("columns", [0, 3])
-@pytest.mark.slow
-def test_steps_along_all_kinds_of_laws(law, columns):
-    """The steps of motions, and those that watch for zeros, to the last bit."""
-    machine = Hopper(law, "1/(1 + z/90)**2", rest_length=9.0)
-    names = tuple(machine.values)
-    stepper = flow_of(machine.model.flight, names).stepper(columns)
-    p = np.array([list(machine.values.values())])
-    z = np.zeros((5, 4 * (1 + columns) + 3))
-    z[:, :4], z[:, -3:] = np.linspace([1.1, 2.0, 0.1, 0.0], [1.3, 3.0, 0.0, -0.1], 5), (0.9, 1e9, 0.0)
-    z[:, 4:-3] = np.eye(4)[:, :columns].T.ravel()
-    compiled, interpreted = both(stepper.kernel.function, z, p)
-    assert_equal(compiled, interpreted)
-    assert (compiled.counts > 0).all()
-    if not columns:
-        watched = stepper.watched_state(z[:, :4], 1, 0.0)
-        data = np.hstack([p, np.eye(4)[2:3], np.zeros((1, 2)), np.full((1, 1), 5.0), np.ones((1, 1))])
-        compiled, interpreted = both(taylor._watch_function(stepper, ((2,),), 1, 0), watched, data)
-        assert_equal(compiled, interpreted)
-        assert (compiled.counts > 0).all()
-
-
 @pytest.fixture
 def unsaid():
     """Nothing has been said of machine code that cannot be made, in this test and after it."""
@@ -168,50 +129,6 @@ def test_llvm_fails(monkeypatch, unsaid):
     assert not Kernel(countdown()).compile()
     assert len(said) == 1
     assert_equal(kernel(starts(5, 6), np.ones((1, 1))), one)
-
-
-@pytest.mark.slow
-def test_find_follow_and_map_without_llvm():
-    """They print the same, and say once that nothing is compiled."""
-    code = """
-from orbits import ReturnMap, find, follow
-from problems import Hopper
-machine = Hopper("cubic", "1/(1 + z/50)**2", rest_length=8.0, parameters={"beta": 0.3})
-print(find(machine).alpha, find(machine).error)
-print([(point.value, point.alpha) for point in follow(machine, "beta", 0.6)])
-print(ReturnMap(machine)([3.5 + 0.01 * i for i in range(300)]).next.tolist())
-"""
-    missing = "import sys\nsys.modules['llvmlite'] = None\n"
-    with_code, without = (
-        subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
-        for text in (code, missing + code)
-    )
-    assert without.stdout == with_code.stdout
-    assert with_code.stderr == ""
-    assert without.stderr.count("no machine code can be made here") == 1
-
-
-@pytest.mark.slow
-def test_memory_is_given_back():
-    """Machine code goes with its kernel: forty more of them take little."""
-    code = """
-import resource, casadi as ca, numpy as np
-from orbits.symbolic.kernels import Kernel
-z = ca.SX.sym("z", 4)
-def used(count):
-    for i in range(count):
-        w = z
-        for j in range(100):
-            w = w * z + (i + j)
-        kernel = Kernel(ca.Function("f", [z], [w, w, 1, 0]))
-        assert kernel.compile()
-        kernel(np.ones((9, 4)))
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-first = used(5)
-print(used(40) - first)
-"""
-    more = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert float(more) < 10
 
 
 def test_code_from_another_process(monkeypatch):

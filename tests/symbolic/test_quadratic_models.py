@@ -28,8 +28,3 @@ def test_violations_have_a_price():
     for price, least in ((0.5, 0.5 * 4.0), (2.0, 4.0)):
         found = MODELS.minimum(1, FREE, limits, Weights(1.0, price))
         assert found.cost == pytest.approx(least, rel=1e-9)
-
-
-def test_scaled_models_are_shares_of_their_scales():
-    change, scales = np.array([0.3, -0.2]), np.array([2.0, 4.0, 8.0])
-    assert MODELS.over(scales)(change) * scales == pytest.approx(MODELS(change), rel=1e-15)
