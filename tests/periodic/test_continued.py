@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from mechanisms import linear_hops
 
-from orbits import NoOrbit, find, find_all, follow, starts
+from orbits import NoOrbit, find, find_all, follow
 from orbits.periodic import continued, continued_orbits
 from orbits.periodic.parameter_paths import WayOptions
-from problems import Chain, Hopper, plate_hopper
+from problems import Chain, Hopper
 
 LINEAR = Chain()
 CUBIC = Chain(springs="r + b*r**3", parameters={"b": 0.0})
@@ -66,17 +66,6 @@ def test_the_way_ends_at_the_fold_of_the_family():
 
 
 @pytest.mark.slow
-def test_no_result_depends_on_the_others():
-    start, rng = hops_of_chain()[0], np.random.default_rng(1)
-    values = {"m1": rng.uniform(0.9, 1.2, 30), "b": rng.uniform(0, 0.02, 30)}
-    whole = continued(CUBIC, start, with_values(CUBIC, **values), ["m1", "b"])
-    some = continued(
-        CUBIC, start, with_values(CUBIC, **{name: each[7:9] for name, each in values.items()}), ["m1", "b"]
-    )
-    np.testing.assert_array_equal(some.unknowns, whole.unknowns[7:9])
-
-
-@pytest.mark.slow
 def test_a_fold_beside_the_straight_way_is_gone_round():
     """With a light upper mass the orbits end at small b; behind these folds they are reached by one parameter after
     the other, and are the same as by small steps on that way."""
@@ -109,19 +98,6 @@ def test_machines_of_one_speed_are_continued_too(spring):
             expected = find(one, family)
             assert orbit.alpha == pytest.approx(expected.alpha, rel=1e-12)
             assert orbit.family == family
-
-
-@pytest.mark.slow
-def test_a_hopper_on_a_plate_is_continued_to_the_orbits_of_its_family():
-    """Two parameters at a time, against the family that is followed along one and then along the other."""
-    plate = plate_hopper()
-    start = next(hop for hop in find_all(plate, starts(plate, 3, 3)) if hop.admissible)
-    machine = plate.with_values(plate_stiffness=103.0, m3=1.02)
-    (orbit,) = continued_orbits(plate, start, [machine])
-    stiffer = follow(plate, "plate_stiffness", 103.0, start=start, longest=0.5)[-1]
-    launch = dict(zip(plate.model.half_unknowns, stiffer.u, strict=True))
-    heavier = follow(plate.with_values(plate_stiffness=103.0), "m3", 1.02, start=launch, longest=0.5)[-1]
-    assert orbit.alpha == pytest.approx(heavier.alpha, rel=1e-10)
 
 
 def test_a_way_that_is_too_hard_is_not_said_to_have_no_orbit():

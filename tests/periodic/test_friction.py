@@ -9,7 +9,7 @@ from plane import friction_by_formula, linear, rocker, wheel
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 
-from orbits import Orbit, find, follow
+from orbits import Orbit, find
 from orbits.periodic import friction
 from problems import rimless_wheel
 
@@ -103,16 +103,6 @@ def test_where_the_ground_would_have_to_pull_no_friction_is_enough(monkeypatch):
         monkeypatch.setattr(friction, "_forces_of_ground", forces)
         certificate = find(machine).certificate
         assert (certificate.friction_needed is not None) == (certificate.friction_time is not None) == enough
-
-
-@pytest.mark.slow
-def test_along_a_family_each_orbit_has_its_own():
-    points = follow(wheel(a=0.2), "a", 0.3, at=[0.25]).points
-    for value in (0.2, 0.25, 0.3):
-        point = min(points, key=lambda each: abs(each.value - value))
-        alone = find(wheel(a=value)).certificate
-        for name in ("friction_needed", "friction_time", "smallest_stance_force"):
-            assert getattr(point.certificate, name) == pytest.approx(getattr(alone, name), abs=1e-11)
 
 
 def test_files_have_the_friction_and_files_without_it_are_read(tmp_path):

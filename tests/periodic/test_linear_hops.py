@@ -5,7 +5,6 @@ import mpmath as mp
 import numpy as np
 import pytest
 from mechanisms import linear_hops
-from scipy.optimize import brentq
 
 from orbits import InputError, NoOrbit
 from orbits.model import half_angle
@@ -186,28 +185,6 @@ def test_a_symmetric_machine_hops_symmetrically():
     one = linear_hops(*merged, gap[:3], 4.0, 4.0)
     np.testing.assert_allclose([hop[:2] for hop in hops], [hop[:2] for hop in one], rtol=1e-10)
     assert_exact(one[0], (*merged, gap[:3]))
-
-
-@pytest.mark.slow
-def test_a_hop_whose_mode_turns_at_lift_off():
-    """The top mass of a chain is chosen so that the faster mode of contact takes three quarters of a period to
-    lift-off: its speed over its distance from the centre has a pole there, and the hop is found like any other."""
-    stretches, gap = np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0]]), np.array([0.0, 0.0, 1.0])
-
-    def matrices(top: float):
-        return np.diag([top, 1.0, 1.0]), stretches.T @ stretches, -np.array([top, 1.0, 1.0]), gap
-
-    def hop(top: float) -> LinearHop:
-        known = 2.7288 + 1.273 * (top - 0.7), 4.1262 + 1.301 * (top - 0.7)  # straight from that of 0.7 to that of 0.8
-        return min(linear_hops(*matrices(top), 3.0, 4.5), key=lambda one: np.abs(np.subtract(one[:2], known)).max())
-
-    def beyond(top: float) -> float:
-        rate = np.sqrt(np.linalg.eigvalsh([[1 / top, -1 / np.sqrt(top)], [-1 / np.sqrt(top), 2.0]])[1])
-        return rate * hop(top).half_contact - 1.5 * np.pi
-
-    top = brentq(beyond, 0.7, 0.8, xtol=1e-15)
-    assert abs(beyond(top)) < 1e-13
-    assert_exact(hop(top), matrices(top))
 
 
 @pytest.mark.parametrize(

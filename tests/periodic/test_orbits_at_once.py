@@ -49,23 +49,6 @@ def test_long_hops_are_found_together():
     assert together.alphas == pytest.approx(alone, rel=1e-11)
 
 
-@pytest.mark.slow
-def test_orbits_near_are_of_the_family():
-    """Machines of two models, in lanes and not, from guesses that are off by a percent and from one far away."""
-    machines = [
-        *(Hopper("r + b*r**3", parameters={"b": b}, rest_length=20.0) for b in (0.1, 0.3)),
-        Hopper("r*(1 + 0.1*abs(r))", rest_length=20.0),
-    ]
-    orbits = [find(machine) for machine in machines]
-    us = [unknowns_of(machine, orbit) for machine, orbit in zip(machines, orbits, strict=True)]
-    found = orbits_near([*machines, machines[0]], [*(1.01 * u for u in us), 50 * us[0]], [1] * 4)
-    assert [orbit is None for orbit in found] == [False, False, False, True]
-    for orbit, near in zip(orbits, found, strict=False):
-        assert near is not None
-        assert near.alpha == pytest.approx(orbit.alpha, rel=1e-12)
-    assert orbits_near(machines[:1], us[:1], [2]) == [None]
-
-
 def test_each_orbit_near_is_of_its_own_family():
     machine = Hopper("r + b*r**3", parameters={"b": 0.1}, rest_length=20.0)
     orbits = [find(machine, family) for family in (1, 2)]

@@ -7,14 +7,10 @@ import pytest
 from conftest import slow_after
 from return_maps import KnownMaps, of_the_paper
 
-from orbits import InputError, ReturnMap, bifurcations, find, multiplier, simulate
-from orbits.continuation import End
-from orbits.curves import Event
+from orbits import InputError, ReturnMap, bifurcations, find, simulate
 from orbits.numerics import bracketed_root
-from orbits.returns.bifurcations import _Search, _with_events_at_points
-from orbits.returns.launch_cycles import MapsAlong
+from orbits.returns.bifurcations import _Search
 from orbits.returns.periodic_hops import slope_at
-from orbits.returns.periodic_launch import PeriodicLaunch
 from problems import Chain, HeavyHand, Hopper, hopper_in_si
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha
@@ -82,20 +78,6 @@ def test_a_flip_at_a_point_of_its_branch(section):
     assert double.multipliers[inner] == pytest.approx((1 - 2 * double.values[inner]) ** 2, abs=1e-7)
 
 
-def test_a_multiplier_that_touches_a_level_is_no_bifurcation():
-    end, place = End("reached", ""), np.zeros(2)
-
-    def kinds(values, slopes):
-        points = [PeriodicLaunch(v, (1.0,), s, (1,), place, place) for v, s in zip(values, slopes, strict=True)]
-        return [x.kind for x in _with_events_at_points([end, *points, end]) if isinstance(x, Event)]
-
-    assert kinds([0, 1, 2], [-0.9, -1.0, -0.9]) == kinds([0, 1, 2], [-1.1, -1.0, -1.1]) == []
-    assert kinds([0, 1], [-1.0, -1.1]) == kinds([0, 1, 2, 3], [1.0, 1.0, 1.0, 1.0]) == []
-    assert kinds([0, 1, 2], [-0.9, -1.0, -1.1]) == ["flip"]
-    assert kinds([0, 1, 0], [1.1, 1.0, 0.9]) == ["fold"]
-    assert kinds([0, 1, 2], [1.1, 1.0, 0.9]) == ["branch point"]
-
-
 def fixed_points_along_the_injection(machine, low, high, samples=1001):
     """Injections and slopes by differences of the map without injection, where a launch is a fixed point if the
     injection is what it loses: launch speeds (samples,), injections, multipliers."""
@@ -135,24 +117,6 @@ def test_the_fixed_points_beside_a_lossless_hop_are_one_branch(machine, high, be
 
 
 @pytest.mark.slow
-def test_hops_of_period_two_whose_flip_is_outside():
-    """Brute force: repeated hops settle on period two between its flips, at 0.0715874 and 0.1134292."""
-    diagram = bifurcations(Hopper(), "inject", (0.10, 0.12), (4.3, 5.0), attractor=0)
-    (double,) = (branch for branch in diagram.branches if branch.period == 2)
-    step, alpha = ReturnMap(Hopper(), inject=0.11), 4.55
-    for _ in range(200):
-        alpha = float(step(alpha).next)
-    settled = sorted([alpha, float(step(alpha).next)])
-    assert settled[1] - settled[0] > 0.05
-    order = np.argsort(double.values)
-    found = [np.interp(0.11, double.values[order], column[order]) for column in double.alphas.T]
-    assert sorted(found) == pytest.approx(settled, abs=1e-4)
-    stable, unstable = double.stretches()
-    assert (stable[-1], unstable[-1]) == (True, False)
-    assert [event.value for event in diagram.events if event.kind == "flip"] == pytest.approx([0.113429246523])
-
-
-@pytest.mark.slow
 def test_a_heavy_foot_bounces_from_throws_of_pi_on():
     """Section 9 of the paper: with a heavy foot the map falls off at pi, where bouncing begins; a branch ends there."""
     asked = {"sections": 2, "attractor": 0, "samples": 60, "cap": 2000}
@@ -176,16 +140,6 @@ def test_the_flip_of_the_paper():
     assert (second.kind, second.value) == ("flip", pytest.approx(0.113429246523, abs=2e-11))
     assert [branch.period for branch in of_the_paper().branches] == [1, 2]
     assert [stable for *_, stable in of_the_paper().branches[0].stretches()] in ([0, 1, 0], [0, 1, 0][::-1])
-
-
-@pytest.mark.slow
-def test_points_come_back():
-    for branch in of_the_paper().branches:
-        for value, alphas, slope in zip(branch.values[::4], branch.alphas[::4], branch.multipliers[::4], strict=True):
-            hops = ReturnMap(Hopper(), inject=float(value))(alphas)
-            np.testing.assert_allclose(np.roll(hops.next, 1), alphas, rtol=0, atol=3e-11)
-            if branch.period == 1 and abs(alphas[0] - ALPHA) > 1e-3:
-                assert multiplier(Hopper(), float(alphas[0])) == pytest.approx(slope, rel=1e-9)
 
 
 @pytest.mark.slow
@@ -300,13 +254,6 @@ def test_what_cannot_be_meant(arguments, options, words):
         bifurcations(Hopper(), *arguments, **options)
 
 
-@pytest.mark.parametrize("name", ["period", "multiplier", "kind"])
-def test_a_parameter_that_a_document_could_not_tell(name):
-    machine = Hopper(f"r + {name}*r**3", parameters={name: 0.1}, damping=0.01)
-    with pytest.raises(InputError, match="give it another name"):
-        bifurcations(machine, name, (0.0, 0.2), (4, 5), inject=0.05)
-
-
 def test_nothing_comes_back_with_damping_alone():
     """Curve (a) of Fig. 8: without injection the map loses its contact with the identity line."""
     diagram = bifurcations(Hopper(damping=0.01), "damping", (0.01, 0.02), (4.4, 4.6), sections=2, samples=50)
@@ -314,33 +261,6 @@ def test_nothing_comes_back_with_damping_alone():
     assert "no launch of period one comes back" in str(diagram)
     with pytest.raises(InputError, match="nothing to draw"):
         diagram.plot()
-
-
-@pytest.mark.slow
-def test_along_the_mass_ratio_with_an_injection():
-    """A branch through all of a short range, whose ends are fixed points; along other parameters than the injection
-    no attractor is computed where none is asked for."""
-    low, high = 1.0, 1.02
-    diagram = bifurcations(Hopper(), "mass_ratio", (low, high), (4.45, 4.6), inject=0.03, samples=20, sections=2)
-    assert len(diagram.visits) == 0
-    for value in (low, high):
-        known = ReturnMap(Hopper(mass_ratio=value), inject=0.03).fixed_points(4.45, 4.6)
-        found = diagram.periodic(value)
-        assert [alpha for _, alpha, _ in found] == pytest.approx([point.alpha for point in known], rel=1e-10)
-        assert [slope for *_, slope in found] == pytest.approx([point.multiplier for point in known], rel=1e-7)
-    assert {end.kind for branch in diagram.branches for end in branch.ends} == {"reached"}
-    with pytest.raises(InputError, match="every fixed point is a lossless hop here"):
-        bifurcations(Hopper(), "mass_ratio", (low, high), (4.45, 4.6), samples=40, sections=2)
-    with pytest.raises(InputError, match="the range says it all"):
-        bifurcations(Hopper(), "inject", (0.0, 0.1), (4.45, 4.6), inject=0.03)
-
-
-@pytest.mark.slow
-def test_impacts_that_lose_nothing_have_no_fixed_points_with_injection():
-    """Every launch from a heavy hand comes back faster by the injection."""
-    assert bifurcations(HeavyHand(), "inject", (0.01, 0.05), (3.6, 4.9), attractor=0).branches == ()
-    assert ReturnMap(HeavyHand(), inject=0.01).fixed_points(3.6, 4.9) == ()
-    assert len(ReturnMap(HeavyHand(), inject=0.01).periodic_hops(2, 3.6, 4.9)) == 0
 
 
 @pytest.mark.parametrize("restitution", slow_after(1, [0.0, 0.3]))
@@ -352,14 +272,6 @@ def test_impacts_that_lose_nothing_have_no_attractor_with_injection(restitution)
     hops = ReturnMap(HeavyHand(restitution=restitution))(np.linspace(3.8, 4.9, 6)[1:-1])
     stay = hops.alpha[hops.status == "lifts_off"]
     assert np.unique(diagram.visits[:, 1]) == pytest.approx(stay, rel=1e-14)
-
-
-def test_maps_along_the_injection_share_their_hops():
-    maps, alpha = MapsAlong(Hopper(damping=0.01), "inject", 0.0, 0.2, 0.0, 1000), np.array([4.4, 4.7, 2.0])
-    for value in (0.1, 0.05, 0.1):
-        own, shared = ReturnMap(Hopper(damping=0.01), inject=value)(alpha), maps.at(value)(alpha)
-        assert np.array_equal(own.next, shared.next, equal_nan=True)
-        assert own.status.tolist() == shared.status.tolist()
 
 
 PLAIN = ReturnMap(Hopper())

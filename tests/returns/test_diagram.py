@@ -28,14 +28,6 @@ def test_a_branch_without_multipliers_is_not_called_unstable(tmp_path):
     assert labels == [f"fixed points, {each}" for each in ("stable", "stability unknown", "unstable")]
 
 
-def test_a_stable_stretch_between_bifurcations_that_follow_each_other():
-    """No point lies between the fold and the flip, nor between the flip and the border collision."""
-    end = End("reached", "")
-    values, slopes = np.array([1.0, 0.0, 2.0, 3.0, 4.0]), np.array([1.4, 1.0, -1.0, np.nan, 0.3])
-    branch = Branch(1, values, np.ones((5, 1)), slopes, (end, end))
-    assert branch.stretches() == [(1.0, 0.0, False), (0.0, 2.0, True), (2.0, 3.0, False), (3.0, 4.0, True)]
-
-
 def test_periodic_launches_at_the_ends_and_at_points_of_a_branch():
     end = End("reached", "")
     values = np.array([0.0, 1.0, 2.0])
@@ -66,9 +58,3 @@ def test_the_diagram_as_document_table_and_figure(tmp_path):
     assert "\n" not in repr(diagram)
     with pytest.raises(InputError, match="needs an ending"):
         diagram.save(tmp_path / "diagram.txt")
-
-
-def test_ends_are_told_in_words():
-    assert End("jump", "the map jumps") == End("jump", "the map jumps")
-    assert all(end.kind == "reached" for end in of_the_paper().branches[0].ends)
-    assert of_the_paper().branches[1].ends[0].kind == "flip"

@@ -4,29 +4,11 @@ import numpy as np
 import pytest
 from columns import column, hop_of
 
-from orbits import InputError, NoOrbit, ReturnMap, bifurcations, find
+from orbits import InputError, NoOrbit, ReturnMap, bifurcations
 from orbits.curves import Event
-from orbits.returns.bifurcations import _Search
 from orbits.returns.hop_tracer import FlownTracer
 from orbits.returns.launch_cycles import MapsAlong
 from problems import Hopper, chain_hand
-
-
-@pytest.mark.slow
-def test_a_machine_of_one_speed_has_the_flip_of_the_paper():
-    """Found from a start, by derivatives, as by the grid of speeds: at an injection of 0.071587384137."""
-    maps = MapsAlong(Hopper(), "inject", 0.066, 0.078, 0.0, 1000)
-    search = _Search(maps, (4.3, 5.0), [0.066], 100, None, [find(Hopper())])
-    search.from_starts()
-    (flip,) = search.located()
-    assert (flip.kind, flip.branch) == ("flip", 0)
-    assert flip.value == pytest.approx(0.071587384137, abs=1e-11)
-    assert flip.alpha == pytest.approx(4.541763272853, abs=1e-10)
-    assert flip.note == "hops of period two begin here, stable, toward greater inject"
-    assert [branch.period for branch in search.branches] == [1, 1, 2]
-    doubled = search.branches[2]
-    step = ReturnMap(Hopper(), inject=doubled.values[-1])
-    assert step(doubled.alphas[-1]).next == pytest.approx(doubled.alphas[-1][::-1], rel=1e-9)
 
 
 def test_without_a_statement_of_the_hops_too():

@@ -13,7 +13,6 @@ from orbits.returns.followed_events import follow_bifurcation, located
 from problems import Chain, Hopper, hopper_in_si, rimless_wheel
 
 FLIP = Bifurcation("flip", 0.07158738413734, (4.54176327285,))  # design fact 6: M = 1, family 1
-FLIP_OF_TWO = Bifurcation("flip", 0.113429246523, (4.60719455761, 4.49391741249))
 WITH_DAMPER = Bifurcation("flip", 0.00144694441776, (4.54542056184,))
 FOLD = Bifurcation("fold", 0.00573688777873, (4.4962210425,))
 
@@ -36,17 +35,6 @@ def test_flips_along_the_mass_ratio():
         assert curve.at(mass_ratio)[0] == pytest.approx(by_bisection(excess, low, high), abs=1e-11)
     assert curve.end.kind == "reached"
     assert curve.impacts == (1,)
-
-
-@pytest.mark.slow
-def test_flips_of_period_two():
-    """At the end of the curve both hops come back, with multiplier -1."""
-    curve = follow_bifurcation(Hopper(), "inject", FLIP_OF_TWO, "mass_ratio", 1.1, longest=0.5)
-    machine, (eps, mass_ratio) = Hopper(mass_ratio=1.1), curve.values[-1]
-    assert mass_ratio == 1.1
-    step = ReturnMap(machine, inject=eps)
-    assert step(curve.alphas[-1]).next == pytest.approx(curve.alphas[-1, ::-1], abs=1e-12)
-    assert np.prod([multiplier(machine, alpha) for alpha in curve.alphas[-1]]) == pytest.approx(-1, abs=1e-10)
 
 
 @pytest.mark.slow
@@ -73,23 +61,6 @@ def test_flips_of_a_law_in_pieces(second, stop):
         "bilinear", mass_ratio=stop), *curve.values[-1, :1], curve.alphas[-1, 0]  # fmt: skip
     excess = lambda eps: multiplier(machine, fixed_point(machine, eps, alpha - 1e-3, alpha + 1e-3)) + 1  # noqa: E731
     assert by_bisection(excess, value - 1e-5, value + 1e-5) == pytest.approx(value, abs=1e-10)
-
-
-@pytest.mark.slow
-def test_folds_and_bounces_of_a_law_in_pieces():
-    machine = Hopper("bilinear", damping=0.002)
-    for kind, value, alpha in (
-        ("fold", 0.023713428588694782, 3.38421974243761), ("border collision", 0.02371342967511344, 3.3842185141936425),
-    ):  # fmt: skip
-        curve = follow_bifurcation(machine, "inject", Bifurcation(kind, value, (alpha,)), "gap", 0.55, longest=0.5)
-        (eps, gap), alpha = curve.values[-1], float(curve.alphas[-1, 0])
-        last = machine.with_values(gap=gap)
-        assert float(ReturnMap(last, inject=eps)(alpha).next) == pytest.approx(alpha, abs=1e-12)
-        if kind == "fold":
-            assert multiplier(last, alpha) == pytest.approx(1.0, abs=1e-10)
-        else:
-            numbers = ReturnMap(last)(alpha + 1e-8 * np.array([-1.0, 1.0])).impacts
-            assert numbers[0] != numbers[1]
 
 
 def graze(mass_ratio: float, low: float, high: float) -> float:

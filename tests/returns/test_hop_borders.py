@@ -5,7 +5,7 @@ import pytest
 
 from orbits import ReturnMap, find
 from orbits.curves import Points, Run
-from orbits.returns.hop_borders import beyond, kind_of_border
+from orbits.returns.hop_borders import beyond
 from orbits.returns.hop_curve import HopCurve
 from orbits.returns.launch_cycles import MapsAlong
 from problems import Hopper
@@ -27,8 +27,3 @@ def test_a_curve_goes_through_a_lossless_hop():
     assert values == pytest.approx(alphas - plain(alphas).next, abs=1e-12)
     assert {each.impacts for each in points} == {(1,), (2,)}
     assert (alphas[-1] < star < alphas[0], items[-1].kind) == (True, "reached")
-
-
-def test_hops_turn_round_where_one_multiplier_is_above_1():
-    assert kind_of_border((0.5, -np.inf)) == kind_of_border((1.5, 3.0)) == "border collision"
-    assert kind_of_border((2.0, -np.inf)) == "non-smooth fold"

@@ -51,15 +51,6 @@ def test_a_closed_curve_of_fixed_points_ends_where_it_began(side):
     assert max(abs((point.alpha - 1) ** 2 + point.value**2 - 0.04) for point in points) < 1e-14
 
 
-def test_period_three_of_the_logistic_map_begins_at_a_fold():
-    """At r = 1 + sqrt(8), with launches of the stable and the unstable hops on one curve."""
-    maps, r = KnownMaps(3.7, 3.9, LOGISTIC.following, LOGISTIC.slope), 3.84
-    _, events, end = traced(maps, (0.05, 0.99), 0.1494069, r, side=-1, period=3)
-    assert end.kind == "reached"
-    folds = [event.point.value for event in events if event.kind == "fold"]
-    assert folds == pytest.approx([1 + np.sqrt(8)], abs=1e-10)
-
-
 def test_a_branch_ends_where_hops_have_no_next():
     maps = KnownMaps(2.6, 3.6, lambda a, r: np.where(a > 0.7, np.nan, r * a * (1 - a)), LOGISTIC.slope)
     points, _, end = traced(maps, (0.1, 0.99), 1 - 1 / 3.1, 3.1)

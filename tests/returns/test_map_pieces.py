@@ -6,7 +6,6 @@ import pytest
 from orbits import ReturnMap, find, multiplier
 from orbits.returns import Hops
 from orbits.returns.limited_hops import PlainMap, Resolution
-from orbits.returns.map_pieces import polynomials
 from orbits.returns.resolution import map_pieces
 from orbits.returns.return_map import pieces_between
 from problems import Hopper
@@ -26,12 +25,6 @@ def hops_of(function, impacts, rests=lambda x: np.zeros(x.shape, bool)):
 def at(pieces, x):
     last = np.full(len(x), len(pieces.edges) - 1)
     return pieces.cell(x, 0 * last, last)
-
-
-def test_chebyshev_polynomials():
-    u = np.array([0.0, 1e-9, 0.3, 0.7, 1.0])
-    expected = np.polynomial.chebyshev.chebvander(2 * u - 1, 6)
-    assert polynomials(u, 7) == pytest.approx(expected, abs=1e-14)
 
 
 def test_a_graze_a_jump_and_a_rest_are_found_with_their_powers():
@@ -54,23 +47,6 @@ def test_borders_that_the_grid_does_not_show_are_found_where_no_polynomial_fits(
     step = hops_of(lambda x: np.where(np.abs(x - 1.50123) < 1e-3, 2.0, x), lambda x: 1 + (np.abs(x - 1.50123) < 1e-3))
     pieces = map_pieces(step, 1.0, 2.0, 500)
     assert [border.alpha for border in pieces.borders] == pytest.approx([1.50023, 1.50223], rel=1e-14)
-
-
-def test_borders_that_accumulate_are_named():
-    step = hops_of(lambda x: 2.0 + (np.floor(np.log2(x)) % 2), lambda x: 1 + np.floor(-np.log2(x)) % 7)
-    pieces = map_pieces(step, 1e-12, 1.0, 50)
-    assert pieces.unresolved
-    assert max(b for _, b in pieces.unresolved) < 1e-6
-
-
-def test_cells_that_are_given_up_are_not_resolved(monkeypatch):
-    said = list[str]()
-    monkeypatch.setattr("orbits.returns.resolution.heartbeat.remark", said.append)
-    noise = lambda x: np.where(x < 1.5, x, 1 + np.abs(np.sin(1e9 * x)))  # noqa: E731
-    pieces = map_pieces(hops_of(noise, np.ones_like), 1.0, 2.0, 5, options=Resolution(shortest=0.1))
-    left = sum(b - a for a, b in pieces.unresolved)
-    assert left >= 0.5
-    assert said[-1].startswith(f"{100 * (1 - left):.4g} % of the launch speeds from 1 to 2 are resolved")
 
 
 @pytest.fixture(scope="module")
@@ -110,21 +86,6 @@ def test_a_law_in_pieces_is_resolved_beside_the_lossless_launch():
     following, slopes, _ = pieces.hops(x)
     assert following == pytest.approx(ReturnMap(machine)(x).next, abs=1e-12)
     assert slopes == pytest.approx([multiplier(machine, each) for each in x], abs=1e-7)
-
-
-def test_cells_end_at_the_rounding_of_the_map():
-    """The cubic hopper rounds a launch speed by some 1e-13: fewer than 100 cells, all hops up to that, and no launch
-    where the machine rests."""
-    step = ReturnMap(Hopper("r+0.3*r**3"))
-    pieces = pieces_between(step, 2.0, 8.0, 400)
-    assert len(pieces.edges) < 100
-    assert not pieces.unresolved
-    x = np.linspace(2.0, 8.0, 701)
-    hops, (following, _, impacts) = step(x), pieces.hops(x)
-    assert following == pytest.approx(hops.next, abs=1e-11, nan_ok=True)
-    lifts = np.isfinite(hops.next)
-    assert (~lifts).any()
-    assert (impacts[lifts] == hops.impacts[lifts]).all()
 
 
 def test_the_search_ends_where_borders_are_dust():

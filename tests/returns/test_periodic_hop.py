@@ -45,18 +45,6 @@ def test_one_orbit_alone_or_its_file_is_a_start_and_none_is_not(tmp_path):
             step.fixed_points(starts=none)
 
 
-@pytest.mark.slow
-def test_a_stable_fixed_point_attracts():
-    machine, orbit = hop_of()
-    step = ReturnMap(machine, inject=1e-3)
-    hop, launch = step.periodic_hop(orbit), None
-    assert hop.stability == "linearly stable"
-    launch = hop.launches[0] + [1e-4, -1e-4, 1e-4]
-    for _ in range(150):
-        launch = step(launch).next
-    assert launch == pytest.approx(hop.launches[0], abs=1e-9)
-
-
 def test_a_damped_column_that_is_driven():
     step = ReturnMap(column("r", 0.002), inject=0.2)
     hop = step.periodic_hop(hop_of()[1])

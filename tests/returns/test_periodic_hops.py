@@ -40,16 +40,6 @@ def test_brute_force_finds_no_others(inject):
         assert (np.searchsorted(known, b + 1e-12) > np.searchsorted(known, a - 1e-12)).all()
 
 
-@pytest.mark.slow
-def test_brute_force_on_many_launches_finds_no_others():
-    step = ReturnMap(Hopper(), inject=0.1189)
-    found = {n: step.periodic_hops(n, LOW, HIGH) for n in (1, 2, 3, 5, 6)}
-    for period in (5, 6):
-        known = np.sort(np.concatenate([np.ravel([c.alphas for c in found[d]]) for d in found if period % d == 0]))
-        a, b = sign_changes(step, period, 20_000)
-        assert (np.searchsorted(known, b + 1e-12) > np.searchsorted(known, a - 1e-12)).all()
-
-
 def test_the_hops_come_back_and_have_exact_multipliers():
     step = ReturnMap(Hopper(), inject=0.135)
     for each in step.periodic_hops(6, LOW, HIGH):
@@ -60,18 +50,6 @@ def test_the_hops_come_back_and_have_exact_multipliers():
         assert 0 < each.error < 1e-12
         newton = step.periodic_hop(each.alpha, 6)
         assert newton.launches[:, 0] == pytest.approx(launches, abs=1e-9)
-
-
-@pytest.mark.slow
-def test_period_two_is_stable_between_its_flips():
-    step = ReturnMap(Hopper(), inject=0.09)
-    (pair,) = step.periodic_hops(2, LOW, HIGH)
-    assert pair.stable
-    assert pair.period == 2
-    alpha = 4.5
-    for _ in range(400):
-        alpha = float(step(alpha).next)
-    assert min(abs(alpha - each) for each in pair.alphas) < 1e-12
 
 
 def test_without_injection_hops_are_lossless():

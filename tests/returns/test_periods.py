@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orbits import InputError, PeriodDiagram, ReturnMap, period_diagram
-from problems import Chain, HeavyHand, Hopper, hopper_in_si
+from problems import Chain, Hopper, hopper_in_si
 
 LAUNCHES = (4.2, 5.4)
 
@@ -37,33 +37,6 @@ def test_two_periods_attract_side_by_side():
     assert sorted(found.periods[1, 1].tolist()) == [2, 4]
     assert found.several.tolist() == [[False, False], [True, True]]
     assert "different periods" in str(found)
-
-
-@pytest.mark.slow
-def test_a_slow_hop_is_outside_of_the_range():
-    """Beyond the crisis some launches come to a slow hop, and not to rest."""
-    over = {"inject": (0.16, 0.165), "mass_ratio": (1.0, 1.01)}
-    found = period_diagram(Hopper(), over, LAUNCHES, samples=(2, 2), starts=(4.52,), hops=256)
-    assert (found.status[0, 0, 0], found.periods[0, 0, 0]) == ("outside", 1)
-    alpha = found.launches[0, 0, 0]
-    assert float(ReturnMap(Hopper(), inject=0.16)(alpha).next) == pytest.approx(alpha, rel=1e-7)
-    assert found.period()[0, 0] == -1
-
-
-@pytest.mark.slow
-def test_launches_that_leave():
-    """From a heavy hand every launch is faster than the one before, until one bounces for ever."""
-    over = {"inject": (8.0, 9.0), "beta": (0.3, 0.31)}
-    found = period_diagram(HeavyHand("cubic"), over, (3.0, 3.4), samples=(2, 2), starts=(3.2,), hops=64, grid=9, cap=99)
-    assert "leaves" in set(found.status.ravel()) <= {"leaves", "cap"}
-
-
-@pytest.mark.slow
-def test_without_the_injection_among_the_parameters():
-    """With an injection of 0.1 the flip is at a damping of 0.001447."""
-    over = {"damping": (0.001, 0.002), "mass_ratio": (1.0, 1.01)}
-    found = period_diagram(Hopper(damping=0.001), over, (4.4, 4.7), samples=(2, 2), inject=0.1, starts=(4.55,))
-    assert found.period().tolist() == [[2, 1], [2, 1]]
 
 
 def test_in_si():
