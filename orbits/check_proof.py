@@ -903,8 +903,7 @@ def _check_orbit(document: Mapping[str, Any]) -> None:
         check_halved(unknowns, box, partial(_check_cell, document, unknowns, radius), CHECKS.splits)
 
 
-def check_halved(claims: Bounds, cell: Bounds, verify: Callable[[Bounds], None], left: int,
-                 guard: int = CHECKS.guard_bits) -> None:  # fmt: skip
+def check_halved(claims: Bounds, cell: Bounds, verify: Callable[[Bounds], None], left: int) -> None:
     """See that a function verifies claims for parameters in a box, which is halved where it does not at once; it works
     with some more bits than the claims have."""
     narrow = min((high - low) / (abs(high) + abs(low) + Fraction(1, 10**9)) for low, high in claims.values())
@@ -914,7 +913,7 @@ def check_halved(claims: Bounds, cell: Bounds, verify: Callable[[Bounds], None],
     if bits > CHECKS.bits:
         raise Unverified("the enclosures have more digits than this program verifies")
     try:
-        with ctx.workprec(max(CHECKS.bits_of_uniqueness, bits + guard)):
+        with ctx.workprec(max(CHECKS.bits_of_uniqueness, bits + CHECKS.guard_bits)):
             verify(cell)
     except Unverified:
         widest = max(cell, key=lambda n: (cell[n][1] - cell[n][0]) / (abs(cell[n][0] + cell[n][1]) or 1), default=None)
@@ -922,7 +921,7 @@ def check_halved(claims: Bounds, cell: Bounds, verify: Callable[[Bounds], None],
             raise
         middle = (cell[widest][0] + cell[widest][1]) / 2
         for half in ((cell[widest][0], middle), (middle, cell[widest][1])):
-            check_halved(claims, {**cell, widest: half}, verify, left - 1, guard)
+            check_halved(claims, {**cell, widest: half}, verify, left - 1)
 
 
 def _check_cell(document: Mapping[str, Any], claims: Bounds, radius: Fraction, cell: Bounds) -> None:

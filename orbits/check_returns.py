@@ -227,13 +227,7 @@ def _check_returns(document: Mapping[str, Any]) -> None:
         raise Unverified("the radius of uniqueness, a launch speed or a time is not positive")
     all_said = {**claims, **said}
     wide = {name: each for name, each in all_said.items() if each[0] < each[1] and name != "dliftoff"}
-    check_halved(
-        wide,
-        bounds,
-        partial(_check_cell, document, word, all_said, radius),
-        CHECKS.splits,
-        CHECKS.guard_bits_of_returns,
-    )
+    check_halved(wide, bounds, partial(_check_cell, document, word, all_said, radius), CHECKS.splits)
 
 
 def _check_cell(document: Mapping[str, Any], word: Word, claims: Bounds, radius: Fraction, cell: Bounds) -> None:
@@ -254,17 +248,18 @@ def _check_cell(document: Mapping[str, Any], word: Word, claims: Bounds, radius:
         found.contract([*equations, (value + 2 if doubled else value, row)])  # the last is 0, or P' - 1, which is -2
         return found
 
+    lowest = CHECKS.degrees_of_map[0]
     with ctx.workprec(CHECKS.bits_of_uniqueness):
-        known = hops(around | {place.value: arb(0, 1) for place in machine.places}, CHECKS.derived_order)
+        known = hops(around | {place.value: arb(0, 1) for place in machine.places}, lowest)
         for _ in range(CHECKS.images):
-            known = known if known.inside else hops(known.common, CHECKS.derived_order)
-        box = hops(known.common, CHECKS.derived_order).common if known.inside else known.common
+            known = known if known.inside else hops(known.common, lowest)
+        box = hops(known.common, lowest).common if known.inside else known.common
     if not known.inside:
         raise Unverified("the solution is not shown to be the only one within the radius of uniqueness")
-    for degree in (CHECKS.derived_order, *CHECKS.higher_degrees):
+    for degree in CHECKS.degrees_of_map:
         known = hops(box, degree)
         box, missed = known.common, _missed(known, claims, names, force)
-        if missed or degree == CHECKS.derived_order:
+        if missed or degree == lowest:
             continue
         further = _further(known, word) if doubled else {"multiplier": 1 + known.slope()}
         if not (missed := _missing(further, claims)):
@@ -303,7 +298,7 @@ def _further(known: Hops, word: Word) -> dict[str, arb]:
     of the map: in the equations' derivatives of these orders the highest ones of the unknowns stand linearly."""
     box, found = dict(known.common), list[arb]()
     for order in (2, 3):
-        jets = Hops(known.machine, known.inject, word, box, order, CHECKS.derived_order)
+        jets = Hops(known.machine, known.inject, word, box, order, CHECKS.degrees_of_map[0])
         *events, last = jets.values(order)
         moves, value = known.following(events, last)
         box |= {"d" * order + name: each for name, each in moves.items()}

@@ -62,21 +62,20 @@ class CheckOptions(NamedTuple):
     formula_length: int = 2000  # characters
     name_length: int = 80  # characters of a name in a statement
     order_per_bit: float = 0.3  # of Taylor polynomials
-    derived_order: int = 14  # of Taylor polynomials for derivatives
+    derived_order: int = 10  # of Taylor polynomials for derivatives, whose errors are far below the boxes' widths
     splits: int = 3  # halvings of intervals of parameters
     first: Fraction = Fraction(1, 8)  # step as a share of half a phase
     shortest: Fraction = Fraction(1, 2**14)  # step as a share of half a phase
     power: int = 2**16  # largest whole exponent
-    guard_bits: int = 64  # beyond those of the enclosures
+    guard_bits: int = 40  # beyond those of the enclosures, since motions amplify roundings
     bits_of_uniqueness: int = 90  # with which uniqueness is shown, at least
     bits: int = 2000  # of the enclosures, at most
     bits_of_numbers: int = 10**5  # of a number in a formula, at most
     names: int = 60  # in polynomials that are compared
     terms: int = 3000  # of polynomials that are compared
     images: int = 4  # of Krawczyk's operator on the box of uniqueness
-    # Degrees in time of the motions' derivatives in images after that of `derived_order`: those of the map need more.
-    higher_degrees: tuple[int, ...] = (28, 42, 56)
-    guard_bits_of_returns: int = 40  # beyond those of the enclosures of hops that come back
+    # Of Taylor polynomials for the derivatives of hops that come back, image after image: those of the map need more.
+    degrees_of_map: tuple[int, ...] = (14, 28, 42, 56)
 
 
 CHECKS = CheckOptions()

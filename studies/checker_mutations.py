@@ -51,7 +51,7 @@ class Fault:
 STEP, SET, ROOTS, SIGNS, EQUATIONS, FORMULAS, INTERVALS, CASE = (
     *(f"orbits/balls/{name}.py" for name in ("rigorous_step", "enclosure", "root", "motion", "equations")),
     "orbits/exact/formulas.py",
-    *(f"orbits/proof/{name}.py" for name in ("intervals", "case")),
+    *(f"orbits/proof/{name}.py" for name in ("intervals", "orbit_case")),
 )
 # Longer steps, whose defects make up the width of the enclosures.
 LESS_EXACT = (SET, "order_for(bits), 2.0**-bits)", "order_for(bits), 2.0 ** (16 - bits))")
@@ -63,7 +63,7 @@ LONG = (
 # Polynomials of low order, whose remainders count.
 LOW = (
     (STATEMENT, "order_per_bit: float = 0.3", "order_per_bit: float = 0.1"),
-    (STATEMENT, "derived_order: int = 14", "derived_order: int = 8"),
+    (STATEMENT, "derived_order: int = 10", "derived_order: int = 8"),
 )
 # Equal steps and a very short last one, which adds hardly any error to those of the steps before.
 SHORT_LAST = ((STATEMENT, "first: Fraction = Fraction(1, 8)", "first: Fraction = Fraction(9999, 320000)"),
