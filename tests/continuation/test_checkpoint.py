@@ -1,6 +1,5 @@
 """Families that are interrupted and resumed: the curve is that of an unbroken run."""
 
-import json
 import subprocess
 import sys
 from importlib import import_module
@@ -12,7 +11,7 @@ from browser import wait_for
 from families import GOLDEN, events
 
 from orbits import Family, InputError, follow, follow_branch, follow_event
-from orbits.continuation import StepControl, checkpoint
+from orbits.continuation import checkpoint
 from problems import Hopper
 
 
@@ -57,16 +56,6 @@ def test_a_resumed_family_has_each_event_once(softening_family, tmp_path):
         )
         assert [event.kind for event in resumed.events].count("fold") == 1
         assert Family.load(path) == resumed
-
-
-def test_a_resumed_family_gets_as_many_points_as_a_new_one():
-    machine = Hopper("cubic", rest_length=9.0)
-    first = follow(machine, "beta", 2.0, start=0.0, most=23)
-    for most in (5, 30):
-        control = StepControl(largest_batch=8)
-        family = follow(machine, "beta", 2.0, start=0.0, resume=first, most=most, step_control=control)
-        assert len(family) == 22 + most
-        assert family.end.reason == f"after {most} points: raise `most` to go on"
 
 
 def test_what_cannot_be_resumed_or_watched_is_said(softening_family):
@@ -127,16 +116,6 @@ def test_a_family_of_sources_that_are_not_installed(monkeypatch):
     versions = checkpoint.versions.__wrapped__()
     assert list(versions) == ["persistent-orbits", "casadi", "numpy", "python"]
     assert versions["persistent-orbits"] == "unknown"
-
-
-@pytest.mark.usefixtures("any_digest")
-def test_a_family_to_resume_with_a_further_parameter_is_another_machines(saved_documents, tmp_path):
-    head, *rest = saved_documents["family"].splitlines()
-    record, path = json.loads(head), tmp_path / "family.jsonl"
-    record["machine"]["parameters"]["zz"] = 1
-    path.write_text("\n".join([json.dumps(record), *rest]))
-    with pytest.raises(InputError, match="of another machine or parameter"):
-        follow(Hopper("cubic", rest_length=20), "beta", 0.3, 0.1, longest=0.5, resume=Family.load(path))
 
 
 @pytest.mark.parametrize("stop", [0.4, 0.1])

@@ -3,14 +3,10 @@
 from math import asin, inf, pi, sqrt
 
 import casadi as ca
-import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 from orbits import Family, find, follow, follow_event
-from orbits.continuation import Options
-from orbits.continuation.curve import Curve
-from orbits.continuation.family_problem import FamilyProblem
 from problems import Hopper, hopper_in_si, springs
 
 # Pieces of a law are (low, high, stiffness k, centre c), where the force is k (r - c).
@@ -132,27 +128,3 @@ def test_a_curve_of_events_passes_a_corner():
         energy = point.alpha**2 * (1 + ratio) / 2 + ratio * stored + liftoff
         deepest = -(1 + sqrt(1 + 2 * ratio * energy)) / ratio
         assert point.also["rest_length"] == pytest.approx(-deepest, abs=1e-12)
-
-
-@pytest.mark.slow
-def test_a_table_is_smooth_at_its_rows():
-    """Lift-off passes rows of a table, at which the slope does not jump; nothing happens there."""
-    r = np.linspace(-8.0, 8.0, 81)
-    machine = Hopper(springs.table((r, r + 0.02 * r**3), noise=0, scale="scale"), rest_length=30)
-    family = follow(machine, "scale", 0.65)
-    assert (family.end.kind, family.events) == ("reached", ())
-    assert np.ptp([point.liftoff_extension for point in family]) > 2 * (r[1] - r[0])
-
-
-def test_the_corner_of_a_formula_lies_ahead():
-    """A formula says by its comparisons where its corners are."""
-    machine = Hopper("r + 1.5*(r - gap + abs(r - gap))", parameters={"gap": 0.9}, rest_length=60)
-    curve, row = Curve(machine, "gap", "relative", 1.0), np.array([0.0, 0.0, 1.0])
-    alpha = brentq(lambda a: turn_times(bilinear(0.9, 4.0), a, 2) - a, 3.0, 3.5)
-    problem = FamilyProblem(curve, Options())
-    point = problem.solved(np.array([0.925, alpha, 0.9]), row, 0.9, row)
-    (x,), (tangent,) = point.xs, point.tangents
-    corner = problem.corners.ahead(x, tangent, 1.0)
-    liftoff, _, gap = x + corner.left * tangent
-    assert (liftoff, gap) == pytest.approx((1.0, 1.0), abs=1e-13)
-    assert problem.corners.ahead(x, -tangent, 1.0) is None

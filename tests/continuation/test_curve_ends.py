@@ -1,26 +1,13 @@
 """How curves of orbits end: at a bound, closed, lost, or escaped to a limit that is known."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from conftest import slow_after
 from families import FOLD, FOLD_ALPHA, events
 
-from orbits import InputError, NoOrbit, follow, orbit_at
-from orbits.continuation import Options, StepControl
-from orbits.continuation.curve_ends import Endings, limit
-from orbits.curves import Points
-from orbits.errors import BreaksDown, NoStep
-from problems import Hopper, shuttle
-
-
-@pytest.mark.slow
-def test_the_saturating_spring_runs_off_to_its_limit():
-    curve = follow(Hopper("tanh"), "b", 0.9, 0.05, 4)
-    assert curve.end.kind == "escaped"
-    assert curve.end.limit == pytest.approx(1 / 9, abs=1e-6)
-    assert {point.family for point in curve} == {4}
+from orbits import InputError, NoOrbit, follow
+from orbits.continuation.curve_ends import limit
+from problems import Hopper
 
 
 def test_no_first_orbit_is_said_and_a_lost_curve_keeps_what_it_has():
@@ -98,26 +85,6 @@ def test_a_flight_near_a_barrier_is_followed_on():
     assert np.isfinite(family.column("stroke")).all()
 
 
-@pytest.mark.slow
-def test_a_shuttle_stays_near_its_upright_place():
-    """Its two walls are nearly reached from above: a change grows 1e12-fold within half a flight."""
-    machine = shuttle(angle=0.5)
-    family = follow(machine, "gravity_ratio", 150.0, longest=0.1)
-    assert family.end.kind == "reached"
-    orbit = orbit_at(machine, family[-1], "gravity_ratio")
-    assert orbit.alpha == pytest.approx(family[-1].alpha, abs=family[-1].error)
-    assert orbit.certificate.energy_drift < 1e-12
-    some = follow(machine, "gravity_ratio", 150.0, most=len(family) - 3, longest=0.1)
-    whole = follow(machine, "gravity_ratio", 150.0, resume=some, longest=0.1)
-    assert whole[-1].alpha == pytest.approx(family[-1].alpha, abs=2 * family[-1].error)
-
-
-def test_what_only_scales_the_orbit_is_followed_to_the_end():
-    family = follow(Hopper("k*r", parameters={"k": 1.0}), "k", 1e-3)
-    assert family.end.kind == "reached"
-    assert family[-1].alpha == pytest.approx(4.493409457909064 / np.sqrt(1e-3), rel=1e-12)
-
-
 @pytest.mark.parametrize("beside", [1e-4, 1e-6, 1e-8, 1e-9])
 def test_a_start_beside_a_fold_comes_back_on_the_other_sheet(beside):
     family = follow(Hopper("cubic", rest_length=30.0), "beta", -0.02, FOLD + beside)
@@ -188,120 +155,6 @@ def test_what_tends_to_no_clear_limit_has_none():
     turned = history(lambda s: s * (s - 1.2 / 50), alpha)  # it would come back to where it was before
     assert limit(turned, EVERYWHERE, -1) is None
     assert limit([(a, v) for a, v in turned if v > 0.001], EVERYWHERE, -1)[0] == pytest.approx(0.0, abs=1e-6)
-
-
-def test_a_limit_that_is_reached_but_for_rounding():
-    """What is left is less than rounding, on either side."""
-    alpha = np.geomspace(1.0, 2000.0, 200)
-    for side in (-1, 1):
-        points = history(lambda s, side=side: 1.0 + s**6 + side * 1e-13 * (s < 1e-3), alpha)
-        found, error = limit(points, EVERYWHERE, -1)
-        assert abs(found - 1.0) <= error + 1e-12 < 1e-6
-
-
-@pytest.mark.parametrize(
-    ("points", "found"),
-    [
-        ([(1.0, 0.0), (10.0, 1.0), (100.0, 1.0 + 1e-8)], (1.0 + 1e-8, 3e-8)),
-        ([(1.0, 0.0), (10.0, 1.0), (100.0, 1.0 + 1e-6)], None),  # it still changes
-        ([(1.0, 0.0), (30.0, 0.5), (98.0, 1.0), (100.0, 1.0)], None),  # the last points are close to one another
-        ([(1.0, 0.0), (5.0, 0.5), (10.0, 1.0), (100.0, 1.0)], (1.0, 0.0)),  # those before do not matter
-    ],
-)
-def test_a_limit_where_long_steps_lead_to_it(points, found):
-    assert limit(points, EVERYWHERE, -1) == (found and pytest.approx(found, rel=1e-6))
-
-
-def endings(one_speed=True, start=0.5, **control):
-    """The endings of a curve along b from an orbit with the launch speed 4, the flight time 8 and lift-off at 1."""
-    machine = SimpleNamespace(model=SimpleNamespace(one_speed=one_speed, reversor=None))
-    growths = lambda points: points.growths  # noqa: E731
-    curve = SimpleNamespace(
-        along="b", span=2.0, machine=machine, units_at=lambda value, also: None,
-        growths=growths, largest_growths=growths,
-        equations_of_orbits=SimpleNamespace(statement=SimpleNamespace(unknowns=("alpha", "duration"), durations=())),
-    )  # fmt: skip
-    origin = SimpleNamespace(alpha=4.0, flight_time=8.0, liftoff_extension=1.0)
-    return Endings(curve, origin, start, (0.0, 2.0), Options(step_control=StepControl(**control)))
-
-
-def last_point(alpha, time, extension=1.0, amplification=1.0, value=0.75):
-    """The last point of a curve."""
-    point = SimpleNamespace(alpha=alpha, flight_time=time, liftoff_extension=extension, also={})
-    x = np.array([[alpha, time, value]])
-    nothing, one = np.zeros((1, 3)), np.zeros(1, int)
-    return Points(one, x, nothing, np.array([amplification]), None, one, own=[point])
-
-
-def passed(points):
-    """Points with these launch speeds and values of the parameter."""
-    alphas, values = np.array(points).T
-    nothing = np.zeros((len(alphas), 2))
-    own = SimpleNamespace(column={"alpha": alphas, "value": values, "u": nothing, "tangent": nothing}.get)
-    return [SimpleNamespace(own=own, lengths=np.ones(len(alphas)))]
-
-
-FAR = history(lambda s: 0.8 - s, np.geomspace(4.0, 4000.0, 300))
-NEAR = history(lambda s: 0.8 - s, np.geomspace(4.0, 0.004, 300), 1)
-
-
-@pytest.mark.parametrize(
-    ("point", "points", "one_speed", "reason"),
-    [
-        (last_point(4000.0, 8000.0), FAR, True, "the launch speed grows without bound"),
-        (last_point(-4000.0, 8000.0), FAR, True, "the launch speed grows without bound"),
-        (last_point(4000.0, 8e8), FAR, True, "gravity no longer returns the machine near b = 0.75"),
-        (last_point(5.0, 8e8), FAR, True, "gravity no longer returns the machine near b = 0.75"),
-        (last_point(4000.0, 8000.0, -1e6), FAR, True, "the spring no longer lifts the foot near b = 0.75"),
-        (last_point(4000.0, 8000.0, 60.0), FAR, True, "the launch speed grows without bound"),
-        (last_point(0.004, 0.01), NEAR, True, "the flight shrinks to nothing near b = 0.75"),
-        (last_point(0.004, 0.01), NEAR, False, "the flight shrinks to nothing near b = 0.75"),
-        (last_point(-0.004, 4.0), NEAR, True, "the launch speed falls to nothing near b = 0.75"),
-        (last_point(0.004, 4.0), NEAR, False, None),
-        (last_point(4000.0, 8000.0), FAR[:2], True, None),
-        (last_point(0.004, 0.01), NEAR[:2], True, None),
-        (last_point(40.0, 80.0), FAR, True, None),
-        (last_point(0.4, 0.8), NEAR, True, None),
-    ],
-)
-def test_what_a_curve_that_goes_far_ends_in(point, points, one_speed, reason):
-    end = endings(one_speed, escape_ratio=50.0).far(point, passed(points))
-    assert (end and end.reason) == reason
-    if reason:
-        assert end.kind == ("escaped" if "grows" in reason else "degenerate")
-        assert abs(end.limit - 0.8) <= end.limit_error + 1e-12
-
-
-def test_what_a_lost_curve_ends_in():
-    """Where it escapes the limit says more than the reason; an error of the machine is one."""
-    lost, reason = endings(running_ratio=4.0).lost, NoOrbit("no root")
-    end = lost(reason, last_point(4000.0, 8000.0), passed(FAR))
-    assert (end.kind, end.limit) == ("escaped", pytest.approx(0.8))
-    assert end.reason.endswith("was followed to b = 0.75, alpha = 4000")
-    for point, points in ((last_point(12.0, 8000.0), FAR), (last_point(-4000.0, 8000.0), FAR[:2])):
-        end = lost(reason, point, passed(points))
-        assert (end.kind, end.reason) == ("stuck", f"at b = 0.75, alpha = {point.own[0].alpha:g}: no root")
-    for error, what in (
-        (BreaksDown("it breaks down"), "does not come back (it"),
-        (NoStep("none"), "found beside it (none"),
-    ):
-        for growth, remedy in ((1.0, "allow steps shorter than 1e-05"), (1e6, "Follow another parameter")):
-            end = lost(error, last_point(12.0, 8000.0, amplification=growth), passed(FAR))
-            assert end.kind == "stuck"
-            assert what in end.reason
-            assert remedy in end.reason
-    end = lost(InputError("no mass"), last_point(12.0, 8000.0), passed(FAR))
-    assert (end.kind, end.reason) == (
-        "degenerate",
-        "there is no such machine any more at b = 0.75, alpha = 12: no mass",
-    )
-    beside = last_point(12.0, 8000.0, value=0.5 + 1e-9)
-    remedy = "; a parameter over decades is followed by its inverse or its logarithm"
-    assert lost(reason, beside, passed(FAR)).reason.endswith("no root" + remedy)
-    end = endings(running_ratio=4.0, largest_amplification=1e3).far(
-        last_point(5.0, 8.0, amplification=1e4), passed(FAR)
-    )
-    assert (end.kind, "grow 1e+04-fold" in end.reason) == ("stuck", True)
 
 
 def test_a_lift_off_that_grows_without_bound_ends_a_family():

@@ -5,12 +5,8 @@ import pytest
 from conftest import slow_after
 
 from orbits import follow
-from orbits.flow.vector_field import FlowControl
-from orbits.shooting import NewtonKernel
 from problems import Hopper
-from studies.random_families import differences, faults_at_the_barrier, random_springs, share_of_error, twice
-
-SINH = Hopper("sinh", "1/(1 + z/R)**2", rest_length=12, parameters={"b": 0.1, "R": 80.0})
+from studies.random_families import differences, random_springs, share_of_error, twice
 
 
 @pytest.mark.parametrize(
@@ -37,29 +33,6 @@ def test_half_the_step_gives_the_same_curve(machine, along, stop):
     for a, b in zip(one.events, two.events, strict=True):
         assert a.point.value == pytest.approx(b.point.value, rel=1e-10)
         assert a.point.alpha == pytest.approx(b.point.alpha, rel=1e-7 if a.kind == "fold" else 1e-10)
-
-
-def test_points_between_are_solved_together(monkeypatch):
-    """Most points of a family are solved in batches, whatever number of Taylor steps each takes."""
-    sizes, call = [], NewtonKernel.__call__
-    counted = lambda self, xs, *others: sizes.append(len(xs)) or call(self, xs, *others)  # noqa: E731
-    monkeypatch.setattr(NewtonKernel, "__call__", counted)
-    family = follow(SINH, "b", 2.0, at=[0.5])
-    assert family[-1].value == 2.0
-    assert max(sizes) > 20
-    assert sum(sizes) < 3 * len(family.points)
-
-
-@pytest.mark.slow
-def test_motions_of_many_steps_are_followed_one_by_one(monkeypatch):
-    values = [0.2, 0.3, 0.4]
-    together = follow(SINH, "b", 0.5, at=values)
-    monkeypatch.setattr("orbits.flow.flow.Flow.control", FlowControl(max_block=4))
-    alone = follow(SINH, "b", 0.5, at=values)
-    for value in values:
-        ((one,), (other,)) = alone.at(value), together.at(value)
-        assert abs(one.alpha - other.alpha) <= one.error + other.error
-        assert one.flight_time == pytest.approx(other.flight_time, rel=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -96,11 +69,6 @@ def test_a_family_goes_on_until_rounding_decides():
     for each in (point, *family[-5:]):
         assert share_of_error(7, 1, each.value, each.alpha, each.error) < 1
         assert each.error < 1e-11
-
-
-@pytest.mark.slow
-def test_a_family_keeps_its_number_up_to_the_barrier():
-    assert faults_at_the_barrier({7: (1, 10)}, every=50) == 0
 
 
 @pytest.mark.slow

@@ -5,7 +5,6 @@ import pytest
 from families import FOLD, FOLD_ALPHA, events
 
 from orbits import find, follow
-from orbits.continuation.family_tests import watched
 from problems import Hopper
 from problems.laws import springs
 
@@ -74,21 +73,6 @@ def test_the_users_own_numbers_truths_and_poles_and_orbits_without_what_is_watch
     machine = Hopper("cubic", rest_length=30.0)
     beyond = follow(machine, "beta", -0.02, -0.006, watch={"period": watch["period"]}, most=60)
     assert [event.kind for event in beyond.events if event.kind != "period"] == ["collapse", "fold"]
-
-
-@pytest.mark.slow
-def test_where_the_contact_does_not_end_its_force_says_nothing():
-    """A spring that collapses at the very start: of the two that change there, contact and force, one is an event."""
-    machine = Hopper("r + 0.039*r**2 + s*(0.0041*r**5 - 0.035*r**3)", parameters={"s": 0.0})
-    family = follow(machine, "s", 0.1, 0.0, family=3, longest=0.05)
-    assert [event.kind for event in family.events] == ["collapse", "contact pulls"]
-    assert family.events[0].point.value == pytest.approx(0.0, abs=1e-15)
-    assert abs(family.events[1].point.smallest_contact_force) < 1e-11
-
-
-def test_a_watched_function_may_divide_by_zero():
-    orbit = find(Hopper("cubic"))
-    assert watched("pole", lambda orbit: 1.0 / (orbit.alpha - orbit.alpha), orbit) is None
 
 
 def test_every_asked_value_is_an_event_once():

@@ -32,24 +32,6 @@ def test_the_curve_is_made_of_the_folds_of_single_families(quintic):
     assert curve.column("delta")[-1] == 3e-5
 
 
-@pytest.mark.slow
-def test_two_folds_meet_in_a_cusp():
-    """On one side of the cusp, which the test of `follow_event` finds, a family has two folds, on the other none."""
-    for share, count in ((0.99, 2), (1.01, 0)):
-        machine = Hopper("r + beta*r**3 + delta*r**5", parameters={"beta": -0.011, "delta": share * 7.132438068202e-05})
-        family = follow(machine, "beta", -0.014)
-        assert family.end.kind == "reached"
-        assert [event.kind for event in family.events] == ["fold"] * count
-
-
-@pytest.mark.slow
-def test_in_varying_gravity():
-    machine = Hopper("cubic", "1 - kappa*z", rest_length=20.0, parameters={"beta": 0.0, "kappa": 0.0})
-    curve = follow_fold(machine, fold_of(machine), "beta", "kappa", 0.002)
-    single = fold_of(machine.with_values(kappa=0.002), -0.03)
-    assert curve[-1].also["beta"] == pytest.approx(single.value, abs=1e-11)
-
-
 def test_bad_questions_are_refused():
     machine = Hopper("r + beta*r**3 + delta*r**5", parameters={"beta": 0.0, "delta": 0.0})
     fold = follow(machine, "beta", -1e-4)[-1]  # no question comes so far that it is looked at

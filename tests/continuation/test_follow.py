@@ -1,7 +1,5 @@
 """Families against golden values, a known fold, other routes along them and branch points, and what is refused."""
 
-from importlib import import_module
-
 import numpy as np
 import pytest
 from families import FOLD, FOLD_ALPHA, GOLDEN, events
@@ -9,10 +7,8 @@ from hanging import quartic_error
 
 from orbits import InputError, NoOrbit, Orbit, find, follow, follow_branch, orbit_at, trace
 from orbits.continuation import End, Event
-from orbits.periodic import solve_family
 from orbits.show import thumbnails
 from problems import Hopper, hopper_in_si
-from problems.laws import springs
 
 
 def test_golden_values_are_hit_exactly():
@@ -62,15 +58,6 @@ def test_stiffness_only_changes_the_units():
     machine = Hopper("k*r", parameters={"k": 1.0})
     family = follow(machine, "k", 9.0)
     assert family.column("alpha") * np.sqrt(family.column("k")) == pytest.approx(4.493409457909064, rel=1e-13)
-
-
-@pytest.mark.slow
-def test_the_last_step_is_of_the_motion_itself():
-    """Not of what a Newton step from there makes of it, where it may go back: this air spring got stuck."""
-    machine = Hopper("L*(1 - (1 + r/L)**(-1.4))/1.4", parameters={"L": 50.0})
-    family = follow(machine, "L", 3.0)
-    assert family.end.kind == "reached"
-    assert family[-1].alpha == pytest.approx(find(machine.with_values(L=3.0)).alpha, rel=1e-12)
 
 
 def test_trace_yields_orbits_events_and_the_end():
@@ -156,15 +143,6 @@ class TestBranchPoint:
         error = quartic_error(0.0, FOLD + other[-1].value ** 2, other[-1].alpha, 1, within=2e-11)
         assert error <= other[-1].error < 1e-11
 
-    @pytest.mark.slow
-    def test_at_another_value_of_the_parameter(self):
-        machine = Hopper("r + (b + (q - 1)**2)*r**3", rest_length=30.0, parameters={"b": FOLD, "q": 0.92})
-        (point,) = events(follow(machine, "q", 1.08), "branch point")
-        assert point.value == pytest.approx(1, abs=1e-8)
-        assert follow_branch(machine, point, "q", 0.92, upper=True)[-1].value == 0.92
-        with pytest.raises(InputError, match=r"away from stop = 1\.08: give upper = False"):
-            follow_branch(machine, point, "q", 1.08, upper=True)
-
     def test_what_cannot_be_meant(self, family):
         (point,) = events(family, "branch point")
         with pytest.raises(InputError, match="away from stop"):
@@ -190,28 +168,6 @@ def test_an_orbit_at_a_point_is_the_one_that_was_followed(softening_family):
     assert len(small.lines) == 2
 
 
-def test_named_springs_can_be_followed():
-    assert follow(Hopper(springs.sinh()), "b", 1.0).end.kind == "reached"
-
-
-@pytest.mark.slow
-def test_a_family_does_not_depend_on_the_unit_of_its_parameter():
-    plain, scaled = (
-        follow(
-            Hopper(f"r + {factor}*b*r**3", rest_length=30.0, parameters={"b": -0.009 / factor}),
-            "b",
-            -0.02 / factor,
-            most=30,
-        )
-        for factor in (1.0, 1e6)
-    )
-    assert plain.end.kind == scaled.end.kind
-    assert events(plain, "fold")
-    assert [event.kind for event in plain.events] == [event.kind for event in scaled.events]
-    for a, b in zip(plain.events, scaled.events, strict=True):
-        assert 1e6 * b.point.value == pytest.approx(a.point.value, rel=1e-9)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("machine", "along", "stop", "family"),
@@ -226,10 +182,3 @@ def test_a_family_begins_with_what_find_gives(machine, along, stop, family):
     lowest = find(machine, family).alpha
     first = next(trace(machine, along, stop, family=family))
     assert first.alpha == pytest.approx(lowest, rel=1e-12)
-
-
-def test_a_first_orbit_of_another_family_is_refused(monkeypatch):
-    found = solve_family(Hopper("cubic", parameters={"beta": 0.0}), 2, "relative")
-    monkeypatch.setattr(import_module("orbits.continuation.follow"), "solve_family", lambda *_: found)
-    with pytest.raises(NoOrbit, match="family 1 ended on an orbit of family 2"):
-        follow(Hopper("cubic"), "beta", 1.0, 0.0)

@@ -6,11 +6,8 @@ from conftest import slow_after
 from scipy.optimize import brentq
 
 from orbits import Family, InputError, NoOrbit, find, follow, follow_event, follow_fold, multipliers, quantities
-from orbits.continuation import event_curve
-from orbits.continuation.event_start import event_start
 from orbits.curves import Event
-from orbits.hops import angles_left
-from problems import Chain, Hopper, Juggler, hopper_in_si, rimless_wheel, rocking_block, runner
+from problems import Chain, Hopper, hopper_in_si, rimless_wheel, rocking_block, runner
 
 LONG = {"longest": 0.2}
 # Near the hop of a chain of masses 1, 2.9 and 1.
@@ -60,16 +57,6 @@ def test_masses_touch_at_a_rest_length_that_is_the_smallest_extension():
 
 
 @pytest.mark.slow
-def test_a_curve_of_masses_that_touch_is_that_of_single_families(low):
-    curve = follow_event(low, "masses touch", "delta", 1e-5, **LONG)
-    other = follow(low.source.with_values(delta=1e-5), "beta", -0.006, longest=0.1)
-    single = next(event.point for event in other.events if event.kind == "masses touch")
-    assert curve[-1].also["beta"] == pytest.approx(single.value, abs=1e-10)
-    assert curve[-1].alpha == pytest.approx(single.alpha, abs=1e-9)
-    assert all(point.admissible for point in curve)
-
-
-@pytest.mark.slow
 def test_a_collapse_is_where_the_energy_is_that_of_the_barrier(quintic):
     """For a cubic spring the barrier and the energies are known in closed form."""
     curve = follow_event(quintic, "collapse", "mass_ratio", 2.0, **LONG)
@@ -102,30 +89,6 @@ def test_an_extremum_of_a_formula(low):
 
 
 @pytest.mark.slow
-def test_an_extremum_is_that_of_single_families():
-    """The spring is softest, and the launch fastest, where s - s^2 is largest."""
-    machine = Hopper("r - (0.03*s - 0.03*s**2 + c)*r**3", parameters={"s": 0.2, "c": 0.0})
-    curve = follow_event(follow(machine, "s", 0.8), "extremum of alpha", "c", 0.001, **LONG)
-    assert curve.column("s") == pytest.approx(0.5, abs=1e-10)
-
-
-def test_derivatives_of_a_fold_whose_flight_hangs(quintic):
-    """Where small changes grow 1600-fold, by differences of the residual, which is made of first derivatives."""
-    begun, own = event_start(quintic.source, quintic, "fold", 0), (quintic.source, "beta", "delta")
-    own = *own, quintic.settings["method"], 1e-4, begun.stated, begun.condition, (), begun.tuned_sizes, begun.x[-1]
-    curve, x = event_curve.EventCurve(*own), np.array([1.00018828, 59.5195476, -1.88186868e-04, 8.85600042e-09])
-    found, step = curve.evaluate(x[None]), 1e-10
-    moves = step * np.diag(x)
-    ahead, behind = curve.evaluate(np.concatenate([x + moves, x - moves])).residual[:, -1].reshape(2, 4)
-    slopes = found.jacobian[0, -1] * x
-    assert found.amplification[0] > 1600
-    assert np.linalg.norm((ahead - behind) / (2 * step) - slopes) < 1e-4 * np.linalg.norm(slopes)
-    beside = curve.evaluate_beside(x[None], found)
-    assert np.array_equal(beside.jacobian, found.jacobian)
-    assert np.array_equal(beside.residual, found.residual)
-
-
-@pytest.mark.slow
 def test_a_curve_has_its_own_events_and_ends(quintic):
     curve = follow_event(quintic, "fold", "delta", (0.0, 1e-4), longest=0.1, within=(-0.0138, 0.0))
     (point,) = [event.point for event in curve.events if event.kind == "fold"]
@@ -155,17 +118,6 @@ def test_of_a_machine_in_si():
     curve = follow_event(family, {"smallest_separation": value}, "body_mass", 62.0, **LONG)
     other = machine.with_values(b=curve[-1].also["b"], body_mass=62.0)
     assert find(other).certificate.smallest_separation == pytest.approx(value, abs=1e-14)
-
-
-def test_of_a_juggler():
-    """Its fold depends on its mass ratio by the scaling of its spring alone."""
-    family = follow(Juggler("r + beta*r**3", parameters={"beta": 0.0}), "beta", -0.012, start=-0.008, longest=0.2)
-    curve = follow_event(family, "fold", "mass_ratio", 2.0, **LONG)
-    juggler = Juggler("r + beta*r**3", mass_ratio=2.0, parameters={"beta": 0.0})
-    single = follow(juggler, "beta", -0.02, start=curve[-1].also["beta"] * 0.97, longest=0.2).events
-    assert curve[-1].also["beta"] == pytest.approx(
-        next(event.point.value for event in single if event.kind == "fold"), abs=1e-12
-    )
 
 
 @pytest.mark.slow
@@ -279,18 +231,6 @@ def test_multipliers_that_leave_the_unit_circle(chain):
     assert largest_complex(edge, find(edge, start=CHAIN)) == pytest.approx(0.0, abs=1e-11)
 
 
-def test_a_curve_of_pairs_ends_where_they_become_real(chain, monkeypatch):
-    """Pairs are taken as real where the modulus of their sum is below 0.6505, which the curve of this chain reaches."""
-    monkeypatch.setattr(event_curve, "angles_left", lambda others: 2.0 - 0.6505 - angles_left(others))
-    curve = follow_event(chain, "Neimark-Sacker", "m3", 1.02, longest=0.5)
-    assert curve.end.kind == "degenerate"
-    assert curve.end.reason.startswith(f"the pair becomes real: a neutral saddle beyond {curve[-1].value:.10g}")
-    edge = chain.source.with_values(m2=curve[-1].also["m2"], m3=curve[-1].value)
-    assert 1.0 < curve[-1].value < 1.02
-    values = multipliers(edge, find(edge, start=CHAIN)).values
-    assert abs(values[values.imag != 0].sum()) == pytest.approx(0.6505, abs=1e-9)
-
-
 def test_multipliers_are_refused_where_there_is_one():
     with pytest.raises(InputError, match="crosses nothing"):
         follow(Hopper("cubic", rest_length=9.0), "beta", 0.1, multipliers=True)
@@ -330,15 +270,6 @@ def test_a_foot_that_slides_is_an_event_of_runs_and_a_curve(runs, tmp_path):
     assert orbit.source.values["inertia"] == pytest.approx(curve[-1].also["inertia"], rel=1e-11)
     other = runs.source.with_values(inertia=5.0, hip_stiffness=5.0)
     assert Family.load(curve.save(tmp_path / "slides.jsonl"), other) == curve
-
-
-@pytest.mark.slow
-def test_friction_is_needed_most_as_the_foot_lands(runs):
-    """There both forces vanish, and the share is that of their rates."""
-    curve = follow_event(runs, {"friction_needed": 0.45}, "foot_mass", 0.102, longest=0.5)
-    assert curve.column("friction_needed") == pytest.approx(0.45, abs=1e-12)
-    with pytest.raises(InputError, match="on a family that tunes inertia"):
-        follow_event(runs, "foot slides", "inertia", 5.0)
 
 
 def test_folds_of_tuned_families():

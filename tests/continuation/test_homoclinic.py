@@ -5,8 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from orbits import Family, find, follow, orbit_at
-from orbits.continuation.homoclinic import _decay
+from orbits import Family, follow, orbit_at
 from problems import Chain, Hopper, Juggler
 
 CUBIC = Hopper("cubic", rest_length=30.0, parameters={"beta": -0.005})
@@ -96,25 +95,3 @@ def test_a_chain_that_passes_an_equilibrium_twice():
     values = np.linalg.eigvalsh(-np.array([[upper, -upper], [-upper, upper + lower]]))
     eigenvalue = float(np.sqrt(values[values > 0].min()))
     assert end.period_growth == pytest.approx(2 / eigenvalue, rel=1e-2)
-
-
-def test_what_falls_exponentially_is_measured():
-    t = np.linspace(1.0, 20.0, 80)
-    rates = 3.0 * np.exp(-1.4 * t) * (1 + np.exp(-1.4 * t))
-    assert _decay(t, rates, rates) == pytest.approx(1.4, rel=1e-6)
-    assert _decay(t, rates + 1e-13 * np.abs(np.sin(50 * t)), rates) == pytest.approx(1.4, rel=1e-2)
-    before = np.concatenate([[3.0, 2.0], t]), np.concatenate([[1e-9, 1.0], rates])
-    assert _decay(*before, before[1]) == pytest.approx(1.4, rel=1e-6)
-    assert _decay(t, t**-3.0, t**-3.0) is None  # a power of time
-    assert _decay(t[:30], rates[:30], 1e4 * rates[:30]) is None  # it has not settled
-    assert _decay(t[::-1], rates, rates) is None
-
-
-@pytest.mark.slow
-def test_growth_within_a_short_time_is_followed_without_nodes():
-    """Far out the force of this spring falls and rises again within a short time, which no nodes divide."""
-    machine = Hopper("r + beta*r**3 + delta*r**5", parameters={"beta": -0.02, "delta": 1e-5})
-    family = follow(machine, "delta", 3e-7, 1e-5)
-    alone = find(machine.with_values(delta=3e-7))
-    assert family.end.kind == "reached"
-    assert abs(family[-1].alpha - alone.alpha) <= family[-1].error + alone.error < 2e-7

@@ -44,16 +44,6 @@ def test_a_curve_that_folds_twice_arrives():
     assert way.xs[0, 0] > 2
 
 
-def test_a_curve_that_folds_near_its_beginning_goes_on():
-    """The curve above, 1e-4 times as high where it folds: it does not go back to where it began."""
-    curves = Curves(
-        lambda u: 1e-4 * (3 * u * (u - 1) ** 2 + 0.25 * u), lambda u: 1e-4 * (3 * (u - 1) * (3 * u - 1) + 0.25)
-    )
-    way = followed(curves, 0.0)
-    assert way.arrived.all()
-    assert curves.g(way.xs[:, 0] - 1) == pytest.approx([1.0], abs=1e-13)
-
-
 def reasons(way):
     return {i: (end.kind, end.reason) for i, end in way.ended.items()}
 
@@ -108,13 +98,3 @@ def test_one_that_breaks_off_leaves_the_others():
     way = followed(curves, -1e-15, 0.0, 0.0)
     assert reasons(way) == {0: ("stuck", "it breaks off")}
     assert way.xs[1:] == pytest.approx(np.array([[2.0, 1.0]] * 2), abs=1e-14)
-
-
-def test_no_curve_depends_on_the_others():
-    """One alone, among others that fold, and in another order: the numbers are the same."""
-    curves = Curves(lambda u: 3 * u * (u - 1) ** 2 + 0.25 * u, lambda u: 3 * (u - 1) * (3 * u - 1) + 0.25)
-    alone = followed(curves, 0.0)
-    us, order = 1 + np.zeros((5, 1)), np.array([3, 0, 4, 1, 2])
-    *_, together = follow_together(curves, us, order, most=3)
-    assert together.arrived.all()
-    assert together.xs == pytest.approx(np.tile(alone.xs, (5, 1)), rel=1e-14)

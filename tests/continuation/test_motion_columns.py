@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from orbits import Family, InputError, find, follow, follow_fold, orbit_at, quantities
-from orbits.continuation.motion_columns import AT_ONCE_IN_TABLE
 from problems import Hopper, Juggler, hopper_in_si, knee_hopper
 
 pytest.importorskip("pandas")
@@ -85,13 +84,6 @@ def test_a_family_from_a_file_needs_its_machine(softening, tmp_path):
         again.plot("stroke")
     with pytest.raises(InputError, match="beta"):
         again.dataframe(Hopper())
-
-
-def test_many_orbits_are_computed_by_parts(softening, monkeypatch):
-    whole = softening.column("foot_rise")
-    monkeypatch.setattr("orbits.continuation.motion_columns.AT_ONCE_IN_TABLE", 7)
-    assert softening.column("foot_rise") == pytest.approx(whole, rel=1e-14)
-    assert AT_ONCE_IN_TABLE > 100
 
 
 @pytest.mark.slow

@@ -5,8 +5,6 @@ import json
 import pytest
 
 from orbits import Family, InputError
-from orbits.continuation.point import stated
-from orbits.curves import Event
 
 FAULTS = [
     ("point", "u", []), ("point", "u", "abc"), ("point", "u", [1.0]), ("point", "tangent", []), ("point", "alpha", "x"),
@@ -26,7 +24,3 @@ def test_a_point_with_a_wrong_value_is_refused_by_name(where, key, value, saved_
     path.write_text("\n".join([head, json.dumps(record), *rest]))
     with pytest.raises(InputError, match=f"is not a saved family: .*{key}"):
         Family.load(path)
-
-
-def test_an_event_in_a_file_has_its_keys_in_one_order():
-    assert [*stated(Event("fold", 3))] == ["kind", "after", "point"]

@@ -10,8 +10,6 @@ from conftest import slow_after
 from scipy.integrate import solve_ivp
 
 from orbits import InputError, Mechanism, find, starts
-from orbits.continuation.starts import _straight_line
-from orbits.laws import from_formula
 from orbits.mechanics import Damper, Force, Mass, Spring
 from problems import Hopper, plate_hopper
 from problems.laws import springs
@@ -106,17 +104,6 @@ def test_two_masses_have_the_hop_that_find_has(law):
 
 
 @pytest.mark.slow
-def test_steeper_lines_lead_to_the_same_hops_and_to_more():
-    machine = plate(Spring("body - foot", CUBIC))
-    known, more = (np.array([[*start.values()] for start in starts(machine, *LONGEST, slope=s)]) for s in (1.0, 2.0))
-    assert len(more) > len(known)
-    for hop in known:
-        assert np.isclose(more, hop, rtol=1e-9).all(1).sum() == 1
-    with pytest.raises(InputError, match="slope = 0 is out of bounds; it lies above 0"):
-        starts(machine, slope=0.0)
-
-
-@pytest.mark.slow
 def test_hops_that_end_before_say_how_far_they_came():
     """The launches of a family of hops that returns to straight springs grow as the inverse root of the share of the
     cubic term; those of a law of two stiffnesses grow beyond all bounds at one share, as if it had no gap."""
@@ -179,9 +166,3 @@ def test_the_usual_times_are_natural_periods():
 def test_machines_without_linear_hops_are_refused_by_name(elements, more, telling):
     with pytest.raises(InputError, match=telling):
         starts(plate(*elements, **more), *LONGEST)
-
-
-def test_the_zero_of_a_force_with_another_one():
-    """(r - 0.3)(r + 4) vanishes at 0.3, near rest, with the slope 4.3, and elsewhere."""
-    law = from_formula("(r - 0.3)*(r + 4)", "r")
-    assert _straight_line(law) == pytest.approx((4.3, 0.3), rel=1e-12)

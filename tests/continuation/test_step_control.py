@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from conftest import PROVED, middle
 
-from orbits import InputError, follow, follow_fold, trace
+from orbits import InputError, follow
 from orbits.continuation import StepControl
 from problems import Hopper
 
@@ -69,13 +69,6 @@ def test_the_first_step_is_as_long_as_asked_for():
     assert long == pytest.approx(10 * short, rel=0.1)
 
 
-def test_a_run_gives_up_after_the_rejections_allowed():
-    """Towards a massless foot the machine ceases to be one: the run ends sooner where fewer rejections are allowed."""
-    ends = [follow(Hopper("r"), "mass_ratio", -1.0, step_control=StepControl(most_rejections=most)) for most in (0, 16)]
-    assert [family.end.kind for family in ends] == ["degenerate", "degenerate"]
-    assert ends[0][-1].value >= ends[1][-1].value
-
-
 @pytest.mark.slow
 def test_a_curve_escapes_sooner_where_less_is_asked_of_it():
     near, far = (
@@ -84,17 +77,3 @@ def test_a_curve_escapes_sooner_where_less_is_asked_of_it():
     assert near.end.kind == far.end.kind == "escaped"
     assert len(near) < len(far)
     assert near.end.limit == pytest.approx(1 / 3, abs=1e-4)
-
-
-@pytest.mark.slow
-def test_every_way_along_a_curve_takes_them():
-    machine = Hopper("r + beta*r**3 + delta*r**5", parameters={"beta": 0.0, "delta": 0.0})
-    fold = next(event.point for event in follow(machine, "beta", -0.02, -0.009, most=40).events if event.kind == "fold")
-
-    def second_values(length: float):
-        options = {"most": 3, "step_control": StepControl(first_step=length)}
-        _, orbit, *_ = trace(machine, "beta", 1.0, **options)
-        yield orbit.machine["parameters"]["beta"]
-        yield follow_fold(machine, fold, "beta", "delta", 3e-5, **options)[1].value
-
-    assert list(second_values(1e-2)) == pytest.approx([10 * value for value in second_values(1e-3)], rel=0.1)

@@ -4,8 +4,7 @@ from importlib import import_module
 
 import pytest
 
-from orbits import Family, InputError, NoOrbit, find, follow, follow_fold, orbit_at, trace
-from orbits.continuation import Options, begin_run
+from orbits import Family, InputError, NoOrbit, find, follow, follow_fold, orbit_at
 from problems import Hopper, hopper_in_si, runner
 
 B = 4.493409457909064  # B = tan(B), eq. (12) of the paper
@@ -43,16 +42,6 @@ def test_columns_are_those_of_the_orbits(by_period):
     assert by_period.column("beta")[0] == pytest.approx(0.3)
 
 
-@pytest.mark.slow
-def test_a_fold_of_a_family_is_a_plain_point_along_the_launch_speed():
-    """Along beta the family turns back at a value of the reference data; along alpha, beta has a least value there."""
-    family = follow(Hopper("cubic", rest_length=30.0, parameters={"beta": 0.0}), "alpha", 8.0, tune="beta")
-    assert [event.kind for event in family.events] == ["collapse"]
-    least = family.column("beta").argmin()
-    assert family.column("beta")[least] == pytest.approx(-0.0106952149164040, abs=2e-6)
-    assert family.column("alpha")[least] == pytest.approx(5.83222367210583, abs=0.05)
-
-
 def test_a_family_is_resumed_from_its_file(by_period, tmp_path):
     output = tmp_path / "family.jsonl"
     first = follow(CUBIC, "period", 11.0, tune="beta", at=[10.0], most=20, output=output)
@@ -73,11 +62,6 @@ def test_values_of_a_machine_in_si_are_in_si():
     periods = family.column("flight_time") + family.column("contact_time")
     assert 1 / periods == pytest.approx(family.column("frequency"), rel=1e-12)
     assert find(leg.with_values(k=family[-1].also["k"])).alpha == pytest.approx(family[-1].alpha, rel=1e-11)
-
-
-def test_orbits_are_traced_one_by_one():
-    orbits = trace(LINEAR, "alpha", 4.1, start=4.0, tune="k")
-    assert next(orbits).alpha == pytest.approx(4.0, rel=1e-14)
 
 
 def test_a_fold_along_a_quantity_is_located():
@@ -107,14 +91,6 @@ def test_a_fold_along_a_quantity_is_located():
 def test_bad_arguments_are_refused(arguments, text):
     with pytest.raises(InputError, match=text):
         follow(LINEAR, stop=6.0, **arguments)
-
-
-def test_a_run_that_is_tuned_or_resumed_locates_the_events_that_are_stated():
-    family = follow(LINEAR, "alpha", 6.0, tune="k", most=2)
-    for resume in (None, family):
-        run = begin_run(LINEAR, "alpha", None, 6.0, 1, None, Options(), resume, "k", located=(("fold",), 1e-3))
-        assert "grazing" not in [test.kind for test in run.problem.tests]
-        assert run.problem.steps.width == 1e-3
 
 
 def test_a_number_that_does_not_matter_is_not_tuned():

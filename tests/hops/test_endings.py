@@ -115,15 +115,6 @@ def test_contacts_end_as_integrated_independently(machine):
             assert run.events[-1].before[[0, 1]] == pytest.approx(end, rel=1e-7, abs=1e-9)
 
 
-def test_an_overdamped_contact_rests():
-    """Its speed never turns; the other integrator comes to the same rest."""
-    machine = Hopper(damping=5.0)
-    assert integrated(machine, 9.0)[0] == "stays"
-    run = simulate(machine, 9.0, hops=1)
-    assert run.status == ReturnMap(machine)(9.0).status == "rests"
-    assert run(run.end)[:2] == pytest.approx([-1.0, 0.0], abs=1e-9)
-
-
 class TestLaunches:
     def test_a_strong_damper_takes_a_slow_launch_back(self):
         """The jerk of the foot is (alpha + c y1'')/2 with y1'' = -1: below alpha = c it does not leave the ground."""
@@ -154,21 +145,6 @@ class TestLaunches:
         assert hops.status == run.status == "rests"
         assert np.isnan(hops.next)
         assert float(hops.loss) == float(ReturnMap(Hopper())(4.6).loss)
-
-
-class TestTime:
-    @pytest.mark.slow
-    def test_it_ends_exactly_then(self):
-        rng = np.random.default_rng(1)
-        for _ in range(60):
-            end = rng.uniform(1, 60)
-            run = simulate(Hopper(), rng.uniform(4.5, 8), time=end)
-            assert run.status == "done"
-            assert run.end == end
-        for machine in (Hopper("r + 0.1*r**3"), Hopper("bilinear"), Hopper(restitution=0.6), Juggler(damping=0.1)):
-            for end in rng.uniform(1, 40, 5):
-                run = simulate(machine, 5.0, time=end)
-                assert (run.status, run.end) == ("done", end)
 
 
 class TestStatuses:
@@ -210,13 +186,6 @@ class TestStatuses:
         assert "lifts_off" in found
         assert "cap" in found
 
-    @pytest.mark.slow
-    def test_neighbours_in_an_array_change_nothing(self):
-        machine = Hopper("r", "1/(1 + z/R)**2", rest_length=5.0, parameters={"R": 20.0})
-        alpha = np.array([3.0, 6.0, 5.9, 9.0])
-        together, alone = ReturnMap(machine)(alpha), [ReturnMap(machine)(a) for a in alpha]
-        assert together.status.tolist() == [str(hops.status) for hops in alone]
-
 
 @pytest.mark.parametrize(
     ("call", "words"),
@@ -239,10 +208,3 @@ class TestStatuses:
 def test_what_cannot_be_meant(call, words):
     with pytest.raises(InputError, match=words):
         call()
-
-
-def test_an_array_without_axes_is_a_number():
-    assert simulate(Hopper(), np.array(4.6), hops=1).launches[1] == pytest.approx(
-        float(ReturnMap(Hopper())(np.array(4.6)).next), rel=1e-13
-    )
-    assert multiplier(Hopper(), np.array(4.6)) == multiplier(Hopper(), 4.6)

@@ -9,7 +9,6 @@ from scipy.integrate import quad, solve_ivp
 
 from orbits import (
     InputError,
-    Mechanism,
     NoOrbit,
     ReturnMap,
     Simulation,
@@ -25,7 +24,6 @@ from orbits import (
     sweep,
     uncertainty,
 )
-from orbits.mechanics import Mass, Spring
 from problems import Chain, Hopper, Juggler, hopper_in_si, springs
 
 TIGHT = {"rtol": 1e-13, "atol": 1e-13, "method": "DOP853"}
@@ -162,29 +160,6 @@ def test_a_file_of_a_simulation_has_the_forces_of_the_branches(tmp_path):
             np.testing.assert_array_equal(again.forces(t)[name], force)
 
 
-@pytest.mark.slow
-def test_the_loss_tends_to_that_of_the_mean_laws_hop_with_the_loop():
-    """From the lossless launch speed the next one is lower by B eta + O(eta^(4/3)), B by the mean law's motion."""
-    orbit = find(Hopper("r + beta*r**3", mass_ratio=0.5, parameters=CUBIC))
-    mean = springs.formula("r + beta*r**3", **CUBIC)
-
-    def power(t, x):
-        return abs(float(mean(x[0] - x[2]))) * abs(x[1] - x[3])
-
-    ends = np.unique([0.0, orbit.flight_time, *np.linspace(0, orbit.period, 41)])
-    area = sum(quad(lambda t: power(t, orbit(t)), a, b, epsabs=1e-11)[0] for a, b in pairwise(ends))
-    slope = np.pi / 2 * 0.5 * area / (1.5 * orbit.alpha)
-    shares, injected = np.array([1e-6, 1e-7, 1e-8]), []
-    for share in shares:
-        machine = Hopper(springs.lossy("r + beta*r**3", loss_factor=share, **CUBIC), mass_ratio=0.5)
-        injected.append(ReturnMap(machine).upkeep(orbit.alpha).inject)
-    losses, ratio = np.array(injected) / shares, 10 ** (-1 / 3)
-    orders = np.diff(np.log(losses - slope)) / np.diff(np.log(shares))
-    assert orders == pytest.approx([1 / 3] * 2, abs=0.02)
-    assert (losses[-1] - ratio * losses[-2]) / (1 - ratio) == pytest.approx(slope, rel=1e-3)
-    assert max(injected) < 2e-5
-
-
 @pytest.mark.parametrize(
     "machine",
     [
@@ -211,16 +186,6 @@ def test_the_map_is_that_of_simulated_hops_and_its_slope_that_of_differences(mac
     assert multiplier(machine, alpha) == pytest.approx((high - low) / (2 * h), rel=1e-6)
 
 
-def test_hops_without_a_next_launch_lose_what_those_of_the_mean_law_lose():
-    """A narrow loop changes little, also where the spring sticks and the hop is simulated alone."""
-    law, speeds = springs.lossy("r + 0.1*r**3", loss_factor=1e-9), np.linspace(0.5, 3.0, 9)
-    hops, mean = (ReturnMap(Hopper(each, mass_ratio=0.5))(speeds) for each in (law, law.mean))
-    assert "rests" in hops.statuses()
-    assert hops.statuses() == mean.statuses()
-    assert hops.loss == pytest.approx(mean.loss, rel=1e-6)
-    assert np.isfinite(hops.loss).all()
-
-
 @pytest.mark.parametrize("beyond", [0.0, 1e-13])
 def test_a_tangential_landing_after_reversals_has_no_multiplier(beyond):
     """A loop of almost no width: the hop lands as the lossless one of its mean law, where slopes have no digits."""
@@ -240,29 +205,6 @@ def test_what_is_injected_keeps_the_machine_hopping():
     assert added == pytest.approx(need.energy, abs=1e-12)
     with pytest.raises(NoOrbit, match="ends with 'rests': there is no next launch"):
         ReturnMap(machine).upkeep(2.0)
-
-
-@pytest.mark.slow
-def test_the_same_machine_in_si_and_as_a_mechanism():
-    law = springs.lossy("k*r + b*r**3", loss_factor=0.01, k=1000.0, b=2e5)
-    leg, lossless = (hopper_in_si(3.0, 1.5, force=each, rest_length=0.4) for each in (law, law.mean))
-    alpha = find(lossless).alpha
-    run = simulate(leg, alpha, hops=1)
-    stated = Mechanism(
-        ("body", "foot"),
-        [Mass("body", 3.0), Mass("foot", 1.5), Spring("body - foot", law)],
-        gap="foot",
-        gravity=9.80665,
-        in_si=True,
-    )
-    assert run.status == "done"
-    t = np.linspace(0.0, run.end, 9)[1:-1]
-    (in_si,), (of_stated,) = (simulate(each, alpha, hops=1).spring_forces(t).values() for each in (leg, stated))
-    assert in_si == pytest.approx(of_stated, abs=1e-9)
-    assert simulate(stated, alpha, hops=1).launches == pytest.approx(run.launches, abs=1e-12)
-    for machine in (leg, stated):
-        energy = 3.0 / 2 * (alpha**2 - run.launches[-1] ** 2)
-        assert ReturnMap(machine).upkeep(alpha).energy == pytest.approx(energy, abs=1e-12)
 
 
 def test_a_machine_of_more_than_one_speed_is_simulated():
@@ -303,12 +245,3 @@ def test_branches_that_cross_are_refused_where_the_spring_turns():
     machine = Hopper(springs.hysteretic("r", "r - h", h=0.1)).with_values(h=-0.1)
     with pytest.raises(InputError, match="the branches of the spring with hysteresis cross"):
         simulate(machine, 4.0, hops=1)
-
-
-def test_no_multiplier_where_the_spring_sticks_in_flight():
-    """The force that keeps the extension depends on where it sticks."""
-    masses, sticky = [Mass("y1", "2"), Mass("y2", "2")], springs.hysteretic("f + s*r", "-f + s*r", f=1.0, s=0.5)
-    elements = [*masses, Spring("y1 - y2", sticky), Spring("y1 - y2", "c*r")]
-    named = {"name": "hop", "coordinates": ("y1", "y2"), "gap": "y2", "surface_gravity": "0.5"}
-    with pytest.raises(NoOrbit, match="sticks in flight"):
-        multiplier(Mechanism(elements=elements, parameters={"c": 0.5}, **named), 6.0)

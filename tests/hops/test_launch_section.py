@@ -34,22 +34,6 @@ def test_the_unknown_that_follows(machine, names, liftoff):
         assert ys[:, section.places["liftoff"]] == pytest.approx(expected, rel=1e-12)
 
 
-@pytest.mark.parametrize("machine", [column(CUBIC, 0.05), plate_hopper(), Hopper(damping=0.05)])
-def test_the_tangent_is_the_slope_of_the_states(machine):
-    section = LaunchSection(Impacts(machine))
-    launch = np.linspace(1.0, 1.5, len(section.names))
-    (y,) = section.states(launch[None])
-    for i, step in enumerate(1e-5 * np.eye(len(launch))):
-        low, high = section.states(np.array([launch - step, launch + step]))
-        assert section.tangent(y)[:, i] == pytest.approx((high - low) / 2e-5, abs=1e-8)
-
-
-def test_an_injection_moves_the_damped_machine_to_its_new_lift_off():
-    section = LaunchSection(Impacts(column("r", 0.1)))
-    ys = section.injected(section.states(np.array([[2.0, 0.3, 0.4]])), 0.5)
-    assert section.unknowns_of(ys[0]) == pytest.approx({"liftoff": 0.75, "alpha": 2.5, "y1": 0.3, "y1'": 0.4})
-
-
 def test_a_simulation_with_injection_is_the_map():
 
     machine, launch = column(CUBIC, 0.01), {"alpha": 6.2, "y1": -0.9, "y1'": 0.5}

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from plane import linear, rocker, wheel
+from plane import linear, wheel
 
 from orbits import NoOrbit, ReturnMap, find, multiplier
 from problems import Hopper, Juggler
@@ -41,14 +41,6 @@ def test_the_law_beside_a_tangential_landing_is_told(machine):
     sign = "+" if orbit.certificate.bounce_side == "below" else "-"
     assert f"alpha {sign} d loses {c:.4g} d**(4/3)" in str(error.value)
     assert f"{10 * c:.4g} d**(4/3)" in str(error.value)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("machine", "beside"), [(wheel(), 1e-5), (wheel(), -1e-5), (rocker(), 1e-5)])
-def test_hand_overs_have_their_share_of_the_multiplier(machine, beside):
-    alpha, h = find(machine).alpha + beside, 1e-9
-    x = ReturnMap(machine)(alpha + h * np.array([-2.0, -1.0, 1.0, 2.0])).next
-    assert multiplier(machine, alpha) == pytest.approx((x[0] - 8 * x[1] + 8 * x[2] - x[3]) / (12 * h), rel=2e-5)
 
 
 def test_the_law_beside_a_lossless_step_is_that_of_its_certificate():

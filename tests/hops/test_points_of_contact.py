@@ -54,15 +54,3 @@ def test_events_name_their_feet():
     run = simulate(wheel(MU, 0.05, A, friction=10.0), 2.0, time=1.0)
     lifts = next(event for event in run.events if event.kind == "lifts")
     assert run.legs[0].path(lifts.time)[4] == pytest.approx(0.0, abs=1e-10)
-
-
-@pytest.mark.slow
-def test_motions_start_on_either_foot():
-    machine = wheel(MU, KAPPA, A)
-    lifted = find(machine)(0.0)
-    on_front = lifted + np.array([2 * A, 0.0, 2 * A, 0.0])  # in the labels of the flight before
-    runs = [simulate(machine, state=state, hops=1) for state in (lifted, on_front)]
-    assert [run.legs[0].phase for run in runs] == ["flight", "flight"]
-    assert runs[0].events[0].time == pytest.approx(runs[1].events[0].time, abs=1e-4)
-    still = simulate(machine, state=[2 * A, 0.0, 2 * A, 0.0], time=1.0)
-    assert [leg.phase for leg in still.legs] == ["contact"]

@@ -9,10 +9,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from two_feet import FEET, height_in_contact, slowest_step
 
-from orbits import Mechanism, ReturnMap, find, multipliers, simulate
+from orbits import ReturnMap, find, multipliers, simulate
 from orbits.errors import InputError, NoOrbit
 from orbits.hops import STATUSES, Impacts, LaunchSection
-from orbits.mechanics import Damper, Mass, Spring
 from problems import runner
 
 # The four multipliers beside that of the energy, by differences of flows by DOP853 or by another program, with errors.
@@ -111,17 +110,6 @@ def test_a_run_is_followed_for_some_steps(run):
     assert motion.document()["mean_speed"] == motion.mean_speed
 
 
-@pytest.mark.slow
-def test_momentum_in_flight(run):
-    """The centre of mass keeps its speed along the ground, and the turning about it is conserved."""
-    motion, p = simulate(run.source, disturbed(run, theta=-0.02, alpha=0.05), hops=1), run.source.values
-    x = motion(np.linspace(0, 0.999 * motion.events[0].time, 30))
-    speed = run.source.model.planar.travel(list(x.T), p)
-    spin = 0.1 / 1.1 * x[:, 4] ** 2 * x[:, 7] + p["inertia"] * x[:, 9]
-    assert np.ptp(speed) < 1e-13
-    assert np.ptp(spin) < 2e-13
-
-
 @pytest.mark.parametrize(
     "changes", [{"phi'": 0.02, "alpha": 0.05, "theta": -0.01}, {"theta": 0.01, "alpha": -0.02}, {"alpha": 0.1}]
 )
@@ -134,28 +122,6 @@ def test_a_disturbed_launch_against_another_integration(run, changes):
         assert np.abs(np.array(in_cartesian(event, foothold)) - numbers).max() < 1e-10
     landing = motion.events[0]
     assert landing.loss == pytest.approx(0.05 * (landing.before[1] ** 2 + landing.before[3] ** 2), rel=1e-10)
-
-
-def test_damping(run):
-    """A damper in the leg, of a machine that is only simulated."""
-    p = run.source.values
-    hip = ("x + l*sin(theta)", "z + l*cos(theta)")
-    damped = Mechanism(
-        ("x", "z", "l", "theta", "phi"),
-        [
-            Mass(hip[1], 1.0, across=hip[0]), Mass("z", 0.1, across="x"), Spring("l - rest_length", "r"),
-            Spring("phi - theta", "hip_stiffness*r"), Damper("l", 0.01),
-        ],
-        gap="z", sticks=("x",), inertia={"phi": "inertia"}, counts="l", heights={"body": hip[1], "foot": "z"},
-        launch="l", angles=("theta", "phi"), reversor=None, rest={"l": "rest_length"},
-        parameters={name: p[name] for name in ("rest_length", "hip_stiffness", "inertia")},
-    )  # fmt: skip
-    motion = simulate(damped, disturbed(run, alpha=0.1), hops=1)
-    truth = cartesian(run.source, motion(0.0), motion.end + 0.01, damping=0.01)
-    holds = np.cumsum([e.before[0] for e in motion.events])
-    assert [event.kind for event in motion.events[: len(truth)]] == [kind for kind, *_ in truth]
-    for event, foothold, (_, *numbers) in zip(motion.events, holds, truth, strict=False):
-        assert np.abs(np.array(in_cartesian(event, foothold)) - numbers).max() < 1e-10
 
 
 def test_restitution_is_along_the_gap_alone(run):
@@ -184,17 +150,6 @@ def test_friction(run):
     fast = simulate(with_friction(run, 0.3), disturbed(run, **{"phi'": -0.3}), hops=1)
     assert fast.status == "slips"
     assert "slips" in STATUSES
-
-
-@pytest.mark.slow
-def test_friction_at_a_landing_with_a_speed(run):
-    state = run(0.5)
-    state[1] += 0.5
-    motion = simulate(with_friction(run, 0.3), state=state, hops=1)
-    assert motion.status == "slips"
-    assert "the foot slips as it lands at t = " in motion.reason
-    with pytest.raises(NoOrbit, match="more than the stated friction"):
-        multipliers(with_friction(run, 0.2), run)
 
 
 def test_states_on_the_ground(run):
@@ -303,9 +258,3 @@ def test_multipliers_against_differences(run):
     for size, bar in ((1e-6, 0.03), (1e-8, 0.01)):
         slope = (after(of_run.launch + size * way) - of_run.launch) / size
         assert np.abs(slope - of_run.matrix @ way).max() < bar * np.abs(of_run.matrix @ way).max()
-
-
-def test_a_foot_that_slips_from_the_start_does_not_land():
-    state = [0, 0, 0, 0, 3.3, 0, 0.5, 0, 0.5, 0]
-    run = simulate(runner(foot_mass=0.1, rest_length=3.7, friction=0.1), state=state, time=1.0)
-    assert (run.status, str(run.reason)) == ("slips", "the foot slips at t = 0: slipping is not simulated")
