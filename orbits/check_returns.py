@@ -248,7 +248,7 @@ def _check_cell(document: Mapping[str, Any], word: Word, claims: Bounds, radius:
         found.contract([*equations, (value + 2 if doubled else value, row)])  # the last is 0, or P' - 1, which is -2
         return found
 
-    lowest = CHECKS.degrees_of_map[0]
+    lowest = CHECKS.derived_order
     with ctx.workprec(CHECKS.bits_of_uniqueness):
         known = hops(around | {place.value: arb(0, 1) for place in machine.places}, lowest)
         for _ in range(CHECKS.images):
@@ -256,7 +256,7 @@ def _check_cell(document: Mapping[str, Any], word: Word, claims: Bounds, radius:
         box = hops(known.common, lowest).common if known.inside else known.common
     if not known.inside:
         raise Unverified("the solution is not shown to be the only one within the radius of uniqueness")
-    for degree in CHECKS.degrees_of_map:
+    for degree in (lowest, *CHECKS.higher_degrees):
         known = hops(box, degree)
         box, missed = known.common, _missed(known, claims, names, force)
         if missed or degree == lowest:
@@ -298,7 +298,7 @@ def _further(known: Hops, word: Word) -> dict[str, arb]:
     of the map: in the equations' derivatives of these orders the highest ones of the unknowns stand linearly."""
     box, found = dict(known.common), list[arb]()
     for order in (2, 3):
-        jets = Hops(known.machine, known.inject, word, box, order, CHECKS.degrees_of_map[0])
+        jets = Hops(known.machine, known.inject, word, box, order, CHECKS.derived_order)
         *events, last = jets.values(order)
         moves, value = known.following(events, last)
         box |= {"d" * order + name: each for name, each in moves.items()}

@@ -62,7 +62,7 @@ class CheckOptions(NamedTuple):
     formula_length: int = 2000  # characters
     name_length: int = 80  # characters of a name in a statement
     order_per_bit: float = 0.3  # of Taylor polynomials
-    derived_order: int = 10  # of Taylor polynomials for derivatives, whose errors are far below the boxes' widths
+    derived_order: int = 14  # of Taylor polynomials for derivatives
     splits: int = 3  # halvings of intervals of parameters
     first: Fraction = Fraction(1, 8)  # step as a share of half a phase
     shortest: Fraction = Fraction(1, 2**14)  # step as a share of half a phase
@@ -74,8 +74,8 @@ class CheckOptions(NamedTuple):
     names: int = 60  # in polynomials that are compared
     terms: int = 3000  # of polynomials that are compared
     images: int = 4  # of Krawczyk's operator on the box of uniqueness
-    # Of Taylor polynomials for the derivatives of hops that come back, image after image: those of the map need more.
-    degrees_of_map: tuple[int, ...] = (14, 28, 42, 56)
+    # Degrees in time of the motions' derivatives in images after that of `derived_order`: those of the map need more.
+    higher_degrees: tuple[int, ...] = (28, 42, 56)
 
 
 CHECKS = CheckOptions()

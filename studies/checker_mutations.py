@@ -63,7 +63,7 @@ LONG = (
 # Polynomials of low order, whose remainders count.
 LOW = (
     (STATEMENT, "order_per_bit: float = 0.3", "order_per_bit: float = 0.1"),
-    (STATEMENT, "derived_order: int = 10", "derived_order: int = 8"),
+    (STATEMENT, "derived_order: int = 14", "derived_order: int = 8"),
 )
 # Equal steps and a very short last one, which adds hardly any error to those of the steps before.
 SHORT_LAST = ((STATEMENT, "first: Fraction = Fraction(1, 8)", "first: Fraction = Fraction(9999, 320000)"),
