@@ -1,6 +1,7 @@
 """Machines that are checked, of every kind and with every kind of element."""
 
-from orbits.mechanics import Ground
+from orbits import Mechanism
+from orbits.mechanics import Ground, Inerter, Mass, Spring
 from problems import (
     Actuated,
     Chain,
@@ -40,6 +41,12 @@ MACHINES = {
     "inerter": inerter_hopper("r + 0.1*r**3", body_mass=1.3, rest_length=20.0),
     "inerter in SI": inerter_hopper(
         "k*r", body_mass=60.0, foot_mass=3.0, inertance=20.0, surface_gravity=9.81, parameters={"k": 5e3}, in_si=True
+    ),
+    "bent inerter": Mechanism(  # the extension at lift-off depends on the launch speed
+        ("a", "b"),
+        [Mass("a", 1.0), Mass("b", 1.0), Inerter("a - b + (a - b)**2/10", 0.3), Spring("a - b", "r")],
+        gap="b",
+        gravity=1.0,
     ),
     "knee": knee_hopper(link=0.5),  # its inertia depends on the angle
     "plate": plate_hopper(),

@@ -294,8 +294,17 @@ def test_wrong_short_cuts_are_found(name):
         if form := getattr(model, where).closed_form:
             faster = lambda p, form=form: replace(form(p), squares=1.01 * form(p).squares)  # noqa: E731
             wrong.append({"reduction": None, where: replace(getattr(model, where), closed_form=faster)})
+    wrong.append({"reduction": replace(model.reduction, gap_slope=changed(model.reduction.gap_slope))})
     found = [broken(posing(machine, replace(model, **changes))) for changes in wrong]
     assert any(words.startswith(REDUCED) for words in found[0])
+    assert [words.startswith(REDUCED) for words in found[-1]] == [True]
+
+
+def test_a_wrong_slope_of_the_lift_off_is_found():
+    machine = MACHINES["bent inerter"]
+    for factor in (1.01, 1 + 1e-4):
+        model = replace(machine.model, liftoff_slope=changed(machine.model.liftoff_slope, factor))
+        assert [words.startswith(LANDS) for words in broken(posing(machine, model))] == [True]
 
 
 @SLOW

@@ -160,8 +160,13 @@ class _Compared(AtStates):
             if orbit:
                 left_out.append(f"no orbit by all equations: {error}")
             return
-        off = share(whole.alpha - orbit.alpha, whole.alpha) if orbit else np.inf
-        yield Relation("the reduced motion has the orbit of all equations", off, OPTIONS.same_motion)
+        off = np.inf
+        if orbit:
+            pairs = [(orbit.alpha, whole.alpha)]
+            pairs.append((orbit.certificate.loss_coefficient or 0.0, whole.certificate.loss_coefficient or 0.0))
+            off = max(share(own - other, other) for own, other in pairs)
+        words = "the reduced motion has the orbit of all equations, and its losses"
+        yield Relation(words, off, OPTIONS.same_motion)
 
     def _hop(self, orbit: Orbit | None, left_out: list[str]) -> Simulation | None:
         """Hops that lose energy: beside an orbit, or of a machine that a kick along the gap lifts from rest."""
@@ -206,9 +211,19 @@ class _Compared(AtStates):
             same.append(share(stood[middle] - orbit(time + orbit.contact_time / 2), launch, stood))
             ends += [share(stood[-1] - launch, launch, stood), share(force[-1], force)]
             ends.append(share(np.minimum(force, 0.0), force) if orbit.admissible else 0.0)
+        ends.append(self._slope_of_launch(orbit.alpha / self.unit(LIFTOFF_SPEED)))
         yield Relation("the orbit is that integrated by DOP853", max(same), OPTIONS.same_motion)
         words = "it lands in the mirror image of its launch, and lifts off without a force"
         yield Relation(words, max(ends), OPTIONS.same_motion)
+
+    def _slope_of_launch(self, alpha: float) -> float:
+        """By which share the slope of the extension at lift-off is not its fourth-order difference."""
+        if self.model.liftoff_slope is None:
+            return 0.0
+        step, p = OPTIONS.difference * alpha, self.machine.values
+        far, near, here, after, beyond = self.model.release(alpha + step * np.arange(-2.0, 3.0), p)
+        slope = (far - 8 * near + 8 * after - beyond) / (12 * step)
+        return share(slope - self.model.liftoff_slope({"alpha": alpha, "liftoff": here}, p), slope)
 
     def _along_hops(self, run: Simulation, left_out: list[str]) -> Relation:
         """The legs of a simulation integrated again, and the return map of its launches."""

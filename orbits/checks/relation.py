@@ -18,6 +18,7 @@ class CheckOptions:
     spreads : states lie this far about rest, in sizes of an orbit; the nearest are for laws with a small range
     states : with each spread
     beside : hops begin at this multiple of an orbit's launch speed, or state, so that they lose energy
+    difference : step of a difference, as a share: of the fourth order its error and its rounding are about 1e-12
     launch : the launch speed of a hop of a machine without an orbit
     hops, impacts : how many of them are followed, and the most impacts in each: a machine that rattles has
         some 80 before it stays in contact, and one that rolls down a slope has no last one
@@ -30,6 +31,7 @@ class CheckOptions:
     spreads: tuple[float, ...] = (1.0, 0.3, 0.1, 0.01)
     states: int = 6
     beside: float = 1.05
+    difference: float = 1e-3
     launch: float = 2.0
     hops: int = 2
     impacts: int = 100
