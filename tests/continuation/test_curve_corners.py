@@ -6,7 +6,7 @@ import casadi as ca
 import pytest
 from scipy.optimize import brentq
 
-from orbits import Family, find, follow, follow_event
+from orbits import find, follow, follow_event
 from problems import Hopper, hopper_in_si, springs
 
 # Pieces of a law are (low, high, stiffness k, centre c), where the force is k (r - c).
@@ -86,17 +86,6 @@ def test_a_family_begins_at_a_corner(stop):
     for point in family:
         true = true_alpha(bilinear(point.value, 4.0), point.alpha, 1)
         assert abs(point.alpha - true) < point.error + 1e-14
-
-
-@pytest.mark.parametrize("beyond", [1, 2])
-def test_a_run_is_resumed_beside_a_corner(beyond, tmp_path):
-    machine = Hopper(springs.bilinear(gap=0.5, ratio=4.0), rest_length=60)
-    whole = follow(machine, "gap", 1.25)
-    count = whole.events[0].after + beyond
-    follow(machine, "gap", 1.25, most=count, output=tmp_path / "part.jsonl")
-    rest = follow(machine, "gap", 1.25, resume=Family.load(tmp_path / "part.jsonl"))
-    check(rest, lambda point: bilinear(point.value, 4.0))
-    assert rest[-1].alpha == pytest.approx(whole[-1].alpha, rel=1e-14)
 
 
 def test_lift_off_in_si_passes_a_second_spring():

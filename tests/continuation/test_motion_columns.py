@@ -5,8 +5,8 @@ import sys
 import numpy as np
 import pytest
 
-from orbits import Family, InputError, find, follow, follow_fold, orbit_at, quantities
-from problems import Hopper, Juggler, hopper_in_si, knee_hopper
+from orbits import Family, InputError, follow, orbit_at, quantities
+from problems import Hopper, hopper_in_si
 
 pytest.importorskip("pandas")
 
@@ -86,22 +86,6 @@ def test_a_family_from_a_file_needs_its_machine(softening, tmp_path):
         again.dataframe(Hopper())
 
 
-@pytest.mark.slow
-def test_families_of_other_methods_and_curves_of_folds(softening):
-    shot = follow(Hopper("r + b*r**3", "1/(1 + z/R)**2", 1.0, 9.0, parameters={"b": 0.1, "R": 80.0}), "R", 60.0)
-    row = shot.dataframe().iloc[-1]
-    assert row["foot_rise"] == pytest.approx(find(shot.source.with_values(R=60.0)).rises["foot"], rel=1e-10)
-    machine = Hopper("r + beta*r**3 + d*r**5", rest_length=30.0, parameters={"beta": 0.0, "d": 0.0})
-    fold = next(event.point for event in softening.events if event.kind == "fold")
-    folds = follow_fold(machine, fold, "beta", "d", 1e-6)
-    first = folds.dataframe().iloc[0]
-    orbit = orbit_at(machine, fold, "beta")
-    assert (first["beta"], first["d"]) == (pytest.approx(fold.value, rel=1e-12), 0.0)
-    assert first["body_rise"] == pytest.approx(orbit.rises["body"], rel=1e-7)
-    juggled = follow(Juggler(), "mass_ratio", 1.5).dataframe().iloc[-1]
-    assert juggled["ball_rise"] == pytest.approx(find(Juggler(mass_ratio=1.5)).rises["ball"], rel=1e-11)
-
-
 def test_any_quantity_is_plotted(stiffening, softening):
     axes = softening.plot("loss_coefficient")
     assert axes.get_ylabel() == "loss coefficient"
@@ -118,16 +102,3 @@ def test_without_pandas(softening, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(InputError, match=r"pandas.*persistent-orbits\[data\]"):
         softening.dataframe()
-
-
-@pytest.mark.slow
-def test_a_machine_whose_spring_turns():
-    """The extension of a knee's spring is an angle, and its heights are no affine functions of the state."""
-    machine = knee_hopper()
-    family = follow(machine, "stiffness", 1.02 * machine.values["stiffness"])
-    frame, orbit = family.dataframe(), orbit_at(machine, family[-1], "stiffness")
-    for name, rise in orbit.rises.items():
-        assert frame[f"{name}_rise"].iloc[-1] == pytest.approx(rise, rel=1e-10)
-    turned = orbit(np.linspace(0, orbit.period, 20001))[:, 2]
-    assert frame["stroke"].iloc[-1] == pytest.approx(np.ptp(turned), rel=1e-6)
-    assert frame.attrs["units"] == {**frame.attrs["units"], "stroke": "rad", "alpha": "rad/s", "foot_rise": "m"}

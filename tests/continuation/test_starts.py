@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from orbits import InputError, Mechanism, find, starts
 from orbits.mechanics import Damper, Force, Mass, Spring
-from problems import Hopper, plate_hopper
+from problems import Hopper
 from problems.laws import springs
 
 MASSES = [Mass("body", 2.0), Mass("foot", 0.5), Mass("plate", 3.0)]
@@ -101,18 +101,6 @@ def test_two_masses_have_the_hop_that_find_has(law):
     assert [start["liftoff"], start["alpha"], 2 * start["duration"]] == pytest.approx(
         [orbit.liftoff_extension, orbit.alpha, orbit.flight_time], rel=1e-9
     )
-
-
-@pytest.mark.slow
-def test_hops_that_end_before_say_how_far_they_came():
-    """The launches of a family of hops that returns to straight springs grow as the inverse root of the share of the
-    cubic term; those of a law of two stiffnesses grow beyond all bounds at one share, as if it had no gap."""
-    cubic = starts(plate_hopper(spring="r + beta*r**3", parameters={"plate_stiffness": 100.0, "beta": 0.02}), 2.0, 2.0)
-    assert {each.why for each in cubic.ended} == {"its family folds and returns to straight springs"}
-    _, broken = of_end_stops()
-    assert {each.why for each in broken.ended} == {"its launch grows beyond all bounds"}
-    assert all(0 < each.share < 1 for each in (*cubic.ended, *broken.ended))
-    assert repr(cubic).endswith(f"{len(cubic.ended)} of these end before the springs' own laws")
 
 
 def test_a_search_that_is_stopped_says_so(caplog, monkeypatch):

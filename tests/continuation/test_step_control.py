@@ -54,7 +54,7 @@ def test_they_are_keywords_documented_and_fixed():
 
 @pytest.mark.parametrize(
     "constants",
-    [{"target_correction": 1e-9}, {"largest_correction": 1e-3}, {"largest_turn": 0.01}, {"longest_step": 0.02}],
+    [{"target_correction": 1e-9}, {"largest_correction": 1e-3}, {"largest_turn": 0.05}, {"longest_step": 0.02}],
     ids=lambda constants: next(iter(constants)),
 )
 def test_stricter_control_takes_more_steps_along_the_same_curve(constants):
@@ -67,13 +67,3 @@ def test_stricter_control_takes_more_steps_along_the_same_curve(constants):
 def test_the_first_step_is_as_long_as_asked_for():
     short, long = (cubic(first_step=length)[1].value for length in (1e-3, 1e-2))
     assert long == pytest.approx(10 * short, rel=0.1)
-
-
-@pytest.mark.slow
-def test_a_curve_escapes_sooner_where_less_is_asked_of_it():
-    near, far = (
-        follow(Hopper("tanh"), "b", 0.9, 0.05, step_control=StepControl(escape_ratio=ratio)) for ratio in (20.0, 40.0)
-    )
-    assert near.end.kind == far.end.kind == "escaped"
-    assert len(near) < len(far)
-    assert near.end.limit == pytest.approx(1 / 3, abs=1e-4)

@@ -285,20 +285,3 @@ class TestSteps:
         assert best.objective == pytest.approx(sign * other.fun, rel=1e-8)
         assert [*best.parameters.values()] == pytest.approx(other.x, rel=1e-5)
         assert best.kkt < 1e-9
-
-    @pytest.mark.slow
-    def test_a_foot_must_not_slide(self):
-        """The lightest inner body for which the stated friction suffices, also by bisection."""
-        wheel = rimless_wheel(gravity_ratio=0.5, angle=0.3, share=0.8, friction=0.4)
-        best = optimize(wheel, minimise="inertia_ratio", over={"inertia_ratio": (0.3, 3.0)})
-        needed = lambda ratio: find(wheel.with_values(inertia_ratio=ratio)).certificate.friction_needed  # noqa: E731
-        assert best.objective == pytest.approx(
-            brentq(lambda ratio: needed(ratio) - 0.4, 0.3, 3.0, xtol=1e-12), abs=3e-9
-        )
-        assert best.orbit.admissible
-        assert [each.text for each in best.active] == ["friction_left > 0"]
-        bounded = optimize(
-            wheel.with_values(friction=1.0), minimise="inertia_ratio", over={"inertia_ratio": (0.3, 3.0)},
-            subject_to=["friction_needed <= 0.4"],
-        )  # fmt: skip
-        assert bounded.objective == pytest.approx(best.objective, abs=3e-9)

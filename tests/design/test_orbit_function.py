@@ -176,13 +176,3 @@ class TestRefusals:
             orbit_function(Hopper(springs.lossy("r", loss_factor=0.1)), "loss_factor")
         with pytest.raises(InputError, match="a hopper has no reversor: the second half of its orbits is no mirror"):
             orbit_function(Hopper(damping=0.1), "damping")
-
-    @pytest.mark.slow
-    def test_a_start_stands_for_the_orbit(self, tmp_path):
-        orbit, machine = of_plate(plate_hopper()), plate_hopper()
-        near = orbit_function(machine, "m3", start=orbit.save(tmp_path / "hop.json"))
-        assert float(near(1.0)[0][1]) == pytest.approx(orbit.alpha, rel=1e-12)
-        with pytest.raises(InputError, match="families of a hopper on a plate are not guessed: give start="):
-            orbit_function(machine, "m3")
-        with pytest.raises(InputError, match="leave one of the two out"):
-            orbit_function(machine, "m3", orbit, start=orbit)

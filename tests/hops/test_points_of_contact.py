@@ -29,18 +29,6 @@ def test_energy_and_steps_last(kind, statement, steps):
     assert [event.kind for event in run.events].count("landing") == steps == run.legs[-1].stance
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_states_are_those_of_the_orbit(kind):
-    machine = stepping(kind, MU, KAPPA, A)
-    orbit = find(machine)
-    run = simulate(machine, orbit.alpha, hops=3)
-    times = np.linspace(0.0, 0.99 * run.end, 41)
-    assert run(times) == pytest.approx(orbit(times), abs=1e-6)  # landings are known to the cube root of rounding
-    assert run.unrolled(times) == pytest.approx(orbit.unrolled(times), abs=1e-6)
-    jumps = np.abs(np.diff(run.unrolled(np.linspace(0.0, run.end, 2000))[:, [0, 2]], axis=0)).max()
-    assert jumps < 0.01
-
-
 @pytest.mark.slow
 def test_events_name_their_feet():
     machine = wheel(MU, KAPPA, A, friction=0.3)

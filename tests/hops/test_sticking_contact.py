@@ -206,24 +206,6 @@ def test_the_other_foot_lands_while_one_stands():
         simulate(FEET, state=orbit(orbit.flight_time + 4.0), hops=1)
 
 
-def test_in_si():
-    """60 kg, with a leg of 20 kN/m: times and lengths are those of the dimensionless machine."""
-    numbers = {"inertia": 5.7, "hip_stiffness": 5.4, "foot_mass": 0.1, "rest_length": 3.7}
-    metre, second = 60 * 9.80665 / 2e4, np.sqrt(60 / 2e4)
-    units = {"inertia": 60 * metre**2, "hip_stiffness": 60 * 9.80665 * metre, "foot_mass": 60.0, "rest_length": metre}
-    own = {name: value * units[name] for name, value in numbers.items()}
-    machine = runner(**own, body_mass=60.0, stiffness=2e4, in_si=True)
-    launch = {"alpha": 1.6, "theta": 0.07, "theta'": 0.1, "phi": 0.08, "phi'": -0.09}
-    sizes = {"alpha": metre / second, "theta'": 1 / second, "phi'": 1 / second}
-    bare = simulate(runner(**numbers), launch, hops=1)
-    motion = simulate(machine, {name: value * sizes.get(name, 1.0) for name, value in launch.items()}, hops=1)
-    assert motion.end == pytest.approx(bare.end * second, rel=1e-11)
-    assert motion.distance == pytest.approx(bare.distance * metre, rel=1e-11)
-    assert motion.units["mean_speed"] == "m/s"
-    assert Impacts(machine).footing.weight == pytest.approx(66 * 9.80665, rel=1e-12)
-    assert "m/s" in str(motion).split("mean speed")[1].splitlines()[0]
-
-
 @pytest.mark.parametrize("speed", [0.4, *(pytest.param(v, marks=pytest.mark.slow) for v in (0.1, 1.5))])
 def test_multipliers_of_runs(speed, run):
     own = run if speed == 0.4 else run_at(speed)

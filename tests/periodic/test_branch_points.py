@@ -94,15 +94,6 @@ def test_the_hop_may_depend_on_the_ranges():
     assert only.values["rest_length"] == pytest.approx(3.707978, abs=1e-11)
 
 
-@pytest.mark.slow
-def test_of_a_nonlinear_leg_and_another_family():
-    machine = runner(0.1, 6.0, spring="stiffness*(r + 0.05*r**3)")
-    for each in find_branch_points(machine, {"inertia": (3.0, 30.0), "hip_stiffness": (3.0, 30.0)}, designs=30):
-        run = find(each.machine, start=each.start(0.02), tune=TUNE, at={"speed": 0.02})
-        assert run.source.values["inertia"] == pytest.approx(each.values["inertia"], rel=1e-2)
-        assert run.admissible
-
-
 @pytest.mark.parametrize(
     ("over", "text"),
     [

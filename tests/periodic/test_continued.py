@@ -1,6 +1,5 @@
 """Orbits of many machines continued from one, against closed forms, families that are followed, and other searches."""
 
-import time
 from functools import cache
 
 import numpy as np
@@ -10,7 +9,7 @@ from mechanisms import linear_hops
 from orbits import NoOrbit, find, find_all, follow
 from orbits.periodic import continued, continued_orbits
 from orbits.periodic.parameter_paths import WayOptions
-from problems import Chain, Hopper
+from problems import Chain
 
 LINEAR = Chain()
 CUBIC = Chain(springs="r + b*r**3", parameters={"b": 0.0})
@@ -78,26 +77,6 @@ def test_a_fold_beside_the_straight_way_is_gone_round():
         chain.with_values(b=0.05), "m1", 0.8, start=dict(zip(chain.model.half_unknowns, family[-1].u, strict=True))
     )
     assert found.unknowns[1] == pytest.approx(above[-1].u, rel=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("spring", ["r + beta*r**3", "table"])
-def test_machines_of_one_speed_are_continued_too(spring):
-    """Against the families that are guessed and searched."""
-    from problems import springs
-
-    rows = np.linspace(-14, 14, 97)
-    law = springs.table((rows, rows + 0.02 * rows**3), noise=0, scale="beta") if spring == "table" else spring
-    machine = Hopper(law, mass_ratio=0.5, rest_length=12.0, parameters={"beta": 0.6})
-    machines = [machine.with_values(beta=beta) for beta in (0.5, 0.8, 1.1)]
-    for family in (1, 2):
-        start, began = find(machine, family), time.perf_counter()
-        found = continued_orbits(machine, start, machines)
-        assert sum(orbit.seconds for orbit in found) <= time.perf_counter() - began  # each states its own time
-        for one, orbit in zip(machines, found, strict=True):
-            expected = find(one, family)
-            assert orbit.alpha == pytest.approx(expected.alpha, rel=1e-12)
-            assert orbit.family == family
 
 
 def test_a_way_that_is_too_hard_is_not_said_to_have_no_orbit():

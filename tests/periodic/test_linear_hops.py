@@ -147,30 +147,6 @@ def test_two_masses_have_the_roots_of_alpha_equal_to_its_tangent(ratio):
         assert speed == pytest.approx(-(extension + 1) * np.tan(hop.half_contact), rel=1e-10)
 
 
-def test_the_units_do_not_matter():
-    """Lengths in thousandths, times in hundredths and masses in millionths."""
-    m, k, f, gap = mechanism("hopper on a sprung plate", 0)
-    hops = linear_hops(m, k, f, gap, 5.0, 5.0)
-    scaled = linear_hops(1e6 * m, 1e2 * k, 1e5 * f, 7.0 * gap, 500.0, 500.0)
-    assert len(scaled) == len(hops)
-    for hop, other in zip(hops, scaled, strict=True):
-        assert other[:2] == pytest.approx([100 * hop.half_contact, 100 * hop.half_flight], rel=1e-12)
-        expected = hop.liftoff * np.tile([1e3, 10.0], 3)
-        np.testing.assert_allclose(other.liftoff, expected, atol=1e-11 * np.abs(expected).max())
-
-
-@pytest.mark.slow
-def test_other_starts_lead_to_the_same_hops():
-    """A chain of nine masses, from two sets of starts. Newton's method for the two times alone, with the best
-    amplitudes at each pair of times, finds 23 hops too."""
-    equations = Chain([1.0] * 9).mechanism.linear_equations()
-    gap = [0.0] * 8 + [1.0]
-    hops, *others = (linear_hops(*equations, gap, 6.0, 6.0, seed) for seed in range(2))
-    assert len(hops) == 23
-    for other in others:
-        np.testing.assert_allclose([hop[:2] for hop in other], [hop[:2] for hop in hops], rtol=1e-11)
-
-
 def test_a_symmetric_machine_hops_symmetrically():
     """A body on a foot between two equal weights on equal springs: both are motions of the same mode in contact and in
     flight, in which they swing against each other, and which no hop needs."""

@@ -8,7 +8,7 @@ import pytest
 from conftest import REFERENCES, machine_of
 from steps import stepping
 
-from orbits import InputError, Orbit, OrbitsError, find, orbit_at, sweep
+from orbits import InputError, Orbit, OrbitsError, find, orbit_at
 from orbits.io import to_json
 from orbits.show import save_figure
 from problems import Hopper, Juggler, hopper_in_si, juggler_in_si
@@ -250,16 +250,6 @@ class TestSteps:
         assert orbit.rises["theta"] >= 0.3
         plain = find(Hopper())
         assert (plain.unrolled([0.3, 20.0]) == plain([0.3, 20.0])).all()
-
-    def test_rises_and_stroke_are_those_of_both_halves(self):
-        machine = stepping("wheel", 1.0, 0.5, 0.3, "r + r**3")
-        orbit = find(machine)
-        flying, standing = orbit(np.linspace(0, orbit.flight_time, 20001)), orbit(orbit.flight_time + 1e-12)
-        assert orbit.rises["phi"] == pytest.approx(np.ptp(flying[:, 0]), rel=1e-12)
-        run = sweep(machine, {"mu": [1.0, 0.2]}, quantities=["stroke", "phi_rise"])
-        extension = [*(flying[:, 0] - flying[:, 2]), standing[0] - standing[2]]
-        assert run.columns["stroke"][0] == pytest.approx(np.ptp(extension), rel=1e-7)
-        assert run.columns["phi_rise"][0] == pytest.approx(orbit.rises["phi"], rel=1e-12)
 
     def test_a_file_with_another_number_of_shifts_is_refused(self, tmp_path):
         document = find(stepping("rocker", 1.0, 0.5)).saved()

@@ -11,7 +11,6 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from orbits import InputError, NoOrbit, Orbit, find, find_branch_points, follow, quantities, starts
-from orbits.io import to_json
 from orbits.periodic import tuned_extremes, tuned_orbits
 from orbits.running import TimeOver
 from problems import Chain, Hopper, hopper_in_si, runner
@@ -33,23 +32,6 @@ def contact_time(k: float, mass_ratio: float) -> float:
 def test_a_number_that_no_equation_has_is_named():
     with pytest.raises(NoOrbit, match=r"on friction: tune another number \(no equation of half an orbit has friction"):
         find(runner(friction=0.9), tune=("friction", "inertia"), at={"speed": 0.4})
-
-
-def test_without_units_prescribed_values_have_none():
-    """So that a proof of the orbit without units states its own period and rise."""
-    orbit = find(LEG, tune=("k", "b"), at={"frequency": 2.5, "centre_of_mass_rise": 0.045})
-    bare = orbit.dimensionless()
-    own = {"frequency": 1 / bare.period, "centre_of_mass_rise": bare.rises["centre of mass"]}
-    assert bare.prescribed == pytest.approx(own, rel=1e-12)
-    assert bare.tuned == pytest.approx(orbit.tuned, rel=1e-14)
-    assert bare.tuned_errors == orbit.tuned_errors
-    long = find(LEG, tune="rest_length", at={"smallest_separation": 0.7})
-    ratio = long.dimensionless().source.values["rest_length"] / long.source.values["rest_length"]
-    for of_si, own in (
-        (long.tuned, long.dimensionless().tuned),
-        (long.tuned_errors, long.dimensionless().tuned_errors),
-    ):
-        assert own["rest_length"] == pytest.approx(of_si["rest_length"] * ratio, rel=1e-14)
 
 
 @pytest.mark.parametrize(("slow", "name"), [("solved_near", "period"), ("quantity_of", "body_rise")])
@@ -130,14 +112,6 @@ def test_tuned_numbers_are_in_the_table_and_in_files(tmp_path):
     assert (loaded.tuned, loaded.tuned_errors) == (orbit.tuned, orbit.tuned_errors)
     assert loaded.prescribed == orbit.prescribed == {"frequency": 2.5}
     assert "tuned" not in json.loads(json.dumps(find(CUBIC).document()))
-
-
-def test_a_file_that_calls_the_errors_of_tuned_numbers_tuned_is_read():
-    orbit = find(LEG, tune="k", at={"frequency": 2.5})
-    document = json.loads(to_json(orbit.saved()))
-    document["tuned"] = document.pop("tuned_errors")
-    document["bare"]["tuned"] = document["bare"].pop("tuned_errors")
-    assert Orbit.of_saved(document) == orbit
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from columns import column, hop_of
+from columns import hop_of
 
 from orbits import InputError, NoOrbit, ReturnMap, bifurcations
 from orbits.curves import Event
@@ -44,17 +44,6 @@ def test_a_pair_of_multipliers_crosses_the_unit_circle():
     assert shares[-1] == 1.0
     assert "Neimark-Sacker" in str(diagram)
     assert diagram.plot().figure
-
-
-@pytest.mark.slow
-def test_along_a_parameter_of_the_machine():
-    """Points of the branch are fixed points of the machines there."""
-    orbit = hop_of()[1]
-    options = {"inject": 0.01, "starts": [orbit], "sections": 2}
-    branch, *_ = bifurcations(column(), "restitution", (0.0, 0.02), (5.0, 8.0), **options).branches
-    assert branch.ends[1].kind == "reached"
-    step = ReturnMap(column(restitution=float(branch.values[-1])), inject=0.01)
-    assert step(branch.launches[-1, 0]).next == pytest.approx(branch.launches[-1, 0], rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from orbits import Bifurcation, BifurcationCurve, BifurcationDiagram, InputError
 from orbits.model import machine_in_words
 from orbits.numerics import bracketed_root
 from orbits.returns.followed_events import follow_bifurcation, located
-from problems import Chain, Hopper, hopper_in_si, rimless_wheel
+from problems import Chain, Hopper, rimless_wheel
 
 FLIP = Bifurcation("flip", 0.07158738413734, (4.54176327285,))  # design fact 6: M = 1, family 1
 WITH_DAMPER = Bifurcation("flip", 0.00144694441776, (4.54542056184,))
@@ -119,19 +119,6 @@ def test_a_diagram_follows_its_events(tmp_path):
     again.follow_event("flip", "mass_ratio", 1.2, machine=Hopper(), longest=0.5, output=path)
     other = BifurcationCurve.load(path)
     assert np.array_equal(other.values, curve.values)
-
-
-@pytest.mark.slow
-def test_in_si():
-    """The curve of a machine in SI is that of the dimensionless one, in its units."""
-    leg = hopper_in_si(2.0, 2.0, stiffness=100.0, rest_length=2.0)
-    speed = leg.units.of("alpha")
-    event = Bifurcation("flip", FLIP.value * speed, (FLIP.alpha * speed,))
-    name = next(name for name in leg.values if "stiffness" in name)
-    curve = follow_bifurcation(leg, "inject", event, name, 110.0, longest=0.5)
-    unit = leg.with_values(**{name: 110.0}).units.of("alpha")
-    assert curve.values[-1] == pytest.approx([FLIP.value * unit, 110.0], rel=1e-10)
-    assert curve.unit_of("alpha") == "m/s"
 
 
 def test_the_turn_and_the_end_of_a_curve():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orbits import InputError, PeriodDiagram, ReturnMap, period_diagram
-from problems import Chain, Hopper, hopper_in_si
+from problems import Chain, Hopper
 
 LAUNCHES = (4.2, 5.4)
 
@@ -37,17 +37,6 @@ def test_two_periods_attract_side_by_side():
     assert sorted(found.periods[1, 1].tolist()) == [2, 4]
     assert found.several.tolist() == [[False, False], [True, True]]
     assert "different periods" in str(found)
-
-
-def test_in_si():
-    leg = hopper_in_si(2.0, 2.0, stiffness=100.0, rest_length=2.0)
-    speed, over = leg.units.of("alpha"), {"foot_mass": (2.0, 2.01)}
-    over = {"inject": (0.09 * speed, 0.1 * speed), next(name for name in leg.values if "stiffness" in name): (100, 101)}
-    launches = tuple(each * speed for each in (4.4, 4.7))
-    found = period_diagram(leg, over, launches, samples=(2, 2), starts=(4.52 * speed,), hops=256)
-    known = max(ReturnMap(Hopper(), inject=0.1).periodic_hops(2, 4.4, 4.7)[0].alphas)
-    assert found.launches[0, 1, 0] == pytest.approx(known * speed, rel=1e-8)
-    assert found.heading("launch") == "launch (m/s)"
 
 
 def test_table_and_file(diagram, tmp_path):

@@ -15,23 +15,6 @@ from orbits.returns.resolution import Resolving, map_pieces
 from problems import Hopper
 
 
-@pytest.mark.parametrize(
-    ("e", "inject", "root", "width", "samples"),
-    [
-        pytest.param(0.9, 0.3, 4.645714373490958, 0.01, 11, marks=pytest.mark.slow),
-        (0.8, 1.5, 5.6082259848818, 0.02, 21), (0.5, 1.5, 4.3758465565328, 0.05, 11),
-    ],
-)  # fmt: skip
-@pytest.mark.slow
-def test_crossings_with_restitution(e, inject, root, width, samples):
-    """Also where the number of impacts changes beside them, and where two lie between neighbours of the grid."""
-    found = ReturnMap(Hopper(restitution=e), inject=inject).fixed_points(root - width, root + width, samples)
-    assert np.abs([point.alpha - root for point in found]).min() < 1e-10
-    step = ReturnMap(Hopper(restitution=e), inject=inject)
-    for point in found:
-        assert float(step(point.alpha).next) == pytest.approx(point.alpha, abs=1e-6)
-
-
 def crossings(step, low, high, launches):
     """The fixed points that so many launches show: where the map crosses the identity line and does not jump."""
     over = lambda a, _=None: np.nan_to_num(step(a).next) - a  # noqa: E731

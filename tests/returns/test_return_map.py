@@ -41,11 +41,9 @@ def test_the_loss_beside_a_lossless_orbit(mass_ratio):
 @pytest.mark.parametrize(
     "machine",
     [
-        Hopper(), Hopper(mass_ratio=0.05), Hopper(mass_ratio=20.0), Juggler(mass_ratio=3.0),
-        Hopper("r + 0.05*r**3"), Hopper("sinh(0.3*r)/0.3"), Hopper("tanh(0.1*r)/0.1"), Hopper("r + 0.02*r**2"),
-        Hopper("bilinear", parameters={"ratio": 2.0}), Juggler("r + 0.05*r**3"),
+        Hopper(), Hopper(mass_ratio=0.05), Juggler(mass_ratio=3.0), Hopper("sinh(0.3*r)/0.3"),
+        Hopper("r + 0.02*r**2"), Hopper("bilinear", parameters={"ratio": 2.0}), Juggler("r + 0.05*r**3"),
         Hopper("r", "1/(1 + z/R)**2", rest_length=12.0, parameters={"R": 200.0}),
-        Hopper("r + 0.05*r**3", "1 - k*z", rest_length=12.0, parameters={"k": 0.002}),
     ],
     ids=lambda m: f"{m.kind} {m.spring.text} {m.gravity.text} {m.mass_ratio:g}".replace(" ", "_"),
 )  # fmt: skip

@@ -5,14 +5,12 @@ Calls in threads are made by a process of their own, which a fault ends by a sig
 import threading
 
 import casadi as ca
-import numpy as np
 import pytest
 from scripts import run
 
-from orbits import InputError, ReturnMap, find_all, multiplier, trace
+from orbits import InputError, find_all, multiplier, trace
 from orbits.running import LOCK, apart, exclusive, in_threads
 from orbits.running.exclusive import _DYING, MOST_DYING
-from orbits.symbolic import caches
 from problems import Hopper
 
 
@@ -108,29 +106,3 @@ def test_threads_share_the_items_of_a_call(monkeypatch, threads):
         with pytest.raises(InputError, match="one item fails"):
             in_threads(square, [1, 100, 3])
         assert in_threads(square, []) == []
-
-
-@pytest.mark.slow
-def test_a_map_in_threads(monkeypatch):
-    """Not a bit depends on their number, where several batches of launches share them; what they build is built once,
-    by a thread that has the lock."""
-    built = []
-    build = ca.Function.__init__
-
-    def with_lock(self, *arguments, **options):
-        assert LOCK._is_owned()
-        built.append(self)
-        build(self, *arguments, **options)
-
-    for machine in (Hopper(), Hopper("cubic", parameters={"beta": 0.3})):
-        step, alpha = ReturnMap(machine), np.linspace(4.4, 9.0, 9000)
-        monkeypatch.setattr(caches, "_cached", {})
-        monkeypatch.setenv("ORBITS_THREADS", "2")
-        monkeypatch.setattr(ca.Function, "__init__", with_lock)
-        two = step(alpha)
-        monkeypatch.setattr(ca.Function, "__init__", build)
-        assert built
-        monkeypatch.setenv("ORBITS_THREADS", "1")
-        one = step(alpha)
-        for name in ("next", "loss", "impacts", "status"):
-            np.testing.assert_array_equal(getattr(two, name), getattr(one, name))

@@ -1,6 +1,5 @@
 """Figures that can be read: titles, names, units, legends that name what is drawn, and families with their hops."""
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -82,20 +81,6 @@ def test_figures_can_be_read(kind):
     names = axes.get_xlabel() + axes.get_ylabel()
     assert ("SI" in kind or kind == "front") == any(unit in names for unit in ("(s)", "(m)", "(m/s)", "(kg)"))
     check_looks(kind, axes.figure)
-
-
-@pytest.mark.slow
-def test_texts_with_dollars_are_no_mathematics(tmp_path):
-    """What does not close would raise; units have their powers raised all the same."""
-    orbit, family = find(Hopper()), follow(Hopper("cubic"), "beta", 0.01, 0.0)
-    for spring in ("$", "r + $\\frac$"):
-        odd = replace(orbit, machine={**orbit.machine, "spring": spring})
-        for axes in (odd.plot(), odd.plot_phase_portrait()):
-            axes.figure.draw_without_rendering()
-            assert spring in axes.get_title().replace(r"\$", "$")
-        odd = replace(family, machine={**family.machine, "spring": spring}, name=f"{spring} $")
-        odd.plot().figure.draw_without_rendering()
-    assert plot.label_of("$a$ (m/s^2)") == r"\$a\$ (m/s$^{2}$)"
 
 
 def test_faults_are_found():

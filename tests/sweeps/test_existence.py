@@ -8,7 +8,7 @@ import pytest
 from conftest import PROVED, middle
 from scipy.optimize import brentq
 
-from orbits import InputError, existence, find, find_all, follow, follow_fold, quantities
+from orbits import InputError, existence, find, find_all, follow, follow_fold
 from orbits.design.designs_at_once import CONTINUED_STATUSES
 from orbits.show.sweep_figures import STYLES
 from problems import Chain, Hopper, rocking_block
@@ -59,18 +59,6 @@ def test_boundaries_between_rows_are_located_too():
     rows = existence(MACHINE, "mass_ratio", (0.5, 2.0), "beta", (-0.02, 0.0), samples=(2, 4))
     assert len(rows.orbit_edges) == 0
     assert len(rows.boundaries.points) == 4  # which a figure shows half way between the rows
-
-
-@pytest.mark.slow
-def test_the_grid_has_the_quantities(diagram):
-    machine = MACHINE.with_values(beta=BETWEEN[1], delta=0.0)
-    orbit = find(machine)
-    last = 8 * len(DELTAS) + 1
-    assert diagram.grid["alpha"][last] == pytest.approx(orbit.alpha, abs=1e-12)
-    assert diagram.grid["stroke"][last] == pytest.approx(quantities(machine, orbit)["stroke"], abs=1e-12)
-    assert diagram.between == BETWEEN
-    assert "motions for beta" in str(diagram)
-    assert not any(map(diagram.unknown, range(3)))
 
 
 def test_boundaries_lie_on_curves_of_events(diagram):

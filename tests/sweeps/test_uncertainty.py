@@ -42,14 +42,6 @@ def test_uncertainty_of_a_saturating_spring():
     assert found.linear["alpha"] < 0.97 * deviation
 
 
-@pytest.mark.slow
-def test_members_that_are_no_motions_do_not_count():
-    found = uncertainty(Hopper("cubic", rest_length=8.0, parameters={"beta": 0.02}), {"beta": norm(0.02, 0.02)})
-    motions = found.sweep["status"] == "certified"
-    assert 0 < found.share == motions.mean() < 1
-    assert found.mean["alpha"] == pytest.approx(found.sweep["alpha"][motions].mean(), rel=1e-14)
-
-
 def test_an_inadmissible_orbit_of_the_machine_itself_is_in_the_first_line(tmp_path):
     """Its masses pass through each other, while those of half the members do not."""
     machine = Hopper("cubic", rest_length=3.2, parameters={"beta": 0.3})

@@ -131,22 +131,6 @@ def test_methods_agree_on_the_linear_hopper(method, orbits):
     assert done.document["alpha"] == pytest.approx(ALPHA, rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    "line",
-    [
-        CUBIC,
-        "find --spring cubic --family 2 --mass-ratio 0.5",
-        "find --gravity inverse-square --set R=150 --rest-length 20",
-        "find --machine juggler --spring cubic",
-    ],
-)
-def test_shooting_agrees_with_the_default(line, orbits):
-    default, general = orbits(line + " --json").document, orbits(line + " --json --method shooting").document
-    assert general["method"] == "shooting" != default["method"]
-    for name in ("alpha", "flight_time", "contact_time", "liftoff_extension"):
-        assert general[name] == pytest.approx(default[name], rel=1e-12)
-
-
 # Files written.
 
 
@@ -460,17 +444,6 @@ class TestFollow:
     def test_a_parameter_of_the_machine(self, orbits):
         result = orbits("follow --along mass_ratio --from 0.5 --to 2 --json")
         assert {round(point["alpha"], 12) for point in result.document["points"]} == {4.493409457909}
-
-    @pytest.mark.slow
-    def test_a_curve_that_is_lost_exits_with_1(self, orbits, tmp_path):
-        """With gravity the extension grows beyond the measured rows."""
-        rows = "extension_mm,force_N\n" + "\n".join(f"{mm},{8 * mm}" for mm in range(-150, 21))
-        (tmp_path / "bench.csv").write_text(rows)
-        si = "[si]\nbody_mass = 60.0\nfoot_mass = 3.0\nrest_length = 0.8\nsurface_gravity = 9.81\n"
-        (tmp_path / "rig.toml").write_text('spring = "table:bench.csv"\n' + si)
-        done = orbits("follow --along surface_gravity --to 60 --json --machine", tmp_path / "rig.toml")
-        assert done.code == 1
-        assert done.document["end"]["kind"] == "stuck"
 
     def test_where_there_is_no_machine_any_more_the_family_ends(self, orbits):
         done = orbits("follow --along mass_ratio --from 1 --to -1 --json")

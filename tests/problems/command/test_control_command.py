@@ -4,11 +4,7 @@ import csv
 
 import pytest
 
-from orbits import find
-from problems import Actuator, Hopper, hopper_in_si, steering
-from problems.steering.driven import Driven
-
-LEG = "--masses 60,3 --set stiffness=8000 --rest-length 0.8"
+from problems import Actuator, Hopper, steering
 
 
 def test_keep_hopping_costs_what_the_function_says(orbits):
@@ -26,24 +22,6 @@ def test_keep_hopping_at_a_speed(orbits):
     assert (done.code, done.err) == (0, "")
     expected = steering.keep_hopping(Hopper(), speed=4.7, intervals=16).cost
     assert done.document["costs"][-1] == pytest.approx(expected, rel=1e-8)
-
-
-@pytest.mark.slow
-def test_recover_in_si(orbits, tmp_path):
-    """The motion ends at the lossless launch speed; files have SI units, and forces."""
-    table, whole, figure = (tmp_path / f"back.{ending}" for ending in ("csv", "json", "png"))
-    line = f"control recover {LEG} --short 0.01 --intervals 16"
-    done = orbits(f"{line} --save {table} --plot {figure}")
-    assert (done.code, done.err) == (0, "")
-    assert "m^2/s" in done.out
-    with open(table, newline="") as file:
-        head, *rows = csv.reader(file)
-    assert {"time (s)", "u (m)", "spring force (N)", "contact force (N)", "power (W)"} <= {*head}
-    leg = hopper_in_si(60.0, 3.0, stiffness=8000.0, rest_length=0.8)
-    assert float(rows[-1][head.index("y1' (m/s)")]) == pytest.approx(find(leg).alpha, rel=1e-9)
-    assert figure.stat().st_size > 5000
-    orbits(f"{line} --save {whole}")
-    assert Driven.load(whole).source == leg
 
 
 @pytest.mark.slow

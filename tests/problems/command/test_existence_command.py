@@ -1,6 +1,5 @@
 """`orbits existence`: what it prints and writes, and what it refuses."""
 
-import numpy as np
 import pytest
 from conftest import PROVED, middle
 from scripts import lines_of
@@ -35,14 +34,6 @@ def test_files_are_written_and_two_processes_write_the_same(orbits, tmp_path):
     assert first.startswith(b"mass_ratio,from beta,to beta,status")
 
 
-@pytest.mark.slow
-def test_ranges_and_both_ways(orbits):
-    text = f"{CUBIC} --along mass_ratio=0.5:2:log --across beta=-0.02:0.0 --samples 2,3 --both-ways --json"
-    document = orbits(text).document
-    assert [row["value"] for row in document["rows"]] == pytest.approx([-0.02, -0.01, 0.0])
-    assert sum(boundary["located"] for boundary in document["boundaries"]) == len(document["boundaries"]) >= 2
-
-
 def test_exit_code_1_where_nothing_hops(orbits):
     assert orbits(f"{CUBIC} --along beta=-0.9:-0.8 --across mass_ratio=0.5,2 --samples 2").code == 1
 
@@ -73,11 +64,3 @@ def test_bad_input_is_one_line(orbits, options, message):
     assert message in done.err
     assert len(lines_of(done.err)) == 1
     assert not done.out
-
-
-def test_a_row_of_the_figure_is_that_of_the_sweep(orbits):
-    """The grid is what `orbits sweep` says of the same machines."""
-    diagram = orbits(f"{CUBIC} --along beta=0:0.2 --across mass_ratio=0.5,2 --samples 3 --json").document["members"]
-    cubic = CUBIC.replace("existence", "sweep")
-    swept = orbits(f"{cubic} --over beta=0,0.1,0.2 --over mass_ratio=0.5,2 --json").document["members"]
-    assert np.array([m["alpha"] for m in diagram]) == pytest.approx([m["alpha"] for m in swept], abs=0)

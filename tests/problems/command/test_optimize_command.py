@@ -22,17 +22,6 @@ starts = 1
 k = [500, 5e4]
 b = [0, 1e7]
 """
-WHEEL = """machine = "wheel"
-[parameters]
-inertia_ratio = 1.0
-gravity_ratio = 0.5
-angle = 0.3
-[design]
-maximise = "2*sin(angle)/period"
-subject_to = ["friction_needed <= 0.3"]
-[design.over]
-gravity_ratio = [0.2, 1.0]
-"""
 
 
 @pytest.mark.slow
@@ -48,26 +37,6 @@ def test_command_line(orbits, tmp_path):
     assert saved == saved | run.document["orbit"]  # the file has the whole motion besides
     assert "minimise largest_contact_force" in orbits("optimize", path).out
     assert orbits("find --family 2 --machine", path).code == 0
-
-
-@pytest.mark.slow
-def test_a_machine_that_steps(orbits, tmp_path):
-    """The fastest steps of the least friction that a file may ask for."""
-    path = tmp_path / "wheel.toml"
-    path.write_text(WHEEL)
-    run = orbits(f"optimize '{path}' --json")
-    assert run.code == 0
-    assert run.document["quantities"]["friction_needed"] == pytest.approx(0.3, rel=1e-9)
-    assert run.document["orbit"]["friction_needed"] == pytest.approx(0.3, rel=1e-9)
-
-
-@pytest.mark.slow
-def test_command_line_of_a_global_search(orbits, tmp_path):
-    path = tmp_path / "leg.toml"
-    path.write_text(FILE.replace("starts = 1", 'starts = "global"'))
-    run = orbits(f"optimize '{path}' --json")
-    assert run.code == 0
-    assert run.document["quantities"]["centre_of_mass_rise"] == pytest.approx(0.2, rel=1e-9)
 
 
 @pytest.mark.slow

@@ -7,7 +7,6 @@ import signal
 import sqlite3
 import subprocess
 import sys
-import textwrap
 import time
 from collections.abc import Callable
 from contextlib import closing
@@ -18,7 +17,6 @@ import pytest
 from scripts import lines_of
 
 from orbits import Sweep, find
-from orbits.sweeps.question import CHUNK
 from problems import Hopper
 from tests.browser import PATIENCE, wait_for
 
@@ -51,13 +49,6 @@ def test_tuned_members_have_the_frequency(orbits):
         assert member["admissible"] is True
     refused = orbits("sweep --spring 'k*r' --tune k=1.5 --over mass_ratio=0.5,1,2")
     assert (refused.code, "tune = ['k'] and at = [] are 1 for 0" in refused.err) == (2, True)
-
-
-@pytest.mark.slow
-def test_two_runs_print_the_same_bytes(orbits):
-    command = f"{CUBIC} --over beta=0:1 --samples 300 --json"
-    first = orbits(command)
-    assert first.out == orbits(command).out == orbits(f"{command} --workers 2").out
 
 
 def test_values_distributions_and_tables(orbits, tmp_path):
@@ -236,28 +227,6 @@ def members_in(store: Path) -> set[int]:
         return {m for (m,) in connection.execute("SELECT member FROM members")} if "members" in tables else set()
 
 
-FULL = """
-    import resource, runpy, sys
-    resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))  # of each file, as on a disk that is full
-    runpy.run_module("orbits", run_name="__main__")
-"""
-
-
-@pytest.mark.slow
-def test_a_full_disk_is_one_line_and_keeps_what_was_acknowledged(tmp_path):
-    store = tmp_path / "study.db"
-    options = ["--over", "beta=0:1", "--samples", "5000", "--store", str(store), "--resume", "--json"]
-    done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(FULL), *shlex.split(CUBIC), *options], capture_output=True, text=True
-    )
-    assert done.returncode == 2
-    assert len(lines_of(done.stderr)) == 1
-    assert f"the store {store} cannot be written" in done.stderr
-    kept = Sweep.load(store)
-    assert 0 < len(kept) < 5000
-    assert len(kept) % CHUNK == 0
-
-
 def interrupted(options: list[str], begun: Callable[[], bool]) -> str:
     """What a long sweep says that is interrupted as soon as it has begun, by a Ctrl-C that reaches all processes of the
     terminal's group; only the command answers, and none is left."""
@@ -293,20 +262,6 @@ def test_an_interrupt_says_what_is_kept(tmp_path, workers):
     end = now + 2 * (now - start) + 1
     said = interrupted(["--workers", workers], lambda: time.monotonic() > end)
     assert "nothing is kept: name a store" in said
-
-
-@pytest.mark.slow
-def test_workers_write_the_same_store_and_the_same_file(orbits, tmp_path):
-    written = []
-    for workers in (1, 2):
-        store, table = tmp_path / f"{workers}.db", tmp_path / f"{workers}.csv"
-        command = f"{CUBIC} --over beta=-0.02:1 --over rest_length=4:12 --samples 600 --store {store} --output {table}"
-        assert orbits(f"{command} --workers {workers}").code == 0
-        connection = sqlite3.connect(store)
-        rows = [connection.execute(f"SELECT * FROM {name}").fetchall() for name in ("question", "members")]
-        connection.close()
-        written.append((rows, table.read_bytes()))
-    assert written[0] == written[1]
 
 
 @pytest.mark.slow

@@ -54,8 +54,9 @@ def test_the_machine_file_of_a_runner_finds_its_run(tmp_path):
         search(read(path), str(path))
 
 
-@given
-def test_python_lines_find_the_same_hop(scene, tmp_path, monkeypatch):
+@pytest.mark.parametrize("name", ["sphere", "potential", "measured leg", "around", "wheel", "runner"])
+def test_python_lines_find_the_same_hop(name, tmp_path, monkeypatch):
+    scene = SCENES[name]
     if scene.rows:
         (tmp_path / scene.rows.name).write_text(scene.rows.text, encoding="utf-8")
     path = tmp_path / "lines.py"

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from orbits import InputError, find, follow
@@ -75,40 +74,6 @@ def test_a_run_is_that_of_find_and_is_found_again_from_its_start():
     assert again.scene.start == pytest.approx(result.scene.start, rel=1e-11)
     (moved,) = hop_results(None, result.scene.with_numbers(speed=0.5), False)  # from the start of another speed
     assert dict(moved.rows)["speed in flight"] == "0.5"
-
-
-@pytest.mark.slow
-def test_runs_far_away_are_reached_and_those_of_a_family_in_si_are_found_again():
-    (near,) = hop_results(None, beginning("runner"), False)
-    far = near.scene.with_numbers(foot_mass=0.2)
-    (result,) = hop_results(None, far, False)
-    assert result.violations == ()
-    in_si = beginning("runner", True)
-    *_, family = family_results(None, in_si, 0.6, 0.75)
-    for place in (0, len(family.values) // 2, -1):
-        there = in_si.with_numbers(speed=family.values[place], **family.tuned[place])
-        (run,) = hop_results(None, replace(there, start=family.starts[place]), False)
-        assert run.alpha == pytest.approx(family.starts[place][1], rel=1e-11)
-        assert run.scene.numbers["inertia"] == pytest.approx(family.tuned[place]["inertia"], rel=1e-10)
-
-
-@pytest.mark.slow
-def test_beside_a_lossless_step_the_map_is_as_its_loss_says():
-    """next - alpha = d - C |d|^(4/3) on the side without a bounce, and d - K C d^(4/3) on the other one."""
-    scene = beginning("wheel")
-    rough, data = map_results(None, scene)
-    assert len(rough.alpha) < len(data.alpha)
-    found = find(scene.build())
-    assert data.centre == found.alpha
-    below = data.alpha < 0
-    d, c = np.abs(data.alpha), found.certificate.loss_coefficient * np.where(below, 1.0, 20.085872927657135)
-    assert data.following == pytest.approx(data.alpha - c * d ** (4 / 3), abs=0.25 * data.high)
-    assert data.following[below] == pytest.approx((data.alpha - c * d ** (4 / 3))[below], rel=1e-2)
-    ((low, high),) = data.basin
-    assert low == 0
-    assert high == pytest.approx((20.085872927657135 * found.certificate.loss_coefficient) ** -3, rel=0.2)
-    (result,) = hop_results(None, beginning("wheel", True).with_numbers(friction=0.3), False)
-    assert "a foot slides" in result.violations[0]
 
 
 def test_where_no_map_can_be_drawn_the_reason_is_stated():

@@ -142,22 +142,6 @@ def test_a_process_that_dies_is_told_and_replaced(made):
     assert len(answered(answers, question)) == 2
 
 
-@pytest.mark.slow
-def test_ten_do_not_disturb_each_other(made):
-    """One computes for minutes, the others share the other processes and answer alike."""
-    pool = Pool()
-    made(pool)[0].ask(hop(ENDLESS))
-    pairs = [made(pool) for _ in range(9)]
-    questions = [hop(CUBIC.with_numbers(beta=0.1 + k / 10)) for k in range(9)]
-    for (worker, _), question in zip(pairs, questions, strict=True):
-        worker.ask(question)
-    for k, ((_, answers), question) in enumerate(zip(pairs, questions, strict=True)):
-        answer, _ = answered(answers, question)
-        orbit = find(Hopper("cubic", rest_length=8.0, parameters={"beta": 0.1 + k / 10}))
-        assert answer.alpha == orbit.alpha
-    assert len(pool._processes) == WORKERS.for_hops
-
-
 def test_no_process_is_left_without_workers(made):
     pool = Pool(size=2)
     pairs = [made(pool) for _ in range(3)]

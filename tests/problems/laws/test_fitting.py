@@ -6,7 +6,7 @@ from scipy.optimize import curve_fit
 from scipy.stats import multivariate_normal, norm
 
 from orbits import InputError, find, sensitivities, uncertainty
-from problems import Hopper, hopper_in_si, springs
+from problems import Hopper, springs
 from problems.laws.fitting import SpringFit
 
 R = np.linspace(-6.0, 5.0, 60)
@@ -116,28 +116,6 @@ class TestFit:
     def test_its_rows_as_a_data_frame(self):
         assert self.FOUND.dataframe().shape == (60, 4)
 
-    @pytest.mark.slow
-    def test_its_correlations_go_on_into_the_uncertainty(self):
-        """Against the delta method, and against hops of springs fitted to drawn rows."""
-        machine = Hopper(self.FOUND.law, rest_length=20.0)
-        slopes = sensitivities(machine, 1, ["b", "k"], ["alpha"])["alpha"]
-        row = np.array([slopes["b"], slopes["k"]])
-        expected, alone = (
-            np.sqrt(row @ c @ row) for c in (self.FOUND.covariance, np.diag(np.diag(self.FOUND.covariance)))
-        )
-        found = uncertainty(machine, self.FOUND, samples=256)
-        assert found.linear["alpha"] == pytest.approx(expected, rel=1e-9)
-        assert found.deviation["alpha"] == pytest.approx(expected, rel=0.05)
-        assert abs(alone / expected - 1) > 0.2  # as independent numbers they would say something else
-        alphas = []
-        for seed in range(16):
-            again = springs.fit((R, noisy(CUBIC, 0.1, 1000 + seed)), "k*r + b*r**3")
-            alphas.append(find(machine.with_values(**again.parameters)).alpha)
-        assert np.std(alphas) == pytest.approx(expected, rel=0.35)
-        beside = uncertainty(machine, {**self.FOUND.distributions(), "mass_ratio": norm(1.0, 0.01)}, samples=64)
-        assert beside.linear["alpha"] == pytest.approx(expected, rel=1e-9)  # alpha does not depend on the mass ratio
-        assert beside.linear["flight_time"] == pytest.approx(2 * expected, rel=1e-9)
-
     @pytest.mark.parametrize("over", [{("b", "k"): norm(1.0, 0.1)}, {("b", "k"): multivariate_normal([1.0], [[0.1]])}])
     def test_a_distribution_of_other_numbers_is_refused(self, over):
         with pytest.raises(InputError, match="multivariate_normal of 2 numbers"):
@@ -150,14 +128,6 @@ class TestFit:
     def test_a_parameter_has_one_distribution(self):
         with pytest.raises(InputError, match="named twice among b, k, k"):
             uncertainty(Hopper(self.FOUND.law), {**self.FOUND.distributions(), "k": norm(1.0, 0.1)})
-
-    @pytest.mark.slow
-    def test_a_leg_in_si_from_a_file(self):
-        """The sample was made from 8000 r + 2e6 r**3, in mm and N."""
-        found = springs.fit(springs.SAMPLE, "k*r + b*r**3 + c", in_si=True)
-        assert found.parameters["k"] == pytest.approx(8000, abs=4 * found.deviations["k"])
-        assert found.units["force"] == "N"
-        assert find(hopper_in_si(3.0, 1.5, force=found.law, rest_length=0.3)).admissible
 
 
 class TestLackOfFit:

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from mechanisms import linear_hops
 from scipy.integrate import solve_ivp
 
 from orbits import InputError, NoOrbit, find, find_all, simulate, starts
@@ -112,19 +111,6 @@ def machine():
 @pytest.fixture(scope="module")
 def orbits(machine):
     return find_all(machine, starts(machine, 4.0, 6.0))
-
-
-def test_all_linear_hops_by_their_equations():
-    machine = chain_hand((1.0, 0.8, 0.6), ["1.5*r", "2*r"])
-    equations = machine.linear_equations()
-    np.testing.assert_allclose(equations[1], [[0, 0, 0], [0, 1.5, -1.5], [0, -1.5, 3.5]], atol=1e-15)
-    hops = linear_hops(*equations, machine.gap_weights, 4.0, 6.0)
-    found = starts(machine, 4.0, 6.0)
-    assert len(hops) == len(found) > 3
-    for hop, start in zip(hops, found, strict=True):
-        orbit = find(machine, start=start)
-        assert (orbit.contact_time / 2, orbit.flight_time / 2) == pytest.approx(hop[:2], rel=1e-12)
-        np.testing.assert_allclose(orbit(0.0), hop.liftoff, rtol=1e-11, atol=1e-11)
 
 
 def test_what_is_no_hand():

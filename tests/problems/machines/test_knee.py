@@ -23,7 +23,6 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from orbits import InputError, NoOrbit, ReturnMap, find, find_all, multiplier, simulate
-from orbits.mechanics import Inerter
 from problems import hopper_in_si, knee_hopper
 
 
@@ -221,19 +220,6 @@ def test_beside_the_orbit_there_is_no_multiplier_but_a_power_law(orbit):
         multiplier(MACHINE, orbit.alpha)
     lost = orbit.alpha + change - float(step(orbit.alpha + change).next)
     assert lost == pytest.approx(c * change ** (4 / 3), rel=0.05)
-
-
-@pytest.mark.slow
-def test_the_loss_beside_the_orbit_where_the_impact_depends_on_the_bend():
-    """With an inertia against bending the mass that an impact stops depends on the knee's angle; the losses of nearby
-    hops, extrapolated to the orbit, where they follow the power 4/3, have the certificate's coefficient."""
-    parameters = {**MACHINE.values, "rotor": 0.02}
-    machine = replace(MACHINE, elements=(*MACHINE.elements, Inerter("knee", "rotor")), parameters=parameters)
-    orbit, changes = find(machine), np.array([1e-4, 1e-5])
-    losses = (orbit.alpha + changes - ReturnMap(machine)(orbit.alpha + changes).next) / changes ** (4 / 3)
-    ratio = 10 ** (-1 / 3)
-    limit = (losses[1] - ratio * losses[0]) / (1 - ratio)
-    assert orbit.certificate.loss_coefficient == pytest.approx(limit, rel=1e-3)
 
 
 def test_results_have_their_units(orbit):

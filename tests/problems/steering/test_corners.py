@@ -76,15 +76,6 @@ def test_the_parts_of_a_phase_are_one_leg():
     assert 1.1 < again.cost / kept.cost < 1.3
 
 
-@pytest.mark.slow
-def test_a_start_passes_corners_in_the_order_of_its_motion():
-    """The first swings of the guess pass the corner, those of the motion do not."""
-    machine = Juggler(springs.bilinear(ratio=2.0, gap=0.5), mass_ratio=0.5)
-    up = steering.start_up(machine, 2, intervals=14)
-    assert steering.missed(machine, up) < 1e-9
-    assert max(up(np.linspace(0, up.end, 500))[:, 2]) < 0.5
-
-
 def test_a_motion_begins_on_a_row_of_a_table_up_to_rounding():
     rows = np.linspace(-12, 12, 25)
     machine = Juggler(springs.table((rows, rows + 0.02 * rows**3), noise=0), mass_ratio=0.5)

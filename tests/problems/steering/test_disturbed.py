@@ -130,19 +130,6 @@ def test_a_small_disturbance_grows_as_linearised():
             assert found / (sign * size) == pytest.approx(slopes, rel=tolerance)
 
 
-@pytest.mark.slow
-def test_a_push_at_a_landing_or_lift_off_comes_after_it():
-    for driven in (steering.keep_hopping(Hopper(damping=C), lossless=False), steering.recover(Hopper(), 0.05)):
-        whole = driven.simulate(2).run
-        for event in whole.events[:-1]:
-            for time in event.time * np.array([1 - 1e-14, 1 + 1e-14]):
-                off = driven.simulate(2, push=(time, {"y1'": 0.0}))
-                assert [each.kind for each in off.run.events] == [each.kind for each in whole.events]
-                assert off.launch_errors == pytest.approx(0, abs=1e-8)
-        with pytest.raises(InputError, match=r"push at .*: the motion ends at"):
-            driven.simulate(2, push=(whole.end, {"y1'": 0.0}))
-
-
 @pytest.mark.parametrize(
     ("disturbance", "words"),
     [

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from conftest import DAMPED_LEG, slow_after
+from conftest import slow_after
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
 from orbits import Control, InputError
@@ -68,30 +68,6 @@ def test_the_largest_force_and_power_are_exact(driven_hopper):
             powers.append(forces[-1] * abs(float(leg.inputs(0.5 * (start + end))[0])))
     for largest, sampled in zip(driven_hopper.largest, (max(forces), max(powers)), strict=True):
         assert sampled * (1 - 1e-14) <= largest < sampled * (1 + 1e-6)
-
-
-@pytest.mark.slow
-def test_si(driven_leg, tmp_path):
-    bare, units = driven_leg.dimensionless(), DAMPED_LEG.units
-    assert bare.source == DAMPED_LEG.dimensionless()
-    speed = units.length / units.time
-    assert driven_leg.launch == pytest.approx(bare.launch * speed, rel=1e-13)
-    size = [units.length, speed, units.length, speed, units.length]
-    t = np.linspace(0, bare.end, 30)
-    assert driven_leg(np.minimum(t * units.time, driven_leg.end)) == pytest.approx(bare(t) * size, abs=1e-12)
-    assert driven_leg.power(t[3] * units.time) == pytest.approx(bare.power(t[3]) * units.energy / units.time, rel=1e-9)
-    for wrong in ("a", None, -0.1, driven_leg.end + 0.1):
-        with pytest.raises(InputError, match=r"times lie between 0 and .* s$"):
-            driven_leg.power(wrong)
-    head = driven_leg.save(tmp_path / "leg.csv").read_text().splitlines()[0]
-    assert head == (
-        "time (s),stage,y1 (m),y1' (m/s),y2 (m),y2' (m/s),u (m),w (m/s),running cost (m^2/s),power (W),"
-        "actuator force (N),work (J),positive work (J),spring force (N),contact force (N)"
-    )
-    off, bare_off = driven_leg.simulate(2, damping=5.5), bare.simulate(2, damping=5.5 / 5.0 * bare.source.damping)
-    assert off.launch_errors == pytest.approx(bare_off.launch_errors * speed, abs=1e-9)
-    assert off.delays == pytest.approx(bare_off.delays * units.time, abs=1e-9)
-    assert "launch speed (m/s)" in str(off)
 
 
 @pytest.mark.parametrize(
