@@ -17,7 +17,7 @@ from ..periodic import Orbit, StartLike, find, start_in_file
 from ..result import Result
 from ..returns import ReturnMap
 from ..running import exclusive
-from ..symbolic import BufferedFunction
+from ..symbolic import MappedFunction
 from ..units import LIFTOFF_SPEED
 from .at_states import AtStates
 from .relation import OPTIONS, Relation, share
@@ -110,7 +110,7 @@ class _Compared(AtStates):
     def __init__(self, machine: Machine, stated: Mechanism):
         super().__init__(machine, stated)
         # The energy's drifts along motions, as shares of it, and the rates of states and of the work by phase.
-        self.drifts, self.integrands = list[float](), dict[str, BufferedFunction]()
+        self.drifts, self.integrands = list[float](), dict[str, MappedFunction]()
 
     def relations(self, start: Orbit | Mapping[str, float] | None, left_out: list[str]) -> list[Relation]:
         """All relations, each with its deviation."""
@@ -199,14 +199,15 @@ class _Compared(AtStates):
     def _along_orbit(self, orbit: Orbit) -> Iterator[Relation]:
         """An orbit integrated again: its middles, its landing in the mirror image of the launch, and its lift-off."""
         launch, time, middle = orbit(0.0), orbit.flight_time, OPTIONS.moments // 2
-        flown = self._integrated("flight", launch, time)
+        (flown,) = self._integrated("flight", launch[None], np.array([time]))
         landed = self.balance(np.stack([launch, flown[-1]]))
         image, gaps = landed["reversed"][0, :, 0], self.balance(flown)["gap"]
         turned, same = flown[-1] - image, [share(flown[middle] - orbit(time / 2), launch, flown)]
         turned[self.places][self.sticking] = 0.0  # it has moved on by a step
         ends = [share(turned, launch, image), share(np.minimum(gaps, 0.0), gaps) if orbit.admissible else 0.0]
         if orbit.contact is not None and orbit.contact_time is not None:
-            y = self._integrated("contact", self._on_ground(landed["relabelled"][1, :, 0]), orbit.contact_time)
+            begins = self._on_ground(landed["relabelled"][1:, :, 0])
+            (y,) = self._integrated("contact", begins, np.array([orbit.contact_time]))
             force, stood = self._rates("contact", y)[1][CONTACT_FORCE], y @ self.embed.T
             same.append(share(stood[middle] - orbit(time + orbit.contact_time / 2), launch, stood))
             ends += [share(stood[-1] - launch, launch, stood), share(force[-1], force)]
@@ -228,11 +229,17 @@ class _Compared(AtStates):
     def _along_hops(self, run: Simulation, left_out: list[str]) -> Relation:
         """The legs of a simulation integrated again, and the return map of its launches."""
         off, kinds = [0.0], {event.kind for event in run.events}
-        for leg, event in zip(run.legs, run.events, strict=False):
-            begins = leg.path(0.0)[: len(self.sizes[leg.phase])]
-            ends = self._integrated(leg.phase, begins, float(leg.path.times[-1]))
-            ends = ends @ self.embed.T if leg.phase == "contact" else ends
-            off.append(share(ends[-1] - event.before, event.before, ends))
+        for where, size in self.sizes.items():
+            pairs = [pair for pair in zip(run.legs, run.events, strict=False) if pair[0].phase == where]
+            if not pairs:
+                continue
+            begins = np.array([leg.path(0.0)[: len(size)] for leg, _ in pairs])
+            paths = self._integrated(where, begins, np.array([leg.path.times[-1] for leg, _ in pairs]))
+            paths = paths @ self.embed.T if where == "contact" else paths
+            off += [
+                share(path[-1] - event.before, event.before, path)
+                for path, (_, event) in zip(paths, pairs, strict=True)
+            ]
         words, launches = "hops are those integrated by DOP853", run.launches
         known = np.isfinite(launches[:-1]) & np.isfinite(launches[1:])
         missing = [kind for kind in ("landing", "lift-off") if kind not in kinds]
@@ -246,21 +253,28 @@ class _Compared(AtStates):
             off.append(share(hops.next - launches[1:][known], launches[1:][known]))
         return Relation(words, max(off), OPTIONS.same_motion)
 
-    def _integrated(self, where: str, start: np.ndarray, time: float) -> np.ndarray:
-        """States (moments, n) of a motion by DOP853, along which kinetic energy and the work of forces are summed."""
+    def _integrated(self, where: str, starts: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """States (N, moments, n) of motions from `starts` (N, n) for `times` (N,), integrated together by DOP853; along
+        them kinetic energy and the work of forces are summed."""
         from scipy.integrate import solve_ivp  # takes longer to import than most checks take
 
+        count, n = starts.shape
         if where not in self.integrands:
-            x = ca.SX.sym("x", len(start) + 1)  # the last is the work
+            x = ca.SX.sym("x", n + 1)  # the last is the work
             flown = ca.mtimes(self.embed, x[:-1]) if where == "contact" else x[:-1]
             rates = ca.vertcat(self.moves[where](x[:-1])[0], self.balance.power(flown))
-            self.integrands[where] = BufferedFunction(ca.Function("rate", [x], [ca.densify(rates)]))
-        rate = self.integrands[where]
-        smallest = OPTIONS.tolerance * max(float(np.abs(start).max()), np.finfo(float).tiny)
+            self.integrands[where] = MappedFunction(ca.Function("rate", [x], [ca.densify(rates)]))
+
+        def rate(share_of_time: float, x: np.ndarray) -> np.ndarray:
+            return (self.integrands[where](x.reshape(count, n + 1))[0][..., 0] * times[:, None]).ravel()
+
+        smallest = OPTIONS.tolerance * np.maximum(np.abs(starts).max(1), np.finfo(float).tiny).repeat(n + 1)
         options = {"method": "DOP853", "rtol": OPTIONS.tolerance, "atol": smallest}
-        times = np.linspace(0.0, time, OPTIONS.moments)
-        run = solve_ivp(lambda t, x: rate(x)[0][:, 0], (0.0, time), [*start, 0.0], t_eval=times, **options)
-        states, work = run.y[:-1].T, run.y[-1]
-        kinetic = self.balance(states @ self.embed.T if where == "contact" else states)["kinetic"][:, 0, 0]
-        self.drifts.append(share(kinetic + work - kinetic[0], kinetic, work))
-        return states
+        moments = np.linspace(0.0, 1.0, OPTIONS.moments)
+        run = solve_ivp(rate, (0.0, 1.0), np.column_stack([starts, 0 * times]).ravel(), t_eval=moments, **options)
+        states = run.y.T.reshape(len(run.t), count, n + 1).swapaxes(0, 1)
+        flown = states[..., :-1] @ self.embed.T if where == "contact" else states[..., :-1]
+        kinetic = self.balance(flown.reshape(-1, flown.shape[2]))["kinetic"].reshape(count, -1)
+        for own, work in zip(kinetic, states[..., -1], strict=True):
+            self.drifts.append(share(own + work - own[0], own, work))
+        return states[..., :-1]
