@@ -1,6 +1,5 @@
 """Motions of optimal control: called, tabled and saved, against closed forms and after their files."""
 
-import csv
 import json
 
 import numpy as np
@@ -70,25 +69,6 @@ def test_a_stage_without_inputs_comes_back(tmp_path):
     assert np.array_equal(again([0.3, 1.0]), found([0.3, 1.0]))
     assert again.inputs_at([0.3, 1.0]).shape == (2, 0)
     assert len(found.plot().figure.axes) == 1  # no panel for inputs
-
-
-def test_a_table_in_a_file(steered_cart, tmp_path):
-    with open(steered_cart.save(tmp_path / "control.csv"), newline="", encoding="utf-8") as file:
-        head, *rows = csv.reader(file)
-    table = steered_cart.table()
-    assert head == list(table)
-    assert [float(row[2]) for row in rows] == table["x"].tolist()
-    with pytest.raises(InputError, match=r"\.json or \.csv"):
-        steered_cart.save(tmp_path / "control.txt")
-
-
-@pytest.mark.extra("pandas")
-def test_a_data_frame(steered_cart):
-    import pandas
-
-    frame = steered_cart.dataframe([0.0, 0.5])
-    assert isinstance(frame, pandas.DataFrame)
-    assert frame["v"].tolist() == pytest.approx([0, 1.5], abs=1e-11)
 
 
 def changed(document, *path_and_value):

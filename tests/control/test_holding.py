@@ -105,25 +105,6 @@ def test_a_run_is_held(run, held):
     assert np.abs(distances(run, again)[:2] - far[:2]).max() < 1e-9
 
 
-@pytest.mark.slow
-def test_a_run_in_si_is_held_as_the_dimensionless_one(held):
-    """60 kg, with a leg of 20 kN/m: effort and landing have no units."""
-    metre, second = 60 * 9.80665 / 2e4, np.sqrt(60 / 2e4)
-    sizes = {"inertia": 60 * metre**2, "hip_stiffness": 60 * 9.80665 * metre, "foot_mass": 60.0, "rest_length": metre}
-    numbers = {"inertia": 5.7, "hip_stiffness": 5.4, "foot_mass": 0.1, "rest_length": 3.7}
-    own = {name: value * sizes[name] for name, value in numbers.items()}
-    machine = runner(**own, body_mass=60.0, stiffness=2e4, in_si=True)
-    run = find(machine, tune=("inertia", "hip_stiffness"), at={"speed": 0.4 * metre / second})
-    found = hold(run, "phi - theta")
-    assert np.abs(found.held_multipliers - held.held_multipliers).max() < 1e-9
-    units = np.array([{"'": metre / second}.get(name[-1:], metre) for name in run.source.model.flight.states])
-    turned = [i for i, name in enumerate(run.source.model.flight.states) if name.rstrip("'") in ("theta", "phi")]
-    units[turned] /= metre
-    assert found.gains * units == pytest.approx(
-        held.gains * 60 * 9.80665 * metre, rel=1e-7, abs=1e-7 * 60 * 9.80665 * metre
-    )
-
-
 def test_a_chain_is_held():
     """Its own multipliers are those of `multipliers`, and the feedback acts in flight as in contact."""
     chain = Chain((1, 1, 1))

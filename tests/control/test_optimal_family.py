@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from carts import STRAIGHT, cart
 
-from orbits import InputError, NoOrbit, OptimalFamily, steer
+from orbits import InputError, NoOrbit, steer
 from orbits.control import Guess, Input, Stage
 from orbits.model import Phase
 
@@ -91,34 +91,6 @@ def test_a_minimum_is_lost_where_the_rod_buckles():
     assert family.end.kind == "bifurcation"
     assert family.values[-1] == pytest.approx(load, rel=1e-6)
     assert family.events[-1].kind == "bifurcation"
-
-
-def test_a_family_is_printed_tabled_drawn_and_saved(tmp_path):
-    family = to(1.0, low=-9.0, high=9.0).follow("d", 1.6)
-    assert "enters: input 'f' of stage 1 (cart), interval 1" in str(family)
-    assert [*family.table()] == ["d", "cost", "slope", "active"]
-    assert family.plot().get_xlabel() == "d"
-    same = OptimalFamily.load(family.save(tmp_path / "family.json"))
-    assert str(same) == str(family)
-    assert (same.costs == family.costs).all()
-    assert same.events == family.events
-    assert [*family.document()["events"][0]] == ["kind", "value", "cost", "what"]  # as files have had them
-    saved = family.saved()
-    for wrong, reason in (
-        ({"cost": "abc"}, "cost = 'abc'"),
-        ({"value": None}, "value = None"),
-        ({"what": 1}, "what = 1"),
-    ):
-        with pytest.raises(InputError, match=rf"events\[0\]\.{reason}"):
-            OptimalFamily.of_saved(saved | {"events": [saved["events"][0] | wrong]})
-    with pytest.raises(InputError, match=r"events\[0\]\.cost is missing"):
-        OptimalFamily.of_saved(saved | {"events": [{"kind": "fold", "value": 1.0, "what": ""}]})
-    with pytest.raises(InputError, match="follow it again"):
-        same.at(1.2)
-    with pytest.raises(InputError, match="follow it again"):
-        pickle.loads(pickle.dumps(family)).at(1.2)
-    with pytest.raises(InputError, match="the family goes from 1 to"):
-        family.at(2.0)
 
 
 @pytest.mark.parametrize(

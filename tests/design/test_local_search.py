@@ -49,16 +49,6 @@ def test_constraints_that_cannot_be_met():
         optimize(CUBIC, minimise="alpha", over={"b": (0.1, 1.0)}, subject_to=constraints, starts=1)
 
 
-@pytest.mark.slow
-def test_objective_without_bound():
-    """The saturating spring's first family runs off as b -> 1/3; with a bound on it there is an optimum."""
-    spring = Hopper("tanh", parameters={"b": 0.2})
-    with pytest.raises(NoOrbit, match=r"no largest value: 'alpha' gets better as the orbit escapes, .* at b = 0\.33"):
-        optimize(spring, maximise="alpha", over={"b": (0.05, 0.5)})
-    best = optimize(spring, maximise="alpha", over={"b": (0.05, 0.5)}, subject_to=["alpha <= 8"])
-    assert best.objective == pytest.approx(8.0, abs=1e-9)
-
-
 def test_a_formula_without_a_value_on_the_equation(capfd):
     with pytest.raises(NoOrbit, match=r"'sqrt\(1-b\)' has no finite value or slope on the way: keep the parameters"):
         optimize(CUBIC, minimise="sqrt(1-b)", over={"b": RANGE}, starts=1)

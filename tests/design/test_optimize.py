@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from conftest import slow_after
 from designs import CUBIC, LEG, RANGE, VARYING
-from scipy.optimize import brentq, minimize
+from scipy.optimize import minimize
 from steps import closed_form
 
 from orbits import InputError, NoOrbit, find, find_all, follow, optimize, pareto, quantities, sensitivities, sweep
@@ -92,27 +92,6 @@ def test_leg_in_si():
     again = find(hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters=best.parameters, rest_length=0.8), 2)
     assert again.si()["flight_time_s"] == pytest.approx(best.orbit.si()["flight_time_s"], rel=1e-10)
     assert again.certificate.loss_coefficient == pytest.approx(best.objective, rel=1e-9)
-
-
-@pytest.mark.slow
-def test_an_equation_between_quantities():
-    """The equation leaves one parameter; along it C falls with the mass ratio, here scanned, down to its bound."""
-    machine = CUBIC.with_values(mass_ratio=0.3)
-    over = {"b": RANGE, "mass_ratio": (0.1, 3.0)}
-    best = optimize(machine, minimise="loss_coefficient", over=over, subject_to=["stroke == 2.5*alpha"], starts=1)
-
-    def on_the_equation(mass_ratio):
-        def value(b, text):
-            there = CUBIC.with_values(mass_ratio=mass_ratio, b=b)
-            return quantities(there, find(there), [text])[text]
-
-        b = brentq(lambda b: value(b, "stroke - 2.5*alpha"), *RANGE, xtol=1e-10)
-        return b, value(b, "loss_coefficient")
-
-    least = on_the_equation(0.1)
-    assert (best.parameters["b"], best.objective) == pytest.approx(least, rel=1e-8)
-    assert best.parameters["mass_ratio"] == 0.1
-    assert min(on_the_equation(mass_ratio)[1] for mass_ratio in (0.11, 0.2, 0.5, 0.8)) > least[1]
 
 
 def test_starts_are_seeded():

@@ -132,15 +132,6 @@ class TestWithinOtherProblems:
         root = ca.rootfinder("root", "newton", {"x": theta, "g": height - float(wanted)})
         assert float(root(x0=0.5)["x"]) == pytest.approx(0.7, rel=1e-9)
 
-    def test_a_chain_is_designed_too(self):
-        """A machine whose launch has several unknowns: a mass for a launch speed."""
-        chain, _, find_one = MACHINES["chain"]
-        alpha = orbit_function(chain, "m1", find_one(chain))
-        wanted = float(alpha(1.04)[0][1])
-        theta = ca.MX.sym("theta")
-        root = ca.rootfinder("root", "newton", {"x": theta, "g": alpha(theta)[0][1] - wanted})
-        assert float(root(x0=1.0)["x"]) == pytest.approx(1.04, rel=1e-8)
-
     def test_second_derivatives_are_differences_of_the_first(self):
         theta = ca.MX.sym("theta")
         alpha = orbit_function(CUBIC, "beta")(theta)[0][1]

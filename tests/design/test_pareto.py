@@ -4,24 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from designs import ANOTHER, CUBIC, LEG, OVER, RANGE, same_design
+from designs import CUBIC, LEG, OVER, RANGE
 
-from orbits import Front, InputError, find, optimize, pareto, quantities
+from orbits import Front, InputError, optimize, pareto
 from problems import Hopper
-
-
-@pytest.mark.slow
-def test_a_front_is_that_of_all_its_starts():
-    """No design on a grid of parameters dominates the front; from the stiff end alone no light foot would be found."""
-    over = {"b": RANGE, "mass_ratio": (0.05, 8.0)}
-    front = pareto(CUBIC, minimise=("stroke", "loss_coefficient"), over=over, points=3)
-    assert not front.refused
-    assert len(front.designs) == 3
-    for b in RANGE:
-        for mass_ratio in (0.05, 0.1, 0.5, 1.0, 8.0):
-            there = CUBIC.with_values(b=b, mass_ratio=mass_ratio)
-            pair = np.array(list(quantities(there, find(there), front.texts).values()))
-            assert not (pair < front.values * (1 - 1e-8)).all(1).any()
 
 
 def test_a_front_whose_ends_are_the_same_design_has_one():
@@ -83,20 +69,6 @@ def front() -> Front:
 
 
 @pytest.mark.slow
-def test_a_front_comes_back(front, tmp_path):
-    path = front.save(tmp_path / "front.json")
-    again = Front.load(path, LEG)
-    assert len(front.designs) == 3
-    assert np.array_equal(again.values, front.values)
-    assert (again.texts, again.refused, again.seconds) == (front.texts, front.refused, front.seconds)
-    assert all(map(same_design, again.designs, front.designs))
-    assert str(again) == str(front)
-    assert again.save(tmp_path / "again.json").read_bytes() == path.read_bytes()
-    with pytest.raises(InputError, match=r"is not a saved front.*has a parameter '[bk]'"):
-        Front.load(path, ANOTHER)
-
-
-@pytest.mark.slow
 @pytest.mark.usefixtures("any_digest")
 @pytest.mark.parametrize("damage", [{"points": []}, {"points": [3]}, {"objectives": ["-alpha"]}, {"refused": [1]}])
 def test_a_damaged_front_is_refused(front, tmp_path, damage):
@@ -104,14 +76,6 @@ def test_a_damaged_front_is_refused(front, tmp_path, damage):
     (tmp_path / "front.json").write_text(json.dumps(document | damage))
     with pytest.raises(InputError, match="is not a saved front"):
         Front.load(tmp_path / "front.json", LEG)
-
-
-@pytest.mark.slow
-def test_the_figure_of_a_front(front):
-    axes = front.plot()
-    assert axes.lines[0].get_xydata() == pytest.approx(front.values * [-1, 1])
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("centre of mass rise (m)", "largest contact force (N)")
-    assert front.plot(axes) is axes
 
 
 def test_a_front_saves_a_table_and_refuses_what_it_does_not_know(tmp_path):

@@ -5,10 +5,8 @@ import pytest
 from designs import CUBIC, VARYING
 
 from orbits import InputError, NoOrbit, find, find_all, quantities, sensitivities, starts
-from problems import Chain, Hopper, Juggler, chain_hand, hopper_in_si, springs
+from problems import Chain, Hopper, Juggler, chain_hand, hopper_in_si
 
-ROWS = np.linspace(-14, 14, 97)
-MEASURED = springs.table((ROWS, ROWS + 0.02 * ROWS**3), noise=0, scale="b", shift="d")
 PLAIN_LEG = hopper_in_si(60.0, 3.0, stiffness=5000.0, rest_length=0.8)
 
 
@@ -34,18 +32,6 @@ def test_sensitivities_are_those_of_neighbouring_orbits(machine, family):
         slopes = (rows[0] - 8 * rows[1] + 8 * rows[2] - rows[3]) / (12 * h)
         for quantity, slope in zip(exact, slopes, strict=True):
             assert exact[quantity][name] == pytest.approx(slope, rel=1e-7, abs=1e-8), quantity
-
-
-@pytest.mark.slow
-def test_a_measured_spring_is_the_formula_that_it_was_made_of():
-    """Every quantity and its slope, also along what scales and shifts the rows."""
-    values = {"b": 1.2, "d": 0.1}
-    formula = Hopper("b*((r - d) + 0.02*(r - d)**3)", mass_ratio=0.5, rest_length=10, parameters=values)
-    table = Hopper(MEASURED, mass_ratio=0.5, rest_length=10, parameters=values)
-    expected, found = sensitivities(formula), sensitivities(table)
-    for quantity, slopes in expected.items():
-        for name, slope in slopes.items():
-            assert found[quantity][name] == pytest.approx(slope, rel=1e-9, abs=1e-9), (quantity, name)
 
 
 def motion_of(machine, half_contact: float, half_flight: float):
@@ -99,13 +85,6 @@ def test_no_loss_at_a_corner_of_a_formula():
     """The jerk of the gap jumps at lift-off, as in the certificate of the orbit."""
     with pytest.raises(NoOrbit, match="a law has a corner at lift-off"):
         sensitivities(Hopper("r + 0.5*abs(r - 1)"), 1, ["mass_ratio"], ["loss_coefficient"])
-
-
-def test_it_is_a_mapping_that_equals_a_dictionary():
-    found = sensitivities(PLAIN_LEG, 1, ["stiffness"], ["alpha", "flight_time"])
-    assert [*found] == ["alpha", "flight_time"]
-    assert found == {name: dict(found[name]) for name in found}
-    assert found != sensitivities(PLAIN_LEG, 1, ["stiffness"], ["alpha"])
 
 
 def test_relative_derivatives_are_powers():

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from conftest import slow_after
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq
 
 from orbits import Design, DesignCurve, InputError, NoOrbit, find, optimize, orbit_function, pareto, sensitivities
 from orbits.design import Outputs
@@ -178,21 +178,3 @@ def test_bad_arguments_are_named():
     for function, objective in ((optimize, "friction_needed"), (pareto, ("alpha", "stroke"))):
         with pytest.raises(InputError, match="half an orbit of a runner has 10 equations for 9 unknowns"):
             function(RUNNER, minimise=objective, over={"rest_length": (3.6, 3.9)})
-
-
-@pytest.mark.slow
-def test_the_runner_of_least_friction_lies_at_an_edge():
-    """Where friction at landing and inside the contact are the same: a bounded search by SciPy over single orbits."""
-    best = optimize(RUNNER, minimise="friction_needed", over={"rest_length": (3.6, 3.9)}, **AT_SPEED)
-    assert [each.text for each in best.active] == ["an extreme at two places"]
-
-    def friction(rest_length: float) -> float:
-        return find(RUNNER.with_values(rest_length=rest_length), **AT_SPEED).certificate.friction_needed
-
-    least = minimize_scalar(friction, bounds=(3.7, 3.75), method="bounded", options={"xatol": 1e-4})
-    assert best.objective <= least.fun
-    assert best.parameters["rest_length"] == pytest.approx(least.x, abs=3e-4)
-    assert best.objective < min(map(friction, np.linspace(3.6, 3.9, 5)))
-    assert best.orbit.certificate.friction_needed == pytest.approx(best.objective, rel=1e-10)
-    with pytest.raises(InputError, match="'largest_spring_force' is not computed for many orbits of a runner together"):
-        optimize(RUNNER, minimise="largest_spring_force", over={"rest_length": (3.6, 3.9)}, starts="global", **AT_SPEED)

@@ -4,14 +4,7 @@ import numpy as np
 import pytest
 
 from orbits import Orbit, find, find_all, simulate, starts
-from problems import (
-    Chain,
-    Hopper,
-    Juggler,
-    inerter_hopper,
-    knee_hopper,
-    plate_hopper,
-)
+from problems import Chain, Hopper, Juggler, inerter_hopper, knee_hopper, plate_hopper
 
 HOPS, MANY, MOST_DRIFT = 80, 200, 1e-10
 LONG = ("hopper in varying gravity", "knee hopper")

@@ -8,7 +8,6 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from orbits import InputError, ReturnMap, find, follow
-from orbits.periodic import is_orbit_of
 from problems import Hopper
 from problems.laws import gravity, springs
 
@@ -103,16 +102,6 @@ def test_a_jump_grows_from_nothing():
     assert family.points[-1].alpha == pytest.approx(find(Hopper("r + 0.1*sign(r + 2)")).alpha, abs=1e-12)
 
 
-def test_jumps_that_coincide_at_some_values():
-    machine = Hopper("r + d*sign(r - a) + 0.1*sign(r + 2)", parameters={"d": 0.1, "a": -2.0})
-    two = find(machine)
-    assert is_orbit_of(two, machine)  # though there is a step between the two places
-    assert two.alpha == pytest.approx(find(Hopper("r + 0.2*sign(r + 2)")).alpha, abs=1e-12)
-    both = springs.function(lambda r, a: r + 0.2 * (r > a) + 0.2 * (r > -2) - 0.2, a=-2.0)  # neither holds at -2
-    assert both.corners() == pytest.approx([-2.0])
-    assert find(Hopper(both)).alpha == pytest.approx(two.alpha, abs=1e-12)
-
-
 def test_stated_breakpoints_decide_other_comparisons():
     stated = find(Hopper(springs.function(lambda r: r + 0.1 * (r**2 < 4), breakpoints=(-2.0, 2.0))))
     assert stated.alpha == pytest.approx(find(Hopper("r + 0.05*(sign(r + 2) - sign(r - 2))")).alpha, abs=1e-13)
@@ -141,19 +130,6 @@ def test_a_breakpoint_that_goes_to_infinity(slope):
     stop = Hopper("r + 0.2*r**3 + (a*r - 1 + abs(a*r - 1))/2", parameters={"a": 0.3}, rest_length=20)
     without = find(Hopper("r + 0.2*r**3", rest_length=20)).alpha
     assert find(stop.with_values(a=slope)).alpha == pytest.approx(without, abs=1e-14)
-
-
-def test_sides_of_a_comparison_become_parallel():
-    """The larger of r - g and k*r: at k = 1 it is k*r everywhere."""
-    larger = Hopper("0.3*r**3 + r + 0.5*((r - g + k*r) + abs(r - g - k*r))/2 + 0.05", parameters={"g": 0.1, "k": 0.5})
-    plain = Hopper("0.3*r**3 + 1.5*r + 0.05")
-    for value in (1.0, 1.0 + 2.0**-52):
-        assert find(larger.with_values(k=value)).alpha == pytest.approx(find(plain).alpha, abs=1e-13)
-
-
-def test_a_stop_that_is_never_touched_leaves_the_error():
-    hopper = Hopper("r + 0.2*r**3 + k*(r - g + abs(r - g))/2", parameters={"k": 1e8, "g": 5.0}, rest_length=20)
-    assert find(hopper).error < 1e-14
 
 
 @pytest.mark.parametrize(

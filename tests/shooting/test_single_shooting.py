@@ -6,8 +6,6 @@ import pytest
 from conftest import REFERENCES, machine_of
 
 from orbits import NoOrbit, find
-from orbits.errors import FlowError
-from orbits.flow.vector_field import FlowControl
 from orbits.model import Arc, Phase, Statement, linear_modes
 from orbits.shooting import Shooting, equations_of, settles
 from problems import Hopper
@@ -139,18 +137,3 @@ def test_parameter_derivatives_of_a_closed_form():
 )  # fmt: skip
 def test_the_last_newton_step_worth_taking(size, last, amplification, last_one):
     assert bool(settles(size, last, amplification)) is last_one
-
-
-def test_motions_of_many_steps_among_others(monkeypatch):
-    """Motions of more steps than there is room for are followed by themselves; all come in their order."""
-    equations = equations_of(Hopper("cubic").model, "relative", tuple(Hopper("cubic").values))
-    us, ps = np.array([[1.0, 4.49], [1.0, 40.0], [0.9, 4.6]]), np.tile(list(Hopper("cubic").values.values()), (3, 1))
-    here = equations.evaluate_all(us, ps, ("beta",))
-    monkeypatch.setattr("orbits.flow.flow.Flow.control", FlowControl(max_block=8))
-    there = equations.evaluate_all(us, ps, ("beta",))
-    assert (here.trajectories[0].counts == there.trajectories[0].counts).all()
-    assert there.residual == pytest.approx(here.residual, abs=1e-10)
-    assert there.jacobian == pytest.approx(here.jacobian, rel=1e-9, abs=1e-9)
-    assert there.trajectories[0].finals == pytest.approx(here.trajectories[0].finals, abs=1e-9)
-    with pytest.raises(FlowError, match="cannot start"):
-        equations.evaluate_all(us * [[1, 1], [1, -1], [1, 1]], ps, ("beta",))

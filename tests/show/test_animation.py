@@ -91,16 +91,6 @@ def test_springs_in_any_order():
         assert [found[name][0] / 1.2 for name in "abcd"] == pytest.approx([3, 2, 1, 0])
 
 
-def test_a_simulation_of_a_plate_is_drawn_too(drawn):
-    machine = plate_hopper()
-    orbit = first_motion(machine)
-    launch = dict(zip(("liftoff", "alpha", "plate", "plate'"), orbit(0.0)[[0, 1, 4, 5]], strict=True))
-    run = simulate(machine, {**launch, "alpha": 1.1 * orbit.alpha}, hops=1)
-    heights, _ = drawn(run)
-    assert heights["foot"] - heights["plate"] == pytest.approx(run.gap(run(run.end)), abs=1e-9)
-    assert heights["body"] > heights["foot"]
-
-
 def test_an_animation_reports_its_frames_and_needs_ffmpeg_for_mp4(tmp_path, monkeypatch):
     run, shares = simulate(Hopper(), 4.6, hops=1), []
     run.animate(tmp_path / "hop.gif", 3, progress=shares.append)

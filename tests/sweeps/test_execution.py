@@ -52,16 +52,6 @@ def test_workers_give_the_same_bits():
 
 
 @pytest.mark.slow
-def test_a_member_does_not_depend_on_the_others():
-    whole = sweep(Hopper("cubic"), OVER, 300)
-    order = np.random.default_rng(0).permutation(300)[:170]
-    table = {name: whole[name][order] for name in OVER}
-    part = sweep(Hopper("cubic"), None, table)
-    for name, column in part.columns.items():
-        np.testing.assert_array_equal(column, whole.columns[name][order], err_msg=name)
-
-
-@pytest.mark.slow
 def test_a_member_that_kills_its_workers_has_failed_and_no_other(monkeypatch):
     monkeypatch.setattr("orbits.sweeps.execution.CHECK_INTERVAL", 0.01)  # the crash comes after many checks
     table = {"beta": [*np.linspace(0.01, 0.1, 5), DEADLY, *np.linspace(0.15, 0.3, 4)]}

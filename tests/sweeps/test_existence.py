@@ -50,17 +50,6 @@ def test_the_edges_are_folds_and_the_collapse(diagram):
         diagram.row(-1)
 
 
-@pytest.mark.slow
-def test_boundaries_between_rows_are_located_too():
-    """The flight under constant gravity does not depend on the mass ratio, and so the fold runs along the rows."""
-    diagram = existence(MACHINE, "mass_ratio", (0.5, 2.0), "beta", (-0.02, 0.0), samples=(4, 4), both_ways=True)
-    edges = diagram.orbit_edges
-    assert edges[:, 1] == pytest.approx([FOLD] * 4, abs=0.02e-6)
-    rows = existence(MACHINE, "mass_ratio", (0.5, 2.0), "beta", (-0.02, 0.0), samples=(2, 4))
-    assert len(rows.orbit_edges) == 0
-    assert len(rows.boundaries.points) == 4  # which a figure shows half way between the rows
-
-
 def test_boundaries_lie_on_curves_of_events(diagram):
     """The edges of the middle row are the fold and the collapse, far more exactly than by bisection."""
     assert (diagram.boundaries.exact == diagram.boundaries.in_row).all()
@@ -88,18 +77,6 @@ def test_plot(diagram):
     assert coloured.figure.axes[1].get_ylabel() == "stroke"
     with pytest.raises(InputError, match="no quantity 'clearance'; it has alpha"):
         diagram.plot("clearance")
-
-
-def test_polygons_cover_the_diagram_once(diagram):
-    """The parts of the figure, by the formula of the polygon's area, add up to the whole."""
-    area = 0.0
-    for collection in diagram.plot().collections:
-        for path in collection.get_paths():
-            if path.codes is None or len(path.vertices) < 4:
-                continue
-            x, y = path.vertices.T
-            area += abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2
-    assert area == pytest.approx((BETWEEN[1] - BETWEEN[0]) * (DELTAS[-1] - DELTAS[0]), rel=1e-12)
 
 
 def test_the_edges_in_the_figure_are_the_curves(diagram):

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy.stats import norm
 
-from orbits import InputError, Sweep, sweep
+from orbits import InputError, sweep
 from problems import Hopper, hopper_in_si
 
 LEG = hopper_in_si(60.0, 3.0, stiffness=8000.0)
@@ -43,13 +42,3 @@ def test_sobols_indices_are_the_same_again():
 def test_one_parameter_alone_has_all_of_the_variance():
     found = sweep(LEG, {"stiffness": (1000.0, 9000.0)}, 4).sensitivity(samples=8)["alpha"]["stiffness"]
     assert found["first"] == found["total"] == 1.0
-
-
-def test_sobols_indices_of_a_store(tmp_path):
-    """The indices of the sweep itself, to the last bit, over a range, a list of values and a distribution."""
-    over = {"stiffness": (1000.0, 9000.0, "log"), "surface_gravity": [8.0, 9.0], "foot_mass": norm(3.0, 0.1)}
-    swept = sweep(LEG, over, 8, sampling="sobol", store=tmp_path / "leg.db")
-    again = Sweep.load(tmp_path / "leg.db", machine=LEG)
-    assert again.sensitivity(samples=8) == swept.sensitivity(samples=8)
-    with pytest.raises(InputError, match=r"Sweep.load\(store, machine=...\)"):
-        Sweep.load(tmp_path / "leg.db").sensitivity(samples=8)

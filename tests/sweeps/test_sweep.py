@@ -196,17 +196,6 @@ class TestTuned:
         with pytest.raises(NoOrbit, match="frequency does not depend on c"):
             found.orbit(1)
 
-    def test_a_number_that_an_orbit_does_not_determine_is_refused(self, monkeypatch):
-        """The machine itself has no such orbit, so that the member is found on its own."""
-        machine = Hopper("r + e*c*r**3", parameters={"e": 0.0, "c": 1.0})
-        own = {"tune": "c", "at": {"period": find(machine.with_values(e=1e-3)).period}}
-        assert sweep(machine, {"e": [1e-3]}, **own)["c"] == pytest.approx(1.0, rel=1e-12)
-        tuned = import_module("orbits.periodic.tuned_orbits")
-        monkeypatch.setattr(tuned, "TUNED", tuned.TUNED._replace(worst=1e-15))
-        found = sweep(machine, {"e": [1e-3]}, **own)
-        assert found["status"].tolist() == ["no orbit"]
-        assert found["reason"][0].startswith("the orbit does not determine c = 1, which may be off by ")
-
     def test_bad_arguments_are_named(self):
         machine = Hopper("k*r", parameters={"k": 1.0})
         wrong = [

@@ -2,7 +2,6 @@
 
 import pickle
 import sys
-from concurrent.futures import ThreadPoolExecutor
 
 import casadi as ca
 import numpy as np
@@ -61,17 +60,6 @@ def test_optimised_code_gives_the_same():
     quick = kernel(z, np.ones((1, 1)))
     kernel.optimise()
     assert_equal(kernel(z, np.ones((1, 1))), quick)
-
-
-def test_code_runs_to_its_end_while_another_thread_replaces_it():
-    kernel, z = Kernel(countdown()), starts(400, 9)
-    kernel.compile()
-    one = kernel(z, np.ones((1, 1)))
-    with ThreadPoolExecutor(2) as pool:
-        waiting = [pool.submit(kernel, z, np.ones((1, 1))) for _ in range(20)]
-        kernel.optimise()
-        for job in waiting:
-            assert_equal(job.result(), one)
 
 
 def test_a_function_that_the_c_library_lacks_is_interpreted(monkeypatch):

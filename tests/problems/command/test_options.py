@@ -1,16 +1,11 @@
 """Options that the commands share: machines in many words, and the display of progress."""
 
-import math
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from scipy.stats import norm
-from steps import TABLE
 
-from orbits import existence, find, follow, multipliers, optimize, simulate, sweep, uncertainty
+from orbits import find, optimize
 from orbits.mechanics import Ground
-from problems import Actuator, Hopper, hopper_in_si, juggler_in_si, steering
+from problems import Hopper, hopper_in_si, juggler_in_si
 from problems.command.options import machine_of
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha, eq. (12) of the paper
@@ -212,44 +207,11 @@ def soft(tmp_path_factory):
 class TestStartOfSeveralNumbers:
     """What the commands compute from `--start` is what the functions do, and without it they name it."""
 
-    @pytest.mark.slow
-    def test_it_is_the_start_of_functions(self, soft, orbits):
-        machine, orbit, file, hop = soft
-
-        def of(name):
-            done = orbits(f"{name} --machine {file} --start {hop} {OF_SEVERAL.get(name, '')} --json")
-            assert (done.code, done.err) == (0, "")
-            return done.document
-
-        assert of("find")["alpha"] == pytest.approx(orbit.alpha, rel=1e-12)
-        members = sweep(machine, {"ground_stiffness": [49.0, 51.0]}, start=orbit)
-        assert [each["alpha"] for each in of("sweep")["members"]] == pytest.approx(members["alpha"], rel=1e-12)
-        rows = existence(machine, "ground_stiffness", (49.0, 51.0), "mass_ratio", [1, 1.1], samples=2, start=orbit)
-        assert of("existence")["rows"] == rows.document()["rows"]
-        spread = uncertainty(machine, {"ground_stiffness": norm(50, 0.2)}, start=orbit, samples=4)
-        assert of("uncertainty")["linear"]["alpha"] == pytest.approx(spread.linear["alpha"], rel=1e-9)
-        family = follow(machine, "ground_stiffness", 50.1, orbit)
-        assert of("follow")["points"][-1]["alpha"] == pytest.approx(family.points[-1].alpha, rel=1e-12)
-        own = multipliers(machine, orbit)
-        assert of("map")["multipliers"]["real"] == pytest.approx(own.values.real, rel=1e-9)
-        assert of("simulate")["launches"] == pytest.approx(simulate(machine, orbit, hops=1).launches, rel=1e-12)
-
     def test_designs(self, soft, orbits):
         machine, orbit, file, hop = soft
         done = orbits(f"optimize {file} --start {hop} --json")
         best = optimize(machine, minimise="largest_contact_force", over={"ground_stiffness": (45, 55)}, start=orbit)
         assert done.document["objective"]["value"] == pytest.approx(best.objective, rel=1e-9)
-
-    @pytest.mark.slow
-    def test_steering(self, soft, orbits):
-        machine, orbit, file, hop = soft
-        done = orbits(
-            f"control keep-hopping --damping 0.01 --machine {file} --start {hop}"
-            f" {OF_SEVERAL['control keep-hopping']} --json"
-        )
-        damped = replace(machine, damping=0.01)
-        held = steering.keep_hopping(damped, actuator=Actuator("y1 - y2"), start=orbit, intervals=6)
-        assert done.document["cost"] == pytest.approx(held.cost, rel=1e-6)
 
     def test_launches_differ_in_speed(self, soft, orbits):
         _, orbit, file, hop = soft
@@ -282,40 +244,6 @@ def test_one_number_starts_from_a_file_too(tmp_path, orbits):
 
 class TestSteps:
     """Machines that step, by their ratios."""
-
-    @pytest.mark.parametrize(("kind", "numbers"), [(kind, numbers) for kind in TABLE for numbers in TABLE[kind]])
-    def test_they_have_their_closed_forms(self, orbits, kind, numbers):
-        ratios = f"--set inertia_ratio={numbers[0]} --set gravity_ratio={numbers[1]}"
-        done = orbits(f"find --machine {kind} {ratios} --family {numbers[2]} --json")
-        half, speed, contact = TABLE[kind][numbers]
-        assert done.code == 0
-        found = done.document
-        assert (found["alpha"], found["flight_time"]) == pytest.approx((speed, 2 * half), rel=0, abs=1e-12)
-        assert found["contact_time"] == pytest.approx(contact, rel=0, abs=1e-12)
-        assert (found["admissible"], found["violations"]) == (True, [])
-        assert (found["friction_needed"] is None) == (kind == "shuttle")
-
-    @pytest.mark.slow
-    def test_angles_springs_and_files(self, orbits, tmp_path):
-        cubic = "--spring 'r + beta*r**3' --set beta=1 --set inertia_ratio=1 --set gravity_ratio=0.5 --set angle=0.3"
-        done = orbits(f"find --machine wheel {cubic} --json")
-        assert done.document["alpha"] == pytest.approx(0.354514451501611334, rel=0, abs=1e-12)
-        path = tmp_path / "wheel.toml"
-        path.write_text(
-            'machine = "wheel"\nspring = "r + beta*r**3"\n[parameters]\nbeta = 1\ninertia_ratio = 1\n'
-            "gravity_ratio = 0.5\nangle = 0.3\n"
-        )
-        assert orbits("find --json --machine", path).document["alpha"] == done.document["alpha"]
-        changed = orbits("find --set angle=0.2 --json --machine", path).document
-        assert changed["parameters"]["angle"] == 0.2
-        si = tmp_path / "si.toml"
-        si.write_text(
-            'machine = "wheel"\n[si]\nmass = 2.0\nlength = 0.4\nspokes = 8\ninertia = 0.5\nbody_inertia = 0.5\n'
-            "stiffness = 20.0\n"
-        )
-        found = orbits("find --json --set spokes=9 --machine", si).document
-        assert found["parameters"]["angle"] == pytest.approx(math.pi / 9)
-        assert found["units"]["alpha"] == "rad/s"
 
     @pytest.mark.parametrize(
         ("options", "telling"),

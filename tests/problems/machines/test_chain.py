@@ -9,10 +9,8 @@ from scipy.integrate import solve_ivp
 
 from orbits import InputError, NoOrbit, ReturnMap, find, find_all, simulate
 from problems import Chain, Hopper
-from problems.laws import springs
 
 # Rest in mid-contact y1, y2, half the contact and half the flight of two hops of three equal masses.
-KNOWN = [(-11.153174, -3.015920, 3.221828, 2.459699), (-17.324636, -11.004614, 3.104718, 4.488346)]
 
 
 def rest_and_times(orbit) -> list[float]:
@@ -75,16 +73,6 @@ def three():
 
 
 class TestThreeMasses:
-    @pytest.mark.parametrize("known", KNOWN)
-    @pytest.mark.slow
-    def test_known_hops(self, three, known):
-        chain = Chain()
-        orbit = find(chain, start=chain.start(known[:2], known[2], known[3]))
-        assert rest_and_times(orbit) == pytest.approx(known, abs=6e-7)
-        assert orbit.admissible
-        assert rest_and_times(orbit) == pytest.approx(exactly((1, 1, 1), (1, 1), known), abs=1e-12)
-        assert any(abs(orbit.alpha - other.alpha) < 1e-12 for other in three)
-
     @pytest.mark.slow
     def test_every_hop_that_is_found_is_one(self, three):
         assert len(three) == len({round(orbit.alpha, 9) for orbit in three}) == 11
@@ -92,11 +80,6 @@ class TestThreeMasses:
             mine = rest_and_times(orbit)
             assert mine == pytest.approx(exactly((1, 1, 1), (1, 1), mine), rel=1e-11)
             assert orbit.error < 1e-11
-
-    def test_multiple_shooting_comes_to_the_same(self, three):
-        chain = Chain()
-        orbit = find(chain, start=chain.start(KNOWN[0][:2], *KNOWN[0][2:]), method="shooting")
-        assert min(abs(orbit.alpha - other.alpha) for other in three) < 1e-12
 
     @pytest.mark.slow
     def test_a_cycle_by_another_integrator(self):
@@ -157,17 +140,6 @@ class TestSimulation:
             ReturnMap(Chain())(4.0)
 
 
-class TestMany:
-    @pytest.mark.parametrize("count", [pytest.param(count, marks=pytest.mark.slow) for count in (4, 6)])
-    def test_hops_of_long_chains(self, count):
-        chain = Chain([1.0] * count)
-        orbits = find_all(chain, chain.starts(6.0, 6.0))
-        assert len(orbits) >= 5
-        for orbit in orbits[:2]:
-            mine = rest_and_times(orbit)
-            assert mine == pytest.approx(exactly([1] * count, [1] * (count - 1), mine), rel=1e-9)
-
-
 class TestStarts:
     @pytest.mark.slow
     def test_every_seed_finds_all_of_three_masses(self):
@@ -192,49 +164,6 @@ class TestStarts:
             find_all(Chain(), orbit)
         with pytest.raises(InputError, match="half_contact"):
             Chain().starts(-1.0, 3.0)
-
-
-ROWS = np.linspace(-12.0, 12.0, 97)
-LONGEST = 3.5, 3.5  # half times of contact and of flight
-MEASURED = Chain(springs=("r", springs.table((ROWS, ROWS + 0.02 * ROWS**3), noise=0)))
-
-
-@pytest.fixture(scope="module")
-def hops():
-    return find_all(MEASURED, MEASURED.starts(*LONGEST))
-
-
-class TestMeasuredSprings:
-    """The lower spring of three masses is a table, with rows of r + 0.02 r^3."""
-
-    @pytest.mark.slow
-    def test_landing_and_lift_off_by_dop853_with_events(self, hops):
-        """A flight ends where the lowest mass is back on the ground, from which it came apart with the jerk; the
-        contact ends where the lower spring carries the lowest mass."""
-        hop = next(hop for hop in hops if hop.admissible)
-
-        def rates(t, x):
-            upper, lower = x[0] - x[2], (r := x[2] - x[4]) + 0.02 * r**3
-            return [x[1], -upper - 1, x[3], upper - lower - 1, x[5], lower - 1]
-
-        def held(t, x):
-            return [*rates(t, [*x, 0.0, 0.0])[:4]]
-
-        def rest(t, x):
-            return x[5]
-
-        def lifts(t, x):
-            return x[2] + 0.02 * x[2] ** 3 - 1
-
-        exact = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13}
-        middle = solve_ivp(rates, (0, hop.flight_time / 2), hop(0.0), **exact).y[:, -1]
-        assert middle[1::2] == pytest.approx(np.zeros(3), abs=1e-8)
-        landed = solve_ivp(rates, (0, hop.flight_time / 2), middle, **exact).y[:, -1]
-        assert landed[4:] == pytest.approx(np.zeros(2), abs=1e-8)
-        lifts.direction = 1
-        contact = solve_ivp(held, (0, 2 * hop.contact_time), landed[:4], events=lifts, **exact)
-        ends = [t for t in contact.t_events[0] if t > 0.1 * hop.contact_time]
-        assert ends[0] == pytest.approx(hop.contact_time, abs=1e-7)
 
 
 def test_a_chain_does_not_change():

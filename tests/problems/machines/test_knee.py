@@ -14,15 +14,13 @@ matrix is m1 m2 L'^2, and its inverse times the gradient (1, 0) of the gap h is 
 The machine is stated in SI, and its launch speed is theta' at lift-off, in rad/s. SciPy solves Lagrange's equations.
 """
 
-from dataclasses import replace
-
 import mpmath as mp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from orbits import InputError, NoOrbit, ReturnMap, find, find_all, multiplier, simulate
+from orbits import InputError, NoOrbit, ReturnMap, find, find_all, simulate
 from problems import hopper_in_si, knee_hopper
 
 
@@ -126,19 +124,6 @@ def test_a_hop_with_an_impact_solves_lagranges_equations():
     assert float(ReturnMap(MACHINE)(alpha).next) == pytest.approx(contact.y[1, -1], abs=1e-10)
 
 
-def test_bounces_lose_what_the_impact_mass_says():
-    p = MACHINE.values
-    run = simulate(replace(MACHINE, restitution=0.6), 11.3, hops=2)
-    assert sum(event.kind == "impact" for event in run.events) > 3
-    for event in run.events:
-        lost = energy(event.before, p) - energy(event.after, p)
-        assert event.loss == pytest.approx(lost, abs=1e-12)
-        if event.kind == "impact":
-            speeds = [float(x[1] + p["link"] * np.cos(x[2] / 2) * x[3]) for x in (event.before, event.after)]
-            assert speeds[0] == pytest.approx(speeds[1], rel=1e-12)  # of the body
-            assert event.after[1] == pytest.approx(-0.6 * event.before[1], rel=1e-12)
-
-
 def hopper_with_the_same_leg(machine):
     """The plain hopper whose spring is phi(r) = tau(theta) dtheta/dr, with the leg's length L + r."""
     angle, slope = "2*asin((leg + r)/(2*link))", "sqrt(link**2 - (leg + r)**2/4)"
@@ -203,23 +188,6 @@ def test_a_knee_that_does_not_carry_the_body_says_so(stiffness):
         NoOrbit, match=r"finds none.*a knee carries its body where its torque, folded, is above body_mass"
     ):
         find(knee_hopper(stiffness=stiffness))
-
-
-def test_the_multiplier_of_bounces():
-    """Each impact changes the state along a direction that depends on the knee's angle there."""
-    machine, alpha, change = replace(MACHINE, restitution=0.3), 11.0, 1e-6
-    step = ReturnMap(machine)
-    slope = float(step(alpha + change).next - step(alpha - change).next) / (2 * change)
-    assert step(alpha).impacts > 1
-    assert multiplier(machine, alpha) == pytest.approx(slope, rel=1e-5)
-
-
-def test_beside_the_orbit_there_is_no_multiplier_but_a_power_law(orbit):
-    c, step, change = orbit.certificate.loss_coefficient, ReturnMap(MACHINE), 1e-4
-    with pytest.raises(NoOrbit, match=rf"alpha [+] d loses {c:.4g} s\^\(1/3\)/rad\^\(1/3\) d\*\*\(4/3\)"):
-        multiplier(MACHINE, orbit.alpha)
-    lost = orbit.alpha + change - float(step(orbit.alpha + change).next)
-    assert lost == pytest.approx(c * change ** (4 / 3), rel=0.05)
 
 
 def test_results_have_their_units(orbit):

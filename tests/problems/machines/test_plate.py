@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from conftest import slow_after
-from mechanisms import linear_hops
 from scipy.integrate import solve_ivp
 
 from orbits import InputError, Orbit, find, find_all, follow, simulate, starts
@@ -174,22 +173,6 @@ class TestEndsOfFamilies:
         assert family.end.kind == "degenerate"
         assert "shrinks to nothing" in family.end.reason
         assert family.end.limit == pytest.approx(expected, abs=1e-6)
-
-
-def test_all_linear_hops_by_their_equations():
-    """The roots of the two equations in two times, and the orbits that are found from them."""
-    machine = plate_hopper((1.0, 0.7, 1.3), parameters={"plate_stiffness": 9.0})
-    equations = machine.linear_equations()
-    np.testing.assert_allclose(equations[0], np.diag([1.0, 0.7, 1.3]), atol=1e-15)
-    np.testing.assert_allclose(equations[1], [[1, -1, 0], [-1, 1, 0], [0, 0, 9]], atol=1e-15)
-    np.testing.assert_allclose(equations[2], [-1.0, -0.7, -1.3], atol=1e-15)
-    hops = linear_hops(*equations, machine.gap_weights, 3.0, 4.0)
-    found = starts(machine, 3.0, 4.0)
-    assert len(hops) == len(found) > 3
-    for hop, start in zip(hops, found, strict=True):
-        orbit = find(machine, start=start)
-        assert (orbit.contact_time / 2, orbit.flight_time / 2) == pytest.approx(hop[:2], rel=1e-12)
-        np.testing.assert_allclose(orbit(0.0), hop.liftoff, rtol=1e-11, atol=1e-11)
 
 
 def test_what_is_no_hopper_on_a_plate():

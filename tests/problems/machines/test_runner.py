@@ -1,6 +1,5 @@
 """Runners against the digits of an integration with 34, and against a whole cycle of another integrator."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 from runners import FAST, NAMES, energy_by_hand, fast_runner, rates_by_hand
 from scipy.integrate import solve_ivp
 
-from orbits import InputError, NoOrbit, Orbit, ReturnMap, check, find
+from orbits import InputError, NoOrbit, ReturnMap, check, find
 from orbits.mechanics import Spring
 from orbits.model import StateFormula
 from orbits.periodic import stated_unknowns, tuning_of
@@ -94,20 +93,6 @@ def test_friction_at_landing_is_the_ratio_of_the_rates(fast):
     assert fast.flight_time < fast.certificate.friction_time < fast.flight_time + fast.contact_time / 2
 
 
-def test_most_friction_at_the_ends_is_found_there():
-    """A runner whose forces have their largest ratio at lift-off, where both vanish."""
-    run = find(runner(), tune=TUNE, at={"speed": 0.05})
-    p, x = run.source.values, run(run.flight_time)[4:]
-    rates = np.array(rates_by_hand(x, p, True)[0])
-    ahead, behind = (np.array(rates_by_hand(x + h * rates, p, True)[1]) for h in (1e-4, -1e-4))
-    normal, along = ahead - behind
-    t = run.flight_time + run.contact_time * np.linspace(1e-3, 0.5, 400)
-    shares = [abs(f[1]) / f[0] for f in (rates_by_hand(each[4:], p, True)[1] for each in run(t))]
-    largest = max(abs(along / normal), *shares)
-    assert run.certificate.friction_needed == pytest.approx(largest, rel=1e-4)
-    assert run.certificate.friction_needed >= largest * (1 - 1e-7)
-
-
 def certified_as(model, run):
     """The violations of a run's motion as one of another model of the same equations."""
     known = stated_unknowns(run.source.model, run)
@@ -170,33 +155,6 @@ def test_the_step_is_no_number_of_the_machine():
         runner(parameters={"step": 2.0})
     with pytest.raises(InputError, match="'step' is a number of each orbit"):
         replace(runner(), elements=[Spring("l", "step*r")])
-
-
-def test_in_si_the_same_run(fast):
-    """Lengths in 1/3.7 m, masses in 60 kg, standard gravity."""
-    length, mass, g = 1 / 3.7, 60.0, 9.80665
-    time, force = np.sqrt(length / g), mass * g
-    machine = runner(
-        in_si=True, foot_mass=6.0, body_mass=mass, rest_length=1.0, stiffness=force / length,
-        inertia=5.7 * mass * length**2, hip_stiffness=5.4 * force * length,
-    )  # fmt: skip
-    run = find(machine, tune=TUNE, at={"speed": 0.4 * length / time})
-    assert run.step == pytest.approx(FAST["step"] * length, rel=1e-11)
-    assert run.source.values["inertia"] == pytest.approx(FAST["inertia"] * mass * length**2, rel=1e-11)
-    assert run.certificate.friction_needed == pytest.approx(FAST["friction"], rel=1e-11)
-    assert [run.units[name] for name in ("step", "speed", "mean_speed")] == ["m", "m/s", "m/s"]
-    assert run.si()["speed_m_per_s"] == pytest.approx(0.4 * length / time, rel=1e-12)
-    assert run.dimensionless().step == pytest.approx(run.step)
-
-
-def test_an_orbit_is_written_and_read(fast, tmp_path):
-    fast.save(tmp_path / "run.json")
-    again = Orbit.load(tmp_path / "run.json", fast.source)
-    assert again == fast
-    document = json.loads((tmp_path / "run.json").read_text())
-    assert {"speed", "mean_speed", "step", "cost_of_transport", "friction_needed", "admissible"} <= {*document}
-    assert document["parameters"]["inertia"] == fast.source.values["inertia"]
-    assert "step" not in document["parameters"]
 
 
 def test_relations_hold_along_a_run(fast):

@@ -1,7 +1,7 @@
 """Driven machines: the motion with its machine, after its file, and animated."""
 
 import json
-from dataclasses import fields, replace
+from dataclasses import fields
 from itertools import pairwise
 
 import numpy as np
@@ -10,9 +10,7 @@ from conftest import slow_after
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
 from orbits import Control, InputError
-from orbits.mechanics import Damper
-from problems import Actuator, Disturbed, Driven, Hopper, Juggler, inerter_hopper, steering
-from problems.laws import springs
+from problems import Driven, Hopper, Juggler, steering
 from problems.steering.driven import WithMovedEnd
 
 C = 0.01
@@ -128,52 +126,3 @@ def test_an_animation(driven_leg, tmp_path):
 
     with Image.open(driven_leg.animate(tmp_path / "leg.gif", frames=4)) as picture:
         assert picture.n_frames == 4
-
-
-@pytest.mark.parametrize("kind", ["displacement", "force"])
-@pytest.mark.slow
-def test_a_mechanism_in_si(kind, tmp_path):
-    """The verbs of a result; a file does not state the mechanism, which is given, nor the actuator, which it has."""
-    plain = inerter_hopper(
-        "k*r", body_mass=3.0, foot_mass=1.0, inertance=0.1, surface_gravity=9.81, rest_length=0.5,
-        parameters={"k": 500.0}, in_si=True,
-    )  # fmt: skip
-    leg = replace(
-        plain, elements=[*plain.elements, Damper("body - foot", "c")], parameters={**plain.parameters, "c": 0.5}
-    )
-    driven = steering.keep_hopping(leg, actuator=Actuator(kind=kind), intervals=20)
-    assert steering.missed(leg, driven) <= 1e-9
-    assert driven.launch == pytest.approx(2.43, abs=0.03)  # m/s
-    assert driven.simulate(2).run.launches == pytest.approx(driven.launch, abs=1e-9)
-    state, rate = ("f (N)", "f_rate (N/s)") if kind == "force" else ("u (m)", "w (m/s)")
-    head = driven.save(tmp_path / "leg.csv").read_text().splitlines()[0].split(",")
-    assert head[6:8] == [state, rate]
-    forces = ["spring force (N)", "contact force (N)"]
-    assert head[9:] == ["power (W)", "actuator force (N)", "work (J)", "positive work (J)", *forces]
-    text = str(driven)
-    assert f"work per hop            {driven.work[0]:.10g} J, its positive part" in text
-    assert " N, power up to " in text
-    labels = [one.get_ylabel().replace("\n", " ") for one in driven.plot().figure.axes]
-    assert labels[1:] == [state.replace("u", "spring's end").replace("f", "force"), f"its rate {rate.split(' ')[1]}"]
-    again = Driven.load(driven.save(tmp_path / "leg.json"), leg)
-    assert np.array_equal(again(0.1), driven(0.1))
-    assert (again.actuator, dict(again.units)) == (driven.actuator, dict(driven.units))
-    off = driven.simulate(2, launch_error=1e-3)
-    assert np.array_equal(Disturbed.load(off.save(tmp_path / "off.json"), leg).launch_errors, off.launch_errors)
-    assert abs(off.launch_errors[-1]) < 1e-3  # it draws nearer
-
-
-@pytest.mark.slow
-def test_a_motion_is_not_taken_for_that_of_another_machine(tmp_path):
-    """The springs r + r^3/10 and r + r^3/2 have one name."""
-    own, other = (Hopper(springs.function(lambda r, c=c: r + c * r**3), damping=0.02) for c in (0.1, 0.5))
-    assert own.describe() == other.describe()
-    kept, path = steering.keep_hopping(own, intervals=10), tmp_path / "kept.json"
-    kept.save(path)
-    assert Driven.load(path, own).source is own
-    with pytest.raises(InputError, match="does not satisfy the equations of this machine"):
-        Driven.load(path, other)
-    with pytest.raises(InputError, match="aim is a hop of another machine"):
-        steering.recover(other, 0.1, aim=kept, intervals=10)
-    with pytest.raises(InputError, match="a motion of another machine or actuator"):
-        replace(kept, source=other).followed_by(kept)

@@ -1,7 +1,6 @@
 """Goals of an actuated machine: their costs against the limit of small damping, energy, and other integrators."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -239,33 +238,6 @@ def test_what_no_actuator_does(question, words):
         question()
 
 
-@cache
-def damped_column():
-    """A damped column of three masses, driven at its lower spring, with the lossless hop near which it is kept."""
-    chain = Chain((1.0, 1.0, 1.0))
-    column = chain.stated()
-    dampers = [Damper("y1 - y2", "c"), Damper("y2 - y3", "c")]
-    column = replace(column, elements=[*column.elements, *dampers], parameters={**column.parameters, "c": 0.01})
-    hop = find(chain, start=chain.start([-17.3, -11.0], 3.1, 4.49))
-    return column, hop, steering.keep_hopping(column, actuator=Actuator("y2 - y3"), start=hop, intervals=20)
-
-
-@pytest.mark.slow
-def test_a_damped_column_is_kept_hopping():
-    """Its work is what the dampers take away, and three hops driven open loop begin at the same speed."""
-    column, _, kept = damped_column()
-    assert kept.states == ("y1", "y1'", "y2", "y2'", "y3", "y3'", "u")
-    assert steering.missed(column, kept) <= 1e-9
-    assert kept.simulate(3).run.launches == pytest.approx(kept.launch, abs=1e-9)
-    lost = 0.0
-    for leg in kept.legs:
-        t = leg.start + np.linspace(0, leg.duration, 20001)[:-1]
-        states = kept(t)
-        lost += 0.01 * trapezoid((states[:, 1] - states[:, 3]) ** 2 + (states[:, 3] - states[:, 5]) ** 2, t)
-    assert kept.work == pytest.approx(steering.work(column, kept))
-    assert kept.work[0] == pytest.approx(lost, rel=1e-3)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("end", ["hand - y3", "y3"])
 def test_a_hand_of_two_masses_keeps_throwing(end):
@@ -294,30 +266,3 @@ def test_least_work_is_found_at_the_rates_that_reach_it():
     assert works[0] < works[1]
     with pytest.raises(NoOrbit, match="widen a bound"):
         steering.keep_hopping(machine, cost="work", rate=0.9 * peak)
-
-
-@pytest.mark.parametrize(
-    ("fails", "tried", "words"),
-    [
-        (lambda rate, number: number == 0, [0.1, 0.4, 0.2, 0.14, 0.1], ""),
-        (lambda rate, number: rate < 0.15, [0.1, 0.4, 0.2, 0.14], "no way; it is found at rate = 0.2: take that"),
-        (lambda rate, number: True, [0.1, 0.4, 0.2, 0.14, 0.1], "no way; take a larger rate or more intervals"),
-    ],
-)
-def test_least_work_is_sought_from_larger_rates(driven_hopper, monkeypatch, fails, tried, words):
-    rates = []
-
-    def found(hop, guess, progress):
-        rates.append(hop.limits.rate)
-        if fails(rates[-1], len(rates) - 1):
-            raise NoOrbit("no way; start from a nearer motion")
-        return driven_hopper.dimensionless()
-
-    monkeypatch.setattr("problems.steering.goals._least_work_at", found)
-    search = lambda: steering.keep_hopping(Hopper(damping=0.01), cost="work", rate=0.1, guess=driven_hopper)  # noqa: E731
-    if words:
-        with pytest.raises(NoOrbit, match=f"least work at rate = 0.1 is not found: {words}"):
-            search()
-    else:
-        assert search().cost == driven_hopper.cost
-    assert rates == pytest.approx(tried)

@@ -1,10 +1,9 @@
 """Hops at a prescribed launch speed or height: independent solves, slopes, and the lossless orbits on the way."""
 
-import numpy as np
 import pytest
 from conftest import DAMPED_LEG
 
-from orbits import InputError, find
+from orbits import InputError
 from problems import Hopper, Juggler, steering
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha
@@ -58,24 +57,6 @@ def test_damping_is_followed_at_a_speed():
     solved = steering.keep_hopping(Hopper(damping=0.05), speed=4.6, intervals=20)
     assert family.costs[-1] == pytest.approx(solved.cost, rel=1e-8)
     assert family.at(0.05).launch == pytest.approx(4.6, rel=1e-14)
-
-
-def _rise(hop):
-    path, end = hop.motion, hop.legs[0].duration
-    height = path.heights["centre of mass"](path(np.linspace(0, end, 20001)))
-    return height.max() - height[0]
-
-
-@pytest.mark.slow
-def test_the_height_is_the_rise_of_the_centre_of_mass():
-    orbit = find(Hopper())
-    kept = steering.keep_hopping(Hopper(), height=orbit.rises["centre of mass"], intervals=20)
-    assert kept.cost == pytest.approx(0, abs=1e-20)
-    family = kept.follow("height", 6.0)
-    assert _rise(family.at(6.0)) == pytest.approx(6.0, rel=1e-8)
-    assert _rise(family.at(5.5)) == pytest.approx(5.5, rel=1e-8)
-    launch = 2 * 6.0**0.5  # v^2/(2 g), with the speed alpha/2 and gravity 1/2
-    assert family.costs[-1] == pytest.approx(steering.keep_hopping(Hopper(), speed=launch, intervals=20).cost, rel=1e-8)
 
 
 @pytest.mark.parametrize(
