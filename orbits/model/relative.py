@@ -178,8 +178,6 @@ class Relative:
 
     def single(self, p: Mapping[str, np.ndarray]) -> np.ndarray:
         """Which of many machines (m,) have no feature for which `search` looks for several orbits."""
-        if len(values := [*zip(*p.values(), strict=True)]) == 1:
-            return np.array([self.search(dict(zip(p, map(float, values[0]), strict=True))).single])
         units = units_of_length(self.law, p)
         lengths, bends = features_of_many(self.law, self.law, p)
         single = (bends <= RELATIVE.bends) & ((bends <= 1) | (lengths >= RELATIVE.unbent * units))

@@ -66,17 +66,16 @@ def guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]
             "" if model.one_speed else ", as one of starts(machine), or search by find_all(machine, starts(machine))"
         )
         raise NoOrbit(f"the model of a {model.name} has no guess of its families: give `find` a start{remedy}")
-    found = guesses(model, family, {name: np.array([value]) for name, value in p.items()})
+    found = guesses(model, family, {name: np.array([value]) for name, value in p.items()}, 1)
     if found.refused:
         raise found.refused[0]
     return {name: float(values[0]) for name, values in found.unknowns.items()}
 
 
-def guesses(model: Model, family: int, p: Mapping[str, np.ndarray]) -> Guesses:
-    """The guesses of many machines of a model, with parameters (m,) by name."""
+def guesses(model: Model, family: int, p: Mapping[str, np.ndarray], count: int) -> Guesses:
+    """The guesses of this number of machines of a model, with parameters (m,) by name, of which there may be none."""
     if model.relative:
-        return _by_relative_motion(model.relative, family, p)
-    count = len(next(iter(p.values())))
+        return _by_relative_motion(model.relative, family, p, count)
     found, single, refused = np.full((3, count), np.nan), np.zeros(count, bool), dict[int, OrbitsError]()
     for i in range(count):
         own = {name: float(values[i]) for name, values in p.items()}
@@ -99,10 +98,9 @@ def refuse_jump(model: Model, p: Mapping[str, float]) -> None:
         relative.liftoff.refuse_jump(law, relative.liftoff.extension(law))
 
 
-def _by_relative_motion(relative: Relative, family: int, p: Mapping[str, np.ndarray]) -> Guesses:
+def _by_relative_motion(relative: Relative, family: int, p: Mapping[str, np.ndarray], count: int) -> Guesses:
     """The guesses of many machines with parameters (m,) by name, from their relative motions."""
     p, law = relative.own(p), relative.law
-    count = len(next(iter(p.values())))
     liftoffs = relative.liftoff.extensions(law, p) if count > 1 else np.full(count, np.nan)
     own, rests, refused = np.isfinite(liftoffs), np.zeros(len(liftoffs)), dict[int, OrbitsError]()
     for i in (~own).nonzero()[0].tolist():
@@ -113,7 +111,12 @@ def _by_relative_motion(relative: Relative, family: int, p: Mapping[str, np.ndar
             liftoffs[i], rests[i] = liftoff, one.rest()
         except OrbitsError as error:
             refused[i] = error
-    alphas, known, single = np.full(len(liftoffs), np.nan), np.isfinite(liftoffs), relative.single(p)
+    alphas, known = np.full(count, np.nan), np.isfinite(liftoffs)
+    if count > 1:
+        single = relative.single(p)
+    else:
+        own = {name: float(values[0]) for name, values in p.items()}
+        single = np.array([known[0] and relative.search(own).single])
     if len(rows := known.nonzero()[0]):
         these, places = {name: values[rows] for name, values in p.items()}, (liftoffs[rows], rests[rows])
         alphas[rows], none = lowest_launch_speeds(relative, these, *places, family, single[rows])

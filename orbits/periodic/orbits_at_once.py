@@ -73,7 +73,7 @@ def lowest_orbits(
         return [], {}
     sought = _Family(model, names, ps, family, method, equations)
     p = dict(zip(names, ps.T, strict=True))
-    guess = guesses(model, family, p)
+    guess = guesses(model, family, p, len(ps))
     guessed = _from_guesses(sought, guess)
     single, found = guess.single, np.full(len(ps), np.inf)
     if guessed:
