@@ -48,10 +48,10 @@ class Fault:
     settings: tuple[Change, ...] = ()
 
 
-STEP, SET, ROOTS, SIGNS, EQUATIONS, FORMULAS, INTERVALS, CASE = (
+STEP, SET, ROOTS, SIGNS, EQUATIONS, FORMULAS, INTERVALS, CONDITIONS, EXISTENCE = (
     *(f"orbits/balls/{name}.py" for name in ("rigorous_step", "enclosure", "root", "motion", "equations")),
     "orbits/exact/formulas.py",
-    *(f"orbits/proof/{name}.py" for name in ("intervals", "orbit_case")),
+    *(f"orbits/proof/{name}.py" for name in ("intervals", "proved_motion", "proved_existence")),
 )
 # Longer steps, whose defects make up the width of the enclosures.
 LESS_EXACT = (SET, "order_for(bits), 2.0**-bits)", "order_for(bits), 2.0 ** (16 - bits))")
@@ -92,8 +92,8 @@ OF_FIRST = [
     ),
     (INTERVALS, "low = min((each.low", "low = max((each.low", ["parts"]),
     (INTERVALS, "    return found\n", "    return found[:1]\n", ["parts"]),
-    (CASE, "contact.check_positive(force, zero_at_start=1)", "pass", ["pulling"]),
-    (CASE, "= 2 * half_contact", "= arb(2 * float(half_contact))", ["inerter"]),
+    (CONDITIONS, "contact.check_positive(force, zero_at_start=1)", "pass", ["pulling"]),
+    (EXISTENCE, "= 2 * half_contact", "= arb(2 * float(half_contact))", ["inerter"]),
 ]
 OF_SECOND = [
     ("arb_poly([*each, rest[order]])", "arb_poly(each)", ["above"], LOW),

@@ -53,12 +53,12 @@ Krawczyk's for each q with the same U. An interval that is too wide is halved, a
 radius of uniqueness is the distance by which U extends beyond the enclosure. Later enclosures are intersections of
 Krawczyk images of boxes that contain the zero, hence contain it too.
 
-Lemma 4, the whole orbit. The equations have only forces that depend on the coordinates, and terms that are quadratic in
-the rates, so that they hold with time and all rates reversed. A motion that reaches a state with all rates 0 is its own
-mirror image about that time. So half a flight from the launch to such a state is half of a flight that lands as it was
-launched; likewise for the contact. Where under constant gravity one extension moves independently, another linear
-combination of the coordinates moves on a parabola; F then requires that the rate of the extension vanishes when that
-combination is at the top of its parabola, which determines the half time.
+Lemma 4, the whole orbit (`proved_existence`). The equations have only forces that depend on the coordinates, and terms
+that are quadratic in the rates, so that they hold with time and all rates reversed. A motion that reaches a state with
+all rates 0 is its own mirror image about that time. So half a flight from the launch to such a state is half of a
+flight that lands as it was launched; likewise for the contact. Where under constant gravity one extension moves
+independently, another linear combination of the coordinates moves on a parabola; F then requires that the rate of the
+extension vanishes when that combination is at the top of its parabola, which determines the half time.
 
 A machine may state a reversor R of the flight, with places that change sign about a centre, a relabelling S after the
 landing, and the gap that closes at landing (`exact_symmetry`). It is then decided exactly, by identities of quotients
@@ -80,11 +80,11 @@ there are such numbers. Prescribed quantities are further equations. Friction: w
 on what sticks, mu F + T and mu F - T vanish at landing, as Rc takes F to itself and T to itself or its negative; both
 are positive inside the half contact, their first derivatives at landing too.
 
-Lemma 5, signs (`motion`). A function g of the states is positive where its enclosure is, also by g(m) + g'(T)(T - m).
-At lift-off the gap, its speed and its acceleration are 0: the first two as the launch is a state of the contact, the
-third by the equation of lift-off. If its third derivative is positive on [0, a], then by Taylor's formula the gap is
-above t**3 min g'''/6 > 0 on (0, a]. Likewise the contact force, which is 0 at landing by the same equation, with its
-first derivative; and the contact speed, which is 0 in mid-contact, read backwards from there.
+Lemma 5, signs (`motion`, `proved_motion`). A function g of the states is positive where its enclosure is, also by g(m)
++ g'(T)(T - m). At lift-off the gap, its speed and its acceleration are 0: the first two as the launch is a state of the
+contact, the third by the equation of lift-off. If its third derivative is positive on [0, a], then by Taylor's formula
+the gap is above t**3 min g'''/6 > 0 on (0, a]. Likewise the contact force, which is 0 at landing by the same equation,
+with its first derivative; and the contact speed, which is 0 in mid-contact, read backwards from there.
 
 Lemma 6, the family. Intervals of time on which the rate of the extension has a sign alternate with intervals on which
 its derivative has one. On the latter the rate is monotone: it has one zero where the signs before and after differ, and

@@ -58,7 +58,9 @@ from .branch_motion import MotionChecks, MotionStretch
 from .branch_piece import CurveEquations, floats_about
 from .branch_way import Way
 from .branch_words import ProvedCurve, branch_proof
-from .orbit_case import ProvedExistence, check_mirrored, existence_of, not_stated, wrong_numbers
+from .claimed_numbers import wrong_numbers
+from .orbit_case import check_mirrored, not_stated
+from .proved_existence import ProvedExistence, existence_of
 from .theorem import Proof
 
 # Default limit of the processor time of a proof, in seconds.

@@ -28,7 +28,7 @@ from ..exact import CONTACT_DURATION, TooLong, Unproved, unknown
 from ..symbolic import symbol
 from .branch_claim import Solver
 from .branch_piece import BRANCHES, CurveEquations, CurvePiece, parts_between
-from .orbit_case import CONDITIONS, NO_CONTACT, PROVED, UNDECIDED, counted_family, motion_conditions
+from .proved_motion import CONDITIONS, NO_CONTACT, PROVED, UNDECIDED, counted_family, motion_conditions
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,8 @@ from .branch_claim import BranchClaim
 from .branch_motion import MotionStretch
 from .branch_piece import CurvePiece, parts_between
 from .branch_way import Link
-from .orbit_case import PROVED, REFUTED, UNDECIDED, ProvedExistence
+from .proved_existence import ProvedExistence
+from .proved_motion import PROVED, REFUTED, UNDECIDED
 from .theorem import CurvePart, Proof
 from .wording import enclosed_words, words_of_conditions
 

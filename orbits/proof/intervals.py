@@ -7,7 +7,8 @@ from decimal import Decimal
 
 from ..exact import Bounds, Claim, Decimals, Enclosure, StatedMachine, Unproved, bounds_of_fractions, radius_of
 from ..running import time_limit
-from .orbit_case import CONDITIONS, REFUTED, UNDECIDED, check_mirrored, not_stated, whole_proof
+from .orbit_case import check_mirrored, not_stated, whole_proof
+from .proved_motion import CONDITIONS, REFUTED, UNDECIDED
 from .theorem import Proof
 from .wording import loss_sentence, motion_sentence, solved_words
 

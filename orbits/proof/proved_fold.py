@@ -29,7 +29,8 @@ from ..exact import (
 from ..model import Machine, machine_in_words
 from ..symbolic import substitute, symbol
 from .digits import bits_of_digits
-from .orbit_case import ball_of, check_mirrored, not_stated
+from .orbit_case import check_mirrored, not_stated
+from .proved_existence import ball_of
 from .theorem import Part, Proof
 from .wording import enclosed_words
 

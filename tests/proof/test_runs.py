@@ -18,7 +18,8 @@ from orbits.balls import BallProgram, Motion
 from orbits.check_proof import check
 from orbits.exact import ExactMechanics, HalfOrbit, Scale, Unproved, claim_of, stated_machine
 from orbits.exact.claim import rounded_up
-from orbits.proof.orbit_case import existence_of, motion_conditions
+from orbits.proof.proved_existence import existence_of
+from orbits.proof.proved_motion import motion_conditions
 from orbits.proof.sticking_friction import needed_friction
 from orbits.running import default_limit
 from problems import Hopper, runner

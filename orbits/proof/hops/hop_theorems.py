@@ -69,8 +69,10 @@ from ...exact import (
     unknown,
 )
 from ...model import Machine, machine_in_words
+from ..claim_options import CLAIMS
 from ..digits import with_enough_digits
-from ..orbit_case import CLAIMS, PROVED, not_stated
+from ..orbit_case import not_stated
+from ..proved_motion import PROVED
 from ..theorem import Part, Proof
 from ..wording import enclosed_words
 from .exact_hops import INJECTION, HopStatement, hop_statement

@@ -21,7 +21,7 @@ from ...balls import (
 from ...exact import Enclosure, ExactStatement, Unproved, enclosure_of, lower_decimal
 from ...symbolic import ExactExpression, depends_on, substitute
 from ..digits import bits_of_digits
-from ..orbit_case import Verdicts, verdicts_of
+from ..proved_motion import Verdicts, verdicts_of
 from ..theorem import Part
 from .exact_hops import HopStatement
 from .hop_jets import Jet, levels_of, next_jet, pace_of, statement_of_jets
