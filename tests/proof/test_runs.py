@@ -243,7 +243,6 @@ class TestRun:
     @pytest.mark.parametrize(
         ("name", "value"),
         [
-            ("prescribed", [["speed", "0.4001"]]),
             ("symmetry", [["x", "x - 1.5"]]),
             ("sticks", []),
             ("tuned", ["inertia", "step"]),
