@@ -83,6 +83,7 @@ TESTED_WITH = {
     "returns/hops": "returns/test_return_map",
     "returns/limited_hops": "returns/test_resolution",
     "returns/preimages": "returns/test_resolution",
+    "shooting/newton_kernel": "shooting/test_single_shooting",
     "show/diagram_cells": "show/test_sweep_figures",
     "show/pages/bokeh_figures": "show/pages/test_hop_view",
     "show/pages/map_view": "problems/explorer/test_page",

@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError
 import numpy as np
 import pytest
 from browser import wait_for
-from families import GOLDEN, events
+from families import GOLDEN
 
 from orbits import Family, InputError, follow, follow_branch, follow_event
 from orbits.continuation import checkpoint
@@ -94,16 +94,6 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_run(tmp_path, monke
             follow_branch(machine, family[0], "beta", 1.0, output=path)
         with pytest.raises(InputError, match=reason):
             follow_event(family, "fold", "mass_ratio", 2.0, output=path)
-
-
-def test_a_family_resumed_at_an_asked_value():
-    """Wherever it stopped: each value once, as an event and as a point."""
-    asked = tuple(np.linspace(0.1, 0.9, 9))
-    for most in (2, 3, 8, 15):
-        first = follow(Hopper("cubic"), "beta", 1.0, 0.0, at=asked, most=most)
-        whole = follow(Hopper("cubic"), "beta", 1.0, 0.0, at=asked, resume=first)
-        assert [point.value for point in events(whole, "value")] == list(asked)
-        assert (np.diff(whole.column("beta")) > 1e-9).all()
 
 
 def test_a_family_of_sources_that_are_not_installed(monkeypatch):

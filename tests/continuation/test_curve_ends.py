@@ -139,15 +139,6 @@ def test_a_limit_is_extrapolated_by_a_series(value, power):
     assert limit(points, (-np.inf, end - 2 * error - 1e-9), power) is None
 
 
-@pytest.mark.parametrize("power", [3, 6, 8])
-def test_a_limit_is_found_by_its_own_power(power):
-    """A history as along a spring r - d r**(power + 1), whose barrier goes to infinity."""
-    points = history(lambda s: 0.3 - 2 * s**power * (1 + np.exp(-10 / s)), np.geomspace(1.0, 6.0, 80))
-    found, error = limit(points, EVERYWHERE, -1)
-    assert abs(found - 0.3) <= error + 1e-13
-    assert error < 1e-2 * abs(points[-1][1] - 0.3)
-
-
 def test_what_tends_to_no_clear_limit_has_none():
     alpha = np.geomspace(1.0, 50.0, 300)
     assert limit(history(lambda s: 1 / (1 - np.log(s)), alpha), EVERYWHERE, -1) is None

@@ -44,12 +44,6 @@ class TestOnDisk:
             with pytest.raises(InputError, match="is not a saved family"):
                 Family.load(path)
 
-    def test_a_document_is_json(self, softening_family):
-        document = json.loads(json.dumps(softening_family.document()))
-        assert document["points"][0]["beta"] == 0.0
-        assert document["settings"]["stop"] == -0.02
-        assert set(document["versions"]) == {"persistent-orbits", "casadi", "numpy", "python"}
-
 
 def test_questions_about_quantities_and_values_that_are_not_there(softening_family, tmp_path):
     with pytest.raises(InputError, match="no quantity 'height'; they have beta, alpha"):

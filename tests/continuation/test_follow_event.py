@@ -100,17 +100,6 @@ def test_a_curve_has_its_own_events_and_ends(quintic):
     assert follow_event(quintic, "fold", "delta", -1e-6, locate=False).events == ()
 
 
-def test_results_are_saved_tabulated_and_drawn(quintic, tmp_path):
-    curve = follow_event(quintic, "fold", "delta", -1e-6, longest=0.2, at=[-5e-7])
-    assert curve.title().startswith("fold in beta of family 1")
-    assert Family.load(curve.save(tmp_path / "a.jsonl")).column("beta") == pytest.approx(curve.column("beta"), abs=0)
-    assert curve.table()["beta"] == pytest.approx(curve.column("beta"), abs=0)
-    assert curve.plot("beta").get_ylabel() == "beta"
-    assert curve.at(-5e-7)[0].also["beta"] == pytest.approx(
-        follow_fold(quintic.source, quintic.events[-1].point, "beta", "delta", -5e-7)[-1].also["beta"], abs=1e-13
-    )
-
-
 def test_of_a_machine_in_si():
     machine = hopper_in_si(60.0, 3.0, force="8000*r + b*r**3", rest_length=0.8, parameters={"b": 2e6})
     family = follow(machine, "b", 5e5, longest=0.1)

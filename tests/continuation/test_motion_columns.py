@@ -48,16 +48,6 @@ def test_it_has_the_quantities_of_the_orbits(leg, stiffening):
     assert frame["stroke"].to_numpy() == pytest.approx(stiffening.column("stroke"), rel=1e-14)
 
 
-def test_its_units_are_told(stiffening, softening):
-    units = stiffening.dataframe().attrs["units"]
-    assert units["b"] == "N/m^3"
-    assert {units[name] for name in ("stroke", "clearance", "body_rise", "liftoff_extension")} == {"m"}
-    assert {units[name] for name in ("flight_time", "contact_time", "period")} == {"s"}
-    assert (units["alpha"], units["largest_contact_force"], units["error"]) == ("m/s", "N", "m/s")
-    assert "residual" not in units
-    assert softening.dataframe().attrs["units"] == {}
-
-
 def test_events_stand_in_order_along_the_curve(softening):
     frame = softening.dataframe()
     asked = [event for event in softening.events if event.kind == "value"]

@@ -35,13 +35,6 @@ def test_points_are_the_orbits_of_machines_with_these_parameters(by_period):
     assert again.tuned_errors["beta"] == pytest.approx(found.tuned_errors["beta"], rel=1.0)
 
 
-def test_columns_are_those_of_the_orbits(by_period):
-    table = by_period.table(CUBIC)
-    assert table["period"] == pytest.approx(table["flight_time"] + table["contact_time"], rel=1e-13)
-    assert table["stroke"][0] == pytest.approx(5.4948689, abs=1e-7)
-    assert by_period.column("beta")[0] == pytest.approx(0.3)
-
-
 def test_a_family_is_resumed_from_its_file(by_period, tmp_path):
     output = tmp_path / "family.jsonl"
     first = follow(CUBIC, "period", 11.0, tune="beta", at=[10.0], most=20, output=output)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from plane_curves import Formula, Values, circle, fold_curve
+from plane_curves import Formula, circle, fold_curve
 
 from orbits.curves import Border, Steps, correct
 
@@ -47,37 +47,6 @@ def test_a_border_that_bends_locates_an_event_at_once():
     x, a, b = points.xs[0]
     assert x == pytest.approx(2 * a**2 + 0.1, abs=1e-15)
     assert (a, b) == (pytest.approx(-3 * x**2, abs=1e-15), pytest.approx(2 * x**3, abs=1e-15))
-
-
-def test_least_and_rough_bound_the_number_of_steps():
-    guess, border, onward = np.array([[0.999, 0.0]]), Border.of_component(1, np.zeros(1), 2), np.array([[0.0, 1.0]])
-    counts = []
-    for options in ({"rough": 1e-2}, {}, {"least": 6}):
-        problem = Formula(circle)
-        correct(problem, LANES[:1], guess, border, onward, Steps(), record=False, **options)
-        counts.append(problem.calls)
-    assert counts == [1, 3, 6]
-
-
-def test_equations_that_are_not_exact_end_no_correction():
-    """Of the first two evaluations the residuals have errors, and the steps with these grow from 1e-7 to 2e-7."""
-
-    class Inexact(Formula):
-        def evaluate(self, *args):
-            which, found = super().evaluate(*args)
-            error = {1: 2e-7, 2: -2e-7}.get(self.calls, 0.0)
-            return which, Rough(found.residual + error, found.jacobian, np.inf if error else 1.0)
-
-    class Rough(Values):
-        def __init__(self, residual, jacobian, factor):
-            super().__init__(residual, jacobian)
-            self.factor = factor
-
-        amplification = property(lambda self: np.full(1, self.factor))
-
-    guess, border, onward = np.array([[1.0, 0.0]]), Border.of_component(1, np.zeros(1), 2), np.array([[0.0, 1.0]])
-    _, points = correct(Inexact(circle), LANES[:1], guess, border, onward, Steps())
-    assert points.xs.tolist() == [[pytest.approx(1.0, abs=1e-15), 0.0]]
 
 
 def test_recorded_points_take_a_step_behind_a_rough_one():

@@ -38,16 +38,6 @@ def test_functions_without_a_value_and_poles_are_no_events():
     assert events_of(nowhere, pole, start=START)[0] == []
 
 
-def test_a_sign_is_located_by_cutting_at_several_places_at_once():
-    place = 1 / np.pi
-    sign = Test("jump", lambda problem, p: np.where(p.values < place, -1.0, 1.0), places=7)
-    events, problem = events_of(sign, start=START, options=Steps(width=1e-12))
-    assert events == [("jump", 0, pytest.approx(place, abs=1e-12))]
-    bisected, other = events_of(Test("jump", sign.values), start=START, options=Steps(width=1e-12))
-    assert bisected == [("jump", 0, pytest.approx(place, abs=1e-12))]
-    assert problem.calls < other.calls
-
-
 def test_the_gradient_of_a_test_saves_the_search():
     def value(problem, points):
         return points.xs[:, 0] - 0.25

@@ -19,7 +19,6 @@ from plane_curves import (
     found_by,
     kinds,
     lemniscate,
-    line,
     parabola_constants,
     parabolas,
     pitchfork,
@@ -176,31 +175,6 @@ def test_a_curve_goes_on_behind_a_corner(options):
     assert (end.kind, values[-1, 1]) == ("reached", 1.0)
 
 
-def test_problems_may_have_steps_of_their_own_and_go_on_at_known_points():
-    """Each line is lost at its first rejected batch, where the next one, with other steps, goes on from the
-    last point."""
-
-    def refused_from(value, steps, follower=None):
-        problem = Formula(line)
-        problem.steps = steps
-        problem.certify = lambda points: (
-            points, {i: ValueError("refused") for i in np.flatnonzero(points.values > value)}
-        )  # fmt: skip
-        problem.lost = lambda lane, passed, error: Start.at(follower, passed[-1][-1:])
-        return problem
-
-    last = refused_from(np.inf, Steps(apart=0.125))
-    middle = refused_from(0.1, Steps(apart=0.05, rejections=0), last)
-    first = refused_from(0.1, Steps(apart=0.025, rejections=0), middle)
-    xs, _, (end,) = found_by(run_of(first, (0.0, 0.0), stop=1.0))
-    assert end.kind == "reached"
-    values = np.array(xs)[:, 1]
-    again = np.flatnonzero(np.diff(values) == 0)
-    assert len(again) == 2
-    assert np.diff(values[: again[0] + 1]).max() <= 0.025 * np.sqrt(2)
-    assert 0.06 < np.diff(values[again[1] :]).max() <= 0.125
-
-
 def test_a_curve_that_goes_on_at_its_last_point_for_ever_is_stuck():
     problem = Formula(corner, lost_at=lambda problem, lane, passed, error: Start(
         problem, passed[-1].xs[-1], passed[-1].tangents[-1]
@@ -352,19 +326,6 @@ def test_what_cannot_be_run_is_refused():
     with pytest.raises(InputError, match="finite numbers"):
         run_of(Formula(circle), (np.nan, 0.0), stop=1.0)
     assert found_by(run_of(Formula(circle), (0.0, 3.0), stop=4.0)) == ([], [], [])
-
-
-def test_a_run_is_resumed_behind_a_change_of_its_problem():
-    """The points before the bound entered have fewer unknowns, and give no predictions behind it."""
-    whole, problem = run_of(Bounded(False), (0.0, 0.0, 0.0), stop=3.0, options=UNDIVIDED), Bounded(True)
-    while whole.groups[-1].problem.active is False:
-        whole.advance()
-    for _ in range(5):
-        whole.advance()
-    *earlier, last = whole.blocks
-    resumed = Run(problem, last, 3.0, behind=0.0, earlier=earlier, options=UNDIVIDED)
-    events = [item.point.values[0] for item in resumed if isinstance(item, Event)]
-    assert events == [pytest.approx(5 * np.pi / 6, abs=1e-13)]
 
 
 @BOTH

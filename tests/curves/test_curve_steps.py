@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from plane_curves import UNDIVIDED, Formula, circle, found_by, run_of
+from plane_curves import Formula, circle, found_by, run_of
 
 from orbits.curves import Steps, started
 from orbits.curves.curve_steps import Tails, step
@@ -25,26 +25,10 @@ def test_a_step_solves_the_curve_at_its_length_along_the_tangent():
     assert taken.ends.lengths.tolist() == [0.1, 0.2]
 
 
-def test_a_step_lands_exactly_on_a_bound_that_is_nearer():
-    taken = first_step(Formula(circle), [[1.0, 0.0]], [0.2], np.array([[-1.0, 0.05]]), Steps(corrected=0.5))
-    assert (taken.ends.values.tolist(), taken.arrives.tolist()) == ([0.05], [True])
-
-
 def test_a_step_with_a_large_correction_a_large_turn_or_a_prediction_off_the_tangent_is_rejected():
     for options in (Steps(), Steps(corrected=1.0, turned=0.1), Steps(corrected=1.0, moved=1e-3)):
         taken = first_step(Formula(circle), [[1.0, 0.0]], [0.2], FAR, options)
         assert (len(taken.ends), taken.lengths.tolist()) == (0, [0.1])
-
-
-def test_a_problem_may_refuse_neighbours():
-    class Near(Formula):
-        def accepts(self, before, points):
-            return points.values - before.values < 0.15
-
-    taken = first_step(Near(circle), [[0.8, 0.6]] * 2, [0.1, 0.25], FAR, Steps(corrected=1.0))
-    assert taken.which.tolist() == [0]
-    # The point lies at the length 0.1 along the tangent (-0.6, 0.8).
-    assert taken.ends.values == pytest.approx([0.6 * np.sqrt(0.99) + 0.8 * 0.1], abs=1e-15)
 
 
 def test_neighbouring_points_are_as_near_as_they_should_be_and_make_room_for_requested_values():
@@ -54,11 +38,3 @@ def test_neighbouring_points_are_as_near_as_they_should_be_and_make_room_for_req
     gaps = np.linalg.norm(np.diff(xs, axis=0), axis=1)
     assert gaps.max() <= 0.01 * 1.02
     assert gaps[:-1].min() > 0.1 * 0.004  # only the last one, at which the curve closes, may be shorter
-
-
-def test_steps_grow_up_to_the_longest_one():
-    problem = Formula(lambda lanes, x, p: ([x - p], [[1.0, -1.0]]))
-    xs, _, _ = found_by(run_of(problem, (0.0, 0.0), stop=10.0, options=UNDIVIDED))
-    gaps = np.linalg.norm(np.diff(xs, axis=0), axis=1)
-    assert gaps[:6] == pytest.approx(0.005 * 2.0 ** np.arange(6))
-    assert gaps[6:-1] == pytest.approx(np.full(len(gaps) - 7, 0.2))

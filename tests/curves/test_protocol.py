@@ -15,16 +15,6 @@ from orbits.errors import InputError
 POINT = SimpleNamespace(value=0.5, cost=2.0)
 
 
-def test_points_are_indexed_with_all_that_is_known_of_them():
-    points = started(Formula(circle), np.array([[1.0, 0.0], [0.9, 0.5], [-1.0, 0.0]]))
-    some = points.having(own=np.array(["a", "b", "c"]))[[2, 0]]
-    assert some.lanes.tolist() == [2, 0]
-    assert some.own.tolist() == ["c", "a"]
-    assert some.values.tolist() == [0.0, 0.0]
-    assert some.evaluation.jacobian[some.places][:, 0, 0] == pytest.approx(2 * some.xs[:, 0])
-    assert len(points[:0]) == 0
-
-
 def test_tangents_have_length_1_and_point_along_the_parameter():
     points = started(Formula(circle), np.array([[0.8, 0.6]]), way=-1.0)
     assert points.tangents[0] == pytest.approx([0.6, -0.8], abs=1e-14)

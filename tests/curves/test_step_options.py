@@ -28,8 +28,3 @@ def test_the_next_step_would_have_the_error_that_is_aimed_at():
     steps = Steps(aim=1e-6, safety=1.0, shorten=0.25, lengthen=4.0)
     ratios = steps.ratios(np.array([16e-6, 1e-6, 0.0, 1.0]), np.array([2, 3, 4, 1]))
     assert ratios == pytest.approx([0.5, 1.0, 4.0, 0.25], rel=1e-14)
-
-
-def test_points_lie_between_the_ends_of_steps_unless_they_may_be_far_apart():
-    assert Steps().divided
-    assert not Steps(apart=np.inf).divided

@@ -4,7 +4,7 @@ import pytest
 from designs import CUBIC, RANGE
 
 from orbits import NoOrbit, find, optimize, quantities
-from orbits.design import Design, local_search
+from orbits.design import local_search
 from orbits.design.design_problem import design_problem
 from problems import Hopper
 
@@ -80,11 +80,3 @@ def test_an_error_at_one_start_is_no_error_of_the_others(monkeypatch, name):
     assert isinstance(refused, NoOrbit)
     assert "the family is refused" in str(refused)
     assert (best.parameters, best.objective, best.kkt) == (alone.parameters, alone.objective, alone.kkt)
-
-
-def test_each_search_stays_in_the_family_of_its_start():
-    both, alone = searched([0.3, 0.3], [1, 2]), [searched([0.3], [family])[0] for family in (1, 2)]
-    for family, end, own in zip((1, 2), both, alone, strict=True):
-        assert isinstance(end, Design)
-        assert end.orbit.family == family
-        assert (end.parameters, end.objective) == (own.parameters, own.objective)

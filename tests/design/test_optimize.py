@@ -2,7 +2,6 @@
 machines that are refused."""
 
 from functools import cache
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -12,8 +11,6 @@ from scipy.optimize import minimize
 from steps import closed_form
 
 from orbits import InputError, NoOrbit, find, find_all, follow, optimize, pareto, quantities, sensitivities, sweep
-from orbits.design.design_problem import design_problem
-from orbits.design.optimize import Origin, best_design
 from problems import Chain, Hopper, hopper_in_si, rimless_wheel, rocking_block, springs
 
 
@@ -94,14 +91,6 @@ def test_leg_in_si():
     assert again.certificate.loss_coefficient == pytest.approx(best.objective, rel=1e-9)
 
 
-def test_starts_are_seeded():
-    options = {"minimise": "alpha", "over": {"b": RANGE}, "subject_to": ["stroke >= 7"], "starts": 2, "seed": 3}
-    one, two = optimize(CUBIC, **options), optimize(CUBIC, **options)
-    assert [start.parameters for start in one.starts] == [start.parameters for start in two.starts]
-    assert one.objective == two.objective
-    assert len({start.parameters["b"] for start in one.starts}) == 2
-
-
 def test_machines_that_cannot_be_designed():
     with pytest.raises(InputError, match="'mass_ratio' of a machine in SI follows from its masses"):
         optimize(LEG, minimise="alpha", over={"mass_ratio": (0.1, 0.2)})
@@ -129,30 +118,6 @@ def test_machines_that_cannot_be_designed():
         optimize(Hopper(damping=0.1), minimise="alpha", over={"mass_ratio": (0.1, 0.2)})
     with pytest.raises(NoOrbit, match="no clearance"):
         optimize(CUBIC, maximise="clearance", over={"b": RANGE})
-
-
-def test_where_the_best_optimum_cannot_be_certified_the_next_is_returned(monkeypatch):
-    """The loss coefficient falls from equal masses to both bounds, and farther to the lower one."""
-    machine, points, least = Hopper(mass_ratio=1.5), [{"mass_ratio": 0.8}, {"mass_ratio": 1.5}], 0.0
-    problem = design_problem(machine, "loss_coefficient", None, {"mass_ratio": (0.3, 2.0)}, ())
-    assert best_design(Origin(1, machine, None), problem, points).parameters == {"mass_ratio": 0.3}
-
-    def refusing(machine, *family, start=None):
-        if start and machine.values["mass_ratio"] < least:
-            raise NoOrbit("the orbit cannot be certified")
-        return find(machine, *family, start=start)
-
-    for module in ("optimize", "optimality"):
-        monkeypatch.setattr(import_module(f"orbits.design.{module}"), "find", refusing)
-    least = 1.0
-    best = best_design(Origin(1, machine, None), problem, points)
-    assert best.parameters == {"mass_ratio": 2.0}
-    assert best.objective == pytest.approx(find(Hopper(mass_ratio=2.0)).certificate.loss_coefficient, rel=1e-12)
-    assert [start.reason for start in best.starts] == ["the orbit cannot be certified", ""]
-    assert [start.objective for start in best.starts] == [None, best.objective]
-    least = 3.0
-    with pytest.raises(NoOrbit, match="no start within the bounds leads to an optimum: the orbit cannot be certified"):
-        best_design(Origin(1, machine, None), problem, points)
 
 
 ROWS = np.linspace(-14, 14, 97)

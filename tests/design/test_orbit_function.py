@@ -132,15 +132,6 @@ class TestWithinOtherProblems:
         root = ca.rootfinder("root", "newton", {"x": theta, "g": height - float(wanted)})
         assert float(root(x0=0.5)["x"]) == pytest.approx(0.7, rel=1e-9)
 
-    def test_second_derivatives_are_differences_of_the_first(self):
-        theta = ca.MX.sym("theta")
-        alpha = orbit_function(CUBIC, "beta")(theta)[0][1]
-        bend = float(ca.Function("bend", [theta], [ca.hessian(alpha, theta)[0]])(0.3))
-        up, down = (
-            sensitivities(CUBIC.with_values(beta=b), 1, ["beta"], ["alpha"])["alpha"]["beta"] for b in (0.31, 0.29)
-        )
-        assert bend == pytest.approx((up - down) / 0.02, rel=2e-3)
-
 
 class TestRefusals:
     def test_a_fold_is_not_passed(self):

@@ -76,11 +76,6 @@ def test_what_a_launch_of_several_unknowns_does_not_have():
         sensitivities(machine, hop, "b", start=hop)
 
 
-def test_a_name_that_no_machine_has():
-    with pytest.raises(InputError, match="no parameter '2\\*r' to follow; it has mass_ratio"):
-        sensitivities(Hopper(), names="2*r")
-
-
 def test_no_loss_at_a_corner_of_a_formula():
     """The jerk of the gap jumps at lift-off, as in the certificate of the orbit."""
     with pytest.raises(NoOrbit, match="a law has a corner at lift-off"):

@@ -9,7 +9,7 @@ from conftest import grazing_flights
 from many_at_once import MACHINES
 
 from orbits import ReturnMap
-from orbits.errors import FlowError, OutOfRange
+from orbits.errors import FlowError
 from orbits.flow import FirstOf, Flow, Watch, first_events, first_zero, flow_of, until_zero
 from orbits.flow.first_events import _Search
 from orbits.flow.flow import CLOSED_FORM
@@ -145,17 +145,6 @@ def test_motions_up_to_a_zero(name):
     assert motions.counts.min() <= 6 < motions.counts.max()
 
 
-def test_a_motion_that_breaks_down_later_still_has_its_zero():
-    """A spring with a pole: what comes after the zero within the same block of steps does not matter."""
-    rules, back = Impacts(MACHINES["a pole"]), Affine((1.0, 0.0, 0.0))
-    starts = np.array([[2.0, -1.0], [2.0, -3.0], [3.5, -20.0], [-1.0, -1.0]])
-    which, motions = until_zero(rules.contact, starts, np.tile(rules.p, (4, 1)), back)
-    for i, path in zip(which, motions, strict=True):
-        one, _ = rules.contact.run(starts[i], rules.p, 100.0, stop=first_zero(back))
-        assert path.times[-1] == pytest.approx(one.times[-1], rel=1e-12)
-    assert {0, 1} <= set(which.tolist())
-
-
 @pytest.mark.parametrize(("extension", "speed"), [(0.5, 0.0), (0.5, 1.0), (0.5, -1.0)])
 def test_a_start_on_a_break(extension, speed):
     """Of a bilinear spring, at rest too: against a start one rounding beside."""
@@ -167,18 +156,6 @@ def test_a_start_on_a_break(extension, speed):
     assert one[1] == pytest.approx(two[1], rel=1e-9)
     path, _ = rules.flight.run(x[0], rules.p, 60.0, stop=first_zero(rules.gap))
     assert path.times[-1] == pytest.approx(one[0][0], rel=1e-12)
-
-
-@pytest.mark.parametrize("side", [-1, 1])
-def test_a_start_on_the_range_s_end(side):
-    """Inward it is followed, outward refused."""
-    rules = Impacts(MACHINES["a short table"])
-    starts = np.array([[20.0 + 3 * side, side * speed, 20.0, 0.0] for speed in (-1.0, 1.0)])
-    failed = first_events(rules.flight, starts, rules.p, rules.flight_watch, 0.5).failed
-    assert isinstance(failed[1], OutOfRange)
-    assert 0 not in failed
-    with pytest.raises(OutOfRange, match="leaves the law's range"):
-        rules.flight.run(starts[1], rules.p, 0.5)
 
 
 @pytest.mark.parametrize("height", [-1e-17, 0.0, 1e-17])
@@ -263,17 +240,6 @@ def test_the_first_of_several_functions_is_that_of_each_alone(spring):
         assert path.times[-1] == pytest.approx(found.times[i], rel=1e-12)
         assert path.end == pytest.approx(found.rows[i], abs=1e-11)
         assert stop.which == found.which[i]
-
-
-@pytest.mark.parametrize("spring", ["r", "r + 0.2*r**3"])
-def test_of_two_events_at_one_time_the_first_function_has_it(spring):
-    rules, height = Impacts(Hopper(spring)), Affine((1.0, 0.0), 0.8)
-    starts = np.random.default_rng(4).normal(0.0, 2.0, (30, 2))
-    twice = first_events(rules.contact, starts, rules.p, Watch(rules.contact, [height, height]), 20.0)
-    once = first_events(rules.contact, starts, rules.p, Watch(rules.contact, [height]), 20.0)
-    assert np.array_equal(twice.times, once.times, equal_nan=True)
-    assert (twice.which == once.which).all()
-    assert once.which.max() == 0
 
 
 def test_a_motion_with_an_event_does_not_break_off():

@@ -42,35 +42,12 @@ def test_derivatives_are_those_of_the_flow(force, more):
         assert slopes[:, j] == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-7, abs=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("force", "more"),
-    [(duffing, {}), (duffing_by_cases, {}), (bilinear, BILINEAR)],
-    ids=["Taylor", "order 8", "pieces"],
-)
-def test_motions_have_seeds_of_their_own(force, more):
-    """Columns of one motion, each in a lane, are those that are found together."""
-    flow, p, seeds = oscillator(force, **more), np.array([0.3]), np.hstack([np.eye(2), np.zeros((2, 1))])
-    path, slopes = flow.run(START, p, TIME, seeds, np.array([[0.0, 0.0, 1.0]]))
-    starts, own = np.tile(START, (3, 1)), np.array([[[0.0]], [[0.0]], [[1.0]]])
-    paths, columns = flow.run_all(starts, np.tile(p, (3, 1)), np.full(3, TIME), seeds.T[:, :, None], own)
-    assert paths.finals[:, :2] == pytest.approx(np.tile(path.end[:2], (3, 1)), rel=1e-12)
-    for column, slope in zip(columns[:, :, 0], slopes.T, strict=True):
-        assert column == pytest.approx(slope, rel=1e-11, abs=1e-11)
-
-
 def test_a_flat_law_does_not_let_a_step_run_past_its_return():
     """Where tanh equals 1 to the last digit its series is a constant; the motion comes back all the same."""
     flow = oscillator(lambda r, p, q: ca.tanh(p["b"] * r) / p["b"])
     path, _ = flow.run([1.1, 30.0], [0.5], 200.0, stop=first_zero(Affine((0.0, 1.0))))
     # r' falls by 2 a unit of time once saturated; the approach adds a little
     assert path.times[-1] == pytest.approx(15.0, abs=0.1)
-
-
-def test_first_zero_divides_out_the_start():
-    flow = oscillator(lambda r, p, q: r)
-    speed = Affine((0.0, 1.0))
-    path, _ = flow.run([1.0, 0.0], [0.0], 10.0, stop=first_zero(speed, skip_start=1))
-    assert path.times[-1] == pytest.approx(np.pi, abs=1e-14)
 
 
 @pytest.mark.parametrize(

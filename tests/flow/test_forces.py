@@ -52,16 +52,6 @@ class TestBalance:
         assert not forces["contact force"][t < orbit.flight_time].any()
         assert forces["contact force"][t > orbit.flight_time].min() > 0
 
-    def test_a_leg_in_si(self):
-        """In N, with the masses in kg."""
-        orbit = find(LEG)
-        t = inside(orbit)
-        forces, a = column_and_contact(orbit, t), accelerations(orbit, t, STEP * orbit.flight_time)
-        g = LEG.surface_gravity
-        assert forces["spring force"] == pytest.approx(-60.0 * (a[:, 0] + g), abs=0.05)
-        assert forces["contact force"] == pytest.approx(3.0 * (a[:, 1] + g) - forces["spring force"], abs=0.05)
-        assert orbit.units["spring force"] == orbit.units["contact force"] == "N"
-
     def test_a_plate(self):
         """Three masses and two springs: the contact force is between foot and plate."""
         plate = plate_hopper(parameters={"plate_stiffness": 100.0})

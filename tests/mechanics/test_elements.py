@@ -4,7 +4,7 @@ import pytest
 from mechanisms import VALUES, leg, machine
 
 from orbits import InputError, NoOrbit, ReturnMap, find
-from orbits.mechanics import Damper, Force, Inerter, Mass, Potential, Spring, Weight
+from orbits.mechanics import Damper, Force, Inerter, Mass, Spring, Weight
 from problems import hopper_in_si
 
 
@@ -43,6 +43,3 @@ class TestWhatFindDoesWithElements:
             with pytest.raises(NoOrbit, match="loses energy"):
                 find(machine(element))
             assert ReturnMap(machine(element))([3.0]).next[0] > 0
-
-    def test_that_have_a_potential(self):
-        assert find(machine(Potential("0*body"))).alpha == pytest.approx(find(machine()).alpha, rel=1e-13)

@@ -68,10 +68,6 @@ class TestNumbers:
         assert ReturnMap(plain)(6.0).next == pytest.approx(float(ReturnMap(named)(6.0).next), rel=1e-13)
         assert check(plain).largest < 1
 
-    def test_may_come_after_the_statement(self):
-        stated = leg(Spring("body - foot", "k*r"), parameters={})
-        same(find(stated.with_values(**VALUES)), find(leg(Spring("body - foot", "k*r"))))
-
 
 class TestAnInerter:
     @pytest.mark.parametrize("inertance", [0.0, 0.1, 1.0, 30.0])

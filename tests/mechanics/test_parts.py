@@ -1,37 +1,11 @@
 """The parts of a model: tension, gap, landing, and displacements of actuators, against values by hand."""
 
 import pytest
-from mechanisms import VALUES, leg
 
-from orbits import InputError, Mechanism, check, find, follow, prove, starts
+from orbits import Mechanism, check, find, follow, prove, starts
 from orbits.check_proof import check as faults_of_proof
 from orbits.mechanics import Mass, Spring
 from orbits.show import law_data
-
-
-@pytest.mark.parametrize(
-    ("change", "telling"),
-    [
-        ({"launch": "u"}, "launch 'u' is no coordinate of the contact; those are body"),
-        ({"counts": "0"}, "counts = '0' is no sum of coordinates"),
-        ({"counts": "u"}, "counts = 'u' is no sum of coordinates"),
-    ],
-)
-def test_a_displacement_is_no_coordinate(change, telling):
-    moved = leg(Spring("body - foot - u", "k*r"), actuators={"u": "w"}, **change)
-    with pytest.raises(InputError, match=telling):
-        moved.model  # noqa: B018
-
-
-def test_the_tension_is_that_of_all_springs_along_the_extension():
-    """k r and c r**3 along minus twice the extension pull with k e + 16 c e**3; a spring to the ground is another."""
-    values, x = {**VALUES, "c": 0.7, "h": 0.2, "n": 2.0}, [0.4, 0.0, -0.1, 0.0]
-    for more in ([], [Spring("body", "h*r")]):
-        given = {name: value for name, value in values.items() if more or name != "h"}
-        machine = leg(
-            Spring("body - foot", "k*r"), Spring("n*(foot - body)", "c*r**3"), *more, parameters=given
-        )  # fmt: skip
-        assert float(machine.model.tension(x, values, [])) == pytest.approx(3.0 * 0.5 + 16 * 0.7 * 0.5**3, rel=1e-14)
 
 
 def plated(gap: str, **names) -> Mechanism:

@@ -120,19 +120,6 @@ def test_the_forces_on_both_feet_on_a_slope():
     assert check(machine).largest < 1
 
 
-def test_words_name_the_points_of_contact():
-    words = walker().model.violations
-    assert words["gap"] == "the rear foot touches in flight"
-    assert words["landing gap"] == "the front foot touches in flight"
-    assert words["pull"] == "the rear foot would have to pull"
-    assert words["landed pull"] == "the front foot would have to pull"
-    assert stepping("rocker", 1.0, 0.5).model.violations["landed pull"] == "the point that lands would have to pull"
-    assert walker(words={"gap": "scuffed"}).model.violations["gap"] == "scuffed"
-    plain = Mechanism(("a", "b"), [Mass("a", 1.0), Mass("b", 1.0), Spring("a - b")], gap="b")
-    assert plain.model.plain
-    assert "landing gap" not in plain.model.violations
-
-
 @pytest.mark.parametrize("kind", slow_after(1, [*TABLE]))
 def test_a_law_in_pieces_is_taken_where_it_is_odd(kind):
     rows = [-2.0, -1.0, 0.0, 1.0, 2.0], [-3.0, -1.2, 0.0, 1.2, 3.0]

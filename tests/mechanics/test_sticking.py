@@ -1,7 +1,5 @@
 """Contact that holds a coordinate along the ground, against the equations of a runner that are written by hand."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from runners import NAMES, energy_by_hand, rates_by_hand
@@ -91,10 +89,3 @@ ELEMENTS = (
 def test_what_is_no_machine_that_moves_along_the_ground_is_refused(changes, added, message):
     with pytest.raises(InputError, match=message):
         Mechanism(elements=[*ELEMENTS, *added], **{**MACHINE, **changes}).model  # noqa: B018
-
-
-def test_what_does_not_depend_on_the_place_is_accepted():
-    drag = [Damper("x", 0.1), Force("x", lambda y, v, p: -0.1 * v["x"]), Spring("l + x - x", "r")]
-    assert Mechanism(elements=[*ELEMENTS, *drag], **{**MACHINE, "reversor": None}).model.sticks == ("x",)
-    machine = Mechanism(elements=ELEMENTS, **MACHINE)
-    assert replace(machine, name="other").model.sticks == ("x",)

@@ -5,7 +5,7 @@ from mechanisms import VALUES, leg
 from scipy.integrate import solve_ivp
 
 from orbits import find, find_all
-from orbits.mechanics import Potential, Spring
+from orbits.mechanics import Spring
 
 
 class TestAnotherMachine:
@@ -23,11 +23,3 @@ class TestAnotherMachine:
         start = [0.5 / 3, orbit.alpha, 0.0, 0.0]
         run = solve_ivp(rates, (0, orbit.flight_time), start, "DOP853", rtol=1e-13, atol=1e-13)
         assert run.y[:, -1] == pytest.approx([0.5 / 3, -orbit.alpha, 0.0, 0.0], abs=1e-10)
-
-    def test_a_body_that_is_held_up(self):
-        """A fifth of the foot's weight lifts the body: where body and foot weigh the same, the centre of mass falls at
-        nine tenths of gravity, and the hop has nine tenths of the size."""
-        values = {"m1": 1.0, "m2": 1.0}
-        plain = leg(Spring("body - foot", "r"), parameters=values)
-        held = leg(Spring("body - foot", "r"), Potential("-0.2*m2*body"), parameters=values)
-        assert find(held).alpha == pytest.approx(0.9 * find(plain).alpha, rel=1e-12)

@@ -22,12 +22,6 @@ def test_the_upright_runner_hops_as_two_masses_do():
     assert upright.source.coordinates == ("z", "l")
 
 
-def test_springs_keep_their_laws():
-    machine = runner(spring="stiffness*r + r**3", hip_spring="hip_stiffness*r + r**3")
-    (spring,) = (each for each in machine.upright().elements if isinstance(each, Spring))
-    assert spring.force.text == "stiffness*r + r**3"
-
-
 def test_what_has_no_vertical_hop_is_refused():
     machine = runner()
     function = replace(machine, separation=lambda y, p: y["l"])

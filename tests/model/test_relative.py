@@ -17,15 +17,6 @@ def test_half_angles_are_roots_of_the_tangent(family):
 
 
 @pytest.mark.parametrize(
-    ("text", "line"),
-    [("r", (1.0, 0.0)), ("2*r - 0.6", (2.0, 0.3)), ("0.6 + 3*r", (3.0, -0.2)), ("1e-9*r", (1e-9, 0.0))],
-)
-def test_straight_lines(text, line):
-    law = from_formula(text, "r")
-    assert straight_line(law.key, law.parameters) == pytest.approx(line, rel=1e-15)
-
-
-@pytest.mark.parametrize(
     ("text", "words"),
     [("-r", "stiffness -1"), ("1e-300*r", "stiffness 1e-300: it never"), ("1e300*r", "stiffness 1e\\+300: it never")],
 )

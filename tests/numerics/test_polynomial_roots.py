@@ -96,30 +96,6 @@ def test_shift_and_derivative():
     assert evaluate(derivative(c), 0.4) == pytest.approx(slope, rel=1e-8)
 
 
-def test_many_roots_at_once_are_the_same_as_one_by_one():
-    """Stacks of polynomials with a dozen roots each, against each polynomial alone."""
-    rng = np.random.default_rng(4)
-    steps = rng.uniform(0.5, 2.0, (15, 3))
-    c = rng.normal(size=(15, 3, 8))
-    for i in range(2):  # joined up
-        powers = steps[:, i, None] ** np.arange(8)
-        c[:, i + 1, 0] = np.einsum("pk,pk->p", c[:, i], powers)
-    polynomials = PiecewisePolynomials(c.reshape(-1, 8), steps.ravel(), np.full(15, 3))
-    owner, piece, times = polynomials.roots()
-    found = [list(zip(piece[owner == p], times[owner == p], strict=True)) for p in range(15)]
-    least = list(zip(*polynomials.lowest(), strict=True))
-    assert len(owner) > 6
-    for p in range(15):
-        alone = [(k, s) for k in range(3) for s in roots_within(c[p, k], steps[p, k])]
-        assert [k for k, _ in found[p]] == [k for k, _ in alone]
-        assert [s for _, s in found[p]] == pytest.approx([s for _, s in alone], rel=1e-13, abs=1e-15)
-        value, k, s = least[p]
-        assert (value, k, s) == pytest.approx(lowest(c[p], steps[p]), rel=1e-14)
-        sampled = np.concatenate([evaluate(c[p, j][None], np.linspace(0, steps[p, j], 2001)) for j in range(3)])
-        assert sampled.min() - 1e-4 < value <= sampled.min() + 1e-15 * np.abs(sampled).max()
-        assert evaluate(c[p, k], s) == pytest.approx(value, abs=1e-14)
-
-
 def test_a_root_in_a_bracket_that_rounding_has_closed():
     """A line that misses zero by a rounding at the only number left in the bracket: that is the root, found at once."""
     r = 0.21758109405527115

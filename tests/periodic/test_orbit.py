@@ -41,19 +41,6 @@ def test_times_are_finite_numbers(orbit, of):
             getattr(orbit, of)(t)
 
 
-def test_is_frozen(orbit):
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        orbit.alpha = 1.0
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        orbit.certificate.error = 0.0
-
-
-def test_prints_as_a_table(orbit):
-    text = str(orbit)
-    for word in ("family 1", "alpha", "2.33796347461205", "flight time", "admissible", "half orbit"):
-        assert word in text
-
-
 class TestPlots:
     @pytest.mark.parametrize("kind", [Hopper, Juggler])
     def test_figure_3(self, kind, tmp_path):

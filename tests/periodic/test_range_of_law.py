@@ -43,9 +43,3 @@ def test_a_law_without_an_orbit_needs_no_range():
     with pytest.raises(NoOrbit) as raised:
         find(Hopper(springs.table((r, np.clip(r, -0.9, 0.9)), noise=0)))
     assert "an orbit needs" not in str(raised.value)
-
-
-def test_a_law_is_continued_by_its_slopes():
-    law = springs.table(([-2.0, -1.0, 0.0, 1.0, 2.0], [-3.0, -1.2, 0.0, 1.2, 3.0]), noise=0)
-    (_, slopes), far = law.with_slope(np.array([-2.0, 2.0])), law.continued()
-    assert far(np.array([-3.0, 0.5, 4.0])) == pytest.approx([-3.0 - slopes[0], float(law(0.5)), 3.0 + 2 * slopes[1]])

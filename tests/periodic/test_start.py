@@ -7,15 +7,6 @@ from orbits.periodic import stated_unknowns, unknowns_of_start
 from problems import Hopper, hopper_in_si
 
 
-def test_an_orbit_states_the_unknowns_that_lead_back_to_it():
-    machine = Hopper("cubic", rest_length=8.0, parameters={"beta": 0.3})
-    orbit = find(machine)
-    stated = stated_unknowns(machine.model, orbit)
-    assert stated["duration"] == pytest.approx(orbit.flight_time / 2, rel=1e-15)
-    assert stated["contact_duration"] == pytest.approx(orbit.contact_time / 2, rel=1e-15)
-    assert find(machine, start=stated).alpha == pytest.approx(orbit.alpha, rel=1e-15)
-
-
 def test_a_start_in_si():
     machine = hopper_in_si(60.0, 3.0, stiffness=2000.0, rest_length=0.8)
     orbit = find(machine)

@@ -145,11 +145,6 @@ def test_a_machine_with_a_damper_is_not_tuned():
         find(Hopper("k*r", damping=0.1, parameters={"k": 1.0}), tune="k", at={"alpha": 3.0})
 
 
-def test_a_mass_in_si_that_follows_from_others_is_not_tuned():
-    with pytest.raises(InputError, match="no parameter 'mass_ratio'"):
-        find(LEG, tune="mass_ratio", at={"frequency": 2.5})
-
-
 @pytest.mark.slow
 def test_a_tuned_number_may_go_far():
     """Over four decades, to where the clearance of another integrator's flight is the prescribed one."""

@@ -39,12 +39,6 @@ def test_cycles_are_born_at_a_fold():
     assert len(launches(logistic(fold + 1e-9), 3)) == 7
 
 
-def test_cycles_beside_a_flip_are_told_from_the_fixed_point():
-    """Period two begins at r = 3, with launches whose distance is the root of that of r."""
-    assert len(launches(logistic(3 - 1e-7), 2)) == 1
-    assert len(launches(logistic(3 + 1e-7), 2)) == 3
-
-
 def test_too_many_itineraries_are_refused(monkeypatch):
     monkeypatch.setattr(itineraries, "ITINERARIES", itineraries.ITINERARIES._replace(most=10))
     with pytest.raises(InputError, match="more than 10 itineraries: shorten"):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orbits import InputError, PeriodDiagram, ReturnMap, period_diagram
+from orbits import InputError, PeriodDiagram, period_diagram
 from problems import Chain, Hopper
 
 LAUNCHES = (4.2, 5.4)
@@ -22,12 +22,6 @@ def test_periods_at_equal_masses(diagram):
     assert diagram.status[0, :, 0].tolist()[:4] == ["periodic", "periodic", "periodic", "chaotic"]
     assert diagram.exponents[0, 3, 0] > 0.05
     assert not diagram.several.any()
-
-
-def test_the_launches_are_those_of_the_map(diagram):
-    step = ReturnMap(Hopper(), inject=0.1)
-    known = max(step.periodic_hops(2, 4.4, 4.7)[0].alphas)
-    assert diagram.launches[0, 2, 0] == pytest.approx(known, rel=1e-8)
 
 
 def test_two_periods_attract_side_by_side():

@@ -48,56 +48,6 @@ def test_error_bound_against_30_digits(b, R, M, length, family):
         assert float(abs(exact - mpmath.mpf(orbit.alpha))) <= orbit.error < 1e-12
 
 
-def _turn(powers, rho, alpha):
-    """r' and its derivative by alpha at the time alpha in 30 digits, r'' = -(r + c2 r**2 + ...), by Taylor steps."""
-    r, v, s, w, left = rho, alpha, mpmath.mpf(0), mpmath.mpf(1), alpha
-
-    def product(a, b):
-        return mpmath.fsum(x * y for x, y in zip(a, reversed(b), strict=True))
-
-    while left > 0:
-        rs, vs, ss, ws, force, slope = [r], [v], [s], [w], [], []
-        chain = [[] for _ in powers]  # the powers of r, from 0
-        for k in range(30):
-            for i, row in enumerate(chain):
-                row.append(mpmath.mpf(k == 0) if i == 0 else product(chain[i - 1], rs))
-            force.append(mpmath.fsum(c * product(row, rs) for c, row in zip(powers, chain, strict=True)))
-            slope.append(
-                mpmath.fsum((i + 1) * c * row[k] for i, (c, row) in enumerate(zip(powers, chain, strict=True)))
-            )
-            for row, rate in ((rs, vs[k]), (ss, ws[k]), (vs, -force[k]), (ws, -product(slope, ss[: k + 1]))):
-                row.append(rate / (k + 1))
-        step = min(left, (mpmath.mpf("1e-28") / max(map(abs, (rs[-1], vs[-1], ws[-1])))) ** (mpmath.mpf(1) / 30))
-        r, v, s, w = (mpmath.fsum(c * step**k for k, c in enumerate(row)) for row in (rs, vs, ss, ws))
-        left -= step
-    return v, w - mpmath.fsum(c * r ** (i + 1) for i, c in enumerate(powers))
-
-
-@pytest.mark.parametrize(
-    ("powers", "family"),
-    [
-        ((0.7643693446449379, 0.09008323639847042), 3),
-        ((0.8187501117012889, 0.1658202845056341, -0.005792147986670724), 2),
-        ((-0.14861987010119804, 0.018246038018433646, 0.016564753433755047, 0.0006058321236262336), 2),
-        ((0.30201729459173826, 0.24400462310693716), 3),
-    ],
-)
-@pytest.mark.slow
-def test_the_error_figure_covers_what_the_flow_makes_of_rounding(powers, family):
-    """Of some hundred random polynomial springs these come nearest to their figures, or were beyond half of them."""
-    names = {f"c{i}": c for i, c in enumerate(powers, start=2)}
-    orbit = find(
-        Hopper("r + " + " + ".join(f"c{i}*r**{i}" for i in range(2, 2 + len(powers))), parameters=names), family
-    )
-    exact = [mpmath.mpf(1), *map(mpmath.mpf, powers)]
-    force = lambda r: mpmath.fsum(c * r ** (i + 1) for i, c in enumerate(exact)) - 1  # noqa: E731
-    rho, alpha = mpmath.findroot(force, orbit.liftoff_extension), mpmath.mpf(orbit.alpha)
-    for _ in range(2):
-        value, slope = _turn(exact, rho, alpha)
-        alpha -= value / slope
-    assert abs(alpha - orbit.alpha) <= orbit.error
-
-
 @pytest.mark.parametrize("shift", [1e-12, 1e-4])
 def test_two_integrations_that_disagree(monkeypatch, shift):
     """The error is twice the change of alpha that takes the shift of the speed in mid-flight back; a large one is

@@ -26,11 +26,6 @@ def cluster(tmp_path_factory):
         running.close()
 
 
-def test_its_executor_is_one_like_any_other(cluster):
-    found = sweep(Hopper("cubic"), OVER, 2 * CHUNK, executor=cluster.get_executor())
-    assert found.statuses() == {"certified": 2 * CHUNK}
-
-
 def test_a_cluster_gives_the_same_answer_while_a_worker_is_killed(cluster):
     pids, killed = list(cluster.run(os.getpid).values()), []
 

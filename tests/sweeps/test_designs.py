@@ -20,12 +20,6 @@ def test_a_grid_has_every_combination_in_order():
     np.testing.assert_allclose(grid.values, [[b, m] for b in (0, 0.5, 1) for m in (0.1, 10)], rtol=1e-15)
 
 
-def test_lists_make_a_grid_of_their_values():
-    grid = members({"beta": [0.3, 0.1], "mass_ratio": np.array([1.0, 2.0, 4.0])})
-    assert grid.shape == (2, 3)
-    assert grid.values[:, 0].tolist() == [0.3, 0.3, 0.3, 0.1, 0.1, 0.1]
-
-
 @pytest.mark.parametrize("sampling", ["sobol", "lhs", "random"])
 def test_samples_fill_their_ranges_and_follow_their_seed(sampling):
     over = {"beta": (2.0, 4.0), "mass_ratio": (0.01, 100.0, "log"), "rest_length": norm(10, 0.5)}

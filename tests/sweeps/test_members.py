@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from conftest import slow_after
 
-from orbits import find, quantities, sweep
-from problems import Hopper, rimless_wheel, rocking_block, shuttle
+from orbits import find, sweep
+from problems import Hopper
 
 
 def test_members_without_an_orbit_say_why():
@@ -47,28 +46,3 @@ def test_a_law_that_is_none_somewhere_fails_there():
     assert found["status"].tolist() == ["certified", "certified", "failed"]
     assert "stiffness" in found["reason"][2]
     assert np.isnan(found["alpha"][2])
-
-
-@pytest.mark.parametrize("kind", slow_after(1, ["shuttle", "wheel", "block"]))
-def test_members_that_step_are_those_of_find(kind):
-    """Their status, launch speed and quantities, in two families; a block that would slide is inadmissible."""
-    ratios = {"inertia_ratio": (0.3, 5.0), "gravity_ratio": (0.1, 2.0)}
-    machine, over, further = {
-        "shuttle": (shuttle(), ratios, []),
-        "wheel": (rimless_wheel(angle=0.3, share=0.8), ratios, ["friction_needed", "smallest_stance_force"]),
-        "block": (
-            rocking_block(2.0, 0.1, 0.3, 0.3, 0.3, 20.0, friction=0.4),
-            {"body_inertia": (0.1, 2.0), "stiffness": (5.0, 60.0)}, ["friction_needed", "friction_left"],
-        ),
-    }[kind]  # fmt: skip
-    texts = ["stroke", "contact_time", *further]
-    for family in (1, 2):
-        found, statuses = sweep(machine, over, 6, family=family, quantities=texts), []
-        for i in range(len(found)):
-            member = machine.with_values(**{name: float(found[name][i]) for name in over})
-            orbit = find(member, family)
-            statuses.append("certified" if orbit.admissible else "inadmissible")
-            assert found["alpha"][i] == pytest.approx(orbit.alpha, rel=1e-11)
-            values = quantities(member, orbit, texts)
-            assert [found[text][i] for text in texts] == pytest.approx([*values.values()], rel=1e-9)
-        assert found["status"].tolist() == statuses

@@ -60,18 +60,6 @@ def test_without_a_terminal_the_messages_say_how_far_it_is(monkeypatch, caplog):
     ]
 
 
-@pytest.mark.parametrize(
-    ("seconds", "words"),
-    [
-        (0.0, "0 s"), (99.4, "99 s"), (100.0, "2 min"), (3000.0, "50 min"), (5999.0, "100 min"), (6000.0, "1.7 h"),
-        (3.6e6, "1000.0 h"),
-    ],
-)  # fmt: skip
-def test_times_in_words(seconds, words, capsys):
-    on_screen(True)(state(60, 8.0, seconds, certified=60))
-    assert f", {words} left:" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(("terminal", "notebook"), [(True, False), (False, True), (False, False)])
 def test_a_line_is_shown_on_terminals_and_in_notebooks(terminal, notebook, capsys, monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)

@@ -5,7 +5,6 @@ import pytest
 
 from orbits import InputError, Mechanism, Sweep
 from orbits.mechanics import Mass, Spring
-from orbits.sweeps import question, same_equations
 from orbits.sweeps.designs import members_of
 from orbits.sweeps.question import question_of
 from orbits.sweeps.store import Store
@@ -45,13 +44,3 @@ def test_the_same_words_of_other_equations_are_refused(tmp_path, pair):
     assert Sweep.load(path, first).count == 8
     with pytest.raises(InputError, match="other equations"):
         Sweep.load(path, second)
-
-
-def test_another_version_is_no_other_machine(tmp_path, monkeypatch):
-    """The digest of equations begins with the version of CasADi, which is what the refusal says."""
-    path, members = tmp_path / "study.db", members_of({"mass_ratio": (0.5, 2.0)}, 8, "sobol", 0, ["mass_ratio"])
-    Store(path, question_of(Hopper(), members, 1, (), "find", None)).close()
-    monkeypatch.setattr(question, "versions", lambda known=question.versions: {**known(), "casadi": "9.9"})
-    monkeypatch.setattr(same_equations, "version", lambda name: "9.9")
-    with pytest.raises(InputError, match=r"its versions casadi is .*, here it is .9\.9"):
-        Store(path, question_of(Hopper(), members, 1, (), "find", None))

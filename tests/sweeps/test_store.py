@@ -258,12 +258,6 @@ def test_another_seed_or_range_is_named(tmp_path):
         sweep(machine, {"beta": (0.1, 0.3)}, 8, store=store)
 
 
-def test_an_executor_that_is_none_leaves_no_store(tmp_path):
-    with pytest.raises(InputError, match="executor = 'threads'"):
-        sweep(Hopper("cubic"), {"beta": (0.1, 0.2)}, 8, executor="threads", store=tmp_path / "a.db")
-    assert not (tmp_path / "a.db").exists()
-
-
 def test_names_and_questions_that_cannot_be_read_are_refused(tmp_path):
     for name in ("x" * 300, "a\0", "a\ud800"):
         with pytest.raises(InputError, match="cannot be written"):

@@ -75,14 +75,11 @@ def test_a_fixed_point_of_the_return_map(orbits):
         ("--inject 0.03 --near 2", 1),  # it comes to rest
         ("--inject 0.03", 2),
         ("--inject 0.03 --near 4.52 --loss", 2),
-        ("--inject x --near 4.52", 2),
         ("--spring cubic --set beta=0.3 --family 2 --rest-length 3", 1),  # the masses pass through each other
         ("--spring 'r - 0.5*r**3'", 1),
         ("--between beta", 2),
-        ("--between beta=1:2:3", 2),
         ("--between beta=x:2", 2),
         ("--spring cubic --between beta=0.3:0.2", 2),
-        ("--spring cubic --between gamma=0.3:0.4", 2),
         ("--digits 0", 2),
     ],
 )
