@@ -947,6 +947,8 @@ def _check_cell(document: Mapping[str, Any], claims: Bounds, radius: Fraction, c
         lies = all(ball(claims[name][0]) < solution.common[name] < ball(claims[name][1]) for name in names)
         if solution.inside and lies:
             return _check_motion(document, solution) if document["motion"] else None
+        if not all(known.common[name].overlaps(stated[name]) for name in names):
+            break
         known = solution = Solution(machine, known.common)
     raise Unverified("the solution is not shown to lie in its enclosures")
 
