@@ -17,7 +17,6 @@ from orbits import (
     find_all,
     follow,
     multiplier,
-    orbit_at,
     quantities,
     simulate,
 )
@@ -121,28 +120,6 @@ def test_what_is_added_to_launches_is_bounded_in_si():
 def leaving():
     """A family along gravity that leaves its table."""
     return follow(TABLE, "surface_gravity", start=GRAVITY, stop=40.0, at=[15.0])
-
-
-@pytest.mark.slow
-def test_an_orbit_of_a_point_beyond_a_table_says_so_with_the_units_there(leaving):
-    """Half the table holds the orbits up to half the gravity; the unit of length is proportional to it."""
-    (point,) = leaving.at(15.0)
-    half = springs.table((LENGTH_IN_M * np.linspace(-50, 6, 57), FOOT * GRAVITY * np.linspace(-50, 6, 57)))
-    with pytest.raises(NoOrbit, match=r"\[-0\.2942 m, 0\.0353\d* m\]"):
-        orbit_at(hopper_in_si(BODY, FOOT, stiffness=STIFFNESS, force=half), point, "surface_gravity")
-
-
-def test_a_violation_tells_the_certificate_s_number(tmp_path):
-    orbit = find(SHORT, 3)
-    (violation,) = orbit.violations
-    assert f"(separation {orbit.certificate.smallest_separation:.3g} m)" in violation
-    (bare,) = orbit.dimensionless().violations
-    assert f"(separation {orbit.dimensionless().certificate.smallest_separation:.3g})" in bare
-    loaded = Orbit.load(orbit.save(tmp_path / "orbit.json"))
-    assert loaded.violations == orbit.violations
-    assert loaded.dimensionless().violations == (bare,)
-    assert pickle.loads(pickle.dumps(orbit)).violations == orbit.violations
-    assert pickle.loads(pickle.dumps(orbit)).dimensionless().violations == (bare,)
 
 
 @pytest.mark.usefixtures("any_digest")

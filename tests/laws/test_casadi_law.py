@@ -30,11 +30,6 @@ def test_a_short_function_is_a_formula():
     assert law(places) == pytest.approx([float(everything(each, 0.7)) for each in places], rel=1e-14)
 
 
-def test_an_mx_function_is_expanded():
-    vector = ca.Function("vector", [x], [x + 0.3 * ca.dot(ca.vertcat(x, 0), ca.vertcat(x, 1)) * x])
-    assert find(Hopper(vector)).alpha == pytest.approx(find(Hopper("cubic")).alpha, rel=1e-14)
-
-
 def test_a_function_that_formulas_do_not_have(tmp_path):
     """It is found, followed and swept like any law, with slopes by CasADi; a file of its orbit needs the machine."""
     machine = Hopper(SATURATING, parameters={"b": 0.2})

@@ -97,16 +97,6 @@ def test_a_breakpoint_moves_with_a_parameter():
     assert point.alpha == pytest.approx(find(Hopper("r + 0.2*sign(r + 3)")).alpha, abs=1e-12)
 
 
-def test_a_jump_grows_from_nothing():
-    family = follow(Hopper("r + d*sign(r + 2)", parameters={"d": 0.0}), "d", stop=0.1, start=0.0)
-    assert family.points[-1].alpha == pytest.approx(find(Hopper("r + 0.1*sign(r + 2)")).alpha, abs=1e-12)
-
-
-def test_stated_breakpoints_decide_other_comparisons():
-    stated = find(Hopper(springs.function(lambda r: r + 0.1 * (r**2 < 4), breakpoints=(-2.0, 2.0))))
-    assert stated.alpha == pytest.approx(find(Hopper("r + 0.05*(sign(r + 2) - sign(r - 2))")).alpha, abs=1e-13)
-
-
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -122,14 +112,6 @@ def test_stated_breakpoints_decide_other_comparisons():
 def test_jumps_that_cannot_be_located_are_refused(make, message):
     with pytest.raises(InputError, match=message):
         make()
-
-
-@pytest.mark.parametrize("slope", [0.3, 1e-16, -1e-17, 0.0])
-def test_a_breakpoint_that_goes_to_infinity(slope):
-    """The term vanishes on the whole motion, and the orbit is that without it."""
-    stop = Hopper("r + 0.2*r**3 + (a*r - 1 + abs(a*r - 1))/2", parameters={"a": 0.3}, rest_length=20)
-    without = find(Hopper("r + 0.2*r**3", rest_length=20)).alpha
-    assert find(stop.with_values(a=slope)).alpha == pytest.approx(without, abs=1e-14)
 
 
 @pytest.mark.parametrize(

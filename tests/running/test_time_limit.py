@@ -1,7 +1,6 @@
 """The time that a computation may take."""
 
 import time
-from contextlib import ExitStack
 from importlib import import_module
 from types import SimpleNamespace
 
@@ -126,26 +125,3 @@ def test_the_default_limit_counts_the_processor_time_of_its_thread(monkeypatch):
         work(None, {"monotonic": 1e4, "process_time": 1e3, "thread_time": 29.9}, {"thread_time": 30.1})
     with pytest.raises(NoOrbit, match=r"it takes more than 60 s:"):
         work(60.0, {"thread_time": 1e6}, {"monotonic": 1e4 + 61.0})
-
-
-@pytest.mark.parametrize(
-    ("limits", "until"),
-    [((None,), 30.0), ((60.0, None), 60.0), ((60.0, 10.0), 10.0), ((10.0, 60.0), 10.0), ((None, 60.0), 30.0)],
-)
-def test_the_least_of_the_limits_around_holds(limits, until, monkeypatch):
-    """A block without a limit of its own has that of the block around it, or 30 s; by clocks of the test."""
-    now = [0.0]
-    clocks = SimpleNamespace(monotonic=lambda: now[0], thread_time=lambda: now[0])
-    monkeypatch.setattr(MODULE, "time", clocks)
-
-    def work():
-        with ExitStack() as blocks:
-            for limit in limits:
-                blocks.enter_context(time_limit(limit))
-            for now[0] in (0.5 * until, until, 1.001 * until):
-                check_time()
-
-    with pytest.raises(NoOrbit, match=f"it takes more than {until:g} s"):
-        work()
-    assert now[0] == 1.001 * until
-    check_time()  # outside there is none

@@ -6,14 +6,7 @@ import pytest
 
 from orbits.model import Arc, Phase, Statement
 from orbits.shooting import Shooting, growths_along
-from orbits.shooting.node_places import GrowthAlong, even, largest_growths, lengths_of_parts
-
-
-def test_changes_that_grow_all_the_way_have_nodes_in_equal_distances():
-    times = np.linspace(0.0, 10.0, 101)
-    assert lengths_of_parts(GrowthAlong(times, np.exp(0.3 * times))) == even(1)
-    assert lengths_of_parts(GrowthAlong(times, np.exp(1.8 * times))) == even(5)  # 7e7-fold, a hundredfold four times
-    assert lengths_of_parts(GrowthAlong(times, np.exp(1.8 * times)), finer=2) == even(9)
+from orbits.shooting.node_places import GrowthAlong, largest_growths, lengths_of_parts
 
 
 def test_nodes_lie_at_the_middles_of_passages():

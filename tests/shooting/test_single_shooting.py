@@ -7,7 +7,7 @@ from conftest import REFERENCES, machine_of
 
 from orbits import NoOrbit, find
 from orbits.model import Arc, Phase, Statement, linear_modes
-from orbits.shooting import Shooting, equations_of, settles
+from orbits.shooting import Shooting, equations_of
 from problems import Hopper
 
 
@@ -124,16 +124,3 @@ def test_parameter_derivatives_of_a_closed_form():
     assert evaluation.jacobian == pytest.approx(
         np.array([[-w * np.sin(1.2 * w), -0.6 / w * np.sin(1.2 * w)]]), rel=1e-13
     )
-
-
-@pytest.mark.parametrize(
-    ("size", "last", "amplification", "last_one"),
-    [
-        (1e-17, 1.0, 1.0, True),  # far below rounding
-        (1e-10, 1e-8, 1e9, False),  # small, but what is left of it grows over the motion, and it still falls
-        (1e-10, 1.1e-10, 1e9, True),  # it falls no more: the rest is rounding
-        (1e-6, 1.1e-6, 1e9, False),  # too large for rounding
-    ],
-)  # fmt: skip
-def test_the_last_newton_step_worth_taking(size, last, amplification, last_one):
-    assert bool(settles(size, last, amplification)) is last_one

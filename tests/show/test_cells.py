@@ -9,7 +9,7 @@ import pytest
 from cells import Cells
 
 from orbits import ReturnMap, existence, find, follow, optimize, pareto, prove, simulate, sweep, uncertainty
-from orbits.result import DISPLAY, cell
+from orbits.result import cell
 from orbits.returns import bifurcations
 from orbits.tables import VIOLATED
 from problems import Hopper, hopper_in_si, steering
@@ -122,10 +122,3 @@ def test_what_cannot_be_drawn_does_not_break_the_cell(monkeypatch):
     assert "a figure over two parameters or more is of one family" in both._repr_html_()
     nothing = sweep(Hopper(spring="0*r"), {"mass_ratio": [0.5, 1.0]})
     assert Cells(nothing._repr_html_()).words
-
-
-def test_long_tables_are_told_without_their_middle():
-    seen = Cells(cell("long", [(str(i), "x", "y") for i in range(1000)], heads=("a", "b", "c")))
-    assert len(seen.rows) == DISPLAY.rows_of_cell + 1
-    assert seen.rows[-1] == ["999", "x", "y"]
-    assert [row[1] for row in seen.rows if row[0] == "..."] == [f"{1000 - DISPLAY.rows_of_cell + 1} more"]

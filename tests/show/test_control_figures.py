@@ -6,9 +6,6 @@ from carts import HALF
 from legibility import faults
 from looks import check_looks
 
-from orbits import InputError
-from orbits.show.plot import new_axes, new_row
-
 
 @pytest.mark.slow
 def test_the_figure(steered_relay):
@@ -25,11 +22,3 @@ def test_the_figure(steered_relay):
     assert inputs.get_xlabel() == "time"
     assert not faults(axes.figure)
     check_looks("control", axes.figure)
-
-
-def test_the_figure_in_a_row_of_others(steered_cart):
-    left, _ = new_row(2)
-    assert steered_cart.plot(left) is left
-    assert len(left.figure.axes) == 3
-    with pytest.raises(InputError, match="cannot be divided"):
-        steered_cart.plot(new_axes().inset_axes((0, 0, 1, 1)))

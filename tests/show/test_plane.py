@@ -10,7 +10,7 @@ from looks import check_looks
 from orbits import InputError, Mechanism, find
 from orbits.mechanics import Drawing, Outline, Potential, Spring
 from orbits.show.plane import landings_of, motion_in_plane, plane_paths
-from problems import Hopper, rimless_wheel, rocking_block, shuttle
+from problems import rimless_wheel, rocking_block, shuttle
 
 ANGLE, LENGTH = math.pi / 8, 0.4
 
@@ -127,15 +127,6 @@ def test_the_path_on_a_page_is_of_arcs_about_the_feet(walk, rock):
     assert (np.diff(path[:, 0]) > -1e-6).all()  # it never goes back
     assert path[-1, 0] - path[0, 0] == pytest.approx(6 * wheel.advance, rel=1e-2)
     assert (block.advance, block.marks) == (0.0, [])
-
-
-def test_machines_without_a_drawing_are_drawn_as_ever():
-    assert motion_in_plane(find(Hopper())) is None
-    steps = find(rimless_wheel())
-    assert motion_in_plane(steps) is None
-    heights = [line.get_ydata() for line in steps.plot().lines[:2]]
-    assert max(np.abs(np.diff(values)).max() for values in heights) < 0.01  # no jump at the landing
-    assert heights[1][-1] == pytest.approx(2.0)  # theta has grown by two half angles
 
 
 def test_what_is_no_drawing_is_refused():

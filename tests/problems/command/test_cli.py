@@ -10,7 +10,6 @@ from conftest import Result
 
 from orbits import Orbit
 from orbits.io import to_json
-from orbits.shooting import METHODS
 from tests.browser import PATIENCE
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha, eq. (12) of the paper
@@ -122,13 +121,6 @@ def test_text_shows_the_digits_and_explains(orbits):
     for line in orbits("find --json").document["skipped"]:
         assert line in explained.out
         assert line not in plain.out
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_methods_agree_on_the_linear_hopper(method, orbits):
-    done = orbits("find --json --method", method)
-    assert done.document["method"] == method
-    assert done.document["alpha"] == pytest.approx(ALPHA, rel=1e-12)
 
 
 # Files written.
@@ -432,10 +424,6 @@ class TestFollow:
         again = orbits(line, "--resume", points)
         assert again.code == 0
         assert "escaped" in again.out
-
-    def test_a_parameter_of_the_machine(self, orbits):
-        result = orbits("follow --along mass_ratio --from 0.5 --to 2 --json")
-        assert {round(point["alpha"], 12) for point in result.document["points"]} == {4.493409457909}
 
     def test_where_there_is_no_machine_any_more_the_family_ends(self, orbits):
         done = orbits("follow --along mass_ratio --from 1 --to -1 --json")

@@ -53,14 +53,6 @@ class TestLinear:
         assert found.covariance == pytest.approx(covariance, rel=1e-9)
         assert found.weights.tolist() == [5.0] * 15
 
-    def test_deviations_are_those_of_drawn_rows(self):
-        values = [
-            [*springs.fit((R, noisy(CUBIC, 0.3, seed)), "k*r + b*r**3").parameters.values()] for seed in range(150)
-        ]
-        stated = springs.fit((R, noisy(CUBIC, 0.3)), "k*r + b*r**3", noise=0.3).covariance
-        assert np.cov(np.transpose(values)) == pytest.approx(stated, rel=0.25)
-        assert np.mean(values, axis=0) == pytest.approx([0.05, 1.0], rel=0.01)
-
 
 class TestNonlinear:
     @pytest.mark.parametrize("start", [None, {"b": 0.2}])
@@ -112,22 +104,10 @@ class TestFit:
         assert "fitted" in self.FOUND.plot().get_legend_handles_labels()[1][0] or self.FOUND.plot().lines
         assert "<img" in self.FOUND._repr_html_()
 
-    @pytest.mark.extra("pandas")
-    def test_its_rows_as_a_data_frame(self):
-        assert self.FOUND.dataframe().shape == (60, 4)
-
     @pytest.mark.parametrize("over", [{("b", "k"): norm(1.0, 0.1)}, {("b", "k"): multivariate_normal([1.0], [[0.1]])}])
     def test_a_distribution_of_other_numbers_is_refused(self, over):
         with pytest.raises(InputError, match="multivariate_normal of 2 numbers"):
             uncertainty(Hopper(self.FOUND.law), over)
-
-    def test_a_truth_value_is_no_array(self):
-        with pytest.raises(InputError, match="it is True or False"):
-            springs.fit(springs.SAMPLE, "k*r", in_si=np.zeros(0))
-
-    def test_a_parameter_has_one_distribution(self):
-        with pytest.raises(InputError, match="named twice among b, k, k"):
-            uncertainty(Hopper(self.FOUND.law), {**self.FOUND.distributions(), "k": norm(1.0, 0.1)})
 
 
 class TestLackOfFit:

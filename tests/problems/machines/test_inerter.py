@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 
 from orbits import ReturnMap, find, multiplier, simulate
 from orbits.model import half_angle
-from problems import Hopper, inerter_hopper
+from problems import inerter_hopper
 
 M1, M2, G, K, C = 2.0, 0.5, 9.81, 300.0, 4e3
 LINEAR = {"body_mass": M1, "foot_mass": M2, "surface_gravity": G, "in_si": True}
@@ -70,18 +70,6 @@ def test_linear_springs(b, family):
     assert orbit.certificate.largest_contact_force == pytest.approx(largest, rel=1e-12)
     assert orbit.rises["centre of mass"] == pytest.approx((M1 * alpha / (M1 + M2)) ** 2 / (2 * G), rel=1e-12)
     assert orbit.admissible
-
-
-def test_without_inerter_it_is_the_hopper():
-    """In the hopper's own units, where a cubic term is a number without dimension."""
-    plain = find(Hopper("r + 0.05*r**3", mass_ratio=0.25))
-    same = inerter_hopper(
-        "r + 0.05*r**3", body_mass=5.0, foot_mass=1.25, inertance=0.0, surface_gravity=1 / 1.25
-    )  # fmt: skip
-    orbit = find(same)
-    assert orbit.alpha == pytest.approx(plain.alpha, rel=1e-13)
-    assert orbit.flight_time == pytest.approx(plain.flight_time, rel=1e-13)
-    assert orbit.certificate.loss_coefficient == pytest.approx(plain.certificate.loss_coefficient, rel=1e-8)
 
 
 @pytest.mark.parametrize("b", [0.4, 2.0])

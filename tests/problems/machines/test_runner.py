@@ -9,11 +9,6 @@ from scipy.integrate import solve_ivp
 
 from orbits import InputError, NoOrbit, ReturnMap, check, find
 from orbits.mechanics import Spring
-from orbits.model import StateFormula
-from orbits.periodic import stated_unknowns, tuning_of
-from orbits.periodic.certificate import certify
-from orbits.periodic.friction import with_friction
-from orbits.periodic.tuned_orbits import solve_tuned
 from orbits.show.plane import landings_of, plane_paths
 from problems import runner
 from problems.machines import build, read
@@ -91,32 +86,6 @@ def test_friction_at_landing_is_the_ratio_of_the_rates(fast):
     shares = [abs(f[1]) / f[0] for f in (rates_by_hand(each[4:], p, True)[1] for each in fast(t))]
     assert max(shares) == pytest.approx(FAST["friction"], rel=1e-3)
     assert fast.flight_time < fast.certificate.friction_time < fast.flight_time + fast.contact_time / 2
-
-
-def certified_as(model, run):
-    """The violations of a run's motion as one of another model of the same equations."""
-    known = stated_unknowns(run.source.model, run)
-    solved = solve_tuned(run.source, tuning_of(run.source, TUNE, SPEED), known)
-    cycles = replace(solved, errors=np.array([run.error])).cycles
-    certificates, refused = certify(model, cycles)
-    assert not refused
-    return with_friction(model, cycles, certificates)[0].violations
-
-
-def test_a_foot_slides_where_there_is_less_friction(fast):
-    model = fast.source.model
-    of_friction = lambda limit: replace(model, planar=replace(model.planar, friction=lambda p: limit))  # noqa: E731
-    assert not certified_as(of_friction(0.255), fast)
-    (slides,) = certified_as(of_friction(0.25), fast)
-    assert slides == "it needs the friction 0.25405 at t = 4.26753, above the stated 0.25: a foot slides"
-    assert runner(friction=0.25).model.planar.friction(runner(friction=0.25).values) == 0.25
-
-
-def test_what_touches_the_ground_is_a_violation(fast):
-    model = fast.source.model
-    heights = {"hip": StateFormula("z + l*cos(theta) - 1.5", model.flight.states), "foot": model.heights({})["foot"]}
-    (violation,) = certified_as(replace(model, heights=lambda p: heights), fast)
-    assert violation == "hip touches the ground at t = 2.17357 of the contact (height -0.605)"
 
 
 def losses_beside(run, d):
@@ -201,9 +170,3 @@ def test_a_runner_has_no_map_and_without_tuned_numbers_no_run():
         ReturnMap(fast_runner())
     with pytest.raises((InputError, NoOrbit)):
         find(fast_runner())
-
-
-@pytest.mark.parametrize("name", ["stiffness", "hip_stiffness", "rest_length", "inertia", "foot_mass"])
-def test_numbers_that_are_tuned_stay_those_of_a_runner(name):
-    with pytest.raises(InputError, match=f"{name} = -1"):
-        runner().with_values(**{name: -1.0})

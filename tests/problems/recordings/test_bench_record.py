@@ -32,14 +32,6 @@ class TestDataFrame:
         assert record.extensions.tolist() == (0.001 * R).tolist()
         assert (record.forces.tolist(), record.sense) == (FORCE.tolist(), 1.0)
 
-    def test_is_fitted(self, frame):
-        found = springs.fit(frame, "k*r + b*r**3", in_si=True)
-        assert found.parameters == pytest.approx({"b": 0.05e9, "k": 1e3}, rel=1e-9)
-
-    def test_of_compression(self, frame):
-        turned = frame.rename(columns={"deflection [mm]": "compression [mm]"})
-        assert read_record(turned, in_si=True).sense == -1.0
-
     @pytest.mark.parametrize(
         ("columns", "message"),
         [
@@ -50,11 +42,6 @@ class TestDataFrame:
     def test_with_other_names_is_refused(self, frame, columns, message):
         with pytest.raises(InputError, match=message):
             springs.table(frame.rename(columns=columns), in_si=True)
-
-    def test_with_a_hole_is_refused(self, frame):
-        frame.loc[7, "force [N]"] = np.nan
-        with pytest.raises(InputError, match=r"row 9: .* does not hold two finite numbers"):
-            springs.table(frame, in_si=True)
 
 
 def test_two_sequences_are_two_columns():

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from problems.recordings.half_cycles import are_whole, half_cycles, joint, offset_between, resolution, row_noise
+from problems.recordings.half_cycles import are_whole, half_cycles, joint, offset_between, row_noise
 
 
 def driven(*turns: float, rows: int = 40) -> np.ndarray:
@@ -50,14 +50,6 @@ def test_a_short_way_over_to_the_other_branch_is_a_difference():
     force = r + 0.01 * np.random.default_rng(2).normal(size=len(r))
     force[81:84] -= 0.2
     assert offset_between(r, force, first, second, 0.01).differs
-
-
-def test_steps_of_rounding_are_no_difference():
-    r = driven(-3.0, 3.0, -3.0, 3.0, rows=33)
-    force = np.round(r + 0.02 * (np.arange(len(r)) > 66), 1)
-    first, _, second = half_cycles(r)
-    assert resolution(force) == pytest.approx(0.1)
-    assert not offset_between(r, force, first, second, 0.0).differs
 
 
 @pytest.mark.parametrize(("slip", "skip", "gap"), [(0.0, 0, 0.0), (0.05, 2, 0.2083), (4.0, None, 0.4953)])

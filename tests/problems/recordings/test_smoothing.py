@@ -72,24 +72,12 @@ class TestLoop:
         assert noise_in(law) == pytest.approx(0.2, rel=0.2)
         assert law(R) == pytest.approx(R, abs=0.1)
 
-    @pytest.mark.parametrize(("low", "high"), [(-12, 5), (-12, 1), (-5, 12)])
-    def test_loading_of_a_table_of_two_sides_is_where_the_travel_grows(self, low, high):
-        r = np.r_[np.linspace(low, high, 60), np.linspace(high, low, 60)]
-        law = springs.table((r, r + np.repeat([0.3, -0.3], 60)), branch="loading")
-        assert law(0.5) == pytest.approx(0.8)
-
     @pytest.mark.parametrize("rows", [(15, 15), (15, 40), (4, 3)])
     def test_is_seen_on_one_side_alone_and_in_few_rows(self, rows):
         r = np.r_[np.linspace(-8, 8, rows[0]), np.linspace(8, -8, rows[1])]
         wide = 0.05 * np.maximum(r * (8 - r), 0) if min(rows) > 4 else 0.4
         with pytest.raises(InputError, match="is a loop"):
             springs.table((r, r + np.repeat([1, -1], rows) * wide))
-
-    def test_rows_in_any_order_are_no_loop(self):
-        rng, r = np.random.default_rng(2), np.linspace(-3, 3, 25)
-        for force in (np.sinh(r), np.tanh(3 * r), r + 0.1 * rng.normal(size=25)):
-            order = rng.permutation(25)
-            assert "loop" not in springs.table((r[order], force[order])).text
 
     @pytest.mark.parametrize(
         ("query", "message"),
@@ -150,20 +138,6 @@ class TestNoise:
         exact = find(Hopper(springs.table((r, force), noise=0)))
         assert (exact.alpha, exact.certificate.alpha_per_noise) == (orbit.alpha, None)
 
-    def test_of_unit_size_is_in_the_units_of_the_table(self):
-        """A spring in m and N, with 1 N of noise for each of 2 units, and 0.1 m for a unit of length."""
-        r = np.linspace(-6.0, 6.0, 9)
-        bare = find(Hopper(springs.table((r, r + 0.02 * r**3))))
-        table = springs.table((0.1 * r, 2.0 * (r + 0.02 * r**3)), in_si=True)
-        orbit = find(hopper_in_si(2 / 9.80665, 2 / 9.80665, force=table))
-        speed = orbit.alpha / bare.alpha
-        assert orbit.certificate.alpha_per_noise == pytest.approx(
-            bare.certificate.alpha_per_noise * speed / 2, rel=1e-9
-        )
-        bare_again = orbit.dimensionless().certificate.alpha_per_noise
-        assert bare_again == pytest.approx(bare.certificate.alpha_per_noise, rel=1e-9)
-        assert "m/s for each N of a row's standard deviation" in str(orbit)
-
     @pytest.mark.parametrize("noise", [None, 0.5])
     def test_repeated_rows_tell_it(self, noise):
         """25 rows at each of 21 extensions, and two at each of 15, as of a loop that was stored in order."""
@@ -175,17 +149,6 @@ class TestNoise:
         assert 0.02 < spread_at(law, 0.0) < 0.5 / 5  # no more than 25 rows at rest alone have
         r = np.repeat(np.linspace(-12, 8, 15), 2)
         assert "30 rows smoothed" in springs.table((r, r + np.tile([0.5, -0.5], 15)), noise=noise).text
-
-    def test_copies_of_rows_tell_nothing(self):
-        r = np.linspace(-8.0, 6.0, 40)
-        force = r + 0.05 * r**3 + np.random.default_rng(1).normal(0, 0.01, 40)
-        once, copied = (find(Hopper(springs.table((np.repeat(r, n), np.repeat(force, n)), noise=0.01))) for n in (1, 2))
-        assert copied.alpha == pytest.approx(once.alpha, rel=1e-13)
-        assert copied.certificate.alpha_noise == pytest.approx(once.certificate.alpha_noise, rel=1e-9)
-
-    def test_exact_rows_may_be_repeated(self):
-        r = np.tile(np.linspace(-3, 3, 40), 3)
-        assert springs.table((r, np.sinh(r)))(0.3) == pytest.approx(np.sinh(0.3), rel=1e-5)
 
     def test_can_be_stated(self):
         r = np.linspace(-12, 8, 200)
