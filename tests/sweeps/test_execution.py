@@ -68,22 +68,6 @@ def test_a_member_that_kills_its_workers_has_failed_and_no_other(monkeypatch):
     np.testing.assert_array_equal(np.delete(found["largest_spring_force"], 5), expected["largest_spring_force"])
 
 
-@pytest.mark.slow
-def test_a_worker_that_is_killed_costs_a_retry(tmp_path):
-    killed = []
-
-    def kill_once(state):
-        if not killed:
-            (victim, *_) = multiprocessing.active_children()
-            killed.append(victim.pid)
-            os.kill(victim.pid, signal.SIGKILL)
-
-    options = {"executor": "processes", "workers": 2, "store": tmp_path / "study.db", "progress": kill_once}
-    found = sweep(Hopper("cubic"), OVER, 4 * CHUNK, **options)
-    assert killed
-    assert_same(found, sweep(Hopper("cubic"), OVER, 4 * CHUNK))
-
-
 SWEEPER = """
     import multiprocessing, sys
     from orbits import sweep

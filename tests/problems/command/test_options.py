@@ -90,13 +90,6 @@ def test_numbers_of_a_machine_in_si_are_parameters(options, changed, orbits, tmp
 class TestMasses:
     """--masses states a machine in SI without a file."""
 
-    def test_a_leg(self, orbits):
-        done = orbits("find --json --masses 60,3 --rest-length 0.8 --spring '8000*r + 2e6*r**3'")
-        assert (done.code, done.err) == (0, "")
-        expected = find(hopper_in_si(60.0, 3.0, force="8000*r + 2e6*r**3", rest_length=0.8))
-        assert done.document["alpha"] == expected.alpha
-        assert done.document["units"]["alpha"] == "m/s"
-
     def test_they_replace_those_of_a_file(self, orbits, tmp_path):
         path = tmp_path / "leg.toml"
         path.write_text("[si]\nbody_mass = 60\nfoot_mass = 3\nstiffness = 8000\n")
@@ -115,10 +108,6 @@ class TestMasses:
         done = orbits("find --set stiffness=8000 --masses", text)
         assert done.code == 2
         assert words in done.err
-
-    def test_a_mass_ratio_besides(self, orbits):
-        done = orbits("find --masses 60,3 --set stiffness=8000 --mass-ratio 2")
-        assert (done.code, "'mass_ratio' beside [si]" in done.err) == (2, True)
 
 
 def test_the_progress_display_shows_on_a_terminal_and_clears_itself(monkeypatch):

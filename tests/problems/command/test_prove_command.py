@@ -30,10 +30,6 @@ def test_json(orbits, tmp_path):
     assert json.loads(path.read_text())["alpha"] == document["alpha"]
 
 
-def test_separation_without_a_rest_length_is_left_out(orbits):
-    assert set(orbits("prove --json").document["conditions"]) == {"clearance", "contact_force", "contact_end"}
-
-
 @pytest.mark.slow
 def test_numbers_are_exact_decimals(orbits):
     """Beyond what floats tell: alpha changes by about -0.45 times what is added to beta."""

@@ -1,6 +1,5 @@
 """`orbits sweep`: what it prints and writes, how it goes on, and what it refuses."""
 
-import json
 import os
 import shlex
 import signal
@@ -241,26 +240,3 @@ def test_an_interrupt_says_what_is_kept(tmp_path, workers):
     end = now + 2 * (now - start) + 1
     said = interrupted(["--workers", workers], lambda: time.monotonic() > end)
     assert "nothing is kept: name a store" in said
-
-
-@pytest.mark.slow
-def test_a_sweep_that_is_killed_again_and_again_ends_with_the_unbroken_answer(tmp_path):
-    """Killed at random: nothing that was acknowledged is lost, and the answer is that of one run to the last bit."""
-    store, generator = tmp_path / "study.db", np.random.default_rng(0)
-    command = [sys.executable, "-m", "orbits", *shlex.split(CUBIC), "--over", "beta=0:1", "--samples", "5000"]
-    command += ["--store", str(store), "--resume", "--json"]
-    known: set[int] = set()
-    for _ in range(2):
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-        try:
-            process.communicate(timeout=float(generator.uniform(0.6, 3.0)))
-            break
-        except subprocess.TimeoutExpired:
-            os.kill(process.pid, signal.SIGKILL)
-            process.communicate()
-        now = members_in(store)
-        assert known <= now
-        known = now
-    done = subprocess.run(command, capture_output=True, check=True)
-    fresh = subprocess.run([*command[:-4], "--json"], capture_output=True, check=True)
-    assert json.loads(done.stdout) == json.loads(fresh.stdout)

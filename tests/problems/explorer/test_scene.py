@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from orbits import InputError
-from problems import Hopper, Juggler, explorer, hopper_in_si, inerter_hopper, rocking_block, runner, shuttle
+from problems import Hopper, Juggler, hopper_in_si, inerter_hopper, rocking_block, runner, shuttle
 from problems.command.options import first_scene
 from problems.explorer import beginning
 from problems.explorer.scene import scene_of_machine
@@ -72,7 +72,3 @@ def test_the_command_lines_machine_is_what_the_page_begins_with(tmp_path):
     assert first_scene(machine="runner") == beginning("runner")
     with pytest.raises(InputError, match="without a value"):
         first_scene(machine=None, spring="r + c*r**3")
-
-
-def test_the_room_is_documented():
-    assert explorer.__doc__

@@ -9,11 +9,6 @@ from problems import Actuated, Actuator, Chain, Hopper, springs
 from problems.steering.actuated_launch import launch_argument, launched_at
 
 
-def test_a_speed_alone_launches_a_hopper():
-    assert launch_argument(Actuated(Hopper()), {}, 4.5) == 4.5
-    assert launched_at(Actuated(Hopper(damping=0.01)), {}, 4.5)["liftoff"] == pytest.approx(1 - 0.01 * 4.5, abs=1e-13)
-
-
 def test_a_force_at_rest_changes_no_launch():
     """The foot is lifted where spring and damper carry its weight."""
     driven = Actuated(Hopper("r + 0.1*r**3", damping=0.01), Actuator(kind="force"))

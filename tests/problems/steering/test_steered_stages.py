@@ -4,22 +4,11 @@ import numpy as np
 import pytest
 
 from orbits import find
-from problems import Actuated, Actuator, Chain, Hopper
+from problems import Actuated, Hopper
 from problems.steering.actuator_bounds import actuator_limits
-from problems.steering.steered_stages import CONTACT_FORCE_MARGIN, hop_stages, parameter_of_rest, swing_stages
+from problems.steering.steered_stages import CONTACT_FORCE_MARGIN, swing_stages
 
 BOUNDS = {"rate": 1.0, "stroke": np.inf, "force": np.inf, "power": np.inf}
-
-
-def test_machines_that_differ_in_numbers_share_their_stages():
-    stages = []
-    for machine in (Hopper(damping=0.01), Hopper(damping=0.02)):
-        driven = Actuated(machine)
-        gap, limits = driven.model.gap(driven.values), actuator_limits(driven, **BOUNDS)
-        stages.append(hop_stages(driven.drive, gap, (3, 2), (9.0, 5.0), limits, "effort", True, True))
-    assert stages[0] is stages[1]
-    assert [stage.phase.name for stage in stages[0]] == ["flight", "contact"]
-    assert [stage.intervals for stage in stages[0]] == [3, 2]
 
 
 def test_swings_keep_the_contact_pressed_until_the_last():
@@ -31,8 +20,3 @@ def test_swings_keep_the_contact_pressed_until_the_last():
     forces = [float(stage.path["contact force"](x, p, [])) for stage in stages]
     assert forces == pytest.approx([0.7 - CONTACT_FORCE_MARGIN] * 3 + [0.7], abs=1e-15)
     assert [float(each) for each in stages[-1].end([1.0, 4.0, 0.0], p)] == pytest.approx([0.0] * 3, abs=1e-15)
-
-
-def test_the_places_of_rest_have_names():
-    model = Actuated(Chain(), Actuator("y1 - y2")).model
-    assert [parameter_of_rest(model, name) for name in ("y1", "y2")] == ["rest y1", "rest"]
