@@ -62,6 +62,13 @@ class Hops(WithStatuses, Result, what="table of hops"):
     units: Mapping[str, str] = field(default_factory=dict)
     machine: Mapping[str, Any] = field(default_factory=dict)
 
+    def injected(self, inject: Any) -> "Hops":
+        """Hops without injection after which a speed, or one for each, is added; those that then do not launch rest."""
+        following = self.next + inject
+        rests = following <= 0
+        status = np.where(rests, "rests", self.status).astype(self.status.dtype)
+        return replace(self, next=np.where(rests, np.nan, following), status=status)
+
     def in_units(self, units: Units) -> "Hops":
         """Dimensionless hops in these units."""
         return replace(units.convert(self, **DIMENSIONS_OF_HOPS), units=units.texts(DIMENSIONS_OF_HOPS))

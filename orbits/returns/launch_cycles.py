@@ -68,11 +68,7 @@ class InjectedMap(ReturnMap):
             self._own = InjectedMap(own, None, self.dimensionless().inject)
 
     def __call__(self, alpha: Any) -> Any:
-        hops = self._known(np.array(alpha, dtype=float))
-        following = hops.next + self.inject
-        stopped = following <= 0
-        status = np.where(stopped, "rests", hops.status)
-        return replace(hops, next=np.where(stopped, np.nan, following), status=status)
+        return self._known(np.array(alpha, dtype=float)).injected(self.inject)
 
 
 class MapsAlong:
@@ -184,9 +180,7 @@ class MapsAlong:
         those of one map, to which it is added."""
         if self.name != INJECT:
             return self.at(float(value))(alpha)
-        plain = self.at(0.0)(alpha)
-        following = plain.next + value
-        return replace(plain, next=np.where(following > 0, following, np.nan))
+        return self.at(0.0)(alpha).injected(value)
 
     def next(self, alpha: np.ndarray, value: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The next launch speeds (m,) after launch speeds (m,) at a value, or at values (m,), of the parameter, NaN

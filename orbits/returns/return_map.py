@@ -462,10 +462,8 @@ def _hops_from(impacts: Impacts, alpha, inject: float, cap: int) -> Hops:
             lifting, speed = lifting[launches], speed[launches]
             remaining[lifting] = speed**2
             loss[lifting] = alpha[lifting] ** 2 - remaining[lifting]
-    next_speed = np.where(status == "lifts_off", np.sqrt(np.maximum(remaining, 0.0)) + inject, np.nan)
-    stopped = next_speed <= 0
-    status[stopped], next_speed[stopped] = "rests", np.nan
-    return Hops(requested, next_speed, loss, hops.impacts, status)
+    following = np.where(status == "lifts_off", np.sqrt(np.maximum(remaining, 0.0)), np.nan)
+    return Hops(requested, following, loss, hops.impacts, status).injected(inject)
 
 
 def _impacts_of(machine: Machine) -> "Impacts | Branches":
@@ -491,7 +489,5 @@ def _hysteretic_hops(branches: Branches, alpha, inject: float, cap: int) -> Hops
     hops = hops_of_speeds(branches, alpha, cap)
     following, status = np.where(hops.status == "lifts_off", hops.speeds, np.nan), hops.status
     in_impacts = hops.loss / (0.5 * branches.first().launch_inertia)
-    loss, following = np.where(np.isfinite(following), alpha**2 - following**2, in_impacts), following + inject
-    stopped = following <= 0
-    status[stopped], following[stopped] = "rests", np.nan
-    return Hops(alpha, following, loss, hops.impacts, status)
+    loss = np.where(np.isfinite(following), alpha**2 - following**2, in_impacts)
+    return Hops(alpha, following, loss, hops.impacts, status).injected(inject)
