@@ -88,6 +88,22 @@ def test_a_law_in_pieces_is_resolved_beside_the_lossless_launch():
     assert slopes == pytest.approx([multiplier(machine, each) for each in x], abs=1e-7)
 
 
+@pytest.mark.slow
+def test_cells_end_at_the_rounding_of_the_map():
+    """The cubic hopper rounds a launch speed by some 1e-13: fewer than 100 cells, all hops up to that, and no launch
+    where the machine rests."""
+    step = ReturnMap(Hopper("r+0.3*r**3"))
+    pieces = pieces_between(step, 2.0, 8.0, 400)
+    assert len(pieces.edges) < 100
+    assert not pieces.unresolved
+    x = np.linspace(2.0, 8.0, 701)
+    hops, (following, _, impacts) = step(x), pieces.hops(x)
+    assert following == pytest.approx(hops.next, abs=1e-11, nan_ok=True)
+    lifts = np.isfinite(hops.next)
+    assert (~lifts).any()
+    assert (impacts[lifts] == hops.impacts[lifts]).all()
+
+
 def test_the_search_ends_where_borders_are_dust():
     """A map with a border at each 2^-k, on both sides of which there is a next launch or none: what is left after the
     last impact that the search may follow is unresolved, and the rest is the map."""
