@@ -85,7 +85,13 @@ class AtStates:
                 off.append(share(seen - stated, x[:, self.places], stated))
         maps = {"relabelled": model.relabelling} | ({"reversed": model.reversal} if model.reversor else {})
         off += [share(own(x / size, p) * size - balanced[name][..., 0], x) for name, own in maps.items()]
-        off.append(self._along_ground(x))
+        if planar := model.planar:
+            weight = planar.weight and (lambda x, p, heavy=planar.weight: heavy(p))
+            owns = (planar.across, LENGTH), (planar.travel, SPEED), (weight, FORCE)
+            for (own, unit), along in zip(owns, balanced["across"][..., 0].T, strict=True):
+                if own is not None:
+                    seen = self._of_model(x, lambda x, p, q, own=own: [own(x, p)])[:, 0] * self.unit(unit)
+                    off.append(share(seen - along, seen, 0.0 if unit is FORCE else x))
         return Relation("gaps, distances, heights and maps are those that are stated", max(off))
 
     def _flight(self, x: np.ndarray) -> Relation:
@@ -193,19 +199,6 @@ class AtStates:
             before["rates"][:, heights:] *= min(label.signs)
             change = then["by_rates"] @ (then["rates"] - before["rates"]) + then["turning"] - renamed["turning"]
             off.append(share(change, then["by_rates"] @ then["rates"] + then["turning"]))
-        return max(off)
-
-    def _along_ground(self, x: np.ndarray) -> float:
-        """By which share the centre of mass along the ground, its speed and the weight are not the stated ones."""
-        off, planar, units = [0.0], self.model.planar, (LENGTH, SPEED, FORCE)
-        if planar is None:
-            return 0.0
-        heavy = planar.weight
-        weight = (lambda x, p: heavy(p)) if heavy else None
-        for i, own in enumerate((planar.across, planar.travel, weight)):
-            if own is not None:
-                seen = self._of_model(x, lambda x, p, q, own=own: [own(x, p)])[:, 0] * self.unit(units[i])
-                off.append(share(seen - self.balance(x)["across"][:, i, 0], seen, x if i < 2 else 0.0))
         return max(off)
 
     def _losses(self, run: Simulation | None) -> float:

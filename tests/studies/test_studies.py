@@ -81,11 +81,13 @@ WIDTH, SMALLEST = 900, 9  # pixels: of the figures in the README, and of their t
 
 @pytest.fixture(autouse=True)
 def left_for_the_site(request, figures_of_site):
-    """The figures that a study has drawn are those that the site shows of it."""
+    """The figures that a study has drawn are those that the site shows of it; none is empty."""
     name = request.node.name.removeprefix("test_")
     drawn = request.getfixturevalue("tmp_path") if name in (*STUDIES, *WHOLE) else None
     yield
     if drawn:
+        sizes = [path.stat().st_size for path in drawn.glob("*.png")]
+        assert min(sizes) > 10_000
         leave(drawn, figures_of_site, name)
 
 
@@ -127,7 +129,6 @@ def test_air_track(tmp_path, capsys):
     numbers = air_track.main(tmp_path)
     assert numbers["ratio"] == pytest.approx(1.517, abs=5e-4)
     assert numbers["amplitude"] == pytest.approx(0.103, abs=5e-4)
-    assert (tmp_path / "air_track.png").stat().st_size > 10_000
     assert "1.523" in capsys.readouterr().out
 
 
@@ -146,7 +147,6 @@ def test_theorems(tmp_path):
     assert numbers["proved"] == numbers["hops"] > 4
     assert numbers["wrong_proved"] == numbers["out_of_time"] == 0
     assert 1 <= numbers["width_ratio"] < 10
-    assert (tmp_path / "theorems.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow
@@ -196,7 +196,6 @@ def test_tolerances(tmp_path, capsys):
     assert 0.1 < np.ptp(ball) / np.mean(ball) < 0.18
     for name in ("stiffness", "surface_gravity"):  # the ratio follows from the masses alone
         assert found["blame"][tolerances.RATIO][name]["total"] < 1e-6
-    assert (tmp_path / "tolerances.png").stat().st_size > 10_000
     assert "1.517" in capsys.readouterr().out
 
 
@@ -220,7 +219,6 @@ def test_asteroid(tmp_path, capsys):
     assert numbers["family"] == 51
     assert numbers["rise"] == pytest.approx(9.857, abs=1e-3)
     assert numbers["constant_gravity_off"] == pytest.approx(0.067, abs=1e-3)
-    assert (tmp_path / "asteroid.png").stat().st_size > 10_000
     assert "nearest 10 m" in capsys.readouterr().out
 
 
@@ -233,7 +231,6 @@ def test_existence(tmp_path):
     for row, b in enumerate(diagram.values):
         alone = any(low <= -1e-6 <= high for low, high, _ in diagram.stretches(row))
         assert alone == (b < 1 / 3)
-    assert (tmp_path / "existence.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow
@@ -242,7 +239,6 @@ def test_figure_7(tmp_path):
     numbers = figure_7.main(tmp_path)
     assert numbers["alpha"] == pytest.approx(numbers["expected"], rel=1e-12)
     assert numbers["pairs"] == [0, 0, 1, 1]
-    assert (tmp_path / "figure_7.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow
@@ -259,7 +255,6 @@ def test_spring_families(tmp_path):
         (family,) = found[title]
         assert family.end.kind == "escaped"
         assert family.end.limit == pytest.approx(limit, rel=1e-4)
-    assert (tmp_path / "spring_families.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow
@@ -336,7 +331,6 @@ def test_figure_5(tmp_path):
     assert numbers["edge 1000"] == pytest.approx(3.72074, abs=1e-5)
     assert numbers["edge inf"] == pytest.approx(last_bouncing(), abs=1e-9)
     assert numbers["light loss"] == pytest.approx(numbers["lighter loss"], rel=0.1)  # in proportion to M
-    assert (tmp_path / "figure_5.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow
@@ -361,7 +355,6 @@ def test_figure_8(tmp_path):
     assert numbers["unstable"] == pytest.approx(4.481341946645, abs=1e-11)
     assert numbers["last cycle"] == pytest.approx(0.113429246523, abs=1e-10)
     assert numbers["stays"] < numbers["crisis"] < numbers["stays"] + 0.002  # the grid's width
-    assert (tmp_path / "figure_8.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow
@@ -375,7 +368,6 @@ def test_period_four(tmp_path):
     assert numbers["ratio"] == pytest.approx(period_four.FEIGENBAUM, rel=0.1)  # of the first two gaps
     numbers_of_curve = numbers["flip of 1 at M = 2"], numbers["flip of 2 at M = 2"]
     assert numbers_of_curve == pytest.approx((0.102076351991, 0.162923593866), abs=1e-10)  # by `bifurcations` there
-    assert (tmp_path / "periods.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow
@@ -387,7 +379,6 @@ def test_bifurcations(tmp_path, capsys):
     *values, border = [event.value for event in found.events]
     assert values == pytest.approx([0.0, 0.071587384137, 0.113429246523], abs=1e-10)
     assert sorted(found.events[-1].alphas) == pytest.approx([4.493409457909064, 4.493409457909064 + border], abs=1e-9)
-    assert (tmp_path / "bifurcations.png").stat().st_size > 10_000
     assert "hops of period two begin here, stable" in capsys.readouterr().out
 
 
@@ -407,7 +398,6 @@ def test_design(tmp_path):
     assert numbers["curve"].slopes[0] == pytest.approx(-1.547845583, rel=1e-8)
     heights = -numbers["fronts"][2].values[:, 0]
     assert heights.max() == pytest.approx(0.206531, abs=1e-6)
-    assert (tmp_path / "design.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow
@@ -483,7 +473,6 @@ def test_damped_hopper(tmp_path):
     assert numbers["work over c"] == pytest.approx(numbers["dissipation over c"], rel=1e-5)
     assert numbers["injected work over c"] == pytest.approx(numbers["dissipation over c"], rel=1e-3)
     assert numbers["missed"] < 1e-8
-    assert (tmp_path / "damped_hopper.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow
@@ -496,7 +485,6 @@ def test_start_up(tmp_path):
     assert numbers["any recovery over d^2"] < numbers["recovery over d^2"]
     assert numbers["too fast over any recovery"] < 0.06
     assert numbers["missed"] < 1e-8
-    assert (tmp_path / "start_up.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow
@@ -509,7 +497,6 @@ def test_chain(tmp_path):
     assert numbers["law below"] == pytest.approx(10.0, rel=0.01)
     for name in ("y1", "y1'"):
         assert numbers[f"exponent {name}"] == pytest.approx(4 / 3, abs=5e-3)
-    assert (tmp_path / "chain.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow
@@ -591,7 +578,6 @@ def test_plate(tmp_path, capsys):
     assert 1 - numbers["stiff 64"] == pytest.approx((1 - numbers["stiff 16"]) / 4, rel=0.1)
     assert numbers["fewest motions"] >= 1
     assert numbers["farthest from the plain hop"] < 0.15
-    assert (tmp_path / "plate.png").stat().st_size > 10_000
     assert "the plate would have to pull the foot" in capsys.readouterr().out
 
 
@@ -601,7 +587,6 @@ def test_chain_hand(tmp_path, capsys):
     numbers = chain_hand.main(tmp_path, quick=True)
     assert numbers["series 0.001"] == pytest.approx(1.0, abs=2e-3)
     assert numbers["throws"] == 2
-    assert (tmp_path / "chain_hand.png").stat().st_size > 10_000
     assert "to b = 0.3: reached" in capsys.readouterr().out
 
 
@@ -610,7 +595,6 @@ def test_series(tmp_path, capsys):
     """What a small unsprung mass changes beyond the first order goes with the power 3/2 of it."""
     numbers = series.main(tmp_path, quick=True)
     assert numbers["largest vibration"] < 1.0
-    assert (tmp_path / "series.png").stat().st_size > 10_000
     assert "the ground would have to pull" in capsys.readouterr().out
 
 
@@ -629,7 +613,6 @@ def test_runner(tmp_path):
     assert heavy.source.values["hip_stiffness"] == pytest.approx(tuned, rel=1e-10)
     assert numbers["friction 0.1"][3.7] == pytest.approx(0.25404979012958, rel=1e-11)
     assert numbers["end 3.7"] == ("reached", 0.5)
-    assert (tmp_path / "runner.png").stat().st_size > 10_000
     assert (tmp_path / "runner.gif").stat().st_size > 5_000  # of four instants
 
 
@@ -685,7 +668,6 @@ def test_rocker(tmp_path):
     assert numbers["tilts"][1] == pytest.approx(0.47147, abs=5e-6)
     assert numbers["off the law"] < 0.02
     assert numbers["goes on"] < 1e-4 < numbers["splits"]  # one launch speed as long as it goes on
-    assert (tmp_path / "rocker.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow
