@@ -2,24 +2,13 @@
 
 import numpy as np
 import pytest
-from families import FOLD, FOLD_ALPHA, GOLDEN, events
+from families import FOLD, FOLD_ALPHA, events
 from hanging import quartic_error
 
 from orbits import InputError, NoOrbit, Orbit, find, follow, follow_branch, orbit_at, trace
 from orbits.continuation import End, Event
 from orbits.show import thumbnails
-from problems import Hopper, hopper_in_si
-
-
-def test_golden_values_are_hit_exactly():
-    family = follow(Hopper("cubic"), "beta", 5.0, 0.0, at=[0.5, 1, 2, 5])
-    for value, alpha in GOLDEN.items():
-        (point,) = family.at(value)
-        assert point.alpha == pytest.approx(alpha, rel=1e-12)
-        assert abs(point.alpha - alpha) <= max(point.error, 1e-15)
-    assert family.end.kind == "reached"
-    assert family[-1].value == 5.0
-    assert [event.kind for event in family.events] == ["value"] * 3
+from problems import Hopper
 
 
 def test_the_fold_of_the_cubic_spring_and_its_second_sheet(softening_family):
@@ -95,12 +84,6 @@ def test_bad_questions_are_refused(options, message):
     question = {"along": "beta", "stop": 1.0, "start": 0.3, **options}
     with pytest.raises(InputError, match=message):
         follow(Hopper("cubic"), question.pop("along"), question.pop("stop"), **question)
-
-
-def test_a_machine_in_si_is_followed_in_its_own_units():
-    machine = hopper_in_si(60, 3, force="k*r + c*r**3", rest_length=0.8, parameters={"k": 8e3, "c": 0.0})
-    family = follow(machine, "c", 2e6)
-    assert family[-1].alpha == pytest.approx(find(machine.with_values(c=2e6)).alpha, rel=1e-12)
 
 
 class TestBranchPoint:

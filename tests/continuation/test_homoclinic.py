@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from orbits import Family, follow, orbit_at
+from orbits.continuation.homoclinic import _decay
 from problems import Chain, Hopper, Juggler
 
 CUBIC = Hopper("cubic", rest_length=30.0, parameters={"beta": -0.005})
@@ -38,6 +39,18 @@ def test_a_contact_that_stays_near_a_barrier(contacts):
     assert f"near the equilibrium y1 = {rest:.6g}, whose smallest eigenvalue above 0 is {eigenvalue:.6g}" in end.reason
     assert f"beta = {beta:.10g}" in end.reason
     assert end.limit is None  # the contact time itself has none
+
+
+def test_what_falls_exponentially_is_measured():
+    t = np.linspace(1.0, 20.0, 80)
+    rates = 3.0 * np.exp(-1.4 * t) * (1 + np.exp(-1.4 * t))
+    assert _decay(t, rates, rates) == pytest.approx(1.4, rel=1e-6)
+    assert _decay(t, rates + 1e-13 * np.abs(np.sin(50 * t)), rates) == pytest.approx(1.4, rel=1e-2)
+    before = np.concatenate([[3.0, 2.0], t]), np.concatenate([[1e-9, 1.0], rates])
+    assert _decay(*before, before[1]) == pytest.approx(1.4, rel=1e-6)
+    assert _decay(t, t**-3.0, t**-3.0) is None  # a power of time
+    assert _decay(t[:30], rates[:30], 1e4 * rates[:30]) is None  # it has not settled
+    assert _decay(t[::-1], rates, rates) is None
 
 
 @pytest.mark.slow

@@ -9,18 +9,6 @@ from orbits.curves import Border, Steps, correct
 LANES = np.arange(3)
 
 
-def test_a_component_gets_exactly_its_value():
-    p = np.array([0.1, 0.2, 0.3])
-    guesses = np.column_stack([np.ones(3), np.zeros(3)])
-    which, points = correct(
-        Formula(circle), LANES, guesses, Border.of_component(1, p, 2), np.tile([0.0, 1.0], (3, 1)), Steps()
-    )
-    assert which.tolist() == [0, 1, 2]
-    assert points.values.tolist() == p.tolist()
-    assert points.xs[:, 0] == pytest.approx(np.sqrt(1 - p**2), rel=1e-15)
-    assert points.tangents == pytest.approx(np.column_stack([-p, np.sqrt(1 - p**2)]), abs=1e-10)
-
-
 def test_lanes_that_lead_nowhere_are_left_out():
     """The circle has no point at p = 2, and none within the reach of the first step at 0.9."""
     border = Border.of_component(1, np.array([0.1, 2.0, 0.9]), 2)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from plane_curves import BOTH, Formula, circle, corner, found_by, line, run_of
+from plane_curves import BOTH, Formula, circle, corner, found_by, line, places, run_of
 
 from orbits.curves import ASKS, Border, Start, Steps, Test, correct
 
@@ -71,6 +71,29 @@ def test_steps_end_before_a_barrier_and_go_on_behind_it(options):
     assert (np.diff(p) > 0).all()
 
 
+def test_certified_points_that_are_no_neighbours_are_rejected_until_they_are_near():
+    """Each rejection halves the step, and none counts."""
+
+    class Numbered(Formula):
+        def certify(self, points):
+            return points.having(own=np.floor(3 * points.values)), {}
+
+        def accepts(self, before, points):
+            if points.own is None:
+                return np.ones(len(points), bool)
+            return (before.own == points.own) | (points.lengths <= 1e-3)
+
+    number = Test("number", lambda _, points: points.own, places=3)
+    xs, events, (end,) = found_by(
+        run_of(Numbered(circle, [number]), (1.0, 0.05), stop=0.95, options=Steps(rejections=0))
+    )
+    assert places(events, "number")[:, 1] == pytest.approx([1 / 3, 2 / 3], abs=1e-12)
+    assert end.kind == "reached"
+    for event in events:
+        a, b = xs[event.after : event.after + 2]
+        assert np.linalg.norm(b - a) <= 1e-3
+
+
 def test_a_curve_is_lost_where_its_neighbours_are_of_another_one():
     class Alone(Formula):
         def accepts(self, before, points):
@@ -78,14 +101,6 @@ def test_a_curve_is_lost_where_its_neighbours_are_of_another_one():
 
     _, _, (end,) = found_by(run_of(Alone(circle), (1.0, 0.0), stop=0.95))
     assert end.kind == "stuck"
-
-
-def test_no_batch_goes_far_beyond_a_bound():
-    """A step that ends beyond it is the last of its batch, however many more this may have."""
-    bent = lambda lanes, x, p: ([x - p + 1e-3 * p * p], [[np.ones_like(x), -1.0 + 2e-3 * p]])  # noqa: E731
-    problem = Formula(bent)
-    found_by(run_of(problem, (-1.0, -1.0), stop=1.0))
-    assert problem.points < 1000
 
 
 def test_a_step_passes_a_bound_at_which_the_equations_are_singular():

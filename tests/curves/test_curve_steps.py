@@ -1,7 +1,6 @@
 """Steps along curves in closed form, and the points between their ends."""
 
 import numpy as np
-import pytest
 from plane_curves import Formula, circle, found_by, run_of
 
 from orbits.curves import Steps, started
@@ -15,14 +14,6 @@ def first_step(problem, start, lengths, bounds, options):
     first = started(problem, np.array(start, float), options)
     bounds = np.broadcast_to(bounds, (len(first), 2))
     return step(problem, first.lanes, Tails.of([first], first.lanes, 4), np.array(lengths), bounds, options)
-
-
-def test_a_step_solves_the_curve_at_its_length_along_the_tangent():
-    taken = first_step(Formula(circle), [[1.0, 0.0]] * 2, [0.1, 0.2], FAR, Steps(corrected=0.5))
-    assert taken.which.tolist() == [0, 1]
-    assert taken.ends.values == pytest.approx([0.1, 0.2], abs=1e-15)
-    assert taken.ends.xs[:, 0] == pytest.approx(np.sqrt(1 - np.array([0.1, 0.2]) ** 2), abs=1e-15)
-    assert taken.ends.lengths.tolist() == [0.1, 0.2]
 
 
 def test_a_step_with_a_large_correction_a_large_turn_or_a_prediction_off_the_tangent_is_rejected():

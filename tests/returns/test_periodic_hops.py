@@ -52,13 +52,6 @@ def test_the_hops_come_back_and_have_exact_multipliers():
         assert newton.launches[:, 0] == pytest.approx(launches, abs=1e-9)
 
 
-def test_without_injection_hops_are_lossless():
-    (star,) = ReturnMap(Hopper()).periodic_hops(1, LOW, HIGH)
-    assert star.alpha == pytest.approx(4.493409457909064, rel=1e-14)
-    assert star.stable is None
-    assert len(ReturnMap(Hopper()).periodic_hops(2, LOW, HIGH)) == 0
-
-
 @pytest.mark.slow
 def test_a_damped_machine_in_si():
     star = find(LEG).alpha

@@ -128,13 +128,6 @@ def test_arrays_of_any_shape_are_taken_at_once():
     assert parse("r*k")(r=np.ones((4, 1)), k=np.ones(3)).shape == (4, 3)
 
 
-def test_derivatives_of_a_symbolic_formula():
-    r = ca.SX.sym("r")
-    slope = ca.Function("slope", [r], [ca.jacobian(parse("tanh(r)*r**3")(r=r), r)])
-    at = 0.7
-    assert float(slope(at)) == pytest.approx(at**3 / math.cosh(at) ** 2 + 3 * at**2 * math.tanh(at), rel=1e-14)
-
-
 @pytest.mark.parametrize("kind", [ca.SX, ca.MX])
 @pytest.mark.parametrize(
     ("text", "value"),
@@ -152,21 +145,6 @@ def test_a_constant_part_mixes_with_either_kind_of_symbol(text, value, kind):
     expression = parse(text)(x=x, a=2.0, b=4.0)
     assert isinstance(expression, kind)
     assert float(ca.Function("f", [x], [expression])(2.0)) == pytest.approx(value or 2 * math.exp(2), rel=1e-15)
-
-
-@pytest.mark.parametrize(
-    ("text", "names"),
-    [
-        ("r + beta*r**3", {"r", "beta"}),
-        ("2*pi", set()),
-        ("exp(-z/H)", {"z", "H"}),
-        ("R*r", {"r", "R"}),
-        ("E1 + e2 + x_1", {"E1", "e2", "x_1"}),
-        ("2*(self + text)", {"self", "text"}),
-    ],
-)
-def test_names_are_what_needs_a_value(text, names):
-    assert parse(text).names == names
 
 
 @pytest.mark.parametrize(
