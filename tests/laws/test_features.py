@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from orbits import NoOrbit, find
-from orbits.laws import features, unit_of_length
+from orbits.laws import Law, features, features_of_many, sampled_closely, unit_of_length
+from orbits.laws.law_expressions import formula_expression
 from problems import Hopper
 from studies.search import Case
 
@@ -74,6 +75,46 @@ def test_what_is_narrower_than_a_step_is_not_missed_silently(spring, gravity):
         assert "certified" in refusal or "did not converge" in refusal if refusal else drift < 1e-12
 
 
+@pytest.mark.parametrize(
+    ("law", "places", "most"),
+    [
+        ("r + exp(-((r - 0.3)/1e-7)**2)", [0.3], 1000),
+        ("r + abs(r - 0.3) - abs(r - 0.3 - 1e-9)", [0.3, 0.3 + 1e-9], 8),
+        ("r + r**3", [], 3),
+        ("tanh(r)", [], 3),
+    ],
+)
+def test_samples_of_a_law_come_to_where_it_varies(law, places, most):
+    whole = Law(law, "r", formula_expression(law, "r"), {})  # not in pieces, which would end at its kinks
+    found = sampled_closely(whole, np.array([0.0, 0.5, 1.0]))
+    assert len(found) <= most
+    for place in places:
+        assert np.abs(found - place).min() < 2e-8
+    assert (np.diff(found) > 0).all()
+
+
 def test_a_law_that_varies_finely_all_the_way_is_refused():
     with pytest.raises(NoOrbit, match=r"varies within .* of r over a long way"):
         find(Hopper("1e-3*r + 0.01*exp(sin(1e9*r))"))
+
+
+@pytest.mark.parametrize(
+    ("law", "low", "high"),
+    [
+        ("r + b*r**3", -0.01, 0.3),
+        ("r + b*r**3 - b**2*r**5", 0.001, 0.3),
+        ("tanh(b*r)/b", 0.05, 2.0),
+        ("r + 0.1*exp(-((r - 2)/b)**2)", 0.02, 1.0),
+        ("r/(1 - b*r**2)", 0.01, 2.0),
+    ],
+)
+def test_features_of_many_laws_are_those_of_each(law, low, high):
+    """Bends are as many, and lengths to the last digit, but where a law bends once at most and none is determined."""
+    key, values = Hopper(law, parameters={"b": 0.1}).model.relative.law, np.linspace(low, high, 40)
+    p = {name: values if name == "b" else np.ones(40) for name in key.names}
+    lengths, bends = features_of_many(key, key, p)
+    for i in range(40):
+        own = {name: float(column[i]) for name, column in p.items()}
+        alone = features(key, unit_of_length(key, own), own)
+        assert bends[i] == alone.bends
+        assert lengths[i] == alone.length or (lengths[i] == np.inf and bends[i] <= 1)

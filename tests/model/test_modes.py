@@ -98,6 +98,33 @@ def test_two_masses_on_a_spring(ratio):
     assert modes.shapes[0, 1] / modes.shapes[1, 1] == pytest.approx(-ratio, rel=2e-15)
 
 
+def lowest_on_grid(modes, quantity, start, low: float, high: float) -> float:
+    return quantity(modes.state(start, np.linspace(low, high, 20_001)[1:-1]).T).min()
+
+
+@pytest.mark.parametrize(("n", "thrown"), [(2, 1), (3, 1), (3, 2), (5, 1)])
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_what_is_known_to_be_positive_is(n, thrown, order):
+    """On fine grids, from zeros of the quantity of each order, for several sizes of the vibration."""
+    modes, known = linear_modes(*mechanism(n, thrown, 3)), []
+    rng = np.random.default_rng(order)
+    for size in np.geomspace(0.01, 30.0, 12):
+        weights = np.zeros(2 * n)
+        weights[::2] = rng.normal(size=n)
+        quantity, start = Affine(tuple(weights)), size * rng.normal(size=2 * n)
+        # The start is changed until the quantity's first derivatives vanish there and the next is positive.
+        slopes = modes.along(weights, np.eye(2 * n), np.zeros(2 * n), 3)[:, : order + 1].T
+        at_rest = modes.along(weights, np.zeros(2 * n), np.zeros(1), 3)[0, : order + 1]
+        slopes -= at_rest[:, None]
+        start += np.linalg.pinv(slopes) @ (np.append(np.zeros(order), size) - at_rest - slopes @ start)
+        (until,) = modes.positive_until(quantity, start[:, None], order)
+        known.append(until > 0)
+        if until > 0:
+            end = min(until, 50.0)
+            assert lowest_on_grid(modes, quantity, start, min(0.01, 0.1 * end), end) > 0
+    assert np.mean(known) > 0.25
+
+
 @pytest.mark.parametrize(
     ("arguments", "telling"),
     [

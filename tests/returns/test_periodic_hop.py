@@ -45,6 +45,12 @@ def test_one_orbit_alone_or_its_file_is_a_start_and_none_is_not(tmp_path):
             step.fixed_points(starts=none)
 
 
+def test_a_damped_column_that_is_driven():
+    step = ReturnMap(column("r", 0.002), inject=0.2)
+    hop = step.periodic_hop(hop_of()[1])
+    assert step(hop).next == pytest.approx(hop.launches[0], rel=1e-11)
+
+
 def test_fixed_points_and_hops_of_two_of_one_speed():
     machine = Hopper()
     step = ReturnMap(machine, inject=0.08)
