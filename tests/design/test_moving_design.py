@@ -8,7 +8,7 @@ from conftest import slow_after
 from designs import LEG, OVER
 from scipy.optimize import brentq
 
-from orbits import DesignCurve, Front, InputError, NoOrbit, find, optimize, quantities
+from orbits import Design, DesignCurve, Front, InputError, NoOrbit, find, optimize, quantities
 from orbits.design.design_problem import design_problem
 from orbits.design.moving_number import moving_number
 from orbits.design.traced_designs import program_about
@@ -132,6 +132,21 @@ def test_an_inactive_constraint_enters_and_the_curve_ends_where_constraints_excl
     assert curve.values[-1] == pytest.approx(strokes[1], rel=1e-9)
     assert curve.designs[-1].parameters["body_mass"] == pytest.approx(20.0, rel=1e-9)
     assert "the constraints exclude each other" in curve.end
+
+
+def test_a_curve_comes_back(linear, tmp_path):
+    for what, to in (("centre_of_mass_rise <= 0.04", 0.038), ("foot_mass", 3.1)):
+        curve = linear.follow(what, to, points=2)
+        path = curve.save(tmp_path / "curve.json")
+        again = DesignCurve.load(path, LINEAR)
+        assert str(again) == str(curve)
+        assert again.save(tmp_path / "again.json").read_bytes() == path.read_bytes()
+        assert again.designs[1].source == curve.designs[1].source
+    assert curve.plot().get_xlabel() == "foot mass (kg)"
+    best = Design.load(linear.save(tmp_path / "best.json"), LINEAR)
+    assert best.follow("foot_mass", 3.1, points=2).designs[1].parameters == curve.designs[1].parameters
+    with pytest.raises(InputError, match="is not a saved curve of designs"):
+        DesignCurve.load(linear.save(tmp_path / "design.json"), LINEAR)
 
 
 def test_wrong_events_in_files_are_refused(linear):

@@ -242,6 +242,17 @@ def test_the_first_of_several_functions_is_that_of_each_alone(spring):
         assert stop.which == found.which[i]
 
 
+@pytest.mark.parametrize("spring", ["r", "r + 0.2*r**3"])
+def test_of_two_events_at_one_time_the_first_function_has_it(spring):
+    rules, height = Impacts(Hopper(spring)), Affine((1.0, 0.0), 0.8)
+    starts = np.random.default_rng(4).normal(0.0, 2.0, (30, 2))
+    twice = first_events(rules.contact, starts, rules.p, Watch(rules.contact, [height, height]), 20.0)
+    once = first_events(rules.contact, starts, rules.p, Watch(rules.contact, [height]), 20.0)
+    assert np.array_equal(twice.times, once.times, equal_nan=True)
+    assert (twice.which == once.which).all()
+    assert once.which.max() == 0
+
+
 def test_a_motion_with_an_event_does_not_break_off():
     """On one that runs away, a second function without a zero is searched behind the event of the first."""
     rules = Impacts(rimless_wheel())

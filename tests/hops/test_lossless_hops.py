@@ -5,7 +5,7 @@ import pytest
 from columns import hop_of
 
 from orbits import InputError, find, multipliers
-from orbits.hops import LosslessHops
+from orbits.hops import CROSSINGS, LosslessHops, angles_left, is_crossing
 from orbits.shooting import half_orbit, shooting_equations, vector
 from problems import Hopper, runner
 
@@ -34,6 +34,20 @@ def test_derivatives_are_those_of_the_hop_that_is_followed(kind):
     assert np.abs(found - expected.matrix).max() <= 1e-12 * np.abs(expected.matrix).max()
     rest = np.delete(expected.values, np.abs(expected.values - 1).argmin())
     assert np.sort_complex(np.linalg.eigvals(others)) == pytest.approx(np.sort_complex(rest), abs=1e-10)
+
+
+def test_crossings_are_zeros_of_their_test_functions():
+    angle = np.exp(1j * np.array([1.0, -1.0]))
+    rotation = np.array([[angle[0].real, -angle[0].imag], [angle[0].imag, angle[0].real]])
+    at = {"multiplier 1": np.diag([1.0, 0.5]), "flip": np.diag([-1.0, 0.5]), "Neimark-Sacker": rotation}
+    for kind, test in CROSSINGS.items():
+        inside, on, outside = (test(size * at[kind][None])[0] for size in (0.9, 1.0, 1.1))
+        assert on == pytest.approx(0.0, abs=1e-15)
+        assert inside * outside < 0
+        assert is_crossing(kind, at[kind])
+    assert not is_crossing("Neimark-Sacker", np.diag([2.0, 0.5]))
+    traces = [2 - 2 * np.cos(1.0), -0.5, -0.5]
+    assert angles_left(np.array([rotation, np.diag([2.0, 0.5]), np.diag([-2.0, -0.5])])) == pytest.approx(traces)
 
 
 def test_the_multiplier_of_a_launch_speed_crosses_nothing():

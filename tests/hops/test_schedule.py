@@ -23,6 +23,22 @@ def test_a_contact_goes_on_where_its_inputs_change():
     assert run(2.4)[0] == pytest.approx(after, abs=1e-13)
 
 
+def test_a_contact_ends_where_new_inputs_would_have_it_pull():
+    """At the top of its oscillation the spring carries 0.8 of the foot, and four times as much once it is stiffer."""
+    top = np.pi / np.sqrt(0.5)
+    options = {"time": top + 1.0, "schedule": ([top, top + 2.0], {"k": [4.0]})}
+    run = simulate(Hopper("k*r", parameters={"k": 1.0}), state=[-2.8, 0.0, 0.0, 0.0], **options)
+    assert [(event.kind, event.time) for event in run.events] == [("lift-off", pytest.approx(top, rel=1e-12))]
+    assert run.events[0].after[:2] == pytest.approx([0.8, 0.0], abs=1e-12)
+    assert [leg.phase for leg in run.legs] == ["contact", "flight"]
+    # The extension goes on about the foot's and the body's common fall, four times as stiff.
+    t = np.linspace(0.0, 0.5, 6)
+    states = run(top + t)
+    assert states[:, 0] - states[:, 2] == pytest.approx(0.8 * np.cos(2.0 * t), abs=1e-12)
+    assert states[:, 0] + states[:, 2] == pytest.approx(0.8 - 0.5 * t**2, abs=1e-12)
+    assert (states[1:, 2] > 0).all()
+
+
 def test_a_schedule_names_what_may_change_in_time():
     linear = hopper_in_si(60.0, 3.0, stiffness=5000.0, rest_length=0.8)
     with pytest.raises(InputError, match="none that may change in time"):

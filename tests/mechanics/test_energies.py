@@ -6,7 +6,7 @@ from conftest import slow_after
 
 from orbits import InputError, Mechanism, find, find_all, prove, simulate, starts
 from orbits.check_proof import check
-from orbits.mechanics import Damper, Mass, Potential, Spring
+from orbits.mechanics import Damper, Ground, Mass, Potential, Spring
 from problems import Hopper, hopper_in_si, knee_hopper
 
 sympy = pytest.importorskip("sympy")
@@ -106,6 +106,18 @@ def test_energies_of_matrices():
         assert machine.inertia == (("m1", 0.0), (0.0, "m2"))
     with pytest.raises(InputError, match=r"T = Matrix.* is no scalar expression"):
         Mechanism.from_lagrangian(masses, LINEAR, (y1, y2), y2, MASSES)
+
+
+def test_ground_that_yields():
+    """A stated inertia has none of the ground's."""
+    ground = Ground(mass=50.0, spring=k * sympy.Symbol("r"))
+    machine = Mechanism.from_lagrangian(TWO, LINEAR, (y1, y2), y2, MASSES | {k: 1e4}, ground=ground)
+    two = [Mass("y1", "m1"), Mass("y2", "m2"), Spring("y1 - y2")]
+    by_elements = Mechanism(("y1", "y2"), two, "y2", {"m1": 1.0, "m2": 1.0, "k": 1e4}, ground=Ground(50.0, "k*r"))
+    state = [2.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+    runs = [[each.time for each in simulate(m, state=state, time=3.0).events] for m in (machine, by_elements)]
+    assert runs[0]
+    assert runs[0] == pytest.approx(runs[1], rel=1e-12)
 
 
 def test_what_is_no_spring_is_a_potential():

@@ -88,6 +88,27 @@ def test_states_and_transitions_are_matrix_exponentials(n, thrown):
     np.testing.assert_allclose(moved, exact[1][:-1] @ np.vstack([several, np.ones(3)]), atol=2e-13 * scale)
 
 
+@pytest.mark.parametrize(("n", "thrown"), CASES)
+def test_series_are_the_powers_of_the_generator(n, thrown):
+    m, k, f = mechanism(n, thrown, 10 * n + thrown)
+    rng, order = np.random.default_rng(2), 8
+    weights, start = rng.normal(size=2 * n + 1), rng.normal(size=2 * n)
+    seen = rng.normal(size=2 * n), 0.3
+    modes = linear_modes(m, k, f, {"a force": seen})
+    with mp.workdps(30):
+        a = generator(m, k, f)
+        at = [mp.expm(a * mp.mpf(t)) * mp.matrix([*start, 1.0]) for t in (0.0, 0.4)]
+        powers = [a**j / mp.factorial(j) for j in range(order + 1)]
+        exact = np.array([[floats(power * x)[:-1, 0] for power in powers] for x in at])  # (2, order + 1, 2n)
+    watched = exact @ seen[0]
+    watched[:, 0] += seen[1]
+    rows = modes.series(start, np.array([0.0, 0.4]), order)
+    np.testing.assert_allclose(rows[:, :-1], exact.swapaxes(1, 2), atol=1e-12 * np.abs(exact).max())
+    np.testing.assert_allclose(rows[:, -1], watched, atol=1e-12 * np.abs(exact).max())
+    along = modes.along(weights, start, np.array([0.0, 0.4]), order)
+    np.testing.assert_allclose(along, exact @ weights[:-1] + weights[-1] * watched, atol=1e-11 * np.abs(exact).max())
+
+
 @pytest.mark.parametrize("ratio", [1e-8, 1e-3, 1.0, 1e3, 1e8])
 def test_two_masses_on_a_spring(ratio):
     """Whatever the masses, all digits of the frequency, of the centre of mass and of the shares in the vibration."""

@@ -8,10 +8,13 @@ from conftest import slow_after
 from return_maps import KnownMaps, of_the_paper
 
 from orbits import InputError, ReturnMap, bifurcations, find, simulate
+from orbits.continuation import End
+from orbits.curves import Event
 from orbits.numerics import bracketed_root
-from orbits.returns.bifurcations import _Search
+from orbits.returns.bifurcations import _Search, _with_events_at_points
 from orbits.returns.periodic_hops import slope_at
-from problems import Chain, Hopper, hopper_in_si
+from orbits.returns.periodic_launch import PeriodicLaunch
+from problems import Chain, HeavyHand, Hopper, hopper_in_si
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha
 C = 3.61694  # of the local law: alpha* + d comes back as alpha* + d - C d^(4/3), below with ten times that
@@ -76,6 +79,20 @@ def test_a_flip_at_a_point_of_its_branch(section):
     assert (double.alphas - 1) ** 2 == pytest.approx(np.column_stack([double.values] * 2), abs=1e-10)
     inner = double.values > 1e-6
     assert double.multipliers[inner] == pytest.approx((1 - 2 * double.values[inner]) ** 2, abs=1e-7)
+
+
+def test_a_multiplier_that_touches_a_level_is_no_bifurcation():
+    end, place = End("reached", ""), np.zeros(2)
+
+    def kinds(values, slopes):
+        points = [PeriodicLaunch(v, (1.0,), s, (1,), place, place) for v, s in zip(values, slopes, strict=True)]
+        return [x.kind for x in _with_events_at_points([end, *points, end]) if isinstance(x, Event)]
+
+    assert kinds([0, 1, 2], [-0.9, -1.0, -0.9]) == kinds([0, 1, 2], [-1.1, -1.0, -1.1]) == []
+    assert kinds([0, 1], [-1.0, -1.1]) == kinds([0, 1, 2, 3], [1.0, 1.0, 1.0, 1.0]) == []
+    assert kinds([0, 1, 2], [-0.9, -1.0, -1.1]) == ["flip"]
+    assert kinds([0, 1, 0], [1.1, 1.0, 0.9]) == ["fold"]
+    assert kinds([0, 1, 2], [1.1, 1.0, 0.9]) == ["branch point"]
 
 
 def fixed_points_along_the_injection(machine, low, high, samples=1001):
@@ -261,6 +278,17 @@ def test_nothing_comes_back_with_damping_alone():
     assert "no launch of period one comes back" in str(diagram)
     with pytest.raises(InputError, match="nothing to draw"):
         diagram.plot()
+
+
+@pytest.mark.parametrize("restitution", slow_after(1, [0.0, 0.3]))
+def test_impacts_that_lose_nothing_have_no_attractor_with_injection(restitution):
+    """Launches from a heavy hand become faster for ever; without an injection all that end in contact come back."""
+    diagram = bifurcations(HeavyHand(restitution=restitution), "inject", (0.0, 0.15), (3.8, 4.9), samples=20)
+    assert diagram.branches == ()
+    assert set(diagram.visits[:, 0]) <= {0.0}
+    hops = ReturnMap(HeavyHand(restitution=restitution))(np.linspace(3.8, 4.9, 6)[1:-1])
+    stay = hops.alpha[hops.status == "lifts_off"]
+    assert np.unique(diagram.visits[:, 1]) == pytest.approx(stay, rel=1e-14)
 
 
 PLAIN = ReturnMap(Hopper())

@@ -20,6 +20,16 @@ def test_a_branch_ends_where_the_map_jumps():
         assert points[-1].value <= 1 / 0.3 + 1e-9
 
 
+def test_a_number_of_impacts_that_changes_without_a_jump_is_no_end():
+    maps = KnownMaps(2.6, 3.6, LOGISTIC.following, LOGISTIC.slope, lambda a: np.where(a > 0.7, 2, 1), 0.7)
+    _, events, end = traced(maps, (0.1, 0.99), 1 - 1 / 3.1, 3.1)
+    assert end.kind == "reached"
+    (event,) = events
+    assert (event.kind, event.point.border) == ("border collision", "bounce")
+    assert event.point.value == pytest.approx(1 / 0.3, abs=1e-12)
+    assert event.point.sides == pytest.approx((2 - 1 / 0.3, 2 - 1 / 0.3), abs=1e-9)
+
+
 @pytest.mark.parametrize(("slope", "kind"), [(0.5, "border collision"), (2.0, "non-smooth fold")])
 def test_a_graze_is_located_and_named_by_the_slopes_on_both_sides(slope, kind):
     """1 + v + s (a - 1) with - sqrt(a - 1) above a = 1: the fixed point comes to the graze at v = 0, and either goes on
