@@ -169,8 +169,8 @@ def _from_search(
             continue
         if np.isfinite(best):
             lowest[machine] = float(best)
-        elif machine in guess.refused:
-            absent[machine] = with_search(guess.refused[machine], none_found(sought.model, cells[k]))
+        elif isinstance(refused := guess.refused.get(machine), NoOrbit):
+            absent[machine] = with_search(refused, none_found(sought.model, cells[k]))
     return orbits, lowest, absent
 
 
