@@ -1,12 +1,17 @@
 """How curves of orbits end: at a bound, closed, lost, or escaped to a limit that is known."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from conftest import slow_after
 from families import FOLD, FOLD_ALPHA, events
 
 from orbits import InputError, NoOrbit, follow
-from orbits.continuation.curve_ends import limit
+from orbits.continuation import Options, StepControl
+from orbits.continuation.curve_ends import Endings, limit
+from orbits.curves import Points
+from orbits.errors import BreaksDown, NoStep
 from problems import Hopper
 
 
@@ -146,6 +151,100 @@ def test_what_tends_to_no_clear_limit_has_none():
     turned = history(lambda s: s * (s - 1.2 / 50), alpha)  # it would come back to where it was before
     assert limit(turned, EVERYWHERE, -1) is None
     assert limit([(a, v) for a, v in turned if v > 0.001], EVERYWHERE, -1)[0] == pytest.approx(0.0, abs=1e-6)
+
+
+def endings(one_speed=True, start=0.5, **control):
+    """The endings of a curve along b from an orbit with the launch speed 4, the flight time 8 and lift-off at 1."""
+    machine = SimpleNamespace(model=SimpleNamespace(one_speed=one_speed, reversor=None))
+    growths = lambda points: points.growths  # noqa: E731
+    curve = SimpleNamespace(
+        along="b", span=2.0, machine=machine, units_at=lambda value, also: None,
+        growths=growths, largest_growths=growths,
+        equations_of_orbits=SimpleNamespace(statement=SimpleNamespace(unknowns=("alpha", "duration"), durations=())),
+    )  # fmt: skip
+    origin = SimpleNamespace(alpha=4.0, flight_time=8.0, liftoff_extension=1.0)
+    return Endings(curve, origin, start, (0.0, 2.0), Options(step_control=StepControl(**control)))
+
+
+def last_point(alpha, time, extension=1.0, amplification=1.0, value=0.75):
+    """The last point of a curve."""
+    point = SimpleNamespace(alpha=alpha, flight_time=time, liftoff_extension=extension, also={})
+    x = np.array([[alpha, time, value]])
+    nothing, one = np.zeros((1, 3)), np.zeros(1, int)
+    return Points(one, x, nothing, np.array([amplification]), None, one, own=[point])
+
+
+def passed(points):
+    """Points with these launch speeds and values of the parameter."""
+    alphas, values = np.array(points).T
+    nothing = np.zeros((len(alphas), 2))
+    own = SimpleNamespace(column={"alpha": alphas, "value": values, "u": nothing, "tangent": nothing}.get)
+    return [SimpleNamespace(own=own, lengths=np.ones(len(alphas)))]
+
+
+FAR = history(lambda s: 0.8 - s, np.geomspace(4.0, 4000.0, 300))
+
+
+NEAR = history(lambda s: 0.8 - s, np.geomspace(4.0, 0.004, 300), 1)
+
+
+@pytest.mark.parametrize(
+    ("point", "points", "one_speed", "reason"),
+    [
+        (last_point(4000.0, 8000.0), FAR, True, "the launch speed grows without bound"),
+        (last_point(-4000.0, 8000.0), FAR, True, "the launch speed grows without bound"),
+        (last_point(4000.0, 8e8), FAR, True, "gravity no longer returns the machine near b = 0.75"),
+        (last_point(5.0, 8e8), FAR, True, "gravity no longer returns the machine near b = 0.75"),
+        (last_point(4000.0, 8000.0, -1e6), FAR, True, "the spring no longer lifts the foot near b = 0.75"),
+        (last_point(4000.0, 8000.0, 60.0), FAR, True, "the launch speed grows without bound"),
+        (last_point(0.004, 0.01), NEAR, True, "the flight shrinks to nothing near b = 0.75"),
+        (last_point(0.004, 0.01), NEAR, False, "the flight shrinks to nothing near b = 0.75"),
+        (last_point(-0.004, 4.0), NEAR, True, "the launch speed falls to nothing near b = 0.75"),
+        (last_point(0.004, 4.0), NEAR, False, None),
+        (last_point(4000.0, 8000.0), FAR[:2], True, None),
+        (last_point(0.004, 0.01), NEAR[:2], True, None),
+        (last_point(40.0, 80.0), FAR, True, None),
+        (last_point(0.4, 0.8), NEAR, True, None),
+    ],
+)
+def test_what_a_curve_that_goes_far_ends_in(point, points, one_speed, reason):
+    end = endings(one_speed, escape_ratio=50.0).far(point, passed(points))
+    assert (end and end.reason) == reason
+    if reason:
+        assert end.kind == ("escaped" if "grows" in reason else "degenerate")
+        assert abs(end.limit - 0.8) <= end.limit_error + 1e-12
+
+
+def test_what_a_lost_curve_ends_in():
+    """Where it escapes the limit says more than the reason; an error of the machine is one."""
+    lost, reason = endings(running_ratio=4.0).lost, NoOrbit("no root")
+    end = lost(reason, last_point(4000.0, 8000.0), passed(FAR))
+    assert (end.kind, end.limit) == ("escaped", pytest.approx(0.8))
+    assert end.reason.endswith("was followed to b = 0.75, alpha = 4000")
+    for point, points in ((last_point(12.0, 8000.0), FAR), (last_point(-4000.0, 8000.0), FAR[:2])):
+        end = lost(reason, point, passed(points))
+        assert (end.kind, end.reason) == ("stuck", f"at b = 0.75, alpha = {point.own[0].alpha:g}: no root")
+    for error, what in (
+        (BreaksDown("it breaks down"), "does not come back (it"),
+        (NoStep("none"), "found beside it (none"),
+    ):
+        for growth, remedy in ((1.0, "allow steps shorter than 1e-05"), (1e6, "Follow another parameter")):
+            end = lost(error, last_point(12.0, 8000.0, amplification=growth), passed(FAR))
+            assert end.kind == "stuck"
+            assert what in end.reason
+            assert remedy in end.reason
+    end = lost(InputError("no mass"), last_point(12.0, 8000.0), passed(FAR))
+    assert (end.kind, end.reason) == (
+        "degenerate",
+        "there is no such machine any more at b = 0.75, alpha = 12: no mass",
+    )
+    beside = last_point(12.0, 8000.0, value=0.5 + 1e-9)
+    remedy = "; a parameter over decades is followed by its inverse or its logarithm"
+    assert lost(reason, beside, passed(FAR)).reason.endswith("no root" + remedy)
+    end = endings(running_ratio=4.0, largest_amplification=1e3).far(
+        last_point(5.0, 8.0, amplification=1e4), passed(FAR)
+    )
+    assert (end.kind, "grow 1e+04-fold" in end.reason) == ("stuck", True)
 
 
 def test_a_lift_off_that_grows_without_bound_ends_a_family():

@@ -70,6 +70,23 @@ def test_a_search_that_is_stopped_counts_no_orbits(monkeypatch, caplog):
     assert "family 1 may have more orbits than the 1 that are found: the search was stopped after" in caplog.text
 
 
+def test_the_cells_of_many_are_those_of_each_alone():
+    """With two orbits, again two, none beside a fold, and none at all."""
+    machines = [Hopper("cubic", parameters={"beta": beta}) for beta in (-0.005, -1e-3, -0.0108, -0.1)]
+    names, model = tuple(machines[0].values), machines[0].model
+    ps, searches = np.array([list(m.values.values()) for m in machines]), [m.model.search(m.values) for m in machines]
+    together = Lateness(model, "relative", names, ps, 1, searches).cells()
+    for i, cells in enumerate(together):
+        (alone,) = Lateness(model, "relative", names, ps[i : i + 1], 1, searches[i : i + 1]).cells()
+        (two, _) = Lateness(model, "relative", names, ps[[i, 0]], 1, [searches[i], searches[0]]).cells()
+        assert (cells.cells == two.cells).all()
+        assert (cells.abouts == two.abouts).all()
+        assert cells[2:] == two[2:]
+        assert cells.cells == pytest.approx(alone.cells, rel=1e-12)
+        assert cells[2:] == alone[2:]
+    assert [len(cells.cells) for cells in together] == [2, 2, 0, 0]
+
+
 @pytest.mark.slow
 def test_the_fallback_is_a_search():
     """Under constant gravity this spring does not come back, in falling gravity it does."""
