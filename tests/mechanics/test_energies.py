@@ -55,6 +55,16 @@ def test_a_hopper_and_its_proof():
     assert check(proof.saved()) == []
 
 
+def test_a_spring_with_a_length_and_its_proof():
+    """Coordinates from the ground: the extension is the spring's own, and alpha that of one without a length."""
+    energy = k * (y1 - y2 - length) ** 2 / 2 + m1 * y1 + m2 * y2
+    numbers = {**MASSES, k: 1.0, length: 10.0}
+    orbit = find(Mechanism.from_lagrangian(TWO, energy, (y1, y2), y2, numbers, rest={y1: length}))
+    assert orbit.alpha == pytest.approx(find(Hopper()).alpha * 2**0.5, rel=1e-13)
+    assert orbit.liftoff_extension == 1.0
+    assert prove(orbit).proved
+
+
 @pytest.mark.slow
 def test_an_inertia_that_varies():
     """The knee, whose masses depend on its angle."""

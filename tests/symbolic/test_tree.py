@@ -19,6 +19,7 @@ from orbits.symbolic import (
     expression,
     substitute,
     symbol,
+    vanishes,
 )
 
 X, Y = symbol("x"), symbol("y")
@@ -83,3 +84,14 @@ def test_substitution():
     assert found is fn.sin(Y + 1) * 2 + (Y + 1)
     assert not depends_on([found], [X])
     assert depends_on([found], [Y])
+
+
+@pytest.mark.parametrize(
+    "zero",
+    [
+        (X + Y) ** 2 - X**2 - 2 * X * Y - Y**2, 1 / (X + 1) + 1 / (X - 1) - 2 * X / (X**2 - 1), X / Y * Y - X,
+        fn.sin(X) * Y - Y * fn.sin(X), (X**2 - 1) / (X + 1) - (X - 1), power(X, Y) * 2 - power(X, Y) - power(X, Y),
+    ],
+)  # fmt: skip
+def test_rational_identities_are_seen(zero):
+    assert vanishes(zero)

@@ -43,6 +43,11 @@ class TestDataFrame:
         with pytest.raises(InputError, match=message):
             springs.table(frame.rename(columns=columns), in_si=True)
 
+    def test_with_a_hole_is_refused(self, frame):
+        frame.loc[7, "force [N]"] = np.nan
+        with pytest.raises(InputError, match=r"row 9: .* does not hold two finite numbers"):
+            springs.table(frame, in_si=True)
+
 
 def test_two_sequences_are_two_columns():
     record = read_record((R, FORCE), in_si=False)
