@@ -40,6 +40,15 @@ def test_the_lowest_of_many_is_found_beyond_barriers():
     assert together.alphas == pytest.approx(alphas[together.which], rel=1e-9)  # a few are close to a barrier
 
 
+def test_long_hops_are_found_together():
+    machine, betas = Hopper("cubic"), (0.1, 0.2)
+    ps = np.array([[*machine.with_values(beta=beta).values.values()] for beta in betas])
+    (together,), _ = lowest_orbits(machine.model, tuple(machine.values), ps, 150)
+    assert together.which.tolist() == [0, 1]
+    alone = [find(machine.with_values(beta=beta), 150).alpha for beta in betas]
+    assert together.alphas == pytest.approx(alone, rel=1e-11)
+
+
 def test_each_orbit_near_is_of_its_own_family():
     machine = Hopper("r + b*r**3", parameters={"b": 0.1}, rest_length=20.0)
     orbits = [find(machine, family) for family in (1, 2)]

@@ -1,10 +1,15 @@
 """Figures of return maps: cobwebs, fixed points, basins, and what cannot be drawn."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from legibility import faults
 from looks import check_looks
 
 from orbits import InputError, ReturnMap, find
+from orbits.continuation import End
+from orbits.returns import Bifurcation, BifurcationDiagram, Branch
 from problems import Hopper, hopper_in_si
 
 LEG = hopper_in_si(60.0, 3.0, stiffness=8000.0, rest_length=0.8)
@@ -43,6 +48,37 @@ def test_the_figure_of_basins():
     check_looks("basins", axes.figure)
     none = step.plot_basin(0.3, 0.4, samples=50)
     assert none.get_title() == "no launch here comes to a lossless hop"
+
+
+def test_the_figure_of_bifurcations():
+    """Branches by stability, each named once, with events of all kinds and the launches that are visited."""
+    ends, values = (End("reached", ""),) * 2, np.linspace(0.0, 0.4, 5)
+    lower, upper = (4.0 + side * np.sqrt(values[2:] - 0.1) for side in (-1, 1))
+    branches = (
+        Branch(1, values, 4.0 + values[:, None] ** 2, np.array([0.5, 0.8, -1.2, -1.5, -2.0]), ends),
+        Branch(2, values[2:], np.column_stack([lower, upper]), np.array([0.9, 0.5, 0.1]), ends),
+        Branch(1, values, 5.0 - values[:, None], np.full(5, np.nan), ends),
+    )
+    kinds = enumerate(("flip", "fold", "branch point", "border collision"))
+    events = [Bifurcation(kind, values[i], (4.0 + values[i] ** 2,) * (1 + i % 2)) for i, kind in kinds]
+    visits = np.column_stack([np.repeat(values, 3), 4.5 + 0.1 * np.arange(15)])
+    machine = Hopper().describe()
+    diagram = BifurcationDiagram(
+        "inject", (0.0, 0.4), (3.0, 6.0), machine, branches, (*events, events[0]), visits, {"alpha": "m/s"}
+    )
+    axes = diagram.plot()
+    words = [f"{name}, {stability}" for name, stability in (
+        ("fixed points", "stable"), ("fixed points", "unstable"), ("period two", "stable"),
+        ("fixed points", "stability unknown"),
+    )]  # fmt: skip
+    kinds = ["flip", "fold", "branch point", "border collision"]
+    assert axes.get_legend_handles_labels()[1] == ["visited in the long run", *words, *kinds]
+    assert faults(axes.figure) == []
+    check_looks("bifurcations", axes.figure)
+    bare = replace(diagram, branches=branches[:1], events=(), visits=np.zeros((0, 2))).plot()
+    assert bare.get_ylim() == pytest.approx((4.0 - 0.05 * 0.16, 4.16 + 0.05 * 0.16))
+    with pytest.raises(InputError, match="nothing to draw"):
+        replace(diagram, branches=(), visits=np.zeros((0, 2))).plot()
 
 
 @pytest.mark.parametrize(
