@@ -146,7 +146,7 @@ class Flow(PhaseField):
             return drift.joined(*self.run_all(starts, ps, durations, *drift.others))
         if not self._is_together(seeds, parameter_seeds):
             return self._run_each(starts, ps, durations, seeds, parameter_seeds)
-        done, motions, variations, _ = self._run_together(starts, ps, durations, seeds, parameter_seeds)
+        done, motions, variations = self._run_together(starts, ps, durations, seeds, parameter_seeds)
         if motions is None or not done.all():
             return self._run_each(starts, ps, durations, seeds, parameter_seeds, broken=(~done).nonzero()[0].tolist())
         return motions, variations
@@ -163,7 +163,8 @@ class Flow(PhaseField):
             which, motions, variations = self.run_lanes(starts, ps, durations, *drift.others)
             return which, *((motions, variations) if motions is None else drift.joined(motions, variations))
         if len(starts) and self._is_together(seeds, parameter_seeds):
-            return self._run_in_lanes(starts, ps, durations, seeds, parameter_seeds)
+            done, motions, variations = self._run_together(starts, ps, durations, seeds, parameter_seeds)
+            return done.nonzero()[0], motions, variations
         found = dict[int, tuple[Trajectory, Array]]()
         for i, one in enumerate(zip(starts, ps, durations.tolist(), strict=True)):
             with suppress(FlowError):
@@ -214,42 +215,24 @@ class Flow(PhaseField):
         stepper = self.stepper(seeds.shape[-1], self.varied(parameter_seeds))
         return isinstance(stepper, TaylorStepper) and not (self.phase.closed_form and not parameter_seeds.any())
 
-    def _run_in_lanes(self, starts, ps, durations, seeds, parameter_seeds) -> tuple[Array, Trajectories | None, Array]:
-        """`run_lanes` of motions that are integrated together; those with more steps than usual once more."""
-        done, motions, variations, longer = self._run_together(starts, ps, durations, seeds, parameter_seeds)
-        which = np.flatnonzero(done)
-        if not longer.any():
-            return which, motions, variations
-        again, most = np.flatnonzero(longer), self.control.max_block * self.control.longer
-        own = [each[again] if each.ndim > 2 else each for each in (seeds, parameter_seeds)]
-        done, others, ends, _ = self._run_together(starts[again], ps[again], durations[again], own[0], own[1], most)
-        which = np.concatenate([which, again[done]])
-        parts, order = [part for part in (motions, others) if part is not None], np.argsort(which)
-        found = Trajectories.joined(parts)[order] if parts else None
-        return which[order], found, np.concatenate([variations, ends])[order]
-
-    def _run_together(
-        self, starts, ps, durations, seeds, parameter_seeds, most: int | None = None
-    ) -> tuple[Array, Trajectories | None, Array, Array]:
-        """Whether each of the motions (m,) can be followed in at most a number of steps, by default those of one call;
-        those that can, None without any, and the derivatives of their ends; and whether it would go on (m,)."""
-        most = self.control.max_block if most is None else most
+    def _run_together(self, starts, ps, durations, seeds, parameter_seeds) -> tuple[Array, Trajectories | None, Array]:
+        """Whether each of the motions (m,) can be followed in the steps of one call; those that can, None without any,
+        and the derivatives of their ends."""
         stepper = self.stepper(seeds.shape[-1], self.varied(parameter_seeds))
         assert isinstance(stepper, TaylorStepper)
         on = self.on_pieces(starts, ps, parameter_seeds)
-        found = stepper.advance_all(starts, ps, durations, seeds, parameter_seeds, most, on)
+        found = stepper.advance_all(starts, ps, durations, seeds, parameter_seeds, self.control.max_block, on)
         c, counts, variations = found.coefficients, found.counts, found.variations
         begins, before = begins_of_steps(found.steps, counts), found.begins
         vanishing = found.steps <= self.control.shortest_step * np.maximum(begins, 1.0)
         done = (found.left == 0) & (durations > 0) & (np.abs(found.ends).max(1) <= self.control.runaway)
-        longer = ~done & (found.left > 0) & (counts == most)
         if vanishing.any() or not done.all():
             owner = np.repeat(np.arange(len(done)), counts)
-            done[owner[vanishing]] = longer[owner[vanishing]] = False
+            done[owner[vanishing]] = False
             c, begins, before = (each[done[owner]] for each in (c, begins, before))
             counts, durations, variations = counts[done], durations[done], variations[done]
         motions = Trajectories(begins, durations, c, counts, self.names, before) if done.any() else None
-        return done, motions, variations, longer
+        return done, motions, variations
 
     def _run_each(self, starts, ps, durations, *seeds, broken=()) -> tuple[Trajectories, Array]:
         """`run_all` of one motion after the other, those with indices `broken` first, which seem to be like that."""

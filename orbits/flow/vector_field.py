@@ -53,8 +53,7 @@ class FlowControl:
     runaway: float = 1e20  # a state with a component larger than this has run away
     singular_step: float = 1e-3  # a state runs away to infinity in longer steps, in shorter ones into a singularity
     look_ahead: int = 12  # steps of one call while a stop is searched for, which are most of an oscillation
-    max_block: int = 512  # most steps of one call, which bounds the memory that it takes
-    longer: int = 8  # where motions that can be followed are sought, those with more steps may take this times as many
+    max_block: int = 4096  # most steps of one call, which bounds the memory that it takes
     rounding: float = 1e-14  # the rest of a duration is dropped when it is less than this share of it
     same_time: float = 1e-15  # times that differ by a smaller share of a duration are one
 

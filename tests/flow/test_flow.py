@@ -87,3 +87,18 @@ def test_a_parameter_derivative_sees_poles_that_the_state_does_not():
     t, w = np.polynomial.legendre.leggauss(60)
     t, w = 5 * (t + 1), 5 * w
     assert slopes[0, 0] == pytest.approx(np.sum(w * (10 - t) * -(t - t**3) / (1 + t**2)), rel=1e-12)
+
+
+def test_long_motions_stay_together(monkeypatch):
+    """Motions of a thousand steps, with the energy of their starts and the derivatives of one motion alone."""
+    flow, p, time = oscillator(duffing), np.array([0.3]), 900.0
+    starts, seeds = np.array([[1.0, 2.0], [0.5, -1.0]]), (np.eye(2), np.zeros((1, 2)))
+    _, slopes = flow.run(starts[0], p, time, *seeds)
+    monkeypatch.setattr(Flow, "run", None)
+    motions, found = flow.run_all(starts, np.tile(p, (2, 1)), np.full(2, time), *seeds)
+    assert motions.counts.min() > 512
+    assert found[0] == pytest.approx(slopes, rel=1e-9)
+    energies = [
+        [v**2 / 2 + r**2 / 2 + 0.3 * r**4 / 4 for r, v in pair] for pair in (starts, [m.end[:2] for m in motions])
+    ]
+    assert energies[1] == pytest.approx(energies[0], rel=1e-12)
