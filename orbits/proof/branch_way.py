@@ -13,6 +13,7 @@ from flint import arb, ctx
 from ..balls import FIRST_BITS, ball_of_fraction, narrowed
 from ..errors import OrbitsError
 from ..exact import TooLong, Unproved
+from ..numerics import TINY
 from .branch_claim import BranchClaim
 from .branch_piece import BRANCHES, CurveEquations, CurvePiece, floats_about, inside, prove_piece, signs_along
 from .proved_fold import proved_fold
@@ -51,9 +52,8 @@ class Way:
         self._order = order
         self.points = [np.array(row) for row in claim.points[:, order]]
         self._tangents = [np.array(row) for row in claim.tangents[:, order]]
-        spans = np.ptp(claim.points[:, order], axis=0)
-        with np.errstate(divide="ignore"):
-            self._shares = 1.0 / spans[[equations.parameter, equations.speed]]
+        spans = np.ptp(claim.points[:, order], axis=0)  # of the speed 0, where it does not depend on the parameter
+        self._shares = 1.0 / np.maximum(spans[[equations.parameter, equations.speed]], TINY)
         self._inserted = 0
 
     def solve(self, coordinate: int, values: np.ndarray, guesses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -113,7 +113,7 @@ class Way:
         """The coordinate along which to follow the curve between two points; None where neither is monotone there."""
         parameter, speed = self.equations.parameter, self.equations.speed
         columns, moves = np.array(self.points[at : to + 1]), np.abs(self._tangents[at : to + 1])
-        ratio = moves[:, parameter] * self._shares[0] / np.maximum(moves[:, speed] * self._shares[1], 1e-300)
+        ratio = moves[:, parameter] * self._shares[0] / np.maximum(moves[:, speed] * self._shares[1], TINY)
         stays = before is not None and before.piece.coordinate == parameter
         share = BRANCHES.share_to_stay if stays else BRANCHES.share_of_parameter
         order = (parameter, speed) if (ratio >= share).all() else (speed, parameter)
