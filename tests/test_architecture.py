@@ -9,6 +9,8 @@ from collections import defaultdict
 from functools import cache
 from pathlib import Path
 
+import pytest
+
 import orbits
 from studies.docs.rooms import PAGE, page, rooms
 
@@ -380,6 +382,19 @@ def test_what_a_scene_does_not_need_is_not_loaded():
     hops = "from orbits import ReturnMap, simulate; ReturnMap(Hopper('r'))([4.4]); simulate(Hopper('r'), 4.3, hops=2)"
     loaded = loaded_by("import problems.command.cli", linear, varying, hops)
     assert loaded == [set(), *[{"casadi", "numpy"}] * 3]
+
+
+@pytest.mark.slow
+def test_verbs_load_no_library_that_they_do_not_use():
+    """SciPy takes 0.3 s to import, matplotlib longer: what finds, follows, maps, sweeps and optimises uses neither."""
+    hopper = "import orbits; from problems import Hopper; h = Hopper('r + b*r**3', parameters={'b': 0.3})"
+    verbs = (
+        "orbits.follow(h, 'b', 0.31)", "orbits.simulate(h, 3.5, hops=2)", "orbits.multipliers(h, orbits.find(h))",
+        "orbits.ReturnMap(h, inject=0.03).fixed_points(2.5, 3.0)", "orbits.sweep(h, {'b': (0.3, 0.4)}, 5, seed=1)",
+        "orbits.optimize(h, minimise='alpha', over={'b': (0.2, 0.4)})",
+    )  # fmt: skip
+    for verb, loaded in zip(verbs, loaded_by(hopper, *verbs)[1:], strict=True):
+        assert not loaded & {"scipy", "matplotlib", "flint"}, verb
 
 
 def test_names_of_the_package_are_loaded_when_they_are_used_and_only_proofs_need_flint():
