@@ -221,7 +221,7 @@ class Flow(PhaseField):
         stepper = self.stepper(seeds.shape[-1], self.varied(parameter_seeds))
         assert isinstance(stepper, TaylorStepper)
         on = self.on_pieces(starts, ps, parameter_seeds)
-        found = stepper.advance_all(starts, ps, durations, seeds, parameter_seeds, self.control.max_block, on)
+        found = stepper.advance_all(starts, ps, durations, seeds, parameter_seeds, self.control.together, on)
         c, counts, variations = found.coefficients, found.counts, found.variations
         begins, before = begins_of_steps(found.steps, counts), found.begins
         vanishing = found.steps <= self.control.shortest_step * np.maximum(begins, 1.0)

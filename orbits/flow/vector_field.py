@@ -53,7 +53,8 @@ class FlowControl:
     runaway: float = 1e20  # a state with a component larger than this has run away
     singular_step: float = 1e-3  # a state runs away to infinity in longer steps, in shorter ones into a singularity
     look_ahead: int = 12  # steps of one call while a stop is searched for, which are most of an oscillation
-    max_block: int = 4096  # most steps of one call, which bounds the memory that it takes
+    max_block: int = 512  # most steps of one call while an event is sought, which bounds the memory that it takes
+    together: int = 4096  # most steps of each of the motions that are followed together for stated times
     rounding: float = 1e-14  # the rest of a duration is dropped when it is less than this share of it
     same_time: float = 1e-15  # times that differ by a smaller share of a duration are one
 

@@ -37,7 +37,7 @@ from .start import stated_unknowns
 # The statuses of a machine whose orbit is not reached: the orbits end at a fold on the way, or the way was too hard.
 AT_FOLD, NOT_REACHED = "ends", "not reached"
 # The most integration steps of a motion that is followed together with others.
-STEPS_TOGETHER = FLOW_CONTROL.max_block
+STEPS_TOGETHER = FLOW_CONTROL.together
 # What helps where no other reason is known.
 NEARER = "give a start that is nearer"
 

@@ -187,14 +187,14 @@ def polynomials(u: np.ndarray, count: int) -> np.ndarray:
 
 
 def without_seams(intervals: Sequence[tuple[float, float]]) -> Intervals:
-    """Intervals in order, those that touch or overlap as one, without those whose ends are the same edge."""
+    """Intervals in order, those that touch or overlap as one."""
     found = Intervals()
     for a, b in sorted(intervals):
         if found and a <= found[-1][1] * (1 + PIECES.same_edge):
             found[-1] = found[-1][0], max(b, found[-1][1])
         else:
             found.append((a, b))
-    return Intervals((a, b) for a, b in found if b > a * (1 + PIECES.same_edge))
+    return found
 
 
 def within(values: np.ndarray, edges: ArrayLike) -> np.ndarray:

@@ -89,7 +89,7 @@ class NewtonKernel:
         if on := self.flow.on_pieces(begin[:, :-1], ps):
             z[:, motion.piece], tables = on.numbers, [on.tables]
             data.append(np.broadcast_to(on.breaks, (len(xs), self.flow.breaks)))
-        z, (c, before, steps), counts, _ = self.kernel(z, np.hstack(data), *tables, most=most or control.max_block)
+        z, (c, before, steps), counts, _ = self.kernel(z, np.hstack(data), *tables, most=most or control.together)
         solved = (z[:, at.doing] == Lane.DONE) & (np.abs(z[:, motion.state]).max(1) <= control.runaway)
         owner, begins = np.repeat(np.arange(len(z)), counts), begins_of_steps(steps[:, 0], counts)
         solved[owner[steps[:, 0] <= control.shortest_step * np.maximum(begins, 1.0)]] = False
