@@ -2,10 +2,12 @@
 not proved."""
 
 import json
+from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
 
+import numpy as np
 import pytest
 from steps import stepping
 
@@ -96,3 +98,12 @@ def test_other_laws_and_parameters(other, along, start, stop):
     assert proof.proved, proof.reasons
     middle = find(other.with_values(**{along: (start + stop) / 2}))
     assert any(middle.alpha in part.unknowns["alpha"] for part in proof.parts)
+
+
+def test_a_speed_that_is_the_same_to_the_last_bit():
+    """Under constant gravity the launch does not depend on the masses: the curve has no extent in its speed."""
+    machine = Hopper("cubic", rest_length=9.0, parameters={"beta": 0.3})
+    family = follow(machine, "mass_ratio", start=1.0, stop=1.1, longest=0.5)
+    first, count = family.points[0], len(family.points)
+    points = family.points.replaced(u=np.tile(first.u, (count, 1)), alpha=np.full(count, first.alpha))
+    assert replace(family, points=points).prove(machine, continuous=True, motion=False).proved
