@@ -3,14 +3,17 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 from typing import TypedDict, overload
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..io import Document, conform, one_line
 from ..model import Affine, StateFormula
 from ..numerics import Array, evaluate, powers, shifted
+from ..symbolic import ElementwiseFunction, cached
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,11 +236,13 @@ class Trajectories:
         """The largest absolute value (m,) of any of `values` (N, ...) on each motion."""
         return np.maximum.reduceat(np.abs(values).ravel(), self.first * (values.size // len(values)))
 
-    def sizes(self, count: int) -> np.ndarray:
-        """The largest term (m, count) of each of the first rows in any step of each motion. Places and rates have
-        different dimensions, and each is measured in its own size; that of a row is 0 only where it is 0 throughout."""
-        terms = np.abs(self.coefficients[:, :count]) * self.of_steps[:, None]
-        return np.maximum.reduceat(terms.max(2), self.first)
+    @cached_property
+    def sizes(self) -> np.ndarray:
+        """The largest term (m, rows) of each row in any step of each motion. Places and rates have different
+        dimensions, and each is measured in its own size; that of a row is 0 only where it is 0 throughout."""
+        c = self.coefficients
+        (terms,) = _largest_terms(*c.shape[1:])(c.reshape(len(c), -1), self.steps[:, None])
+        return np.maximum.reduceat(terms, self.first)
 
     @cached_property
     def of_steps(self) -> np.ndarray:
@@ -265,3 +270,12 @@ class Trajectories:
         ends = np.empty_like(values)
         ends[:-1], ends[self.last] = values[1:], finals
         return ends
+
+
+@cached
+def _largest_terms(rows: int, orders: int) -> ElementwiseFunction:
+    """The largest terms (rows,) of polynomials in a step, (coefficients, one row after the other; length)."""
+    c, h = ca.SX.sym("c", orders, rows), ca.SX.sym("h")
+    powers = ca.vertcat(1, *accumulate([h] * (orders - 1), lambda power, h: power * h))
+    terms = ca.vertcat(*(ca.mmax(ca.fabs(row * powers)) for row in ca.horzsplit(c)))
+    return ElementwiseFunction(ca.Function("largest_terms", [ca.vec(c), h], [terms]))

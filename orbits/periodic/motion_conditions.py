@@ -163,7 +163,7 @@ def _jerks_at_launch(model: Model, cycles: Cycles) -> np.ndarray:
 def _without_rounding(gap: TurnsAndZeros, jerk: np.ndarray, weights: Sequence[Algebraic]) -> TurnsAndZeros:
     """The gaps, sums of states with these weights, without stationary points at which rounding decides on their signs:
     so soon after lift-off that gaps with these jerks (m,) are less than what rounding makes of the states."""
-    terms = np.abs(np.array(weights)) * gap.motions.sizes(len(weights))
+    terms = np.abs(np.array(weights)) * gap.motions.sizes[:, : len(weights)]
     rounding = ROUNDED_STATE * EPS * terms.max(1)
     opened = np.cbrt(6 * rounding / np.maximum(jerk, rounding))
     later = gap.times > opened[gap.owner]

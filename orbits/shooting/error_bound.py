@@ -10,7 +10,7 @@ from numpy import ndarray
 from ..errors import NoOrbit
 from ..flow import TAYLOR, Flow, Trajectories, Trajectory, runge_kutta_step, symbolic_powers
 from ..numerics import GAUSS_PLACES, GAUSS_WEIGHTS, powers, solve
-from ..symbolic import BufferedFunction, ElementwiseFunction, cached
+from ..symbolic import ElementwiseFunction, Kernel, cached
 from ..units import UNKNOWNS, Message, Quantity
 from .single_shooting import Evaluation, Shooting, relative
 
@@ -21,8 +21,6 @@ class ErrorOptions(NamedTuple):
     # Rounding errors of n steps add up at random, like the square root of n, and by their bias, like n. The two are
     # equal at a number of steps whose square root is this.
     random_steps: float = 20.0
-    # Order-8 steps in one call, whose number is a multiple of this, so that few functions are built.
-    steps_per_call: int = 32
     worst: float = 1e-11  # share of alpha: with a larger error the steps may have leapt over a feature
     doubtful_ratio: float = 1e4  # of an error to what rounding explains, beyond which a large one is that of a leap
     # Order-8 steps are so short that the ninth Taylor term, their error, is below this share of rounding.
@@ -104,7 +102,7 @@ def _grown_rounding(
         equations.flows, evaluation.trajectories, evaluation.transitions, evaluation.starts,
         evaluation.residual_by_end, strict=True,
     ):  # fmt: skip
-        sizes, change = motions.sizes(flow.size), (transition @ start)[:, :, : equations.own]
+        sizes, change = motions.sizes[:, : flow.size], (transition @ start)[:, :, : equations.own]
         growth = np.linalg.norm(relative(change, sizes, np.abs(us[:, : equations.own])), axis=(1, 2))
         at_random = np.sqrt(motions.counts)
         rows = slice(row, row := row + by_end.shape[1])
@@ -265,32 +263,30 @@ def _states_in_steps(flow: Flow) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
 
 def _end_by_another_method(flow: Flow, start: ndarray, p: ndarray, path: Trajectory) -> ndarray:
     """The end of a motion by order-8 Runge-Kutta steps where Taylor steps found it, else by scipy's DOP853."""
-    data = flow.mesh_data(Trajectories.of([path]), p[None]).T
+    data = flow.mesh_data(Trajectories.of([path]), p[None])
     if flow.method != "Runge-Kutta":
         # The number k of steps is such that their error, k**-8 times the ninth Taylor term, is below rounding; at
         # least 8, since a feature of the law between fewer samples could be missed.
         c = np.abs(path.coefficients[:, : flow.size])
         ninth = c[:, :, 9].max(1) * path.steps**9 / np.maximum(c[:, :, 0].max(1), 1e-300)
         counts = np.clip(np.ceil((ninth / (ERRORS.ninth_term * EPS)) ** (1 / 8)), 8, 2000).astype(int)
-        count = int(np.ceil(counts.sum() / ERRORS.steps_per_call)) * ERRORS.steps_per_call
-        idle = count - counts.sum()  # the number of steps is rounded up by steps of length 0
-        lengths = np.zeros(count)
-        lengths[: count - idle] = (path.steps / counts).repeat(counts)
-        counts[-1] += idle
-        data = data.repeat(counts, axis=1)
-        return _order_eight(flow, count)(start, lengths, data)[0][:, -1]
+        steps = np.concatenate([(path.steps / counts)[:, None], data], axis=1).repeat(counts, axis=0)
+        z = np.array([[*start, 0, len(steps)]])
+        return _order_eight(flow)(z, steps.reshape(1, -1)).z[0, : flow.size]
     from scipy.integrate import solve_ivp  # slow to import, and only laws without a Taylor series need it
 
     x = start
     for i, h in enumerate(path.steps):
-        rates = lambda t, y, d=data[:, i]: flow.rates(y, d)  # noqa: E731
+        rates = lambda t, y, d=data[i]: flow.rates(y, d)  # noqa: E731
         x = solve_ivp(rates, (0, h), x, method="DOP853", rtol=1e-13, atol=1e-15 * (1 + np.abs(x).max())).y[:, -1]
     return x
 
 
 @cached
-def _order_eight(flow: Flow, count: int) -> BufferedFunction:
-    """`count` Runge-Kutta steps as a call (start, lengths, parameters with data) -> states (n, count)."""
-    field, h = flow.vector_field, ca.SX.sym("h")
-    step = ca.Function("step", [field.x, h, field.p], [runge_kutta_step(field, field.x, h)])
-    return BufferedFunction(step.mapaccum(count))
+def _order_eight(flow: Flow) -> Kernel:
+    """Runge-Kutta steps, ((state, number of the step, number of steps), (length, parameters with data) of the step) ->
+    the same after all steps."""
+    field, h, taken, count = flow.vector_field, *(ca.SX.sym(name) for name in ("h", "taken", "count"))
+    after = ca.vertcat(runge_kutta_step(field, field.x, h), taken + 1, count)
+    z, step = ca.vertcat(field.x, taken, count), ca.vertcat(h, field.p)
+    return Kernel(ca.Function("order_eight", [z, step], [after, 0, taken + 1 < count]), flow.size)

@@ -231,7 +231,7 @@ def interpret(
     u = dict(zip(equations.statement.unknowns, us.T, strict=True))
     p = dict(zip(equations.parameters, ps.T, strict=True))
     flight, halves, gap_slope, growth = _flights(model, method, u, p, evaluation)
-    gap = flight.with_rows(flight.series(model.landing_gap_of(p))[:, None], ("gap",)).sizes(1)[:, 0]
+    gap = flight.with_rows(flight.series(model.landing_gap_of(p))[:, None], ("gap",)).sizes[:, 0]
     # The derivatives change with the error of alpha.
     with np.errstate(over="ignore"):  # nothing is known of a slope that may change without bound
         slope_error = SLOPE_CHANGE * gap * growth * evaluation.relative_growth**2 * errors / np.abs(u["alpha"])
@@ -258,7 +258,7 @@ def _flights(model: Model, method: str, u: Mapping, p: Mapping, evaluation: Eval
     """The `flight`, the `halves` and the `gap_slope` of `Cycles`, and the largest derivative (m,) of a state at landing
     by alpha, relative to its size."""
     motions, alpha = evaluation.trajectories[0], list(u).index("alpha")
-    sizes = motions.sizes(evaluation.transitions[0].shape[1])
+    sizes = motions.sizes[:, : evaluation.transitions[0].shape[1]]
     grown = lambda change: relative(change[:, :, None], sizes, np.ones((len(sizes), 1))).max((1, 2))  # noqa: E731
     if reduction := reduction_of(model, method):
         of_steps = ({name: values[motions.owner] for name, values in each.items()} for each in (u, p))

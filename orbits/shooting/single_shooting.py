@@ -88,7 +88,7 @@ class Evaluation:
     def relative_growth(self) -> np.ndarray:
         """Of m points, the `amplification` (m,) of changes relative to the sizes of the states, in any units."""
         changes = self.parts or tuple(each[:, None, :, : each.shape[1]] for each in self.transitions)
-        sizes = (motions.sizes(each.shape[-1]) for motions, each in zip(self.trajectories, changes, strict=True))
+        sizes = (motions.sizes[:, : each.shape[-1]] for motions, each in zip(self.trajectories, changes, strict=True))
         grown = (relative(each, size[:, None], size[:, None]) for each, size in zip(changes, sizes, strict=True))
         return np.max([each.max((1, 2, 3)) for each in grown], axis=0)
 
