@@ -32,6 +32,7 @@ from .guess import Guesses, guesses
 from .homotopy import STEPS_OF_HOMOTOPY
 from .orbit import Orbit
 
+
 class TogetherOptions(NamedTuple):
     """How many motions are kept in memory together: fewer of those that may have more steps."""
 
