@@ -58,7 +58,7 @@ class Records(Sequence[Made], Generic[Made]):
         """The column of a field, of the records or of one of their fields; raises `KeyError` for another name."""
         if name in self.columns:
             return self.columns[name]
-        return next(each for each in self.columns.values() if isinstance(each, Records)).column(name)
+        return next(each for each in self.columns.values() if type(each) is Records).column(name)
 
     def replaced(self, **columns: object) -> "Records[Made]":
         """The records with other columns."""

@@ -203,8 +203,8 @@ class Curve:
 
     def parameters_at(self, xs: np.ndarray) -> np.ndarray:
         """The parameters (m, np) at points (m, n + 1)."""
-        values = np.tile(self.parameters, (len(xs), 1))
-        values[:, self.place] = xs[:, -1]
+        values = np.empty((len(xs), len(self.parameters)))
+        values[:], values[:, self.place] = self.parameters, xs[:, -1]
         return values
 
     def varied(self, p: np.ndarray) -> dict[str, float]:

@@ -59,7 +59,8 @@ class FamilyProblem(Problem):
         self.steps = steps or options.steps(options.step_control.largest_batch)
         if self.chords:
             self.steps = replace(self.steps, last=min(self.steps.last, BATCH.last_chord_step))
-        self.solver = self._compiled if curve.kernel else None
+        self.kernel = curve.kernel
+        self.solver = self._compiled if self.kernel else None
         self.renews = self.solver is None
         if curve.division:
             nodes = curve.division.nodes
@@ -94,8 +95,8 @@ class FamilyProblem(Problem):
     def _compiled(self, lanes: Array, xs: Array, rows: Array, levels: Array, least: int, record: bool) -> Any:
         """Newton's method in one call; None where it does not converge for all points."""
         curve = self.curve
-        assert curve.kernel is not None
-        found = curve.kernel(xs, rows, levels, curve.size(xs), curve.parameters_at(xs), least, record)
+        assert self.kernel is not None
+        found = self.kernel(xs, rows, levels, curve.size(xs), curve.parameters_at(xs), least, record)
         return found if len(found.which) == len(xs) else None
 
     def size(self, lanes: Array, xs: Array) -> Array:

@@ -102,7 +102,7 @@ def step(problem: Problem, lanes: Array, tails: Tails, lengths: Array, bounds: A
         problem,
         lanes[own],
         guesses[own],
-        Border(rows[own], levels[own], _bending([barriers.get(k) for k in i.tolist()], rows[own], levels[own])),
+        Border(rows[own], levels[own], _bending(barriers, i, rows[own], levels[own])),
         tangents[own],
         options,
         least=options.least,
@@ -137,16 +137,17 @@ def step(problem: Problem, lanes: Array, tails: Tails, lengths: Array, bounds: A
 
 
 def _bending(
-    barriers: Sequence[Barrier | None], rows: Array, levels: Array
+    barriers: Mapping[int, Barrier], points: Array, rows: Array, levels: Array
 ) -> Callable[[Array, Array, Any], tuple[Array, Array]] | None:
-    """The rows and levels of a `Border` that follow the barriers of some points (k,); None where there are none."""
-    if not any(barriers):
+    """The rows and levels of a `Border` that follow the barriers of points (k,), by their numbers; None where there are
+    none."""
+    if not barriers or barriers.keys().isdisjoint(points.tolist()):
         return None
 
     def bends(which: Array, xs: Array, _: Any) -> tuple[Array, Array]:
         own, wanted = rows[which], levels[which]
-        for j, k in enumerate(which.tolist()):
-            if (barrier := barriers[k]) is not None:
+        for j, k in enumerate(points[which].tolist()):
+            if (barrier := barriers.get(k)) is not None:
                 own[j], wanted[j] = barrier.border(xs[j])
         return own, wanted
 

@@ -23,7 +23,7 @@ def check_bounds(options: Any, called: str) -> None:
         (low, high), value, name = each.metadata["bounds"], getattr(options, each.name), f"{called}.{each.name}"
         if isinstance(each.default, int):
             whole_number(name, value, "points or steps", low, high)
-        elif isinstance(value, bool) or not isinstance(value, Real) or not low <= value <= high:
+        elif isinstance(value, bool) or not isinstance(value, float | Real) or not low <= value <= high:
             raise InputError(f"{name} = {value!r}; it is a number from {low:g} to {high:g}")
 
 

@@ -89,16 +89,14 @@ def until_zero(
     search.by_taylor_steps()
     if not len(which := np.isfinite(search.times).nonzero()[0]):
         return which, None
-    if len(starts) == len(search.steps) == 1:
-        ((_, steps, coefficients),) = search.steps
-        counts = np.array([len(steps)])
-        return which, Trajectories(begins_of_steps(steps, counts), search.times, coefficients, counts, flow.names)
-    owners, steps, coefficients = map(np.concatenate, zip(*search.steps, strict=True))
-    reached = np.isfinite(search.times)[owners]
-    order = reached.nonzero()[0][np.argsort(owners[reached], kind="stable")]
-    counts = np.bincount(owners[order], minlength=len(starts))[which]
-    begins = begins_of_steps(steps[order], counts)
-    return which, Trajectories(begins, search.times[which], coefficients[order], counts, flow.names)
+    owners, steps, coefficients = search.steps[0]
+    if len(search.steps) > 1 or len(which) < len(starts):  # one record has the steps of one motion after the other
+        owners, steps, coefficients = map(np.concatenate, zip(*search.steps, strict=True))
+        reached = np.isfinite(search.times)[owners]
+        order = reached.nonzero()[0][np.argsort(owners[reached], kind="stable")]
+        owners, steps, coefficients = owners[order], steps[order], coefficients[order]
+    counts = np.bincount(owners, minlength=len(starts))[which]
+    return which, Trajectories(begins_of_steps(steps, counts), search.times[which], coefficients, counts, flow.names)
 
 
 def first_events(
@@ -287,10 +285,12 @@ class _Search:
 
     def _record(self, lanes, steps: Watched, counts, found) -> None:
         """Record the steps of the motions that have `found` one that may hold a zero."""
-        owners = np.repeat(lanes, counts)
-        chosen, rows = np.repeat(found, counts), len(self.flow.names)
-        coefficients = steps.coefficients[chosen].reshape(-1, rows, TAYLOR.order + 1)
-        self.steps.append((owners[chosen], steps.begins[chosen, 0], coefficients))
+        arrays = lanes.repeat(counts), steps.begins[:, 0], steps.coefficients
+        if not found.all():
+            chosen = found.repeat(counts)
+            arrays = tuple(each[chosen] for each in arrays)
+        owners, lengths, c = arrays
+        self.steps.append((owners, lengths, c.reshape(len(c), len(self.flow.names), TAYLOR.order + 1)))
 
     def path(self, lane: int) -> Trajectory:
         """The steps of a motion up to its event or limit."""

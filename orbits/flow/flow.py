@@ -144,9 +144,9 @@ class Flow(PhaseField):
             return flow.run_all(starts, ps[:, used], durations, seeds, parameter_seeds[..., used, :])
         if (drift := self._drift_along(seeds, parameter_seeds)) is not None:
             return drift.joined(*self.run_all(starts, ps, durations, *drift.others))
-        if not self._is_together(seeds, parameter_seeds):
+        if (stepper := self._together(seeds, parameter_seeds)) is None:
             return self._run_each(starts, ps, durations, seeds, parameter_seeds)
-        done, motions, variations = self._run_together(starts, ps, durations, seeds, parameter_seeds)
+        done, motions, variations = self._run_together(stepper, starts, ps, durations, seeds, parameter_seeds)
         if motions is None or not done.all():
             return self._run_each(starts, ps, durations, seeds, parameter_seeds, broken=(~done).nonzero()[0].tolist())
         return motions, variations
@@ -162,8 +162,8 @@ class Flow(PhaseField):
         if (drift := self._drift_along(seeds, parameter_seeds)) is not None:
             which, motions, variations = self.run_lanes(starts, ps, durations, *drift.others)
             return which, *((motions, variations) if motions is None else drift.joined(motions, variations))
-        if len(starts) and self._is_together(seeds, parameter_seeds):
-            done, motions, variations = self._run_together(starts, ps, durations, seeds, parameter_seeds)
+        if len(starts) and (stepper := self._together(seeds, parameter_seeds)):
+            done, motions, variations = self._run_together(stepper, starts, ps, durations, seeds, parameter_seeds)
             return done.nonzero()[0], motions, variations
         found = dict[int, tuple[Trajectory, Array]]()
         for i, one in enumerate(zip(starts, ps, durations.tolist(), strict=True)):
@@ -210,16 +210,16 @@ class Flow(PhaseField):
         if isinstance(stepper, TaylorStepper):
             stepper.kernel.expect(steps)
 
-    def _is_together(self, seeds: Array, parameter_seeds: Array) -> bool:
-        """Whether motions with these seeds are integrated together."""
-        stepper = self.stepper(seeds.shape[-1], self.varied(parameter_seeds))
-        return isinstance(stepper, TaylorStepper) and not (self.phase.closed_form and not parameter_seeds.any())
+    def _together(self, seeds: Array, parameter_seeds: Array) -> TaylorStepper | None:
+        """The steps of motions with these seeds that are integrated together; None where they are not."""
+        stepper, exact = self.stepper(seeds.shape[-1], varied := self.varied(parameter_seeds)), self.phase.closed_form
+        return stepper if isinstance(stepper, TaylorStepper) and (varied or not exact) else None
 
-    def _run_together(self, starts, ps, durations, seeds, parameter_seeds) -> tuple[Array, Trajectories | None, Array]:
+    def _run_together(
+        self, stepper: TaylorStepper, starts: Array, ps: Array, durations: Array, seeds: Array, parameter_seeds: Array
+    ) -> tuple[Array, Trajectories | None, Array]:
         """Whether each of the motions (m,) can be followed in the steps of one call; those that can, None without any,
         and the derivatives of their ends."""
-        stepper = self.stepper(seeds.shape[-1], self.varied(parameter_seeds))
-        assert isinstance(stepper, TaylorStepper)
         on = self.on_pieces(starts, ps, parameter_seeds)
         found = stepper.advance_all(starts, ps, durations, seeds, parameter_seeds, self.control.together, on)
         c, counts, variations = found.coefficients, found.counts, found.variations

@@ -203,9 +203,7 @@ class Trajectories:
 
     def with_rows(self, coefficients: Array, names: tuple[str, ...]) -> "Trajectories":
         """Motions in the same steps with other rows, of these names, without variations."""
-        other = Trajectories(self.starts, self.ends, coefficients, self.counts, names)
-        other.of_steps = self.of_steps  # is costlier than all else here
-        return other
+        return Trajectories(self.starts, self.ends, coefficients, self.counts, names)
 
     def only(self, names: tuple[str, ...]) -> "Trajectories":
         """The motions of the first rows alone, of these names, without variations."""
@@ -243,11 +241,6 @@ class Trajectories:
         c = self.coefficients
         (terms,) = _largest_terms(*c.shape[1:])(c.reshape(len(c), -1), self.steps[:, None])
         return np.maximum.reduceat(terms, self.first)
-
-    @cached_property
-    def of_steps(self) -> np.ndarray:
-        """Powers (N, K + 1) of the step lengths."""
-        return powers(self.steps, self.coefficients.shape[2])
 
     @cached_property
     def of_lasts(self) -> np.ndarray:

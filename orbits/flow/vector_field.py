@@ -64,7 +64,7 @@ FLOW_CONTROL = FlowControl()
 
 def rows_used(seeds: Array) -> tuple[int, ...]:
     """The rows of parameter seeds (..., np, columns) that are not zero."""
-    return tuple(np.flatnonzero(seeds.any((*range(seeds.ndim - 2), -1))).tolist())
+    return tuple(np.asarray(seeds.any((*range(seeds.ndim - 2), -1))).nonzero()[0].tolist())
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from ..symbolic import BufferedFunction, MappedFunction
+from ..symbolic import BufferedFunction, ElementwiseFunction
 
 # A point lies beyond a bend, and is not used, where the component of its tangent along the row is less than this share
 # of the component of the nearest point's tangent.
@@ -27,16 +27,16 @@ def through(
     Returns also the numbers (q,) of neighbours that are used: those before a bend of the curve.
     """
     along, rates = (np.matmul(part, rows[:, :, None])[:, :, 0] for part in (xs, tangents))
-    of_points, of_tangents, used = _mapped_weights(xs.shape[1] - ahead, ahead)(along, rates, use, levels[:, None])
+    of_points, of_tangents, used = _weights_of_places(xs.shape[1] - ahead, ahead)(along, rates, use, levels[:, None])
     # With differences from the first point, components that do not change along the curve stay exact.
-    moved = np.matmul(of_points.swapaxes(1, 2), xs - xs[:, :1]) + np.matmul(of_tangents.swapaxes(1, 2), tangents)
-    return xs[:, 0] + moved[:, 0], used[:, 0, 0]
+    moved = np.matmul(of_points[:, None], xs - xs[:, :1]) + np.matmul(of_tangents[:, None], tangents)
+    return xs[:, 0] + moved[:, 0], used[:, 0]
 
 
 @lru_cache(maxsize=32)
-def _mapped_weights(behind: int, ahead: int) -> MappedFunction:
+def _weights_of_places(behind: int, ahead: int) -> ElementwiseFunction:
     """`_weights` of many places; one function serves curves of all numbers of unknowns."""
-    return MappedFunction(_weights(behind, ahead))
+    return ElementwiseFunction(_weights(behind, ahead))
 
 
 @lru_cache(maxsize=32)

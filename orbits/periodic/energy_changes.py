@@ -1,6 +1,7 @@
 """Changes of energy along motions: the work of the energy's gradient between the ends of their steps."""
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -30,7 +31,8 @@ def energy_changes(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray
     if cycles.contacts:
         stood = _work(model.contact, model.contact_gradient, cycles.contacts, cycles.p_of_contacts)
         changes[cycles.with_contact, -1], floors[cycles.with_contact, -1], _ = stood
-    return changes, floors, starts[:: cycles.halves_per_flight]
+    launches = (values[:: cycles.halves_per_flight] for values in starts)
+    return changes, floors, gradients(model.flight, model.flight_gradient, tuple(cycles.p))(*launches)[0]
 
 
 @cached
@@ -46,18 +48,19 @@ def _works(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> Ele
     return ElementwiseFunction(ca.Function("works", [start, end, p], [work, largest]))
 
 
-def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -> tuple[np.ndarray, ...]:
+def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -> tuple[Any, ...]:
     """The largest work (m,) of the gradient along each motion, on the straight lines between the ends of its steps; the
-    part of it that rounding and the truncation of series explain (m,); and the gradient at its start (m, n)."""
-    flow, names, first = flow_of(phase, tuple(p)), tuple(p), motions.first
+    part of it that rounding and the truncation of series explain (m,); and the arguments of the gradient at its start,
+    the state (m, n) and the parameters with the data of the piece."""
+    names, first = tuple(p), motions.first
+    flow = flow_of(phase, names)
     data, states = flow.mesh_data(motions, vectors(p, len(motions))), motions.coefficients[:, : flow.size, 0]
     ends = motions.step_ends[:, : flow.size]
     works, rates = _works(phase, gradient, names)(states, ends, data)
     off = EPS * np.maximum(np.abs(states), np.abs(ends))
     if motions.coefficients.shape[2] > TAYLOR.order:  # the last term of a series is as large as those left out
-        off += np.abs(motions.coefficients[:, : flow.size, -1]) * motions.of_steps[:, -1:]
+        off += np.abs(motions.coefficients[:, : flow.size, -1]) * (motions.steps**TAYLOR.order)[:, None]
     changes = np.cumsum(works)
     before = np.where(first > 0, changes[first - 1], 0.0)
-    largest = motions.largest(changes - np.repeat(before, motions.counts))
-    starts = gradients(phase, gradient, names)(states[first], data[first])[0]
-    return largest, motions.largest(np.einsum("mi,mi->m", rates, off)), starts
+    largest = motions.largest(changes - before.repeat(motions.counts))
+    return largest, motions.largest((rates * off).sum(1)), (states[first], data[first])

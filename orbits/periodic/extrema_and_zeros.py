@@ -1,12 +1,13 @@
 """Functions on motions with their zeros or stationary points, and their lowest and highest values."""
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..flow import Trajectories
-from ..numerics import PiecewisePolynomials, evaluate, powers
+from ..numerics import PiecewisePolynomials, evaluate
 from ..records import NONE
 
 # A stationary point this near to the middle of the motion, as a share of its time, is the middle itself.
@@ -53,10 +54,16 @@ class TurnsAndZeros(NamedTuple):
 
     def at_ends(self, order: int) -> np.ndarray:
         """The derivative (m,) of this order at the ends of the motions."""
-        last, size = self.motions.last, self.series.shape[1]
+        size = self.series.shape[1]
         # The powers of a short step come first: the coefficients of the derivative may be beyond all numbers.
-        terms = self.series[last, order:] * powers(self.motions.steps[last], size - order)
-        return terms @ np.prod([np.arange(order - i, size - i) for i in range(order)], axis=0)
+        terms = self.series[self.motions.last, order:] * self.motions.of_lasts[:, : size - order]
+        return terms @ _factors(order, size)
+
+
+@cache
+def _factors(order: int, size: int) -> np.ndarray:
+    """The factors by which a derivative of this order multiplies `size` coefficients without the first ones."""
+    return np.prod([np.arange(order - i, size - i) for i in range(order)], axis=0)
 
 
 def turns_and_zeros(sought: Mapping[Any, tuple[Trajectories, np.ndarray, bool, int]]) -> dict[Any, TurnsAndZeros]:

@@ -165,10 +165,23 @@ class _LaunchSearch:
         self.family, self.liftoffs, self.flow = family, liftoffs, flow_of(relative.phase, tuple(p))
         self.ps = vectors(p, len(liftoffs))
         self.times = np.broadcast_to(relative.time(p), len(liftoffs))
+        self.watch = Watch(self.flow, [SPEED_OF_EXTENSION])
 
     def samples(self, alphas: np.ndarray, which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The lateness (k,) and the half periods (k,) of the springs `which` (k,) at launch speeds (k,)."""
-        firsts, halves = half_oscillations(self.flow, self.ps[which], self.liftoffs[which], alphas, self.times[which])
+        """The lateness (k,) and the half periods (k,) of the springs `which` (k,) at launch speeds (k,), infinite and
+        NaN where the extension does not return in time, or the motion ends before.
+
+        Before the lift-off the motion is that after a launch with the opposite speed, backwards.
+        """
+        count, liftoffs, times = len(which), self.liftoffs[which], self.times[which]
+        starts, longest = np.empty((2 * count, 2)), np.empty(2 * count)
+        for side, speeds in ((slice(count), alphas), (slice(count, None), -alphas)):
+            starts[side, 0], starts[side, 1], longest[side] = liftoffs, speeds, GUESS.longest_flight * times
+        longest *= 1 + np.abs(starts[:, 1])
+        ps = self.ps if len(self.ps) == 1 else self.ps[np.concatenate([which, which])]
+        ends = first_events(self.flow, starts, ps, self.watch, longest, reasons=False).times
+        firsts = ends[:count] / times
+        halves = firsts + ends[count:] / times
         return np.where(np.isfinite(halves), firsts + self.family * halves - alphas, np.inf), halves
 
     def lowest(self, scales: np.ndarray, fastest: np.ndarray, barriers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -250,22 +263,6 @@ class _LaunchSearch:
             points[going] = here
         lower = np.where(points[:, 1, 1] < points[:, 1, 2], 1, 2)
         return np.take_along_axis(points, lower[:, None, None], 2)[:, :, 0].T
-
-
-def half_oscillations(
-    flow: Flow, ps: np.ndarray, liftoffs: np.ndarray, alphas: np.ndarray, times: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Times (m,) from lift-off to the first turn of the extension, and half its periods (m,), in units of `times` (m,),
-    of springs with parameters (m, np) launched at speeds (m,); NaN where the extension does not return in time, or the
-    motion ends before.
-
-    Before the lift-off the motion is that after a launch with the opposite speed, backwards.
-    """
-    starts = np.column_stack([np.tile(liftoffs, 2), np.append(alphas, -alphas)])
-    longest = np.tile(GUESS.longest_flight * times * (1 + alphas), 2)
-    watch, each = Watch(flow, [SPEED_OF_EXTENSION]), ps if len(ps) == 1 else np.tile(ps, (2, 1))
-    after, before = first_events(flow, starts, each, watch, longest, reasons=False).times.reshape(2, -1) / times
-    return after, after + before
 
 
 def times_of_turns(

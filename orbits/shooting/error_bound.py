@@ -75,7 +75,8 @@ def error_bounds(
             moves = moves - (np.nan if back is None else _moves_by_defects(flow, motions, ps, back))
     for i in (~np.isfinite(moves)).nonzero()[0].tolist():
         try:
-            moves[i] = inverse[i] @ equations.residual(us[i], ps[i], evaluation[i].trajectories, _end_by_another_method)
+            paths = tuple(motions[i] for motions in evaluation.trajectories)
+            moves[i] = inverse[i] @ equations.residual(us[i], ps[i], paths, _end_by_another_method)
         except NoOrbit as error:
             refused[i] = error
     # The residuals have rounding errors of their own, as large as the errors they measure: the factor 2 covers these.
@@ -103,13 +104,13 @@ def _grown_rounding(
         evaluation.residual_by_end, strict=True,
     ):  # fmt: skip
         sizes, change = motions.sizes[:, : flow.size], (transition @ start)[:, :, : equations.own]
-        growth = np.linalg.norm(relative(change, sizes, np.abs(us[:, : equations.own])), axis=(1, 2))
+        growth = np.sqrt((relative(change, sizes, np.abs(us[:, : equations.own])) ** 2).sum((1, 2)))
         at_random = np.sqrt(motions.counts)
         rows = slice(row, row := row + by_end.shape[1])
         own, at_start = inverse[:, rows], np.abs(inverse[:, rows]) * ~by_end.any(2)
         by_unknowns = np.abs(evaluation.jacobian[:, rows, : equations.size])
         at_launch += np.einsum("mi,mij,mj->m", at_start, by_unknowns, np.abs(us))
-        shares.append(np.linalg.norm(np.einsum("mi,mij->mj", own, by_end) * sizes, axis=1))
+        shares.append(np.sqrt(((np.einsum("mi,mij->mj", own, by_end) * sizes) ** 2).sum(1)))
         roundings.append(at_random * (1 + at_random / ERRORS.random_steps) * np.maximum(1.0, growth))
     if not by_nodes:
         # The conditions of all arcs are those of one motion, on which roundings of places become those of rates: on 720

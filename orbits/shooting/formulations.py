@@ -209,6 +209,8 @@ class Cycles:
     @cached_property
     def p_of_halves(self) -> Mapping[str, ndarray]:
         """The parameters of each of the `halves`."""
+        if self.halves_per_flight == 1:
+            return self.p
         return {name: np.repeat(values, self.halves_per_flight) for name, values in self.p.items()}
 
     @cached_property
