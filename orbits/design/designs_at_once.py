@@ -157,7 +157,7 @@ def settled_designs(
     own, method = tuple(base.values), iterative(method_of(base.model))
     equations = equations_of(base.model, method, own)
     us, errors = np.full((len(values), equations.size), np.nan), np.full(len(values), np.nan)
-    size = motions_together(family)
+    size = motions_together(base.model, own, family)
     if not equations.in_lanes or not {*names} <= {*own}:
         return designs.statuses, us, errors
     for first in range(0, len(values), size):
@@ -276,7 +276,7 @@ def _solved_in_lanes(designs: Designs, family: int, report: Callable[[int], None
         if base.model in tried or not {*designs.names, *used} <= names_together(base):
             continue
         tried.add(base.model)
-        size = motions_together(family)
+        size = motions_together(base.model, tuple(base.values), family)
         for some in (left[first : first + size] for first in range(0, len(left), size)):
             interrupts.heed()
             report(int(np.count_nonzero(designs.statuses != "")))

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import NoOrbit
+from ..flow import flow_of
 from ..model import Machine, Model
 from ..shooting import (
     NEWTON,
@@ -31,18 +32,26 @@ from .guess import Guesses, guesses
 from .homotopy import STEPS_OF_HOMOTOPY
 from .orbit import Orbit
 
-# Motions of higher families have more steps, so that fewer are kept in memory together: this many of family 1.
-MOTIONS_TOGETHER, LOW_FAMILIES = 1024, 32
+
+class TogetherOptions(NamedTuple):
+    """How many motions are kept in memory together: fewer of those that may have more steps."""
+
+    motions: int = 1024  # of low families, on a law of few pieces
+    low_families: int = 32  # the half flights of higher ones last longer
+    few_pieces: int = 32  # a motion may end a step at each piece of a law
 
 
-def motions_together(family: int) -> int:
-    """The largest number of machines for which the orbits of a family are to be found together."""
-    return max(1, MOTIONS_TOGETHER // _lengthening(family))
+TOGETHER = TogetherOptions()
 
 
-def _lengthening(family: int) -> int:
-    """The number of times that a motion of a family may be longer than those of low families."""
-    return max(1, family // LOW_FAMILIES)
+def motions_together(model: Model, names: tuple[str, ...], family: int) -> int:
+    """The largest number of machines of a model for which the orbits of a family are to be found together."""
+    return max(1, TOGETHER.motions // _lengthening(model, names, family))
+
+
+def _lengthening(model: Model, names: tuple[str, ...], family: int) -> int:
+    """The number of times that a motion of a family may have more steps than those of low families of smooth laws."""
+    return max(1, family // TOGETHER.low_families) * max(1, flow_of(model.flight, names).breaks // TOGETHER.few_pieces)
 
 
 class _Family(NamedTuple):
@@ -58,7 +67,7 @@ class _Family(NamedTuple):
     @property
     def most(self) -> int:
         """The largest number of steps of a motion that are recorded."""
-        return self.equations.flows[0].control.max_block * _lengthening(self.family)
+        return self.equations.flows[0].control.max_block * _lengthening(self.model, self.names, self.family)
 
 
 def lowest_orbits(

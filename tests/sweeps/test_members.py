@@ -1,10 +1,12 @@
 """The results of the members of a sweep: hops, launches of the map, fixed points, and reasons why there are none."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
 from orbits import find, sweep
-from problems import Hopper
+from problems import Hopper, springs
 
 
 def test_members_without_an_orbit_say_why():
@@ -46,3 +48,16 @@ def test_a_law_that_is_none_somewhere_fails_there():
     assert found["status"].tolist() == ["certified", "certified", "failed"]
     assert "stiffness" in found["reason"][2]
     assert np.isnan(found["alpha"][2])
+
+
+def test_members_with_a_table_of_many_rows_take_little_memory():
+    """A motion ends a step at each of the rows that it crosses, so that fewer motions are kept together."""
+    r = np.linspace(-12, 12, 320)
+    machine, most = Hopper(springs.table((r, r + 0.3 * r**3), noise=0), rest_length=10), 100 * 2**20
+    tracemalloc.start(1)
+    try:
+        found = sweep(machine, {"mass_ratio": (0.3, 0.9)}, samples=512)
+        assert tracemalloc.get_traced_memory()[1] < most
+    finally:
+        tracemalloc.stop()
+    assert {*found["status"].tolist()} == {"certified"}
