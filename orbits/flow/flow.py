@@ -101,6 +101,7 @@ class Flow(PhaseField):
         super().__init__(phase, parameters)
         self.steppers: dict[tuple, TaylorStepper | RungeKuttaStepper] = {}
         self._last_form: tuple[tuple[float, ...], Modes] | None = None
+        self._last_tables: tuple[Array, Array] | None = None  # the breaks of a table, and its `PieceRows`
 
     def run(
         self,
@@ -376,8 +377,14 @@ class Flow(PhaseField):
         seeds = np.zeros((ps.shape[1], 0)) if parameter_seeds is None else parameter_seeds
         breaks, data = self._pieces_at(ps)
         rows = self._piece_rows(seeds.shape[-1], self.varied(seeds))
-        moves = self._slopes_at(ps) @ seeds if rows.varied else np.zeros((1, 0, 0))
-        return OnPieces(rows.tables(breaks, data, moves), self.first_pieces(starts, ps), breaks)
+        if rows.varied:
+            tables = rows.tables(breaks, data, self._slopes_at(ps) @ seeds)
+        elif self._last_tables is None or self._last_tables[0] is not breaks:
+            tables = rows.tables(breaks, data, np.zeros((1, 0, 0)))
+            self._last_tables = (breaks, tables) if len(breaks) == 1 else None
+        else:
+            tables = self._last_tables[1]
+        return OnPieces(tables, self.first_pieces(starts, ps), breaks)
 
     def _piece_rows(self, columns: int, varied: tuple[int, ...] = ()) -> PieceRows:
         """The layout of the tables that the stepper for these sensitivities reads."""

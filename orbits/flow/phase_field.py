@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import OutOfRange
-from ..laws import parameters_of
+from ..laws import PieceTable
 from ..model import Phase
 from ..numerics import Array, evaluate
 from ..symbolic import BufferedFunction, ElementwiseFunction, MappedFunction
@@ -87,7 +87,7 @@ class PhaseField:
         """Data (m, nq) of the pieces at states (m, n) with parameters (m, np) or (1, np), and the derivatives
         (m, nq, np)."""
         values = self.data_of_pieces(xs, ps)
-        if self.phase.pieces is None or not self._piece_parameters:
+        if self.phase.pieces is None or not self._pieces_at.parameters:
             return values, np.zeros((*values.shape, ps.shape[1]))
         (breaks, data), slopes = self._pieces_at(ps), self._slopes_at(ps)
         slopes = slopes[:, breaks.shape[1] :].reshape(len(slopes), *data.shape[1:], -1)
@@ -121,7 +121,7 @@ class PhaseField:
 
     def piece(self, xs: Array, ps: Array, breaks: Array) -> Array:
         """Indices (m,) of the pieces between breaks (m, k + 1) or (1, k + 1) that contain states (m, n)."""
-        return np.clip((breaks <= self._places(xs, ps)[:, None]).sum(1) - 1, 0, breaks.shape[1] - 2)
+        return np.clip(_breaks_below(breaks, self._places(xs, ps)) - 1, 0, breaks.shape[1] - 2)
 
     def _places(self, xs: Array, ps: Array) -> Array:
         """The coordinates (m,) of states (m, n) that are compared with breakpoints."""
@@ -141,54 +141,37 @@ class PhaseField:
         levels = self.phase.pieces.levels(breaks, dict(zip(self.parameters, p.tolist(), strict=True)))
         return levels, data, self._slopes_at(p[None])[0, len(breaks) :].reshape(*data.shape, len(p))
 
-    def _pieces_at(self, ps: Array) -> tuple[Array, Array]:
+    @cached_property
+    def _pieces_at(self) -> PieceTable:
         """Breaks (m, k + 1) and data (m, k, nq) at parameters (m, np), for m = 1 where they are the same for all."""
-        breaks, data = self._piece_function(self._different(ps))
-        return breaks[:, :, 0], data
+        pieces, p = self.phase.pieces, ca.SX.sym("p", len(self.parameters))
+        assert pieces is not None
+        return PieceTable(p, *pieces.table(self.symbols(ca.SX(0, 1), p)[1]))
 
     def _slopes_at(self, ps: Array) -> Array:
         """The derivatives (m, k + 1 + k nq, np) of breaks and data, one row of the data after the other."""
-        return self._piece_slopes(self._different(ps))[0]
-
-    def _different(self, ps: Array) -> Array:
-        """The parameters (m, np), for m = 1 where they make the same table."""
-        own = self._piece_parameters
-        return ps[:1] if (ps[:, own] == ps[0, own]).all() else ps
-
-    @cached_property
-    def _piece_function(self) -> MappedFunction:
-        """Parameters -> breaks (k + 1,) and data (k, nq)."""
-        pieces, p = self.phase.pieces, ca.SX.sym("p", len(self.parameters))
-        assert pieces is not None
-        breaks, rows = pieces.table(self.symbols(ca.SX(0, 1), p)[1])
-        data = ca.vertcat(*[ca.horzcat(*row) for row in rows]) if pieces.size else ca.SX(len(rows), 0)
-        return MappedFunction(ca.Function("pieces", [p], [ca.densify(ca.vertcat(*breaks)), ca.densify(data)]))
+        return self._piece_slopes(self._pieces_at.different(ps))[0]
 
     @cached_property
     def _piece_slopes(self) -> MappedFunction:
         """Parameters -> the derivatives of breaks and data."""
         p = ca.SX.sym("p", len(self.parameters))
-        breaks, data = self._piece_function.function(p)
+        breaks, data = self._pieces_at.function(p)
         slopes = ca.jacobian(ca.vertcat(breaks, ca.vec(data.T)), p)
         return MappedFunction(ca.Function("slopes", [p], [ca.densify(slopes)]))
 
-    @property
-    def _piece_parameters(self) -> list[int]:
-        """The places of the parameters that the table of pieces depends on."""
-        return parameters_of(self._piece_function)
-
     def breakpoints(self, p: ca.SX) -> ca.SX:
         """The breakpoints as expressions of the parameters, those at the ends of the range included."""
-        return self._piece_function.function(p)[0]
+        return self._pieces_at.function(p)[0]
 
     @cached_property
     def breaks(self) -> int:
         """The number of breakpoints, those at the ends of the range included; 0 for a smooth field."""
-        return self._piece_function.function.numel_out(0) if self.phase.pieces else 0
+        return self._pieces_at.function.numel_out(0) if self.phase.pieces else 0
 
     def depends_on(self, name: str) -> bool:
         """Whether the table of pieces depends on a parameter."""
-        return self.phase.pieces is not None and self.parameters.index(name) in self._piece_parameters
+        return self.phase.pieces is not None and self.parameters.index(name) in self._pieces_at.parameters
 
     def moves_with(self, name: str) -> bool:
         """Whether the field depends on a parameter, by its expression or by the table of its pieces."""
@@ -199,7 +182,7 @@ class PhaseField:
         """The rows of the seeds (..., np, columns) of parameters that are not zero, and those of the data of a piece if
         one of these parameters changes it."""
         rows = rows_used(parameter_seeds)
-        if self.phase.pieces is None or not {*self._piece_parameters} & {*rows}:
+        if self.phase.pieces is None or not {*self._pieces_at.parameters} & {*rows}:
             return rows
         count = len(self.parameters)
         return *rows, *range(count, count + self.phase.pieces.size)
@@ -211,9 +194,12 @@ class PhaseField:
         From a breakpoint, up to rounding, a motion enters a piece by the rate of the coordinate or, where that
         vanishes, the rate of the rate.
         """
-        (breaks, data), places = self._pieces_at(ps), self._places(starts, ps)[:, None]
-        numbers = (breaks <= places).sum(1) - (breaks[:, -1:] == places)[:, 0]
-        on = (same_place(breaks, places).any(1) & (numbers > 0) & (numbers < breaks.shape[1])).nonzero()[0]
+        (breaks, data), places = self._pieces_at(ps), self._places(starts, ps)
+        numbers, last = _breaks_below(breaks, places), breaks.shape[1] - 1
+        each = np.arange(len(breaks)) if len(breaks) > 1 else 0
+        nearest = breaks[each, np.clip([numbers - 1, numbers], 0, last)]
+        numbers -= breaks[:, -1] == places
+        on = (same_place(nearest, places).any(0) & (numbers > 0) & (numbers <= last)).nonzero()[0]
         if len(on):
             xs, own = starts[on], ps[on] if len(ps) > 1 else np.tile(ps, (len(on), 1))
             with_data = np.hstack([own, data[on if len(data) > 1 else 0, numbers[on] - 1]])
@@ -222,14 +208,14 @@ class PhaseField:
             turns = (self.fields(xs + rates, with_data)[0] - rates) @ self.coordinate
             heading = np.where(heading == 0, turns, heading)
             own = on if len(breaks) > 1 else 0
-            numbers[on] += (heading > 0) & same_place(breaks[own, numbers[on]], places[on, 0])
-            numbers[on] -= (heading < 0) & same_place(breaks[own, numbers[on] - 1], places[on, 0])
+            numbers[on] += (heading > 0) & same_place(breaks[own, numbers[on]], places[on])
+            numbers[on] -= (heading < 0) & same_place(breaks[own, numbers[on] - 1], places[on])
         return numbers.astype(float)
 
     def approach(self, x: Array, p: Array, index: int) -> tuple[Array, Array]:
         """The derivatives (n,) and (np,) of the distance from a breakpoint, by the state and by the parameters."""
         by_x, by_p = (each.ravel() for each in self._approach(x, p))
-        return by_x, by_p - (self._slopes_at(p[None])[0, index] if self._piece_parameters else 0.0)
+        return by_x, by_p - (self._slopes_at(p[None])[0, index] if self._pieces_at.parameters else 0.0)
 
     @cached_property
     def _approach(self) -> BufferedFunction:
@@ -263,3 +249,10 @@ class PhaseField:
         along = self.phase.states[int(np.flatnonzero(self.coordinate)[0])]
         low, high, place = (Quantity(float(number), along) for number in (breaks[0], breaks[-1], self.coordinate @ x))
         return OutOfRange(Message(text, label=pieces.label, low=low, high=high, place=place))
+
+
+def _breaks_below(breaks: Array, places: Array) -> Array:
+    """How many of the breaks (m, k + 1), or (1, k + 1) of all, are not above places (m,)."""
+    if len(breaks) == 1:
+        return np.searchsorted(breaks[0], places, "right")
+    return (breaks <= places[:, None]).sum(1)

@@ -170,7 +170,7 @@ class Law:
             call, table = _numeric(self.key), pieces_of(self.key)
             if table is not None and self.pieces:
                 (breaks,), (data,) = table(p)
-                breaks = self.pieces.ends(breaks.ravel(), self.parameters)
+                breaks = self.pieces.ends(breaks, self.parameters)
                 if not (breaks[0] <= x.min() and x.max() <= breaks[-1]):
                     low, high = (Quantity(float(end), LENGTH) for end in breaks[[0, -1]])
                     text = "{variable} is outside the law's range, [{low:.6g}, {high:.6g}]"
@@ -331,9 +331,8 @@ def evaluated(
     columns = [np.broadcast_to(p[name], len(x)) for name in key.names]
     values, data, inside = np.column_stack(columns) if columns else np.zeros((len(x), 0)), np.zeros((1, 0)), None
     if (table := pieces_of(key)) and key.pieces:
-        used = values[:, parameters_of(table)]
-        breaks, rows = table(values[:1] if (used == used[:1]).all() else values)
-        breaks, (count, pieces, size) = breaks[:, :, 0], rows.shape
+        breaks, rows = table(values)
+        count, pieces, size = rows.shape
         places = x * np.reshape(key.pieces.units(p), (-1, 1)) - np.reshape(key.pieces.origins(p), (-1, 1))
         if count == 1:
             index = np.searchsorted(breaks[0], places, "right") - 1
@@ -347,23 +346,56 @@ def evaluated(
     return results if inside is None else [np.where(inside, each, np.nan) for each in results]
 
 
+class PieceTable:
+    """The pieces between breakpoints as a function: parameters (m, np) -> breaks (m, k + 1) and data (m, k, nq), for
+    m = 1 where they are the same for all.
+
+    p : symbols of the parameters
+    breaks, rows : expressions of them, a row of data for each piece; or numbers
+    """
+
+    def __init__(self, p: ca.SX, breaks: Sequence[Algebraic], rows: Sequence[Scalars]):
+        numbers = {type(each) for row in (breaks, *rows) for each in row} <= {int, float}
+        matrix = ca.DM if numbers else lambda table: ca.vertcat(*[ca.horzcat(*row) for row in table])
+        data = matrix(rows) if len(rows[0]) else ca.DM(len(rows), 0)
+        results = [ca.densify(ca.SX(each)) for each in (matrix([breaks]).T, data)]
+        self.function = ca.Function("pieces", [p], results)
+        self._call = MappedFunction(self.function)
+        self._last: tuple[bytes, tuple[np.ndarray, np.ndarray]] | None = None
+
+    @cached_property
+    def parameters(self) -> list[int]:
+        """The places of the parameters that breaks or data depend on."""
+        patterns = (self.function.jac_sparsity(i, 0) for i in (0, 1))
+        return sorted({column for pattern in patterns for column in pattern.get_triplet()[1]})
+
+    def different(self, ps: np.ndarray) -> np.ndarray:
+        """The parameters (m, np), for m = 1 where they make the same table."""
+        own = ps[:, self.parameters]
+        return ps[:1] if (own == own[0]).all() else ps
+
+    def __call__(self, ps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Breaks and data; a single table is stored for the next call with the same parameters."""
+        ps = self.different(ps)
+        if len(ps) > 1:
+            breaks, data = self._call(ps)
+            return breaks[:, :, 0], data
+        values, last = ps[0, self.parameters].tobytes(), self._last
+        if last is None or last[0] != values:
+            breaks, data = self._call(ps)
+            for each in (breaks, data):
+                each.setflags(write=False)
+            last = self._last = values, (breaks[:, :, 0], data)
+        return last[1]
+
+
 @cached
-def pieces_of(key: Key) -> MappedFunction | None:
-    """Parameters -> breaks (k + 1,) and data (k, size of q) of a law; None for a smooth one."""
+def pieces_of(key: Key) -> PieceTable | None:
+    """The table of the pieces of a law; None for a smooth one."""
     if key.pieces is None:
         return None
     p = symbols_of(key.variable, key.names)[1]
-    breaks, data = key.pieces.table(p)
-    rows = ca.vertcat(*[ca.horzcat(*row) for row in data]) if key.pieces.size else ca.SX(len(data), 0)
-    results = [ca.densify(ca.SX(ca.vertcat(*breaks))), ca.densify(ca.SX(rows))]
-    return MappedFunction(ca.Function("pieces", [ca.vertcat(*p.values())], results))
-
-
-@cached
-def parameters_of(table: MappedFunction) -> list[int]:
-    """The places of the parameters that breaks or data depend on."""
-    patterns = (table.function.jac_sparsity(i, 0) for i in (0, 1))
-    return sorted({column for pattern in patterns for column in pattern.get_triplet()[1]})
+    return PieceTable(ca.vertcat(*p.values()), *key.pieces.table(p))
 
 
 @cached
