@@ -186,21 +186,21 @@ def _brackets_of_roots(
     if enough is not None:
         small[:], t[:] = enough, np.where(np.isfinite(f[:2]).all(0), f[0] / (f[0] - f[1]), 0.5)
     going = np.arange(x.shape[1])
-    for _ in range(ROOTS.iterations):
+    for turn in range(ROOTS.iterations):
         going = going[np.abs(x[1, going] - x[0, going]) > ROOTS.closed * np.abs(x[0, going])]
         going = going[~(np.abs(f[0, going]) <= small[going])]
         if not len(going):
             break
         (x1, x2, _), (f1, f2, _) = x[:, going], f[:, going]
+        if turn:
+            share, curved = _inverse_quadratic(x[:, going], f[:, going])
+            least = np.minimum(ROOTS.unit * np.abs(x1) / np.abs(x2 - x1), 0.5)
+            t[going] = np.clip(np.where(curved, share, 0.5), least, 1 - least)
         new = x1 + t[going] * (x2 - x1)
         value = function(new, going)
         same = (value >= 0) == (f1 >= 0)
         x[:, going] = new, np.where(same, x2, x1), np.where(same, x1, x2)
         f[:, going] = value, np.where(same, f2, f1), np.where(same, f1, f2)
-        share, curved = _inverse_quadratic(x[:, going], f[:, going])
-        with np.errstate(divide="ignore"):
-            least = np.minimum(ROOTS.unit * np.abs(new) / np.abs(x[1, going] - new), 0.5)
-        t[going] = np.clip(np.where(curved, share, 0.5), least, 1 - least)
     return x, f
 
 

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ from ..shooting import (
     error_bounds,
     interpret,
     refused_by_unfolding,
+    solved,
     solved_with_nodes,
     vector,
     with_nodes,
@@ -81,9 +83,9 @@ def solve_from(machine: Machine, method: str, u: ndarray) -> Solved:
     return Solved.of(machine.model, method, solved_with_nodes(equations, u, p, solve))
 
 
-def corrector(method: str, equations: Shooting) -> Callable:
-    """The function (u, p) -> solution near u with the equations there, of a method."""
-    return equations.multiple_shooting if method == "shooting" else equations.newton
+def corrector(method: str, equations: Shooting, vary: str | None) -> Callable:
+    """The function (u, p) -> solution near u with the equations there, of a method, as in `solved`."""
+    return equations.multiple_shooting if method == "shooting" else partial(solved, equations, vary=vary)
 
 
 def known_solutions(

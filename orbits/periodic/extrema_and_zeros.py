@@ -13,7 +13,7 @@ from ..records import NONE
 # A stationary point this near to the middle of the motion, as a share of its time, is the middle itself.
 MIDDLE = 1e-7
 # Up to this many polynomials are searched together; of more, the arrays leave the processor's cache.
-MOST_TOGETHER = 500
+MOST_TOGETHER = 6000
 
 
 class TurnsAndZeros(NamedTuple):

@@ -158,7 +158,8 @@ def solve_family(machine: Machine, family: int, method: str, progress: Progress 
         unknowns, error = model.reduction.exact(family, p)
         return known_solutions(model, method, tuple(p), vector(unknowns)[None], vector(p)[None], np.array([error]))
     equations = equations_of(model, method, tuple(p))
-    u, evaluation = solve_by_homotopy(model, equations, corrector(method, equations), family, p, progress)
+    correct = corrector(method, equations, model.homotopy)
+    u, evaluation = solve_by_homotopy(model, equations, correct, family, p, progress)
     return Solved.of(model, method, NodedSolution(equations, None, u, vector(p), evaluation).divided())
 
 

@@ -148,7 +148,8 @@ def lowest_launch_speeds(
     fastest = np.where(single, RELATIVE.fastest, RELATIVE.fastest_in_detail) * family * scales
     search = _LaunchSearch(relative, family, p, liftoffs)
     alphas, lost = search.lowest(scales, fastest, barriers)
-    none = np.isnan(alphas).nonzero()[0]
+    if not len(none := np.isnan(alphas).nonzero()[0]):
+        return alphas, {}
     these = {name: values[none] for name, values in p.items()}
     refused = _refusals(relative, these, family, liftoffs[none], lost[none], fastest[none])
     return alphas, dict(zip(none.tolist(), refused, strict=True))
@@ -202,26 +203,31 @@ class _LaunchSearch:
             at, new = alphas[going], speeds[going]
             value, half = self.samples(at, going)
             comes, over = np.isfinite(value), value <= 0
-            lost[going[~comes]] = at[~comes]
-            again = (taken[going] == 0) & (at > slowest[going]) & ~(comes & ~over)
-            alphas[going[again]], lost[going[again]] = slowest[going[again]], np.nan
-            ends = over & ~again
-            brackets[:, going[ends]] = new[ends, 2], at[ends], late[going[ends], 2], value[ends], half[ends]
-            stays = going[comes & ~over]
-            for last, added in ((speeds, at[comes & ~over]), (late, value[comes & ~over])):
-                last[stays] = np.column_stack([last[stays, 1:], added])
+            early = comes & ~over
+            stays, lost_at_last = going[early], np.zeros(len(going), bool)
+            if len(stays) < len(going):
+                lost[going[~comes]] = at[~comes]
+                again = (taken[going] == 0) & (at > slowest[going]) & ~early
+                alphas[going[again]], lost[going[again]] = slowest[going[again]], np.nan
+                ends = over & ~again
+                brackets[:, going[ends]] = new[ends, 2], at[ends], late[going[ends], 2], value[ends], half[ends]
+                away = ~comes & ~again
+                no_return[going[away]] = at[away]
+                lost_at_last = away & (at <= slowest[going])
+            for last, added in ((speeds, at), (late, value)):
+                last[stays, :2], last[stays, 2] = last[stays, 1:], added[early]
             taken[stays] += 1
-            away = ~comes & ~again
-            no_return[going[away]] = at[away]
             # Near a fold, a pair of roots lies between samples; the start at speed 0 does not count.
-            early, middle, latest = late[stays].T
-            folds = stays[(taken[stays] > 2) & (early > middle) & (middle <= latest)]
+            first, middle, latest = late[stays].T
+            folds = stays[(taken[stays] > 2) & (first > middle) & (middle <= latest)]
             if len(folds):
                 lowest, value, half = self._minima(folds, speeds[folds, ::2], late[folds, ::2])
                 under = value <= 0
                 own = folds[under]
                 brackets[:, own] = speeds[own, 0], lowest[under], late[own, 0], value[under], half[under]
-            going = going[np.isnan(brackets[0, going]) & ~(away & (at <= slowest[going]))]
+            going = going[np.isnan(brackets[0, going]) & ~lost_at_last]
+            if not len(going):
+                break
             sought = going[taken[going] > 0]
             alphas[sought] = _next_speeds(
                 speeds[sought], late[sought], taken[sought], scales[sought], barriers[sought], no_return[sought]
@@ -337,8 +343,8 @@ def _next_speeds(
     """The next speeds (m,) of searches that have `taken` (m,) samples: just past where the last two of speeds (m, 3)
     and lateness (m, 3) point, so that they bracket the roots."""
     last, value = speeds[:, 2], late[:, 2]
-    rises = np.diff(speeds[:, 1:], axis=1)[:, 0]
-    slopes = np.divide(np.diff(late[:, 1:], axis=1)[:, 0], rises, out=np.zeros(len(last)), where=taken > 1)
+    rises = last - speeds[:, 1]
+    slopes = np.divide(value - late[:, 1], rises, out=np.zeros(len(last)), where=taken > 1)
     ahead = np.where(slopes < 0, 1.2 * value / np.maximum(-slopes, 0.3), value / 1.5)
     ahead = np.where(barriers, np.minimum(ahead, GUESS.longest_at_barriers * (scales + last)), ahead)
     alphas = last + np.maximum(ahead, GUESS.shortest_step * (scales + last))

@@ -17,8 +17,8 @@ from .motion_conditions import count_families
 # Where a step of the shortest length is rejected, the family has folded back or ended. A corrector that changes the
 # launch speed or the time by a larger share may have jumped to another orbit.
 STEPS_OF_HOMOTOPY = Steps(first=1.0, longest=1.0, shortest=1e-4, apart=np.inf, moved=0.1)
-# The tangent is differenced over this share of the homotopy: a predictor needs no more digits, and a derivative by the
-# homotopy parameter would take longer to build.
+# Where the corrector knows no derivative by the homotopy parameter, the tangent is differenced over this share of it: a
+# predictor needs no more digits.
 DIFFERENCE = 1e-5
 
 
@@ -39,12 +39,17 @@ def solve_by_homotopy(
     start["duration"] *= 2 if "unfolding" in unknowns else 1
     u = np.array([start[name] for name in unknowns])
     if homotopy is None:
-        return correct(u, vector(p))
+        u, evaluation = correct(u, vector(p))
+        return u, evaluation.of_unknowns(len(u))
     reached, step = 0.0, steps.first
     u, evaluation = correct(u, vector({**p, homotopy: 0.0}))
     while reached < 1:
-        ahead = equations.evaluate(u, vector({**p, homotopy: reached + DIFFERENCE}))
-        tangent = solve(evaluation.jacobian[0], (evaluation.residual[0] - ahead.residual) / DIFFERENCE)
+        if len(unknowns) < evaluation.jacobian.shape[2]:
+            slope = evaluation.jacobian[0, :, -1]
+        else:
+            ahead = equations.evaluate(u, vector({**p, homotopy: reached + DIFFERENCE}))
+            slope = (ahead.residual - evaluation.residual[0]) / DIFFERENCE
+        tangent = solve(evaluation.jacobian[0, :, : len(unknowns)], -slope)
         step = min(step, 1 - reached)
         while True:
             value = 1.0 if step == 1 - reached else reached + step
@@ -66,7 +71,7 @@ def solve_by_homotopy(
         reached, step = value, steps.lengthen * step
         if progress:
             progress(reached)
-    return u, evaluation
+    return u, evaluation.of_unknowns(len(u))
 
 
 def _corrected(

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         division_at,
         division_of,
         growths_without_nodes,
+        solved,
         solved_with_nodes,
         with_nodes,
     )

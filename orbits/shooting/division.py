@@ -20,6 +20,7 @@ from ..model import Arc, Statement
 from ..numerics import Array
 from ..symbolic import cached
 from .error_bound import error_bounds
+from .newton_kernel import newton_kernel
 from .node_places import DIVISION, GrowthAlong, growths_along, largest_growths, lengths_of_parts
 from .single_shooting import NEWTON, Evaluation, Shooting, joined, settles, shooting_equations
 
@@ -304,6 +305,25 @@ class NodedSolution:
         return self.x[[self.equations.statement.unknowns.index("alpha")]]
 
 
+def solved(equations: Shooting, u: Array, p: Array, vary: str | None = None) -> tuple[Array, Evaluation]:
+    """The solution (n,) near unknowns (n,) and the equations there (1), by Newton's method in one call or, where that
+    does not converge, step by step; raises `NoOrbit` without convergence. In the first case the equations have
+    derivatives by the parameter to vary too."""
+    return _in_one_call(equations, u, p, vary) or equations.newton(u, p)
+
+
+def _in_one_call(equations: Shooting, u: Array, p: Array, vary: str | None = None) -> tuple[Array, Evaluation] | None:
+    """The solution near unknowns by Newton's method in one call, with the equations there and their derivatives by a
+    parameter; None where it does not converge, and for motions in several arcs, without a series, or in closed form."""
+    if not (equations.in_lanes and equations.parameters) or equations.flows[0].phase.closed_form:
+        return None
+    kernel = newton_kernel(equations, vary or equations.parameters[0])
+    x = np.append(u, p[kernel.place])[None]  # the parameter keeps its value
+    units, row = np.maximum(np.abs(x), NEWTON.smallest_unit), np.eye(1, x.size, x.size - 1)
+    found = kernel(x, row, x[:, -1], units, p[None], 1, True)
+    return (found.xs[0, :-1], found.evaluation) if found.evaluation else None
+
+
 def solved_with_nodes(undivided: Shooting, u: Array, p: Array, solve: Callable | None = None) -> NodedSolution:
     """The solution near unknowns (n,), with nodes where its motions ask for them; where those of the unknowns amplify
     small changes, nodes are placed on these, since Newton's method without nodes would lead elsewhere.
@@ -312,13 +332,15 @@ def solved_with_nodes(undivided: Shooting, u: Array, p: Array, solve: Callable |
 
     Raises `NoOrbit` without convergence.
     """
+    if not solve and (found := _in_one_call(undivided, u, p)) and found[1].amplification[0] <= DIVISION.sensitive:
+        return NodedSolution(undivided, None, found[0], p, found[1].of_unknowns(len(u))).divided()
     evaluation = undivided.evaluate_all(u[None], p[None])
     if evaluation.amplification[0] > DIVISION.sensitive:
         with suppress(NoOrbit, FlowError):
-            found = NodedSolution(undivided, None, u, p, evaluation).with_nodes()
-            if found.growths.max() > DIVISION.growth:
-                return found.simplest()
-            u, evaluation = found.u, found.whole
+            divided = NodedSolution(undivided, None, u, p, evaluation).with_nodes()
+            if divided.growths.max() > DIVISION.growth:
+                return divided.simplest()
+            u, evaluation = divided.u, divided.whole
     u, evaluation = solve(u, p) if solve else undivided.newton(u, p, evaluation=evaluation)
     return NodedSolution(undivided, None, u, p, evaluation).divided()
 

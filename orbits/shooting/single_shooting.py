@@ -1,7 +1,7 @@
 """A boundary value statement as equations: integrated along its flow, solved by Newton's method to rounding."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -62,6 +62,18 @@ class Evaluation:
         per_arc = self.trajectories, self.transitions, self.starts, self.residual_by_end, self.parts
         parts = (tuple(part[i] for part in each) for each in per_arc)
         return Evaluation(self.residual[i], self.jacobian[i], *parts)
+
+    def of_unknowns(self, count: int) -> "Evaluation":
+        """The evaluation at m points without the derivatives by a parameter that is varied besides the unknowns, which
+        have this number; the evaluation itself where none is varied."""
+        if self.jacobian.shape[2] == count:
+            return self
+        moving = (replace(motions, variations=motions.variations[:, :, :-1]) for motions in self.trajectories)
+        transitions = tuple(each[:, :, :-1] for each in self.transitions)
+        starts = tuple(each[:, :-1, :count] for each in self.starts)
+        return Evaluation(
+            self.residual, self.jacobian[:, :, :count], tuple(moving), transitions, starts, self.residual_by_end
+        )
 
     @cached_property
     def amplification(self) -> Any:

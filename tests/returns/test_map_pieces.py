@@ -77,10 +77,12 @@ def test_slopes_are_those_of_saltation(of_hopper):
 def test_a_law_in_pieces_is_resolved_beside_the_lossless_launch():
     """Rounding of its flights decides on the number of impacts there; the map has the slope 1 from both sides."""
     machine = Hopper("bilinear")
-    star = find(machine).alpha
+    hop = find(machine)
+    star = hop.alpha
     pieces = pieces_between(ReturnMap(machine), star - 0.02, star + 0.02, 40)
     (border,) = pieces.borders
-    assert (border.kind, border.alpha, pieces.unresolved) == ("lossless", star, ())
+    assert (border.kind, pieces.unresolved) == ("lossless", ())
+    assert border.alpha == pytest.approx(star, abs=hop.error)  # from two starts, the last digit may differ
     assert pieces.slopes_at(border) == pytest.approx((1.0, 1.0), abs=1e-12)
     x = star + np.array([-1e-2, -1e-4, 1e-4, 1e-2])
     following, slopes, _ = pieces.hops(x)
