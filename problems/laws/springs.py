@@ -424,10 +424,11 @@ def _name(name: Any, what: str) -> str:
 
 
 def _piece_expression(x, p, q):
-    value = 0
-    for coefficient in reversed(q[1:]):
-        value = value * (x - q[0]) + coefficient
-    return value
+    # Through the square it takes two products of series and a square, by Horner's rule four products.
+    start, c0, c1, c2, c3, c4, c5 = q
+    r = x - start
+    square = r * r
+    return c0 + r * (c1 + c2 * r + square * (c3 + c4 * r + c5 * square))
 
 
 def _table_pieces(curve: SmoothCurve) -> tuple[bytes, LawPieces]:
