@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -180,7 +180,7 @@ def orbits_of(
 ) -> dict[int, Orbit]:
     """The orbits, without dimensions, of certified solutions for machines of one model, by the index of each."""
     model, cycles, orbits = machines[0].model, found.cycles, dict[int, Orbit]()
-    numbers: Records[dict[str, Any]] = Records(dict, motion_numbers(model, cycles) | run_numbers(model, cycles))
+    numbers = motion_numbers(model, cycles) | run_numbers(model, cycles)
     contacts = dict(zip(cycles.with_contact.tolist(), cycles.contacts or (), strict=True))
     for which, place in zip(found.which.tolist(), found.places.tolist(), strict=True):
         machine = machines[which]
@@ -189,7 +189,7 @@ def orbits_of(
         steps = None if model.plain else _step_maps(model, p)
         orbits[which] = Orbit(
             machine=machine.describe(),
-            **numbers[place],
+            **{name: None if values[place] == NONE else float(values[place]) for name, values in numbers.items()},
             flight=cycles.flight[place],
             contact=contacts.get(place),
             shape=Shape(model.reversor, mirror, model.embed, model.heights(p), model.springs, knees, steps),

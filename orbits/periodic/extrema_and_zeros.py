@@ -80,7 +80,7 @@ def turns_and_zeros(sought: Mapping[Any, tuple[Trajectories, np.ndarray, bool, i
     starts, steps, counts = map(np.concatenate, parts)
     functions, sizes = np.concatenate(series) if len(series) > 1 else series[0], np.diff(firsts)
     polynomials = PiecewisePolynomials(functions, steps, counts)
-    order, rate = (np.repeat(values, sizes) for values in (orders, by_rate))
+    order, rate = (np.array(values).repeat(sizes) for values in (orders, by_rate))
     owner, piece, t = polynomials.roots(order, stationary=rate)
     step, last = polynomials.first[owner] + piece, polynomials.last
     values, times = evaluate(functions[step], t), starts[step] + t

@@ -272,8 +272,10 @@ def _end_by_another_method(flow: Flow, start: ndarray, p: ndarray, path: Traject
         ninth = c[:, :, 9].max(1) * path.steps**9 / np.maximum(c[:, :, 0].max(1), 1e-300)
         counts = np.clip(np.ceil((ninth / (ERRORS.ninth_term * EPS)) ** (1 / 8)), 8, 2000).astype(int)
         steps = np.concatenate([(path.steps / counts)[:, None], data], axis=1).repeat(counts, axis=0)
-        z = np.array([[*start, 0, len(steps)]])
-        return _order_eight(flow)(z, steps.reshape(1, -1)).z[0, : flow.size]
+        z, table, goes_on = np.array([[*start, 0, len(steps)]]), steps.reshape(1, -1), True
+        while goes_on:  # a call takes many steps, but not all of the longest motions
+            z, _, _, (goes_on,) = _order_eight(flow)(z, table)
+        return z[0, : flow.size]
     from scipy.integrate import solve_ivp  # slow to import, and only laws without a Taylor series need it
 
     x = start
