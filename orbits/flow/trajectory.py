@@ -223,7 +223,7 @@ class Trajectories:
             weights = weights[:, 0]
         weights = weights.T[self.owner] if weights.ndim > 1 else weights[None]
         weights = weights if embed is None else weights @ embed
-        first, *others = weights.any(0).nonzero()[0].tolist() or [0]
+        first, *others = np.nonzero(weights.any(0))[0].tolist() or [0]
         values = weights[:, first, None] * self.coefficients[:, first]
         for i in others:  # many times faster than products of small matrices
             values += weights[:, i, None] * self.coefficients[:, i]

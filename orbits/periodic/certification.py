@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -183,13 +183,14 @@ def orbits_of(
     numbers = motion_numbers(model, cycles) | run_numbers(model, cycles)
     contacts = dict(zip(cycles.with_contact.tolist(), cycles.contacts or (), strict=True))
     for which, place in zip(found.which.tolist(), found.places.tolist(), strict=True):
-        machine = machines[which]
+        machine, each = machines[which], ((name, float(values[place])) for name, values in numbers.items())
+        own: dict[str, Any] = {name: None if value == NONE else value for name, value in each}
         p, knees = machine.values, tuple(model.knees(machine.values)) if model.knees else ()
         mirror = model.mirror if model.reversor else None
         steps = None if model.plain else _step_maps(model, p)
         orbits[which] = Orbit(
             machine=machine.describe(),
-            **{name: None if values[place] == NONE else float(values[place]) for name, values in numbers.items()},
+            **own,
             flight=cycles.flight[place],
             contact=contacts.get(place),
             shape=Shape(model.reversor, mirror, model.embed, model.heights(p), model.springs, knees, steps),
