@@ -307,21 +307,24 @@ class NodedSolution:
 
 def solved(equations: Shooting, u: Array, p: Array, vary: str | None = None) -> tuple[Array, Evaluation]:
     """The solution (n,) near unknowns (n,) and the equations there (1), by Newton's method in one call or, where that
-    does not converge, step by step; raises `NoOrbit` without convergence. In the first case the equations have
+    does not converge nearby, step by step; raises `NoOrbit` without convergence. In the first case the equations have
     derivatives by the parameter to vary too."""
     return _in_one_call(equations, u, p, vary) or equations.newton(u, p)
 
 
 def _in_one_call(equations: Shooting, u: Array, p: Array, vary: str | None = None) -> tuple[Array, Evaluation] | None:
     """The solution near unknowns by Newton's method in one call, with the equations there and their derivatives by a
-    parameter; None where it does not converge, and for motions in several arcs, without a series, or in closed form."""
+    parameter; None where it leads far away or nowhere, and for motions in several arcs, without a series, or in closed
+    form."""
     if not (equations.in_lanes and equations.parameters) or equations.flows[0].phase.closed_form:
         return None
     kernel = newton_kernel(equations, vary or equations.parameters[0])
     x = np.append(u, p[kernel.place])[None]  # the parameter keeps its value
     units, row = np.maximum(np.abs(x), NEWTON.smallest_unit), np.eye(1, x.size, x.size - 1)
     found = kernel(x, row, x[:, -1], units, p[None], 1, True)
-    return (found.xs[0, :-1], found.evaluation) if found.evaluation else None
+    if not found.evaluation or (np.abs(found.xs - x) > NEWTON.undamped * units).any():
+        return None
+    return found.xs[0, :-1], found.evaluation
 
 
 def solved_with_nodes(undivided: Shooting, u: Array, p: Array, solve: Callable | None = None) -> NodedSolution:

@@ -27,6 +27,7 @@ class NewtonOptions(NamedTuple):
     reduction: float = 0.9  # of the residual by an accepted step, at least
     small_residual: float = 1e-6  # relative to the unknowns, below which full steps converge, and are accepted
     halvings: int = 12  # of a step, at most
+    undamped: float = 0.1  # largest change of the unknowns by steps that are not damped, which may lead elsewhere
     steps: int = 8  # of a corrector that converges, with some to spare
 
 

@@ -15,6 +15,12 @@ def test_a_start_in_si():
     assert start["duration"] == pytest.approx(orbit.flight_time / 2, rel=1e-14)
 
 
+def test_a_distant_start_leads_to_the_orbit_of_damped_steps():
+    """Full Newton steps lead from here to family 3."""
+    orbit = find(Hopper("bilinear"), start={"alpha": 2.34, "liftoff": 0.668, "duration": 5.27})
+    assert (orbit.family, orbit.alpha) == (1, pytest.approx(find(Hopper("bilinear")).alpha, rel=1e-14))
+
+
 @pytest.mark.parametrize(
     ("start", "message"),
     [
