@@ -66,6 +66,15 @@ class _Refused(NamedTuple):
         """Whether all hops have the same label."""
         return bool((self.labels == self.labels[0]).all())
 
+    @property
+    def has_all_numbers(self) -> bool:
+        """Whether the launches are all numbers between the ends, so that nothing of them is left to resolve."""
+        a, b = self.cell.ends
+        numbers = round((b - a) / np.spacing(a))
+        if numbers > len(self.launches):
+            return False
+        return bool(np.isin(a + np.spacing(a) * np.arange(1, numbers), self.launches).all())
+
 
 class Resolving(LimitedHops):
     """The search for the pieces of a map without injection; with an injection for those near the identity line, or near
@@ -238,7 +247,7 @@ class Resolving(LimitedHops):
                 found += ends or []
                 wide += [each] if ends is None else []
             elif self.short is None or unfinished.any() or each.is_of_a_kind:
-                self.unresolved.append((a, b))
+                self.unresolved += [] if each.has_all_numbers else [(a, b)]
             else:
                 self.short.append(each)
         return [*self.cells(found), *self.cut(wide)]
