@@ -311,6 +311,8 @@ class Run:
         own += [Found(0, share, VALUE, place) for share, place in hits]
         near = self._comes_home(problem, segment)[0]
         if near and (home := closing(problem, segment, self.home[lane], self.home_rows[lane], options)):
+            # A requested value there is that of the first point, on whichever side of it rounding puts the hit.
+            own = [each for each in own if abs(each.share - home[0]) > OUTSIDE]
             own.append(Found(0, home[0], CLOSED, home[1]))
         return own, "" if missing is None else f"the value {missing:g}"
 
