@@ -144,17 +144,15 @@ def orbits_of(machine, family: int, exact: str, rates: Callable, seconds: float,
     return rows
 
 
-def flow_of(machine, way: str, *vary: str) -> Callable | None:
+def flow_of(machine, way: str, *vary: str) -> Callable:
     """Flights with their derivatives by the four states and by varied parameters, (start, parameters, time) -> motion,
-    derivatives; None where it cannot be compiled."""
+    derivatives."""
     names, columns = tuple(machine.values), 4 + len(vary)
     along, places = Flow(replace(machine.model.flight, closed_form=None), names), tuple(map(names.index, vary))
     seeds, parameter_seeds = np.eye(4, columns), np.zeros((len(names), columns))
     parameter_seeds[places, range(4, columns)] = 1.0
     if way.startswith("Runge-Kutta"):
         along.steppers[columns, places] = RungeKuttaStepper(along.vector_field, columns, places)
-    elif not _compiled(along.stepper(columns, places), way.endswith("compiled")):
-        return None
     return lambda start, p, time: along.run(start, p, time, seeds, parameter_seeds)
 
 
@@ -163,9 +161,8 @@ def flows_of(machine, orbit, seconds: float, tolerances) -> list[dict]:
     p = np.array(list(machine.values.values()))
     start, half, rows = orbit(0.0), orbit.flight_time / 2, []
     seeds = np.eye(4)
-    for way in ("Taylor, virtual machine", "Taylor, compiled", "Runge-Kutta of order 8"):
-        if not (along := flow_of(machine, way)):
-            continue
+    for way in ("Taylor", "Runge-Kutta of order 8"):
+        along = flow_of(machine, way)
         took, (path, _) = timed(lambda a=along: a(start, p, half), seconds)
         rows.append({"way": way, "seconds": took, "error": float(np.abs(path.end[1:4:2]).max())})
     with contextlib.suppress(ImportError):
@@ -189,14 +186,6 @@ def flows_of(machine, orbit, seconds: float, tolerances) -> list[dict]:
         error = float(np.abs(run.y[1:4:2, -1]).max())
         rows.append({"way": "scipy DOP853", "seconds": took, "error": error, "setting": tolerance})
     return rows
-
-
-def _compiled(stepper, wanted: bool) -> bool:
-    """Have a scheme compiled, or see that it never is; False when it should be and cannot."""
-    if wanted:
-        return stepper.kernel.compile()
-    stepper.kernel.interpretation_budget = np.inf
-    return True
 
 
 def _warmed(call: Callable, seconds: float):
@@ -251,10 +240,7 @@ def lanes_of(seconds: float, quick: bool) -> dict[str, list[dict]]:
         ("a step of the relative flow", relative, [orbit.liftoff_extension, orbit.alpha], 2),
     ):
         stepper = flow.stepper(columns)
-        if not _compiled(stepper, wanted=True):
-            continue
         many = np.tile(start, (count, 1)), p, half, np.eye(flow.size, columns), np.zeros((p.size, columns))
-        stepper.kernel.optimise()
         steps = len(stepper.advance_all(*many).steps) if flow is relative else count
         took, motions = timed(lambda many=many, stepper=stepper: stepper.advance_all(*many), seconds)
         row = {"way": f"lanes, {columns} columns", "seconds": took / steps, "setting": count}
@@ -336,13 +322,12 @@ def _followed(machine, along: str, stop: float, number: int, golden: dict[float,
         {"way": "follow, certified", "seconds": took / len(family), "error": error, "points": len(family)},
         {"way": NEWTON, "seconds": once / len(points), "error": 0.0},
     ]
-    if flown := flow_of(machine, "Taylor, compiled", along):
-        times = []
-        for point in family.points[:: len(family) // 8]:
-            orbit, p = orbit_at(machine, point, along), machine.with_values(**{along: point.value}).values.values()
-            here = orbit(0.0), np.array(list(p)), orbit.flight_time / 2
-            times.append(timed(lambda known=here: flown(*known), seconds / 8)[0])
-        rows.append({"way": FLOWN, "seconds": float(np.mean(times)), "error": 0.0})
+    flown, times = flow_of(machine, "Taylor", along), []
+    for point in family.points[:: len(family) // 8]:
+        orbit, p = orbit_at(machine, point, along), machine.with_values(**{along: point.value}).values.values()
+        here = orbit(0.0), np.array(list(p)), orbit.flight_time / 2
+        times.append(timed(lambda known=here: flown(*known), seconds / 8)[0])
+    rows.append({"way": FLOWN, "seconds": float(np.mean(times)), "error": 0.0})
     return rows
 
 

@@ -15,7 +15,7 @@ from orbits.shooting import METHODS
 from orbits.show import COLOURS, legend_below, save_figure
 from orbits.show.plot import new_row
 
-OURS = (*METHODS, "warm", "Taylor, virtual machine", "Taylor, compiled", "Runge-Kutta of order 8")
+OURS = (*METHODS, "warm", "Taylor", "Runge-Kutta of order 8")
 LOOKS = {way: ("o", colour) for way, colour in zip(OURS, cycle(COLOURS), strict=False)}
 LOOKS |= {"lanes, 4 columns": ("*", COLOURS[0]), "Opti, RK4": ("^-", "0.6"), "rockit, RK4": ("v-", "0.75")}
 LOOKS |= {"heyoka + Newton": ("D", "0.2"), "heyoka": ("D", "0.2"), "heyoka, batch": ("d", "0.2")}

@@ -7,6 +7,7 @@ import shlex
 import shutil
 import signal
 import sys
+import tempfile
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
@@ -37,6 +38,14 @@ caches.CACHE = caches.CACHE._replace(bytes=4 * caches.CACHE.bytes, results=4 * c
 # Shells let what they run in the background ignore keyboard interrupts, and so would all that the tests start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_configure(config):
+    """Machine code is kept in a folder that all workers share, and that ends with the tests."""
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        kept = tempfile.TemporaryDirectory()
+        os.environ["PERSISTENT_ORBITS_CACHE"] = kept.name
+        config.add_cleanup(kept.cleanup)
 
 
 def pytest_addoption(parser):

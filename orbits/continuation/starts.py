@@ -37,7 +37,6 @@ class StartOptions(NamedTuple):
     half_flight: float = 1.0
     # The share of the work that is the search for linear hops, where these are followed afterwards.
     linear_share: float = 0.1
-    steps_of_hop: int = 2000  # of integration on the way of a hop of a stiff machine, in each phase, roughly
     same: float = 1e-6  # two hops whose unknowns differ by a smaller share are the same
     # The zero of a law is searched up to this distance from rest, in units of the force divided by its slope at rest.
     furthest_zero: float = 4.0
@@ -198,7 +197,6 @@ def _followed(mixed: Mechanism, found: Sequence[Mapping[str, float]]) -> Iterato
     us = [[start[name] for name in mixed.model.half_unknowns] for start in found]
     # The shortest hops come first, in case that there is no time for all.
     lengths = [start["duration"] + start["contact_duration"] for start in found]
-    curve.equations.expect(STARTS.steps_of_hop * len(us), (LAW_SHARE,))
     return follow_together(curve, np.array(us), np.argsort(lengths, kind="stable"))
 
 

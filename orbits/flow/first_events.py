@@ -16,9 +16,9 @@ from ..model import Affine
 from ..numerics import Array, Crossings, PiecewisePolynomials, evaluate
 from ..running import apart, interrupts
 from .flow import CLOSED_FORM, Flow, StopTest
-from .taylor import OnPieces, TaylorStepper, Watch, Watched
+from .taylor import OnPieces, TaylorStepper, coefficients_of
 from .trajectory import Trajectories, Trajectory, begins_of_steps
-from .vector_field import TAYLOR
+from .watch import Watch, Watched
 
 # The error of all motions that break off, where no reasons are requested.
 BREAKS_OFF = FlowError("the motion breaks off")
@@ -136,7 +136,7 @@ class _Search:
         self.whole = whole  # whether all steps of motions of more than one block are recorded too
         self.flow, self.starts, self.ps, self.watch = flow, starts, ps, watch
         self.reasons, self.all_steps = reasons, all_steps
-        self.limit, self.orders = np.empty(count), np.empty((count, watch.kind[1]))
+        self.limit, self.orders = np.empty(count), np.empty((count, watch.opening))
         self.limit[:], self.orders[:] = limit, orders
         self.times, self.which, self.rows = np.empty(count), np.empty(count, int), np.empty((count, len(flow.names)))
         self.times[:], self.which[:], self.rows[:] = np.nan, -1, np.nan
@@ -158,7 +158,7 @@ class _Search:
 
     def orders_of(self, number: int) -> Array:
         """The orders (m,) of the zeros of a function at the start."""
-        return self.orders[:, number] if number < self.watch.kind[1] else np.zeros(len(self.orders))
+        return self.orders[:, number] if number < self.watch.opening else np.zeros(len(self.orders))
 
     def in_closed_form(self) -> None:
         """Search motions in closed form, for one function after the other up to the first event known so far."""
@@ -244,7 +244,7 @@ class _Search:
             if not len(lanes):
                 return
             interrupts.heed()
-            z, steps, counts, going = stepper.follow(z, data, self.watch, on and on.of(lanes), most)
+            z, steps, counts, going = self.watch.follow(stepper, z, data, on and on.of(lanes), most)
             found, over = z[:, at.found] > 0, z[:, at.time] >= self.limit[lanes]
             never = ~found & self._never(z)
             self.times[lanes[never]] = np.inf
@@ -263,7 +263,7 @@ class _Search:
                 steps = Watched(*(values[last] for values in steps))
             if found.any():
                 with apart():
-                    stays[found] = self._search_steps(lanes, z, data, found, steps)
+                    stays[found] = self._search_steps(lanes, z, found, steps)
             if not stays.any():
                 return
             lanes, z, data = lanes[stays], z[stays], data[stays]
@@ -290,7 +290,7 @@ class _Search:
             chosen = found.repeat(counts)
             arrays = tuple(each[chosen] for each in arrays)
         owners, lengths, c = arrays
-        self.steps.append((owners, lengths, c.reshape(len(c), len(self.flow.names), TAYLOR.order + 1)))
+        self.steps.append((owners, lengths, coefficients_of(c, len(self.flow.names))))
 
     def path(self, lane: int) -> Trajectory:
         """The steps of a motion up to its event or limit."""
@@ -306,14 +306,11 @@ class _Search:
             return np.zeros(len(z), bool)
         return z[:, self.flow.stepper(0).places.changes] >= self.watch.most_turns
 
-    def _search_steps(self, lanes: Array, z: Array, data: Array, found: Array, steps: Watched) -> Array:
-        """Search one step of each of the motions `found` with these z after it, for the first zero of a function;
-        returns which have none there and go on, with the z where they do."""
-        at, watch, lanes = self.flow.stepper(0).places, self.watch, lanes[found]
-        if watch.rising:
-            event, rows, signs = self._halved(steps, lanes)
-        else:
-            event, rows, signs = watch.event(steps, data if len(lanes) == len(data) else data[found])
+    def _search_steps(self, lanes: Array, z: Array, found: Array, steps: Watched) -> Array:
+        """Use the events in one step of each of the motions `found` with these z after it, searched by halving where
+        the kernel does not know them; returns which have none there and go on, with the z where they do."""
+        at, lanes = self.flow.stepper(0).places, lanes[found]
+        event, rows, signs = steps.events, steps.rows, z[found][:, at.signs][:, : len(self.watch.functions)]
         if (again := event[:, 2] > 0).any():
             some = Watched(*(values[again] for values in steps))
             event[again], rows[again], signs[again] = self._halved(some, lanes[again])
@@ -331,7 +328,7 @@ class _Search:
     def _halved(self, steps: Watched, lanes: Array) -> tuple[Array, Array, Array]:
         """The `Watch.event` of steps in which functions may change their signs several times, or rise, by halving."""
         count, functions = len(steps.begins), self.watch.functions
-        c = steps.coefficients.reshape(count, -1, TAYLOR.order + 1)
+        c = coefficients_of(steps.coefficients, len(self.flow.names))
         event, signs = np.zeros((count, 3)), np.empty((count, len(functions)))
         event[:, 0] = np.inf
         for number, quantity in enumerate(functions):

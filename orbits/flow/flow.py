@@ -178,7 +178,7 @@ class Flow(PhaseField):
         """Where the steps are long, the flow with those parameters alone that the field depends on, for many motions of
         all flows of the phase, so that the steps are compiled once; and the places of these parameters."""
         phase, graph = self.phase, self.vector_field
-        if phase.closed_form or not graph.in_loops:
+        if phase.closed_form or not graph.has_many_products:
             return None
         used = sorted({*chain(*(graph.field.jac_sparsity(i, 1).get_triplet()[1] for i in (0, 1)))})
         names = tuple(self.parameters[i] for i in used)
@@ -198,18 +198,6 @@ class Flow(PhaseField):
         drifting, matrix = self.vector_field.drift
         free = ~(seeds[~drifting].any(0) | parameter_seeds.any(0))
         return _Drift(seeds, parameter_seeds, free, matrix) if free.any() and not free.all() else None
-
-    def expect(self, steps: int, seeds: Array, parameter_seeds: Array) -> None:
-        """Compile now what is worth it for this number of steps with such sensitivities."""
-        if self.shared is not None:
-            flow, used = self.shared
-            flow.expect(steps, seeds, parameter_seeds[..., used, :])
-            return
-        if (drift := self._drift_along(seeds, parameter_seeds)) is not None:
-            seeds, parameter_seeds = drift.others
-        stepper = self.stepper(seeds.shape[-1], self.varied(parameter_seeds))
-        if isinstance(stepper, TaylorStepper):
-            stepper.kernel.expect(steps)
 
     def _together(self, seeds: Array, parameter_seeds: Array) -> TaylorStepper | None:
         """The steps of motions with these seeds that are integrated together; None where they are not."""

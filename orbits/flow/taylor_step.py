@@ -1,19 +1,21 @@
-"""One Taylor step of a flow with its sensitivities, as a graph: its series, its length, and what comes after it.
+"""One Taylor step of a flow with its sensitivities in machine code: its series, its length, and what comes after it.
 
 A step on a piece of a piecewise field ends where the piece ends. The coordinate of the pieces is either too near to its
 start in the whole step to reach an end, or monotone, so that it reaches one end once: other steps are shortened.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import NamedTuple
+from functools import partial, reduce
+from itertools import accumulate, pairwise
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from ..numerics import TINY, Array
-from ..symbolic import Room, cached, driven_coefficients, tangent, variations
-from .vector_field import TAYLOR, VectorField, symbolic_powers
+from ..symbolic import Block, Mask, Number, VariationSeries, VectorCode
+from .vector_field import TAYLOR, VectorField
 
 
 class Places(NamedTuple):
@@ -53,13 +55,13 @@ class PieceRows:
         """The length of a row."""
         return 2 + 3 * self.data + self.columns * (2 + self.data)
 
-    def split(self, row: ca.MX) -> list[ca.MX]:
-        """The ends (2,), the data (nq,) of the piece, of that below and that above it, and the derivatives
-        (columns, 2) and (columns, nq)."""
+    def split(self, row: Any) -> tuple[list[Any], list[tuple[Any, Any]]]:
+        """The ends (2,), the data (nq,) of the piece, of that below and that above it; and the derivatives (2,) and
+        (nq,) along each column."""
         first = [0, 2, *(2 + k * self.data for k in (1, 2, 3))]
-        parts = [row[begin:end] for begin, end in pairwise(first)]
-        moves = ca.reshape(row[first[-1] :], 2 + self.data, self.columns).T
-        return [*parts, moves[:, :2], moves[:, 2:]]
+        begins = [first[-1] + k * (2 + self.data) for k in range(self.columns)]
+        moves = [(row[begin : begin + 2], row[begin + 2 : begin + 2 + self.data]) for begin in begins]
+        return [row[begin:end] for begin, end in pairwise(first)], moves
 
     def tables(self, breaks: Array, data: Array, moves: Array) -> Array:
         """The tables (m, rows width) of pieces between breaks (m, k + 1) with data (m, k, nq), whose derivatives are
@@ -77,66 +79,326 @@ class PieceRows:
         return np.pad(np.concatenate(rows, axis=2), beyond, constant_values=np.nan).reshape(m, -1)
 
 
-class _NoPieces(PieceRows):
-    """Of a field that is smooth everywhere."""
+class Step(NamedTuple):
+    """A step in the code of a kernel: z after it up to the piece, the coefficients of states and watched quantities,
+    the lengths taken and tried, and whether all coefficients are finite."""
 
-    width = 0
-
-    def split(self, row: ca.MX) -> list[ca.MX]:
-        """Nothing."""
-        return [ca.MX([-np.inf, np.inf]), *[ca.MX(0, 1)] * 3, ca.MX(0, 2), ca.MX(0, 0)]
-
-
-NO_PIECES = _NoPieces(0, 0)
-
-
-@cached
-def step_expansion(graph: VectorField, columns: int, varied: tuple[int, ...]) -> ca.Function:
-    """(x, p, dx, dp) -> the coefficients of a step and those of its sensitivities."""
-    if columns == 1:
-        return tangent(graph.field, varied, TAYLOR.order)
-    return variations(graph.field, varied, columns, TAYLOR.order)
+    after: list[str]
+    rows: Block
+    series: "StepSeries"
+    taken: Number
+    tried: Number
+    finite: Mask
 
 
-def step_function_of(
-    graph: VectorField, at: Places, columns: int, varied: tuple[int, ...], piece_rows: PieceRows
-) -> ca.Function:
-    """The `step_function` of a `TaylorStepper`."""
-    n, count_p = graph.size, graph.p.numel() - graph.data
-    own = [row for row in varied if row < count_p]
-    z, data = ca.MX.sym("z", at.time), ca.MX.sym("p", count_p + len(own) * columns)
-    row = ca.MX.sym("row", piece_rows.width)
-    ends_of_piece, q, below, above, moved_ends, dq = piece_rows.split(row)
-    x, dx = z[at.state], ca.reshape(z[at.sensitivities], n, columns)
-    p, dp = ca.vertcat(data[:count_p], q), ca.reshape(data[count_p:], len(own), columns)
-    dp = ca.vertcat(dp, dq.T) if piece_rows.varied else dp
-    base, shares = ca.SX(n, TAYLOR.order + 1), ca.SX.eye(n)
-    if columns:
-        c, dc = step_expansion(graph, columns, varied)(x, p, dx, dp)
-        series = c[:, :n]
-    else:
-        base, shares, driven = driven_coefficients(graph.field, graph.x, graph.p, TAYLOR.order)
-        series, dc = ca.Function("series", [graph.x, graph.p], [ca.densify(driven.T)])(x, p), ca.MX(TAYLOR.order + 1, 0)
-        symbols = graph.x, graph.p, ca.SX.sym("series", *series.shape)
-        c = ca.Function("rows", symbols, [ca.densify((base + shares @ symbols[-1].T).T)])(x, p, series)
-        base, shares = base[:n, :], shares[:n, :]
-    choice = length_function(graph, base, shares, columns, len(varied))
-    numbers = x, p, ca.vec(dp), z[at.left], z[at.longest], ends_of_piece
-    ends, powers, left, longest, made, side = choice(series, c[:, :n], dc, *numbers)
-    moved = (powers.T @ dc).T
-    if columns and graph.coordinate:
-        beyond = ca.vertcat(data[:count_p], ca.if_else(side > 0, above, below))
-        by_end = ca.if_else(side > 0, moved_ends[:, 1], moved_ends[:, 0])
-        moved = _saltation(graph, columns, varied)(ends, p, beyond, moved, ca.vec(dp), by_end, side)
-    after = after_step(at, z, ca.vertcat(ends, moved), left, longest, made, side)
-    return ca.Function("taylor", [z, data, row] if graph.coordinate else [z, data], [after, c, made])
+class TaylorStep:
+    """The code of a step from z, the data (parameters, and seeds of those that vary, one column after the other) and
+    the row of the piece; z after a step that is rejected is that before it, with a shorter longest step."""
+
+    def __init__(self, graph: VectorField, at: Places, columns: int, varied: tuple[int, ...], piece_rows: PieceRows):
+        self.graph, self.at, self.columns, self.varied, self.piece_rows = graph, at, columns, varied, piece_rows
+        self.count_p = graph.p.numel() - graph.data  # the number of parameters
+        self.own = sum(row < self.count_p for row in varied)
+        self.series = VariationSeries(graph.field, varied, columns, TAYLOR.order)
+        symbols = [graph.x, graph.p]
+        self.rates = ca.Function("rates", symbols, [ca.densify(graph.field(*symbols)[0])])
+        self.reaches = [
+            (weights.sparsity().get_triplet()[1], ca.Function("reach", symbols, [ca.SX(weights.nz[:]), *change]))
+            for weights, change in graph.reaches
+        ]
+        if graph.coordinate:
+            self.scales = ca.Function("scales", [graph.p], [graph.unit, graph.origin])
+            self.saltation = _saltation(graph, columns, varied)
+
+    def append(self, code: VectorCode, z: Sequence[str], data: Sequence[str], row: Sequence[str]) -> Step:
+        """Append its code."""
+        at, graph, n = self.at, self.graph, self.graph.size
+        (ends, q, below, above), moves = self.piece_rows.split(row)
+        x, dx, p, own = z[at.state], z[at.sensitivities], [*data[: self.count_p], *q], data[self.count_p :]
+        moved_data = [each for _, each in moves] or [[]] * self.columns
+        dp = [each for c, moved in enumerate(moved_data) for each in (*own[c * self.own :][: self.own], *moved)]
+        found = self.series.append(code, x, p, dx, dp)
+        left, longest = Number(code, z[at.left]), Number(code, z[at.longest])
+        c = StepSeries(code, found.rows.place, n + graph.field.numel_out(1), found.stride)
+        size, *terms = c.sizes(n)
+        h = longest.least(_truncated_length(size, *terms))
+        # The series of f_p may have a smaller radius of convergence than that of f, as may that of f_x along a motion
+        # that a symmetry makes simple.
+        if self.varied or (self.columns and graph.has_many_products):
+            changes = _largest(code, dp) if self.varied else 0.0
+            scale, *terms = StepSeries(code, found.columns, n * self.columns, found.stride).sizes(n * self.columns)
+            h = h.least(_truncated_length(scale + changes, *terms))
+        for states, function in self.reaches:
+            weights, *room = code.graph(function, [x, p])
+            h = c.within_reach([*zip(states, weights, strict=True)], [Number(code, each) for (each,) in room], h)
+        h = (h >= left).choose(left, (h * TAYLOR.shared_steps >= left).choose(left * 0.5, h))
+        side, within = Number(code, code.splat(0)), None
+        if graph.coordinate:
+            unit, origin = (Number(code, each) for (each,) in code.graph(self.scales, [p]))
+            c.set_places(graph.coordinate, unit, origin)
+            h, within, side = c.on_piece(h, *(Number(code, each) for each in ends))
+        size = size.largest(TINY)  # The size of a motion at rest at the origin would be 0.
+        defect, after = self._defect(c, h, p)
+        accepted = defect <= size * TAYLOR.largest_defect
+        accepted = accepted & within if within else accepted
+        # A step that is far too long for the rate of the state is shortened in one go instead of halved many times.
+        speed = _largest(code, [c.coefficient(i, 1).name for i in range(n)])
+        shorter = h.least((h * size / speed).root()) * 0.5
+        after += [each() for each in self.series.columns_after(code, found, h.name)]
+        if self.columns and graph.coordinate:
+            after[n:] = self._beyond(code, after, p, [*zip(below, above, strict=True)], dp, moves, side)
+        pairs = zip(after, (*x, *dx), strict=True)
+        taken = accepted.choose(h, 0.0)
+        made = taken > 0.0
+        new = [made.choose(*(Number(code, each) for each in pair)) for pair in pairs]
+        new += [left - taken, accepted.choose(TAYLOR.longest_step, shorter)]
+        new.append(Number(code, z[at.piece]) + made.choose(side, 0.0))
+        return Step([each.name for each in new], found.rows, c, taken, h, abs(c.total()) < np.inf)
+
+    def _beyond(
+        self, code: VectorCode, after: Sequence[str], p: list[str], sides: list[tuple], dp: list[str], moves: list,
+        side: Number,
+    ) -> list[str]:  # fmt: skip
+        """The sensitivities (n columns,) beyond the end of the piece, by the saltation there."""
+        above = side > 0.0
+        beyond, by_end = (
+            [above.choose(Number(code, high), Number(code, low)).name for low, high in pairs]
+            for pairs in (sides, [ends for ends, _ in moves] or [(code.splat(0),) * 2] * self.columns)
+        )
+        n, known = self.graph.size, [*p[: self.count_p], *beyond]
+        return code.graph(self.saltation, [after[:n], p, known, after[n:], dp, by_end, [side.name]])[0]
+
+    def _defect(self, c: "StepSeries", h: Number, p: list[str]) -> tuple[Number, list[str]]:
+        """The largest defect of the polynomial in the differential equation at the quarters of the step, times its
+        length, and the state at its end.
+
+        It shows what a series cannot show where a law is flat to the last digit, as a saturated spring is.
+        """
+        code, n = c.code, self.graph.size
+        # A state whose rate is another state has no defect.
+        rates = ca.vertsplit(self.graph.field(self.graph.x, self.graph.p)[0])
+        checked = [i for i, rate in enumerate(rates) if not rate.is_symbolic()]
+        parts, ends = code.table(TAYLOR.measured), code.reserve(n)
+
+        def part(index: str, worst: list[str]) -> list[str]:
+            time = h * Number(code, code.get(code.offset(code.place(parts), index)))
+            states, slopes = c.evaluate(n, time, checked)
+            rates, total = code.graph(self.rates, [[each.name for each in states], p])[0], Number(code, worst[0])
+            for i, slope in zip(checked, slopes, strict=True):
+                total = total.largest(abs((slope - Number(code, rates[i])) * h))
+            for i, state in enumerate(states):
+                code.put(state.name, code.place(ends + i))
+            return [total.name]
+
+        (worst,) = code.loop(0, len(TAYLOR.measured) - 1, part, [code.splat(0)])
+        return Number(code, worst), [code.get(code.place(ends + i)) for i in range(n)]
 
 
-def after_step(at: Places, z: ca.MX, ends: ca.MX, left: ca.MX, longest: ca.MX, made: ca.MX, side: ca.MX) -> ca.MX:
-    """The entries of z up to the piece after a step, which ends in these states with their sensitivities."""
-    # A choice between ends costs less than powers of a chosen length, into which CasADi draws the choice.
-    after = ca.if_else(made[0] > 0, ends, z[: at.left])
-    return ca.vertcat(after, left, longest, z[at.piece] + ca.if_else(made[0] > 0, side, 0))
+class StepSeries:
+    """Polynomials of a step in the scratch memory of a code, as many rows as there are."""
+
+    def __init__(self, code: VectorCode, first: int, rows: int, stride: int):
+        self.code, self.first, self.rows, self.stride = code, first, rows, stride
+        self.places = code.reserve(stride)  # of the coordinate of the pieces
+
+    def coefficient(self, row: int, k: int) -> Number:
+        """A coefficient."""
+        return self.at(self.first + row * self.stride, k)
+
+    def at(self, place: int, k: int | str, scale: int = 1) -> Number:
+        """Coefficient k of the series at a place, or scale k of those after it."""
+        code = self.code
+        pointer = code.place(place)
+        return Number(code, code.get(code.moved(pointer, k) if isinstance(k, int) else code.offset(pointer, k, scale)))
+
+    def weighted(self, weights: Sequence[tuple[int, str]], k: int | str) -> Number:
+        """Coefficient k of the sum of rows with weights."""
+        total = Number(self.code, self.code.splat(0))
+        for row, weight in weights:
+            total = Number(self.code, weight).times_plus(self.at(self.first + row * self.stride, k), total)
+        return total
+
+    def value_and_slope(self, place: int, time: Number, low: int = 0) -> tuple[Number, Number]:
+        """The polynomial with the coefficients at a place from `low` on at a time, divided by its power `low`, and the
+        derivative of that by the time."""
+
+        def term(k: str, sums: list[Number]) -> list[Number]:
+            return [sums[0].times_plus(time, self.at(place, k)), sums[1].times_plus(time, sums[0])]
+
+        value, slope = self.horner(low, term, 2)
+        return value, slope
+
+    def sum(
+        self, last: int, term: Callable[[str, list[Number]], list[Number]], count: int, first: int = 0
+    ) -> list[Number]:
+        """What `count` numbers that begin with 0 become by terms from `first` to `last`."""
+        code = self.code
+
+        def body(index: str, before: list[str]) -> list[str]:
+            return [each.name for each in term(index, [Number(code, each) for each in before])]
+
+        return [Number(code, each) for each in code.loop(first, last, body, [code.splat(0)] * count)]
+
+    def horner(self, low: int, term: Callable[[str, list[Number]], list[Number]], count: int) -> list[Number]:
+        """`sum` from the highest order down to `low`."""
+        code, order = self.code, TAYLOR.order
+        return self.sum(order - low, lambda index, before: term(code.integer("sub", order, index), before), count)
+
+    def total(self) -> Number:
+        """The sum of all coefficients, which is not finite where one is not."""
+        size = TAYLOR.order + 1
+
+        def term(k: str, totals: list[Number]) -> list[Number]:
+            return [each + self.at(self.first + i * self.stride, k) for i, each in enumerate(totals)]
+
+        totals = self.sum(size - 1, term, self.rows)
+        return reduce(lambda a, b: a + b, totals)
+
+    def sizes(self, count: int) -> tuple[Number, Number, Number]:
+        """The largest of the first two coefficients of the first rows of this number, of the last but one and of the
+        last."""
+        order, stride = TAYLOR.order, self.stride
+
+        def term(row: str, before: list[Number]) -> list[Number]:
+            first, second, third, last = (abs(self.at(self.first + k, row, stride)) for k in (0, 1, order - 1, order))
+            return [before[0].largest(first, second), before[1].largest(third), before[2].largest(last)]
+
+        scale, third, last = self.sum(count - 1, term, 3)
+        return scale, third, last
+
+    def evaluate(self, count: int, time: Number, checked: Sequence[int]) -> tuple[list[Number], list[Number]]:
+        """The first rows of this number at a time, and the slopes of some of them."""
+
+        def term(k: str, before: list[Number]) -> list[Number]:
+            values = before[:count]
+            slopes = [slope.times_plus(time, values[i]) for i, slope in zip(checked, before[count:], strict=True)]
+            own = (self.at(self.first + i * self.stride, k) for i in range(count))
+            return [*(value.times_plus(time, each) for value, each in zip(values, own, strict=True)), *slopes]
+
+        found = self.horner(0, term, count + len(checked))
+        return found[:count], found[count:]
+
+    def terms(self, weights: list[tuple[int, str]], offset: str, h: Number, head: int) -> tuple[list[str], list[str]]:
+        """The first terms of an affine function of the rows in a step, `head` of them; and the sum of those behind the
+        bound degree and that of their sizes."""
+
+        def term(k: str, sums: list[Number]) -> list[Number]:
+            own = self.weighted(weights, k)
+            return [sums[0].times_plus(h, own), sums[1].times_plus(h, abs(own))]
+
+        degree = TAYLOR.bound_degree
+        powers = [*accumulate([h] * max(head, degree + 1), lambda power, h: power * h)]  # from the first on
+        first = [self.weighted(weights, 0) + Number(self.code, offset)]
+        first += [self.weighted(weights, k) * powers[k - 1] for k in range(1, head)]
+        rest = [each * powers[degree] for each in self.horner(degree + 1, term, 2)]
+        return [each.name for each in first], [each.name for each in rest]
+
+    def within_reach(self, weights: list[tuple[int, str]], change: list[Number], h: Number) -> Number:
+        """The length of a step, at most h, in which a coordinate, the sum of rows with these weights, changes no more
+        than this to either side from its start."""
+        longest = h
+
+        def moves(k: str | int, sign: float) -> Number:
+            return self.weighted(weights, k) * sign
+
+        def later_terms(h: Number, sign: float, k: str, sums: list[Number]) -> list[Number]:
+            return [sums[0].times_plus(h, moves(k, sign).largest(0.0))]
+
+        for farthest, sign in zip(change, (-1.0, 1.0), strict=True):
+            # The terms after the first that lead to this side bound the change: it is a convex function of the length,
+            # by the speed and the acceleration alone and by all terms.
+            speed, later, distance = moves(1, sign), moves(2, sign).largest(0.0), farthest.least(TAYLOR.unbounded)
+            h = h.least(distance * 2 / (speed + (speed * speed + later * distance * 4).root()))
+            (rest,) = self.horner(2, partial(later_terms, h, sign), 1)
+            moved = h * rest.times_plus(h, speed)
+            h = h * (moved > distance).choose(distance / moved, 1.0)
+        return h.largest(longest.least(TAYLOR.shortest_bound))
+
+    def set_places(self, coordinate: Sequence[float], unit: Number, origin: Number) -> None:
+        """Store the series of the coordinate of the pieces."""
+        code = self.code
+        weights = [(i, code.splat(weight)) for i, weight in enumerate(coordinate) if weight]
+
+        def order(k: str, _: list[str]) -> list[str]:
+            code.put((self.weighted(weights, k) * unit).name, code.offset(code.place(self.places), k))
+            return []
+
+        code.loop(0, TAYLOR.order, order)
+        code.put((self.at(self.places, 0) - origin).name, code.place(self.places))
+
+    def on_piece(self, h: Number, low: Number, high: Number) -> tuple[Number, Mask, Number]:
+        """The length of a step, at most h, in which the coordinate stays between two ends, whether it does so, and the
+        side on which it reaches an end, 0 for none.
+
+        The coordinate stays away from both ends, or its first term that is more than rounding outweighs the others, so
+        that it is monotone and its end shows whether it has reached an end of the piece.
+        """
+        code, start = self.code, self.at(self.places, 0)
+        room, first, second = (high - start).least(start - low), self.at(self.places, 1), self.at(self.places, 2)
+
+        def try_length(tried: Number) -> tuple[Mask, Mask]:
+            """Whether a length is valid, and whether the first term outweighs the others."""
+
+            def term(k: str, sums: list[Number]) -> list[Number]:
+                size = abs(self.at(self.places, k))
+                order = Number(code, code.get(code.offset(code.place(orders), k)))
+                return [sums[0].times_plus(tried, size), sums[1].times_plus(tried, size * order)]
+
+            cube = tried * tried * tried
+            sums, weighted = (each * cube for each in self.horner(3, term, 2))
+            moves = abs(first) * tried, abs(second) * tried * tried
+            steep = (moves[1] * 2 + weighted) * 2 <= moves[0]
+            flat = weighted * 2 <= moves[1] * 2
+            rounded = moves[0] * moves[0] <= moves[1] * TAYLOR.rounded_change * (abs(start) + moves[1])
+            return (moves[0] + moves[1] + sums < room) | steep | (rounded & flat), steep
+
+        orders = code.table([float(k) for k in range(TAYLOR.order + 2)])
+        valid, steep = try_length(h)
+        values = [h, steep.choose(1.0, 0.0), valid.choose(1.0, 0.0)]
+        halvings = code.if_any(~valid, TAYLOR.tried_lengths - 1)
+
+        def halve(_: str, before: list[str]) -> list[str]:
+            length, was_steep, within = (Number(code, each) for each in before)
+            done = within > 0.0
+            tried = done.choose(length, length * 0.5)
+            valid, steep = try_length(tried)
+            new = done.choose(was_steep, steep.choose(1.0, 0.0)), done.choose(1.0, valid.choose(1.0, 0.0))
+            return [each.name for each in (tried, *new)]
+
+        found = code.loop(1, halvings, halve, [each.name for each in values])
+        length, is_steep, is_within = (Number(code, each) for each in found)
+        move = self.value_and_slope(self.places, length, 1)[0] * length
+        inside, end = is_within > 0.0, start + move
+        rises, falls = inside & (move > 0.0) & (end >= high), inside & (move < 0.0) & (end <= low)
+        side = rises.choose(1.0, falls.choose(-1.0, 0.0))
+        distance = rises.choose(high, low) - start
+        share = distance / move
+        share = (is_steep > 0.0).choose(share, share.root())
+
+        def newton(_: str, before: list[str]) -> list[str]:
+            share = Number(code, before[0])
+            time = share * length
+            value, slope = self.value_and_slope(self.places, time, 1)
+            value, slope = value * time - distance, slope.times_plus(time, value) * length
+            return [(share - value / slope).largest(TAYLOR.shortest_cut).least(1.0).name]
+
+        (cut,) = code.loop(1, code.if_any(rises | falls, TAYLOR.steps_to_end), newton, [share.name])
+        return length * (rises | falls).choose(Number(code, cut), 1.0), inside, side
+
+
+def _largest(code: VectorCode, values: Sequence[str]) -> Number:
+    """The largest size of some values."""
+    first, *others = [abs(Number(code, each)) for each in values]
+    return first.largest(*others)
+
+
+def _truncated_length(scale: Number, before: Number, last: Number) -> Number:
+    """The step at which the last two terms of series of these sizes vanish beside `scale`, by Jorba and Zou (2005), the
+    source of `taylor_series`."""
+    code, bound, order = scale.code, scale * TAYLOR.truncation, TAYLOR.order
+    sizes = ((bound / each, code.splat(1 / k)) for each, k in ((before, order - 1), (last, order)))
+    one, other = (Number(code, code.rough_power(size.name, power)) for size, power in sizes)
+    return one.least(other)
 
 
 def _saltation(graph: VectorField, columns: int, varied: tuple[int, ...]) -> ca.Function:
@@ -150,127 +412,4 @@ def _saltation(graph: VectorField, columns: int, varied: tuple[int, ...]) -> ca.
     earlier = changes / (ca.jacobian(place, x) @ before)
     jump = ca.if_else(side == 0, 0, (after - before) @ earlier)
     arguments = [x, p, beyond, ca.vec(moved), ca.vec(dp), by_end, side]
-    return ca.Function("saltation", arguments, [ca.vec(moved + jump)])
-
-
-def length_function(
-    graph: VectorField, base: ca.SX, shares: ca.SX, columns: int, varied: int, of_columns: int = TAYLOR.order + 1
-) -> ca.Function:
-    """The choice of a step's length: the series of a step, its coefficients, those of the sensitivities, x, p, dp, the
-    time left, the longest step to try and the ends of the piece -> the state after the length tried, the powers
-    (K + 1,) of this length, the time left then and the next longest step, the lengths taken and tried, and the side on
-    which the step reaches an end of the piece, 0 for none. The coefficients are those of `base` (n, K + 1) and of the
-    series in these `shares` (n, s); those of the sensitivities may be the first two and last two alone."""
-    n, orders = graph.size, TAYLOR.order + 1
-    series, c = (ca.SX.sym("c", orders, count) for count in (shares.shape[1], n))
-    dc = ca.SX.sym("dc", of_columns, n * columns)
-    dp, left, longest = ca.SX.sym("dp", varied * columns), ca.SX.sym("left"), ca.SX.sym("longest")
-    ends_of_piece = ca.SX.sym("ends", 2)
-    length = _truncated_length(c, 0)
-    # The series of f_p may have a smaller radius of convergence than that of f, as may that of f_x along a motion that
-    # a symmetry makes simple.
-    if varied or (columns and graph.in_loops):
-        length = ca.fmin(length, _truncated_length(dc, ca.norm_inf(dp) if varied else 0))
-    h = ca.fmin(longest, length)
-    for weights, change in graph.reaches:
-        h = _within_reach(weights @ c.T, change, h)
-    h = ca.if_else(h >= left, left, ca.if_else(TAYLOR.shared_steps * h >= left, 0.5 * left, h))
-    within, side = ca.SX(1), ca.SX(0)
-    if graph.coordinate:
-        places = c @ ca.DM(graph.coordinate) * graph.unit
-        places[0] -= graph.origin
-        h, within, side = _on_piece(places, h, *ca.vertsplit(ends_of_piece))
-    size = ca.fmax(ca.norm_inf(ca.vec(c[:2, :])), TINY)  # The size of a motion at rest at the origin would be 0.
-    powers = symbolic_powers(h)
-    terms, free = ca.diag(powers) @ series, ca.diag(powers) @ base.T
-    ends = ca.sum1(free).T + shares @ ca.sum1(terms).T
-    accepted = _defect(graph, ends, free, terms, shares, h) <= TAYLOR.largest_defect * size
-    accepted = ca.logic_and(accepted, within) if graph.coordinate else accepted
-    # A step that is far too long for the rate of the state is shortened in one go instead of halved many times.
-    shorter = 0.5 * ca.fmin(h, ca.sqrt(h * size / ca.norm_inf(c[1, :])))
-    taken, next_longest = ca.if_else(accepted, h, 0), ca.if_else(accepted, TAYLOR.longest_step, shorter)
-    results = [ends, powers, left - taken, next_longest, ca.vertcat(taken, h), side]
-    return ca.Function("measure", [series, c, dc, graph.x, graph.p, dp, left, longest, ends_of_piece], results)
-
-
-def _on_piece(s: ca.SX, h: ca.SX, low: ca.SX, high: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """The length of a step of the coordinate with coefficients `s` (K + 1,) that stays between two ends, at most h,
-    whether it does so, and the side on which it reaches an end, 0 for none.
-
-    The coordinate stays away from both ends, or its first term that is more than rounding outweighs the others, so
-    that it is monotone and its end shows whether it has reached an end of the piece.
-    """
-    start, room = s[0], ca.fmin(high - s[0], s[0] - low)
-    length, terms, steep, within = h, ca.SX.zeros(TAYLOR.order), ca.SX(0), ca.SX(0)
-    orders = ca.DM(range(1, TAYLOR.order + 1))
-    for halvings in range(TAYLOR.tried_lengths):
-        tried = h * 0.5**halvings
-        moves = symbolic_powers(tried)[1:] * s[1:]
-        sizes, weighted = ca.fabs(moves), orders * ca.fabs(moves)
-        outweighs = [2 * ca.sum1(weighted[k + 1 :]) <= weighted[k] for k in range(2)]
-        rounded = sizes[0] ** 2 <= TAYLOR.rounded_change * sizes[1] * (ca.fabs(start) + sizes[1])
-        valid = ca.logic_or(ca.sum1(sizes) < room, ca.logic_or(outweighs[0], ca.logic_and(rounded, outweighs[1])))
-        chosen = ca.logic_and(valid, ca.logic_not(within))
-        length, terms, steep = (
-            ca.if_else(chosen, new, old) for new, old in ((tried, length), (moves, terms), (outweighs[0], steep))
-        )
-        within = ca.logic_or(within, valid)
-    length = ca.if_else(within, length, tried)
-    move = ca.sum1(terms)
-    rises, falls = ca.logic_and(move > 0, start + move >= high), ca.logic_and(move < 0, start + move <= low)
-    side = ca.if_else(rises, 1, ca.if_else(falls, -1, 0))
-    distance = ca.if_else(rises, high, low) - start
-    share = distance / move
-    share = ca.if_else(steep, share, ca.sqrt(share))
-    for _ in range(TAYLOR.steps_to_end):
-        value = share * ca.polyval(terms[::-1], share) - distance
-        slope = ca.polyval((orders * terms)[::-1], share)
-        share = ca.fmin(ca.fmax(share - value / slope, TAYLOR.shortest_cut), 1)
-    return length * ca.if_else(side == 0, 1, share), within, side
-
-
-def _truncated_length(c: ca.SX, size: ca.SX | float) -> ca.SX:
-    """The step at which the last two terms of series (K + 1, rows) vanish beside the first two and `size`, by Jorba and
-    Zou (2005), the source of `taylor_series`."""
-    scale, before, last = (ca.norm_inf(ca.vec(part)) for part in (c[:2, :], c[-2, :], c[-1, :]))
-    bound, order = TAYLOR.truncation * (scale + size), TAYLOR.order
-    # The lesser one of two roots, chosen before it is taken, since a root takes as long as a hundred products.
-    sooner = bound / before <= (before / last) ** (order - 1)
-    return (bound / ca.if_else(sooner, before, last)) ** ca.if_else(sooner, 1 / (order - 1), 1 / order)
-
-
-def _within_reach(coordinate: ca.SX, change: Room, h: ca.SX) -> ca.SX:
-    """The length of a step, at most h, in which a coordinate with these coefficients (1, K + 1) changes no more than
-    this from its start."""
-    terms, longest = ca.densify(coordinate)[1:], h
-    for farthest, each in zip(change, (-terms, terms), strict=True):
-        # The terms after the first that lead to this side bound the change: it is a convex function of the length, by
-        # the speed and the acceleration alone and by all terms.
-        speed, later, distance = each[0], ca.fmax(each[1:], 0), ca.fmin(farthest, TAYLOR.unbounded)
-        h = ca.fmin(h, 2 * distance / (speed + ca.sqrt(speed**2 + 4 * later[0] * distance)))
-        moved = h * ca.polyval(ca.vertcat(speed, later.T)[::-1], h)
-        h = h * ca.if_else(moved > distance, distance / moved, 1)
-    return ca.fmax(h, ca.fmin(longest, TAYLOR.shortest_bound))
-
-
-def _defect(graph: VectorField, ends: ca.SX, free: ca.SX, terms: ca.SX, shares: ca.SX, h: ca.SX) -> ca.SX:
-    """The largest defect of the polynomial in the differential equation at the quarters of the step, times its length.
-    The polynomial has the terms `free` (K + 1, n) and shares (n, s) in others (K + 1, s), and is `ends` at the end.
-
-    It shows what a series cannot show where a law is flat to the last digit, as a saturated spring is.
-    """
-    orders, defects = ca.DM(range(TAYLOR.order + 1)), [ca.SX(0)]  # A state whose rate is another state has no defect.
-    rows = [i for i, rate in enumerate(ca.vertsplit(graph.field(graph.x, graph.p)[0])) if not rate.is_symbolic()]
-    rates = [(ca.diag(orders) @ part)[1:, :] for part in (free, terms)]
-    for part in (0.25, 0.5, 0.75, 1.0):
-        # Horner's rule, as the powers of the part would be as many constants.
-        value = lambda a, b, part=part: _at(a, part).T + shares @ _at(b, part).T  # noqa: E731
-        state = value(free, terms) if part < 1 else ends
-        difference = value(*rates) - h * graph.field(state, graph.p)[0]
-        defects += [ca.fabs(difference[i]) for i in rows]
-    return ca.mmax(ca.vertcat(*defects))
-
-
-def _at(terms: ca.SX, part: float) -> ca.SX:
-    """The polynomials with these terms (K + 1, s) in a step at a part of it, (1, s)."""
-    return ca.horzcat(*(ca.polyval(each[::-1], part) for each in ca.horzsplit(ca.densify(terms))))
+    return ca.Function("saltation", arguments, [ca.densify(ca.vec(moved + jump))])

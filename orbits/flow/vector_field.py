@@ -19,8 +19,10 @@ class TaylorOptions(NamedTuple):
     # Of a step in equations that other solvers differentiate, at a cost that grows with its square. On a mesh a fifth
     # finer than steps of the order above, whose last terms are below a tenth of rounding, it leaves a few roundings.
     step_order: int = 20
-    # Where the series of one sensitivity for each state take more than this, they are loops.
-    fewest_products: int = 25_000
+    # Where the series of one sensitivity for each state take more than this, machines of all values share a kernel.
+    many_products: int = 25_000
+    # The parts of a step where its defect is measured; the last one is its end.
+    measured: tuple[float, ...] = (0.25, 0.5, 0.75, 1.0)
     # A step is cut where its piece ends, but to no shorter share of its length: it would be no step.
     shortest_cut: float = 1e-12
     truncation: float = 1e-17  # error of a step relative to the state: a tenth of the rounding error of the sum
@@ -103,10 +105,10 @@ class VectorField:
         return ca.Function("place", [self.x, self.p[: self.p.numel() - self.data]], [place])
 
     @cached_property
-    def in_loops(self) -> bool:
-        """Whether the series of sensitivities are loops: those of smooth fields with many derivatives."""
+    def has_many_products(self) -> bool:
+        """Whether the field is smooth and its sensitivities take many products of series."""
         products = self.field.jac_sparsity(0, 0).nnz() * self.size * TAYLOR.order * (TAYLOR.order + 1) // 2
-        return not self.coordinate and self.has_series and products > TAYLOR.fewest_products
+        return not self.coordinate and self.has_series and products > TAYLOR.many_products
 
     @cached_property
     def drift(self) -> tuple[np.ndarray, np.ndarray] | None:

@@ -134,7 +134,7 @@ class Flyer:
     def _orders(self, lanes: np.ndarray, watch: Watch, orders: np.ndarray) -> np.ndarray:
         """The orders (k, opening) of the zeros at the start: of gaps or forces (k, ·) and, where it is watched, of the
         rate of the spring."""
-        return np.append(orders, self.hops.turning[lanes, None], 1)[:, : watch.kind[1]] if self.branches else orders
+        return np.append(orders, self.hops.turning[lanes, None], 1)[:, : watch.opening] if self.branches else orders
 
     def _events(
         self, phase: Phase, starts: np.ndarray, limit: np.ndarray | float, orders: np.ndarray,
@@ -209,7 +209,7 @@ class Flyer:
                 self._arrive(lanes[over], phase, times[over], rows[over], status=DONE, path=path)
                 hops.now[lanes[over]], ends = self.time, ends & ~over
             lands &= ends
-            turns = ends & ~lands & (which < watch.kind[1])
+            turns = ends & ~lands & (which < watch.opening)
             fallen, closed = ends & ~lands & ~turns, turns & (impacts.gap(rows) <= 0)
             self._arrive(lanes[fallen], phase, times[fallen], rows[fallen], FALLS, FALLS, path)
             which[closed], lands, turns = 0, lands | closed, turns & ~closed

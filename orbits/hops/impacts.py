@@ -171,7 +171,7 @@ class Impacts:
         """What a contact is watched for: the forces of the exits, and the height that falls; after some turns of its
         speed it never ends."""
         timed = self.timed_watch
-        return Watch(self.contact, timed.functions, timed.kind[1], (self.model.contact_speed, self.most_turns[0]))
+        return Watch(self.contact, timed.functions, timed.opening, (self.model.contact_speed, self.most_turns[0]))
 
     @cached_property
     def timed_watch(self) -> Watch:

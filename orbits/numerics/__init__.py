@@ -6,10 +6,9 @@ from ..public_names import public_names
 
 if TYPE_CHECKING:
     from .common_zeros import near_common_zeros
-    from .exclusion import HIGHEST_ORDER, bernstein_coefficients, first_root, without_first_zero
+    from .exclusion import HIGHEST_ORDER, NEGLIGIBLE, TINY, bernstein_coefficients
     from .hermite import at_level, slopes, through
     from .polynomial_roots import (
-        TINY,
         Crossings,
         PiecewisePolynomials,
         derivative,

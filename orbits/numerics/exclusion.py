@@ -5,7 +5,6 @@ from itertools import accumulate, pairwise
 from math import comb
 
 import casadi as ca
-import numpy as np
 
 from ..symbolic import ElementwiseFunction, Kernel, cached
 from .roots import ROOTS
@@ -54,14 +53,6 @@ def refinement(size: int) -> Kernel:
     """Newton's method for a root in a bracket, or bisection where that leads out of it: (z, (coefficients (size,), 1 or
     for a falling root -1)) -> z, which is the root, the bracket and the size of the last step of Newton's method."""
     z, data = ca.SX.sym("z", 4), ca.SX.sym("data", size + 1)
-    after, settled = _refined(size)(z, data)
-    return Kernel(ca.Function("refinement", [z, data], [after, 0, ca.logic_not(settled)]))
-
-
-@cached
-def _refined(size: int) -> ca.Function:
-    """(z, data), as of `refinement` -> z after one step, and whether no other is needed."""
-    z, data = ca.SX.sym("z", 4), ca.SX.sym("data", size + 1)
     t, low, high, last = ca.vertsplit(z)
     value = slope = ca.SX(0)
     for c in reversed(ca.vertsplit(data[:-1])):
@@ -76,27 +67,5 @@ def _refined(size: int) -> ca.Function:
     inside = ca.logic_and(low < new, new < high)
     nearer = ca.if_else(inside, new, 0.5 * (low + high))
     found = ca.if_else(settled, ca.fmin(ca.fmax(new, low), high), nearer)
-    return ca.Function("refined", [z, data], [ca.vertcat(found, low, high, inside * step), settled])
-
-
-@cached
-def first_root(size: int, steps: int = 8) -> ca.Function:
-    """(coefficients (size,), h, sign before or 0) -> the first root on [0, h] of a polynomial, infinite where there is
-    none; its sign at h; and whether neither is known, since the Bernstein coefficients have several changes of sign, or
-    Newton's method does not settle in this number of steps. The polynomial has the sign before, which is 0 where it
-    begins."""
-    series, h, before = ca.SX.sym("c", size), ca.SX.sym("h"), ca.SX.sym("before")
-    values = bernstein_coefficients(series, ca.vertcat(1, *accumulate([h] * (size - 1), lambda p, h: p * h)))
-    values[0] = ca.if_else(before == 0, values[0], before * ca.fmax(ca.fabs(values[0]), TINY))
-    changed = [(one >= 0) != (other >= 0) for one, other in pairwise(values)]
-    about = ca.SX(0)  # where the polygon of the coefficients crosses zero
-    for j, (one, other) in enumerate(pairwise(values)):
-        about = ca.if_else(changed[j], (j + one / (one - other)) / (size - 1), about)
-    rises, known, z = ca.if_else(values[-1] >= 0, 1.0, -1.0), ca.SX(0), ca.vertcat(about * h, 0, h, 0)
-    for _ in range(steps):
-        after, settled = _refined(size)(z, ca.vertcat(series, rises))
-        z, known = ca.if_else(known, z, after), ca.logic_or(known, settled)
-    changes = sum(changed, ca.SX(0))
-    unknown = ca.logic_or(changes > 1, ca.logic_and(changes == 1, ca.logic_not(known)))
-    found = ca.if_else(changes == 0, np.inf, z[0])
-    return ca.Function("first_root", [series, h, before], [found, rises, unknown])
+    after = ca.vertcat(found, low, high, inside * step)
+    return Kernel(ca.Function("refinement", [z, data], [after, 0, ca.logic_not(settled)]))

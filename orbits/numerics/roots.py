@@ -16,6 +16,7 @@ class RootOptions(NamedTuple):
     rounding: float = 1e-13  # smaller changes between neighbours are rounding and show no extremum
     unit: float = 2.3e-16  # rounding of a number, as a share of it, which a shorter step may not change
     closed: float = 4.5e-16  # share of its ends, two roundings, below which a bracket is closed
+    steps_in_kernel: int = 8  # of Newton's method for an event in a step; where it does not settle, others search
     iterations: int = 200  # of a search, at most: bisection alone takes some 60 steps to close a bracket
     settling: float = 1e-6  # size of a last step of Newton's method, as a share of the largest place
     small_step: float = 1e-9  # of Newton's method for a system: a smaller step that no longer shrinks is rounding

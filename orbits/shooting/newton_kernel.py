@@ -1,14 +1,15 @@
 """Newton's method for many points of a curve together: in each lane the motions, the equations at their ends, steps."""
 
+from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from ..flow import TAYLOR, TaylorStepper, Trajectories, begins_of_steps, rows_used
+from ..flow import TAYLOR, TaylorStepper, Trajectories, begins_of_steps, coefficients_of, rows_used
 from ..numerics import ROOTS, Array
-from ..symbolic import cached
+from ..symbolic import Kernel, VectorCode, cached
 from .single_shooting import NEWTON, Evaluation, Shooting, arrival, settles
 
 
@@ -62,12 +63,12 @@ class NewtonKernel:
         ((self.seeds, parameter_seeds),) = equations.seeds((along,))[3]
         stepper = self.flow.stepper(self.seeds.shape[1], rows_used(parameter_seeds))
         assert isinstance(stepper, TaylorStepper)
-        self.rows, self.motion, first = stepper.rows, stepper.places, stepper.places.time
+        self.stepper, self.motion, first = stepper, stepper.places, stepper.places.time
         last = first + 2 * self.size
         parts = slice(first, first + self.size), slice(first + self.size, last)
         data = slice(last + 6, last + 6 + self.flow.vector_field.data)
         self.places = NewtonPlaces(*parts, last, last + 1, last + 2, last + 3, last + 4, last + 5, data)
-        self.kernel = stepper.kernel_of(self._function(stepper, parameter_seeds))
+        self.kernel = self._kernel(parameter_seeds)
 
     def __call__(
         self, xs: Array, rows: Array, levels: Array, units: Array, ps: Array, least: int, with_motions: bool,
@@ -102,7 +103,7 @@ class NewtonKernel:
         if not (with_motions and len(which)):
             return Solutions(which, xs, directions, growths, None)
         variations = before.reshape(-1, columns, states).swapaxes(1, 2)
-        c = c.reshape(len(c), self.rows, -1)
+        c = coefficients_of(c, self.stepper.rows)
         motions = Trajectories(begins, z[:, at.duration], c, counts, self.flow.names, variations)
         transitions = z[:, motion.sensitivities].reshape(-1, columns, states).swapaxes(1, 2)
         ps = self.equations.with_tuned(xs, np.hstack([ps[:, : self.place], xs[:, -1:], ps[:, self.place + 1 :]]))
@@ -110,44 +111,73 @@ class NewtonKernel:
         evaluation = self.equations.closed(xs[:, :-1], ps, (self.along,), arcs)
         return Solutions(which, xs, directions, growths, evaluation)
 
-    def _function(self, stepper: TaylorStepper, parameter_seeds: Array) -> ca.Function:
-        """The function that the kernel iterates."""
-        at, motion, shape = self.places, self.motion, self.seeds.shape
-        sizes = self.size, 1, self.size, len(self.equations.parameters), 1, 1, self.flow.breaks
-        z, data = ca.MX.sym("z", at.data.stop), ca.MX.sym("data", sum(sizes))
-        _, _, *piece = stepper.motion_function.mx_in()
-        x, doing = z[at.point], z[at.doing]
-        row, level, unit, p, *options, breaks = ca.vertsplit(data, np.cumsum([0, *sizes]).tolist())
-        parameters, equations = ca.vertsplit(p), self.equations
+    def _kernel(self, parameter_seeds: Array) -> Kernel:
+        """The kernel, which iterates a step of the motion and, where that ends, the Newton step."""
+        stepper, at = self.stepper, self.places
+        next_motion, size = self._next_motion(), sum(self.sizes)
+        parameters = ca.Function("parameters", *self._parameters())
+        seeds = parameter_seeds[stepper.varied_parameters].T.ravel().tolist()
+
+        def append(code: VectorCode, arguments: Sequence) -> list:
+            z, data, *row = arguments
+            own = [*code.graph(parameters, [z[at.point], data])[0], *map(code.splat, seeds)]
+            moved = stepper.motion(code, z[: at.point.start], own, *row)
+            flags = [moved.counts.value()], [moved.goes.value()]
+            new, recorded, goes = code.graph(next_motion, [z, data, *row, moved.after, *flags])
+            return [new, moved.rows, moved.begins, moved.length, recorded, goes]
+
+        sizes = [at.data.stop, stepper.recorded, stepper.n * stepper.columns, 2, 1, 1]
+        return stepper.kernel_of(append, [at.data.stop, size, *stepper.sizes[2:]], sizes)
+
+    @property
+    def sizes(self) -> list[int]:
+        """The sizes of the parts of the data."""
+        return [self.size, 1, self.size, len(self.equations.parameters), 1, 1, self.flow.breaks]
+
+    def _parameters(self) -> tuple[list, list]:
+        """The symbols of X and the data, and of these the parameters at X."""
+        x, data = ca.SX.sym("x", self.size), ca.SX.sym("data", sum(self.sizes))
+        return [x, data], [self._parameters_at(x, data)]
+
+    def _parameters_at(self, x: ca.SX, data: ca.SX) -> ca.SX:
+        equations, first = self.equations, sum(self.sizes[:3])
         places = {**dict(zip(equations.places, range(equations.own, equations.size), strict=True)), self.place: -1}
+        own = ca.vertsplit(data[first : first + len(equations.parameters)])
+        return ca.vertcat(*(x[places[i]] if i in places else each for i, each in enumerate(own)))
 
-        def parameters_at(point: ca.MX) -> ca.MX:
-            return ca.vertcat(*(point[places[i]] if i in places else each for i, each in enumerate(parameters)))
-
-        seeds_of_parameters = ca.DM(parameter_seeds[stepper.varied_parameters]).reshape((-1, 1))
-        arguments = z[: at.point.start], ca.vertcat(parameters_at(x), seeds_of_parameters), *piece
-        after, c, before, length, accepted, goes = stepper.motion_function(*arguments)
-        q = stepper.piece_rows.split(*piece)[1] if piece else ca.MX(0, 1)
+    def _next_motion(self) -> ca.Function:
+        """(z, data, row of the piece, z of the motion after a step, whether this counts, whether it goes on) -> the new
+        z, whether the step is recorded, and whether to go on."""
+        at, motion, stepper, shape = self.places, self.motion, self.stepper, self.seeds.shape
+        z, data, after = ca.SX.sym("z", at.data.stop), ca.SX.sym("data", sum(self.sizes)), ca.SX.sym("m", motion.time)
+        accepted, going = ca.SX.sym("counts"), ca.SX.sym("goes")
+        piece = [ca.SX.sym("row", size) for size in stepper.sizes[2:]]
+        x, doing = z[at.point], z[at.doing]
+        row, level, unit, _, *options, breaks = ca.vertsplit(data, np.cumsum([0, *self.sizes]).tolist())
+        q = stepper.piece_rows.split(*piece)[0][1] if piece else ca.SX(0, 1)
         begun = ca.if_else(z[at.begins] > 0, q, z[at.data]) if piece else q
         ended = ca.logic_and(accepted, after[motion.left] <= 0)
-        closing = parameters_at(x), after[motion.state], ca.reshape(after[motion.sensitivities], *shape), begun, q
+        p = self._parameters_at(x, data)
+        closing = p, after[motion.state], ca.reshape(after[motion.sensitivities], *shape), begun, q
         found, does = self._newton()(x, *closing, row, level, unit, z[at.last], z[at.taken] + 1, *options)
         solves = ca.logic_and(ended, doing == Lane.SOLVING)
         does = ca.if_else(solves, does, ca.if_else(ended, Lane.DONE, doing))
         known = ca.if_else(solves, found, z[at.point.start : at.doing])
         restarts = ca.logic_and(solves, ca.logic_or(does == Lane.SOLVING, does == Lane.RECORDING))
         x = known[: self.size]  # known are the places from the point up to the state of the lane
-        begin = self.equations.ends[0][0].function(x[:-1], ca.MX(0, 1), parameters_at(x))[0]
-        number = self._piece(begin[:-1], parameters_at(x), breaks) if piece else 0.0
+        p = self._parameters_at(x, data)
+        begin = self.equations.ends[0][0].function(x[:-1], ca.SX(0, 1), p)[0]
+        number = self._piece(begin[:-1], p, breaks) if piece else 0.0
         start = ca.vertcat(begin[:-1], ca.vec(ca.DM(self.seeds)), begin[-1], TAYLOR.longest_step, number)
         duration = ca.if_else(restarts, begin[-1], z[at.duration])
         begins = ca.logic_or(restarts, ca.logic_and(z[at.begins] > 0, ca.logic_not(accepted)))
         new = ca.vertcat(ca.if_else(restarts, start, after), known, does, duration, begins, begun)
-        goes = ca.logic_or(restarts, ca.logic_and(goes, ca.logic_not(ended)))
+        goes = ca.logic_or(restarts, ca.logic_and(going, ca.logic_not(ended)))
         recorded = ca.logic_and(accepted, doing == Lane.RECORDING)
-        return ca.Function("solve", [z, data, *piece], [new, c, before, length, recorded, goes])
+        arguments = [z, data, *piece, after, accepted, going]
+        return ca.Function("next", arguments, [ca.densify(new), recorded, goes], {"cse": True})
 
-    def _piece(self, x: ca.MX, p: ca.MX, breaks: ca.MX) -> ca.MX:
+    def _piece(self, x: ca.SX, p: ca.SX, breaks: ca.SX) -> ca.SX:
         """The number of the piece at a state, as in `PieceRows`."""
         place = self.flow.vector_field.place(x, p)
         return ca.sum1(breaks <= place) - (breaks[-1] == place)

@@ -220,11 +220,6 @@ class Shooting:
         names = (*self.statement.tuned, *vary)
         return [place for place, name in zip(every, names, strict=True) if any(f.moves_with(name) for f in self.flows)]
 
-    def expect(self, steps: int, vary: tuple[str, ...] = ()) -> None:
-        """Compile now what is worth it for this number of steps of each arc."""
-        for flow, seeds in zip(self.flows, self.seeds(vary)[3], strict=True):
-            flow.expect(steps, *seeds)
-
     def evaluate_all(self, us: np.ndarray, ps: np.ndarray, vary: tuple[str, ...] = ()) -> Evaluation:
         """Residual, Jacobian and motion at points (m, n) with parameters (m, np), with steps that the error control of
         the flow chooses; raises `FlowError` when a motion cannot be integrated."""

@@ -25,14 +25,13 @@ from ..model import Machine
 from ..periodic import AT_FOLD, NOT_REACHED, Orbit, StartLike, continued_orbits, family_number, find, orbit_of
 from ..result import Axes, Result, Row, shown
 from ..running import TimeOver, running
-from ..symbolic import compiled_early
 from .boundaries import LOCATED_TO, Boundaries, bisected, by_continuation, cut_by_curves
 from .boundary_curves import BoundaryCurve, boundary_curves
 from .designs import MOST_MEMBERS, Axis, axis_of
 from .diagram_grid import WITH_ORBIT, Grid
 from .execution import check_executor
 from .progress import SweepProgress, on_screen
-from .sparse_grid import LARGE_GRID, NOT_SEARCHED, SparseGrid
+from .sparse_grid import NOT_SEARCHED, SparseGrid
 from .sweep import checked_question, sweep
 from .sweep_result import Sweep
 
@@ -278,8 +277,7 @@ def existence(
     grid, curves, stopped = _grid_of(swept, (row, column)), list[BoundaryCurve](), ""
     found = grid.brackets()
     try:
-        with compiled_early(len(swept) >= LARGE_GRID):
-            curves = boundary_curves(grid, orbit_at, machine)
+        curves = boundary_curves(grid, orbit_at, machine)
         if sparse:
             sparse.search_around(_nodes_before(grid, curves))
             swept = sparse.sweep()

@@ -6,24 +6,21 @@ from ..public_names import public_names
 
 if TYPE_CHECKING:
     from .caches import cached
-    from .calls import BufferedFunction, MappedFunction, single_assignment, with_common_parts
+    from .calls import BufferedFunction, MappedFunction, single_assignment
     from .formula import BLANKS, CONSTANTS, FUNCTIONS, MAX_LENGTH, Formula, parse, suggest, symbolic_numerals
     from .identities import has_symbols, number_of, simplified, vanishes, without
     from .ipopt import Minimiser, Minimum, solve_equations
-    from .kernels import ElementwiseFunction, Kernel, compiled_early
-    from .local_scales import Reach, Room, kinks_of, reaches_of
-    from .machine_code import OPERATIONS, Compiled, compiled_here, receive
+    from .kernels import ElementwiseFunction, Kernel
+    from .local_scales import Reach, kinks_of, reaches_of
+    from .machine_code import CodedFunction, Compiled, compiled_here, receive
     from .quadratic_models import QuadraticModels, Weights
-    from .series_loops import InLoops, VariationsInLoops
+    from .series_loops import VariationSeries, room_of_series
     from .sympy_formulas import abridged, formula_of, name_of_parameter, sympy_package
     from .taylor_series import (
         applied,
         composed_coefficients,
-        driven_coefficients,
         has_taylor_series,
-        tangent,
         taylor_coefficients,
-        variations,
     )
     from .tracing import Text, traced, traced_of_places
     from .tree import (
@@ -49,5 +46,6 @@ if TYPE_CHECKING:
     from .tree_casadi import ARITHMETIC, FUNCTION_NAMES, exact_value, lifted, lowered, rounded
     from .tree_formulas import expression_of_nodes
     from .tree_linear import Column, ExactRows, Factors, inner_product, nonzero, rows_of, solved_by_parts
+    from .vector_code import OPERATIONS, Block, Mask, Number, VectorCode
 
 __all__ = [*public_names(__name__)]

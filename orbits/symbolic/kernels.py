@@ -1,15 +1,13 @@
-"""Kernels: a CasADi function at many points, once or iterated until each is done, interpreted at first, then in machine
-code."""
+"""Kernels: a function at many points, once or iterated until each is done, in machine code; a graph of CasADi alone is
+interpreted until this has taken as long as to compile it."""
 
 import ctypes
 import threading
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent import futures
-from contextlib import contextmanager, nullcontext
-from functools import cached_property
+from contextlib import nullcontext
 from itertools import accumulate, pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -17,30 +15,22 @@ import numpy as np
 from ..running import LOCK, apart, interrupts, threads
 from .caches import weigh
 from .calls import BufferedFunction, MappedFunction, with_common_parts
-from .machine_code import CODE, MachineCode, compile_seconds, say_interpreted, target
-from .series_loops import InLoops
+from .machine_code import CODE, NO_MACHINE_CODE, CodedFunction, MachineCode, coded, say_interpreted, target
+from .vector_code import VECTORS
 
 
 class KernelOptions(NamedTuple):
-    """When iterations are interpreted and when they are compiled, and how many points and records one call has."""
+    """When iterations are interpreted, and how many points and records one call has."""
 
     # Seconds that CasADi's virtual machine takes for one instruction (measured on a server core of 2024).
     seconds_interpreted: float = 3e-9
     seconds_of_call: float = 1e-6  # that an interpreted iteration takes in addition
     seconds_of_point: float = 1e-5  # that a point takes in addition to its iterations
-    compiled_share: float = 0.03  # of the time of the virtual machine that machine code takes
-    # Where the time of iterations is known beforehand, optimised code is worth it from this multiple of its time to
-    # compile on, as it takes half of the time.
-    worth_optimising: float = 2.0
-    # Largest share of the time to compile that interpreting takes where many calls are to come.
-    share_before_many: float = 0.1
-    long: int = 25_000  # from this many instructions on, optimised code is hardly faster, and takes long to make
-    longest_run: int = 100_000  # iterations of a point, at most
     checked: int = 256  # iterations after which an interrupt of the user may be checked
+    longest_run: int = 100_000  # iterations of a point, at most
     points: int = 4096  # of one call of machine code, which nothing can interrupt
-    # Seconds that a call of machine code would take interpreted, a small part of that in machine code; but it always
-    # iterates `checked` times.
-    longest_call: float = 2.0
+    # Points times iterations of a call of machine code, some seconds; but it always iterates `checked` times.
+    longest_call: int = 2_000_000
     scratch: int = 4_000_000  # numbers that are recorded at a time, at most
     # Records of a point for which there is room at first; points that need more go on where they stopped.
     first_capacity: int = 16
@@ -50,21 +40,8 @@ KERNELS = KernelOptions()
 
 # One record, one end and one iteration of every point.
 _ONCE = np.ones(3)
-# Of each thread the array `records`, which is reused as new memory is slow to write to, and whether it makes code
-# `early`.
+# Of each thread the array `records`, which is reused as new memory is slow to write to.
 _memory = threading.local()
-
-
-@contextmanager
-def compiled_early(many: bool = True) -> Iterator[None]:
-    """Make the machine code of each kernel that is used more than a little in this block, if many calls are to come
-    there: those that are used only to begin with are interpreted."""
-    before = getattr(_memory, "early", False)
-    _memory.early = many or before
-    try:
-        yield
-    finally:
-        _memory.early = before
 
 
 class Iterated(NamedTuple):
@@ -116,37 +93,34 @@ class _OnePoint:
 class Kernel:
     """A function of vectors iterated at several points, at each until it says that it is done.
 
-    The function takes (z, data, ...) to (z after it, records ..., whether to record them, whether to go
-    on), all dense. Its iterations are interpreted until that has taken as long as compiling it, and compiled code is
-    optimised when it has run for as long as that takes: so nothing is compiled for a few points. Times are those of the
-    processor, so that other programs change nothing. Each number is the same either way, and with any number of
-    threads.
+    The function takes (z, data, ...) to (z after it, records ..., whether to record them, whether to go on), all dense.
+    A `CodedFunction` is compiled when it is used first. The iterations of a graph are interpreted until that has taken
+    as long as compiling it, so that nothing is compiled for a few points; times are those of the processor, so that
+    other programs change nothing. Each number is the same either way, and with any number of threads.
 
     row_entry : an entry of z, a whole number, where the last argument of the function is that row of a table; a call
         then has tables (m, rows size), or (1, rows size) for all points, whose rows follow each other
     """
 
-    def __init__(self, function: ca.Function | InLoops, row_entry: int | None = None):
-        self.source, self.row_entry = function, row_entry
-        self.sizes_in = [function.nnz_in(i) for i in range(function.n_in())]
-        self.sizes_out = [function.nnz_out(i) for i in range(function.n_out())]
+    def __init__(self, function: ca.Function | CodedFunction, row_entry: int | None = None):
+        self.row_entry = row_entry
+        self.function: Any = None
+        if isinstance(function, CodedFunction):
+            own = self.source = function
+        else:
+            self.function = function.expand()
+            own = self.source = coded(self.function)
+        self.sizes_in, self.sizes_out = own.sizes_in, own.sizes_out
         self.width = max(1, sum(self.sizes_out[1:-2]))  # numbers in the records of one iteration
-        in_loops = isinstance(function, InLoops)
-        length = (function if in_loops else self.function).n_instructions()
+        length = self.function.n_instructions() if self.function else 0
         self.seconds_per_step = length * KERNELS.seconds_interpreted
-        self.seconds_to_compile = self.interpretation_budget = compile_seconds(length) if not in_loops else -1.0
-        optimised = length < KERNELS.long and not in_loops
-        self.optimisation_budget = compile_seconds(length, optimised=True) if optimised else np.inf
+        # The processor time that may be spent on interpreting.
+        self.interpretation_budget = CODE.seconds + CODE.seconds_of_instruction * length if self.function else -1.0
         self._interpreted: BufferedFunction | None = None
         self._code: MachineCode | None = None
         # The number of records of a point with room, learned from earlier calls; no number in a result depends on it.
         self._capacity = KERNELS.first_capacity
         self._points = threading.local()
-
-    @cached_property
-    def function(self) -> ca.Function:
-        """The function as one graph; without its calls it takes a fifth less time."""
-        return (self.source.flat() if isinstance(self.source, InLoops) else self.source).expand()
 
     @property
     def compiled(self) -> bool:
@@ -154,67 +128,34 @@ class Kernel:
         return self._code is not None
 
     def compile(self) -> bool:
-        """Make machine code now, where that is possible; return whether there is some."""
+        """Make machine code now, where that is possible; return whether there is some. Raises `RuntimeError` where
+        there is none of a `CodedFunction`, which cannot be interpreted."""
         with LOCK:
             if self._code is None and self.interpretation_budget < np.inf:
                 self.interpretation_budget = np.inf  # It is tried once.
-                self._make_code(optimised=False)
+                self._make_code()
+        if self._code is None and self.function is None:
+            raise RuntimeError(NO_MACHINE_CODE)
         return self.compiled
-
-    def expect(self, iterations: int) -> None:
-        """Make the machine code now that this number of iterations is worth, which then count for no other."""
-        seconds = KERNELS.compiled_share * iterations * self.seconds_per_step
-        if seconds > KERNELS.worth_optimising * self.optimisation_budget:
-            self.optimise()
-        elif seconds > KERNELS.compiled_share * self.interpretation_budget:
-            self.compile()
-            self.optimisation_budget += KERNELS.worth_optimising * seconds
-
-    def optimise(self) -> None:
-        """Make the machine code that takes the least time."""
-        with LOCK:
-            if self.optimisation_budget < np.inf:
-                self.optimisation_budget = np.inf
-                self._make_code(optimised=True)
 
     def code_for(self, iterations: int) -> MachineCode | None:
         """The machine code for some iterations at known cost, None where they are to be interpreted."""
-        seconds = iterations * self.seconds_per_step
         if self._code is None:
-            self.interpretation_budget -= seconds
-            if self._is_used_up(self.interpretation_budget):
+            self.interpretation_budget -= iterations * self.seconds_per_step
+            if self.interpretation_budget < 0:
                 self.compile()
-        elif self.optimisation_budget < np.inf:
-            self._run_compiled(seconds)
         return self._code
 
-    def _run_compiled(self, seconds: float) -> None:
-        """Take from the budget what machine code takes of so many seconds interpreted."""
-        with LOCK:
-            self.optimisation_budget -= KERNELS.compiled_share * seconds
-        if self.optimisation_budget < 0:
-            self.optimise()
-
-    def _is_used_up(self, left: float) -> bool:
-        """Whether no more is to be interpreted where this is left of the budget."""
-        many = getattr(_memory, "early", False)
-        return left < ((1 - KERNELS.share_before_many) * self.seconds_to_compile if many else 0.0)
-
-    def _make_code(self, optimised: bool) -> None:
+    def _make_code(self) -> None:
         if target():
-            # To find common parts takes longer than to compile them, unless they are optimised.
-            source = self.source if isinstance(self.source, InLoops) else self.function
-            merged = with_common_parts(source) if optimised and isinstance(source, ca.Function) else source
+            source = coded(with_common_parts(self.function)) if self.function else self.source
             try:
-                self._code = MachineCode(merged, optimised, self.row_entry)
-                weigh([merged.after if isinstance(merged, InLoops) else merged], 2 * len(self._code.compiled))
-                if self._code.optimised:
-                    self.optimisation_budget = np.inf
+                self._code = MachineCode(source, self.row_entry)
+                weigh([], 2 * len(self._code.compiled))
             except NotImplementedError:
                 return
             except RuntimeError:
-                if not self.compiled:
-                    say_interpreted()
+                say_interpreted()
 
     def __call__(self, *arguments: np.ndarray, most: int = 2**31) -> Iterated:
         """Iterate from arguments (m, size), m >= 1, or (1, size) for all points, to at most `most` records of each."""
@@ -228,9 +169,9 @@ class Kernel:
         ):
             return found
         inputs[0] = inputs[0].copy() if len(inputs[0]) == count else np.tile(inputs[0], (count, 1))
-        room = min(most, max(1, KERNELS.scratch // (CODE.lanes * self.width)))
+        room = min(most, max(1, KERNELS.scratch // (VECTORS.lanes * self.width)))
         capacity, rounds = min(self._capacity, room), list[tuple]()
-        longest = max(KERNELS.checked, KERNELS.longest_call // (min(count, KERNELS.points) * self.seconds_per_step))
+        longest = max(KERNELS.checked, KERNELS.longest_call // min(count, KERNELS.points))
         # The most records of each point, 1, and the most iterations; then the records, whether it has ended, and so on.
         done = np.empty((count, 3))
         done[:] = capacity, 1.0, min(longest, KERNELS.longest_run)
@@ -266,9 +207,7 @@ class Kernel:
         assert code is not None
         interrupts.heed()
         point.run(code, inputs, (min(most, point.capacity), 1.0, KERNELS.checked))
-        count, ended, iterations = point.ends.tolist()
-        if self.optimisation_budget < np.inf:  # a clock would take as long as the code
-            self._run_compiled(iterations * self.seconds_per_step)
+        count, ended, _ = point.ends.tolist()
         if not ended and count < most:
             return None
         records = [record[: int(count)].copy() for record in point.records]
@@ -284,14 +223,12 @@ class Kernel:
         count, first, cost, parts = len(ends), 0, 0.0, list[list[np.ndarray]]()
         while self._code is None and first < count:
             # A call that would use up the budget on its own is compiled for immediately.
-            if self._is_used_up(self.interpretation_budget - cost * (count - first)) and self.compile():
+            if self.interpretation_budget < cost * (count - first) and self.compile():
                 break
             before = self.interpretation_budget
             parts.append(self._interpret([array[first if len(array) == count else 0] for array in inputs], ends[first]))
             first, cost = first + 1, before - self.interpretation_budget
         if first < count:
-            if self.optimisation_budget < 0:
-                self.optimise()
             rest = [array[first:] if len(array) == count else array for array in inputs]
             parts += self._in_lanes(rest, ends[first:], capacity)
         return parts
@@ -328,7 +265,6 @@ class Kernel:
 
     def _in_lanes(self, inputs: list[np.ndarray], ends: np.ndarray, capacity: int) -> list[list[np.ndarray]]:
         """`_iterated` by machine code, in parts that the threads share."""
-        # This name keeps the code in memory while it runs, even where another thread optimises it meanwhile.
         code = self._code
         assert code is not None
         count, row = len(ends), capacity * self.width
@@ -344,7 +280,7 @@ class Kernel:
                 _memory.records = memory
         free = [memory[worker * size * row :] for worker in range(workers)]
 
-        def run(first: int) -> tuple[list[np.ndarray], float]:
+        def run(first: int) -> list[np.ndarray]:
             if workers > 1 and first and interrupts.pending():
                 raise KeyboardInterrupt  # before the loop below can heed it
             part, mine = slice(first, first + size), free.pop()
@@ -354,20 +290,17 @@ class Kernel:
             free.append(mine)
             return records
 
-        parts, spent = [], 0.0
+        parts = []
         with futures.ThreadPoolExecutor(workers) if workers > 1 else nullcontext() as pool:
-            for records, seconds in (pool.map if pool else map)(run, firsts):
+            for records in (pool.map if pool else map)(run, firsts):
                 parts.append(records)
-                spent += seconds / workers
                 interrupts.heed()
-        with LOCK:
-            self.optimisation_budget -= spent
         return parts
 
     def _chunk(
         self, code: MachineCode, inputs: list[np.ndarray], ends: np.ndarray, capacity: int, memory: np.ndarray
-    ) -> tuple[list[np.ndarray], float]:
-        """`_iterated` by one call of machine code, with memory for the records; and the processor time that it took."""
+    ) -> list[np.ndarray]:
+        """`_iterated` by one call of machine code, with memory for the records."""
         count, lengths, records, used = len(ends), [capacity * size for size in self.sizes_out[1:-2]], [], 0
         *places, end, start = (array.__array_interface__["data"][0] for array in (*inputs, ends, memory))
         for length in lengths:
@@ -377,13 +310,11 @@ class Kernel:
         strides = [array.shape[1] if len(array) == count else 0 for array in inputs]
         strides += [*lengths, 3]
         pointers = (ctypes.c_void_p * len(strides))(*places, end)
-        began = time.thread_time()
         code.run(pointers, (ctypes.c_int64 * len(strides))(*strides), count)
-        seconds = time.thread_time() - began
         if count == 1 or not records:
-            return [record[0, : int(ends[0, 0])].copy() for record in records], seconds
+            return [record[0, : int(ends[0, 0])].copy() for record in records]
         recorded = np.arange(capacity) < ends[:, :1]
-        return [record[recorded] for record in records], seconds
+        return [record[recorded] for record in records]
 
 
 class ElementwiseFunction(MappedFunction):

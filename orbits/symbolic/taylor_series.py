@@ -1,30 +1,501 @@
-"""Taylor series of the solutions of x' = f(x, p), by recursion over the expression graph of f.
+"""Taylor series of the solutions of x' = f(x, p), by one recurrence for each operation of f.
 
-The graph is traversed once per order with the classical product, quotient and power recursions (Jorba and Zou, "A
-software package for the numerical integration of ODEs by means of high-order Taylor methods", Exp. Math. 14, 2005), so
-that the result grows with the square of the order, not exponentially as by repeated symbolic differentiation.
+`Recursion` holds the operations of expressions and of their derivatives, each once. `Series` finds the coefficients of
+all of them, one order after the other, by the classical recurrences for products, quotients, powers and integrals
+(Jorba and Zou, "A software package for the numerical integration of ODEs by means of high-order Taylor methods", Exp.
+Math. 14, 2005), at a cost that grows with the square of the order. It writes them by a `SeriesCode`: as an expression
+graph of CasADi here (`GraphCode`), or as loops in machine code.
 """
 
 from collections.abc import Callable, Sequence
 from functools import cache, partial, reduce
-from typing import NamedTuple
+from math import pi, sqrt
+from typing import Any, NamedTuple, Protocol
 
 import casadi as ca
 
-from .calls import Instruction, single_assignment
+from .calls import single_assignment
 
-_ZERO = ca.SX(0)
 # The operators of `ca.SX` first try to read their operands as NumPy arrays, which takes ten times as long as these.
-_plus, _minus, _times, _over = (partial(ca.SX.binary, op) for op in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV))
-_whole, _slice = cache(ca.SX), cache(ca.Slice)
+_plus, _times = (partial(ca.SX.binary, op) for op in (ca.OP_ADD, ca.OP_MUL))
+_ZERO = ca.SX(0)
+_slice = cache(ca.Slice)
 # From this many products on, their sum takes less time as a product of columns.
 _MANY = 7
 
+_SUMS = (ca.OP_ADD, ca.OP_SUB)
+_COMMUTING = (ca.OP_ADD, ca.OP_MUL)
+_POWERS = (ca.OP_POW, ca.OP_CONSTPOW)
+_ON_NUMBERS: dict[int, Callable[..., float]] = {
+    ca.OP_ADD: lambda a, b: a + b,
+    ca.OP_SUB: lambda a, b: a - b,
+    ca.OP_MUL: lambda a, b: a * b,
+    ca.OP_NEG: lambda a: -a,
+}
+
+
+class Row(NamedTuple):
+    """One operation of CasADi on the results of earlier rows; of an OP_INPUT the inputs are (which input, which
+    element), and an OP_CONST has a `number`."""
+
+    op: int
+    inputs: tuple[int, ...]
+    number: float | None = None
+
+
+class Affine(NamedTuple):
+    """An affine function of the state and of nonlinear functions of it, whose rows are the factors of each."""
+
+    states: dict[int, int]  # the factors of the states, by element
+    functions: dict[int, int]  # the factors of nonlinear functions, by their rows
+
+
+class Recursion:
+    """Rows of operations, each of them once. Those with states as input 0 and parameters as input 1 are separated:
+    degrees are 0 without the state, 1 for an affine function of it, and 2 for others."""
+
+    def __init__(self) -> None:
+        self.rows: list[Row] = []
+        self.degrees: list[int] = []
+        self.needs: list[int] = []  # of each row, the parameters that it depends on, as bits
+        self.arguments: list[frozenset[int]] = []  # of a nonlinear row, the affine rows that it is a function of
+        # The rows that are integrals g' = s a', with the rows of their arguments a and slopes s.
+        self.integrals: dict[int, tuple[int, int]] = {}
+        self._found: dict[Row, int] = {}
+        self._slopes: dict[tuple[int, int], int] = {}
+
+    def graph(self, function: ca.Function) -> list[dict[int, int]]:
+        """Add an SX function; return the rows of its results, by output and element, without those that are 0."""
+        places, outputs = list[int](), [dict[int, int]() for _ in range(function.n_out())]
+        for op, inputs, number in single_assignment(function):
+            if op == ca.OP_OUTPUT:
+                outputs[inputs[1]][inputs[2]] = places[inputs[0]]
+                places.append(-1)
+            elif op == ca.OP_INPUT:
+                places.append(self.input(*inputs))
+            elif number is not None:
+                places.append(self.number(number))
+            else:
+                places.append(self.add(op, *(places[i] for i in inputs)))
+        return [{i: row for i, row in own.items() if not self.is_number(row, 0)} for own in outputs]
+
+    def input(self, which: int, element: int) -> int:
+        """The row of an input."""
+        return self._new(Row(ca.OP_INPUT, (which, element)))
+
+    def number(self, value: float) -> int:
+        """The row of a number."""
+        return self._new(Row(ca.OP_CONST, (), float(value)))
+
+    def is_number(self, row: int, value: float) -> bool:
+        """Whether a row is this number."""
+        return self.rows[row].number == value
+
+    def add(self, op: int, *inputs: int) -> int:
+        """The row of an operation on rows."""
+        a, b = inputs[0], inputs[-1]
+        numbers = [self.rows[i].number for i in inputs]
+        if op == ca.OP_ASSIGN:
+            return a
+        if op in _ON_NUMBERS and None not in numbers:
+            return self.number(_ON_NUMBERS[op](*numbers))
+        if op == ca.OP_TWICE:
+            return self.add(ca.OP_MUL, self.number(2), a)
+        if op == ca.OP_SQ:
+            return self.add(ca.OP_MUL, a, a)
+        if op == ca.OP_INV:
+            return self.add(ca.OP_DIV, self.number(1), a)
+        if op in (*_SUMS, ca.OP_MUL, ca.OP_DIV):
+            neutral = float(op in (ca.OP_MUL, ca.OP_DIV))
+            if numbers[-1] == neutral:
+                return a
+            if numbers[0] == neutral and op in _COMMUTING:
+                return b
+            if op == ca.OP_SUB and numbers[0] == 0:
+                return self.add(ca.OP_NEG, b)
+            if (op == ca.OP_MUL and 0 in numbers) or (op == ca.OP_DIV and numbers[0] == 0):
+                return self.number(0)
+        if op in _POWERS and self.degrees[b]:
+            argument = self.add(ca.OP_MUL, b, self.add(ca.OP_LOG, a))  # before the power, whose series follows from it
+            row = self._new(Row(ca.OP_POW, (a, b)))
+            self.integrals[row] = argument, row
+            return row
+        row = self._new(Row(op, tuple(sorted(inputs)) if op in _COMMUTING else inputs))
+        if op in _SLOPES and row not in self.integrals:
+            self.integrals[row] = a, -1  # so that a sine can ask for the cosine, which asks for the sine
+            self.integrals[row] = a, _SLOPES[op](self, a, row)
+        return row
+
+    def _new(self, row: Row) -> int:
+        """The place of a row."""
+        if (found := self._found.get(row)) is None:
+            found = self._found[row] = len(self.rows)
+            of_state = row.op == ca.OP_INPUT and row.inputs[0] == 0
+            inputs = () if row.op == ca.OP_INPUT else row.inputs
+            degree = (
+                int(of_state) if row.op == ca.OP_INPUT else affine_degree(row.op, [self.degrees[i] for i in inputs])
+            )
+            needs = 1 << row.inputs[1] if row.op == ca.OP_INPUT and row.inputs[0] == 1 else 0
+            self.rows.append(row)
+            self.degrees.append(degree)
+            self.needs.append(reduce(int.__or__, (self.needs[i] for i in inputs), needs))
+            own = (
+                self.arguments[i] if self.degrees[i] == 2 else {i} for i in inputs if degree == 2 and self.degrees[i]
+            )
+            self.arguments.append(frozenset().union(*own))
+        return found
+
+    def affine(self, row: int) -> Affine:
+        """A row as an affine function of the state and nonlinear functions. A sum, or a multiple by a factor without
+        the state, is taken apart; a sum of nonlinear functions of one argument is one function."""
+        states, functions = dict[int, int](), dict[int, int]()
+
+        def collect(row: int, factor: int) -> None:
+            (op, inputs, _), degree = self.rows[row], self.degrees[row]
+            varying = [i for i in inputs if self.degrees[i]] if op != ca.OP_INPUT else []
+            if degree == 0:
+                return
+            if degree == 1 and op == ca.OP_INPUT:
+                states[inputs[1]] = self._sum(states.get(inputs[1]), factor)
+                return
+            linear = affine_degree(op, [min(self.degrees[i], 1) for i in inputs]) == 1
+            if degree == 2 and not (linear and (len(varying) == 1 or len(self.arguments[row]) > 1)):
+                functions[row] = self._sum(functions.get(row), factor)
+            elif op in (*_SUMS, ca.OP_NEG):
+                negative = self.add(ca.OP_NEG, factor)
+                collect(inputs[0], negative if op == ca.OP_NEG else factor)
+                if op in _SUMS:
+                    collect(inputs[1], negative if op == ca.OP_SUB else factor)
+            elif op == ca.OP_DIV:
+                collect(inputs[0], self.add(ca.OP_DIV, factor, inputs[1]))
+            else:
+                still = inputs[0] if varying[0] == inputs[1] else inputs[1]
+                collect(varying[0], self.add(ca.OP_MUL, factor, still))
+
+        collect(row, self.number(1))
+        return Affine(*({i: f for i, f in each.items() if not self.is_number(f, 0)} for each in (states, functions)))
+
+    def _sum(self, total: int | None, row: int) -> int:
+        return row if total is None else self.add(ca.OP_ADD, total, row)
+
+    def slope(self, row: int, by: int) -> int:
+        """The derivative of a row by another one: by a parameter while the state is held, or by an affine argument of a
+        nonlinear row while the parameters and the other arguments are held."""
+        if row == by:
+            return self.number(1)
+        (op, inputs, _), of_parameter = self.rows[row], self.rows[by].op == ca.OP_INPUT and self.degrees[by] == 0
+        if op == ca.OP_INPUT or not (self.needs[row] & self.needs[by] if of_parameter else by in self.arguments[row]):
+            return self.number(0)
+        if (known := self._slopes.get((row, by))) is None:
+            known = self._slopes[row, by] = self._slope(row, op, inputs, by)
+        return known
+
+    def _slope(self, row: int, op: int, inputs: tuple[int, ...], by: int) -> int:
+        add = self.add
+        if row in self.integrals:
+            argument, slope = self.integrals[row]
+            return add(ca.OP_MUL, slope, self.slope(argument, by))
+        a, b = inputs[0], inputs[-1]
+        da, db = self.slope(a, by), self.slope(b, by)
+        if op in _SUMS:
+            return add(op, da, db)
+        if op == ca.OP_NEG:
+            return add(op, da)
+        if op == ca.OP_MUL:
+            return add(ca.OP_ADD, add(op, a, db), add(op, da, b))
+        if op == ca.OP_DIV:
+            return add(op, add(ca.OP_SUB, da, add(ca.OP_MUL, row, db)), b)
+        if op == ca.OP_SQRT:
+            return add(ca.OP_DIV, da, add(ca.OP_MUL, self.number(2), row))
+        lower = add(op, a, add(ca.OP_SUB, b, self.number(1)))  # of a power
+        by_base = add(ca.OP_MUL, add(ca.OP_MUL, b, lower), da)
+        if self.is_number(db, 0):
+            return by_base
+        return add(ca.OP_ADD, by_base, add(ca.OP_MUL, add(ca.OP_MUL, row, add(ca.OP_LOG, a)), db))
+
+
+def _quotient(r: Recursion, row: int, sign: float = 1.0) -> int:
+    return r.add(ca.OP_DIV, r.number(sign), row)
+
+
+def _one_and(r: Recursion, op: int, row: int) -> int:
+    """1 + row or 1 - row."""
+    return r.add(op, r.number(1), row)
+
+
+def _circle(r: Recursion, a: int) -> int:
+    """(1 - a) (1 + a), without the cancellation of 1 - a**2."""
+    return r.add(ca.OP_MUL, _one_and(r, ca.OP_SUB, a), _one_and(r, ca.OP_ADD, a))
+
+
+def _hyperbola(r: Recursion, a: int) -> int:
+    """(a - 1) (a + 1)."""
+    return r.add(ca.OP_MUL, r.add(ca.OP_SUB, a, r.number(1)), r.add(ca.OP_ADD, a, r.number(1)))
+
+
+def _squared(r: Recursion, a: int) -> int:
+    return r.add(ca.OP_MUL, a, a)
+
+
+# The slopes s of functions g' = s a', from the rows of a and g.
+_SLOPES: dict[int, Callable[[Recursion, int, int], int]] = {
+    ca.OP_EXP: lambda r, a, g: g,
+    ca.OP_EXPM1: lambda r, a, g: _one_and(r, ca.OP_ADD, g),
+    ca.OP_LOG: lambda r, a, g: _quotient(r, a),
+    ca.OP_LOG1P: lambda r, a, g: _quotient(r, _one_and(r, ca.OP_ADD, a)),
+    ca.OP_SIN: lambda r, a, g: r.add(ca.OP_COS, a),
+    ca.OP_COS: lambda r, a, g: r.add(ca.OP_NEG, r.add(ca.OP_SIN, a)),
+    ca.OP_TAN: lambda r, a, g: _one_and(r, ca.OP_ADD, _squared(r, g)),
+    ca.OP_SINH: lambda r, a, g: r.add(ca.OP_COSH, a),
+    ca.OP_COSH: lambda r, a, g: r.add(ca.OP_SINH, a),
+    ca.OP_TANH: lambda r, a, g: _circle(r, g),
+    ca.OP_ASIN: lambda r, a, g: _quotient(r, r.add(ca.OP_SQRT, _circle(r, a))),
+    ca.OP_ACOS: lambda r, a, g: _quotient(r, r.add(ca.OP_SQRT, _circle(r, a)), -1.0),
+    ca.OP_ATAN: lambda r, a, g: _quotient(r, _one_and(r, ca.OP_ADD, _squared(r, a))),
+    ca.OP_ASINH: lambda r, a, g: _quotient(r, r.add(ca.OP_SQRT, _one_and(r, ca.OP_ADD, _squared(r, a)))),
+    ca.OP_ACOSH: lambda r, a, g: _quotient(r, r.add(ca.OP_SQRT, _hyperbola(r, a))),
+    ca.OP_ATANH: lambda r, a, g: _quotient(r, _circle(r, a)),
+    ca.OP_ERF: lambda r, a, g: r.add(
+        ca.OP_MUL, r.number(2 / sqrt(pi)), r.add(ca.OP_EXP, r.add(ca.OP_NEG, _squared(r, a)))
+    ),
+}
+_ALGEBRAIC = (*_SUMS, ca.OP_NEG, ca.OP_TWICE, ca.OP_ASSIGN, ca.OP_MUL, ca.OP_SQ, ca.OP_DIV, ca.OP_INV, ca.OP_SQRT)
+_WITH_SERIES = {*_ALGEBRAIC, *_POWERS, *_SLOPES, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
+
+
+class SeriesCode(Protocol):
+    """Writes the operations of series. Values are its own; a series is what `series` returns, and orders k are whole
+    numbers, or their names in the code."""
+
+    def number(self, value: float) -> Any:
+        """A number as a value."""
+
+    def operation(self, op: int, values: Sequence[Any]) -> Any:
+        """An operation of CasADi on one value or two."""
+
+    def series(self) -> Any:
+        """A new series."""
+
+    def get(self, series: Any, k: Any) -> Any:
+        """Coefficient k of a series."""
+
+    def put(self, series: Any, k: Any, value: Any) -> None:
+        """Set coefficient k of a series."""
+
+    def orders(self, first: int, last: int, body: Callable[[Any], None]) -> None:
+        """Do what `body` writes of one order for all orders from `first` to `last`."""
+
+    def shifted(self, k: Any, by: int) -> Any:
+        """The order k + by."""
+
+    def over(self, k: Any) -> Any:
+        """The value 1 / k."""
+
+    def times_order(self, value: Any, k: Any) -> Any:
+        """A value times k."""
+
+    def convolved(self, pairs: Sequence[tuple[Any, Any]], low: int, high: Any, k: Any) -> list[Any]:
+        """The sums of a[j] b[k - j] for low <= j <= high, of pairs of series a and b."""
+
+    def squared(self, series: Any, k: Any) -> Any:
+        """The sum of a[j] a[k - j] for 0 <= j <= k."""
+
+
+class Series:
+    """The series of the rows of a recursion that some rows `wanted` need, beside those of the `states`, which the
+    caller fills.
+
+    values : of each row its first coefficient
+    stored : the series by row, of the states, of rows that are `kept`, and of those that sums of products read
+    """
+
+    def __init__(
+        self, code: SeriesCode, recursion: Recursion, states: Sequence[Any], wanted: Sequence[int],
+        kept: Sequence[int] = (),
+    ):  # fmt: skip
+        self.code, self.recursion = code, recursion
+        self.values, self.stored, self.multiples = dict[int, Any](), dict[int, Any](), dict[int, Any]()
+        self.needed = self._needed((*wanted, *kept))
+        self.moving = [row for row in self.needed if recursion.degrees[row]]
+        rows, stores = recursion.rows, {row for row in kept if recursion.degrees[row]}
+        for row in self.moving:
+            op, inputs, _ = rows[row]
+            if row in recursion.integrals:
+                argument, slope = recursion.integrals[row]
+                self.multiples.setdefault(argument, None)
+                stores |= {slope} if recursion.degrees[slope] else set()
+            elif op == ca.OP_MUL and all(recursion.degrees[i] for i in inputs):
+                stores |= {*inputs}
+            elif op == ca.OP_DIV and recursion.degrees[inputs[1]]:
+                stores |= {row, inputs[1]}
+            elif op == ca.OP_SQRT:
+                stores.add(row)
+            elif op in _POWERS:
+                self.multiples.setdefault(inputs[0], None)
+                stores |= {row, inputs[0]}
+        inputs_of = {row: rows[row].inputs for row in self.moving if rows[row].op == ca.OP_INPUT}
+        self.stored = {row: states[places[1]] for row, places in inputs_of.items()}
+        self.stored |= {row: code.series() for row in sorted(stores - self.stored.keys())}
+        self.multiples = {row: code.series() for row in self.multiples}
+
+    def _needed(self, wanted: Sequence[int]) -> list[int]:
+        """All rows that these need, each after those that its first coefficient needs."""
+        found, left = set[int](), [*wanted]
+        while left:
+            row = left.pop()
+            if row not in found:
+                found.add(row)
+                own = self.recursion.rows[row]
+                left += own.inputs if own.op != ca.OP_INPUT else ()
+                left += self.recursion.integrals.get(row, ()) if self.recursion.degrees[row] else ()
+        return sorted(found)
+
+    def begin(self, inputs: Sequence[Sequence[Any]]) -> None:
+        """Write the first coefficients of all rows, from those of the inputs."""
+        for row in self.needed:
+            op, places, number = self.recursion.rows[row]
+            if op == ca.OP_INPUT:
+                value = inputs[places[0]][places[1]]
+            elif number is not None:
+                value = self.code.number(number)
+            else:
+                value = self.code.operation(op, [self.values[i] for i in places])
+            self.values[row] = value
+            if row in self.stored and op != ca.OP_INPUT:
+                self.code.put(self.stored[row], 0, value)
+            if row in self.multiples:
+                self.code.put(self.multiples[row], 0, self.code.number(0))
+
+    def advance(self, k: Any, inputs: Sequence[Any]) -> dict[int, Any]:
+        """Write coefficient k >= 1 of all rows that move, from those of the states `inputs`; return them by row."""
+        code, now = self.code, dict[int, Any]()
+        for row in self.moving:
+            op, places, _ = self.recursion.rows[row]
+            now[row] = inputs[places[1]] if op == ca.OP_INPUT else self._coefficient(row, op, places, now, k)
+            if row in self.stored and op != ca.OP_INPUT:
+                code.put(self.stored[row], k, now[row])
+            if row in self.multiples:
+                code.put(self.multiples[row], k, code.times_order(now[row], k))
+        return now
+
+    def _coefficient(self, row: int, op: int, places: tuple[int, ...], now: dict[int, Any], k: Any) -> Any:
+        """Coefficient k of an operation on rows."""
+        code, values, stored = self.code, self.values, self.stored
+        if row in self.recursion.integrals:
+            argument, slope = self.recursion.integrals[row]
+            if not self.recursion.degrees[slope]:
+                return code.operation(ca.OP_MUL, [values[slope], now[argument]])
+            (total,) = code.convolved([(self.multiples[argument], stored[slope])], 1, k, k)
+            return code.operation(ca.OP_MUL, [total, code.over(k)])
+        a, b = places[0], places[-1]
+        if op == ca.OP_NEG:
+            return code.operation(op, [now[a]])
+        if op in _SUMS:
+            if b not in now:
+                return now[a]
+            if a not in now:
+                return now[b] if op == ca.OP_ADD else code.operation(ca.OP_NEG, [now[b]])
+            return code.operation(op, [now[a], now[b]])
+        if op == ca.OP_MUL:
+            if a in now and b in now:
+                return code.squared(stored[a], k) if a == b else code.convolved([(stored[a], stored[b])], 0, k, k)[0]
+            return code.operation(op, [now[a], values[b]] if a in now else [values[a], now[b]])
+        if op == ca.OP_DIV:
+            if b not in now:
+                return code.operation(op, [now[a], values[b]])
+            (total,) = code.convolved([(stored[b], stored[row])], 1, k, k)
+            left = code.operation(ca.OP_SUB, [now[a], total]) if a in now else code.operation(ca.OP_NEG, [total])
+            return code.operation(op, [left, values[b]])
+        if op == ca.OP_SQRT:
+            (total,) = code.convolved([(stored[row], stored[row])], 1, code.shifted(k, -1), k)
+            twice = code.operation(ca.OP_TWICE, [values[row]])
+            return code.operation(ca.OP_DIV, [code.operation(ca.OP_SUB, [now[a], total]), twice])
+        pairs = [(self.multiples[a], stored[row]), (stored[a], stored[row])]
+        weighted, total = code.convolved(pairs, 1, k, k)
+        raised = code.operation(ca.OP_ADD, [values[b], code.number(1)])
+        share = code.operation(ca.OP_MUL, [raised, code.over(k)])
+        left = code.operation(ca.OP_SUB, [code.operation(ca.OP_MUL, [share, weighted]), total])
+        return code.operation(ca.OP_DIV, [left, values[a]])
+
+
+class GraphCode:
+    """Series as expressions of CasADi. For sums of many products their coefficients are stored in columns too, one of
+    them from its end backwards, which CasADi multiplies without a call for each coefficient."""
+
+    class Columns(list):
+        """The coefficients found so far, and both columns of them with the number of those stored."""
+
+        def __init__(self, coefficients: Sequence[ca.SX] = ()) -> None:
+            super().__init__(coefficients)
+            self.columns, self.stored = (ca.SX(0, 1), ca.SX(0, 1)), 0
+
+        def up_to(self, high: int) -> tuple[ca.SX, ca.SX]:
+            """Both columns, with the coefficients up to one."""
+            if high >= (room := self.columns[0].numel()):
+                self.columns, self.stored = (ca.SX.zeros(2 * room or 32), ca.SX.zeros(2 * room or 32)), 0
+                return self.up_to(high)
+            for k in range(self.stored, high + 1):
+                self.columns[0].set_nz(self[k], False, _slice(k, k + 1))
+                self.columns[1].set_nz(self[k], False, _slice(room - 1 - k, room - k))
+            self.stored = max(self.stored, high + 1)
+            return self.columns
+
+    number = staticmethod(cache(ca.SX))
+    series = Columns
+
+    def operation(self, op: int, values: Sequence[ca.SX]) -> ca.SX:
+        """An operation of CasADi."""
+        return applied(op, values)
+
+    def get(self, series: Columns, k: int) -> ca.SX:
+        """Coefficient k of a series."""
+        return series[k]
+
+    def put(self, series: Columns, k: int, value: ca.SX) -> None:
+        """Append coefficient k to a series."""
+        series.append(value)
+
+    def orders(self, first: int, last: int, body: Callable[[int], None]) -> None:
+        """Do `body` for each order."""
+        for k in range(first, last + 1):
+            body(k)
+
+    def shifted(self, k: int, by: int) -> int:
+        """The order k + by."""
+        return k + by
+
+    def over(self, k: int) -> ca.SX:
+        """The number 1 / k."""
+        return self.number(1 / k)
+
+    def times_order(self, value: ca.SX, k: int) -> ca.SX:
+        """A value times k."""
+        return _times(self.number(k), value)
+
+    def convolved(self, pairs: Sequence[tuple[Columns, Columns]], low: int, high: int, k: int) -> list[ca.SX]:
+        """The sums of a[j] b[k - j] for low <= j <= high."""
+        return [self._convolved(a, b, low, high, k) for a, b in pairs]
+
+    def squared(self, series: Columns, k: int) -> ca.SX:
+        """The sum of a[j] a[k - j]."""
+        products = _times(self.number(2), self._convolved(series, series, 0, (k - 1) // 2, k))
+        return _plus(products, ca.SX.unary(ca.OP_SQ, series[k // 2])) if k % 2 == 0 else products
+
+    @staticmethod
+    def _convolved(a: Columns, b: Columns, low: int, high: int, k: int) -> ca.SX:
+        if high - low + 1 >= _MANY:
+            (forward, _), (_, backward) = a.up_to(high), b.up_to(k - low)
+            end = backward.numel() - k
+            return ca.dot(
+                forward.get_nz(False, _slice(low, high + 1)), backward.get_nz(False, _slice(end - 1 + low, end + high))
+            )
+        terms = [_times(a[j], b[k - j]) for j in range(low, high + 1)]
+        return reduce(_plus, terms) if terms else _ZERO
+
 
 def has_taylor_series(function: ca.Function) -> bool:
-    """Whether every operation of the SX function has a recursion, as comparisons, switches and splines have not."""
-    operations = {function.instruction_id(i) for i in range(function.n_instructions())}
-    return operations <= {*_RECURSIONS, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
+    """Whether every operation of the SX function has a recurrence, as comparisons, switches and splines have not."""
+    return {function.instruction_id(i) for i in range(function.n_instructions())} <= _WITH_SERIES
 
 
 def taylor_coefficients(field: ca.Function, x: ca.SX, p: ca.SX, order: int) -> ca.SX:
@@ -33,180 +504,32 @@ def taylor_coefficients(field: ca.Function, x: ca.SX, p: ca.SX, order: int) -> c
     `field` is an SX function (x, p) -> (x', w): the vector field (n) and watched quantities (m, may be 0).
     Returns an SX matrix (n + m, order + 1); column k holds the coefficients of t**k.
     """
-    n, m = field.numel_out(0), field.numel_out(1)
-    instructions = single_assignment(field)
-    series = [_Series() for _ in instructions]
-    state, parameters = [_Series([x[i]]) for i in range(n)], [_still(p[i]) for i in range(p.numel())]
-    watched: list[list[ca.SX]] = [[] for _ in range(m)]
+    recursion, code = Recursion(), GraphCode()
+    rates, watched = recursion.graph(field)
+    states, followed = ([GraphCode.Columns() for _ in range(field.numel_out(i))] for i in (0, 1))
+    series = Series(code, recursion, states, [*rates.values(), *watched.values()])
+    for state, value in zip(states, ca.vertsplit(x), strict=True):
+        state.append(value)
+    series.begin([ca.vertsplit(x), ca.vertsplit(p)])
     for k in range(order + 1):
-        outputs = _advance(instructions, series, (state, parameters), k)
-        for i, row in enumerate(watched):
-            row.append(outputs.get((1, i), _ZERO))
-        for i, row in enumerate(state if k < order else ()):
-            row.append(_times(outputs.get((0, i), _ZERO), _whole(1 / (k + 1))))
-    return ca.vertcat(*[ca.horzcat(*row) for row in (*state, *watched)])
-
-
-def driven_coefficients(field: ca.Function, x: ca.SX, p: ca.SX, order: int) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """The coefficients of `taylor_coefficients` as base + shares @ series, with the fewest series found.
-
-    Where x' = b + R x + Q f(x) with R R = 0, as without damping under constant gravity, the state is a motion without
-    forces, which is short, and Q u + R Q w, with u' = f and w' = u: the motion of a few forces drives all states.
-    """
-    (rates, watched), n = field(x, p), x.numel()
-    parts = separated(rates, x, p)
-    linear, count, rows = parts.rates, parts.functions.numel(), n + watched.numel()
-    if not 0 < 2 * count < n or (linear @ linear).nnz():
-        return ca.SX(rows, order + 1), ca.SX.eye(rows), taylor_coefficients(field, x, p, order)
-    # Each force is counted as its acceleration of the first state that it acts on, where it does.
-    scales = parts.multiples.nz[parts.multiples.sparsity().colind()[:-1]]
-    scales = ca.if_else(scales == 0, 1, scales)
-    multiples = parts.multiples @ ca.diag(1 / scales)
-    shares = ca.horzcat(linear @ multiples, multiples)
-    z, scale, share = ca.SX.sym("z", n + 2 * count), ca.SX.sym("s", count), ca.SX.sym("q", shares.sparsity())
-    functions = ca.Function("functions", [x, p], [parts.functions, watched])
-    forces, watched = functions(z[:n] + share @ z[n:], p)
-    moves = ca.vertcat(linear @ z[:n] + parts.constants, z[n + count :], scale * forces)
-    driven = ca.Function("driven", [z, ca.vertcat(p, scale, share.nz[:])], [ca.densify(moves), watched])
-    c = taylor_coefficients(driven, ca.vertcat(x, ca.SX.zeros(2 * count)), ca.vertcat(p, scales, shares.nz[:]), order)
-    base = ca.vertcat(c[:n, :], ca.SX(rows - n, order + 1))
-    return ca.sparsify(base), ca.diagcat(shares, ca.SX.eye(rows - n)), c[n:, :]
+        now = series.advance(k, [state[k] for state in states]) if k else series.values
+        for i, row in enumerate(followed):
+            row.append(now.get(watched.get(i, -1), _ZERO))
+        for i, state in enumerate(states if k < order else ()):
+            state.append(_times(now.get(rates.get(i, -1), _ZERO), code.over(k + 1)))
+    return ca.SX(ca.vertcat(*[ca.horzcat(*row) for row in (*states, *followed)]))
 
 
 def composed_coefficients(function: ca.Function, rows: Sequence[Sequence[ca.SX]], p: ca.SX) -> ca.SX:
     """Taylor coefficients (K + 1,) of the SX function (x, p) -> value along x(t), whose elements have the coefficients
     `rows` (n of K + 1 each)."""
-    instructions, orders, rows = single_assignment(function), len(rows[0]), [_Series(row) for row in rows]
-    series, parameters = [_Series() for _ in instructions], [_still(p[i]) for i in range(p.numel())]
-    found = [_advance(instructions, series, (rows, parameters), k).get((0, 0), _ZERO) for k in range(orders)]
-    return ca.vertcat(*found)
-
-
-def variations(field: ca.Function, varied: tuple[int, ...], columns: int, order: int) -> ca.Function:
-    """Taylor series of the solution and of columns of its variational equations dx' = f_x dx + f_p dp.
-
-    varied : the rows of dp that are arguments; the others are zero
-
-    Returns a function from (x, p, dx (n, columns), dp (rows, columns)) to the coefficients (order + 1, n + m) of
-    `taylor_coefficients`, transposed, and to those of the columns, (order + 1, n columns).
-
-    f_x = R + Q D A, as in `Separated`: the fewer nonlinear functions of the state there are, the fewer products of
-    series a column takes, for a force that pulls at two masses one instead of four.
-    """
-    x, p = field.sx_in(0), field.sx_in(1)
-    n, m = field.numel_out(0), field.numel_out(1)
-    parts, extended, slopes_in, forces_in = separated_variations(field, varied)
-    c = taylor_coefficients(extended, x, p, order)
-    dx, dp = ca.SX.sym("dx", n, columns), ca.SX.sym("dp", len(varied), columns)
-    rows = ca.vertsplit(c[n + m :, :])
-    slopes = [(i, j, row) for (i, j), row in zip(slopes_in, rows, strict=False)]
-    forces = [(i, j, row) for (i, j), row in zip(forces_in, rows[len(slopes) :], strict=True)]
-    series, moved = [dx], [ca.SX.zeros(order, columns) for _ in range(parts.arguments.shape[0])]  # from the end back
-    for k in range(order if columns else 0):
-        for each, row in zip(moved, ca.vertsplit(parts.arguments @ series[k]), strict=True):
-            each[order - 1 - k, :] = row
-        changes = [ca.SX(1, columns)] * parts.multiples.shape[1]
-        for i, j, slope in slopes:
-            changes[i] = _plus(changes[i], slope[: k + 1] @ moved[j][order - 1 - k :, :])
-        rise = ca.densify(parts.rates @ series[k])
-        if changes:
-            rise += parts.multiples @ ca.vertcat(*changes)
-        for i, j, force in forces:
-            rise[i, :] += force[k] * dp[j, :]
-        series.append(rise * (1 / (k + 1)))
-    results = ca.vertcat(*(ca.vec(each).T for each in series))
-    slopes_of_columns = ca.densify(results) if columns else ca.SX(order + 1, 0)
-    return ca.Function("variations", [x, p, dx, dp], [ca.densify(c[: n + m, :].T), slopes_of_columns])
-
-
-def separated_variations(
-    field: ca.Function, varied: tuple[int, ...]
-) -> tuple["Separated", ca.Function, list[tuple[int, int]], list[tuple[int, int]]]:
-    """The separated rates of a field; a function (x, p) -> (x', watched quantities, then the slopes D and the nonzero
-    derivatives by the parameters `varied`, one after the other); and the places (row, column) of both."""
-    x, p = field.sx_in(0), field.sx_in(1)
-    rates, watched = field(x, p)
-    parts, by_parameters = separated(rates, x, p), ca.jacobian(rates, p)[:, list(varied)]
-    extended = ca.cse([rates, ca.vertcat(watched, *(ca.vec(each.nz[:]) for each in (parts.slopes, by_parameters)))])
-    slopes, forces = (list(zip(*each.sparsity().get_triplet(), strict=True)) for each in (parts.slopes, by_parameters))
-    return parts, ca.Function("variations", [x, p], extended), slopes, forces
-
-
-def tangent(field: ca.Function, varied: tuple[int, ...], order: int) -> ca.Function:
-    """The function of `variations` for one column, by automatic differentiation: it then takes half the operations."""
-    x, p = field.sx_in(0), field.sx_in(1)
-    dx, dp, moves = ca.SX.sym("dx", x.numel()), ca.SX.sym("dp", len(varied)), ca.SX(p.numel(), 1)
-    moves[list(varied)] = dp
-    c = ca.densify(taylor_coefficients(field, x, p, order).T)
-    slopes = ca.jtimes(ca.vec(c[:, : x.numel()]), ca.vertcat(x, p), ca.vertcat(dx, moves))
-    return ca.Function("tangent", [x, p, dx, dp], [c, ca.densify(ca.reshape(slopes, order + 1, x.numel()))])
-
-
-class Separated(NamedTuple):
-    """Rates R x + b + Q f(A x) that are affine in the state and in nonlinear functions f of a few affine ones of it,
-    with their derivative R + Q D A. All but the slopes D, and f, are functions of the parameters alone."""
-
-    constants: ca.SX  # b (n,)
-    functions: ca.SX  # f (functions,)
-    rates: ca.SX  # R (n, n)
-    multiples: ca.SX  # Q (n, functions)
-    slopes: ca.SX  # D (functions, arguments)
-    arguments: ca.SX  # A (arguments, n)
-
-
-def separated(rates: ca.SX, x: ca.SX, p: ca.SX) -> Separated:
-    """Rates (n,) and their derivative by the state, separated.
-
-    A sum, or a multiple by a factor without the state, is taken apart; a sum of nonlinear functions of one
-    argument is one function.
-    """
-    instructions = single_assignment(ca.Function("rates", [x, p], [ca.densify(rates)]))
-    values, degrees = list[ca.SX](), list[int]()  # 0 without the state, 1 for an affine function of it, 2 for others
-    arguments: list[set[int]] = []  # of nonlinear functions, the instructions that give their affine arguments
-    for op, inputs, constant in instructions:
-        value, degree = ca.SX() if constant is None else ca.SX(constant), 0
-        if op == ca.OP_INPUT:
-            value, degree = (x, p)[inputs[0]][inputs[1]], 1 - inputs[0]
-        elif op != ca.OP_OUTPUT and constant is None:
-            value, degree = applied(op, [values[i] for i in inputs]), affine_degree(op, [degrees[i] for i in inputs])
-        own = (arguments[i] if degrees[i] == 2 else {i} for i in (inputs if degree == 2 else ()) if degrees[i])
-        values.append(value)
-        degrees.append(degree)
-        arguments.append(set[int]().union(*own))
-    symbols: dict[int, ca.SX] = {}  # of the affine arguments, by instruction
-    functions: dict[int, ca.SX] = {}  # symbols of the nonlinear functions, by instruction
-
-    def affine(i: int) -> ca.SX:
-        """The result of an instruction as an affine function of the state and of `functions`."""
-        op, inputs, _ = instructions[i]
-        varying = [j for j in inputs if degrees[j]] if degrees[i] else []
-        if degrees[i] < 2:
-            return values[i]
-        linear = affine_degree(op, [min(degrees[j], 1) for j in inputs]) == 1
-        if linear and (len(varying) == 1 or len(arguments[i]) > 1):
-            return applied(op, [affine(j) for j in inputs])
-        return functions.setdefault(i, ca.SX.sym("f"))
-
-    def nonlinear(i: int) -> ca.SX:
-        """The result of an instruction as a function of the `symbols`."""
-        if degrees[i] < 2:
-            return symbols.setdefault(i, ca.SX.sym("s")) if degrees[i] else values[i]
-        op, inputs, _ = instructions[i]
-        return applied(op, [nonlinear(j) for j in inputs])
-
-    sums = ca.SX(rates.numel(), 1)
-    for op, inputs, _ in instructions:
-        if op == ca.OP_OUTPUT:
-            sums[inputs[2]] = affine(inputs[0])
-    # A column of none of them is a number to CasADi.
-    found, names = (ca.SX(ca.vertcat(*each)) for each in ([nonlinear(i) for i in functions], functions.values()))
-    s, at = (ca.SX(ca.vertcat(*each)) for each in (symbols.values(), [values[i] for i in symbols]))
-    slopes = ca.substitute(ca.jacobian(found, s), s, at)
-    names, forces = ca.vertcat(*functions.values()), ca.vertcat(*(values[i] for i in functions))
-    constants = ca.substitute(sums, ca.vertcat(x, names), ca.SX.zeros(x.numel() + names.numel()))
-    return Separated(
-        constants, ca.SX(forces), ca.jacobian(sums, x), ca.jacobian(sums, names), slopes, ca.jacobian(at, x)
-    )
+    recursion, states = Recursion(), [GraphCode.Columns(row) for row in rows]
+    (value,) = recursion.graph(function)
+    series = Series(GraphCode(), recursion, states, [*value.values()])
+    series.begin([[row[0] for row in rows], ca.vertsplit(p)])
+    orders = range(1, len(rows[0]))
+    found = [series.values, *(series.advance(k, [row[k] for row in rows]) for k in orders)]
+    return ca.vertcat(*(now.get(value.get(0, -1), _ZERO) for now in found))
 
 
 def applied(op: int, inputs: Sequence[ca.SX]) -> ca.SX:
@@ -222,182 +545,3 @@ def affine_degree(op: int, degrees: Sequence[int]) -> int:
         return max(degrees)
     by_constant = (op == ca.OP_MUL and 0 in degrees) or (op == ca.OP_DIV and degrees[1] == 0)
     return max(degrees) if by_constant else 2
-
-
-class _Coefficients(list):
-    """The coefficients found so far of a series. For sums of many products they are stored in columns too, one of them
-    from its end backwards, which CasADi multiplies without a call for each coefficient."""
-
-    def __init__(self, coefficients: Sequence[ca.SX] = ()):
-        super().__init__(coefficients)
-        self._columns = ca.SX(0, 1), ca.SX(0, 1)
-        self._stored = 0
-
-    def column(self, low: int, high: int) -> ca.SX:
-        """The coefficients from `low` to `high`."""
-        return self._up_to(high)[0].get_nz(False, _slice(low, high + 1))
-
-    def column_back(self, high: int, low: int) -> ca.SX:
-        """The coefficients from `high` down to `low`."""
-        column = self._up_to(high)[1]
-        end = column.numel()
-        return column.get_nz(False, _slice(end - 1 - high, end - low))
-
-    def _up_to(self, high: int) -> tuple[ca.SX, ca.SX]:
-        """Both columns, with the coefficients up to one."""
-        if high >= (room := self._columns[0].numel()):
-            self._columns, self._stored = (ca.SX.zeros(2 * room or 32), ca.SX.zeros(2 * room or 32)), 0
-            return self._up_to(high)
-        for k in range(self._stored, high + 1):
-            self._columns[0].set_nz(self[k], False, _slice(k, k + 1))
-            self._columns[1].set_nz(self[k], False, _slice(room - 1 - k, room - k))
-        self._stored = max(self._stored, high + 1)
-        return self._columns
-
-
-class _Series(_Coefficients):
-    """The coefficients found so far of one result, with the other series that its recursion needs."""
-
-    def __init__(self, coefficients: Sequence[ca.SX] = (), still: bool = False):
-        super().__init__(coefficients)
-        self.still = still  # whether it does not change with time
-        self.slopes = _Coefficients()  # the multiples j a[j] found so far, stored because many sums use them
-        self.partner = _Coefficients()  # the series of a second function that it needs, as the cosine beside the sine
-        self.inner: list[_Series] = []  # the series of the instructions of a composed operation
-
-
-def _advance(instructions, series: list[_Series], inputs: Sequence, k: int) -> dict[tuple[int, int], ca.SX]:
-    """Append coefficient k of every instruction to its series; returns those of the outputs by (output, element)."""
-    outputs = {}
-    for (op, arguments, constant), out in zip(instructions, series, strict=True):
-        if op == ca.OP_OUTPUT:
-            source, which, element = arguments
-            outputs[which, element] = series[source][k]
-            continue
-        taken = [inputs[arguments[0]][arguments[1]]] if op == ca.OP_INPUT else [series[i] for i in arguments]
-        if k == 0:
-            out.still = all(isinstance(each, _Series) and each.still for each in taken)
-        if k and out.still:
-            out.append(_ZERO)
-        elif op == ca.OP_INPUT:
-            out.append(taken[0][k])
-        elif constant is not None:
-            out.append(ca.SX(constant))
-        else:
-            out.append(_RECURSIONS[op](taken[0], taken[-1], out, k))
-    return outputs
-
-
-def _still(value: ca.SX) -> _Series:
-    """The series of a value that does not change with time."""
-    return _Series([value], still=True)
-
-
-def _convolve(a: _Coefficients, b: _Coefficients, low: int, high: int, k: int) -> ca.SX:
-    """Sum of a[j] b[k-j] for low <= j <= high, in this order."""
-    if high - low + 1 >= _MANY:
-        return ca.dot(a.column(low, high), b.column_back(k - low, k - high))
-    pairs = [(a[j], b[k - j]) for j in range(low, high + 1)]
-    terms = [_times(x, y) for x, y in pairs if x is not _ZERO and y is not _ZERO]
-    return reduce(_plus, terms) if terms else _ZERO
-
-
-def _weighted(a: _Series, b, k: int) -> ca.SX:
-    """Sum of j/k a[j] b[k-j] for 1 <= j <= k: the recursion of every function whose derivative is elementary."""
-    a.slopes += [_times(_whole(j), a[j]) for j in range(len(a.slopes), k + 1)]
-    return _times(_convolve(a.slopes, b, 1, k, k), _whole(1 / k))
-
-
-# Each recursion gives coefficient k of an operation from its first argument a and its last argument b, known up to k,
-# and from its own result, known up to k - 1.
-
-
-def _product(a, b, out, k: int) -> ca.SX:
-    if a.still or b.still:
-        return _times(a[0], b[k]) if a.still else _times(a[k], b[0])
-    return _convolve(a, b, 0, k, k)
-
-
-def _square(a, b, out, k: int) -> ca.SX:
-    products = _times(_whole(2), _convolve(a, a, 0, (k - 1) // 2, k)) if k else _ZERO
-    return _plus(products, ca.SX.unary(ca.OP_SQ, a[k // 2])) if k % 2 == 0 else products
-
-
-def _power(a, b, out, k: int) -> ca.SX:
-    if k == 0:
-        return a[0] ** b[0]
-    if not all(c.is_zero() for c in b[1:]):
-        return _compose(_VARIABLE_POWER, (a, b), out, k)[0, 0]
-    terms, raised = [j for j in range(1, k + 1) if not a[j].is_zero()], _plus(b[0], _whole(1))
-    weights = (_minus(_over(_times(raised, _whole(j)), _whole(k)), _whole(1)) for j in terms)
-    products = (_times(_times(weight, a[j]), out[k - j]) for weight, j in zip(weights, terms, strict=True))
-    return _over(reduce(_plus, products, _ZERO), a[0])
-
-
-def _with_partner(function: Callable, partner: Callable, signs: tuple[int, int], a, b, out, k: int) -> ca.SX:
-    """Functions that are each other's derivatives up to `signs`, as sine and cosine are."""
-    if k == 0:
-        out.partner.append(partner(a[0]))
-        return function(a[0])
-    value, beside = _weighted(a, out.partner, k), _weighted(a, out, k)
-    out.partner.append(beside if signs[1] > 0 else -beside)
-    return value if signs[0] > 0 else -value
-
-
-def _tangent(function: Callable, sign: int, a, b, out, k: int) -> ca.SX:
-    """t = tan a or tanh a from t' = (1 + t**2) a' or (1 - t**2) a'."""
-    if k == 0:
-        return function(a[0])
-    square = _convolve(out, out, 0, k - 1, k - 1)
-    out.partner.append((k == 1) + (square if sign > 0 else -square))
-    return _weighted(a, out.partner, k)
-
-
-def _integral(function: Callable, derivative: list[Instruction], a, b, out, k: int) -> ca.SX:
-    """A function whose derivative is algebraic: its coefficients follow those of the derivative, one order behind."""
-    if k == 0:
-        return function(a[0])
-    _compose(derivative, (a,), out, k - 1)
-    return _weighted(a, out.inner[derivative[-1][1][0]], k)
-
-
-def _compose(instructions, arguments: tuple, out: _Series, k: int) -> dict[tuple[int, int], ca.SX]:
-    """Coefficient k of a function made of `instructions`, after those of lower order that are still missing."""
-    out.inner = out.inner or [_Series() for _ in instructions]
-    for i in range(len(out.inner[0]), k + 1):
-        outputs = _advance(instructions, out.inner, [[argument] for argument in arguments], i)
-    return outputs
-
-
-def _instructions(function: Callable, count: int) -> list[Instruction]:
-    symbols = [ca.SX.sym("a") for _ in range(count)]
-    return single_assignment(ca.Function("f", symbols, [function(*symbols)]))
-
-
-_VARIABLE_POWER = _instructions(lambda a, b: ca.exp(b * ca.log(a)), 2)
-_RECURSIONS: dict[int, Callable[..., ca.SX]] = {
-    ca.OP_ASSIGN: lambda a, b, out, k: a[k],
-    ca.OP_ADD: lambda a, b, out, k: _plus(a[k], b[k]),
-    ca.OP_SUB: lambda a, b, out, k: _minus(a[k], b[k]),
-    ca.OP_NEG: lambda a, b, out, k: ca.SX.unary(ca.OP_NEG, a[k]),
-    ca.OP_TWICE: lambda a, b, out, k: _plus(a[k], a[k]),
-    ca.OP_MUL: _product,
-    ca.OP_SQ: _square,
-    ca.OP_DIV: lambda a, b, out, k: _over(a[k] if b.still else _minus(a[k], _convolve(b, out, 1, k, k)), b[0]),
-    ca.OP_INV: lambda a, b, out, k: _over(-_convolve(a, out, 1, k, k) if k else _whole(1), a[0]),
-    ca.OP_SQRT: lambda a, b, out, k: (a[k] - _convolve(out, out, 1, k - 1, k)) / (2 * out[0]) if k else ca.sqrt(a[0]),
-    ca.OP_POW: _power,
-    ca.OP_CONSTPOW: _power,
-    ca.OP_EXP: lambda a, b, out, k: _weighted(a, out, k) if k else ca.exp(a[0]),
-    ca.OP_EXPM1: lambda a, b, out, k: _weighted(a, out, k) + a[k] if k else ca.expm1(a[0]),
-    ca.OP_SIN: partial(_with_partner, ca.sin, ca.cos, (1, -1)),
-    ca.OP_COS: partial(_with_partner, ca.cos, ca.sin, (-1, 1)),
-    ca.OP_SINH: partial(_with_partner, ca.sinh, ca.cosh, (1, 1)),
-    ca.OP_COSH: partial(_with_partner, ca.cosh, ca.sinh, (1, 1)),
-    ca.OP_TAN: partial(_tangent, ca.tan, 1),
-    ca.OP_TANH: partial(_tangent, ca.tanh, -1),
-}
-for _name in ("log", "log1p", "asin", "acos", "atan", "asinh", "acosh", "atanh", "erf"):
-    _function = getattr(ca, _name)
-    _slope = _instructions(lambda a, f=_function: ca.jacobian(f(a), a), 1)
-    _RECURSIONS[getattr(ca, f"OP_{_name.upper()}")] = partial(_integral, _function, _slope)

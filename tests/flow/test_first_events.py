@@ -169,7 +169,14 @@ def test_a_zero_before_a_step_in_vain(height, monkeypatch):
     ps = np.tile(rules.p, (len(starts), 1))
     stepper = flight.stepper(0)
     states = np.column_stack([starts, np.full((len(starts), 3), (np.inf, 1e9, 0.0))])
-    assert any(stepper.step_function(z, p)[2][0] == 0 for z, p in zip(states, ps, strict=True))
+
+    def first_step(code, arguments):
+        step = stepper.step.append(code, *arguments, ())
+        return [step.after, [step.taken.name], [code.splat(1)], [code.splat(0)]]
+
+    assert (
+        stepper.kernel_of(first_step, stepper.sizes, [stepper.places.time, 1, 1, 1])(states, ps).records[0] == 0
+    ).any()
     times, *_, failed = first_events(flight, starts, rules.p, Watch(flight, [foot]), 50.0, 1)
     which, motions = until_zero(flight, starts, ps, foot, 1)
     landings = [flight.run(start, rules.p, stop=first_zero(foot, 1))[0].times[-1] for start in starts]

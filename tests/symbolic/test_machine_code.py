@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from kernel_functions import assert_equal, both, countdown, once, starts
 
-from orbits.symbolic import Kernel, machine_code
+from orbits.symbolic import CodedFunction, Kernel, machine_code, vector_code
+from orbits.symbolic.machine_code import coded
 
 x, y = ca.SX.sym("x"), ca.SX.sym("y")
 # Every operation that has machine code, by its code, with its expression.
@@ -54,16 +55,8 @@ def test_random_graphs(seed):
     assert_equal(*both(once(*random_graph(rng, 200)), rng.normal(0, 2, (37, 3))))
 
 
-def test_optimised_code_gives_the_same():
-    kernel, z = Kernel(countdown()), starts(50, 8)
-    kernel.compile()
-    quick = kernel(z, np.ones((1, 1)))
-    kernel.optimise()
-    assert_equal(kernel(z, np.ones((1, 1))), quick)
-
-
 def test_a_function_that_the_c_library_lacks_is_interpreted(monkeypatch):
-    monkeypatch.setitem(machine_code._LIBRARY, ca.OP_ERF, "no_such_function")
+    monkeypatch.setitem(vector_code._LIBRARY, ca.OP_ERF, "no_such_function")
     kernel = Kernel(once([x], [ca.erf(x)]))
     assert not kernel.compile()
     assert kernel(np.array([[0.5]])).records[0] == pytest.approx(0.5204998778130465)
@@ -99,33 +92,29 @@ def test_an_operation_without_machine_code_is_interpreted():
 
 
 def test_llvm_fails(monkeypatch, unsaid):
-    """While compiling, which is said once for all kernels, and while optimising, where the first code goes on."""
-    quick = Kernel(countdown())
-    assert quick.compile()
-    one = quick(starts(5, 6), np.ones((1, 1)))
+    """Which is said once for all kernels; what is coded alone is refused."""
+    one = Kernel(countdown())(starts(5, 6), np.ones((1, 1)))
 
     def failing(*_):
         raise RuntimeError("LLVM says no")
 
     monkeypatch.setattr("llvmlite.binding.Target.from_default_triple", failing)
-    quick.optimise()
-    assert quick.compiled
-    assert_equal(quick(starts(5, 6), np.ones((1, 1))), one)
     kernel = Kernel(countdown())
     with pytest.warns(RuntimeWarning, match="no machine code can be made here") as said:
         assert not kernel.compile()
     assert not Kernel(countdown()).compile()
     assert len(said) == 1
     assert_equal(kernel(starts(5, 6), np.ones((1, 1))), one)
+    alone = Kernel(CodedFunction([1], [1, 1, 1], lambda code, arguments: [arguments[0]] * 3))
+    with pytest.raises(RuntimeError, match="install llvmlite"):
+        alone(np.zeros((1, 1)))
 
 
 def test_code_from_another_process(monkeypatch):
-    """Received code is used instead of the text's own, optimised or not, and another text is compiled here."""
+    """Received code is used where the text is the same, and another text is compiled here."""
     monkeypatch.setattr(machine_code, "_received", {})
-    function, other = countdown(), once([x], [x**2])
-    fast = machine_code.MachineCode(function, optimised=True)
+    first = machine_code.MachineCode(coded(countdown()))
     machine_code.receive(pickle.loads(pickle.dumps(machine_code.compiled_here())))
-    again = machine_code.MachineCode(function)
-    assert again.optimised
-    assert again.compiled == fast.compiled
-    assert not machine_code.MachineCode(other).optimised
+    again = machine_code.MachineCode(coded(countdown()))
+    assert again.compiled is machine_code._received[first.key]
+    assert machine_code.MachineCode(coded(once([x], [x**2]))).key not in machine_code._received

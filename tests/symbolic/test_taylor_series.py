@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from orbits.symbolic import driven_coefficients, has_taylor_series, tangent, taylor_coefficients, variations
+from orbits.symbolic import composed_coefficients, has_taylor_series, taylor_coefficients
 
 ORDER = 10
 FUNCTIONS = {
@@ -68,39 +68,23 @@ def test_graphs_without_a_series_are_recognised(g):
     assert not has_taylor_series(ca.Function("field", [x, ca.SX.sym("p", 0)], [g(x), ca.SX(0, 1)]))
 
 
-def test_sensitivities_with_columns_of_nothing():
-    """A field with a constant rate, a parameter that it does not have and one that enters alone."""
-    x, p = ca.SX.sym("x", 3), ca.SX.sym("p", 3)
-    field = ca.Function("f", [x, p], [ca.vertcat(x[1], -x[0] * p[0], p[2]), x[0] * x[1]])
-    series = variations(field, (0, 1, 2), 6, 20)
-    start, values, h, step = np.array([1.0, 0.5, 0.2]), np.array([2.0, 5.0, 0.3]), 0.3, 1e-6
-    powers = h ** np.arange(21)
-
-    def end(start, values):
-        return powers @ series(start, values, 0, 0)[0].full()[:, :3]
-
-    slopes = powers @ series(start, values, *np.vsplit(np.eye(6), 2))[1].full()
-    for i, dx in enumerate(slopes.reshape(6, 3)):
-        change = np.eye(6)[i]
-        moved = [end(start + sign * step * change[:3], values + sign * step * change[3:]) for sign in (1, -1)]
-        assert dx == pytest.approx((moved[0] - moved[1]) / (2 * step), abs=1e-8)
-        alone = tangent(field, (0, 1, 2), 20)(start, values, *np.split(change, 2))[1].full()
-        assert powers @ alone == pytest.approx(dx, rel=1e-14, abs=1e-14)
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_series_of_a_function_along_a_polynomial(name):
+    """Against the derivatives of the composed function, of a place and a parameter."""
+    t, p, x = ca.SX.sym("t"), ca.SX.sym("p"), ca.SX.sym("x", 2)
+    places = [0.3 + 0.7 * t - 0.2 * t**3, 0.4 - 0.1 * t**2]
+    of = ca.Function("of", [x, p], [FUNCTIONS[name](x[0]) * (p + x[1])])
+    rows = [[0.3, 0.7, 0.0, -0.2, 0.0, 0.0], [0.4, 0.0, -0.1, 0.0, 0.0, 0.0]]
+    found = composed_coefficients(of, [[ca.SX(value) for value in row] for row in rows], p)
+    term, expected = of(ca.vertcat(*places), p), []
+    for k in range(6):
+        expected.append(term)
+        term = ca.jacobian(term, t) / (k + 1)
+    both = ca.Function("both", [t, p], [ca.densify(found), ca.vertcat(*expected)])(0.0, 1.3)
+    assert np.array(both[0]).ravel() == pytest.approx(np.array(both[1]).ravel(), rel=1e-13, abs=1e-14)
 
 
-def test_forces_drive_all_states():
-    """Two masses on one nonlinear spring, of four multiples, also of 0: the motion of one force gives every state, and
-    the watched quantity; with damping nothing is driven."""
-    x, p = ca.SX.sym("x", 4), ca.SX.sym("p", 4)
-    force = ca.sinh(x[0] - x[2])
-    rates = ca.vertcat(x[1], -p[2] - p[0] * force, x[3], -p[3] + p[1] * force)
-    rng = np.random.default_rng(5)
-    for own, driven in ((rates, True), (rates - 0.1 * ca.vertcat(0, x[1], 0, x[3]), False)):
-        field = ca.Function("field", [x, p], [own, x[0] * x[2]])
-        base, shares, series = driven_coefficients(field, x, p, 12)
-        assert (series.shape[0] < 5) == driven
-        both = [base + shares @ series, taylor_coefficients(field, x, p, 12)]
-        compared = ca.Function("compared", [x, p], [ca.densify(each) for each in both])
-        for multiples in (rng.uniform(0.5, 2, 4), np.array([0.0, 1.5, 1.0, 1.0]), np.array([1e-9, -1e9, 0.0, 1.0])):
-            mine, theirs = (np.array(each) for each in compared(rng.normal(size=4), multiples))
-            assert mine == pytest.approx(theirs, rel=1e-11, abs=1e-12 * np.abs(theirs).max())
+def test_the_series_of_nothing():
+    x, p = ca.SX.sym("x", 2), ca.SX.sym("p")
+    rows = [[ca.SX(1.0), ca.SX(2.0)]] * 2
+    assert composed_coefficients(ca.Function("f", [x, p], [ca.SX(1, 1)]), rows, p).is_zero()
