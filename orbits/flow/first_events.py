@@ -290,7 +290,10 @@ class _Search:
             chosen = found.repeat(counts)
             arrays = tuple(each[chosen] for each in arrays)
         owners, lengths, c = arrays
-        self.steps.append((owners, lengths, coefficients_of(c, len(self.flow.names))))
+        self.steps.append((owners, lengths, self._coefficients(c)))
+
+    def _coefficients(self, records: Array) -> Array:
+        return coefficients_of(records, len(self.flow.names), self.flow.vector_field.order)
 
     def path(self, lane: int) -> Trajectory:
         """The steps of a motion up to its event or limit."""
@@ -328,7 +331,7 @@ class _Search:
     def _halved(self, steps: Watched, lanes: Array) -> tuple[Array, Array, Array]:
         """The `Watch.event` of steps in which functions may change their signs several times, or rise, by halving."""
         count, functions = len(steps.begins), self.watch.functions
-        c = coefficients_of(steps.coefficients, len(self.flow.names))
+        c = self._coefficients(steps.coefficients)
         event, signs = np.zeros((count, 3)), np.empty((count, len(functions)))
         event[:, 0] = np.inf
         for number, quantity in enumerate(functions):

@@ -14,7 +14,7 @@ from ..symbolic import BufferedFunction, ElementwiseFunction, MappedFunction
 from ..units import Message, Quantity
 from .breakpoints import SIDE_DISTANCE, same_place
 from .trajectory import Trajectories, Trajectory
-from .vector_field import VectorField, rows_used
+from .vector_field import TAYLOR, VectorField, rows_used
 
 # The message about a motion that needs a law where it has no value.
 OUT_OF_LAW = "leaves the law's range"
@@ -45,7 +45,8 @@ class PhaseField:
         if pieces is None:
             return VectorField(field, x, p)
         unit, origin = (ca.SX(function(arguments[1])) for function in (pieces.unit, pieces.origin))
-        return VectorField(field, x, p, pieces.coordinate, unit, origin, count)
+        order = TAYLOR.order if self.breaks < TAYLOR.many_pieces else TAYLOR.order_on_pieces
+        return VectorField(field, x, p, pieces.coordinate, unit, origin, count, order)
 
     def symbols(self, x: ca.SX, p: ca.SX) -> tuple[list, dict, list]:
         """The arguments (x, p, q) of a phase's expressions from vectors of states and of parameters with piece data."""

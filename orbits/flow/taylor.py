@@ -22,9 +22,9 @@ from .taylor_step import PieceRows, Places, StepSeries, TaylorStep
 from .vector_field import FLOW_CONTROL, TAYLOR, VectorField
 
 
-def coefficients_of(records: Array, rows: int) -> Array:
-    """The coefficients (N, rows, K + 1) of steps in the records (N, size) of a kernel."""
-    stride = TAYLOR.order + 2
+def coefficients_of(records: Array, rows: int, order: int) -> Array:
+    """The coefficients (N, rows, order + 1) of steps in the records (N, size) of a kernel."""
+    stride = order + 2
     return records[:, : rows * stride].reshape(len(records), rows, stride)[:, :, :-1]
 
 
@@ -123,7 +123,7 @@ class TaylorStepper:
     @property
     def recorded(self) -> int:
         """The size of the records of the coefficients of a step."""
-        return room_of_series(self.rows, TAYLOR.order)
+        return room_of_series(self.rows, self.graph.order)
 
     @property
     def compiled(self) -> bool:
@@ -164,7 +164,7 @@ class TaylorStepper:
         z, (c, begins, made), counts, _ = self.kernel(z, data, *(on[:1] if on else ()), most=count)
         moving = z[:, at.sensitivities], begins
         variations, begins = (each.reshape(len(each), columns, n).swapaxes(1, 2) for each in moving)
-        c = coefficients_of(c, self.rows)
+        c = coefficients_of(c, self.rows, self.graph.order)
         ends, left, numbers = z[:, at.state], z[:, at.left], z[:, at.piece]
         return Motions(ends, variations, made[:, 0], c, begins, made[:, 1], counts, left, numbers)
 

@@ -99,7 +99,7 @@ class TaylorStep:
         self.graph, self.at, self.columns, self.varied, self.piece_rows = graph, at, columns, varied, piece_rows
         self.count_p = graph.p.numel() - graph.data  # the number of parameters
         self.own = sum(row < self.count_p for row in varied)
-        self.series = VariationSeries(graph.field, varied, columns, TAYLOR.order)
+        self.series = VariationSeries(graph.field, varied, columns, graph.order)
         symbols = [graph.x, graph.p]
         self.rates = ca.Function("rates", symbols, [ca.densify(graph.field(*symbols)[0])])
         self.reaches = [
@@ -119,15 +119,15 @@ class TaylorStep:
         dp = [each for c, moved in enumerate(moved_data) for each in (*own[c * self.own :][: self.own], *moved)]
         found = self.series.append(code, x, p, dx, dp)
         left, longest = Number(code, z[at.left]), Number(code, z[at.longest])
-        c = StepSeries(code, found.rows.place, n + graph.field.numel_out(1), found.stride)
+        c = StepSeries(code, found.rows.place, n + graph.field.numel_out(1), graph.order)
         size, *terms = c.sizes(n)
-        h = longest.least(_truncated_length(size, *terms))
+        h = longest.least(_truncated_length(graph.order, size, *terms))
         # The series of f_p may have a smaller radius of convergence than that of f, as may that of f_x along a motion
         # that a symmetry makes simple.
         if self.varied or (self.columns and graph.has_many_products):
             changes = _largest(code, dp) if self.varied else 0.0
-            scale, *terms = StepSeries(code, found.columns, n * self.columns, found.stride).sizes(n * self.columns)
-            h = h.least(_truncated_length(scale + changes, *terms))
+            scale, *terms = StepSeries(code, found.columns, n * self.columns, graph.order).sizes(n * self.columns)
+            h = h.least(_truncated_length(graph.order, scale + changes, *terms))
         for states, function in self.reaches:
             weights, *room = code.graph(function, [x, p])
             h = c.within_reach([*zip(states, weights, strict=True)], [Number(code, each) for (each,) in room], h)
@@ -197,9 +197,9 @@ class TaylorStep:
 class StepSeries:
     """Polynomials of a step in the scratch memory of a code, as many rows as there are."""
 
-    def __init__(self, code: VectorCode, first: int, rows: int, stride: int):
-        self.code, self.first, self.rows, self.stride = code, first, rows, stride
-        self.places = code.reserve(stride)  # of the coordinate of the pieces
+    def __init__(self, code: VectorCode, first: int, rows: int, order: int):
+        self.code, self.first, self.rows, self.order, self.stride = code, first, rows, order, order + 2
+        self.places = code.reserve(self.stride)  # of the coordinate of the pieces
 
     def coefficient(self, row: int, k: int) -> Number:
         """A coefficient."""
@@ -241,12 +241,12 @@ class StepSeries:
 
     def horner(self, low: int, term: Callable[[str, list[Number]], list[Number]], count: int) -> list[Number]:
         """`sum` from the highest order down to `low`."""
-        code, order = self.code, TAYLOR.order
+        code, order = self.code, self.order
         return self.sum(order - low, lambda index, before: term(code.integer("sub", order, index), before), count)
 
     def total(self) -> Number:
         """The sum of all coefficients, which is not finite where one is not."""
-        size = TAYLOR.order + 1
+        size = self.order + 1
 
         def term(k: str, totals: list[Number]) -> list[Number]:
             return [each + self.at(self.first + i * self.stride, k) for i, each in enumerate(totals)]
@@ -257,7 +257,7 @@ class StepSeries:
     def sizes(self, count: int) -> tuple[Number, Number, Number]:
         """The largest of the first two coefficients of the first rows of this number, of the last but one and of the
         last."""
-        order, stride = TAYLOR.order, self.stride
+        order, stride = self.order, self.stride
 
         def term(row: str, before: list[Number]) -> list[Number]:
             first, second, third, last = (abs(self.at(self.first + k, row, stride)) for k in (0, 1, order - 1, order))
@@ -323,7 +323,7 @@ class StepSeries:
             code.put((self.weighted(weights, k) * unit).name, code.offset(code.place(self.places), k))
             return []
 
-        code.loop(0, TAYLOR.order, order)
+        code.loop(0, self.order, order)
         code.put((self.at(self.places, 0) - origin).name, code.place(self.places))
 
     def on_piece(self, h: Number, low: Number, high: Number) -> tuple[Number, Mask, Number]:
@@ -352,7 +352,7 @@ class StepSeries:
             rounded = moves[0] * moves[0] <= moves[1] * TAYLOR.rounded_change * (abs(start) + moves[1])
             return (moves[0] + moves[1] + sums < room) | steep | (rounded & flat), steep
 
-        orders = code.table([float(k) for k in range(TAYLOR.order + 2)])
+        orders = code.table([float(k) for k in range(self.order + 2)])
         valid, steep = try_length(h)
         values = [h, steep.choose(1.0, 0.0), valid.choose(1.0, 0.0)]
         halvings = code.if_any(~valid, TAYLOR.tried_lengths - 1)
@@ -392,10 +392,10 @@ def _largest(code: VectorCode, values: Sequence[str]) -> Number:
     return first.largest(*others)
 
 
-def _truncated_length(scale: Number, before: Number, last: Number) -> Number:
+def _truncated_length(order: int, scale: Number, before: Number, last: Number) -> Number:
     """The step at which the last two terms of series of these sizes vanish beside `scale`, by Jorba and Zou (2005), the
     source of `taylor_series`."""
-    code, bound, order = scale.code, scale * TAYLOR.truncation, TAYLOR.order
+    code, bound = scale.code, scale * TAYLOR.truncation
     sizes = ((bound / each, code.splat(1 / k)) for each, k in ((before, order - 1), (last, order)))
     one, other = (Number(code, code.rough_power(size.name, power)) for size, power in sizes)
     return one.least(other)

@@ -16,6 +16,9 @@ class TaylorOptions(NamedTuple):
     """The orders of Taylor series in time, and the lengths of steps that are chosen by them."""
 
     order: int = 28  # high, as it makes few and long steps, and each step costs a fixed amount besides its series
+    # Of laws with many pieces, whose steps are as short as their pieces.
+    order_on_pieces: int = 16
+    many_pieces: int = 32
     # Of a step in equations that other solvers differentiate, at a cost that grows with its square. On a mesh a fifth
     # finer than steps of the order above, whose last terms are below a tenth of rounding, it leaves a few roundings.
     step_order: int = 20
@@ -82,6 +85,7 @@ class VectorField:
     unit: ca.SX | float = 1.0
     origin: ca.SX | float = 0.0
     data: int = 0
+    order: int = TAYLOR.order  # of its Taylor series
 
     @property
     def size(self) -> int:
@@ -142,13 +146,13 @@ class VectorField:
         if not self.has_series:
             return ca.Function("step", [self.x, h, self.p], [runge_kutta_step(self, self.x, h)])
         series = taylor_coefficients(self.field, self.x, self.p, TAYLOR.step_order)
-        end = series[: self.size, :] @ symbolic_powers(h)[: TAYLOR.step_order + 1]
+        end = series[: self.size, :] @ symbolic_powers(h, TAYLOR.step_order)
         return ca.Function("step", [self.x, h, self.p], [end])
 
 
-def symbolic_powers(h: ca.SX) -> ca.SX:
-    """The powers (TAYLOR.order + 1,) of a symbol, from 0 on."""
-    return ca.vertcat(ca.SX(1), *accumulate([h] * TAYLOR.order, lambda power, h: h * power))
+def symbolic_powers(h: ca.SX, order: int) -> ca.SX:
+    """The powers (order + 1,) of a symbol, from 0 on."""
+    return ca.vertcat(ca.SX(1), *accumulate([h] * order, lambda power, h: h * power))
 
 
 def runge_kutta_step(graph: VectorField, x: ca.SX, h: ca.SX) -> ca.SX:

@@ -147,7 +147,7 @@ class _EventSearch:
     def __init__(self, series: StepSeries, tested: list, orders: Sequence[str], fresh: Number):
         self.series, self.code, self.tested, self.orders, self.fresh = series, series.code, tested, orders, fresh
         # Of the function its series, and its Bernstein coefficients.
-        self.own, self.bernstein = (series.code.reserve(TAYLOR.order + 2 + HIGHEST_ORDER) for _ in range(2))
+        self.own, self.bernstein = (series.code.reserve(series.order + 2 + HIGHEST_ORDER) for _ in range(2))
 
     def append(self, h: Number, wanted: Mask, signs: Sequence[str]) -> tuple:
         """The time of the first zero in a step of length h, infinite where there is none, the number of its function,
@@ -174,7 +174,7 @@ class _EventSearch:
 
     def _store(self, weights: list[tuple[int, str]], offset: str, number: int) -> None:
         """Store the series of a function, divided by the power of its zero at the start."""
-        code, order = self.code, TAYLOR.order
+        code, order = self.code, self.series.order
 
         def each(k: str, _: list[str]) -> list[str]:
             code.put(self.series.weighted(weights, k).name, code.offset(code.place(self.own), k))
@@ -204,7 +204,7 @@ class _EventSearch:
         """The first root on [0, h] of the stored polynomial, infinite where there is none; its sign at h; and whether
         neither is known, since the Bernstein coefficients have several changes of sign, or Newton's method does not
         settle. The polynomial has the sign before, which is 0 where it begins."""
-        code, order = self.code, TAYLOR.order
+        code, order = self.code, self.series.order
         self._store_bernstein(h)
         start = self._at(self.bernstein, 0)
         start = (abs(before) > 0.0).choose(before * abs(start).largest(TINY), start)
@@ -238,7 +238,7 @@ class _EventSearch:
 
     def _store_bernstein(self, h: Number) -> None:
         """Store the Bernstein coefficients on [0, h] of the stored polynomial, by differences."""
-        code, order, place = self.code, TAYLOR.order, self.bernstein
+        code, order, place = self.code, self.series.order, self.bernstein
         shares = code.table([1 / comb(order, k) for k in range(order + 1)])
 
         def scale(k: str, power: list[str]) -> list[str]:

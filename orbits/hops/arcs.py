@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from ..errors import FlowError
-from ..flow import TAYLOR, Flow, Trajectory
+from ..flow import Flow, Trajectory
 from .hand_over import Landed
 from .hysteresis import Branches
 from .impacts import LIFTOFF_ORDER, STATUS, Impacts
@@ -164,6 +164,6 @@ def _briefly(arc: Arcs, sensitive: bool) -> tuple[Trajectory, np.ndarray]:
     """An arc so short that it is a straight line."""
     flow, (x,) = arc.phase.flow, arc.phase.states(arc.starts)
     rates, watched = (each[0] for each in flow.field(x[None], arc.phase.impacts.p))
-    c = np.zeros((1, len(x) + len(watched), TAYLOR.order + 1))
+    c = np.zeros((1, len(x) + len(watched), flow.vector_field.order + 1))
     c[0, :, 0], c[0, : len(x), 1] = [*x, *watched], rates
     return Trajectory(np.array([0.0, *arc.durations]), c, flow.names), np.eye(len(x))[:, : len(x) * sensitive]

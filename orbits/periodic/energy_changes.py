@@ -6,7 +6,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..flow import TAYLOR, Trajectories, flow_of
+from ..flow import Trajectories, flow_of
 from ..model import Model, Phase
 from ..numerics import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..shooting import EPS, Cycles, vectors
@@ -58,8 +58,10 @@ def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -
     ends = motions.step_ends[:, : flow.size]
     works, rates = _works(phase, gradient, names)(states, ends, data)
     off = EPS * np.maximum(np.abs(states), np.abs(ends))
-    if motions.coefficients.shape[2] > TAYLOR.order:  # the last term of a series is as large as those left out
-        off += np.abs(motions.coefficients[:, : flow.size, -1]) * (motions.steps**TAYLOR.order)[:, None]
+    if motions.coefficients.shape[2] > (
+        order := flow.vector_field.order
+    ):  # the last term of a series is as large as those left out
+        off += np.abs(motions.coefficients[:, : flow.size, -1]) * (motions.steps**order)[:, None]
     changes = np.cumsum(works)
     before = np.where(first > 0, changes[first - 1], 0.0)
     largest = motions.largest(changes - before.repeat(motions.counts))

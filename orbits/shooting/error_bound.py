@@ -8,7 +8,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..errors import NoOrbit
-from ..flow import TAYLOR, Flow, Trajectories, Trajectory, runge_kutta_step, symbolic_powers
+from ..flow import Flow, Trajectories, Trajectory, runge_kutta_step, symbolic_powers
 from ..numerics import GAUSS_PLACES, GAUSS_WEIGHTS, powers, solve
 from ..symbolic import ElementwiseFunction, Kernel, cached
 from ..units import UNKNOWNS, Message, Quantity
@@ -154,12 +154,13 @@ def by_pieces(equations: Shooting, u: ndarray, p: ndarray, evaluation: Evaluatio
 def _by_data(flow: Flow) -> ElementwiseFunction:
     """The derivatives of a number by the data of the pieces over steps, by Gauss's rule, (coefficients of the states,
     one state after the other, length, derivatives by the state at the start and at the end, parameters with data)."""
-    c, h, p = ca.SX.sym("c", TAYLOR.order + 1, flow.size), ca.SX.sym("h"), flow.vector_field.p
+    order, h, p = flow.vector_field.order, ca.SX.sym("h"), flow.vector_field.p
+    c = ca.SX.sym("c", order + 1, flow.size)
     ends, count = (ca.SX.sym("start", flow.size), ca.SX.sym("end", flow.size)), len(flow.parameters)
-    x, terms = flow.vector_field.x, ca.diag(symbolic_powers(h)) @ c
+    x, terms = flow.vector_field.x, ca.diag(symbolic_powers(h, order)) @ c
     rates = flow.vector_field.field(x, p)[0]
     slopes = ca.Function("slopes", [x, p], [ca.jacobian(rates, x), ca.jacobian(rates, p)[:, count:]])
-    places = ca.vertsplit(ca.DM(powers(np.array([0.0, 1.0, *GAUSS_PLACES]), TAYLOR.order + 1)) @ terms)
+    places = ca.vertsplit(ca.DM(powers(np.array([0.0, 1.0, *GAUSS_PLACES]), order + 1)) @ terms)
     falls = [-h * end.T @ slopes(place.T, p)[0] for end, place in zip(ends, places[:2], strict=True)]
     total = ca.SX(1, flow.phase.pieces.size if flow.phase.pieces else 0)
     for t, weight, place in zip(GAUSS_PLACES.tolist(), GAUSS_WEIGHTS.tolist(), places[2:], strict=True):
@@ -257,8 +258,9 @@ def _mean_rates(flow: Flow) -> ElementwiseFunction:
 def _states_in_steps(flow: Flow) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
     """Symbols of a step's coefficients, its length and the flow's parameters with data, and states (k, n) at Gauss's
     places in it."""
-    c, h = ca.SX.sym("c", TAYLOR.order + 1, flow.size), ca.SX.sym("h")
-    states = ca.DM(powers(GAUSS_PLACES, TAYLOR.order + 1)) @ ca.diag(symbolic_powers(h)) @ c
+    order, h = flow.vector_field.order, ca.SX.sym("h")
+    c = ca.SX.sym("c", order + 1, flow.size)
+    states = ca.DM(powers(GAUSS_PLACES, order + 1)) @ ca.diag(symbolic_powers(h, order)) @ c
     return c, h, flow.vector_field.p, states
 
 

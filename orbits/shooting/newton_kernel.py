@@ -103,7 +103,7 @@ class NewtonKernel:
         if not (with_motions and len(which)):
             return Solutions(which, xs, directions, growths, None)
         variations = before.reshape(-1, columns, states).swapaxes(1, 2)
-        c = coefficients_of(c, self.stepper.rows)
+        c = coefficients_of(c, self.stepper.rows, self.stepper.graph.order)
         motions = Trajectories(begins, z[:, at.duration], c, counts, self.flow.names, variations)
         transitions = z[:, motion.sensitivities].reshape(-1, columns, states).swapaxes(1, 2)
         ps = self.equations.with_tuned(xs, np.hstack([ps[:, : self.place], xs[:, -1:], ps[:, self.place + 1 :]]))

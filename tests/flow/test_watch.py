@@ -42,7 +42,7 @@ def test_the_first_zero_in_a_step():
         for k in range(order + 1):
             code.put(z[k], code.place(place + k))
         h, offset, zeros, sign, wanted = z[order + 1 : order + 6]
-        series = StepSeries(code, place, 1, order + 2)
+        series = StepSeries(code, place, 1, order)
         one = Number(code, code.splat(1))
         search = _EventSearch(series, [([(0, code.splat(1))], offset, sign)], [zeros], one)
         found = search.append(Number(code, h), Number(code, wanted) > 0.0, [code.splat(7)])
