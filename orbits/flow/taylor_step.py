@@ -355,7 +355,7 @@ class StepSeries:
         orders = code.table([float(k) for k in range(self.order + 2)])
         valid, steep = try_length(h)
         values = [h, steep.choose(1.0, 0.0), valid.choose(1.0, 0.0)]
-        halvings = code.if_any(~valid, TAYLOR.tried_lengths - 1)
+        halvings = code.if_any((~valid).name, TAYLOR.tried_lengths - 1)
 
         def halve(_: str, before: list[str]) -> list[str]:
             length, was_steep, within = (Number(code, each) for each in before)
@@ -382,7 +382,7 @@ class StepSeries:
             value, slope = value * time - distance, slope.times_plus(time, value) * length
             return [(share - value / slope).largest(TAYLOR.shortest_cut).least(1.0).name]
 
-        (cut,) = code.loop(1, code.if_any(rises | falls, TAYLOR.steps_to_end), newton, [share.name])
+        (cut,) = code.loop(1, code.if_any((rises | falls).name, TAYLOR.steps_to_end), newton, [share.name])
         return length * (rises | falls).choose(Number(code, cut), 1.0), inside, side
 
 

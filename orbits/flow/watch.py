@@ -169,7 +169,7 @@ class _EventSearch:
             return [each.name for each in (first, which, unknown, *there, *ends)]
 
         start = [code.splat(np.inf), code.splat(-1), *[code.splat(0)] * (1 + self.series.rows), *signs]
-        first, which, unknown, *rest = (Number(code, each) for each in code.once(wanted, search, start))
+        first, which, unknown, *rest = (Number(code, each) for each in code.once(wanted.name, search, start))
         return first, which, unknown, rest[: self.series.rows], rest[self.series.rows :]
 
     def _store(self, weights: list[tuple[int, str]], offset: str, number: int) -> None:

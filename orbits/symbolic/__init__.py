@@ -11,13 +11,14 @@ if TYPE_CHECKING:
     from .identities import has_symbols, number_of, simplified, vanishes, without
     from .ipopt import Minimiser, Minimum, solve_equations
     from .kernels import ElementwiseFunction, Kernel
+    from .lane_numbers import Mask, Number
     from .local_scales import Reach, kinks_of, reaches_of
     from .machine_code import CodedFunction, Compiled, compiled_here, receive
     from .quadratic_models import QuadraticModels, Weights
+    from .recursion import applied
     from .series_loops import VariationSeries, room_of_series
     from .sympy_formulas import abridged, formula_of, name_of_parameter, sympy_package
     from .taylor_series import (
-        applied,
         composed_coefficients,
         has_taylor_series,
         taylor_coefficients,
@@ -46,6 +47,6 @@ if TYPE_CHECKING:
     from .tree_casadi import ARITHMETIC, FUNCTION_NAMES, exact_value, lifted, lowered, rounded
     from .tree_formulas import expression_of_nodes
     from .tree_linear import Column, ExactRows, Factors, inner_product, nonzero, rows_of, solved_by_parts
-    from .vector_code import OPERATIONS, Block, Mask, Number, VectorCode
+    from .vector_code import OPERATIONS, Block, VectorCode
 
 __all__ = [*public_names(__name__)]

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import casadi as ca
 
 from .calls import single_assignment
-from .taylor_series import affine_degree, applied
+from .recursion import affine_degree, applied
 
 
 class ScaleOptions(NamedTuple):

@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from .taylor_series import Affine, Recursion, Series
+from .recursion import Affine, Recursion
+from .taylor_series import Series
 from .vector_code import VECTORS, Block, VectorCode
 
 

@@ -9,7 +9,7 @@ import os
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, reduce
+from functools import cache
 from itertools import chain
 from typing import NamedTuple
 
@@ -57,96 +57,6 @@ def _polynomial(function: Callable, low: float, high: float) -> list[float]:
     """The coefficients of a polynomial that interpolates a function, from the highest on."""
     found = np.polynomial.Chebyshev.interpolate(function, VECTORS.degree, [low, high])
     return found.convert(kind=np.polynomial.Polynomial).coef[::-1].tolist()
-
-
-class Number:
-    """A value of a code with the operators of Python; a number beside it is the same in every lane."""
-
-    __slots__ = ("code", "name")
-
-    def __init__(self, code: "VectorCode", name: str):
-        self.code, self.name = code, name
-
-    def _by(self, op: int, *values: "Number | float") -> "Number":
-        return Number(self.code, self.code.operation(op, [self._name(value) for value in values]))
-
-    def _name(self, value: "Number | float") -> str:
-        return value.name if isinstance(value, Number) else self.code.splat(value)
-
-    def __add__(self, other: "Number | float") -> "Number":
-        return self._by(ca.OP_ADD, self, other)
-
-    def __sub__(self, other: "Number | float") -> "Number":
-        return self._by(ca.OP_SUB, self, other)
-
-    def __mul__(self, other: "Number | float") -> "Number":
-        return self._by(ca.OP_MUL, self, other)
-
-    __radd__, __rmul__ = __add__, __mul__
-
-    def __truediv__(self, other: "Number | float") -> "Number":
-        return self._by(ca.OP_DIV, self, other)
-
-    def __neg__(self) -> "Number":
-        return self._by(ca.OP_NEG, self)
-
-    def __abs__(self) -> "Number":
-        return self._by(ca.OP_FABS, self)
-
-    def __lt__(self, other: "Number | float") -> "Mask":
-        return Mask(self.code, self.code.compare("olt", self.name, self._name(other)))
-
-    def __le__(self, other: "Number | float") -> "Mask":
-        return Mask(self.code, self.code.compare("ole", self.name, self._name(other)))
-
-    def __gt__(self, other: "Number | float") -> "Mask":
-        return Mask(self.code, self.code.compare("ogt", self.name, self._name(other)))
-
-    def __ge__(self, other: "Number | float") -> "Mask":
-        return Mask(self.code, self.code.compare("oge", self.name, self._name(other)))
-
-    def least(self, *others: "Number | float") -> "Number":
-        """The least of this and others that are numbers."""
-        return reduce(lambda a, b: a._by(ca.OP_FMIN, a, b), others, self)
-
-    def largest(self, *others: "Number | float") -> "Number":
-        """The largest of this and others that are numbers."""
-        return reduce(lambda a, b: a._by(ca.OP_FMAX, a, b), others, self)
-
-    def root(self) -> "Number":
-        """The square root."""
-        return self._by(ca.OP_SQRT, self)
-
-    def times_plus(self, factor: "Number | float", other: "Number | float") -> "Number":
-        """This times a factor plus another one."""
-        return Number(self.code, self.code.fused(self.name, self._name(factor), self._name(other)))
-
-
-class Mask:
-    """The lanes of a code in which something holds."""
-
-    __slots__ = ("code", "name")
-
-    def __init__(self, code: "VectorCode", name: str):
-        self.code, self.name = code, name
-
-    def __and__(self, other: "Mask") -> "Mask":
-        return Mask(self.code, self.code(f"and {self.code.masks} {self.name}, {other.name}"))
-
-    def __or__(self, other: "Mask") -> "Mask":
-        return Mask(self.code, self.code(f"or {self.code.masks} {self.name}, {other.name}"))
-
-    def __invert__(self) -> "Mask":
-        return Mask(self.code, self.code(f"xor {self.code.masks} {self.name}, splat (i1 1)"))
-
-    def choose(self, yes: Number | float, no: Number | float) -> Number:
-        """One number in these lanes and another one elsewhere."""
-        names = (each.name if isinstance(each, Number) else self.code.splat(each) for each in (yes, no))
-        return Number(self.code, self.code.choose(self.name, *names))
-
-    def value(self) -> str:
-        """Ones and zeros."""
-        return self.code.number(self.name)
 
 
 @dataclass(frozen=True)
@@ -329,9 +239,9 @@ class VectorCode:
         """Whether a mask has a lane."""
         return self(f"icmp ne i{self.lanes} {self(f'bitcast {self.masks} {mask} to i{self.lanes}')}, 0")
 
-    def if_any(self, mask: Mask, number: int) -> str:
+    def if_any(self, mask: str, number: int) -> str:
         """A whole number where a mask has a lane, else 0."""
-        return self(f"select i1 {self.any(mask.name)}, i64 {number}, i64 0")
+        return self(f"select i1 {self.any(mask)}, i64 {number}, i64 0")
 
     def integer(self, operation: str, x: str | int, y: str | int) -> str:
         """An operation on two whole numbers."""
@@ -420,7 +330,7 @@ class VectorCode:
             for before, after in zip(start, ends, strict=True)
         ]
 
-    def once(self, mask: Mask, body: Callable[[str, list[str]], list[str]], start: Sequence[str]) -> list[str]:
+    def once(self, mask: str, body: Callable[[str, list[str]], list[str]], start: Sequence[str]) -> list[str]:
         """The values that `body` makes of others where a mask has a lane, else these."""
         return self.loop(1, self.if_any(mask, 1), body, start)
 

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from orbits.symbolic import CodedFunction, Kernel, machine_code, vector_code
+from orbits.symbolic import CodedFunction, Kernel, lane_numbers, machine_code, vector_code
 
 
 def powers(code, arguments):
@@ -34,7 +34,7 @@ def test_blocks_are_recorded_lane_by_lane(monkeypatch, lanes):
     monkeypatch.setattr(machine_code, "target", lambda: (llvm, lanes))
 
     def multiples(code, arguments):
-        value, left = (vector_code.Number(code, each) for each in arguments[0])
+        value, left = (lane_numbers.Number(code, each) for each in arguments[0])
         block = vector_code.Block(code.reserve(16), 16)
         for i in range(16):
             code.put((value * float(i)).name, code.place(block.place + i))
