@@ -13,8 +13,8 @@ from ..errors import FlowError, NoOrbit
 from ..flow import Flow, Trajectories, Trajectory, flow_of
 from ..model import Statement
 from ..numerics import ROOTS, derivative, solve
-from ..symbolic import BufferedFunction, MappedFunction, cached, solve_equations
-from .multiple_shooting import MultipleShooting, boundary_functions
+from ..symbolic import BufferedFunction, MappedFunction, cached
+from .multiple_shooting import boundary_functions, solve_by_ipopt
 
 
 class NewtonOptions(NamedTuple):
@@ -379,9 +379,7 @@ class Shooting:
 
         A step that ends on a breakpoint of a piecewise field has a free length, and its node is held on the breakpoint.
         """
-        problem = MultipleShooting(self, np.asarray(u, float), p)
-        solution = solve_equations(problem.unknowns, problem.equations, problem.guess, problem.lower, problem.scale)
-        return self.newton(solution[: self.size], p)  # Ipopt ends at its tolerance, Newton's method at rounding
+        return self.newton(solve_by_ipopt(self, np.asarray(u, float), p), p)  # Ipopt ends at its tolerance
 
 
 # The equations of a statement, cached for the next call with the same statement.

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from .calls import BufferedFunction, MappedFunction, single_assignment
     from .formula import BLANKS, CONSTANTS, FUNCTIONS, MAX_LENGTH, Formula, parse, suggest, symbolic_numerals
     from .identities import has_symbols, number_of, simplified, vanishes, without
-    from .ipopt import Minimiser, Minimum, solve_equations
+    from .ipopt import EquationSolver, Minimiser, Minimum
     from .kernels import ElementwiseFunction, Kernel
     from .lane_numbers import Mask, Number
     from .local_scales import Reach, kinks_of, reaches_of

@@ -77,32 +77,42 @@ WARM = {
 }
 
 
-def solve_equations(unknowns: ca.MX, equations: ca.MX, guess: ndarray, lower: ndarray, scale: ndarray) -> ndarray:
-    """Solve the square system equations(unknowns) = 0 by Ipopt, with equations of order one.
+class EquationSolver:
+    """Ipopt for a square system equations(unknowns, p) = 0 of order one, whose parameters p have other values in each
+    call."""
 
-    guess, lower, scale : (n,), as the solution; the problem is solved in the variables unknowns / scale
-    Raises `NoOrbit` with a reason. A keyboard interrupt stops the solver and is raised.
-    """
-    z = ca.MX.sym("z", unknowns.numel())
-    scaled = ca.Function("equations", [unknowns], [equations])(z * scale)
-    # The objective is constant, so that Newton's method needs no second derivatives: a zero Hessian is declared.
-    symbols, zero = [z, *map(ca.MX.sym, "pfg", (0, 1, equations.numel()))], [ca.MX(z.numel(), z.numel())]
-    no_hessian = ca.Function("hessian", symbols, zero, ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"])
-    watch = _Watch(z.numel(), equations.numel())
-    options = {**OPTIONS, "hess_lag": no_hessian, "iteration_callback": watch}
-    solver = ca.nlpsol("solver", "ipopt", {"x": z, "f": ca.MX(0), "g": scaled}, options)
-    try:
-        with interrupts.deferred():
-            solution = solver(x0=guess / scale, lbx=lower / scale, ubx=np.inf, lbg=0, ubg=0)
-    except RuntimeError as error:
-        raise NoOrbit("multiple shooting cannot be evaluated; state the machine in units nearer to 1") from error
-    interrupts.heed()
-    status = solver.stats()["return_status"]
-    # Ipopt may report a failure when its step vanishes at rounding: the recomputed residual decides.
-    violation = float(ca.norm_inf(solution["g"]))
-    if not violation <= 1e-10:
-        raise NoOrbit(f"{REASONS.get(status, 'no convergence')} (equations off by {violation:.1e})")
-    return np.array(solution["x"]).ravel() * scale
+    def __init__(self, unknowns: ca.MX, p: ca.MX, equations: ca.MX):
+        n = unknowns.numel()
+        z, parameters = ca.MX.sym("z", n), ca.MX.sym("p", n + p.numel())  # the scale of the unknowns, and p
+        scaled = ca.Function("equations", [unknowns, p], [equations])(z * parameters[:n], parameters[n:])
+        # The objective is constant, so that Newton's method needs no second derivatives: a zero Hessian is declared.
+        symbols, zero = [z, parameters, ca.MX.sym("f"), ca.MX.sym("g", equations.numel())], [ca.MX(n, n)]
+        no_hessian = ca.Function("hessian", symbols, zero, ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"])
+        self._watch = _Watch(n, equations.numel(), parameters.numel())
+        options = {**OPTIONS, "hess_lag": no_hessian, "iteration_callback": self._watch}
+        problem = {"x": z, "p": parameters, "f": ca.MX(0), "g": scaled}
+        self._solver = ca.nlpsol("solver", "ipopt", problem, options)
+        weigh(self._solver.get_function(name) for name in self._solver.get_function())
+
+    def __call__(self, guess: ndarray, lower: ndarray, scale: ndarray, p: ndarray) -> ndarray:
+        """The solution (n,) near a guess, solved in the variables unknowns / scale.
+
+        guess, lower, scale : (n,), as the solution
+        Raises `NoOrbit` with a reason. A keyboard interrupt stops the solver and is raised.
+        """
+        bounds = {"lbx": lower / scale, "ubx": np.inf, "lbg": 0, "ubg": 0}
+        try:
+            with interrupts.deferred():
+                solution = self._solver(x0=guess / scale, p=np.concatenate([scale, p]), **bounds)
+        except RuntimeError as error:
+            raise NoOrbit("multiple shooting cannot be evaluated; state the machine in units nearer to 1") from error
+        interrupts.heed()
+        # Ipopt may report a failure when its step vanishes at rounding: the recomputed residual decides.
+        violation = float(ca.norm_inf(solution["g"]))
+        if not violation <= 1e-10:
+            reason = REASONS.get(self._solver.stats()["return_status"], "no convergence")
+            raise NoOrbit(f"{reason} (equations off by {violation:.1e})")
+        return np.array(solution["x"]).ravel() * scale
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,14 @@
 """Multiple shooting: its nodes at breakpoints, and the step that other solvers differentiate."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
+from orbits import find
 from orbits.model import Arc, Phase, Pieces, Statement
 from orbits.shooting import Shooting
-from orbits.shooting.multiple_shooting import MultipleShooting
+from orbits.shooting.multiple_shooting import on_mesh
+from problems import Hopper, springs
 
 
 def test_breakpoints_are_nodes_of_the_multiple_shooting():
@@ -22,6 +25,16 @@ def test_breakpoints_are_nodes_of_the_multiple_shooting():
     for solver in (equations.newton, equations.multiple_shooting):
         assert solver([2.3], np.array([4.0]))[0] == pytest.approx([0.75 * np.pi], rel=1e-13)
     # A duration keeps a thousandth of its guess, so that no arc collapses; the times of legs and the states are free.
-    lower = MultipleShooting(equations, np.array([2.3]), np.array([4.0])).lower
+    legs, _, lower, *_ = on_mesh(equations, np.array([2.3]), np.array([4.0]))
+    assert [len(each) for each in legs] == [2]
     assert lower[0] == pytest.approx(2.3e-3)
     assert set(lower[1:].tolist()) == {0.0, -np.inf}
+
+
+@pytest.mark.parametrize(("spring", "name"), [("cubic", "beta"), (springs.bilinear(), "gap")])
+def test_machines_with_other_values_share_a_program(spring, name, monkeypatch):
+    machine = Hopper(spring, rest_length=30.0, parameters={name: 0.5})
+    other = machine.with_values(**{name: 0.501})
+    find(machine, method="shooting")
+    monkeypatch.setattr(ca, "nlpsol", None)
+    assert find(other, method="shooting").alpha == pytest.approx(find(other).alpha, rel=1e-13)
