@@ -119,6 +119,7 @@ def solved_designs(
     start: Any = None,
     report: Callable[[int], None] = lambda done: None,
     tuning: Tuning | None = None,
+    method: str | None = None,
 ) -> Designs:
     """The orbits of a family for designs (m, k), with formulas of their quantities and parameters by name.
 
@@ -126,8 +127,10 @@ def solved_designs(
         parameters also a start of `find` for that orbit, from which they are always continued
     report : called with the number of designs that are done
     tuning : the parameters that are tuned for each design; None for none
+    method : of `find`, for each design alone
 
-    Designs are solved together where possible, else one by one by `find`, and none depends on the others.
+    Designs are solved together without a method where possible, else one by one by `find`, and none depends on the
+    others.
     """
     designs = Designs.unsolved(machine, names, values, formulas, tuning)
     if tuning:
@@ -135,11 +138,11 @@ def solved_designs(
     elif start is not None:
         _fill_in_continued(designs, continued(machine, start, designs.parameters(), designs.varied, report))
     else:
-        left = _solved_in_lanes(designs, family, report).tolist()
+        left = [*range(len(values))] if method else _solved_in_lanes(designs, family, report).tolist()
         for done, i in enumerate(left, len(values) - len(left)):
             interrupts.heed()
             report(done)
-            _solve_alone(designs, i, family)
+            _solve_alone(designs, i, family, method)
     return designs
 
 
@@ -334,10 +337,10 @@ def _units_at(model: Model, p: Mapping[str, float]) -> Units | None:
     return model.units and model.units(p)
 
 
-def _solve_alone(designs: Designs, i: int, family: int) -> None:
+def _solve_alone(designs: Designs, i: int, family: int, method: str | None) -> None:
     """Fill in one design by `find`."""
     try:
-        orbit = find(designs.machine(i), family)
+        orbit = find(designs.machine(i), family, method=method)
     except Exception as error:
         designs.refuse(i, error)
         return

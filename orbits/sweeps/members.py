@@ -44,7 +44,7 @@ def _unanswered(question: Question, members: np.ndarray, values: np.ndarray) -> 
 def _found(question: Question, table: Table, report: Callable[[int], None]) -> None:
     """The orbits of each family."""
     families = np.array(question.families)[table.members % len(question.families)]
-    tuning = question.tuning
+    tuning, method = question.tuning, question.method
     known = names_of_quantities(question.machine, tuning) if question.quantities else ()
     formulas = {text: known_formula(text, known, "the quantity") for text in question.quantities}
     own = question.start is not None and not tuning
@@ -58,7 +58,7 @@ def _found(question: Question, table: Table, report: Callable[[int], None]) -> N
     for family in question.families:
         rows, names = np.flatnonzero(families == family), question.members.names
         values = np.column_stack([table.columns[name][rows] for name in names])
-        designs = solved_designs(question.machine, names, values, family, formulas, start, count, tuning)
+        designs = solved_designs(question.machine, names, values, family, formulas, start, count, tuning, method)
         for name, numbers in designs.numbers.items():
             table.columns[name][rows] = numbers
         table.columns["status"][rows], table.columns["reason"][rows] = designs.statuses, designs.reasons

@@ -14,6 +14,7 @@ from ..io import Document
 from ..model import Machine, machine_in_words
 from ..periodic import Orbit, Tuning, check_start, family_number, find, start_in_file, unknowns_of_start
 from ..running import exclusive
+from ..shooting import method_of
 from .designs import Axis, Members
 from .same_equations import EQUATIONS, digest_of_equations
 
@@ -59,6 +60,7 @@ class Question:
     start : the unknowns, in the machine's units, of the machine's own orbit from which those of the members are
         continued; None where they are found by their family
     tuning : the tuned parameters and prescribed quantities; None without any
+    method : of `find`, for each member alone; None where the members are solved together
     """
 
     machine: Machine
@@ -69,6 +71,7 @@ class Question:
     between: tuple[float, float] | None = None
     start: Mapping[str, float] | None = None
     tuning: Tuning | None = None
+    method: str | None = None
 
     def __len__(self) -> int:
         return len(self.members) * len(self.families)
@@ -106,6 +109,7 @@ class Question:
             "between": self.between and list(self.between),
             **({} if self.start is None else {"start": dict(self.start)}),
             **({} if self.tuning is None else self._tuned()),
+            **({} if self.method is None else {"method": self.method}),
             "chunk": CHUNK,
             "versions": {name: versions()[name] for name in ("persistent-orbits", "casadi", "numpy")},
             EQUATIONS: digest_of_equations(self.machine),  # which differs with the version of CasADi too
@@ -138,7 +142,7 @@ def question_again(machine: Machine, document: Mapping[str, Any], values: np.nda
     return Question(
         machine, members, tuple(document["families"]), tuple(document["quantities"]), document["outcome"],
         document["between"] and tuple(document["between"]), document.get("start"),
-        Tuning(tuple(document["tune"]), document["at"], {}) if "tune" in document else None,
+        Tuning(tuple(document["tune"]), document["at"], {}) if "tune" in document else None, document.get("method"),
     )  # fmt: skip
 
 
@@ -153,6 +157,7 @@ def question_of(
     start: Any = None,
     tune: Any = None,
     at: Any = None,
+    method: str | None = None,
 ) -> Question:
     """The question of `sweep`; raises `InputError` that names the invalid argument."""
     families = tuple(family) if isinstance(family, list | tuple | range) else (family,)
@@ -163,6 +168,10 @@ def question_of(
     if start is not None and (outcome != "find" or families != (1,)):
         raise InputError("start is an orbit from which others are continued, of its own family: leave out the other")
     tuning = _tuning(machine, members, outcome, tune, at)
+    if method is not None:
+        method_of(machine.model, method)
+        if outcome != "find" or start is not None or tuning:
+            raise InputError(f"method = '{method}' finds orbits by their family: leave out the start and what is tuned")
     if outcome == "find" and not machine.model.sticks:  # runs are guessed beside vertical hops
         check_start(machine, start)
     if outcome != "find" and (quantities or families != (1,)):
@@ -190,7 +199,7 @@ def question_of(
         unknowns = unknowns_of_start(machine, start) if isinstance(start, Orbit) else dict(start)
     elif start is not None:
         unknowns = unknowns_of_start(machine, find(machine, start=start))
-    return Question(machine, members, families, tuple(quantities), outcome, speeds, unknowns, tuning)
+    return Question(machine, members, families, tuple(quantities), outcome, speeds, unknowns, tuning, method)
 
 
 def _tuning(machine: Machine, members: Members, outcome: str, tune: Any, at: Any) -> Tuning | None:

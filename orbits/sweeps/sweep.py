@@ -38,6 +38,7 @@ def sweep(
     outcome: str = "find",
     between: tuple[float, float] | None = None,
     start: StartLike | None = None,
+    method: str | None = None,
     tune: str | Iterable[str] | None = None,
     at: Mapping[str, float] | None = None,
     executor: object = None,
@@ -66,6 +67,7 @@ def sweep(
     between : (low, high), launch speeds, for "fixed_points"
     start : as in `find`, for the orbit of the machine itself, from which those of the members are continued, whatever
         their families; machines whose launch has several unknowns need it
+    method : as in `find`, which then finds the members one by one; None for the simplest, which finds them together
     tune, at : as in `find`, for quantities other than extremes of the motion; the orbits of the members are continued
         from that of the machine itself. Further columns are the tuned values, bounds on their errors as "k_error",
         "admissible" as 1 or 0, and of runs step, speeds and friction
@@ -91,7 +93,7 @@ def sweep(
     ([3.412355, 3.111516, 2.936459], ['certified', 'certified', 'certified'])
     """
     question = checked_question(
-        machine, over, samples, sampling, seed, family, quantities, outcome, between, start, tune, at
+        machine, over, samples, sampling, seed, family, quantities, outcome, between, start, tune, at, method
     )
     if client is not None:
         if executor is not None or not hasattr(client, "get_executor"):
@@ -111,7 +113,7 @@ def sweep(
 def checked_question(
     machine: Machine, over: Any, samples: Any, sampling: str | None, seed: int, family: Any,
     quantities: str | Sequence[str] = (), outcome: str = "find", between: Any = None, start: Any = None,
-    tune: Any = None, at: Any = None,
+    tune: Any = None, at: Any = None, method: str | None = None,
 ) -> Question:  # fmt: skip
     """The question of a sweep with these arguments; raises `InputError`, which names the invalid one."""
     exclusive(check_machine)(machine, "with_values")
@@ -120,7 +122,7 @@ def checked_question(
     allowed = list(dict.fromkeys([*allowed, LAUNCH_SPEED] if outcome == "map" else allowed))
     members = members_of(over, samples, sampling, seed, allowed)
     _check_domain(machine, members)
-    return question_of(machine, members, family, quantities, outcome, between, start, tune, at)
+    return question_of(machine, members, family, quantities, outcome, between, start, tune, at, method)
 
 
 @exclusive
@@ -207,6 +209,7 @@ def _further_sweep(
         family=question.families[0],
         quantities=quantities,
         start=question.start,
+        method=question.method,
         tune=question.tuning.names if question.tuning else None,
         at=question.tuning.at if question.tuning else None,
         **options,

@@ -221,7 +221,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
             own = tuned, self.about["at"], self.about.get("start")
             return tuned_orbit(self.source, values, families[member % len(families)], *own)
         if (start := self.about.get("start")) is None:
-            return find(machine, families[member % len(families)])
+            return find(machine, families[member % len(families)], method=self.about.get("method"))
         (orbit,) = continued_orbits(self.source, find(self.source, start=start), [machine])
         if isinstance(orbit, NoOrbit):
             raise orbit

@@ -80,9 +80,7 @@ def orbits() -> None:
 @orbits.command("find", epilog="\b\nExit code: 0 found, 1 no such orbit or an inadmissible one, 2 bad input.")
 @options.machine_options
 @options.family_option("Oscillations in flight, from 1.")
-@click.option(
-    "--method", metavar="NAME", help="'closed form', 'relative', 'half orbit' or 'shooting'; default: the simplest."
-)
+@options.method_option
 @options.start_option
 @options.tune_option
 @options.at_option
@@ -507,6 +505,7 @@ def optimize_command(file: str, hop: str | None, as_json: bool, plot: str | None
 @options.seed_option
 @click.option("--family", "families", default="1", show_default=True, metavar="N1,N2,...", help="As in find.")
 @options.start_option
+@options.method_option
 @options.tune_option
 @options.at_option
 @click.option("--quantities", metavar="A,B,...", help="Further columns: quantities of the orbit, or formulas of them.")
@@ -524,9 +523,9 @@ def optimize_command(file: str, hop: str | None, as_json: bool, plot: str | None
 @options.plot_option
 def sweep_command(
     over: tuple[str, ...], designs: str | None, samples: int | None, sampling: str | None, seed: int, families: str,
-    hop: str | None, tune: tuple[str, ...], prescribed: tuple[str, ...], quantities: str | None, outcome: str,
-    between: str | None, store: str | None, resume: bool, workers: int | None, as_json: bool, output: str | None,
-    plot: str | None, **stated: Any,
+    hop: str | None, method: str | None, tune: tuple[str, ...], prescribed: tuple[str, ...], quantities: str | None,
+    outcome: str, between: str | None, store: str | None, resume: bool, workers: int | None, as_json: bool,
+    output: str | None, plot: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Find the orbits of many machines, over ranges of their parameters."""
     from orbits.errors import InputError
@@ -543,7 +542,7 @@ def sweep_command(
         machine, axes if table is None else None, samples if table is None else table, sampling=sampling, seed=seed,
         family=options.numbers("--family", families, int), quantities=options.formulas(quantities), outcome=outcome,
         between=None if between is None else tuple(options.numbers("--between", between, float, ":")),
-        store=store, resume=resume, start=options.started(machine, hop), tune=tuned,
+        store=store, resume=resume, start=options.started(machine, hop), method=method, tune=tuned,
         at=options.named_values(prescribed, "--at") or None, **options.computed_by(workers),
     )  # fmt: skip
     options.write(result, as_json, plot, save=output)

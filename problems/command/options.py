@@ -71,6 +71,9 @@ start_option = click.option(
     "--start", "hop", metavar="FILE",
     help="Start from a saved orbit; needed where a launch has several numbers, as on compliant ground.",
 )  # fmt: skip
+method_option = click.option(
+    "--method", metavar="NAME", help="'closed form', 'relative', 'half orbit' or 'shooting'; default: the simplest."
+)
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 limit_option = click.option(
     "--limit", type=float, metavar="SECONDS", help="Time limit; default: 30 s of processor time."

@@ -19,6 +19,9 @@ from problems import Hopper, plate_hopper
         (({"beta": (0, 1)}, 5), {"outcome": "map"}, "a launch speed"),
         (({"beta": (0, 1)}, 5), {"outcome": "fixed_points"}, "between"),
         (({"beta": (0, 1)}, 5), {"between": (4, 5)}, "between"),
+        (({"beta": (0, 1)}, 5), {"method": "newton"}, "method = 'newton'"),
+        (({"beta": (0, 1)}, 5), {"method": "closed form"}, "straight-line spring"),
+        (({"beta": (0, 1)}, 5), {"method": "shooting", "start": {"alpha": 3.0}}, "leave out the start"),
         *(
             (({"beta": (0, 1)}, 5), {"outcome": "fixed_points", "between": between}, said)
             for between, said in (

@@ -79,6 +79,21 @@ def test_a_store_is_gone_on_with_and_read(tmp_path):
         Sweep.load(path, Juggler())
 
 
+def test_members_may_be_found_by_another_method(tmp_path):
+    """By multiple shooting as by the simplest method, and by the same method from a store."""
+    machine, over = Hopper("cubic", rest_length=30.0), {"beta": (0.1, 0.3), "mass_ratio": (0.5, 1.0)}
+    found = sweep(machine, over, 8, seed=1, family=[1, 2])
+    shot = sweep(machine, over, 8, seed=1, family=[1, 2], method="shooting", store=tmp_path / "shot.db")
+    assert (np.abs(found["alpha"] - shot["alpha"]) <= found["error"] + shot["error"]).all()
+    assert set(shot["status"]) == {"certified"}
+    for each in (shot, Sweep.load(tmp_path / "shot.db", machine)):
+        orbit = each.orbit(3)
+        assert orbit.method == "shooting"
+        assert orbit.alpha == shot["alpha"][3]
+    with pytest.raises(InputError, match="method"):
+        sweep(machine, over, 8, seed=1, family=[1, 2], store=tmp_path / "shot.db")
+
+
 @pytest.mark.parametrize("case", ["cubic", "family 3", "softening", "SI"])
 def test_orbits_continued_from_a_start_are_those_of_the_family(case):
     machine, over, family = CASES[case]

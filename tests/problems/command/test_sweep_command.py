@@ -38,6 +38,14 @@ def test_members_are_what_find_finds(orbits):
         assert member["period"] == pytest.approx(orbit.period, rel=1e-12)
 
 
+def test_members_may_be_found_by_another_method(orbits):
+    shot = orbits(f"{CUBIC} --over beta=0.1,0.2 --method shooting --json").document
+    orbit = find(Hopper("r + beta*r**3", parameters={"beta": 0.1}), method="shooting")
+    assert shot["members"][0]["alpha"] == pytest.approx(orbit.alpha, rel=1e-14)
+    refused = orbits(f"{CUBIC} --over beta=0.1,0.2 --method newton")
+    assert (refused.code, "method = 'newton'" in refused.err) == (2, True)
+
+
 def test_tuned_members_have_the_frequency(orbits):
     done = orbits("sweep --spring 'k*r' --tune k=1.5 --at frequency=0.1 --over mass_ratio=0.5,1,2 --json")
     assert done.code == 0, done.err
