@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import accumulate
 from typing import TypedDict, overload
 
 import casadi as ca
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..io import Document, conform, one_line
 from ..model import Affine, StateFormula
 from ..numerics import Array, evaluate, powers, shifted
-from ..symbolic import ElementwiseFunction, cached
+from ..symbolic import ElementwiseFunction, cached, repeated
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,7 +239,7 @@ class Trajectories:
         dimensions, and each is measured in its own size; that of a row is 0 only where it is 0 throughout."""
         c = self.coefficients
         (terms,) = _largest_terms(*c.shape[1:])(c.reshape(len(c), -1), self.steps[:, None])
-        return np.maximum.reduceat(terms, self.first)
+        return np.maximum.reduceat(terms[:, 1:], self.first)
 
     @cached_property
     def of_lasts(self) -> np.ndarray:
@@ -267,8 +266,9 @@ class Trajectories:
 
 @cached
 def _largest_terms(rows: int, orders: int) -> ElementwiseFunction:
-    """The largest terms (rows,) of polynomials in a step, (coefficients, one row after the other; length)."""
-    c, h = ca.SX.sym("c", orders, rows), ca.SX.sym("h")
-    powers = ca.vertcat(1, *accumulate([h] * (orders - 1), lambda power, h: power * h))
-    terms = ca.vertcat(*(ca.mmax(ca.fabs(row * powers)) for row in ca.horzsplit(c)))
-    return ElementwiseFunction(ca.Function("largest_terms", [ca.vec(c), h], [terms]))
+    """A power beyond the last one, and the largest terms (rows,) of polynomials in a step, (coefficients, one row after
+    the other; length)."""
+    before, c, h = (ca.SX.sym(name, count) for name, count in (("before", 1 + rows), ("c", rows), ("h", 1)))
+    after = ca.vertcat(before[0] * h, ca.fmax(before[1:], ca.fabs(c * before[0])))
+    step = ca.Function("largest", [before, ca.SX(0, 1), c, h], [after])
+    return repeated(step, [1.0] + [0.0] * rows, np.empty((orders, 0)), columns=rows)

@@ -10,7 +10,7 @@ from ..flow import Trajectories, flow_of
 from ..model import Model, Phase
 from ..numerics import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..shooting import EPS, Cycles, vectors
-from ..symbolic import ElementwiseFunction, cached
+from ..symbolic import ElementwiseFunction, cached, repeated
 
 
 @cached
@@ -40,12 +40,13 @@ def _works(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> Ele
     """The work of an energy gradient on straight lines, and the largest values (n,) of its components there, (start,
     end, parameters with the data of a piece)."""
     at = gradients(phase, gradient, parameters).function
-    start, p = at.sx_in()
-    end = ca.SX.sym("end", start.numel())
-    rates = ca.horzcat(*[at(start + place * (end - start), p) for place in GAUSS_PLACES.tolist()])
-    work = ca.dot(rates @ ca.DM(GAUSS_WEIGHTS), end - start)
-    largest = ca.vertcat(*(ca.mmax(ca.fabs(row)) for row in ca.vertsplit(rates)))
-    return ElementwiseFunction(ca.Function("works", [start, end, p], [work, largest]))
+    before, place = ca.SX.sym("before", 1 + at.numel_in(0)), ca.SX.sym("place", 2)
+    (start, p), end = at.sx_in(), ca.SX.sym("end", at.numel_in(0))
+    rates = at(start + place[0] * (end - start), p)
+    work = before[0] + place[1] * ca.dot(rates, end - start)
+    after = ca.vertcat(work, ca.fmax(before[1:], ca.fabs(rates)))
+    step = ca.Function("works", [before, place, start, end, p], [after])
+    return repeated(step, [0.0] * before.numel(), np.column_stack([GAUSS_PLACES, GAUSS_WEIGHTS]))
 
 
 def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -> tuple[Any, ...]:
@@ -56,7 +57,8 @@ def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -
     flow = flow_of(phase, names)
     data, states = flow.mesh_data(motions, vectors(p, len(motions))), motions.coefficients[:, : flow.size, 0]
     ends = motions.step_ends[:, : flow.size]
-    works, rates = _works(phase, gradient, names)(states, ends, data)
+    (found,) = _works(phase, gradient, names)(states, ends, data)
+    works, rates = found[:, :1], found[:, 1:]
     off = EPS * np.maximum(np.abs(states), np.abs(ends))
     if motions.coefficients.shape[2] > (
         order := flow.vector_field.order

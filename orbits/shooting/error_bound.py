@@ -10,7 +10,7 @@ from numpy import ndarray
 from ..errors import NoOrbit
 from ..flow import Flow, Trajectories, Trajectory, runge_kutta_step, symbolic_powers
 from ..numerics import GAUSS_PLACES, GAUSS_WEIGHTS, powers, solve
-from ..symbolic import ElementwiseFunction, Kernel, cached
+from ..symbolic import ElementwiseFunction, Kernel, cached, repeated
 from ..units import UNKNOWNS, Message, Quantity
 from .single_shooting import Evaluation, Shooting, relative
 
@@ -226,15 +226,10 @@ def _rounded_pieces(equations: Shooting, ps: ndarray, evaluation: Evaluation, we
 @cached
 def _size_of_pieces(flow: Flow) -> ElementwiseFunction:
     """The mean over steps of the terms of the rates by the data of a piece, each by its size; arguments as of
-    `_mean_rates`."""
-    c, h, p, states = _states_in_steps(flow)
-    field, count = flow.vector_field, len(flow.parameters)
-    data = p[count:]
-    terms = ca.Function("terms", [field.x, p], [ca.jacobian(field.field(field.x, p)[0], p)[:, count:] @ ca.diag(data)])
-    sizes = [ca.sum2(ca.fabs(terms(state.T, p))) for state in ca.vertsplit(states)]
-    return ElementwiseFunction(
-        ca.Function("size_of_pieces", [ca.vec(c), h, p], [ca.densify(ca.horzcat(*sizes) @ ca.DM(GAUSS_WEIGHTS))])
-    )
+    `_mean_of`."""
+    field, data = flow.vector_field, flow.vector_field.p[len(flow.parameters) :]
+    slopes = ca.jacobian(field.field(field.x, field.p)[0], data)
+    return _mean_of(flow, ca.sum2(ca.fabs(slopes @ ca.diag(data))))
 
 
 def _moves_by_defects(flow: Flow, motions: Trajectories, ps: ndarray, back: ndarray) -> ndarray:
@@ -247,21 +242,21 @@ def _moves_by_defects(flow: Flow, motions: Trajectories, ps: ndarray, back: ndar
 
 @cached
 def _mean_rates(flow: Flow) -> ElementwiseFunction:
-    """The mean of a field over steps, by Gauss's rule, (coefficients of the states, one state after the other, length,
-    parameters with the data of the piece)."""
-    c, h, p, states = _states_in_steps(flow)
-    rates = [flow.vector_field.field(state.T, p)[0] for state in ca.vertsplit(states)]
-    mean = ca.horzcat(*rates) @ ca.DM(GAUSS_WEIGHTS)
-    return ElementwiseFunction(ca.Function("mean_rates", [ca.vec(c), h, p], [mean]))
+    """The mean of a field over steps; arguments as of `_mean_of`."""
+    return _mean_of(flow, flow.vector_field.field(flow.vector_field.x, flow.vector_field.p)[0])
 
 
-def _states_in_steps(flow: Flow) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-    """Symbols of a step's coefficients, its length and the flow's parameters with data, and states (k, n) at Gauss's
-    places in it."""
-    order, h = flow.vector_field.order, ca.SX.sym("h")
-    c = ca.SX.sym("c", order + 1, flow.size)
-    states = ca.DM(powers(GAUSS_PLACES, order + 1)) @ ca.diag(symbolic_powers(h, order)) @ c
-    return c, h, flow.vector_field.p, states
+def _mean_of(flow: Flow, expression: ca.SX) -> ElementwiseFunction:
+    """The mean over steps, by Gauss's rule, of an expression (k,) of the state and the parameters with data,
+    (coefficients of the states, one state after the other, length, parameters with the data of the piece)."""
+    field, size = flow.vector_field, flow.vector_field.order + 1
+    before, place, h = (ca.SX.sym(name, count) for name, count in zip("bth", (expression.numel(), 2, 1), strict=True))
+    c, states = ca.SX.sym("c", size, flow.size), ca.SX(1, flow.size)
+    for k in reversed(range(size)):
+        states = states * (place[0] * h) + c[k, :]
+    after = before + place[1] * ca.Function("at", [field.x, field.p], [expression])(states.T, field.p)
+    step = ca.Function("mean", [before, place, ca.vec(c), h, field.p], [ca.densify(after)])
+    return repeated(step, [0.0] * expression.numel(), np.column_stack([GAUSS_PLACES, GAUSS_WEIGHTS]))
 
 
 def _end_by_another_method(flow: Flow, start: ndarray, p: ndarray, path: Trajectory) -> ndarray:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .machine_code import CodedFunction, Compiled, compiled_here, receive
     from .quadratic_models import QuadraticModels, Weights
     from .recursion import applied
+    from .repeated_steps import repeated
     from .series_loops import VariationSeries, room_of_series
     from .sympy_formulas import abridged, formula_of, name_of_parameter, sympy_package
     from .taylor_series import (

@@ -15,8 +15,8 @@ import numpy as np
 from ..running import LOCK, apart, interrupts, threads
 from .caches import weigh
 from .calls import BufferedFunction, MappedFunction, with_common_parts
-from .machine_code import CODE, NO_MACHINE_CODE, CodedFunction, MachineCode, coded, say_interpreted, target
-from .vector_code import VECTORS
+from .machine_code import CODE, NO_MACHINE_CODE, CodedFunction, MachineCode, coded, in_use, say_interpreted, target
+from .vector_code import VECTORS, VectorCode
 
 
 class KernelOptions(NamedTuple):
@@ -102,8 +102,10 @@ class Kernel:
         then has tables (m, rows size), or (1, rows size) for all points, whose rows follow each other
     """
 
-    def __init__(self, function: ca.Function | CodedFunction, row_entry: int | None = None):
-        self.row_entry = row_entry
+    def __init__(
+        self, function: ca.Function | CodedFunction, row_entry: int | None = None, loop: CodedFunction | None = None
+    ):
+        self.row_entry, self._loop = row_entry, loop
         self.function: Any = None
         if isinstance(function, CodedFunction):
             own = self.source = function
@@ -142,13 +144,17 @@ class Kernel:
         """The machine code for some iterations at known cost, None where they are to be interpreted."""
         if self._code is None:
             self.interpretation_budget -= iterations * self.seconds_per_step
-            if self.interpretation_budget < 0:
+            if self.interpretation_budget < 0 or (self._loop and in_use()):
                 self.compile()
         return self._code
 
     def _make_code(self) -> None:
         if target():
-            source = coded(with_common_parts(self.function)) if self.function else self.source
+            source = self.source
+            if self._loop:
+                source = _of_kernel(self._loop)
+            elif self.function:
+                source = coded(with_common_parts(self.function))
             try:
                 self._code = MachineCode(source, self.row_entry)
                 weigh([], 2 * len(self._code.compiled))
@@ -321,13 +327,16 @@ class ElementwiseFunction(MappedFunction):
     """An SX function of vectors at several points: arguments (m, size) make results (m, rows).
 
     As in a `Kernel` it is interpreted at first, and then machine code works on several points side by side.
+
+    loop : code that does the same in a loop, which takes little time to compile: it is made at once where machine code
+        is in use
     """
 
-    def __init__(self, function: ca.Function):
+    def __init__(self, function: ca.Function, loop: CodedFunction | None = None):
         symbols, nothing = function.sx_in(), ca.SX.sym("z", 0)
         results = [ca.densify(result) for result in function.call(symbols)]
         super().__init__(ca.Function("dense", symbols, results))
-        self.kernel = Kernel(ca.Function("elementwise", [nothing, *symbols], [nothing, *results, 1, 0]))
+        self.kernel = Kernel(ca.Function("elementwise", [nothing, *symbols], [nothing, *results, 1, 0]), loop=loop)
 
     def __call__(self, *arguments: np.ndarray) -> list[np.ndarray]:
         """Results of each point; an argument (1, size) is shared by all points."""
@@ -346,3 +355,12 @@ class ElementwiseFunction(MappedFunction):
         strides = [array.shape[-1] if len(array) == count > 1 else 0 for array in arrays[:-1]]
         code.run(pointers, (ctypes.c_int64 * len(arrays))(*strides), count)
         return results
+
+
+def _of_kernel(function: CodedFunction) -> CodedFunction:
+    """The code of a function as that of a kernel that iterates nothing."""
+
+    def append(code: VectorCode, arguments: Sequence[Sequence[Any]]) -> list[Sequence[Any]]:
+        return [[], *function.append(code, arguments[1:]), [code.splat(1)], [code.splat(0)]]
+
+    return CodedFunction([0, *function.sizes_in], [0, *function.sizes_out, 1, 1], append)

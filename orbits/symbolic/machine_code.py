@@ -134,6 +134,11 @@ class MachineCode:
 _in_use = WeakSet[MachineCode]()
 
 
+def in_use() -> bool:
+    """Whether machine code is in use in this process."""
+    return bool(_in_use)
+
+
 def compiled_here() -> Compiled:
     """The machine code that is in use in this process, for other processes of the same machine."""
     return {code.key: code.compiled for code in list(_in_use)}

@@ -7,7 +7,7 @@ those of CasADi's virtual machine; series and polynomials use fused products and
 import ctypes
 import os
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import chain
@@ -252,11 +252,11 @@ class VectorCode:
         self.reserved += count
         return self.reserved - count
 
-    def table(self, numbers: Sequence[float]) -> int:
+    def table(self, numbers: Iterable[float]) -> int:
         """The first place of constants in the scratch memory."""
         if (key := tuple(numbers)) not in self._tables:
-            first = self._tables[key] = self.reserve(len(numbers))
-            for place, number in enumerate(numbers, start=first):
+            first = self._tables[key] = self.reserve(len(key))
+            for place, number in enumerate(key, start=first):
                 self.entry.append(f"%t{place} = getelementptr {self.vector}, ptr %scratch, i64 {place}")
                 self.entry.append(f"store {self.vector} {self.splat(number)}, ptr %t{place}")
         return self._tables[key]
