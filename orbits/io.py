@@ -1,14 +1,12 @@
 """Files: names to write to checked, results as JSON, documents read and checked against their types, and versions; and
 the one line that describes a result."""
 
-import csv
 import errno
 import hashlib
 import json
 import logging
 import math
 import os
-import shutil
 import stat
 import threading
 from collections import Counter
@@ -18,7 +16,6 @@ from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from subprocess import CalledProcessError
 from types import NoneType, UnionType
 from typing import Any, BinaryIO, TypeAlias, TypeVar, get_args, get_origin, get_type_hints, is_typeddict
 
@@ -173,6 +170,8 @@ def has_digest(document: object, path: str | Path) -> bool:
 
 def write_table(names: Sequence[str], rows: Iterable[Sequence], path: str | Path, what: str) -> Path:
     """Write a CSV file of named columns, floats with all their digits; the others as in `write_json`."""
+    import csv  # as below, what few runs need
+
     path = Path(path)
     with writing(what, path) as target, open(target, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
@@ -184,6 +183,8 @@ def write_table(names: Sequence[str], rows: Iterable[Sequence], path: str | Path
 @contextmanager
 def refusing(what: str, path: str | Path) -> Iterator[None]:
     """Where a file is written: a failure, or a name that no file can have, is an `InputError` about `what` it is."""
+    from subprocess import CalledProcessError
+
     try:
         yield
     except InputError:
@@ -202,6 +203,8 @@ def remedy(other: str, error: Exception, full: bool = False) -> str:
 
 def _is_full(path: Path) -> bool:
     """Whether a file's disk is as good as full, which the writers of NetCDF report as another error."""
+    import shutil
+
     with suppress(OSError):
         disk = shutil.disk_usage(path.parent)  # what is no disk, as /proc, has a total of 0
         return disk.total > 0 and disk.free < 64 * 1024

@@ -4,13 +4,11 @@ The room `show`, which draws results, stands above all of them: `shown` is the o
 drawn.
 """
 
-import base64
 import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cached_property, partial
-from html import escape
 from importlib import import_module
 from io import BytesIO
 from operator import attrgetter
@@ -38,7 +36,7 @@ from .io import (
 )
 from .model import Machine, machine_in_words
 from .running import check_report
-from .tables import DIGITS, html_table, number_text, text_table
+from .tables import DIGITS, escaped, html_table, number_text, text_table
 from .units import UNIT_TEXTS
 
 # A `matplotlib.axes.Axes`. The import waits until something is drawn, and its types differ between versions.
@@ -402,14 +400,16 @@ def cell(
     notes : texts below the table
     """
     table = html_table(without_middle(rows), "", heads) if rows else ""
-    table += "".join(f'<p style="{NOTE}">{escape(note)}</p>' for note in notes)
+    table += "".join(f'<p style="{NOTE}">{escaped(note)}</p>' for note in notes)
     words = f'<div style="flex:0 1 auto;max-width:100%;overflow-x:auto">{table}</div>'
     beside = f'<div style="{SIDE_BY_SIDE}">{words}{_picture(title, draw) if draw else ""}</div>'
-    return f'<div><p style="{TITLE}">{escape(title)}</p>{beside}</div>'
+    return f'<div><p style="{TITLE}">{escaped(title)}</p>{beside}</div>'
 
 
 def _picture(title: str, draw: Callable[..., Any]) -> str:
     """The picture as a PNG within the page, or in words why there is none."""
+    import base64
+
     try:
         plot = shown("plot")
         with plot.off_screen():
@@ -417,9 +417,9 @@ def _picture(title: str, draw: Callable[..., Any]) -> str:
         data = base64.b64encode(_small_png(axes.figure)).decode("ascii")
     except Exception as error:  # the table is worth showing without its picture
         reason = str(error) or type(error).__name__
-        return f'<p style="{NOTE}">no picture: {escape(reason)}</p>'
+        return f'<p style="{NOTE}">no picture: {escaped(reason)}</p>'
     style = "flex:1 1 300px;min-width:0;max-width:600px;width:100%;height:auto"
-    return f'<img alt="{escape(title)}" style="{style}" src="data:image/png;base64,{data}">'
+    return f'<img alt="{escaped(title)}" style="{style}" src="data:image/png;base64,{data}">'
 
 
 def _small_png(figure: Any) -> bytes:

@@ -1,7 +1,6 @@
 """Tables of results as text and as HTML: names, numbers with their units, and words."""
 
 from collections.abc import Mapping, Sequence
-from html import escape
 from typing import Any
 
 # Rows of this name say in words what makes an orbit no motion.
@@ -47,6 +46,13 @@ def text_table(rows: Sequence[Sequence[str]], heads: Sequence[str] = ()) -> list
     return ["  " + "  ".join(line).rstrip() for line in lines]
 
 
+def escaped(text: str) -> str:
+    """A text as HTML shows it."""
+    from html import escape
+
+    return escape(text)
+
+
 def html_table(rows: Sequence[Sequence[str]], title: str, heads: Sequence[str] = ()) -> str:
     """Rows of texts as a table in HTML with its title, if any, above; the first text of a row is its heading.
 
@@ -54,12 +60,12 @@ def html_table(rows: Sequence[Sequence[str]], title: str, heads: Sequence[str] =
 
     Every text is escaped.
     """
-    above = "".join(f'<th scope="col" style="{NAME_CELL};font-weight:600">{escape(text)}</th>' for text in heads)
+    above = "".join(f'<th scope="col" style="{NAME_CELL};font-weight:600">{escaped(text)}</th>' for text in heads)
     lines, style = [f'<table style="{TABLE}">'], NUMBER_CELL if heads else VALUE_CELL
     if title:
-        lines.append(f'<caption style="{CAPTION}">{escape(title)}</caption>')
+        lines.append(f'<caption style="{CAPTION}">{escaped(title)}</caption>')
     lines.append(f"<thead><tr>{above}</tr></thead><tbody>" if heads else "<tbody>")
     for name, *values in rows:
-        cells = "".join(f'<td style="{style}">{escape(text)}</td>' for text in values)
-        lines.append(f'<tr><th scope="row" style="{NAME_CELL}">{escape(name)}</th>{cells}</tr>')
+        cells = "".join(f'<td style="{style}">{escaped(text)}</td>' for text in values)
+        lines.append(f'<tr><th scope="row" style="{NAME_CELL}">{escaped(name)}</th>{cells}</tr>')
     return "".join([*lines, "</tbody></table>"])

@@ -10,7 +10,6 @@ import os
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cached_property, partial, wraps
 from types import MethodType
@@ -70,6 +69,8 @@ def in_threads(function: Callable[[_T], _R], items: Sequence[_T]) -> list[_R]:
     thread has, except where they are `apart`."""
     if (workers := min(threads(), len(items))) < 2:
         return [function(item) for item in items]
+    from concurrent.futures import ThreadPoolExecutor
+
     turns, ended = threading.Condition(LOCK), []
 
     def one(item: _T) -> _R:

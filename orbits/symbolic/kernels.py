@@ -4,8 +4,7 @@ interpreted until this has taken as long as to compile it."""
 import ctypes
 import threading
 from collections.abc import Sequence
-from concurrent import futures
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from itertools import accumulate, pairwise
 from typing import Any, NamedTuple
 
@@ -88,6 +87,15 @@ class _OnePoint:
             memory[:] = array[0]
         self.ends[:] = ends
         code.run(self._pointers, self._strides, 1)
+
+
+def _threads(workers: int) -> AbstractContextManager[Any]:
+    """The threads that share points, None for one."""
+    if workers < 2:
+        return nullcontext()
+    from concurrent.futures import ThreadPoolExecutor
+
+    return ThreadPoolExecutor(workers)
 
 
 class Kernel:
@@ -297,7 +305,7 @@ class Kernel:
             return records
 
         parts = []
-        with futures.ThreadPoolExecutor(workers) if workers > 1 else nullcontext() as pool:
+        with _threads(workers) as pool:
             for records in (pool.map if pool else map)(run, firsts):
                 parts.append(records)
                 interrupts.heed()

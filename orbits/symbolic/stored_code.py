@@ -8,7 +8,6 @@ another folder; where it is empty or `off` nothing is kept.
 
 import hashlib
 import os
-import tempfile
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -66,6 +65,8 @@ def load(key: bytes) -> bytes:
 
 def keep(key: bytes, code: bytes) -> None:
     """Keep code for the next process, where that is possible."""
+    import tempfile
+
     if (path := folder()) is None:
         return
     with suppress(OSError):

@@ -144,9 +144,11 @@ def file_option(flag: str, kind: str, text: str) -> Callable:
 
 
 def _checked_folder(context: Any, parameter: Any, folder: str | None) -> str | None:
+    if folder is None:
+        return None
     from orbits.show import check_folder
 
-    return folder if folder is None else str(check_folder(folder))
+    return str(check_folder(folder))
 
 
 export_option = click.option(
@@ -163,9 +165,10 @@ def write(
 ) -> None:  # fmt: skip
     """Write the requested files, and print the result as one JSON document or in words."""
     from orbits.io import to_json
-    from orbits.show import save_figure
 
     if plot is not None:
+        from orbits.show import save_figure
+
         save_figure(result.plot(), plot)
     if animate is not None:
         with progress("drawing") as report:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -15,7 +15,8 @@ from orbits.result import Axes, Result, Row, shown
 from orbits.running import exclusive
 from orbits.symbolic import MappedFunction, parse
 
-from ..recordings import SMOOTHING, BenchRecord, MeasuredRows, SmoothCurves, choose, read_record
+if TYPE_CHECKING:
+    from ..recordings import BenchRecord, MeasuredRows
 
 
 class FitOptions(NamedTuple):
@@ -155,6 +156,8 @@ def fit(
     >>> {name: round(value, 6) for name, value in found.parameters.items()}
     {'b': 0.3, 'k': 1.0}
     """
+    from ..recordings import read_record
+
     text, own = _formula_of(formula)
     if not isinstance(start, Mapping | None):
         raise InputError(f"start = {start!r}; it maps names of parameters to values near them")
@@ -208,10 +211,12 @@ def _formula_of(formula: str | Law) -> tuple[str, dict[str, float]]:
 
 
 def _weighted_rows(
-    record: BenchRecord, branch: str | None, cycle: int | str | None, noise: Any
-) -> tuple[MeasuredRows, np.ndarray, float | None, str]:
+    record: "BenchRecord", branch: str | None, cycle: int | str | None, noise: Any
+) -> tuple["MeasuredRows", np.ndarray, float | None, str]:
     """The rows on a branch, what they drift, the standard deviation of one of weight 1 if it is stated, and which rows
     they are in words."""
+    from ..recordings import MeasuredRows, choose
+
     try:
         stated = None if noise is None else np.asarray(noise, dtype=float)
     except (TypeError, ValueError, OverflowError):
@@ -235,7 +240,7 @@ def _weighted_rows(
 class _Model:
     """Weighted residuals of a formula at measured rows, with their derivatives."""
 
-    def __init__(self, text: str, names: Sequence[str], rows: MeasuredRows):
+    def __init__(self, text: str, names: Sequence[str], rows: "MeasuredRows"):
         self.names, self.rows, self.root = names, rows, np.sqrt(rows.weights)
         self.are_linear, self.function = _with_slopes(text, tuple(names))
 
@@ -338,8 +343,10 @@ def _with_slopes(text: str, names: tuple[str, ...]) -> tuple[np.ndarray, Callabl
     return np.isin(np.arange(len(names)), linear), MappedFunction(ca.Function("formula", [r, p], results))
 
 
-def _lack_of_fit(rows: MeasuredRows, spread: float, freedom: int, stated: float | None) -> str:
+def _lack_of_fit(rows: "MeasuredRows", spread: float, freedom: int, stated: float | None) -> str:
     """In words, where residuals of this spread and number of independent ones are far larger than the rows' noise."""
+    from ..recordings import SMOOTHING, SmoothCurves
+
     noise, known, words = stated, np.inf, "the stated noise"
     if noise is None:
         count = len(rows.extensions) + rows.spare

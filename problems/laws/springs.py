@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import lru_cache, partial
 from keyword import iskeyword
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,9 +30,11 @@ from orbits.laws import (
 )
 from orbits.symbolic import suggest
 
-from ..recordings import BenchRecord, SmoothCurve, choose, curve_of, read_record, with_drifts
 from . import loops
 from .fitting import fit as fit
+
+if TYPE_CHECKING:
+    from ..recordings import BenchRecord, SmoothCurve
 
 # A sample to try tables with: a leg's spring in mm and N, with noise as from a bench.
 SAMPLE = Path(__file__).with_name("leg_spring.csv")
@@ -228,6 +230,8 @@ def table(
     >>> float(law(1.0)), law.range()
     (1.2, (-2.0, 2.0))
     """
+    from ..recordings import read_record
+
     record = read_record(source, in_si, columns, units)
     law = _measured(record, branch, cycle, noise, scale, shift)
     whole = branch is None or scale or shift
@@ -235,10 +239,12 @@ def table(
 
 
 def _measured(
-    record: BenchRecord, branch: str | None, cycle: int | str | None, noise: float | None,
+    record: "BenchRecord", branch: str | None, cycle: int | str | None, noise: float | None,
     scale: str | None = None, shift: str | None = None,
 ) -> Law:  # fmt: skip
     """The law of a branch of a record."""
+    from ..recordings import choose, curve_of, with_drifts
+
     if noise is not None and number("noise", noise, high=1e100) < 0:
         raise InputError(f"noise = {noise:g} is below 0; it is the standard deviation of a row's force")
     chosen = choose(record, branch, cycle)
@@ -317,11 +323,15 @@ def loop(
     >>> float(law.extending(0.0)), float(law.shortening(0.0))
     (0.2, -0.2)
     """
+    from ..recordings import read_record
+
     return _loop_of(read_record(source, in_si, columns, units), cycle, noise)
 
 
-def _loop_of(record: BenchRecord, cycle: int | str | None, noise: float | None) -> HystereticLaw:
+def _loop_of(record: "BenchRecord", cycle: int | str | None, noise: float | None) -> HystereticLaw:
     """The loop of a record."""
+    from ..recordings import choose
+
     branches = [_measured(record, name, cycle, noise) for name in ("loading", "unloading")]
     lows, highs = zip(*(law.range() for law in branches), strict=True)
     low, high = max(lows), min(highs)
@@ -431,7 +441,7 @@ def _piece_expression(x, p, q):
     return c0 + r * (c1 + c2 * r + square * (c3 + c4 * r + c5 * square))
 
 
-def _table_pieces(curve: SmoothCurve) -> tuple[bytes, LawPieces]:
+def _table_pieces(curve: "SmoothCurve") -> tuple[bytes, LawPieces]:
     """The nodes of a table's law in bytes, and its pieces, with the noise of its rows."""
     nodes, x = _nodes_of_table(*curve[:4]), curve.extensions.tobytes()
     pieces = LawPieces(7, _quintic_table(x, _quintic_pieces(nodes).tobytes()))
