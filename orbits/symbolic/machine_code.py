@@ -207,6 +207,7 @@ class _Iteration(VectorCode):
         """The loop over iterations, which ends when no lane is alive; bounded are records and iterations. Of a `table`
         that each lane has, with the entry of z that states its row and the length of its rows, a row is data."""
         self.do("br label %step", "step:")
+        self.alive = "%alive"
         z = [f"%z{j}" for j in range(len(start))]
         self.do(*(f"%z{j} = phi {self.vector} [{value}, %block], [%n{j}, %go]" for j, value in enumerate(start)))
         kinds = {"alive": self.masks, "went": self.masks, "taken": self.indices, "tried": self.indices}

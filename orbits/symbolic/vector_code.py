@@ -78,6 +78,7 @@ class VectorCode:
         self.functions: list[str] = []  # others, which the code calls
         self.entry: list[str] = []  # what the code does once
         self.reserved = 0  # vectors of scratch memory, at %scratch
+        self.alive = "splat (i1 1)"  # the mask of the lanes that are not done
         self._tables: dict[tuple[float, ...], int] = {}
 
     def __call__(self, text: str) -> str:
@@ -238,6 +239,10 @@ class VectorCode:
     def any(self, mask: str) -> str:
         """Whether a mask has a lane."""
         return self(f"icmp ne i{self.lanes} {self(f'bitcast {self.masks} {mask} to i{self.lanes}')}, 0")
+
+    def none(self, mask: str) -> str:
+        """All lanes where a mask has none, else no lane."""
+        return self(f"select i1 {self.any(mask)}, {self.masks} zeroinitializer, {self.masks} splat (i1 1)")
 
     def if_any(self, mask: str, number: int) -> str:
         """A whole number where a mask has a lane, else 0."""
