@@ -104,8 +104,8 @@ def _watching_kernel(
         (change,), signs, (turned,) = code.graph(may_change, [*terms, [fresh.name], orders, before])
         largest = abs(number(moved.after[0])).largest(*(abs(number(each)) for each in moved.after[1 : stepper.n]))
         inside = moved.counts & (largest < FLOW_CONTROL.runaway)
-        # A lane that may have an event waits, and takes this step again, until all others have one or are done: a search
-        # of one lane takes as long as one of all.
+        # A lane that may have an event waits, and takes this step again, until all others have one or are done: a
+        # search of one lane takes as long as one of all.
         may, length = inside & (number(change) > 0.0), number(moved.length[0])
         found = may & Mask(code, code.none((Mask(code, code.alive) & ~may).name))
         waits = may & ~found

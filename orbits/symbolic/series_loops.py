@@ -16,7 +16,6 @@ class LoopOptions(NamedTuple):
 
     # Up to this many columns are found together with the solution, more of them one after the other, in less code.
     together: int = 4
-    parts: int = 4  # of a sum, a power of 2
 
 
 LOOPS = LoopOptions()
@@ -39,7 +38,8 @@ class LoopCode:
         orders = range(order + 2)
         self._orders = code.table([float(k) for k in orders])
         self._inverses = code.table([1 / max(k, 1) for k in orders])
-        self._even = code.table([float(k % 2 == 0) for k in orders])
+        # The pairs of series whose sums are needed, with those begun of two orders, of which the first is `_first`.
+        self._pairs, self._first = dict[tuple[int | str, int | str], list[str]](), ""
 
     def number(self, value: float) -> str:
         """A number as a value."""
@@ -53,13 +53,13 @@ class LoopCode:
         """A new series."""
         return self.code.reserve(self.stride)
 
-    def at(self, series: int, k: str | int) -> str:
-        """The pointer to coefficient k of a series."""
-        if isinstance(k, int):
+    def at(self, series: int | str, k: str | int) -> str:
+        """The pointer to coefficient k of a series, which may be a pointer too."""
+        if isinstance(series, int) and isinstance(k, int):
             return self.code.place(series + k)
-        return self.code.offset(self.code.place(series), k)
+        return self.code.offset(self.code.place(series) if isinstance(series, int) else series, k)
 
-    def get(self, series: int, k: str | int) -> str:
+    def get(self, series: int | str, k: str | int) -> str:
         """Coefficient k of a series."""
         return self.code.get(self.at(series, k))
 
@@ -88,58 +88,67 @@ class LoopCode:
         """A value times k."""
         return self.code.times(value, self.get(self._orders, k))
 
-    def convolved(self, pairs: Sequence[tuple[int, int]], low: int, high: str, k: str) -> list[str]:
-        """The sums of a[j] b[k - j] for low <= j <= high, of pairs of series a and b."""
-        kinds = [dict.fromkeys(each) for each in zip(*pairs, strict=True)]
+    def convolved(self, a: int | str, b: int | str, low: int, k: str | int, last: bool = True) -> str:
+        """The sum of a[j] b[k - j] from j = low up to k, or without the last term: what `_begin_pair` has found of it,
+        and the terms with coefficients that have been found since."""
+        code, ends = self.code, [(self.shifted(0, 0), k)] if low == 0 else []
+        if isinstance(k, int):
+            self._pairs.setdefault((a, b), [])
+            total = code.splat(0)
+            ends += [(j, k - j) for j in range(1, k + last)]
+        else:
+            (total, later), second = self._pairs[a, b], k != self._first
+            total = later if second else total
+            before = self.shifted(k, -1)
+            ends += [(1, before), (before, 1)] if second else []
+            ends += [(k, 0)] if last else []
+        for i, j in ends:
+            total = code.fused(self.get(a, i), self.get(b, j), total)
+        return total
 
-        def factors(j: str, back: str) -> list[tuple[str, str]]:
-            firsts, lasts = (
-                {each: self.get(each, at) for each in own} for own, at in zip(kinds, (j, back), strict=True)
-            )
-            return [(firsts[a], lasts[b]) for a, b in pairs]
+    def squared(self, series: int, k: str | int) -> str:
+        """The sum of a[j] a[k - j] for 0 <= j <= k."""
+        return self.convolved(series, series, 0, k)
 
-        return self.summed(low, high, k, factors, len(pairs))
+    def orders_in_pairs(self, last: int, body: Callable[[str | int], None]) -> None:
+        """Do what `body` writes of one order for all orders from 1 to `last`. The sums of two orders are begun
+        together, so that they load each coefficient once."""
+        body(1)
 
-    def summed(
-        self, low: int, high: str, k: str, factors: Callable[[str, str], list[tuple[str, str]]], count: int
-    ) -> list[str]:
-        """`count` sums of products of two factors, which are written for j and k - j, for low <= j <= high. Each sum is
-        made in parts side by side, since a sum waits for each of its terms."""
-        code, parts = self.code, LOOPS.parts
-        number, zero = code.integer("sub", high, low - 1), [code.splat(0)] * count
-        size = code.integer("ashr", number, parts.bit_length() - 1)
+        def each(q: str) -> None:
+            self._begin_pair(first := self.code.integer("shl", q, 1))
+            body(first)
+            body(self.shifted(first, 1))
 
-        def add(j: str, totals: Sequence[str]) -> list[str]:
-            pairs = factors(j, code.integer("sub", k, j))
-            return [code.fused(x, y, total) for (x, y), total in zip(pairs, totals, strict=True)]
+        if last > 2:
+            self.orders(1, (last - 1) // 2, each)
+        if last % 2 == 0:
+            self._begin_pair(first := self.code.integer("add", last, 0))
+            body(first)
 
-        def each_part(j: str, totals: list[str]) -> list[str]:
-            found = list[str]()
-            for part in range(parts):
-                found += add(j, totals[part * count :][:count])
-                j = code.integer("add", j, size)
-            return found
+    def _begin_pair(self, k: str) -> None:
+        """Find the sums of the orders k and k + 1 of all pairs of series as far as coefficients below k go."""
+        code, zero, self._first = self.code, self.code.splat(0), k
+        if not self._pairs:
+            return
+        firsts, seconds = (dict.fromkeys(each) for each in zip(*self._pairs, strict=True))
 
-        found = code.loop(low, code.integer("add", size, low - 1), each_part, zero * parts)
-        sums = found[:count]
-        for part in range(1, parts):
-            sums = [code.plus(*pair) for pair in zip(sums, found[part * count :][:count], strict=True)]
-        rest = code.integer("and", number, parts - 1)
-        for i in range(parts - 1):
-            left = code(f"icmp sgt i64 {rest}, {i}")
-            more = add(code.integer("sub", high, i), sums)
-            sums = [
-                code(f"select i1 {left}, {code.vector} {x}, {code.vector} {y}") for x, y in zip(more, sums, strict=True)
-            ]
-        return sums
+        def add(j: str, before: list[str]) -> list[str]:
+            after = {a: self.get(a, self.shifted(j, 1)) for a in firsts}
+            own, totals = dict(zip(firsts, before, strict=False)), before[len(firsts) :]
+            others = {b: self.get(b, code.integer("sub", k, j)) for b in seconds}
+            for i, (a, b) in enumerate(self._pairs):
+                totals[2 * i] = code.fused(own[a], others[b], totals[2 * i])
+                totals[2 * i + 1] = code.fused(after[a], others[b], totals[2 * i + 1])
+            return [*after.values(), *totals]
 
-    def squared(self, series: int, k: str) -> str:
-        """The sum of a[j] a[k - j] for 0 <= j <= k, of which one half is that of the other."""
-        code, last = self.code, self.code.integer("sub", k, 1)
-        (half,) = self.convolved([(series, series)], 0, code.integer("ashr", last, 1), k)
-        middle = self.get(series, code.integer("ashr", k, 1))
-        alone = code.times(self.get(self._even, k), code.times(middle, middle))
-        return code.fused(code.splat(2), half, alone)
+        start = [*(self.get(a, 1) for a in firsts), *[zero] * (2 * len(self._pairs))]
+        found = code.loop(1, code.integer("sub", k, 2), add, start)
+        for i, (a, b) in enumerate(self._pairs):
+            total, later = found[len(firsts) + 2 * i :][:2]
+            # The last term of the first sum, whose factor of the second sum is not known yet.
+            total = code.fused(found[[*firsts].index(a)], self.get(b, 1), total)
+            self._pairs[a, b] = [total, later]
 
 
 class Coefficients(NamedTuple):
@@ -237,7 +246,7 @@ class VariationSeries:
         self._advance_states(own, places[:n], series.values, 0)
         self._advance_columns(own, series, columns, 0)
 
-        def order(k: str) -> None:
+        def order(k: str | int) -> None:
             now = series.advance(k, [own.get(place, k) for place in places[:n]])
             for place, row, moves in zip(places[n:], followed, moving, strict=True):
                 if moves:
@@ -245,7 +254,7 @@ class VariationSeries:
             self._advance_states(own, places[:n], now, k)
             self._advance_columns(own, series, columns, k)
 
-        own.orders(1, self.order if any(moving) else self.order - 1, order)
+        own.orders_in_pairs(self.order if any(moving) else self.order - 1, order)
         if not together:
             self._one_by_one(own, series, found.columns, dp)
         return found
@@ -260,6 +269,7 @@ class VariationSeries:
     def _one_by_one(self, own: LoopCode, series: Series, first: int, dp: Sequence[str]) -> None:
         """Append the code of the columns in a loop, once the solution is known."""
         code, count = own.code, len(dp) // self.columns
+        own = LoopCode(code, self.order)  # with the sums of the columns alone
         changes = code.reserve(max(1, len(dp)))
         for q, value in enumerate(dp):
             code.put(value, code.place(changes + q))
@@ -270,7 +280,7 @@ class VariationSeries:
             start = code.offset(code.place(first), c, self.n * own.stride)
             each = [self._column(own, series, start, moves)]
             self._advance_columns(own, series, each, 0)
-            own.orders(1, self.order - 1, partial(self._advance_columns, own, series, each))
+            own.orders_in_pairs(self.order - 1, partial(self._advance_columns, own, series, each))
             return []
 
         code.loop(0, self.columns - 1, column)
@@ -312,25 +322,14 @@ class VariationSeries:
     def _changes(self, own: LoopCode, series: Series, columns: Sequence[_Column], k: Any) -> list[dict[int, str]]:
         """Coefficients k of the changes of the nonlinear functions along columns, from those of their arguments."""
         code, slopes = own.code, [(f, *each) for f, found in self.terms.slopes.items() for each in found.items()]
-        moving = [each for each in slopes if each[2] in series.stored]
-        rows, used = (dict.fromkeys(each[i] for each in moving) for i in (2, 1))
-
-        def factors(j: Any, back: Any) -> list[tuple[str, str]]:
-            of_rows = {row: own.get(series.stored[row], j) for row in rows}
-            moved = [{row: code.get(code.offset(each.arguments[row], back)) for row in used} for each in columns]
-            return [(of_rows[row], own_moved[argument]) for own_moved in moved for _, argument, row in moving]
-
-        if k == 0:
-            sums = [code.times(*pair) for pair in factors(0, 0)]
-        else:
-            sums = own.summed(0, k, k, factors, len(columns) * len(moving)) if moving else []
         changes = [dict.fromkeys(self.terms.slopes, own.number(0)) for _ in columns]
-        for c, (each, change) in enumerate(zip(columns, changes, strict=True)):
-            for (f, _, _), total in zip(moving, sums[c * len(moving) :], strict=False):
-                change[f] = code.plus(change[f], total)
-            for f, argument, row in (found for found in slopes if found not in moving):
-                value = code.get(code.offset(each.arguments[argument], k))
-                change[f] = code.fused(series.values[row], value, change[f])
+        for each, change in zip(columns, changes, strict=True):
+            for f, argument, row in slopes:
+                pointer = each.arguments[argument]
+                if row in series.stored and k != 0:
+                    change[f] = code.plus(change[f], own.convolved(series.stored[row], pointer, 0, k))
+                else:
+                    change[f] = code.fused(series.values[row], code.get(code.offset(pointer, k)), change[f])
         return changes
 
     @staticmethod

@@ -54,8 +54,8 @@ class SeriesCode(Protocol):
     def times_order(self, value: Any, k: Any) -> Any:
         """A value times k."""
 
-    def convolved(self, pairs: Sequence[tuple[Any, Any]], low: int, high: Any, k: Any) -> list[Any]:
-        """The sums of a[j] b[k - j] for low <= j <= high, of pairs of series a and b."""
+    def convolved(self, a: Any, b: Any, low: int, k: Any, last: bool = True) -> Any:
+        """The sum of a[j] b[k - j] of two series from j = low, 0 or 1, up to k, or without the last term."""
 
     def squared(self, series: Any, k: Any) -> Any:
         """The sum of a[j] a[k - j] for 0 <= j <= k."""
@@ -145,7 +145,7 @@ class Series:
             argument, slope = self.recursion.integrals[row]
             if not self.recursion.degrees[slope]:
                 return code.operation(ca.OP_MUL, [values[slope], now[argument]])
-            (total,) = code.convolved([(self.multiples[argument], stored[slope])], 1, k, k)
+            total = code.convolved(self.multiples[argument], stored[slope], 1, k)
             return code.operation(ca.OP_MUL, [total, code.over(k)])
         a, b = places[0], places[-1]
         if op == ca.OP_NEG:
@@ -158,20 +158,19 @@ class Series:
             return code.operation(op, [now[a], now[b]])
         if op == ca.OP_MUL:
             if a in now and b in now:
-                return code.squared(stored[a], k) if a == b else code.convolved([(stored[a], stored[b])], 0, k, k)[0]
+                return code.squared(stored[a], k) if a == b else code.convolved(stored[a], stored[b], 0, k)
             return code.operation(op, [now[a], values[b]] if a in now else [values[a], now[b]])
         if op == ca.OP_DIV:
             if b not in now:
                 return code.operation(op, [now[a], values[b]])
-            (total,) = code.convolved([(stored[b], stored[row])], 1, k, k)
+            total = code.convolved(stored[b], stored[row], 1, k)
             left = code.operation(ca.OP_SUB, [now[a], total]) if a in now else code.operation(ca.OP_NEG, [total])
             return code.operation(op, [left, values[b]])
         if op == ca.OP_SQRT:
-            (total,) = code.convolved([(stored[row], stored[row])], 1, code.shifted(k, -1), k)
+            total = code.convolved(stored[row], stored[row], 1, k, last=False)
             twice = code.operation(ca.OP_TWICE, [values[row]])
             return code.operation(ca.OP_DIV, [code.operation(ca.OP_SUB, [now[a], total]), twice])
-        pairs = [(self.multiples[a], stored[row]), (stored[a], stored[row])]
-        weighted, total = code.convolved(pairs, 1, k, k)
+        weighted, total = (code.convolved(each, stored[row], 1, k) for each in (self.multiples[a], stored[a]))
         raised = code.operation(ca.OP_ADD, [values[b], code.number(1)])
         share = code.operation(ca.OP_MUL, [raised, code.over(k)])
         left = code.operation(ca.OP_SUB, [code.operation(ca.OP_MUL, [share, weighted]), total])
@@ -232,9 +231,9 @@ class GraphCode:
         """A value times k."""
         return _times(self.number(k), value)
 
-    def convolved(self, pairs: Sequence[tuple[Columns, Columns]], low: int, high: int, k: int) -> list[ca.SX]:
-        """The sums of a[j] b[k - j] for low <= j <= high."""
-        return [self._convolved(a, b, low, high, k) for a, b in pairs]
+    def convolved(self, a: Columns, b: Columns, low: int, k: int, last: bool = True) -> ca.SX:
+        """The sum of a[j] b[k - j] from j = low up to k, or without the last term."""
+        return self._convolved(a, b, low, k if last else k - 1, k)
 
     def squared(self, series: Columns, k: int) -> ca.SX:
         """The sum of a[j] a[k - j]."""
