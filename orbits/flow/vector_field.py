@@ -48,8 +48,7 @@ class TaylorOptions(NamedTuple):
 TAYLOR = TaylorOptions()
 
 
-@dataclass(frozen=True, kw_only=True)
-class FlowControl:
+class FlowControl(NamedTuple):
     """Bounds on the steps of a motion, by whatever stepper, and how many of them are taken in one call."""
 
     shortest_step: float = 1e-15  # a step shorter than this, relative to the time, is a singularity of the vector field

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from .cycle_shape import relabelled_back
     from .energy_changes import gradients
     from .family_orbits import another_family, family_number, lowest_of_family, solve_family
-    from .find import find, find_all, first_tuned, solve_near, unknowns_of_hop
+    from .find import find, find_all
     from .fold_statement import fold_statement
     from .linear_hops import LinearSearch
     from .loss_coefficient import (
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from .lossless_speeds import lossless_speeds
     from .motion_conditions import STATIONARY
     from .orbit import OTHER_EQUATIONS, Orbit, certificate_in_units, is_orbit_of, orbit_of, start_in_file
+    from .orbit_found import solve_near, unknowns_of_hop
     from .orbits_at_once import certified_near, lowest_orbits, motions_together, orbits_near
     from .parameter_paths import along_ways
     from .quantities import (
@@ -82,5 +83,6 @@ if TYPE_CHECKING:
         tuned_values,
         tuning_of,
     )
+    from .tuned_search import first_tuned
 
 __all__ = [*public_names(__name__)]

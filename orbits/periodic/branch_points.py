@@ -18,8 +18,9 @@ from ..shooting import Shooting, error_bounds, shooting_equations, vector
 from ..symbolic import MappedFunction
 from .branch_statement import BesideVerticalHop, branch_statement, whole_hop_statement
 from .family_orbits import family_number
-from .find import find, unknowns_of_hop, vertical_hop
+from .find import find
 from .orbit import Orbit
+from .orbit_found import unknowns_of_hop, vertical_hop
 from .orbits_at_once import lowest_orbits
 
 

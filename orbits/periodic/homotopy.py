@@ -1,10 +1,10 @@
 """Orbits from guesses: under varying gravity by a homotopy from constant gravity."""
 
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
-from ..curves import Steps
 from ..errors import NoOrbit
 from ..model import Model
 from ..numerics import solve
@@ -14,17 +14,27 @@ from ..units import LIFTOFF_SPEED, Message, Quantity
 from .guess import guess
 from .motion_conditions import count_families
 
-# Where a step of the shortest length is rejected, the family has folded back or ended. A corrector that changes the
-# launch speed or the time by a larger share may have jumped to another orbit.
-STEPS_OF_HOMOTOPY = Steps(first=1.0, longest=1.0, shortest=1e-4, apart=np.inf, moved=0.1)
-# Where the corrector knows no derivative by the homotopy parameter, the tangent is differenced over this share of it: a
-# predictor needs no more digits.
-DIFFERENCE = 1e-5
+
+class HomotopySteps(NamedTuple):
+    """Steps of the homotopy parameter, from 0 to 1."""
+
+    first: float = 1.0
+    # Where a step of the shortest length is rejected, the family has folded back or ended.
+    shortest: float = 1e-4
+    shorter: float = 0.5  # ratio of a step to the rejected one before it
+    lengthen: float = 2.0  # ratio of a step to the accepted one before it
+    moved: float = 0.1  # a corrector that changes the launch speed or the time by more may have jumped to another orbit
+    # Where the corrector knows no derivative by the parameter, the tangent is differenced over this share of it: a
+    # predictor needs no more digits.
+    difference: float = 1e-5
+
+
+STEPS_OF_HOMOTOPY = HomotopySteps()
 
 
 def solve_by_homotopy(
     model: Model, equations: Shooting, correct: Callable, family: int, p: Mapping[str, float],
-    progress: Progress, steps: Steps = STEPS_OF_HOMOTOPY,
+    progress: Progress, steps: HomotopySteps = STEPS_OF_HOMOTOPY,
 ) -> tuple[np.ndarray, Evaluation]:  # fmt: skip
     """The solution (n,) of a model's equations from its guess, and the equations there, by a homotopy parameter from 0
     to 1 by step-size control.
@@ -47,8 +57,8 @@ def solve_by_homotopy(
         if len(unknowns) < evaluation.jacobian.shape[2]:
             slope = evaluation.jacobian[0, :, -1]
         else:
-            ahead = equations.evaluate(u, vector({**p, homotopy: reached + DIFFERENCE}))
-            slope = (ahead.residual - evaluation.residual[0]) / DIFFERENCE
+            ahead = equations.evaluate(u, vector({**p, homotopy: reached + steps.difference}))
+            slope = (ahead.residual - evaluation.residual[0]) / steps.difference
         tangent = solve(evaluation.jacobian[0, :, : len(unknowns)], -slope)
         step = min(step, 1 - reached)
         while True:

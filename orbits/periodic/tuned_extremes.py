@@ -5,8 +5,9 @@ that are.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,8 +23,7 @@ from .quantities import numbers_of
 from .tuned_orbits import METHOD, TUNED, Tuning
 
 
-@dataclass(frozen=True, kw_only=True)
-class TuningSteps:
+class TuningSteps(NamedTuple):
     """Newton's method with differences, in sizes of the parameters.
 
     change : of a parameter, for the differences

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from ..public_names import public_names
 
 if TYPE_CHECKING:
+    from .arc_functions import boundary_functions
     from .division import (
         Division,
         NodedSolution,
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
         vector,
         vectors,
     )
-    from .multiple_shooting import boundary_functions
     from .newton_kernel import NewtonKernel, Solutions, newton_kernel
     from .node_places import DIVISION, growths_along, steady_tangents
     from .single_shooting import NEWTON, Evaluation, Shooting, joined, settles, shooting_equations

@@ -14,7 +14,7 @@ from ..flow import Flow, Trajectories, Trajectory, flow_of
 from ..model import Statement
 from ..numerics import ROOTS, derivative, solve
 from ..symbolic import BufferedFunction, MappedFunction, cached
-from .multiple_shooting import boundary_functions, solve_by_ipopt
+from .arc_functions import boundary_functions
 
 
 class NewtonOptions(NamedTuple):
@@ -379,6 +379,8 @@ class Shooting:
 
         A step that ends on a breakpoint of a piecewise field has a free length, and its node is held on the breakpoint.
         """
+        from .multiple_shooting import solve_by_ipopt  # imports Ipopt
+
         return self.newton(solve_by_ipopt(self, np.asarray(u, float), p), p)  # Ipopt ends at its tolerance
 
 
