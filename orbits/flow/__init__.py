@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from .forces import spring_forces, units_of_springs
     from .phase_field import OUT_OF_LAW
     from .same_motion import is_motion_of
+    from .sign_tests import sign_tests
     from .taylor import TaylorStepper, coefficients_of
     from .trajectory import Trajectories, Trajectory, begins_of_steps
     from .vector_field import FLOW_CONTROL, TAYLOR, rows_used, runge_kutta_step, symbolic_powers

@@ -201,6 +201,15 @@ class StepSeries:
         self.code, self.first, self.rows, self.order, self.stride = code, first, rows, order, order + 2
         self.places = code.reserve(self.stride)  # of the coordinate of the pieces
 
+    @classmethod
+    def of(cls, code: VectorCode, coefficients: Sequence[str], rows: int) -> "StepSeries":
+        """The polynomials with these coefficients, one row after the other."""
+        order = len(coefficients) // rows - 1
+        series = cls(code, code.reserve(rows * (order + 2)), rows, order)
+        for i, value in enumerate(coefficients):
+            code.put(value, code.place(series.first + i + i // (order + 1)))
+        return series
+
     def coefficient(self, row: int, k: int) -> Number:
         """A coefficient."""
         return self.at(self.first + row * self.stride, k)

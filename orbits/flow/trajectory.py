@@ -208,26 +208,36 @@ class Trajectories:
         """The motions of the first rows alone, of these names, without variations."""
         return self.with_rows(self.coefficients[:, : len(names)], names)
 
-    def series(self, quantity: Affine | StateFormula, embed: np.ndarray | None = None) -> np.ndarray:
-        """Coefficients (N, K + 1) of a function of the first rows, or of `embed` (n, rows) times these.
+    def series(
+        self, quantity: Affine | StateFormula, embed: np.ndarray | None = None, steps: np.ndarray | slice = slice(None),
+        orders: int | None = None,
+    ) -> np.ndarray:  # fmt: skip
+        """Coefficients (N, K + 1) of a function of the first rows, or of `embed` (n, rows) times these; of some `steps`
+        alone, and of a number of `orders`.
 
         Weights, offset and values of the function are numbers, or (m,) where they differ between motions.
         """
         if isinstance(quantity, StateFormula):
-            c = self.coefficients
-            return quantity.of(self.owner).series(c if embed is None else embed @ c[:, : embed.shape[1]])
-        offset, varying = np.asarray(quantity.offset), np.ndarray in map(type, quantity.weights)
+            c = self.coefficients[steps, :, :orders]
+            return quantity.of(self.owner[steps]).series(c if embed is None else embed @ c[:, : embed.shape[1]])
+        weights, offset = (each[steps] if len(each) > 1 else each for each in self.of_steps(quantity, embed))
+        first, *others = np.nonzero(weights.any(0))[0].tolist() or [0]
+        values = weights[:, first, None] * self.coefficients[steps, first, :orders]
+        for i in others:  # many times faster than products of small matrices
+            values += weights[:, i, None] * self.coefficients[steps, i, :orders]
+        values[:, 0] += offset
+        return values
+
+    def of_steps(self, quantity: Affine, embed: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """The weights (N, rows) and the offset (N,) of a function, or those of one step where all have the same;
+        arguments as of `series`."""
+        offset, varying = np.atleast_1d(quantity.offset), np.ndarray in map(type, quantity.weights)
         weights = np.array(np.broadcast_arrays(*quantity.weights) if varying else quantity.weights)
         if weights.ndim > 1 and (weights == weights[:, :1]).all():  # products with one number are several times faster
             weights = weights[:, 0]
         weights = weights.T[self.owner] if weights.ndim > 1 else weights[None]
-        weights = weights if embed is None else weights @ embed
-        first, *others = np.nonzero(weights.any(0))[0].tolist() or [0]
-        values = weights[:, first, None] * self.coefficients[:, first]
-        for i in others:  # many times faster than products of small matrices
-            values += weights[:, i, None] * self.coefficients[:, i]
-        values[:, 0] += offset[self.owner] if offset.ndim else offset
-        return values
+        offset = offset[self.owner] if len(offset) > 1 else offset
+        return weights if embed is None else weights @ embed, offset
 
     def largest(self, values: np.ndarray) -> np.ndarray:
         """The largest absolute value (m,) of any of `values` (N, ...) on each motion."""

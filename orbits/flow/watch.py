@@ -17,7 +17,7 @@ from .taylor_step import StepSeries
 from .vector_field import FLOW_CONTROL, TAYLOR, rows_used
 
 # The first terms of a watched function, which are bounded together.
-_HEAD = TAYLOR.bound_degree + 1
+HEAD = TAYLOR.bound_degree + 1
 
 
 class Watched(NamedTuple):
@@ -89,7 +89,7 @@ def _watching_kernel(
     by Bernstein exclusion, its first root is searched there; where it changes it several times, and where only rising
     ones count, this is left to the caller."""
     at, rows, size, count = stepper.places, stepper.rows, len(used), stepper.sizes[1]
-    may_change, events = _may_change_sign(size, opening, turns > 0), size - (turns > 0)
+    may_change, events = may_change_sign(size, opening, turns > 0), size - (turns > 0)
 
     def append(code: VectorCode, arguments: Sequence) -> list:
         z, data, *row = arguments
@@ -99,7 +99,7 @@ def _watching_kernel(
         tested, terms = [], list[list[str]]()
         for i, own in enumerate(used):
             tested.append(([(place, tests[i * rows + place]) for place in own], tests[size * rows + i]))
-            terms += moved.series.terms(*tested[-1], moved.tried, _HEAD + HIGHEST_ORDER * (i < opening))
+            terms += moved.series.terms(*tested[-1], moved.tried, HEAD + HIGHEST_ORDER * (i < opening))
         before, fresh, time = z[at.signs], number(z[at.fresh]), number(z[at.time])
         (change,), signs, (turned,) = code.graph(may_change, [*terms, [fresh.name], orders, before])
         largest = abs(number(moved.after[0])).largest(*(abs(number(each)) for each in moved.after[1 : stepper.n]))
@@ -284,7 +284,7 @@ class _EventSearch:
 
 
 @cached
-def _may_change_sign(size: int, opening: int, counts: bool) -> ca.Function:
+def may_change_sign(size: int, opening: int, counts: bool) -> ca.Function:
     """(of each of the functions the first terms in a step, and the sums of the others and of their sizes; whether the
     motion begins; the orders of zeros at the start, and signs (size,) before) -> whether a function may change its sign
     in the step, the signs after it, and whether that of the last has changed. With `counts` the last function may
@@ -299,14 +299,14 @@ def _may_change_sign(size: int, opening: int, counts: bool) -> ca.Function:
     heads, rests = list[ca.SX](), list[ca.SX]()
     change, after, turned = ca.SX(0), [], ca.SX(0)
     for i in range(size):
-        head, rest = ca.SX.sym("head", _HEAD + HIGHEST_ORDER * (i < opening)), ca.SX.sym("rest", 2)
+        head, rest = ca.SX.sym("head", HEAD + HIGHEST_ORDER * (i < opening)), ca.SX.sym("rest", 2)
         heads.append(head)
         rests.append(rest)
-        order, kept, start = fresh * orders[i] if i < opening else 0, ca.SX(head), head[:_HEAD]
-        for skipped in range(1, head.numel() - _HEAD + 1):
-            start = ca.if_else(order >= skipped, head[skipped : skipped + _HEAD], start)
+        order, kept, start = fresh * orders[i] if i < opening else 0, ca.SX(head), head[:HEAD]
+        for skipped in range(1, head.numel() - HEAD + 1):
+            start = ca.if_else(order >= skipped, head[skipped : skipped + HEAD], start)
             kept[skipped - 1] = ca.if_else(order >= skipped, 0, head[skipped - 1])
-        ends = ca.sum1(kept[:_HEAD]) + rest[0]
+        ends = ca.sum1(kept[:HEAD]) + rest[0]
         begins = ca.if_else(before[i] == 0, start[0], before[i]) >= 0
         after.append(ca.if_else(ends >= 0, 1.0, -1.0))
         if counts and i == size - 1:

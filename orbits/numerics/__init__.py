@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from .exclusion import HIGHEST_ORDER, NEGLIGIBLE, TINY, bernstein_coefficients
     from .hermite import at_level, slopes, through
     from .polynomial_roots import (
+        POLYNOMIALS,
         Crossings,
         PiecewisePolynomials,
         derivative,

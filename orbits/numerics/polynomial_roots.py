@@ -159,7 +159,7 @@ class PiecewisePolynomials:
         which = np.arange(len(self.steps))
         if len(which) > POLYNOMIALS.few_pieces:
             which, self._ends = self._doubtful(orders, rises, by_rate, before)
-        series, steps = self.coefficients[which], self.steps[which]
+        series, steps = self.series(which), self.steps[which]
         if (rated := by_rate[which]).any():
             series[rated, :-1], series[rated, -1] = derivative(series[rated]), 0.0
         series = _without_first_zero(series, orders[which])
@@ -188,18 +188,26 @@ class PiecewisePolynomials:
 
     def _doubtful(self, orders: Array, rises: Array, by_rate: Array, before: Array | None) -> tuple[Array, Array]:
         """The pieces (k,) that may have a root, and the values (m,) at the ends."""
-        found = sign_changes(self.coefficients.shape[1])(
-            self.coefficients, *(each[:, None] for each in (self.steps, orders, by_rate))
-        )
-        begins, ends, changes = (each[:, 0] for each in found)
+        begins, ends, changes = self.signs(orders, by_rate)
         begin, end = begins >= 0, ends >= 0
         start = begin.copy()
         if before is not None:
             start[self.first] = np.where(before == 0, begin[self.first], before > 0)
-        end[:-1], end[self.last] = self._starts(by_rate)[1:] >= 0, end[self.last]
+        end[:-1], end[self.last] = self.starts(by_rate)[1:] >= 0, end[self.last]
         none = (start == begin) & (end == begin) & (changes == 0)
         falls_once = start & begin & ~end & (changes <= 1)
         return (~(none | (rises & falls_once))).nonzero()[0], ends[self.last]
+
+    def series(self, which: Array) -> Array:
+        """The coefficients (k, K + 1) of some pieces (k,), as an array of their own."""
+        return self.coefficients[which]
+
+    def signs(self, orders: Array, by_rate: Array) -> tuple[Array, Array, Array]:
+        """Of each piece (N,), or its rate, without zeros of these orders at its start: values with the signs at its
+        start and its end, and a bound on the changes of sign between them."""
+        rest = (each[:, None] for each in (self.steps, orders, by_rate))
+        begins, ends, changes = sign_changes(self.coefficients.shape[1])(self.coefficients, *rest)
+        return begins[:, 0], ends[:, 0], changes[:, 0]
 
     def _join(self, values: Array, which: Array, by_rate: Array, before: Array | None) -> None:
         """Give the Bernstein coefficients (k, K + 1) of some pieces one sign on both sides of a joint: else rounding
@@ -207,7 +215,7 @@ class PiecewisePolynomials:
         owner = self.owner[which]
         ends = (which == self.last[owner]).nonzero()[0]
         own = values[ends, -1]
-        values[:, -1] = self._starts(by_rate)[np.minimum(which + 1, len(self.steps) - 1)]
+        values[:, -1] = self.starts(by_rate)[np.minimum(which + 1, len(self.steps) - 1)]
         values[ends, -1] = self._ends[owner[ends]] = own
         if before is not None:
             begins = which == self.first[owner]
@@ -218,7 +226,7 @@ class PiecewisePolynomials:
         """Values for all polynomials, or (m,), of each piece (N,)."""
         return values[self.owner] if isinstance(values, np.ndarray) else np.full(len(self.owner), values)
 
-    def _starts(self, by_rate: Array) -> Array:
+    def starts(self, by_rate: Array) -> Array:
         """The values (N,) at the beginnings of the pieces."""
         return self.coefficients[np.arange(len(by_rate)), by_rate.astype(int)]
 

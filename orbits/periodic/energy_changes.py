@@ -67,4 +67,4 @@ def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -
     changes = np.cumsum(works)
     before = np.where(first > 0, changes[first - 1], 0.0)
     largest = motions.largest(changes - before.repeat(motions.counts))
-    return largest, motions.largest((rates * off).sum(1)), (states[first], data[first])
+    return largest, motions.largest(np.einsum("Ni,Ni->N", rates, off)), (states[first], data[first])

@@ -1,36 +1,71 @@
 """Functions on motions with their zeros or stationary points, and their lowest and highest values."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
+from itertools import accumulate, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..flow import Trajectories
-from ..numerics import PiecewisePolynomials, evaluate
+from ..flow import Trajectories, sign_tests
+from ..model import Affine, StateFormula
+from ..numerics import POLYNOMIALS, PiecewisePolynomials, evaluate
 from ..records import NONE
 
 # A stationary point this near to the middle of the motion, as a share of its time, is the middle itself.
 MIDDLE = 1e-7
-# Up to this many polynomials are searched together; of more, the arrays leave the processor's cache.
-MOST_TOGETHER = 6000
+
+
+class Sought(NamedTuple):
+    """A function on m motions, whose stationary points or zeros are sought.
+
+    quantity, embed : as `Trajectories.series` takes them
+    by_rate : whether the zeros of its rate are sought or its own
+    order : of the zero of the searched function at the start of each motion, which is divided out exactly
+    """
+
+    motions: Trajectories
+    quantity: Affine | StateFormula
+    by_rate: bool = True
+    order: int = 0
+    embed: np.ndarray | None = None
+
+    @classmethod
+    def of(cls, motions: Trajectories, series: np.ndarray, by_rate: bool = True, order: int = 0) -> "Sought":
+        """The function with coefficients (N, K + 1)."""
+        return cls(motions.with_rows(series[:, None], ("value",)), Affine((1.0,)), by_rate, order)
+
+    def whole(self) -> "Sought":
+        """The function as a row of its own."""
+        return Sought.of(self.motions, self.series(), self.by_rate, self.order)
+
+    def series(self, steps: np.ndarray | slice = slice(None), orders: int | None = None) -> np.ndarray:
+        """The coefficients (k, K + 1) of some steps (k,), or the first `orders` of them."""
+        return self.motions.series(self.quantity, self.embed, steps, orders)
 
 
 class TurnsAndZeros(NamedTuple):
-    """A function on m motions, as coefficients (N, K + 1), with its zeros or stationary points (r,).
+    """A function on m motions, with its zeros or stationary points (r,).
 
     owner, times : the motion of each place, and the time in that motion
     rising : whether the function, or its rate, rises there
     values, ends : the function at the places (r,) and at the ends of the motions (m,)
+    firsts, lasts : the coefficients (m, K + 1) of the function in the first and the last step of each motion
     """
 
-    motions: Trajectories
-    series: np.ndarray
+    function: Sought
     owner: np.ndarray
     times: np.ndarray
     rising: np.ndarray
     values: np.ndarray
     ends: np.ndarray
+    firsts: np.ndarray
+    lasts: np.ndarray
+
+    @property
+    def motions(self) -> Trajectories:
+        """The motions."""
+        return self.function.motions
 
     def lowest(self, middles: np.ndarray | None = None, sign: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
         """The lowest value (m,) of the function times a sign on each motion, and its time (m,); with `middles`, that of
@@ -39,8 +74,7 @@ class TurnsAndZeros(NamedTuple):
         if ends is None:
             among, starts, ends = np.ones(len(self.owner), bool), each, each
         owner = np.concatenate([self.owner[among], starts, ends])
-        begins = self.series[self.motions.first[starts], 0]
-        values = sign * np.concatenate([self.values[among], begins, self.ends[ends]])
+        values = sign * np.concatenate([self.values[among], self.firsts[starts, 0], self.ends[ends]])
         times = np.concatenate([self.times[among], np.zeros(len(starts)), self.motions.ends[ends]])
         lowest, when = np.full(len(each), NONE), np.zeros(len(each))
         order = np.argsort(-values, kind="stable")  # of several assignments to one motion the last, the lowest, counts
@@ -54,9 +88,9 @@ class TurnsAndZeros(NamedTuple):
 
     def at_ends(self, order: int) -> np.ndarray:
         """The derivative (m,) of this order at the ends of the motions."""
-        size = self.series.shape[1]
+        size = self.lasts.shape[1]
         # The powers of a short step come first: the coefficients of the derivative may be beyond all numbers.
-        terms = self.series[self.motions.last, order:] * self.motions.of_lasts[:, : size - order]
+        terms = self.lasts[:, order:] * self.motions.of_lasts[:, : size - order]
         return terms @ _factors(order, size)
 
 
@@ -66,34 +100,87 @@ def _factors(order: int, size: int) -> np.ndarray:
     return np.prod([np.arange(order - i, size - i) for i in range(order)], axis=0)
 
 
-def turns_and_zeros(sought: Mapping[Any, tuple[Trajectories, np.ndarray, bool, int]]) -> dict[Any, TurnsAndZeros]:
-    """Functions on motions with their zeros or stationary points, which are all found in one search.
+class _Functions(PiecewisePolynomials):
+    """Functions on motions, one after the other. Of many steps the coefficients are made where a zero may be."""
 
-    sought : by name the motions, the function (N, K + 1) on them, whether the zeros of its rate are sought or its own,
-        and the order of the zero of the searched function at the start of each motion, which is divided out exactly
-    """
-    if len(sought) > 1 and sum(len(series) for _, series, *_ in sought.values()) > MOST_TOGETHER:
-        return {name: turns_and_zeros({name: one})[name] for name, one in sought.items()}
-    motions, series, by_rate, orders = zip(*sought.values(), strict=True)
-    firsts = np.cumsum([0, *map(len, motions)])
-    parts = zip(*((each.starts, each.steps, each.counts) for each in motions), strict=True)
-    starts, steps, counts = map(np.concatenate, parts)
-    functions, sizes = np.concatenate(series) if len(series) > 1 else series[0], np.diff(firsts)
-    polynomials = PiecewisePolynomials(functions, steps, counts)
-    order, rate = (np.array(values).repeat(sizes) for values in (orders, by_rate))
+    def __init__(self, functions: Sequence[Sought]):
+        self.functions = functions
+        motions = [each.motions for each in functions]
+        self.begins = np.concatenate([each.starts for each in motions])
+        self.places = np.cumsum([0, *(len(each.starts) for each in motions)])
+        own = (np.concatenate(each) for each in zip(*((each.steps, each.counts) for each in motions), strict=True))
+        few = len(self.begins) <= POLYNOMIALS.few_pieces
+        whole = np.concatenate([each.series() for each in functions]) if few else np.zeros((0, 1))
+        super().__init__(whole, *own)
+
+    def series(self, which: np.ndarray) -> np.ndarray:
+        if len(self.coefficients):
+            return self.coefficients[which]
+        bounds = np.searchsorted(which, self.places).tolist()
+        parts = zip(self.functions, self.places.tolist(), pairwise(bounds), strict=False)
+        return np.concatenate([each.series(which[a:b] - first) for each, first, (a, b) in parts])
+
+    def signs(self, orders: np.ndarray, by_rate: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        if len(self.coefficients):
+            return super().signs(orders, by_rate)
+        found = np.empty((4, len(self.begins)))
+        groups = dict[int, list[int]]()
+        for i, each in enumerate(self.functions):
+            groups.setdefault(id(each.motions), []).append(i)
+        for group in groups.values():
+            tests = _signs([self.functions[i] for i in group])
+            for i, own in zip(group, tests, strict=True):
+                found[:, self.places[i] : self.places[i + 1]] = own
+        self._starts, begins, changes, ends = found
+        return begins, ends, changes
+
+    def starts(self, by_rate: np.ndarray) -> np.ndarray:
+        return super().starts(by_rate) if len(self.coefficients) else self._starts
+
+
+def _signs(functions: Sequence[Sought]) -> np.ndarray:
+    """The `sign_tests` (q, 4, N) of functions on the same motions."""
+    motions = functions[0].motions
+    count, rows, orders = motions.coefficients.shape
+    begins, tests = (
+        np.zeros((count, 1)),
+        sign_tests(rows, orders, tuple((each.by_rate, each.order) for each in functions)),
+    )
+    begins[motions.first] = 1.0
+    own = [motions.of_steps(each.quantity, each.embed) for each in functions if isinstance(each.quantity, Affine)]
+    longest = max(len(part) for each in own for part in each)
+    weights, offsets = np.zeros((longest, len(own), rows)), np.empty((longest, len(own)))
+    for i, (weight, offset) in enumerate(own):
+        weights[:, i, : weight.shape[1]], offsets[:, i] = weight, offset
+    c, lengths = motions.coefficients.reshape(count, -1), motions.steps[:, None]
+    (found,) = tests(c, lengths, begins, weights.reshape(longest, -1), offsets)
+    return found.T.reshape(len(own), 4, count)
+
+
+def turns_and_zeros(sought: Mapping[Any, Sought]) -> dict[Any, TurnsAndZeros]:
+    """Functions on motions with their zeros or stationary points, by name, which are all found in one search."""
+    functions = [each if isinstance(each.quantity, Affine) else each.whole() for each in sought.values()]
+    polynomials, sizes = _Functions(functions), [len(each.motions) for each in functions]
+    order, rate = (
+        np.repeat(each, sizes) for each in zip(*((each.order, each.by_rate) for each in functions), strict=True)
+    )
+    begins = [*accumulate(sizes, initial=0)]
     owner, piece, t = polynomials.roots(order, stationary=rate)
     step, last = polynomials.first[owner] + piece, polynomials.last
-    values, times = evaluate(functions[step], t), starts[step] + t
-    ends = evaluate(functions[last], steps[last])
-    places, found = np.searchsorted(owner, firsts).tolist(), dict[str, TurnsAndZeros]()
-    for i, name in enumerate(sought):
-        here, each = slice(places[i], places[i + 1]), slice(firsts[i], firsts[i + 1])
-        mine = owner[here] - firsts[i], times[here], polynomials.rising[here], values[here]
-        found[name] = TurnsAndZeros(motions[i], series[i], *mine, ends[each])
+    values, times = evaluate(polynomials.series(step), t), polynomials.begins[step] + t
+    firsts, lasts = polynomials.series(polynomials.first), polynomials.series(last)
+    ends = evaluate(lasts, polynomials.steps[last])
+    places, found = np.searchsorted(owner, begins).tolist(), dict[str, TurnsAndZeros]()
+    for i, (name, function) in enumerate(zip(sought, functions, strict=True)):
+        here, each = slice(places[i], places[i + 1]), slice(begins[i], begins[i + 1])
+        mine = owner[here] - begins[i], times[here], polynomials.rising[here], values[here]
+        found[name] = TurnsAndZeros(function, *mine, ends[each], firsts[each], lasts[each])
     return found
 
 
-def extremes(motions: Trajectories, series: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The lowest and the highest values (m,) on motions of a function with coefficients (N, K + 1)."""
-    curve = turns_and_zeros({"all": (motions, series, True, 0)})["all"]
+def extremes(
+    motions: Trajectories, quantity: Affine | StateFormula, embed: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """The lowest and the highest values (m,) on motions of a function, as `Trajectories.series` takes it."""
+    curve = turns_and_zeros({"all": Sought(motions, quantity, embed=embed)})["all"]
     return curve.lowest()[0], -curve.lowest(sign=-1.0)[0]

@@ -19,7 +19,7 @@ from ..shooting import EPS, Cycles, columns, vectors
 from ..symbolic import ElementwiseFunction, cached
 from ..units import FORCE, TIME, Message, Quantity
 from .certificate import Certificate
-from .extrema_and_zeros import turns_and_zeros
+from .extrema_and_zeros import Sought, turns_and_zeros
 from .loss_coefficient import by_launch_speed
 
 # Shares double their digits from round to round.
@@ -66,7 +66,7 @@ class _OfGround(NamedTuple):
     def least(self, shares: np.ndarray) -> np.ndarray:
         """The times (k,) at which shares (k,) of N less |T| are least."""
         own = shares[self.motions.owner, None] * self.normal
-        sought = {sign: (self.motions, own - sign * self.along, True, 0) for sign in (1.0, -1.0)}
+        sought = {sign: Sought.of(self.motions, own - sign * self.along) for sign in (1.0, -1.0)}
         (low, when), (other, then) = (curve.lowest() for curve in turns_and_zeros(sought).values())
         return np.where(low < other, when, then)
 
@@ -81,12 +81,12 @@ def with_friction(model: Model, cycles: Cycles, certificates: Records[Certificat
     parts, (stance, ends) = list[_OfGround](), np.full((2, len(cycles)), NONE)
     if planar.stands:
         flight = _forces_of_ground(model.flight, cycles.halves, np.arange(len(cycles)))
-        stance, ends = turns_and_zeros({"normal": (flight.motions, flight.normal, True, 0)})["normal"].lowest()
+        stance, ends = turns_and_zeros({"normal": Sought.of(flight.motions, flight.normal)})["normal"].lowest()
         parts.append(flight)
     pulls = np.zeros(len(cycles), dtype=bool)
     if cycles.contacts:
         contact = _forces_of_ground(model.contact, cycles.contacts, cycles.with_contact, bool(model.sticks))
-        least, _ = turns_and_zeros({"normal": (contact.motions, contact.normal, True, 0)})["normal"].lowest()
+        least, _ = turns_and_zeros({"normal": Sought.of(contact.motions, contact.normal)})["normal"].lowest()
         pulls[contact.which] = least < 0
         parts.append(contact)
     lifts, words = stance <= 0, model.violations.get("stance")

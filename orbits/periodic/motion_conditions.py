@@ -14,7 +14,7 @@ from ..model import CONTACT_FORCE, LANDED_FORCE, Affine, Model, StateFormula
 from ..records import NONE
 from ..shooting import EPS, Cycles, vectors
 from ..units import LENGTH, TIME, Message, Quantity
-from .extrema_and_zeros import MIDDLE, TurnsAndZeros, turns_and_zeros
+from .extrema_and_zeros import MIDDLE, Sought, TurnsAndZeros, turns_and_zeros
 from .loss_coefficient import jerks
 
 # Rounding moves the middle by at most this share, where small changes grow ten million times on the way there.
@@ -33,30 +33,27 @@ def checked_functions(model: Model, cycles: Cycles) -> dict[str, TurnsAndZeros]:
     halves, contacts, distance = cycles.halves, cycles.contacts, model.separation(cycles.p_of_halves)
     # Each half starts from a zero of order three of the gap, so of order two of its rate, and the contact force from a
     # simple one.
-    gap, extension = halves.series(model.gap(cycles.p_of_halves)), halves.series(model.extension)
-    sought = {"gap": (halves, gap, True, 2), "extension": (halves, extension, True, 0)}
+    sought = {
+        "gap": Sought(halves, model.gap(cycles.p_of_halves), order=2),
+        "extension": Sought(halves, model.extension),
+    }
     if model.landing_gap:
-        sought["landing gap"] = (halves, halves.series(model.landing_gap(cycles.p_of_halves)), True, 0)
+        sought["landing gap"] = Sought(halves, model.landing_gap(cycles.p_of_halves))
     if contacts and (standing := model.standing_gap(cycles.p_of_contacts)):
-        for i, motions in enumerate(cycles.stood(model)):
-            sought[f"standing gap {i}"] = (motions, motions.series(standing), True, 0)
-    if distance:
-        for i, motions in enumerate(cycles.flown(model)):
-            sought[f"separation {i}"] = (motions, motions.series(distance), True, 0)
-    for name, height in _above_ground(model, cycles.p_of_halves).items():
-        for i, motions in enumerate(cycles.flown(model)):
-            sought[f"{name} {i}"] = (motions, motions.series(height), True, 0)
+        sought |= {f"standing gap {i}": Sought(each, standing) for i, each in enumerate(cycles.stood(model))}
+    flown = {"separation": distance} if distance else {}
+    flown |= _above_ground(model, cycles.p_of_halves)
+    for i, motions in enumerate(cycles.flown(model) if flown else ()):
+        sought |= {f"{name} {i}": Sought(motions, each) for name, each in flown.items()}
     if contacts:
         for name, order in _forces_of(model).items():
-            force = contacts.coefficients[:, contacts.names.index(name)]
-            sought[name], sought[f"zeros of {name}"] = (contacts, force, True, 0), (contacts, force, False, order)
-        if distance:
-            apart = model.separation(cycles.p_of_contacts)
-            for i, motions in enumerate(cycles.stood(model)):
-                sought[f"separation in contact {i}"] = (motions, motions.series(apart, model.embed), True, 0)
-        for name, height in _above_ground(model, cycles.p_of_contacts).items():
-            for i, motions in enumerate(cycles.stood(model)):
-                sought[f"{name} in contact {i}"] = (motions, motions.series(height, model.embed), True, 0)
+            force = Affine((0.0,) * contacts.names.index(name) + (1.0,))
+            sought |= {name: Sought(contacts, force), f"zeros of {name}": Sought(contacts, force, False, order)}
+        stood = {"separation": model.separation(cycles.p_of_contacts)} if distance else {}
+        stood |= _above_ground(model, cycles.p_of_contacts)
+        for i, motions in enumerate(cycles.stood(model) if stood else ()):
+            own = {f"{name} in contact {i}": each for name, each in stood.items()}
+            sought |= {name: Sought(motions, each, embed=model.embed) for name, each in own.items()}
     return turns_and_zeros(sought)
 
 
@@ -83,7 +80,7 @@ def _forces_of(model: Model) -> dict[str, int]:
 def count_families(model: Model, halves: Trajectories, per_flight: int) -> np.ndarray:
     """The families of flights: the stationary points of the extension between lift-off and mid-flight; `per_flight` of
     the halves belong to each flight."""
-    found = turns_and_zeros({"extension": (halves, halves.series(model.extension), True, 0)})
+    found = turns_and_zeros({"extension": Sought(halves, model.extension)})
     return families_of(model, found["extension"], per_flight)
 
 
@@ -103,8 +100,8 @@ def gaps_of(
 ) -> tuple[np.ndarray, np.ndarray, list[Violation]]:
     """Jerks of the gap at lift-off (m,), the lowest interior minima (m,) of the gaps in flight and, of that which lands
     next, in contact, `NONE` without one, and their violations."""
-    halves, gap = cycles.halves, curves["gap"]
-    jerk = (6 * gap.series[halves.first, 3]).reshape(-1, cycles.halves_per_flight).min(1)
+    gap = curves["gap"]
+    jerk = (6 * gap.firsts[:, 3]).reshape(-1, cycles.halves_per_flight).min(1)
     if cycles.halves_per_flight == 1 and not flow_of(model.flight, tuple(cycles.p)).is_smooth:
         jerk = _jerks_at_launch(model, cycles)
         gap = _without_rounding(gap, jerk, model.gap(cycles.p).weights)
@@ -133,7 +130,7 @@ def gaps_of(
 def _lowest_middles(curve: TurnsAndZeros) -> np.ndarray:
     """The indices (e,) of the halves whose ends, in the middle of a phase, are minima of a function too."""
     motions = curve.motions
-    still = np.abs(curve.at_ends(1)) * motions.ends < STATIONARY * motions.largest(curve.series[:, :1])
+    still = np.abs(curve.at_ends(1)) * motions.ends < STATIONARY * motions.largest(curve.function.series(orders=1))
     return np.asarray(((curve.at_ends(2) > 0) & still).nonzero()[0])
 
 
@@ -187,7 +184,7 @@ def contact_forces_of(
     (least, peaks), violations = np.full((2, len(cycles)), NONE), [*cycles.without_contact.items()]
     if not cycles.contacts:
         return least, peaks, violations
-    contacts, these, highest = cycles.contacts, cycles.with_contact, list[np.ndarray]()
+    these, highest = cycles.with_contact, list[np.ndarray]()
     for name, order in _forces_of(model).items():
         force, zeros = curves[name], curves[f"zeros of {name}"]
         pulls = model.violations["landed pull" if name == LANDED_FORCE else "pull"]
@@ -200,7 +197,7 @@ def contact_forces_of(
         inside = np.full(len(zeros.times), True) if model.reversor else zeros.inside
         owner, times = zeros.owner[inside][::-1].tolist(), zeros.times[inside][::-1].tolist()
         pulling = dict(zip(owner, times, strict=True))  # the first of each
-        at_once = force.series[contacts.first, order] <= 0
+        at_once = force.firsts[:, order] <= 0
         at_once[[*pulling]] = False
         places = [(int(these[i]), time) for i, time in sorted(pulling.items())]
         text = "{pulls} in contact at t = {time:.6g}"

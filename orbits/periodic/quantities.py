@@ -35,11 +35,11 @@ class OrbitQuantity:
 
 def _stroke(model: Model, cycles: Cycles) -> np.ndarray:
     """The range (m,) of the extension over the cycles, `NONE` where the contact does not end."""
-    ranges = [extremes(each, each.series(model.extension)) for each in cycles.flown(model)]
+    ranges = [extremes(each, model.extension) for each in cycles.flown(model)]
     low, high = (np.reshape(each, (len(ranges), len(cycles), -1)) for each in zip(*ranges, strict=True))
     stroke, these = np.full(len(cycles), NONE), cycles.with_contact
     if cycles.contacts:
-        stood = [extremes(each, each.series(model.extension, model.embed)) for each in cycles.stood(model)]
+        stood = [extremes(each, model.extension, model.embed) for each in cycles.stood(model)]
         least, most = np.min([each[0] for each in stood], axis=0), np.max([each[1] for each in stood], axis=0)
         stroke[these] = np.maximum(high.max((0, 2))[these], most) - np.minimum(low.min((0, 2))[these], least)
     return stroke
@@ -159,9 +159,9 @@ def numbers_of(
     heights, found = model.rises(cycles.p_of_halves), dict[str, np.ndarray]()
     for name in names:
         if name in heights:
-            each = [(motions, motions.series(heights[name])) for motions in cycles.flown(model)]
-            highest = np.maximum.reduce([extremes(*one)[1] for one in each])
-            rise = highest - each[0][1][cycles.halves.first, 0]
+            flown = cycles.flown(model)
+            highest = np.maximum.reduce([extremes(motions, heights[name])[1] for motions in flown])
+            rise = highest - flown[0].series(heights[name], steps=cycles.halves.first)[:, 0]
             found[name] = rise.reshape(len(cycles), -1).max(axis=1)
         elif name in OF_CERTIFICATE and certificates is not None:
             found[name] = numbers_or_nan(certificates.column(name))

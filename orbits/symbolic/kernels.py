@@ -332,15 +332,18 @@ class Kernel:
 
 
 class ElementwiseFunction(MappedFunction):
-    """An SX function of vectors at several points: arguments (m, size) make results (m, rows).
+    """A function of vectors at several points: arguments (m, size) make results (m, rows).
 
-    As in a `Kernel` it is interpreted at first, and then machine code works on several points side by side.
+    As in a `Kernel` an SX function is interpreted at first, and then machine code works on several points side by side.
 
     loop : code that does the same in a loop, which takes little time to compile: it is made at once where machine code
         is in use
     """
 
-    def __init__(self, function: ca.Function, loop: CodedFunction | None = None):
+    def __init__(self, function: ca.Function | CodedFunction, loop: CodedFunction | None = None):
+        if isinstance(function, CodedFunction):
+            self.kernel = Kernel(_of_kernel(function))
+            return
         symbols, nothing = function.sx_in(), ca.SX.sym("z", 0)
         results = [ca.densify(result) for result in function.call(symbols)]
         super().__init__(ca.Function("dense", symbols, results))

@@ -167,7 +167,7 @@ class _Iteration(VectorCode):
         records = [self.rows(n_in + i, index) for i in range(n_out - 3)]
         table = None if row_entry is None else (inputs[-1], row_entry, sizes[-1])
         fixed = enumerate(inputs if table is None else inputs[:-1])
-        start, *data = [[self.load(rows, j) for j in range(sizes[i])] for i, rows in fixed]
+        start, *data = [self.load_all(rows, sizes[i]) for i, rows in fixed]
         bounds = [self(f"fptosi {self.vector} {self.load(ends, j)} to {self.indices}") for j in (0, 2)]
         self._step(function, start, data, table, records, bounds)
         self.do("end:")

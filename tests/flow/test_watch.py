@@ -4,7 +4,7 @@ import numpy as np
 
 from orbits.flow import TAYLOR
 from orbits.flow.taylor_step import StepSeries
-from orbits.flow.watch import _EventSearch, _may_change_sign
+from orbits.flow.watch import _EventSearch, may_change_sign
 from orbits.numerics import HIGHEST_ORDER
 from orbits.symbolic import CodedFunction, Kernel, Number
 
@@ -13,7 +13,7 @@ def test_a_step_that_is_excluded_has_no_zero():
     """Random series, most of whose terms soon vanish, after zeros of order 0 to 3: where no sign change is said to be
     possible, there is none in two thousand places; and most of the others have one."""
     rng, size = np.random.default_rng(8), 600
-    function = _may_change_sign(1, 1, counts=False).map(size)
+    function = may_change_sign(1, 1, counts=False).map(size)
     orders = rng.integers(0, 4, size)
     c = rng.normal(size=(size, TAYLOR.order + 1)) * rng.uniform(0.1, 0.6, (size, 1)) ** np.arange(TAYLOR.order + 1)
     c[np.arange(TAYLOR.order + 1) < orders[:, None]] = 0.0
