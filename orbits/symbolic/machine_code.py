@@ -219,7 +219,7 @@ class _Iteration(VectorCode):
             row = self(f"fptosi {self.vector} {z[row_entry]} to {self.indices}")
             offset = self(f"mul {self.indices} {row}, splat (i64 {length})")
             rows = self(f"getelementptr double, {self.pointers} {first}, {self.indices} {offset}")
-            data = [*data, [self.load(rows, j) for j in range(length)]]
+            data = [*data, self.load_all(rows, length)]
         after, *values, recorded, going = function.append(self, [z, *data])
         after, recorded, going = ([_loaded(each) for each in result] for result in (after, recorded, going))
         taken = self(f"and {self.masks} %alive, {self.nonzero(recorded[0])}")
