@@ -372,7 +372,8 @@ def test_nothing_is_evaluated():
 
 def loaded_by(*scenes: str) -> list[set[str]]:
     """Which heavy packages a fresh interpreter has loaded after each of the scenes that it runs."""
-    heavy = ("casadi", "flint", "numpy", "scipy", "matplotlib", "llvmlite", "importlib.metadata", "numpy.ma")
+    heavy = ("casadi", "flint", "numpy", "scipy", "matplotlib", "llvmlite", "importlib.metadata", "numpy.ma",
+             "multiprocessing", "concurrent.futures", "subprocess", "csv", "html")  # fmt: skip
     tell = f"import sys; print('LOADED', *[name for name in {heavy} if name in sys.modules])"
     code = "\n".join(line for scene in scenes for line in (scene, tell))
     output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout

@@ -6,7 +6,7 @@ has none, Runge-Kutta steps of order 8. The error alone controls the step size. 
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import chain
 from typing import NamedTuple
@@ -55,8 +55,7 @@ def flow_of(phase: Phase, parameters: tuple[str, ...]) -> "Flow":
     return Flow(phase, parameters)
 
 
-@dataclass(frozen=True, eq=False)
-class _Drift:
+class _Drift(NamedTuple):
     """Sensitivities whose columns along a mask `free` are polynomials of the time, which are not integrated: those of
     states that drift, with the derivative `matrix` of `VectorField.drift`."""
 

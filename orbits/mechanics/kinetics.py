@@ -24,6 +24,7 @@ from fractions import Fraction
 from functools import cached_property
 from itertools import combinations
 from math import comb, prod
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,8 +54,7 @@ from ..symbolic import (
 MOST_PRODUCTS = 70
 
 
-@dataclass(frozen=True)
-class Square:
+class Square(NamedTuple):
     """The square of a speed in a kinetic energy: the mass, the gradient (n,) of a place whose second derivative by time
     is the gradient times the accelerations and the bend."""
 

@@ -19,6 +19,7 @@ rounded while they are derived on exact expressions, and whatever the structure 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -33,8 +34,7 @@ from .kinetics import Closed, ClosedGap, Kinetics, Square
 from .terms import Gravity, Term, mass_of, terms_of, with_law
 
 
-@dataclass(frozen=True, eq=False)
-class InFlight:
+class InFlight(NamedTuple):
     """The equations of motion of the flight.
 
     terms : the forces
@@ -61,8 +61,7 @@ class InFlight:
     moves_ends: bool
 
 
-@dataclass(frozen=True, eq=False)
-class InContact:
+class InContact(NamedTuple):
     """The equations of motion of the contact.
 
     terms : the forces that differ there
@@ -129,8 +128,8 @@ class Mechanics:
         p = own | {name: ca.SX.sym(name) for law in laws for name in law.names if name not in own}
         c, flight, contact = replace(self.coordinates, p=p), self.in_flight, self.in_contact
         flying, standing = ([with_law(c, term, laws) for term in each.terms] for each in (flight, contact))
-        flight = replace(flight, terms=flying)
-        contact = replace(contact, terms=standing)
+        flight = flight._replace(terms=flying)
+        contact = contact._replace(terms=standing)
         return replace(self, coordinates=c, in_flight=flight, in_contact=contact, laws=tuple(laws))
 
     def law_of(self, spring: Element | None) -> Key:

@@ -6,8 +6,8 @@ lift-off, where r'' = -rate: so rate = -(gap mix_w)/(gap mix_r).
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -36,8 +36,7 @@ from .lagrange import InFlight, Mechanics
 SPEED_OF_LAUNCH = "_launch_speed"
 
 
-@dataclass(frozen=True)
-class Launch:
+class Launch(NamedTuple):
     """The launches of a machine, as they follow from its mechanics.
 
     relative : the law that is reached at lift-off, and the motion of its extension

@@ -8,8 +8,8 @@ labels, and one force is watched.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
 
@@ -45,8 +45,7 @@ REMEDY = (
 StatedGap = tuple[list[Fraction], ExactExpression]  # weights of the coordinates, and the offset, of a sum of them
 
 
-@dataclass(frozen=True, eq=False)
-class Stepping:
+class Stepping(NamedTuple):
     """The maps of a mechanism, whose shifts are exact expressions.
 
     reversor, relabelling : of the coordinates (n,)

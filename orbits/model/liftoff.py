@@ -1,7 +1,6 @@
 """Lift-off: the extension at which the force of a law, with a constant load, opens a contact."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -32,8 +31,7 @@ SAMPLED_DISTANCES = np.concatenate(
 FORCE_PER_EXTENSION = (0, 0, 1, 0, -1)
 
 
-@dataclass(frozen=True)
-class Liftoff:
+class Liftoff(NamedTuple):
     """The condition force + load + damping * speed = 1 that ends sustained contact.
 
     load : constant force beside the spring's, 0 for the hopper and the hand's weight 1 for the juggler

@@ -1,8 +1,7 @@
 """The quantities of an orbit: the name of each in tables, and its values for m orbits; dimensions are in `units`."""
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,8 +13,7 @@ from .certificate import Certificate
 from .extrema_and_zeros import extremes
 
 
-@dataclass(frozen=True)
-class OrbitQuantity:
+class OrbitQuantity(NamedTuple):
     """One quantity of an orbit.
 
     of : (model, cycles) -> the values (m,) of cycles, `NONE` where there is none; None where the certificate has it, or

@@ -8,7 +8,6 @@ import hashlib
 import warnings
 from collections.abc import Callable, Sequence
 from ctypes import CFUNCTYPE, c_int64, c_void_p
-from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
 from weakref import WeakSet
@@ -75,8 +74,7 @@ def target() -> tuple[Any, int] | None:
         return None
 
 
-@dataclass(frozen=True, eq=False)
-class CodedFunction:
+class CodedFunction(NamedTuple):
     """A function whose code is appended to that of a kernel.
 
     sizes_in, sizes_out : of its arguments and results

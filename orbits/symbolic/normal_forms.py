@@ -13,7 +13,6 @@ generator too: what depends on it is never found to be constant unless it drops 
 """
 
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass
 from fractions import Fraction
 from math import prod
 from typing import NamedTuple, TypeAlias
@@ -31,8 +30,7 @@ UNIT: Polynomial = {(): 1}
 _functions: "WeakValueDictionary[tuple, ExactExpression]" = WeakValueDictionary()
 
 
-@dataclass(frozen=True)
-class Limits:
+class Limits(NamedTuple):
     """What is worked out: a machine's coefficients have a few terms, at most some twenty.
 
     terms, products : the most terms of a polynomial, and the most products of terms in a product of polynomials

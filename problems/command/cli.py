@@ -59,7 +59,7 @@ Completion of commands and options by the shell, from a line in its start file:
   _ORBITS_COMPLETE=fish_source orbits | source         in ~/.config/fish/config.fish
 """
 # Garbage is collected after this number of new objects, more than a short command makes.
-GARBAGE_THRESHOLD = 50_000
+GARBAGE_THRESHOLD = 200_000
 # A map of more launches is printed as a summary.
 LONGEST_TABLE = 100
 # The number of orbits drawn small above the figure of a family.
