@@ -189,7 +189,7 @@ def flows_of(machine, orbit, seconds: float, tolerances) -> list[dict]:
 
 
 def _warmed(call: Callable, seconds: float):
-    """Ask until all is compiled that repays it, for a few seconds at most."""
+    """Ask until all is compiled whose use repays it, for a few seconds at most."""
     began = time.perf_counter()
     for _ in range(WARM):
         call()

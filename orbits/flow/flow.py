@@ -342,12 +342,6 @@ class Flow(PhaseField):
         """Whether many motions are integrated together, as Taylor series."""
         return self.vector_field.has_series
 
-    @property
-    def compiled(self) -> bool:
-        """Whether motions take their steps in machine code."""
-        steppers = [*self.steppers.values(), *(self.shared[0].steppers.values() if self.shared else ())]
-        return any(isinstance(stepper, TaylorStepper) and stepper.compiled for stepper in steppers)
-
     def stepper(self, columns: int, varied: tuple[int, ...] = ()) -> TaylorStepper | RungeKuttaStepper:
         """The stepper for `columns` sensitivities, built on first use; only the rows `varied` of the seeds of
         parameters and data of a piece are not zero."""

@@ -125,11 +125,6 @@ class TaylorStepper:
         """The size of the records of the coefficients of a step."""
         return room_of_series(self.rows, self.graph.order)
 
-    @property
-    def compiled(self) -> bool:
-        """Whether motions take their steps in machine code."""
-        return "kernel" in vars(self) and self.kernel.compiled
-
     def motion(self, code: VectorCode, z: Sequence[str], data: Sequence[str], row: Sequence[str] = ()) -> Moved:
         """Append the code of a step of a motion, which goes on until no time is left, the state runs away or no step is
         accepted."""

@@ -196,7 +196,7 @@ def orbits_of(
             shape=Shape(model.reversor, mirror, model.embed, model.heights(p), model.springs, knees, steps),
             certificate=found.certificates[place],
             method=method,
-            skipped=_skipped(model, p, method, any(flow.compiled for flow in equations.flows)),
+            skipped=_skipped(model, p, method),
             seconds=time.perf_counter() - began,
             source=machine,
         )
@@ -231,7 +231,7 @@ def orbit_of_solved(machine: Machine, solved: Solved) -> Orbit:
     return orbit_of(machine, certified_orbit(machine, solved, began=time.perf_counter()))
 
 
-def _skipped(model: Model, p: Mapping, method: str, compiled: bool) -> tuple[str, ...]:
+def _skipped(model: Model, p: Mapping, method: str) -> tuple[str, ...]:
     """The steps that the method did not need, in words."""
     few, share = method in ("relative", "half orbit"), "only its first half" if model.reversor else "once"
     integrated = f"{share}, for its duration and the checks, not for the search"
@@ -243,6 +243,6 @@ def _skipped(model: Model, p: Mapping, method: str, compiled: bool) -> tuple[str
         "search: Newton on a few unknowns from a measured guess, no Ipopt": few,
         f"contact: {'closed form' if model.contact.closed_form else integrated}": True,
         "separation of the masses: no rest length given": model.separation(p) is None,
-        "compilation: nothing that repays it": not compiled,
+        "compilation: no motion is integrated in steps": method == "closed form" and bool(model.contact.closed_form),
     }
     return tuple(words for words, applies in skipped.items() if applies)
