@@ -5,12 +5,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, BinaryIO, Literal, NotRequired, TypedDict, overload
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal, NotRequired, TypedDict, overload
 
 import numpy as np
 
 from ..errors import InputError, finite_number
-from ..exact import CONTACT_DURATION, Claim
 from ..io import (
     DIGEST,
     MEGABYTE,
@@ -26,7 +25,6 @@ from ..io import (
 )
 from ..model import Machine, check_parameters, title_of_machine
 from ..periodic import OF_STEPS, PRESCRIBED, QUANTITIES_ALONG, Orbit, SavedLaws, orbit_from, with_note
-from ..proof import BranchClaim, Proof, prove_branch, prove_claims
 from ..result import ENDINGS, Axes, Progress, Result, Row, is_of, reported, shown
 from ..units import saved_units, unit_text
 from .motion_columns import names_of_motions, numbers_of_motions
@@ -43,7 +41,10 @@ from .point import (
     point_in_units,
     stated,
 )
-from .proved_curve import branch_claim
+
+if TYPE_CHECKING:
+    from ..exact import Claim
+    from ..proof import BranchClaim, Proof
 
 # The reason why a family from an unfinished file has no end.
 UNFINISHED = "its file ends before it does: resume it to go on"
@@ -242,18 +243,18 @@ class Family(
     def prove(
         self, machine: Machine, digits: int | None = None, *, motion: bool = True, workers: int = 1,
         continuous: Literal[False] = False, limit: float | None = None,
-    ) -> tuple[Proof, ...]: ...  # fmt: skip
+    ) -> "tuple[Proof, ...]": ...  # fmt: skip
 
     @overload
     def prove(
         self, machine: Machine, digits: int | None = None, *, motion: bool = True, workers: int = 1,
         continuous: Literal[True], limit: float | None = None,
-    ) -> Proof: ...  # fmt: skip
+    ) -> "Proof": ...  # fmt: skip
 
     def prove(
         self, machine: Machine, digits: int | None = None, *, motion: bool = True, workers: int = 1,
         continuous: bool = False, limit: float | None = None,
-    ) -> tuple[Proof, ...] | Proof:  # fmt: skip
+    ) -> "tuple[Proof, ...] | Proof":  # fmt: skip
         """Prove each point's orbit, on `workers` processes; nothing is claimed between points. Or, where `continuous`,
         prove that the family is one continuous curve of orbits from its first point to its last, with its folds.
 
@@ -267,6 +268,8 @@ class Family(
         Returns one `Proof` for each point, or that of the curve. Raises `InputError` without python-flint, for another
         machine, for a family of another method than the simplest, and for one that cannot be a curve.
         """
+        from ..proof import prove_branch, prove_claims
+
         if self.settings.get("tune"):
             raise InputError(
                 "of a family with tuned numbers single orbits are proved: prove(orbit_at(...), tune=..., at=...)"
@@ -277,16 +280,20 @@ class Family(
         claims = [self._claim(machine, point) for point in self.points]
         return prove_claims(claims, digits, motion, workers, limit)
 
-    def _branch_claim(self, machine: Machine) -> BranchClaim:
+    def _branch_claim(self, machine: Machine) -> "BranchClaim":
         """The claim of the family that its orbits form a curve from its first point to its last."""
+        from .proved_curve import branch_claim
+
         if not self.points:
             raise InputError("this family has no points of which a curve could be proved")
         ends = self._claim(machine, self.points[0]), self._claim(machine, self.points[-1])
         names = machine.model.reduction.statement.unknowns if machine.model.reduction else machine.model.half_unknowns
         return branch_claim(machine, self.name, self.settings["method"], tuple(names), self.points, ends)
 
-    def _claim(self, machine: Machine, point: Point) -> Claim:
+    def _claim(self, machine: Machine, point: Point) -> "Claim":
         """The claim of a point about the machine there."""
+        from ..exact import CONTACT_DURATION, Claim
+
         here = machine.with_values(**varied_at(self, point))
         model = here.model
         names = model.reduction.statement.unknowns if model.reduction else model.half_unknowns

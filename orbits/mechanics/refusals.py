@@ -1,6 +1,5 @@
 """Checks of a mechanism as it is stated: names, shapes, and values that no machine has."""
 
-import difflib
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from math import inf
 from numbers import Real
@@ -191,6 +190,8 @@ def refuse_names_of_parameters(mechanism: Any, names: Iterable[str], used: Colle
 
 def hint_of_coordinate(name: str, coordinates: Collection[str]) -> str:
     """The hint about a parameter without a value that looks like a misspelt coordinate, '' for another."""
+    import difflib
+
     near = difflib.get_close_matches(name, list(coordinates), n=1, cutoff=NEARLY_THE_SAME)
     return f"'{name}' has no value; did you mean the coordinate '{near[0]}'?" if near else ""
 

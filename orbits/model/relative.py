@@ -32,7 +32,6 @@ from ..laws import (
 from .liftoff import Liftoff
 from .modes import Modes, single_mode
 from .phase import Arc, Phase, Pieces, Statement
-from .turning_speeds import turning_speeds
 
 
 class RelativeOptions(NamedTuple):
@@ -165,6 +164,8 @@ class Relative:
     def turning_speeds(self, p: Parameters, fastest: float, most: int) -> tuple[np.ndarray, float]:
         """The launch speeds (k,) that resolve the turning points of the extension under constant gravity, and the speed
         up to which they do, as in `turning_speeds`."""
+        from .turning_speeds import turning_speeds
+
         law = from_key(self.law, p)
         unit, pace = unit_of_length(self.law, p), float(np.sqrt(self.rate(p))) if self.rate else 1.0
 

@@ -5,10 +5,8 @@ All of them need python-flint, of the extra `proof`, which is imported when it i
 
 import decimal
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from importlib.util import find_spec
-from multiprocessing import get_context
 from typing import Protocol, TypeAlias
 
 from ..errors import InputError, whole_number
@@ -87,6 +85,9 @@ def prove_claims(
     workers = whole_number("workers", workers, most=1000)
     if workers == 1 or len(claims) < 2:
         return tuple(_prove_claim(claim, digits, motion, limit) for claim in claims)
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
     context = get_context("spawn")  # a fork of a process with threads may hang
     with ProcessPoolExecutor(min(workers, len(claims)), context) as pool:
         return tuple(pool.map(partial(_prove_claim, digits=digits, motion=motion, limit=limit), claims))

@@ -294,9 +294,8 @@ def follow_command(
     output: str | None, save: str | None, resume: str | None, event: str | None, second: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Follow a family of orbits along a parameter, past folds, to its end; or an event of it in two parameters."""
-    from orbits.continuation import Family, follow, orbit_at
+    from orbits.continuation import Family, follow
     from orbits.periodic import QUANTITIES_ALONG
-    from orbits.show import plot_family, save_figure, spread, thumbnails
 
     values = options.numbers("--at", at, float) if at else []
     before = None if resume is None else Family.load(resume)
@@ -316,8 +315,13 @@ def follow_command(
 
         followed = follow_event(followed, *of_event, longest=longest, output=output)
         if plot is not None:
+            from orbits.show import plot_family, save_figure
+
             save_figure(plot_family(followed, quantity=along), plot)
     elif plot is not None:
+        from orbits.continuation import orbit_at
+        from orbits.show import plot_family, save_figure, spread, thumbnails
+
         method = followed.settings["method"]
         small = [(point, orbit_at(machine, point, along, method)) for point in spread(followed, THUMBNAILS)]
         save_figure(thumbnails(plot_family(followed), followed, small), plot)

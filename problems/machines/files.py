@@ -45,7 +45,6 @@ k = [1e3, 1e5]
 """
 
 import re
-import tomllib
 from collections.abc import Callable, Collection
 from inspect import signature
 from pathlib import Path
@@ -119,6 +118,8 @@ class DesignTable(TypedDict, total=False):
 
 def read(path: str | Path) -> dict[str, Any]:
     """The statement in a TOML file, its keys checked; raises `InputError` that names the file and the key."""
+    import tomllib
+
     path = Path(path)
     data = read_file(path, f"the machine file {str(path)!r} cannot be read", tomllib.load, LARGEST_MACHINE_FILE)
     _check_keys(path, data, KEYS)
