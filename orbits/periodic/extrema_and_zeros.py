@@ -1,6 +1,6 @@
 """Functions on motions with their zeros or stationary points, and their lowest and highest values."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from itertools import accumulate, pairwise
 from typing import Any, NamedTuple
@@ -42,6 +42,11 @@ class Sought(NamedTuple):
     def series(self, steps: np.ndarray | slice = slice(None), orders: int | None = None) -> np.ndarray:
         """The coefficients (k, K + 1) of some steps (k,), or the first `orders` of them."""
         return self.motions.series(self.quantity, self.embed, steps, orders)
+
+    def of_steps(self) -> tuple[np.ndarray, np.ndarray]:
+        """The weights and the offset of an affine function, as `Trajectories.of_steps` returns them."""
+        assert isinstance(self.quantity, Affine)
+        return self.motions.of_steps(self.quantity, self.embed)
 
 
 class TurnsAndZeros(NamedTuple):
@@ -107,54 +112,57 @@ class _Functions(PiecewisePolynomials):
         self.functions = functions
         motions = [each.motions for each in functions]
         self.begins = np.concatenate([each.starts for each in motions])
-        self.places = np.cumsum([0, *(len(each.starts) for each in motions)])
+        self.places = [*accumulate((len(each.starts) for each in motions), initial=0)]
         own = (np.concatenate(each) for each in zip(*((each.steps, each.counts) for each in motions), strict=True))
-        few = len(self.begins) <= POLYNOMIALS.few_pieces
-        whole = np.concatenate([each.series() for each in functions]) if few else np.zeros((0, 1))
+        self.few, whole = len(self.begins) <= POLYNOMIALS.few_pieces, np.zeros((0, 1))
+        if self.few:
+            parts = dict[int, np.ndarray]()
+            for group, (together, weights, offsets) in self._groups():
+                c = weights @ together.coefficients
+                c[:, :, 0] += offsets
+                parts |= zip(group, c.swapaxes(0, 1), strict=True)
+            whole = np.concatenate([parts[i] for i in range(len(functions))])
         super().__init__(whole, *own)
 
-    def series(self, which: np.ndarray) -> np.ndarray:
-        if len(self.coefficients):
-            return self.coefficients[which]
-        bounds = np.searchsorted(which, self.places).tolist()
-        parts = zip(self.functions, self.places.tolist(), pairwise(bounds), strict=False)
-        return np.concatenate([each.series(which[a:b] - first) for each, first, (a, b) in parts])
-
-    def signs(self, orders: np.ndarray, by_rate: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        if len(self.coefficients):
-            return super().signs(orders, by_rate)
-        found = np.empty((4, len(self.begins)))
+    def _groups(self) -> Iterator[tuple[list[int], tuple[Trajectories, np.ndarray, np.ndarray]]]:
+        """The functions on the same motions by their numbers (q,), with the motions, the weights (N, q, rows) and the
+        offsets (N, q), those of one step where all have the same."""
         groups = dict[int, list[int]]()
         for i, each in enumerate(self.functions):
             groups.setdefault(id(each.motions), []).append(i)
         for group in groups.values():
-            tests = _signs([self.functions[i] for i in group])
-            for i, own in zip(group, tests, strict=True):
+            motions = self.functions[group[0]].motions
+            own = [self.functions[i].of_steps() for i in group]
+            longest = max(max(map(len, each)) for each in own)
+            weights = np.zeros((longest, len(own), motions.coefficients.shape[1]))
+            offsets = np.empty((longest, len(own)))
+            for i, (weight, offset) in enumerate(own):
+                weights[:, i, : weight.shape[1]], offsets[:, i] = weight, offset
+            yield group, (motions, weights, offsets)
+
+    def series(self, which: np.ndarray) -> np.ndarray:
+        if self.few:
+            return self.coefficients[which]
+        bounds = np.searchsorted(which, self.places).tolist()
+        parts = zip(self.functions, self.places, pairwise(bounds), strict=False)
+        return np.concatenate([each.series(which[a:b] - first) for each, first, (a, b) in parts])
+
+    def signs(self, orders: np.ndarray, by_rate: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        found = np.empty((4, len(self.begins)))
+        for group, (motions, weights, offsets) in self._groups():
+            count, rows, size = motions.coefficients.shape
+            kinds, fresh = [(self.functions[i].by_rate, self.functions[i].order) for i in group], np.zeros((count, 1))
+            fresh[motions.first] = 1.0
+            c, lengths = motions.coefficients.reshape(count, -1), motions.steps[:, None]
+            tests = sign_tests(rows, size, tuple(kinds))
+            (signs,) = tests(c, lengths, fresh, weights.reshape(len(weights), -1), offsets)
+            for i, own in zip(group, signs.T.reshape(len(group), 4, count), strict=True):
                 found[:, self.places[i] : self.places[i + 1]] = own
         self._starts, begins, changes, ends = found
         return begins, ends, changes
 
     def starts(self, by_rate: np.ndarray) -> np.ndarray:
-        return super().starts(by_rate) if len(self.coefficients) else self._starts
-
-
-def _signs(functions: Sequence[Sought]) -> np.ndarray:
-    """The `sign_tests` (q, 4, N) of functions on the same motions."""
-    motions = functions[0].motions
-    count, rows, orders = motions.coefficients.shape
-    begins, tests = (
-        np.zeros((count, 1)),
-        sign_tests(rows, orders, tuple((each.by_rate, each.order) for each in functions)),
-    )
-    begins[motions.first] = 1.0
-    own = [motions.of_steps(each.quantity, each.embed) for each in functions if isinstance(each.quantity, Affine)]
-    longest = max(len(part) for each in own for part in each)
-    weights, offsets = np.zeros((longest, len(own), rows)), np.empty((longest, len(own)))
-    for i, (weight, offset) in enumerate(own):
-        weights[:, i, : weight.shape[1]], offsets[:, i] = weight, offset
-    c, lengths = motions.coefficients.reshape(count, -1), motions.steps[:, None]
-    (found,) = tests(c, lengths, begins, weights.reshape(longest, -1), offsets)
-    return found.T.reshape(len(own), 4, count)
+        return super().starts(by_rate) if self.few else self._starts
 
 
 def turns_and_zeros(sought: Mapping[Any, Sought]) -> dict[Any, TurnsAndZeros]:

@@ -60,7 +60,9 @@ def checked_functions(model: Model, cycles: Cycles) -> dict[str, TurnsAndZeros]:
 def _above_ground(model: Model, p: Mapping) -> dict[str, Any]:
     """The heights that have to stay above the ground, by the words of their violation: of machines that move along it
     those of all that does not land."""
-    gap, each = model.gap(p), model.heights(p).items() if model.sticks else ()
+    if not model.sticks:
+        return {}
+    gap, each = model.gap(p), model.heights(p).items()
     return {f"{name} touches the ground": height for name, height in each if not _is_gap(height, gap)}
 
 
