@@ -385,14 +385,20 @@ class StepSeries:
         share = (is_steep > 0.0).choose(share, share.root())
 
         def newton(_: str, before: list[str]) -> list[str]:
-            share = Number(code, before[0])
+            going, share = (Number(code, each) for each in before)
             time = share * length
             value, slope = self.value_and_slope(self.places, time, 1)
             value, slope = value * time - distance, slope.times_plus(time, value) * length
-            return [(share - value / slope).largest(TAYLOR.shortest_cut).least(1.0).name]
+            new = (share - value / slope).largest(TAYLOR.shortest_cut).least(1.0)
+            # What one lane does must not depend on the others: a share that is settled stays.
+            new = (going > 0.0).choose(new, share)
+            return [(abs(new - share) > new * TAYLOR.settled_share).choose(1.0, 0.0).name, new.name]
 
-        (cut,) = code.loop(1, code.if_any((rises | falls).name, TAYLOR.steps_to_end), newton, [share.name])
-        return length * (rises | falls).choose(Number(code, cut), 1.0), inside, side
+        ends_there = rises | falls
+        begin = [ends_there.choose(1.0, 0.0).name, share.name]
+        last = code.if_any(ends_there.name, TAYLOR.steps_to_end)
+        _, cut = code.loop(1, last, newton, begin, while_first=True)
+        return length * ends_there.choose(Number(code, cut), 1.0), inside, side
 
 
 def _largest(code: VectorCode, values: Sequence[str]) -> Number:

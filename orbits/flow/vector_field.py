@@ -40,6 +40,7 @@ class TaylorOptions(NamedTuple):
     tried_lengths: int = 8  # lengths of a step on a piece that are tried, each half of the one before
     # Of Newton's method to the end of a piece: it converges quadratically, as the speed changes by less than half.
     steps_to_end: int = 7
+    settled_share: float = 1e-9  # a smaller last change of a share is followed by none
     rounded_change: float = 1e-16  # of a coordinate, relative to it
     # Up to this degree the terms of a watched function are bounded together, the others one by one.
     bound_degree: int = 6

@@ -227,19 +227,17 @@ class _EventSearch:
         changes, about = (Number(code, each) for each in code.loop(0, order - 1, look, [code.splat(0)] * 2))
         rises = (self._at(self.bernstein, order) >= 0.0).choose(1.0, -1.0)
         zero = Number(code, code.splat(0))
-        z = about * h, zero, h, zero, zero
+        one = (changes > 0.5) & (changes < 1.5)
+        z = one.choose(1.0, 0.0), about * h, zero, h, zero
 
         def refine(_: str, found: list[str]) -> list[str]:
-            numbers = [Number(code, each) for each in found]
-            t, low, high, last, settled = numbers
-            known = settled > 0.0
+            going, t, low, high, last = numbers = [Number(code, each) for each in found]
             after = self._refined(t, low, high, last, rises)
-            return [known.choose(old, new).name for old, new in zip(numbers, after, strict=True)]
+            return [(going > 0.0).choose(new, old).name for old, new in zip(numbers, after, strict=True)]
 
-        found = code.loop(1, ROOTS.steps_in_kernel, refine, [each.name for each in z])
-        root, settled = Number(code, found[0]), Number(code, found[-1]) > 0.0
-        one = (changes > 0.5) & (changes < 1.5)
-        return (changes > 0.5).choose(root, np.inf), rises, (changes > 1.5) | (one & ~settled)
+        found = code.loop(1, ROOTS.steps_in_kernel, refine, [each.name for each in z], while_first=True)
+        unsettled, root = Number(code, found[0]) > 0.0, Number(code, found[1])
+        return (changes > 0.5).choose(root, np.inf), rises, (changes > 1.5) | unsettled
 
     def _store_bernstein(self, h: Number) -> None:
         """Store the Bernstein coefficients on [0, h] of the stored polynomial, by differences."""
@@ -268,8 +266,8 @@ class _EventSearch:
         code.loop(1, order, rounds)
 
     def _refined(self, t: Number, low: Number, high: Number, last: Number, rises: Number) -> tuple[Number, ...]:
-        """A root, its bracket, the size of the last step of Newton's method, and whether it is known, after one step of
-        this method, or bisection where that leads out of the bracket."""
+        """Whether a root is not yet known, the root, its bracket, and the size of the last step of Newton's method,
+        after one step of this method, or bisection where that leads out of the bracket."""
         value, slope = self.series.value_and_slope(self.own, t)
         above = rises * value >= 0.0
         low, high = above.choose(low, t), above.choose(t, high)
@@ -280,7 +278,7 @@ class _EventSearch:
         settled = settled | (step.least(high - low) <= high * ROOTS.closed)
         inside = (low < new) & (new < high)
         found = settled.choose(new.largest(low).least(high), inside.choose(new, (low + high) * 0.5))
-        return found, low, high, inside.choose(step, 0.0), settled.choose(1.0, 0.0)
+        return settled.choose(0.0, 1.0), found, low, high, inside.choose(step, 0.0)
 
 
 @cached

@@ -304,11 +304,12 @@ class VectorCode:
         return lambda: self.get(self.place(place))
 
     def loop(
-        self, first: int | str, last: int | str, body: Callable[[str, list[str]], list[str]], start: Sequence[str] = ()
-    ) -> list[str]:
+        self, first: int | str, last: int | str, body: Callable[[str, list[str]], list[str]],
+        start: Sequence[str] = (), while_first: bool = False,
+    ) -> list[str]:  # fmt: skip
         """A loop over an index from `first` up to `last`: `body` appends the code of one index from the index and the
         values before it, and returns the values after it. Returns the last values; where both ends are known numbers,
-        there has to be an index."""
+        there has to be an index. With `while_first` it ends where no lane of the first value is positive."""
         label, kinds = f"l{len(self.lines)}", ["i64", *[self.vector] * len(start)]
         runs = isinstance(first, int) and isinstance(last, int)
         self.do(f"br label %{label}_before", f"{label}_before:")
@@ -322,6 +323,8 @@ class VectorCode:
         ends = body(names[0], names[1:])
         self.do(f"br label %{label}_next", f"{label}_next:", f"{names[0]}_next = add i64 {names[0]}, 1")
         going = self(f"icmp sle i64 {names[0]}_next, {last}")
+        if while_first:
+            going = self(f"and i1 {going}, {self.any(self.compare('ogt', ends[0], self.splat(0)))}")
         self.do(f"br i1 {going}, label %{label}, label %{label}_after", f"{label}_after:")
         each = zip(kinds, names, [first, *start], [f"{names[0]}_next", *ends], strict=True)
         self.lines[at : at + len(kinds)] = [
