@@ -6,7 +6,6 @@ A package states them once, as imports from its modules below `if TYPE_CHECKING`
 import ast
 import sys
 from importlib import import_module
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -36,7 +35,8 @@ class Package(ModuleType):
 def public_names(package: str) -> dict[str, str]:
     """Let a package import its public names when they are first used; returns them with their modules in it."""
     module = sys.modules[package]
-    lines = ast.parse(Path(str(module.__file__)).read_text(encoding="utf-8")).body
+    with open(str(module.__file__), encoding="utf-8") as file:
+        lines = ast.parse(file.read()).body
     stated = [line for block in lines if isinstance(block, ast.If) for line in block.body]
     imports = [line for line in stated if isinstance(line, ast.ImportFrom)]
     places = {each.name: line.module or each.name for line in imports for each in line.names}
