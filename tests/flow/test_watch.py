@@ -1,12 +1,15 @@
 """What motions are watched for: steps without a zero, and the first zeros in steps, against places on a grid."""
 
 import numpy as np
+import pytest
 
-from orbits.flow import TAYLOR
+from orbits.flow import TAYLOR, first_events
 from orbits.flow.taylor_step import StepSeries
 from orbits.flow.watch import _EventSearch, may_change_sign
+from orbits.hops import Impacts
 from orbits.numerics import HIGHEST_ORDER
 from orbits.symbolic import CodedFunction, Kernel, Number
+from problems import Hopper
 
 
 def test_a_step_that_is_excluded_has_no_zero():
@@ -74,3 +77,21 @@ def test_the_first_zero_in_a_step():
             assert abs(first - real[0]) < 1e-9 * h[i]
             assert there == c[i] @ first ** np.arange(order + 1) or abs(there + offset[i]) < 1e-9
     assert known > 150
+
+
+@pytest.mark.parametrize("spring", ["r + 0.3*r**3", "bilinear"])
+def test_no_lane_depends_on_the_others(spring):
+    """Lanes wait for each other before events are searched, and for ends of pieces; not a bit depends on which others
+    share a vector: neither events nor rows, in another order, alone, or among twice as many."""
+    parameters = {"ratio": 3.0, "gap": 0.5} if spring == "bilinear" else {}
+    rules = Impacts(Hopper(spring, rest_length=30, restitution=0.5, parameters=parameters))
+    rng, count = np.random.default_rng(6), 41
+    starts = np.column_stack([*rng.uniform(0.5, 3.0, (2, count)), np.zeros(count), rng.uniform(0.1, 2.0, count)])
+    known = first_events(rules.flight, starts, rules.p, rules.flight_watch, 60.0, 1)
+    order = rng.permutation(count)
+    for which in (order, order[:1], order[:9], np.tile(order, 2)):
+        found = first_events(rules.flight, starts[which], rules.p, rules.flight_watch, 60.0, 1)
+        assert np.array_equal(found.times, known.times[which], equal_nan=True)
+        assert np.array_equal(found.rows, known.rows[which], equal_nan=True)
+        assert (found.which == known.which[which]).all()
+    assert np.isfinite(known.times).sum() > 30
