@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 from ..numerics import HIGHEST_ORDER
 from ..symbolic import CodedFunction, ElementwiseFunction, Number, VectorCode, cached
@@ -19,7 +20,7 @@ def sign_tests(rows: int, orders: int, kinds: tuple[tuple[bool, int], ...]) -> E
     """
     function = may_change_sign(1, 1, False)
 
-    def append(code: VectorCode, arguments: Sequence[Sequence[str]]) -> list[list[str]]:
+    def append(code: VectorCode, arguments: Sequence[Any]) -> list[list[str]]:
         c, (h,), (begins,), weights, offsets = arguments
         number, fresh = partial(Number, code), Number(code, begins) > 0.0
         motion, places = StepSeries.of(code, c, rows), code.table([float(k) for k in range(orders)])
@@ -49,4 +50,4 @@ def sign_tests(rows: int, orders: int, kinds: tuple[tuple[bool, int], ...]) -> E
         return [found]
 
     sizes = [rows * orders, 1, 1, rows * len(kinds), len(kinds)]
-    return ElementwiseFunction(CodedFunction(sizes, [4 * len(kinds)], append))
+    return ElementwiseFunction(CodedFunction(sizes, [4 * len(kinds)], append, (0,)))

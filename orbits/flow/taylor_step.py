@@ -202,12 +202,10 @@ class StepSeries:
         self.places = code.reserve(self.stride)  # of the coordinate of the pieces
 
     @classmethod
-    def of(cls, code: VectorCode, coefficients: Sequence[str], rows: int) -> "StepSeries":
+    def of(cls, code: VectorCode, coefficients: Block, rows: int) -> "StepSeries":
         """The polynomials with these coefficients, one row after the other."""
-        order = len(coefficients) // rows - 1
-        series = cls(code, code.reserve(rows * (order + 2)), rows, order)
-        for i, value in enumerate(coefficients):
-            code.put(value, code.place(series.first + i + i // (order + 1)))
+        series = cls(code, coefficients.place, rows, coefficients.count // rows - 1)
+        series.stride = series.order + 1
         return series
 
     def coefficient(self, row: int, k: int) -> Number:

@@ -14,7 +14,7 @@ import numpy as np
 from ..running import LOCK, apart, interrupts, threads
 from .caches import weigh
 from .calls import BufferedFunction, MappedFunction, with_common_parts
-from .machine_code import CODE, NO_MACHINE_CODE, CodedFunction, MachineCode, coded, in_use, say_interpreted, target
+from .machine_code import CODE, NO_MACHINE_CODE, CodedFunction, MachineCode, coded, say_interpreted, target
 from .vector_code import VECTORS, VectorCode
 
 
@@ -126,6 +126,7 @@ class Kernel:
         self.seconds_per_step = length * KERNELS.seconds_interpreted
         # The processor time that may be spent on interpreting.
         self.interpretation_budget = CODE.seconds + CODE.seconds_of_instruction * length if self.function else -1.0
+        self.interpretation_budget = CODE.seconds_of_loop if loop else self.interpretation_budget
         self._interpreted: BufferedFunction | None = None
         self._code: MachineCode | None = None
         # The number of records of a point with room, learned from earlier calls; no number in a result depends on it.
@@ -152,7 +153,7 @@ class Kernel:
         """The machine code for some iterations at known cost, None where they are to be interpreted."""
         if self._code is None:
             self.interpretation_budget -= iterations * self.seconds_per_step
-            if self.interpretation_budget < 0 or (self._loop and in_use()):
+            if self.interpretation_budget < 0:
                 self.compile()
         return self._code
 
@@ -336,8 +337,7 @@ class ElementwiseFunction(MappedFunction):
 
     As in a `Kernel` an SX function is interpreted at first, and then machine code works on several points side by side.
 
-    loop : code that does the same in a loop, which takes little time to compile: it is made at once where machine code
-        is in use
+    loop : code that does the same in a loop, which takes little time to compile
     """
 
     def __init__(self, function: ca.Function | CodedFunction, loop: CodedFunction | None = None):
@@ -374,4 +374,5 @@ def _of_kernel(function: CodedFunction) -> CodedFunction:
     def append(code: VectorCode, arguments: Sequence[Sequence[Any]]) -> list[Sequence[Any]]:
         return [[], *function.append(code, arguments[1:]), [code.splat(1)], [code.splat(0)]]
 
-    return CodedFunction([0, *function.sizes_in], [0, *function.sizes_out, 1, 1], append)
+    blocks = tuple(i + 1 for i in function.blocks)
+    return CodedFunction([0, *function.sizes_in], [0, *function.sizes_out, 1, 1], append, blocks)

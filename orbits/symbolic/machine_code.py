@@ -23,6 +23,8 @@ class CodeOptions(NamedTuple):
 
     seconds: float = 4e-3  # of the shortest function
     seconds_of_instruction: float = 5e-5  # of a graph
+    # Of a loop, spent on interpreting its graph: less than it takes to make its code, as that is kept for later ones.
+    seconds_of_loop: float = 1e-3
 
 
 CODE = CodeOptions()
@@ -80,11 +82,13 @@ class CodedFunction(NamedTuple):
     sizes_in, sizes_out : of its arguments and results
     append : (code, arguments by input and element) -> results by output and element; each is a value or a function that
         loads it, and a result may be a `Block` of its size
+    blocks : the inputs that are blocks in the scratch memory, as long ones should be; not that which is iterated
     """
 
     sizes_in: Sequence[int]
     sizes_out: Sequence[int]
-    append: Callable[[VectorCode, Sequence[Sequence[Any]]], Sequence[Any]]
+    append: Callable[[VectorCode, Sequence[Any]], Sequence[Any]]
+    blocks: tuple[int, ...] = ()
 
 
 def coded(function: ca.Function) -> CodedFunction:
@@ -132,11 +136,6 @@ class MachineCode:
 _in_use = WeakSet[MachineCode]()
 
 
-def in_use() -> bool:
-    """Whether machine code is in use in this process."""
-    return bool(_in_use)
-
-
 def compiled_here() -> Compiled:
     """The machine code that is in use in this process, for other processes of the same machine."""
     return {code.key: code.compiled for code in list(_in_use)}
@@ -165,8 +164,10 @@ class _Iteration(VectorCode):
         records = [self.rows(n_in + i, index) for i in range(n_out - 3)]
         table = None if row_entry is None else (inputs[-1], row_entry, sizes[-1])
         fixed = enumerate(inputs if table is None else inputs[:-1])
-        start, *data = [self.load_all(rows, sizes[i]) for i, rows in fixed]
+        load: Callable = lambda i: self.load_block if i in function.blocks else self.load_all  # noqa: E731
+        start, *data = [load(i)(rows, sizes[i]) for i, rows in fixed]
         bounds = [self(f"fptosi {self.vector} {self.load(ends, j)} to {self.indices}") for j in (0, 2)]
+        self.do("br label %loaded", "loaded:")
         self._step(function, start, data, table, records, bounds)
         self.do("end:")
         for j in range(len(start)):
@@ -207,11 +208,11 @@ class _Iteration(VectorCode):
         self.do("br label %step", "step:")
         self.alive = "%alive"
         z = [f"%z{j}" for j in range(len(start))]
-        self.do(*(f"%z{j} = phi {self.vector} [{value}, %block], [%n{j}, %go]" for j, value in enumerate(start)))
+        self.do(*(f"%z{j} = phi {self.vector} [{value}, %loaded], [%n{j}, %go]" for j, value in enumerate(start)))
         kinds = {"alive": self.masks, "went": self.masks, "taken": self.indices, "tried": self.indices}
         for name, kind in kinds.items():
             first = "splat (i1 1)" if name == "alive" else "zeroinitializer"
-            self.do(f"%{name} = phi {kind} [{first}, %block], [%{name}_next, %go]")
+            self.do(f"%{name} = phi {kind} [{first}, %loaded], [%{name}_next, %go]")
         if table is not None:
             first, row_entry, length = table
             row = self(f"fptosi {self.vector} {z[row_entry]} to {self.indices}")

@@ -1,6 +1,7 @@
 """Functions that repeat a step, as sums over places do, interpreted as one graph or as a loop in machine code."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -24,19 +25,19 @@ def repeated(step: ca.Function, start: Sequence[float], constants: np.ndarray, c
     for k, row in enumerate(constants):
         total = step(total, row, *([symbols[0][k::count], *symbols[1:]] if columns else symbols))
 
-    def append(code: VectorCode, arguments: Sequence[Sequence[str]]) -> list[list[str]]:
-        rows, first = code.table(constants.ravel()), code.reserve(count * columns)
-        for place, value in enumerate(arguments[0] if columns else [], start=first):
-            code.put(value, code.place(place))
+    def append(code: VectorCode, arguments: Sequence[Any]) -> list[list[str]]:
+        rows = code.table(constants.ravel())
 
         def body(k: str, before: list[str]) -> list[str]:
             at = code.offset(code.place(rows), k, width)
             row = [code.get(code.moved(at, i)) for i in range(width)]
-            at = code.offset(code.place(first), k)
-            column = [[code.get(code.moved(at, i * count)) for i in range(columns)]] if columns else []
-            return code.graph(step, [before, row, *column, *arguments[len(column) :]])[0]
+            if not columns:
+                return code.graph(step, [before, row, *arguments])[0]
+            at = code.offset(code.place(arguments[0].place), k)
+            column = [code.get(code.moved(at, i * count)) for i in range(columns)]
+            return code.graph(step, [before, row, column, *arguments[1:]])[0]
 
         return [code.loop(0, count - 1, body, list(map(code.splat, start)))]
 
-    loop = CodedFunction([symbol.numel() for symbol in symbols], [len(start)], append)
+    loop = CodedFunction([symbol.numel() for symbol in symbols], [len(start)], append, (0,))
     return ElementwiseFunction(ca.Function("repeated", symbols, [total]), loop)

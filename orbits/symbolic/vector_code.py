@@ -166,9 +166,9 @@ class VectorCode:
                 return self.choose(self.compare("ogt", x, self.splat(0)), self.splat(1), sign)
         raise NotImplementedError(f"operation {op}")
 
-    def graph(self, function: ca.Function, arguments: Sequence[Sequence]) -> list[list[str]]:
-        """The results of an SX function by output and element, from its arguments by input and element, which are
-        values, or functions that load them."""
+    def graph(self, function: ca.Function, arguments: "Sequence[Sequence | Block]") -> list[list[str]]:
+        """The results of an SX function by output and element, from its arguments by input, which are blocks, or
+        sequences of values and of functions that load them."""
         results = [[self.splat(0)] * function.nnz_out(i) for i in range(function.n_out())]
         values: list[str] = []
         for op, places, constant in single_assignment(function):
@@ -176,8 +176,7 @@ class VectorCode:
                 results[places[1]][places[2]] = values[places[0]]
                 values.append("")
             elif op == ca.OP_INPUT:
-                value = arguments[places[0]][places[1]]
-                values.append(value() if callable(value) else value)
+                values.append(self._argument(arguments[places[0]], places[1]))
             elif constant is not None:
                 values.append(self.splat(constant))
             else:
@@ -185,6 +184,12 @@ class VectorCode:
             if len(values) % VECTORS.block == 0:
                 self.do(f"br label %b{len(self.lines)}", f"b{len(self.lines)}:")
         return results
+
+    def _argument(self, values: "Sequence | Block", element: int) -> str:
+        if isinstance(values, Block):
+            return self.get(self.place(values.place + element))
+        value = values[element]
+        return value() if callable(value) else value
 
     def plus(self, x: str, y: str) -> str:
         """The sum of two values."""
@@ -402,6 +407,27 @@ class VectorCode:
                 loaded = [self(f"load {self.vector}, ptr {place}, align 8") for place in places]
                 vectors += self._transposed(loaded)
         return vectors + [self.load(rows, j) for j in range(len(vectors), count)]
+
+    def load_block(self, rows: str, count: int) -> Block:
+        """A block of the first elements of each lane's row, which are loaded together in a loop."""
+        lanes, block = self.lanes, Block(self.reserve(count), count)
+        own = [self(f"extractelement {self.pointers} {rows}, i32 {lane}") for lane in range(lanes)]
+
+        def part(index: str, _: list[str]) -> list[str]:
+            begin = self.integer("mul", index, lanes)
+            places = [self(f"getelementptr double, ptr {pointer}, i64 {begin}") for pointer in own]
+            first = self.offset(self.place(block.place), begin)
+            loaded = [self(f"load {self.vector}, ptr {place}, align 8") for place in places]
+            for i, vector in enumerate(self._transposed(loaded)):
+                self.put(vector, self.moved(first, i))
+            return []
+
+        whole = count // lanes
+        if whole:
+            self.loop(0, whole - 1, part)
+        for j in range(whole * lanes, count):
+            self.put(self.load(rows, j), self.place(block.place + j))
+        return block
 
     def _transposed(self, vectors: Sequence[str]) -> list[str]:
         """The vectors, as many as lanes, with what each has in each lane exchanged."""
