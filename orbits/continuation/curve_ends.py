@@ -2,9 +2,8 @@
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
 from functools import cached_property
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -30,8 +29,7 @@ SHRUNK = 0.3
 SETTLED_RATE = 1e-13
 
 
-@dataclass(frozen=True, kw_only=True)
-class Extrapolation:
+class Extrapolation(NamedTuple):
     """The extrapolation of the value that a parameter tends to.
 
     widths : factors of alpha; the last points over the first of them that holds enough are used

@@ -7,7 +7,6 @@ e**(-2 s t). So the period grows as -n/s log|p - limit|, where the whole orbit p
 e**(-2 s t/n), by which the growth is measured. Source: Kuznetsov, Elements of Applied Bifurcation Theory, section 6.2.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import casadi as ca
@@ -21,8 +20,7 @@ from ..units import FREQUENCY, TIME, Message, Quantity, described
 from .curve import Curve, evaluation_at
 
 
-@dataclass(frozen=True, kw_only=True)
-class HomoclinicOptions:
+class HomoclinicOptions(NamedTuple):
     """When a family tends to a homoclinic orbit; rates of the parameter with the duration are relative to both.
 
     rounded, settled : a rate below the first is rounding; the parameter settles where it is below the second

@@ -30,8 +30,7 @@ from ..units import LENGTH, Units
 INPUT = "hold"  # the parameter of the force that holds an orbit
 
 
-@dataclass(frozen=True, kw_only=True)
-class HoldOptions:
+class HoldOptions(NamedTuple):
     """The intervals and the recursion of a feedback."""
 
     # The shares of each phase between which its intervals lie, so that lift-off and landing are without the force.

@@ -10,7 +10,7 @@ when it is asked for, as that of `steer`.
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypedDict
+from typing import Any, NamedTuple, TypedDict
 
 import casadi as ca
 import numpy as np
@@ -50,8 +50,7 @@ class _EventRow(TypedDict):
     what: str
 
 
-@dataclass(frozen=True, kw_only=True)
-class Refinement:
+class Refinement(NamedTuple):
     """When and how the program of a family is refined."""
 
     watched: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 1.0)  # shares of an interval: path expressions are taken there

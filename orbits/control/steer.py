@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,8 +26,7 @@ from .stage import Stage, check_range, check_stage
 from .transcription import StageUnknowns, Transcription, transcription
 
 
-@dataclass(frozen=True, kw_only=True)
-class SteerOptions:
+class SteerOptions(NamedTuple):
     """The limits of the search for a controlled motion."""
 
     rounds: int = 30  # solves, each after an exchange, a halving of steps, or a new unit of the cost

@@ -1,6 +1,6 @@
 """The options of curves of minima: their steps, and how the points on them are found."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +14,7 @@ STEPS_OF_MINIMA = Steps(
 )  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True)
-class KktOptions:
+class KktOptions(NamedTuple):
     """Points of curves of minima, their active limits, and the linear conditions at them.
 
     exact : whether the tangent of each point is exact, for programs whose second derivatives come with the first

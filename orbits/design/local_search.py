@@ -31,8 +31,7 @@ from .tuned_machine import motions_near, statement_of_orbits, unknowns_of
 PENALISED = (Weights(1.0, 10.0), Weights(1e-3, 1.0), Weights(0.0, 1.0))
 
 
-@dataclass(frozen=True, kw_only=True)
-class LocalOptions:
+class LocalOptions(NamedTuple):
     """Steps of local searches for designs, and where they end."""
 
     # The constraints are met, or nearly, if the sum of their violations, as shares of their sizes, is no larger.

@@ -5,7 +5,7 @@ Objectives and constraints are formulas of the quantities in an orbit's JSON doc
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,8 +31,7 @@ from .tuned_machine import (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class SearchStarts:
+class SearchStarts(NamedTuple):
     """The starts of the local searches for the best design.
 
     Each design of a sample leads to the best of its neighbours that is better than itself, and so on, down to one that

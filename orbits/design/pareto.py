@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,8 +25,7 @@ from .sensitivities import quantities, sensitivities
 from .tuned_machine import names_of_designs, untuned, with_tuning
 
 
-@dataclass(frozen=True, kw_only=True)
-class FrontOptions:
+class FrontOptions(NamedTuple):
     """The ends of fronts."""
 
     same: float = 1e-9  # objectives that differ by a smaller share are the same: constraints are met to about this

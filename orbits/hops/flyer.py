@@ -7,8 +7,7 @@ becomes of small changes along these.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,8 +24,7 @@ from .sticking_contact import FALLS, SLIPS, FallTest
 CUT, DONE = "cut", "done"  # how an arc ends where other parameters come into force, or the time of a simulation is over
 
 
-@dataclass(frozen=True, kw_only=True)
-class Rounding:
+class Rounding(NamedTuple):
     """Where rounding decides how a hop ends.
 
     many_bounces : from this restitution on, the end is compared with that of a neighbouring launch

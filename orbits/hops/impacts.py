@@ -8,8 +8,8 @@ also end elsewhere, or at the extension of a launch while the machine moves down
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -51,8 +51,7 @@ CAP = 10_000  # a hop is abandoned after this many impacts
 LIFTOFF_ORDER = 3  # order of the gap's zero at a lift-off
 
 
-@dataclass(frozen=True, kw_only=True)
-class ImpactOptions:
+class ImpactOptions(NamedTuple):
     """The tolerances of impacts and contacts. Times are relative to the size of the state that a phase starts from."""
 
     longest_flight: float = 1e4  # a flight that lasts longer, in its ballistic times, does not end

@@ -4,8 +4,8 @@ machines that step those of `find`."""
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from itertools import count
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,8 +20,7 @@ from .find import find, find_all
 from .orbit import Orbit
 
 
-@dataclass(frozen=True, kw_only=True)
-class SpeedSearch:
+class SpeedSearch(NamedTuple):
     """How far lossless orbits are searched for.
 
     families : at most, of machines that step: their launch speeds converge

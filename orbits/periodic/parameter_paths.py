@@ -8,7 +8,6 @@ without nodes would lead to other orbits.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -23,8 +22,7 @@ NOT_DIVIDED = np.inf, DIVISION.sensitive
 PASSES_TWO = "the motion passes two unstable equilibria one after the other: follow the family there"
 
 
-@dataclass(frozen=True, kw_only=True)
-class WayOptions:
+class WayOptions(NamedTuple):
     """Steps along ways, which are shares of them. Errors are shares of the unknowns' sizes, and misses, the changes of
     the equations that belong to them, shares of the largest unknown, since orbits of other families are near where
     motions are long, or amplify small changes: these have other tangents, or lie beside the prediction.

@@ -6,8 +6,8 @@ are followed too.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -39,8 +39,7 @@ RUN_ON = {"border collision": "persist", "non-smooth fold": "turn round"}
 SETTLES = {True: "stable", False: "unstable"}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Attractor:
+class Attractor(NamedTuple):
     """The launches that are visited in the long run.
 
     values, most : number of values of the parameter along the injection by default; and at most, for the memory's sake

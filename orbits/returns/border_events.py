@@ -6,7 +6,8 @@ slope is the same on both sides, the curve goes on and a border is an event.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +20,7 @@ from .map_pieces import CONTINUOUS, MapBorder
 from .periodic_launch import MULTIPLIER_AT, PeriodicLaunch
 
 
-@dataclass(frozen=True, kw_only=True)
-class BorderSearch:
+class BorderSearch(NamedTuple):
     """The search for events and corners at borders of the map; lengths are shares of the ranges.
 
     halvings : of a step in which the number of impacts changes and the map may jump

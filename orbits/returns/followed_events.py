@@ -7,9 +7,9 @@ the hops have other numbers of impacts from there on.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -40,8 +40,7 @@ IN_WORDS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class SameEvent:
+class SameEvent(NamedTuple):
     """When a bifurcation is the one that is meant.
 
     share : a solved one lies at most this far from where a diagram has it, as a share of the parameter, which is

@@ -6,7 +6,7 @@ slack of the word vanishes, the curve goes on as that of another word, or ends: 
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple
 
@@ -26,8 +26,7 @@ STEPS_OF_HOPS = Steps(
 )  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True)
-class Tolerances:
+class Tolerances(NamedTuple):
     """The tolerances of curves of hops.
 
     others : the unit of times and extensions, as a multiple of that of launches: the length of a curve is that in the

@@ -5,8 +5,8 @@ without one as a `FlownCurve`. Launches that are speeds without one are followed
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,8 +24,7 @@ from .launch_cycles import INJECT, MapsAlong
 from .periodic_launch import PeriodicLaunch
 
 
-@dataclass(frozen=True, kw_only=True)
-class Branching:
+class Branching(NamedTuple):
     """Where branches begin, and how far they are followed; distances are shares of the ranges.
 
     doubled : distances in launch speed, tried in turn, from a flip to the first hops of twice the period

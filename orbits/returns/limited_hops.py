@@ -1,7 +1,6 @@
 """Hops of a map that is resolved, followed with a limited effort, and whether they are away from the identity line."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +13,7 @@ LABELS = {status: -1 - i for i, status in enumerate((*STATUSES, "unfinished"))}
 UNFINISHED = LABELS["unfinished"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Resolution:
+class Resolution(NamedTuple):
     """How far a map is resolved; shares of values are relative to the largest value in a cell.
 
     degrees : of the polynomials in a cell: the second one where the first does not fit

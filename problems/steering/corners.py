@@ -5,7 +5,7 @@ next. Each part has a free duration and ends on the breakpoint; in the result th
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from itertools import accumulate, pairwise
 from typing import Any, NamedTuple, cast
@@ -23,8 +23,7 @@ from orbits.numerics import PiecewisePolynomials
 ROOMS_AT_CORNERS = ("room above the corner", "room below the corner")
 
 
-@dataclass(frozen=True, kw_only=True)
-class PartOptions:
+class PartOptions(NamedTuple):
     """How stages are divided."""
 
     samples: int = 1000  # of a guess, which is on one piece between them: a shorter excursion is left out

@@ -1,7 +1,6 @@
 """Solutions that are integrated accurately: what is overstepped between intervals, and the error of the steps."""
 
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -38,6 +37,6 @@ def test_the_search_is_bounded_in_solves_and_in_work(monkeypatch):
         steer(stages, guess=guess, rounds=1)
     with pytest.raises(InputError, match="rounds = 0"):
         steer(stages, guess=guess, rounds=0)
-    monkeypatch.setattr(steer_module, "STEER_OPTIONS", replace(steer_module.STEER_OPTIONS, work=1))
+    monkeypatch.setattr(steer_module, "STEER_OPTIONS", steer_module.STEER_OPTIONS._replace(work=1))
     with pytest.raises(NoOrbit, match="does not settle"):
         steer(stages, guess=guess)
