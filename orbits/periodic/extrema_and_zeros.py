@@ -58,6 +58,7 @@ class TurnsAndZeros(NamedTuple):
     firsts, lasts : the coefficients (m, K + 1) of the function in the first and the last step of each motion
     """
 
+    motions: Trajectories
     function: Sought
     owner: np.ndarray
     times: np.ndarray
@@ -66,11 +67,6 @@ class TurnsAndZeros(NamedTuple):
     ends: np.ndarray
     firsts: np.ndarray
     lasts: np.ndarray
-
-    @property
-    def motions(self) -> Trajectories:
-        """The motions."""
-        return self.function.motions
 
     def lowest(self, middles: np.ndarray | None = None, sign: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
         """The lowest value (m,) of the function times a sign on each motion, and its time (m,); with `middles`, that of
@@ -182,7 +178,7 @@ def turns_and_zeros(sought: Mapping[Any, Sought]) -> dict[Any, TurnsAndZeros]:
     for i, (name, function) in enumerate(zip(sought, functions, strict=True)):
         here, each = slice(places[i], places[i + 1]), slice(begins[i], begins[i + 1])
         mine = owner[here] - begins[i], times[here], polynomials.rising[here], values[here]
-        found[name] = TurnsAndZeros(function, *mine, ends[each], firsts[each], lasts[each])
+        found[name] = TurnsAndZeros(function.motions, function, *mine, ends[each], firsts[each], lasts[each])
     return found
 
 

@@ -202,8 +202,9 @@ def _carried_rounding(evaluation: Evaluation, weights: list[Rows]) -> ndarray:
     squares, counts = np.zeros(len(evaluation.residual)), np.ones(len(evaluation.residual))
     for motions, back in zip(evaluation.trajectories, weights, strict=True):
         if back is not None:
-            errors = ((back * motions.step_ends[:, : back.shape[1]]) ** 2).sum(1)
-            squares, counts = squares + np.add.reduceat(errors, motions.first), np.maximum(counts, motions.counts)
+            moves = back * motions.step_ends[:, : back.shape[1]]
+            errors = np.add.reduceat(np.einsum("Ni,Ni->N", moves, moves), motions.first)
+            squares, counts = squares + errors, np.maximum(counts, motions.counts)
     return EPS * np.sqrt(squares) * (1 + np.sqrt(counts) / ERRORS.random_steps)
 
 
