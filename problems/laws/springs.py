@@ -19,7 +19,6 @@ import numpy as np
 from orbits.errors import InputError
 from orbits.laws import (
     Expression,
-    HystereticLaw,
     Law,
     LawLike,
     LawPieces,
@@ -30,10 +29,11 @@ from orbits.laws import (
 )
 from orbits.symbolic import suggest
 
-from . import loops
 from .fitting import fit as fit
 
 if TYPE_CHECKING:
+    from orbits.laws import HystereticLaw
+
     from ..recordings import BenchRecord, SmoothCurve
 
 # A sample to try tables with: a leg's spring in mm and N, with noise as from a bench.
@@ -264,7 +264,7 @@ def _measured(
     return Law(text, "r", moved, own, pieces._replace(origin=shift), written, any(record.units) or None)
 
 
-def hysteretic(extending: LawLike, shortening: LawLike, /, **parameters: float) -> HystereticLaw:
+def hysteretic(extending: LawLike, shortening: LawLike, /, **parameters: float) -> "HystereticLaw":
     """A spring with hysteresis: the force is `extending` while the extension grows, `shortening` while it shrinks.
 
     extending, shortening : springs stated in any of the ways of `as_spring`, the first nowhere below the second
@@ -279,6 +279,8 @@ def hysteretic(extending: LawLike, shortening: LawLike, /, **parameters: float) 
     >>> float(law.extending(2.0)), float(law.shortening(2.0)), float(law.mean(2.0))
     (2.1, 1.9, 2.0)
     """
+    from . import loops
+
     branches = [as_spring(law, parameters, shared=True) for law in (extending, shortening)]
     _refuse_unused(parameters, {name for law in branches for name in law.parameters})
     return loops.of_branches(f"hysteretic:{branches[0].text};{branches[1].text}", *branches)
@@ -287,7 +289,7 @@ def hysteretic(extending: LawLike, shortening: LawLike, /, **parameters: float) 
 def lossy(
     mean: LawLike, /, *, loss_factor: float | None = None, loop_area: float | None = None,
     between: tuple[float, float] | None = None, **parameters: float,
-) -> HystereticLaw:  # fmt: skip
+) -> "HystereticLaw":  # fmt: skip
     """A spring with hysteresis from its mean law and its loss: (1 + pi/2 loss_factor) times the mean law while it moves
     away from rest, and (1 - pi/2 loss_factor) times while it comes back (Reid 1956).
 
@@ -299,6 +301,8 @@ def lossy(
     >>> float(lossy("r", loss_factor=0.1).extending(2.0).round(6)), float(lossy("r", loss_factor=0.1).mean(2.0))
     (2.314159, 2.0)
     """
+    from . import loops
+
     law = as_spring(mean, parameters, shared=True)
     _refuse_unused(parameters, law.parameters)
     if (loss_factor is None) == (loop_area is None) or (loop_area is None) != (between is None):
@@ -313,7 +317,7 @@ def lossy(
 def loop(
     source: Any, *, in_si: bool = False, columns: Sequence[str | int] | None = None, units: Sequence[str] | None = None,
     cycle: int | str | None = None, noise: float | None = None,
-) -> HystereticLaw:  # fmt: skip
+) -> "HystereticLaw":  # fmt: skip
     """A spring with hysteresis from a measured loop, whose rows are in the order of the measurement; see `table` for
     the arguments.
 
@@ -328,9 +332,10 @@ def loop(
     return _loop_of(read_record(source, in_si, columns, units), cycle, noise)
 
 
-def _loop_of(record: "BenchRecord", cycle: int | str | None, noise: float | None) -> HystereticLaw:
+def _loop_of(record: "BenchRecord", cycle: int | str | None, noise: float | None) -> "HystereticLaw":
     """The loop of a record."""
     from ..recordings import choose
+    from . import loops
 
     branches = [_measured(record, name, cycle, noise) for name in ("loading", "unloading")]
     lows, highs = zip(*(law.range() for law in branches), strict=True)
@@ -351,8 +356,10 @@ def _refuse_unused(parameters: Mapping[str, float], used: Collection[str]) -> No
         raise InputError(f"this law has no parameter '{unused[0]}'{suggest(unused[0], used)}")
 
 
-def _with_loss(kind: str, text: str, values: Mapping[str, float], in_si: bool) -> HystereticLaw:
+def _with_loss(kind: str, text: str, values: Mapping[str, float], in_si: bool) -> "HystereticLaw":
     """The law of "hysteretic:EXTENDING;SHORTENING", "lossy:MEAN" and "loop:FILE?noise=0.5"."""
+    from . import loops
+
     if kind == "loop":
         path, options = table_options(text)
         if not path.strip() or options.keys() - {*READING_OPTIONS}:

@@ -48,7 +48,7 @@ import re
 from collections.abc import Callable, Collection
 from inspect import signature
 from pathlib import Path
-from typing import Any, TypeAlias, TypedDict
+from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict
 
 from orbits import Mechanism
 from orbits.errors import InputError
@@ -57,15 +57,16 @@ from orbits.mechanics import Ground
 from orbits.symbolic import suggest
 
 from .hopper import Hopper
-from .in_si import AnyMachine, MachineInSI, hopper_in_si, juggler_in_si
 from .juggler import Juggler
 from .runner import runner
 from .steps import RATIOS, rimless_wheel, rocking_block, shuttle
 from .two_masses import DAMPERS, GROUND_MASS, TwoMassMachine
 
-MachineOfFile: TypeAlias = AnyMachine | Mechanism
+if TYPE_CHECKING:
+    from .in_si import AnyMachine
+
+MachineOfFile: TypeAlias = "AnyMachine | Mechanism"
 KINDS: dict[str, type[TwoMassMachine]] = {"hopper": Hopper, "juggler": Juggler}
-IN_SI: dict[str, Callable[..., MachineInSI]] = {"hopper": hopper_in_si, "juggler": juggler_in_si}
 MASSES = {"hopper": ("body_mass", "foot_mass"), "juggler": ("ball_mass", "hand_mass")}
 STEPPING: dict[str, Callable[..., Mechanism]] = {
     **{"wheel": rimless_wheel, "rocker": rocking_block, "shuttle": shuttle, "runner": runner}
@@ -185,7 +186,10 @@ def _build(statement: dict[str, Any]) -> MachineOfFile:
     for name in MASSES[kind]:
         if name not in si:
             raise InputError(f"[si] needs {name} (kg)")
-    return IN_SI[kind](**si, force=statement.get("spring"), **common)
+    from .in_si import hopper_in_si, juggler_in_si
+
+    in_si: Callable = hopper_in_si if kind == "hopper" else juggler_in_si
+    return in_si(**si, force=statement.get("spring"), **common)
 
 
 def _stepping_machine(kind: str, statement: dict[str, Any]) -> Mechanism:
@@ -217,7 +221,7 @@ def _ground(statement: dict[str, Any]) -> Ground:
     return Ground(statement["mass"], statement.get("stiffness", statement.get("spring")))
 
 
-def statement_for_file(machine: AnyMachine) -> dict[str, Any] | None:
+def statement_for_file(machine: "AnyMachine") -> dict[str, Any] | None:
     """The statement of a machine for a file, from which `build` makes it again to the last bit; None for one that no
     file states alone, such as one with a Python function or a table as its spring."""
     law = machine.spring
@@ -229,6 +233,8 @@ def statement_for_file(machine: AnyMachine) -> dict[str, Any] | None:
     laws = [each.parameters for each in (law, machine.gravity, below) if each is not None]
     statement["parameters"] = {name: value for each in laws for name, value in each.items()}
     length = {} if machine.rest_length is None else {"rest_length": machine.rest_length}
+    from .in_si import MachineInSI
+
     if isinstance(machine, MachineInSI):
         stiffness = {"stiffness": machine.stiffness, "surface_gravity": machine.surface_gravity}
         statement["si"] = {**machine.masses, **stiffness, **length}
