@@ -5,6 +5,7 @@ The grammar has numbers, names, ``+ - * / **``, parentheses and the functions of
 """
 
 import ast
+import difflib
 import operator
 import re
 from collections.abc import Collection, Iterator, Mapping
@@ -236,8 +237,6 @@ _SIGNS: dict[type, str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "
 
 def suggest(word: object, known: Collection[str]) -> str:
     """'; did you mean ...' with the nearest known word, else the list of them, or '' when there are none."""
-    import difflib
-
     if near := difflib.get_close_matches(str(word), list(known), n=1):
         return f"; did you mean '{near[0]}'?"
     return f"; known: {', '.join(known)}" if known else ""
