@@ -91,7 +91,7 @@ class LoopCode:
     def convolved(self, a: int | str, b: int | str, low: int, k: str | int, last: bool = True) -> str:
         """The sum of a[j] b[k - j] from j = low up to k, or without the last term: what `_begin_pair` has found of it,
         and the terms with coefficients that have been found since."""
-        code, ends = self.code, [(self.shifted(0, 0), k)] if low == 0 else []
+        code, ends = self.code, list[tuple[str | int, str | int]]([(0, k)] if low == 0 else [])
         if isinstance(k, int):
             self._pairs.setdefault((a, b), [])
             total = code.splat(0)

@@ -7,7 +7,7 @@ Math. 14, 2005), at a cost that grows with the square of the order. It writes th
 graph of CasADi here (`GraphCode`), or as loops in machine code.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache, partial, reduce
 from typing import Any, Protocol
 
@@ -36,17 +36,8 @@ class SeriesCode(Protocol):
     def series(self) -> Any:
         """A new series."""
 
-    def get(self, series: Any, k: Any) -> Any:
-        """Coefficient k of a series."""
-
     def put(self, series: Any, k: Any, value: Any) -> None:
-        """Set coefficient k of a series."""
-
-    def orders(self, first: int, last: int, body: Callable[[Any], None]) -> None:
-        """Do what `body` writes of one order for all orders from `first` to `last`."""
-
-    def shifted(self, k: Any, by: int) -> Any:
-        """The order k + by."""
+        """Set coefficient k of a series, after those before it."""
 
     def over(self, k: Any) -> Any:
         """The value 1 / k."""
@@ -206,22 +197,9 @@ class GraphCode:
         """An operation of CasADi."""
         return applied(op, values)
 
-    def get(self, series: Columns, k: int) -> ca.SX:
-        """Coefficient k of a series."""
-        return series[k]
-
     def put(self, series: Columns, k: int, value: ca.SX) -> None:
         """Append coefficient k to a series."""
         series.append(value)
-
-    def orders(self, first: int, last: int, body: Callable[[int], None]) -> None:
-        """Do `body` for each order."""
-        for k in range(first, last + 1):
-            body(k)
-
-    def shifted(self, k: int, by: int) -> int:
-        """The order k + by."""
-        return k + by
 
     def over(self, k: int) -> ca.SX:
         """The number 1 / k."""
