@@ -61,6 +61,10 @@ class InconsistentModel(InputError):
         return Exception.__str__(self)
 
 
+class NoMachineCode(OrbitsError, RuntimeError):
+    """Machine code, by which motions are integrated as Taylor series, cannot be made here; the message says why."""
+
+
 class NoOrbit(OrbitsError):
     """The machine has no such orbit, or none could be certified; the message gives the reason."""
 

@@ -41,11 +41,11 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 
 def pytest_configure(config):
-    """Machine code is kept in a folder that all workers share, and that ends with the tests."""
+    """Machine code is stored in a folder that all workers share, and that ends with the tests."""
     if "PYTEST_XDIST_WORKER" not in os.environ:
-        kept = tempfile.TemporaryDirectory()
-        os.environ["PERSISTENT_ORBITS_CACHE"] = kept.name
-        config.add_cleanup(kept.cleanup)
+        folder = tempfile.TemporaryDirectory()
+        os.environ["PERSISTENT_ORBITS_CACHE"] = folder.name
+        config.add_cleanup(folder.cleanup)
 
 
 def pytest_addoption(parser):

@@ -41,6 +41,7 @@ from orbits import (
 from orbits.continuation import Family
 from orbits.design.design_curve import SeveralDesigns
 from orbits.io import to_json
+from orbits.laws import HystereticLaw
 from orbits.result import Result
 from orbits.sweeps.indices import Indices
 from problems import HeavyHand, Hopper, gravity, hopper_in_si, springs, steering
@@ -197,6 +198,10 @@ def test_the_table_of_results_has_all():
     assert found == {kind.removesuffix(" in SI") for kind in WHOLE}
 
 
+# Names that modules import for type checkers alone.
+IMPORTED_FOR_TYPES = {"Indices": Indices, "Proof": orbits.Proof, "HystereticLaw": HystereticLaw}
+
+
 def returned(module):
     """The classes in the annotations of what the public functions of a module return, and the methods of its classes,
     by the names of these."""
@@ -209,7 +214,7 @@ def returned(module):
             members = inspect.getmembers(each, inspect.isfunction)
             functions = {f"{name}.{own}": member for own, member in members if not own.startswith("_")}
         for own, function in functions.items():
-            yield own, set(classes_in(typing.get_type_hints(function, localns={"Indices": Indices}).get("return")))
+            yield own, set(classes_in(typing.get_type_hints(function, localns=IMPORTED_FOR_TYPES).get("return")))
 
 
 def classes_in(hint):

@@ -104,11 +104,7 @@ def _watching_kernel(
         (change,), signs, (turned,) = code.graph(may_change, [*terms, [fresh.name], orders, before])
         largest = abs(number(moved.after[0])).largest(*(abs(number(each)) for each in moved.after[1 : stepper.n]))
         inside = moved.counts & (largest < FLOW_CONTROL.runaway)
-        # A lane that may have an event waits, and takes this step again, until all others have one or are done: a
-        # search of one lane takes as long as one of all.
-        may, length = inside & (number(change) > 0.0), number(moved.length[0])
-        found = may & Mask(code, code.none((Mask(code, code.alive) & ~may).name))
-        waits = may & ~found
+        found, length = inside & (number(change) > 0.0), number(moved.length[0])
         search = _EventSearch(
             moved.series, [(*own, sign) for own, sign in zip(tested[:events], before, strict=False)], orders, fresh
         )
@@ -120,13 +116,12 @@ def _watching_kernel(
         new = [*moved.after, new_time.name, code.splat(0), found.value(), changes.name, *signs]
         # A motion that runs away stays where it was, so that it can be followed from there alone.
         stays = [*z[: at.left], *moved.after[at.left : at.piece], *z[at.piece :]]
-        new = [inside.choose(number(each), number(old)) for each, old in zip(new, stays, strict=True)]
-        new = [waits.choose(number(old), each).name for old, each in zip(z, new, strict=True)]
+        new = [inside.choose(number(each), number(old)).name for each, old in zip(new, stays, strict=True)]
         goes = moved.goes & ~found & (number(new[at.time]) < limit)
         goes = goes & (moved.tried > time * FLOW_CONTROL.shortest_step)
         if turns:
             goes = goes & (number(new[at.changes]) < turns)
-        goes, recorded = goes | waits, inside & ~waits & (found | (all_steps > 0.0))
+        recorded = inside & (found | (all_steps > 0.0))
         begins, events_of = [length, fresh, time, number(z[at.changes])], [time + first, which, unknown]
         records = [[each.name for each in part] for part in (begins, events_of, there)]
         return [new, moved.rows, records[0], before, *records[1:], [recorded.value()], [goes.value()]]

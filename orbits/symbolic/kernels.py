@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from ..errors import NoMachineCode
 from ..running import LOCK, apart, interrupts, threads
 from .caches import weigh
 from .calls import BufferedFunction, MappedFunction, with_common_parts
-from .machine_code import CODE, NO_MACHINE_CODE, CodedFunction, MachineCode, coded, say_interpreted, target
+from .machine_code import CODE, WITHOUT_LLVM, CodedFunction, MachineCode, coded, say_interpreted, target
 from .vector_code import VECTORS, VectorCode
 
 
@@ -139,14 +140,13 @@ class Kernel:
         return self._code is not None
 
     def compile(self) -> bool:
-        """Make machine code now, where that is possible; return whether there is some. Raises `RuntimeError` where
+        """Make machine code now, where that is possible; return whether there is some. Raises `NoMachineCode` where
         there is none of a `CodedFunction`, which cannot be interpreted."""
         with LOCK:
             if self._code is None and self.interpretation_budget < np.inf:
-                self.interpretation_budget = np.inf  # It is tried once.
+                if self.function is not None:
+                    self.interpretation_budget = np.inf  # It is tried once.
                 self._make_code()
-        if self._code is None and self.function is None:
-            raise RuntimeError(NO_MACHINE_CODE)
         return self.compiled
 
     def code_for(self, iterations: int) -> MachineCode | None:
@@ -158,19 +158,24 @@ class Kernel:
         return self._code
 
     def _make_code(self) -> None:
+        source = self.source
+        if self._loop:
+            source = _of_kernel(self._loop)
+        elif self.function:
+            source = coded(with_common_parts(self.function))
+        reason = WITHOUT_LLVM
         if target():
-            source = self.source
-            if self._loop:
-                source = _of_kernel(self._loop)
-            elif self.function:
-                source = coded(with_common_parts(self.function))
             try:
                 self._code = MachineCode(source, self.row_entry)
                 weigh([], 2 * len(self._code.compiled))
-            except NotImplementedError:
                 return
-            except RuntimeError:
+            except NotImplementedError as error:
+                reason = f"there is no machine code of a law: {error}"
+            except RuntimeError as error:
+                reason = f"LLVM makes no machine code: {error}"
                 say_interpreted()
+        if self.function is None:
+            raise NoMachineCode(reason)
 
     def __call__(self, *arguments: np.ndarray, most: int = 2**31) -> Iterated:
         """Iterate from arguments (m, size), m >= 1, or (1, size) for all points, to at most `most` records of each."""

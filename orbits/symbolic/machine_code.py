@@ -14,7 +14,7 @@ from weakref import WeakSet
 
 import casadi as ca
 
-from .stored_code import keep, load
+from .stored_code import load, store
 from .vector_code import VECTORS, Block, VectorCode
 
 
@@ -23,7 +23,7 @@ class CodeOptions(NamedTuple):
 
     seconds: float = 4e-3  # of the shortest function
     seconds_of_instruction: float = 5e-5  # of a graph
-    # Of a loop, spent on interpreting its graph: less than it takes to make its code, as that is kept for later ones.
+    # Of a loop, spent on interpreting its graph: less than it takes to make its code, as that is stored for later ones.
     seconds_of_loop: float = 1e-3
 
 
@@ -36,13 +36,16 @@ Compiled = dict[bytes, bytes]
 _received: Compiled = {}
 
 
+LEVEL = 1  # of optimisation: the next one takes longer to compile, for the same code
+
+
 @cache
 def _maker() -> str:
     """What makes code, and for which processor."""
     import llvmlite
     import llvmlite.binding as llvm
 
-    versions = llvmlite.__version__, *llvm.llvm_version_info
+    versions = llvmlite.__version__, *llvm.llvm_version_info, LEVEL
     return " ".join(map(str, (*versions, llvm.get_process_triple(), llvm.get_host_cpu_name(), _features(llvm))))
 
 
@@ -51,14 +54,13 @@ def _features(llvm: Any) -> str:
     return llvm.get_host_cpu_features().flatten()
 
 
-# Of functions that have machine code alone.
-NO_MACHINE_CODE = "no machine code can be made here; install llvmlite 0.45 or newer"
+WITHOUT_LLVM = "no machine code can be made here, which motions by Taylor series need: install llvmlite 0.45 or newer"
 
 
 @cache
 def say_interpreted() -> None:
     """Warn, once in a process, that there is no machine code."""
-    warnings.warn(f"{NO_MACHINE_CODE}; functions are interpreted, which takes many times as long", RuntimeWarning, 3)
+    warnings.warn(f"{WITHOUT_LLVM}; other functions are interpreted, which takes many times as long", RuntimeWarning, 3)
 
 
 @cache
@@ -117,8 +119,8 @@ class MachineCode:
         if not self.compiled:
             # The module lives in a context of its own and is dropped once it is compiled, as its graph is large.
             module = llvm.parse_assembly(text, llvm.create_context())
-            self.compiled = self._processor(llvm, 1).emit_object(module)
-            keep(self.key, self.compiled)
+            self.compiled = self._processor(llvm, LEVEL).emit_object(module)
+            store(self.key, self.compiled)
         # An engine owns its description of the processor, so that each needs one of its own.
         self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), self._processor(llvm, 0))
         self._engine.add_object_file(llvm.ObjectFileRef.from_data(self.compiled))
@@ -178,7 +180,7 @@ class _Iteration(VectorCode):
         self.do(f"%next = add i64 %i, {self.lanes}")
         self.do(f"br i1 {self('icmp slt i64 %next, %count')}, label %block, label %leave", "leave:")
         self.do(*(["call void @free(ptr %memory)"] if self.reserved else []), "ret void")
-        head = [*self.functions, "define void @run(ptr %arrays, ptr %strides, i64 %count) alignstack(64) {", "entry:"]
+        head = ["define void @run(ptr %arrays, ptr %strides, i64 %count) alignstack(64) {", "entry:"]
         if self.reserved:  # of some hundred kilobytes and more, which no stack has to have
             size = 8 * self.lanes
             self.declared |= {"declare ptr @malloc(i64)", "declare void @free(ptr)"}
@@ -206,7 +208,6 @@ class _Iteration(VectorCode):
         """The loop over iterations, which ends when no lane is alive; bounded are records and iterations. Of a `table`
         that each lane has, with the entry of z that states its row and the length of its rows, a row is data."""
         self.do("br label %step", "step:")
-        self.alive = "%alive"
         z = [f"%z{j}" for j in range(len(start))]
         self.do(*(f"%z{j} = phi {self.vector} [{value}, %loaded], [%n{j}, %go]" for j, value in enumerate(start)))
         kinds = {"alive": self.masks, "went": self.masks, "taken": self.indices, "tried": self.indices}

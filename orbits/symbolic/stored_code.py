@@ -1,32 +1,34 @@
-"""Machine code that is kept for the next process, in a folder that belongs to the user alone.
+"""Machine code that is stored for the next process, in a folder that belongs to the user alone.
 
 Object files are named by a digest of the text that they are made of, of the versions and of the processor, and begin
 with a digest of themselves, so that a file that is cut off is not used. Whoever can write to the folder can run code as
-the user: it is used only where it is the user's own and nobody else may write to it. `PERSISTENT_ORBITS_CACHE` names
-another folder; where it is empty or `off` nothing is kept.
+the user: it is used only where it is the user's own, nobody else may write to it, and nobody else may rename a folder
+above it. `PERSISTENT_ORBITS_CACHE` names another folder, from the root on; empty or `off`, it lets nothing be stored.
 """
 
 import hashlib
 import os
+import re
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from stat import S_ISDIR, S_IWGRP, S_IWOTH
+from stat import S_ISDIR, S_ISVTX, S_IWGRP, S_IWOTH
 from typing import NamedTuple
 
 
 class StoreOptions(NamedTuple):
-    """How much is kept."""
+    """How much is stored."""
 
-    files: int = 2048  # at most, each of some 15 kB; beyond that the older half is removed
+    files: int = 2048  # at most, each of some 15 kB; beyond that the half written first is removed
 
 
 STORE = StoreOptions()
 VARIABLE = "PERSISTENT_ORBITS_CACHE"
+OWN_NAME = re.compile("[0-9a-f]{64}")  # of a digest
 
 
 def folder() -> Path | None:
-    """The folder where code is kept, made where it is missing; None where nothing is to be kept."""
+    """The folder where code is stored, made where it is missing; None where nothing is to be stored."""
     stated = os.environ.get(VARIABLE)
     return None if stated is not None and stated in ("", "off") else _safe_folder(stated or _usual_folder())
 
@@ -38,17 +40,18 @@ def _usual_folder() -> str:
 
 @cache
 def _safe_folder(name: str) -> Path | None:
-    """A folder, where it is the user's own and nobody else may write to it."""
-    if not hasattr(os, "getuid"):  # whose it is cannot be told
+    """A folder, where it is the user's own, nobody else may write to it, and others may rename none above it."""
+    if not hasattr(os, "getuid") or not os.path.isabs(name):  # no owner is known, or it is another one elsewhere
         return None
     try:
         path = Path(name)
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
-        found = path.lstat()
+        found, above = path.lstat(), [each.stat() for each in path.resolve().parents]
     except OSError:
         return None
     own = S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & (S_IWGRP | S_IWOTH)
-    return path if own else None
+    open_above = any(each.st_mode & (S_IWGRP | S_IWOTH) and not each.st_mode & S_ISVTX for each in above)
+    return path if own and not open_above else None
 
 
 def load(key: bytes) -> bytes:
@@ -63,8 +66,8 @@ def load(key: bytes) -> bytes:
     return whole[size:] if hashlib.sha256(whole[size:]).digest() == whole[:size] else b""
 
 
-def keep(key: bytes, code: bytes) -> None:
-    """Keep code for the next process, where that is possible."""
+def store(key: bytes, code: bytes) -> None:
+    """Store code for the next process, where that is possible."""
     import tempfile
 
     if (path := folder()) is None:
@@ -82,8 +85,8 @@ def keep(key: bytes, code: bytes) -> None:
 
 
 def _make_room(path: Path) -> None:
-    """Remove the older half of the files where there are too many."""
-    files = [*path.iterdir()]
+    """Remove the half of the stored files that was written first, where there are too many; other files stay."""
+    files = [each for each in path.iterdir() if OWN_NAME.fullmatch(each.name)]
     if len(files) >= STORE.files:
         for each in sorted(files, key=lambda file: file.stat().st_mtime)[: len(files) // 2]:
             each.unlink(missing_ok=True)

@@ -10,7 +10,6 @@ import struct
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import chain
 from typing import NamedTuple
 
 import casadi as ca
@@ -75,10 +74,8 @@ class VectorCode:
         self.masks, self.indices, self.pointers = (f"<{lanes} x {kind}>" for kind in ("i1", "i64", "ptr"))
         self.lines: list[str] = []
         self.declared: set[str] = set()
-        self.functions: list[str] = []  # others, which the code calls
         self.entry: list[str] = []  # what the code does once
         self.reserved = 0  # vectors of scratch memory, at %scratch
-        self.alive = "splat (i1 1)"  # the mask of the lanes that are not done
         self._tables: dict[tuple[float, ...], int] = {}
 
     def __call__(self, text: str) -> str:
@@ -245,10 +242,6 @@ class VectorCode:
         """Whether a mask has a lane."""
         return self(f"icmp ne i{self.lanes} {self(f'bitcast {self.masks} {mask} to i{self.lanes}')}, 0")
 
-    def none(self, mask: str) -> str:
-        """All lanes where a mask has none, else no lane."""
-        return self(f"select i1 {self.any(mask)}, {self.masks} zeroinitializer, {self.masks} splat (i1 1)")
-
     def if_any(self, mask: str, number: int) -> str:
         """A whole number where a mask has a lane, else 0."""
         return self(f"select i1 {self.any(mask)}, i64 {number}, i64 0")
@@ -270,18 +263,6 @@ class VectorCode:
                 self.entry.append(f"%t{place} = getelementptr {self.vector}, ptr %scratch, i64 {place}")
                 self.entry.append(f"store {self.vector} {self.splat(number)}, ptr %t{place}")
         return self._tables[key]
-
-    def apart(self, body: Callable[[list[list[str]]], object], arguments: Sequence[Sequence[str]]) -> None:
-        """Do what `body` appends from values like the arguments in a function of its own, in the same memory."""
-        places = [[self.reserve(1) for _ in each] for each in arguments]
-        for place, value in zip(chain(*places), chain(*arguments), strict=True):
-            self.put(value, self.place(place))
-        name, lines, self.lines = f"part{len(self.functions)}", self.lines, []
-        body([[self.get(self.place(place)) for place in each] for each in places])
-        head = f"define internal void @{name}(ptr %scratch) noinline {{"
-        self.functions.append("\n".join([head, "entry:", *self.lines, "ret void", "}"]))
-        self.lines = lines
-        self.do(f"call void @{name}(ptr %scratch)")
 
     def place(self, number: int) -> str:
         """The pointer to a place in the scratch memory."""

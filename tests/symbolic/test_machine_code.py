@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 from kernel_functions import assert_equal, both, countdown, once, starts
 
+from orbits import find
+from orbits.errors import NoMachineCode
 from orbits.symbolic import CodedFunction, Kernel, machine_code, vector_code
 from orbits.symbolic.machine_code import coded
+from problems import Hopper
 
 x, y = ca.SX.sym("x"), ca.SX.sym("y")
 # Every operation that has machine code, by its code, with its expression.
@@ -82,6 +85,9 @@ def test_without_machine_code_it_is_interpreted(monkeypatch, unsaid):
         few = kernel(starts(5, 6), np.ones((1, 1)))
     assert (few.counts == starts(5, 6)[:, 1] // 2).all()
     assert not Kernel(countdown()).compile()  # without a second warning
+    for _ in range(2):  # of a law that nothing else has, so that no machine code is there
+        with pytest.raises(NoMachineCode, match="install llvmlite"):
+            find(Hopper("r + c*r**7", parameters={"c": 0.1}))
 
 
 def test_an_operation_without_machine_code_is_interpreted():
@@ -106,8 +112,9 @@ def test_llvm_fails(monkeypatch, unsaid):
     assert len(said) == 1
     assert_equal(kernel(starts(5, 6), np.ones((1, 1))), one)
     alone = Kernel(CodedFunction([1], [1, 1, 1], lambda code, arguments: [arguments[0]] * 3))
-    with pytest.raises(RuntimeError, match="install llvmlite"):
-        alone(np.zeros((1, 1)))
+    for _ in range(2):
+        with pytest.raises(NoMachineCode, match="LLVM makes no machine code: LLVM says no"):
+            alone(np.zeros((1, 1)))
 
 
 def test_code_from_another_process(monkeypatch):

@@ -1,4 +1,4 @@
-"""Machine code that is kept for the next process: found again, never cut off, and in no folder of somebody else."""
+"""Machine code that is stored for the next process: found again, never cut off, and in no folder of somebody else."""
 
 import os
 
@@ -26,7 +26,7 @@ def test_the_next_process_finds_the_code(folder, monkeypatch):
     first = Kernel(countdown())
     first.compile()
     assert folder.stat().st_mode & 0o777 == 0o700
-    monkeypatch.setattr(machine_code, "keep", lambda *_: pytest.fail("it is compiled again"))
+    monkeypatch.setattr(machine_code, "store", lambda *_: pytest.fail("it is compiled again"))
     second = Kernel(countdown())
     second.compile()
     assert second._code.compiled == first._code.compiled
@@ -36,7 +36,7 @@ def test_the_next_process_finds_the_code(folder, monkeypatch):
 
 def test_what_is_cut_off_is_not_used(folder):
     """Nor what is changed; it is made again."""
-    stored_code.keep(KEY, b"code" * 100)
+    stored_code.store(KEY, b"code" * 100)
     (file,) = folder.iterdir()
     assert stored_code.load(KEY) == b"code" * 100
     for wrong in (file.read_bytes()[:-1], b"", file.read_bytes()[:-1] + b"x"):
@@ -48,16 +48,33 @@ def test_what_is_cut_off_is_not_used(folder):
 def test_a_folder_that_others_may_write_to_is_not_used(folder, mode):
     folder.mkdir(parents=True)
     folder.chmod(mode)
-    stored_code.keep(KEY, b"code")
+    stored_code.store(KEY, b"code")
     assert not [*folder.iterdir()]
     (folder / KEY.hex()).write_bytes(b"code")
     assert stored_code.load(KEY) == b""
 
 
+def test_a_folder_below_one_that_others_may_write_to_is_not_used(folder):
+    """They could put another one in its place."""
+    folder.mkdir(parents=True)
+    folder.parent.chmod(0o777)
+    stored_code.store(KEY, b"code")
+    assert not [*folder.iterdir()]
+
+
+@pytest.mark.parametrize("name", ["code", "~/code", "./code"])
+def test_a_folder_that_depends_on_the_place_is_not_used(tmp_path, monkeypatch, name):
+    """It would be another one, unchecked, after a change of the working folder."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PERSISTENT_ORBITS_CACHE", name)
+    stored_code.store(KEY, b"code")
+    assert not [*tmp_path.iterdir()]
+
+
 def test_a_folder_of_somebody_else_is_not_used(folder, monkeypatch):
     folder.mkdir(parents=True)
     monkeypatch.setattr(os, "getuid", lambda: folder.stat().st_uid + 1)
-    stored_code.keep(KEY, b"code")
+    stored_code.store(KEY, b"code")
     assert not [*folder.iterdir()]
 
 
@@ -65,15 +82,15 @@ def test_a_link_to_a_folder_is_not_used(folder, tmp_path):
     (tmp_path / "elsewhere").mkdir()
     folder.parent.mkdir()
     folder.symlink_to(tmp_path / "elsewhere")
-    stored_code.keep(KEY, b"code")
+    stored_code.store(KEY, b"code")
     assert not [*(tmp_path / "elsewhere").iterdir()]
 
 
 @pytest.mark.parametrize("off", ["", "off"])
-def test_nothing_is_kept_where_that_is_switched_off(monkeypatch, off):
+def test_nothing_is_stored_where_that_is_switched_off(monkeypatch, off):
     monkeypatch.setenv("PERSISTENT_ORBITS_CACHE", off)
     assert stored_code.folder() is None
-    stored_code.keep(KEY, b"code")
+    stored_code.store(KEY, b"code")
     assert stored_code.load(KEY) == b""
 
 
@@ -81,17 +98,20 @@ def test_a_folder_that_cannot_be_made(tmp_path, monkeypatch):
     """Is as none."""
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("PERSISTENT_ORBITS_CACHE", str(tmp_path / "file" / "code"))
-    stored_code.keep(KEY, b"code")
+    stored_code.store(KEY, b"code")
     assert stored_code.load(KEY) == b""
 
 
-def test_only_so_many_files_are_kept(folder, monkeypatch):
-    """The older ones are removed."""
+def test_only_so_many_files_are_stored(folder, monkeypatch):
+    """The files written first are removed; one of another name stays."""
+    folder.mkdir(parents=True)
+    (folder / "letter.txt").write_text("mine")
     monkeypatch.setattr(stored_code, "STORE", stored_code.STORE._replace(files=6))
     for i in range(20):
-        stored_code.keep(bytes([i]) * 32, b"code")
+        stored_code.store(bytes([i]) * 32, b"code")
         os.utime(folder / (bytes([i]) * 32).hex(), (i, i))
-    assert len([*folder.iterdir()]) <= 6
+    assert len([*folder.iterdir()]) <= 7
+    assert (folder / "letter.txt").read_text() == "mine"
     assert stored_code.load(bytes([19]) * 32) == b"code"
     assert stored_code.load(bytes([3]) * 32) == b""
 
