@@ -116,9 +116,12 @@ class TaylorStepper:
 
         return self.kernel_of(append, self.sizes, [self.places.time, self.recorded, self.n * self.columns, 2, 1, 1])
 
-    def kernel_of(self, append: Callable, sizes_in: list[int], sizes_out: list[int]) -> Kernel:
+    def kernel_of(
+        self, append: Callable, sizes_in: list[int], sizes_out: list[int], blocks: tuple[int, ...] = ()
+    ) -> Kernel:
         """The kernel that iterates a step with such arguments, which takes the row of its piece."""
-        return Kernel(CodedFunction(sizes_in, sizes_out, append), self.places.piece if self.graph.coordinate else None)
+        function = CodedFunction(sizes_in, sizes_out, append, blocks)
+        return Kernel(function, self.places.piece if self.graph.coordinate else None)
 
     @property
     def recorded(self) -> int:

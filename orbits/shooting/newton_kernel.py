@@ -9,7 +9,7 @@ import numpy as np
 
 from ..flow import TAYLOR, TaylorStepper, Trajectories, begins_of_steps, coefficients_of, rows_used
 from ..numerics import ROOTS, Array
-from ..symbolic import Kernel, VectorCode, cached
+from ..symbolic import Block, Kernel, Number, VectorCode, cached
 from .single_shooting import NEWTON, Evaluation, Shooting, arrival, settles
 
 
@@ -54,7 +54,8 @@ class NewtonKernel:
 
     Steps of the motion are iterated; where one ends, the next Newton step begins another motion. The argument z is that
     of the motion, then the entries at `places`. The data are the row, the level, the unit of each component of X, the
-    parameters, the least number of Newton steps, whether the motion of the solution is requested, and the breakpoints.
+    parameters, the least number of Newton steps, and whether the motion of the solution is requested. On pieces, a
+    further argument are their breakpoints.
     """
 
     def __init__(self, equations: Shooting, along: str):
@@ -86,11 +87,10 @@ class NewtonKernel:
         z[:, motion.sensitivities], z[:, motion.left] = self.seeds.T.ravel(), begin[:, -1]
         z[:, motion.longest], z[:, at.doing], z[:, at.begins] = TAYLOR.longest_step, Lane.SOLVING, 1.0
         data = [rows, levels[:, None], units, ps, np.full((len(xs), 2), (least, with_motions))]
-        tables = list[Array]()
+        pieces = list[Array]()
         if on := self.flow.on_pieces(begin[:, :-1], ps):
-            z[:, motion.piece], tables = on.numbers, [on.tables]
-            data.append(np.broadcast_to(on.breaks, (len(xs), self.flow.breaks)))
-        z, (c, before, steps), counts, _ = self.kernel(z, np.hstack(data), *tables, most=most or control.together)
+            z[:, motion.piece], pieces = on.numbers, [on.breaks, on.tables]
+        z, (c, before, steps), counts, _ = self.kernel(z, np.hstack(data), *pieces, most=most or control.together)
         solved = (z[:, at.doing] == Lane.DONE) & (np.abs(z[:, motion.state]).max(1) <= control.runaway)
         owner, begins = np.repeat(np.arange(len(z)), counts), begins_of_steps(steps[:, 0], counts)
         solved[owner[steps[:, 0] <= control.shortest_step * np.maximum(begins, 1.0)]] = False
@@ -113,26 +113,32 @@ class NewtonKernel:
 
     def _kernel(self, parameter_seeds: Array) -> Kernel:
         """The kernel, which iterates a step of the motion and, where that ends, the Newton step."""
-        stepper, at = self.stepper, self.places
-        next_motion, size = self._next_motion(), sum(self.sizes)
+        stepper, at, at_piece = self.stepper, self.places, self.motion.piece
+        next_motion, rows = self._next_motion(), self.stepper.sizes[2:]
         parameters = ca.Function("parameters", *self._parameters())
         seeds = parameter_seeds[stepper.varied_parameters].T.ravel().tolist()
 
         def append(code: VectorCode, arguments: Sequence) -> list:
-            z, data, *row = arguments
+            z, data, *pieces = arguments
+            breaks, row = pieces[:1], pieces[1:]
             own = [*code.graph(parameters, [z[at.point], data])[0], *map(code.splat, seeds)]
             moved = stepper.motion(code, z[: at.point.start], own, *row)
             flags = [moved.counts.value()], [moved.goes.value()]
-            new, recorded, goes = code.graph(next_motion, [z, data, *row, moved.after, *flags])
+            new, recorded, goes, *start = code.graph(next_motion, [z, data, *row, moved.after, *flags])
+            if start:
+                (restarts,), (place,) = start
+                mask = code.nonzero(restarts)
+                new[at_piece] = code.choose(mask, _piece(code, mask, place, *breaks), moved.after[at_piece])
             return [new, moved.rows, moved.begins, moved.length, recorded, goes]
 
         sizes = [at.data.stop, stepper.recorded, stepper.n * stepper.columns, 2, 1, 1]
-        return stepper.kernel_of(append, [at.data.stop, size, *stepper.sizes[2:]], sizes)
+        pieces = [self.flow.breaks, *rows] if rows else []
+        return stepper.kernel_of(append, [at.data.stop, sum(self.sizes), *pieces], sizes, (2,) if rows else ())
 
     @property
     def sizes(self) -> list[int]:
         """The sizes of the parts of the data."""
-        return [self.size, 1, self.size, len(self.equations.parameters), 1, 1, self.flow.breaks]
+        return [self.size, 1, self.size, len(self.equations.parameters), 1, 1]
 
     def _parameters(self) -> tuple[list, list]:
         """The symbols of X and the data, and of these the parameters at X."""
@@ -147,13 +153,14 @@ class NewtonKernel:
 
     def _next_motion(self) -> ca.Function:
         """(z, data, row of the piece, z of the motion after a step, whether this counts, whether it goes on) -> the new
-        z, whether the step is recorded, and whether to go on."""
+        z, whether the step is recorded, whether to go on and, on pieces, whether a motion begins, and the place of the
+        coordinate there, by which its piece is chosen."""
         at, motion, stepper, shape = self.places, self.motion, self.stepper, self.seeds.shape
         z, data, after = ca.SX.sym("z", at.data.stop), ca.SX.sym("data", sum(self.sizes)), ca.SX.sym("m", motion.time)
         accepted, going = ca.SX.sym("counts"), ca.SX.sym("goes")
         piece = [ca.SX.sym("row", size) for size in stepper.sizes[2:]]
         x, doing = z[at.point], z[at.doing]
-        row, level, unit, _, *options, breaks = ca.vertsplit(data, np.cumsum([0, *self.sizes]).tolist())
+        row, level, unit, _, *options = ca.vertsplit(data, np.cumsum([0, *self.sizes]).tolist())
         q = stepper.piece_rows.split(*piece)[0][1] if piece else ca.SX(0, 1)
         begun = ca.if_else(z[at.begins] > 0, q, z[at.data]) if piece else q
         ended = ca.logic_and(accepted, after[motion.left] <= 0)
@@ -167,20 +174,16 @@ class NewtonKernel:
         x = known[: self.size]  # known are the places from the point up to the state of the lane
         p = self._parameters_at(x, data)
         begin = self.equations.ends[0][0].function(x[:-1], ca.SX(0, 1), p)[0]
-        number = self._piece(begin[:-1], p, breaks) if piece else 0.0
-        start = ca.vertcat(begin[:-1], ca.vec(ca.DM(self.seeds)), begin[-1], TAYLOR.longest_step, number)
+        start = ca.vertcat(begin[:-1], ca.vec(ca.DM(self.seeds)), begin[-1], TAYLOR.longest_step, 0.0)
         duration = ca.if_else(restarts, begin[-1], z[at.duration])
         begins = ca.logic_or(restarts, ca.logic_and(z[at.begins] > 0, ca.logic_not(accepted)))
         new = ca.vertcat(ca.if_else(restarts, start, after), known, does, duration, begins, begun)
         goes = ca.logic_or(restarts, ca.logic_and(going, ca.logic_not(ended)))
         recorded = ca.logic_and(accepted, doing == Lane.RECORDING)
-        arguments = [z, data, *piece, after, accepted, going]
-        return ca.Function("next", arguments, [ca.densify(new), recorded, goes], {"cse": True})
-
-    def _piece(self, x: ca.SX, p: ca.SX, breaks: ca.SX) -> ca.SX:
-        """The number of the piece at a state, as in `PieceRows`."""
-        place = self.flow.vector_field.place(x, p)
-        return ca.sum1(breaks <= place) - (breaks[-1] == place)
+        arguments, results = [z, data, *piece, after, accepted, going], [ca.densify(new), recorded, goes]
+        if piece:
+            results += [restarts, self.flow.vector_field.place(begin[:-1], p)]
+        return ca.Function("next", arguments, results, {"cse": True})
 
     def _newton(self) -> ca.Function:
         """(X, parameters, end of the motion, its transition, data of the pieces at its start and end, row, level, unit,
@@ -209,6 +212,20 @@ class NewtonKernel:
         known = ca.vertcat(x + found[:, 0], found[:, 1], size, growth, taken)
         arguments = [x, p, end, transition, q, q_end, row, level, unit, last, taken, least, with_motions]
         return ca.Function("newton", arguments, [known, ca.if_else(taken >= least, does, Lane.SOLVING)])
+
+
+def _piece(code: VectorCode, mask: str, place: str, breaks: Block) -> str:
+    """The number of the piece at a place, as in `PieceRows`, in the lanes of a mask."""
+    at, first = Number(code, place), code.place(breaks.place - 1)
+
+    def body(k: str, before: list[str]) -> list[str]:
+        number = Number(code, before[0])
+        return [(Number(code, code.get(code.offset(first, k))) <= at).choose(number + 1.0, number).name]
+
+    # The last breakpoint belongs to the piece below it.
+    (number,) = code.loop(1, code.if_any(mask, breaks.count - 1), body, [code.splat(0)])
+    below, last = Number(code, number), Number(code, code.get(code.place(breaks.place + breaks.count - 1)))
+    return (last < at).choose(below + 1.0, below).name
 
 
 def _solved(system: ca.SX) -> ca.SX:

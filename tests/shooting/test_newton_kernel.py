@@ -9,7 +9,9 @@ from orbits.continuation import Options
 from orbits.continuation.curve import Curve
 from orbits.continuation.family_problem import FamilyProblem
 from orbits.curves import BRANCH, Border, correct
-from orbits.shooting import NewtonKernel
+from orbits.shooting import NewtonKernel, equations_of
+from orbits.symbolic.machine_code import MachineCode
+from problems import Hopper, springs
 
 
 def test_newton_steps_in_lanes_and_one_after_the_other(monkeypatch):
@@ -45,3 +47,19 @@ def test_newton_steps_in_lanes_and_one_after_the_other(monkeypatch):
     which, _ = correct(problem, along, xs, Border(rows, levels), before, problem.steps)
     assert 3 not in found[1].which
     assert which.tolist() == [0, 1, 2, 4, 5, 6, 7, 8]
+
+
+def test_the_code_does_not_grow_with_the_breakpoints():
+    """They are counted in a loop over an argument of their own, which a smooth field does not have."""
+
+    def kernel_of(law):
+        machine = Hopper(law, rest_length=10)
+        return NewtonKernel(equations_of(machine.model, "half orbit", tuple(machine.values)), "mass_ratio").kernel
+
+    places = [np.linspace(-12, 12, rows) for rows in (160, 320)]
+    few, many = (kernel_of(springs.table((r, r + 0.3 * r**3), noise=0)) for r in places)
+    assert (few.sizes_in[2], many.sizes_in[2]) == (160, 320)
+    assert [*few.sizes_in[:2], *few.sizes_in[3:]] == [*many.sizes_in[:2], *many.sizes_in[3:]]
+    short, long = (len(MachineCode(each.source, each.row_entry).compiled) for each in (few, many))
+    assert long - short < 160  # bytes: no instruction for each of them
+    assert len(kernel_of("cubic").sizes_in) == 2
