@@ -70,10 +70,10 @@ class _Refused(NamedTuple):
     def has_all_numbers(self) -> bool:
         """Whether the launches are all numbers between the ends, so that nothing of them is left to resolve."""
         a, b = self.cell.ends
-        numbers = round((b - a) / np.spacing(a))
-        if numbers > len(self.launches):
+        spacing = np.spacing(a)
+        if b - a > len(self.launches) * spacing:
             return False
-        return bool(np.isin(a + np.spacing(a) * np.arange(1, numbers), self.launches).all())
+        return bool(np.isin(a + spacing * np.arange(1, round((b - a) / spacing)), self.launches).all())
 
 
 class Resolving(LimitedHops):

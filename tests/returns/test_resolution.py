@@ -11,7 +11,7 @@ from orbits.returns.itineraries import MonotoneBranches
 from orbits.returns.limited_hops import RESOLUTION, PlainMap
 from orbits.returns.periodic_hops import cycles_of
 from orbits.returns.preimages import Passages
-from orbits.returns.resolution import Resolving, map_pieces
+from orbits.returns.resolution import Resolving, _Cell, _Refused, map_pieces
 from problems import Hopper
 
 
@@ -96,6 +96,14 @@ def test_the_basin_is_what_comes_to_a_lossless_hop(machine):
 def test_what_cannot_be_meant(call, words):
     with pytest.raises(InputError, match=words):
         call(ReturnMap(Hopper()))
+
+
+@pytest.mark.parametrize(("low", "width", "has"), [(1.0, 2.0**-51, True), (1.0, 2.0**-50, False), (0.0, 0.1, False)])
+def test_cells_without_numbers_between_their_launches(low, width, has):
+    """Also of a cell from 0, where the width in smallest numbers is beyond the largest one."""
+    launches = low + np.spacing(low) * np.arange(3)
+    refused = _Refused(_Cell(low, width, 1), launches, np.ones(3), np.ones(3))
+    assert refused.has_all_numbers == has
 
 
 class TestMapsInClosedForm:
