@@ -62,7 +62,6 @@ TESTED_WITH = {
     "periodic/quantities": "continuation/test_motion_columns",
     "periodic/tuned_extremes": "periodic/test_tuned_orbits",
     "periodic/tuned_search": "periodic/test_tuned_orbits",
-    "periodic/extrema_and_zeros": "periodic/test_certificate",
     "proof/branch_claim": "continuation/test_proved_curve",
     "proof/branch_motion": "proof/test_branch",
     "proof/branch_piece": "proof/test_branch",

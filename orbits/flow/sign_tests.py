@@ -13,8 +13,8 @@ from .watch import HEAD, may_change_sign
 @cached
 def sign_tests(rows: int, orders: int, kinds: tuple[tuple[bool, int], ...]) -> ElementwiseFunction:
     """The signs in a step of q affine functions of rows of polynomials, or of their rates, (coefficients, one row after
-    the other; length; 1 where the motion begins, else 0; weights (q rows,); offsets (q,)) -> for each (4,), the value
-    at the start, that without the zero there, whether there may be another zero, and the sign at the end.
+    the other; length; 1 where the motion begins, else 0; weights (q rows,); offsets (q,)) -> for each (3,), the value
+    at the start without the zero there, whether there may be another zero, and the sign at the end.
 
     kinds : of each, whether its rate is meant, and the order of the zero where the motion begins
     """
@@ -46,8 +46,8 @@ def sign_tests(rows: int, orders: int, kinds: tuple[tuple[bool, int], ...]) -> E
             (change,), (sign,), _ = code.graph(function, [*terms, [begins], [code.splat(order)], [zero]])
             start = number(terms[0][0])
             begin = fresh.choose(own.at(place, order), start) if order else start
-            found += [start.name, begin.name, change, sign]
+            found += [begin.name, change, sign]
         return [found]
 
     sizes = [rows * orders, 1, 1, rows * len(kinds), len(kinds)]
-    return ElementwiseFunction(CodedFunction(sizes, [4 * len(kinds)], append, (0,)))
+    return ElementwiseFunction(CodedFunction(sizes, [3 * len(kinds)], append, (0,)))

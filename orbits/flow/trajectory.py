@@ -210,22 +210,24 @@ class Trajectories:
 
     def series(
         self, quantity: Affine | StateFormula, embed: np.ndarray | None = None, steps: np.ndarray | slice = slice(None),
-        orders: int | None = None,
+        orders: slice = slice(None),
     ) -> np.ndarray:  # fmt: skip
         """Coefficients (N, K + 1) of a function of the first rows, or of `embed` (n, rows) times these; of some `steps`
-        alone, and of a number of `orders`.
+        alone, and of some `orders`.
 
         Weights, offset and values of the function are numbers, or (m,) where they differ between motions.
         """
         if isinstance(quantity, StateFormula):
-            c = self.coefficients[steps, :, :orders]
-            return quantity.of(self.owner[steps]).series(c if embed is None else embed @ c[:, : embed.shape[1]])
+            c = self.coefficients[steps, :, : orders.stop]
+            c = c if embed is None else embed @ c[:, : embed.shape[1]]
+            return quantity.of(self.owner[steps]).series(c)[:, orders]
         weights, offset = (each[steps] if len(each) > 1 else each for each in self.of_steps(quantity, embed))
         first, *others = np.nonzero(weights.any(0))[0].tolist() or [0]
-        values = weights[:, first, None] * self.coefficients[steps, first, :orders]
+        values = weights[:, first, None] * self.coefficients[steps, first, orders]
         for i in others:  # many times faster than products of small matrices
-            values += weights[:, i, None] * self.coefficients[steps, i, :orders]
-        values[:, 0] += offset
+            values += weights[:, i, None] * self.coefficients[steps, i, orders]
+        if not orders.start:
+            values[:, 0] += offset
         return values
 
     def of_steps(self, quantity: Affine, embed: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:

@@ -190,17 +190,17 @@ class PiecewisePolynomials:
         """The pieces (k,) that may have a root, and the values (m,) at the ends."""
         begins, ends, changes = self.signs(orders, by_rate)
         begin, end = begins >= 0, ends >= 0
-        start = begin.copy()
+        start = self._starts(np.arange(len(self.steps)), by_rate + orders) >= 0
         if before is not None:
-            start[self.first] = np.where(before == 0, begin[self.first], before > 0)
-        end[:-1], end[self.last] = self.starts(by_rate)[1:] >= 0, end[self.last]
+            start[self.first] = np.where(before == 0, start[self.first], before > 0)
+        end[:-1], end[self.last] = start[1:], end[self.last]
         none = (start == begin) & (end == begin) & (changes == 0)
         falls_once = start & begin & ~end & (changes <= 1)
         return (~(none | (rises & falls_once))).nonzero()[0], ends[self.last]
 
-    def series(self, which: Array) -> Array:
-        """The coefficients (k, K + 1) of some pieces (k,), as an array of their own."""
-        return self.coefficients[which]
+    def series(self, which: Array, orders: slice = slice(None)) -> Array:
+        """The coefficients (k, K + 1) of some pieces (k,), or those of some `orders`, as an array of their own."""
+        return self.coefficients[:, orders][which]
 
     def signs(self, orders: Array, by_rate: Array) -> tuple[Array, Array, Array]:
         """Of each piece (N,), or its rate, without zeros of these orders at its start: values with the signs at its
@@ -215,7 +215,8 @@ class PiecewisePolynomials:
         owner = self.owner[which]
         ends = (which == self.last[owner]).nonzero()[0]
         own = values[ends, -1]
-        values[:, -1] = self.starts(by_rate)[np.minimum(which + 1, len(self.steps) - 1)]
+        following = np.minimum(which + 1, len(self.steps) - 1)
+        values[:, -1] = self._starts(following, by_rate[following])
         values[ends, -1] = self._ends[owner[ends]] = own
         if before is not None:
             begins = which == self.first[owner]
@@ -226,9 +227,15 @@ class PiecewisePolynomials:
         """Values for all polynomials, or (m,), of each piece (N,)."""
         return values[self.owner] if isinstance(values, np.ndarray) else np.full(len(self.owner), values)
 
-    def starts(self, by_rate: Array) -> Array:
-        """The values (N,) at the beginnings of the pieces."""
-        return self.coefficients[np.arange(len(by_rate)), by_rate.astype(int)]
+    def _starts(self, which: Array, orders: Array) -> Array:
+        """Coefficients (k,) of some pieces (k,), of each that of its order (k,). They are rounded as in `series`, so
+        that both sides of a joint have one sign, which machine code may round the other way."""
+        values = np.empty(len(which))
+        for order in range(int(orders.max(initial=0)) + 1):
+            here = orders == order
+            if here.any():
+                values[here] = self.series(which[here], slice(order, order + 1))[:, 0]
+        return values
 
     def lowest(self) -> _Places:
         """The least value (m,) of each polynomial, the piece (m,) and the time in it (m,) where it is taken."""

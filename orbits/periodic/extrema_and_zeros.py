@@ -39,8 +39,8 @@ class Sought(NamedTuple):
         """The function as a row of its own."""
         return Sought.of(self.motions, self.series(), self.by_rate, self.order)
 
-    def series(self, steps: np.ndarray | slice = slice(None), orders: int | None = None) -> np.ndarray:
-        """The coefficients (k, K + 1) of some steps (k,), or the first `orders` of them."""
+    def series(self, steps: np.ndarray | slice = slice(None), orders: slice = slice(None)) -> np.ndarray:
+        """The coefficients (k, K + 1) of some steps (k,), or those of some `orders`."""
         return self.motions.series(self.quantity, self.embed, steps, orders)
 
     def of_steps(self) -> tuple[np.ndarray, np.ndarray]:
@@ -136,15 +136,15 @@ class _Functions(PiecewisePolynomials):
                 weights[:, i, : weight.shape[1]], offsets[:, i] = weight, offset
             yield group, (motions, weights, offsets)
 
-    def series(self, which: np.ndarray) -> np.ndarray:
+    def series(self, which: np.ndarray, orders: slice = slice(None)) -> np.ndarray:
         if self.few:
-            return self.coefficients[which]
+            return super().series(which, orders)
         bounds = np.searchsorted(which, self.places).tolist()
         parts = zip(self.functions, self.places, pairwise(bounds), strict=False)
-        return np.concatenate([each.series(which[a:b] - first) for each, first, (a, b) in parts])
+        return np.concatenate([each.series(which[a:b] - first, orders) for each, first, (a, b) in parts])
 
     def signs(self, orders: np.ndarray, by_rate: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        found = np.empty((4, len(self.begins)))
+        found = np.empty((3, len(self.begins)))
         for group, (motions, weights, offsets) in self._groups():
             count, rows, size = motions.coefficients.shape
             kinds, fresh = [(self.functions[i].by_rate, self.functions[i].order) for i in group], np.zeros((count, 1))
@@ -152,13 +152,10 @@ class _Functions(PiecewisePolynomials):
             c, lengths = motions.coefficients.reshape(count, -1), motions.steps[:, None]
             tests = sign_tests(rows, size, tuple(kinds))
             (signs,) = tests(c, lengths, fresh, weights.reshape(len(weights), -1), offsets)
-            for i, own in zip(group, signs.T.reshape(len(group), 4, count), strict=True):
+            for i, own in zip(group, signs.T.reshape(len(group), 3, count), strict=True):
                 found[:, self.places[i] : self.places[i + 1]] = own
-        self._starts, begins, changes, ends = found
+        begins, changes, ends = found
         return begins, ends, changes
-
-    def starts(self, by_rate: np.ndarray) -> np.ndarray:
-        return super().starts(by_rate) if self.few else self._starts
 
 
 def turns_and_zeros(sought: Mapping[Any, Sought]) -> dict[Any, TurnsAndZeros]:

@@ -132,7 +132,8 @@ def gaps_of(
 def _lowest_middles(curve: TurnsAndZeros) -> np.ndarray:
     """The indices (e,) of the halves whose ends, in the middle of a phase, are minima of a function too."""
     motions = curve.motions
-    still = np.abs(curve.at_ends(1)) * motions.ends < STATIONARY * motions.largest(curve.function.series(orders=1))
+    size = motions.largest(curve.function.series(orders=slice(1)))
+    still = np.abs(curve.at_ends(1)) * motions.ends < STATIONARY * size
     return np.asarray(((curve.at_ends(2) > 0) & still).nonzero()[0])
 
 
