@@ -26,6 +26,7 @@ class PolynomialOptions(NamedTuple):
     few_pieces: int = 100  # up to this many are searched faster without excluding most of them first
     # Up to this many are found faster one by one: one takes 15 microseconds, the call of a kernel 80.
     few_roots: int = 6
+    rows_of_product: int = 1000  # of a matrix product
     many_numbers: int = 200  # from this many on, their powers are computed faster by doubling the number of powers
 
 
@@ -60,7 +61,14 @@ def powers(t: ArrayLike, count: int) -> np.ndarray:
 def bernstein(coefficients: np.ndarray, of_h: np.ndarray) -> np.ndarray:
     """Bernstein coefficients on [0, h]; `coefficients` (..., K + 1) and the powers `of_h` (..., K + 1) broadcast."""
     matrix = _to_bernstein(coefficients.shape[-1] - 1)
-    return coefficients @ (of_h[:, None] * matrix) if of_h.ndim == 1 else coefficients * of_h @ matrix
+    if of_h.ndim == 1:
+        return coefficients @ (of_h[:, None] * matrix)
+    terms = coefficients * of_h
+    found, rows = np.empty_like(terms), POLYNOMIALS.rows_of_product
+    # For more rows at a time the linear algebra wakes threads, which wait for the next product without rest.
+    for first in range(0, len(terms), rows):
+        np.matmul(terms[first : first + rows], matrix, out=found[first : first + rows])
+    return found
 
 
 def evaluate(coefficients: np.ndarray, t: ArrayLike) -> np.ndarray:
