@@ -36,7 +36,7 @@ from .io import (
 )
 from .model import Machine, machine_in_words
 from .running import check_report
-from .tables import DIGITS, escaped, html_table, number_text, text_table
+from .tables import DIGITS, escaped, html_table, number_text, text_table, wrapped
 from .units import UNIT_TEXTS
 
 # A `matplotlib.axes.Axes`. The import waits until something is drawn, and its types differ between versions.
@@ -205,7 +205,8 @@ class Result:
 
     def __str__(self) -> str:
         lines = text_table(self.rows(self.printed_digits), self.heads())
-        return "\n".join([self.title(), *lines, *(f"  {note}" for note in self._notes())])
+        notes = [line for note in self._notes() for line in wrapped(note, indent="  ")]
+        return "\n".join([*wrapped(self.title(), onward="    "), *lines, *notes])
 
     def _repr_html_(self) -> str:
         draw = None if self.undrawn else self._draw

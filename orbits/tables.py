@@ -1,12 +1,40 @@
-"""Tables of results as text and as HTML: names, numbers with their units, and words."""
+"""Tables of results as text and as HTML: names, numbers with their units, and words.
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+A printed line has at most `LAYOUT.line` characters: a longer text goes on below, set in, and so does a table of more
+columns, with its first column again. No number is ever cut.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import zip_longest
+from typing import Any, NamedTuple
 
 # Rows of this name say in words what makes an orbit no motion.
 VIOLATED = "violated"
 DIGITS = 7  # of numbers in a table on a page; the printed one shows all that are known
-WIDTH_OF_NAMES = 24  # column of names in a printed table, so that those of several results stand alike
+
+
+class Layout(NamedTuple):
+    """The widths of printed tables in characters.
+
+    line : of a line of a terminal
+    names : of the column of names, so that those of several results stand alike
+    longest_names : of that column; a longer name has lines of its own
+    between : columns
+    """
+
+    line: int = 80
+    names: int = 24
+    longest_names: int = 40
+    between: int = 2
+
+
+LAYOUT = Layout()
+# Spaces at which no line ends: those around a sign of equality, before the unit of a number, and after +-.
+TOGETHER = re.compile(r"(?<=[^ ]) (?== )|(?<= =) |(?<=\d) (?=[^\W\d_])|(?<=\+-) ")
+HARD_SPACE = "\u00a0"
+# Where a word that is longer than a line goes on in the next one: after these signs of a formula or of a file's name.
+BREAKS = re.compile(r"(?<=[*/,;&?(=])|(?<=\+)(?<![eE]\+)")
 # The colours are those of the page around, so that a table is legible on a light page and on a dark one.
 RULE = "1px solid rgba(128,128,128,0.35)"
 TABLE = "border-collapse:collapse;font:13px/1.45 system-ui,sans-serif;color:inherit;background:none;margin:0"
@@ -36,14 +64,81 @@ def machine_numbers(words: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
     return {name: (value, own.get(name) or "") for name, value in numbers.items() if value is not None}
 
 
+def wrapped(text: str, width: int | None = None, indent: str = "", onward: str | None = None) -> list[str]:
+    """A text as lines of at most this width, by default that of a terminal.
+
+    indent, onward : what the first line begins with, and all others, by default the same
+
+    Words longer than a line, as formulas, go on after a sign; what has none, as a number, stays whole. So do lines of
+    the text that are set in already.
+    """
+    width, onward = width or LAYOUT.line, indent if onward is None else onward
+    lines = list[str]()
+    for part in text.split("\n"):
+        if lines and part.startswith(" "):
+            lines.append(part)
+            continue
+        line, begun = onward if lines else indent, False
+        for word in re.findall(" *[^ ]+", TOGETHER.sub(HARD_SPACE, part)):
+            pieces = [word] if len(word.lstrip(" ")) + len(onward) <= width else BREAKS.split(word)
+            for piece in pieces:
+                if begun and len(line) + len(piece) > width:
+                    lines.append(line)
+                    line, begun = onward, False
+                line, begun = line + (piece if begun else piece.lstrip(" ")), True
+        lines.append(line)
+    return [line.replace(HARD_SPACE, " ").rstrip() for line in lines]
+
+
 def text_table(rows: Sequence[Sequence[str]], heads: Sequence[str] = ()) -> list[str]:
     """Rows of texts as the lines of a table: names and values, or columns below their headings."""
-    if not heads:
-        width = max([WIDTH_OF_NAMES, *(len(name) + 2 for name, *_ in rows)])
-        return [f"  {name:<{width}}{text}".rstrip() for name, text in rows]
-    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
-    lines = ((f"{name:<{widths[0]}}", *map(str.rjust, row, widths[1:])) for name, *row in (heads, *rows))
-    return ["  " + "  ".join(line).rstrip() for line in lines]
+    if heads:
+        blocks = [[*_lines_of_columns(columns)] for columns in _blocks([heads, *rows])]
+        return [line for block in blocks for line in ([""] if block is not blocks[0] else []) + block]
+    longest = max([LAYOUT.names, *(len(name) + LAYOUT.between for name, *_ in rows)])
+    width, lines = min(longest, LAYOUT.longest_names), list[str]()
+    for name, text in rows:
+        first, onward = f"  {name:<{width}}", " " * (2 + width)
+        lines += [] if len(name) < width else wrapped(name, indent="  ")
+        lines += wrapped(text, indent=first if len(name) < width else onward, onward=onward)
+    return lines
+
+
+def _longest_word(column: Sequence[str]) -> int:
+    """The length of the longest word in a column."""
+    return max(len(word) for text in column for word in (TOGETHER.sub(HARD_SPACE, text).split(" ")))
+
+
+def _blocks(table: Sequence[Sequence[str]]) -> list[list[Sequence[str]]]:
+    """The columns of a table in blocks, each with the first column, whose words fit into a line."""
+    name, *columns = zip(*table, strict=True)
+    blocks, room = [[name]], LAYOUT.line
+    for column in columns:
+        needed = LAYOUT.between + _longest_word(column)
+        if not (begun := len(blocks[-1]) > 1) or room < needed:
+            blocks += [[name]] if begun else []
+            room = LAYOUT.line - LAYOUT.between - _longest_word(name)
+        blocks[-1].append(column)
+        room -= needed
+    return blocks
+
+
+def _lines_of_columns(columns: Sequence[Sequence[str]]) -> Iterator[str]:
+    """The lines of a block: the widest columns of several words have narrower lines, as far as the block needs."""
+    widths, least = ([function(column) for column in columns] for function in (_longest, _longest_word))
+    while sum(widths) + LAYOUT.between * len(widths) > LAYOUT.line and widths != least:
+        widest = max((width, i) for i, width in enumerate(widths) if width > least[i])[1]
+        widths[widest] -= 1
+    for row in zip(*columns, strict=True):
+        cells = [wrapped(text, width) for text, width in zip(row, widths, strict=True)]
+        justify = [str.rjust if i and len(lines) == 1 else str.ljust for i, lines in enumerate(cells)]
+        for parts in zip_longest(*cells, fillvalue=""):
+            line = (to(part, width) for to, part, width in zip(justify, parts, widths, strict=True))
+            yield "  " + "  ".join(line).rstrip()
+
+
+def _longest(column: Sequence[str]) -> int:
+    return max(map(len, column))
 
 
 def escaped(text: str) -> str:

@@ -3,6 +3,7 @@
 import gc
 import json
 import os
+import re
 import shlex
 import shutil
 import signal
@@ -283,7 +284,10 @@ def orbits(monkeypatch, capsys):
         monkeypatch.setattr(sys, "argv", ["orbits", *shlex.split(line), *map(str, arguments)])
         with pytest.raises(SystemExit) as end:
             main()
-        return Result(end.value.code, *capsys.readouterr())
+        out, err = capsys.readouterr()
+        printed = err if "--json" in sys.argv else out + err
+        assert max(map(len, printed.splitlines()), default=0) <= 80, "a line is wider than a terminal"
+        return Result(end.value.code, out, re.sub("\n  (?=[^ ])", " ", err))
 
     return run
 

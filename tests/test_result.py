@@ -120,7 +120,9 @@ VERBS = {
     "machine": lambda result: isinstance(result.machine, dict) and "machine" in result.machine,
     "units": lambda result: all(isinstance(each, str | None) for pair in result.units.items() for each in pair),
     "title": lambda result: "\n" not in result.title(),
-    "print": lambda result: str(result).startswith(result.title()),
+    "print": lambda result: (
+        " ".join(str(result).split()).startswith(result.title()) and max(map(len, str(result).splitlines())) <= 80
+    ),
     "summary": lambda result: (
         result.summary()
         and all(isinstance(each, int | float | str | np.bool_ | None) for each in result.summary().values())

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from cells import Cells
 
-from orbits.tables import html_table, number_text
+from orbits.tables import LAYOUT, html_table, number_text, text_table, wrapped
 
 
 def test_a_table_says_all_and_escapes_it():
@@ -31,3 +31,36 @@ def test_a_table_says_all_and_escapes_it():
 )
 def test_numbers_have_their_unit(value, unit, text):
     assert number_text(value, unit) == text
+
+
+FORMULA = "+".join(f"{n}.5*sin({n}*r)" for n in range(1, 40))
+
+
+def test_lines_fit_and_nothing_is_lost():
+    text = f"the leg has mass = 60 kg, stiffness = 8000 N/m and the force {FORMULA} at +- 1.5e-16 for all r"
+    for width in (40, 57, 80):
+        lines = wrapped(text, width, indent="  ", onward="      ")
+        assert max(map(len, lines)) <= width
+        assert "".join("".join(lines).split()) == "".join(text.split())
+        assert not any(line.endswith(("=", "+-", " 60", " 8000")) for line in lines)
+    assert wrapped("1" * 90) == ["1" * 90]  # a number is not cut
+    assert wrapped("wrong:\n    r^3\n     ^") == ["wrong:", "    r^3", "     ^"]
+
+
+def test_a_table_of_names_goes_on_below():
+    lines = text_table(
+        [("alpha", "4.5 m/s"), ("a name of many words that is longer than its column", "x"), ("c", FORMULA)]
+    )
+    assert max(map(len, lines)) <= LAYOUT.line
+    assert lines[0] == "  alpha                                   4.5 m/s"
+    assert [line.strip() for line in lines[1:3]] == ["a name of many words that is longer than its column", "x"]
+    assert "".join(line.strip() for line in lines[3:]).endswith(FORMULA)
+
+
+def test_columns_that_do_not_fit_stand_below_with_the_first_one():
+    numbers = [f"{n / 7:.15g}" for n in range(1, 9)]
+    table = text_table([["alpha", *numbers], ["of all members", *numbers]], ["name", *"abcdefgh"])
+    assert max(map(len, table)) <= LAYOUT.line
+    blocks = "\n".join(table).split("\n\n")
+    assert [block.split()[0] for block in blocks] == ["name"] * len(blocks)
+    assert [x for block in blocks for x in block.splitlines()[1].split()[1:]] == numbers

@@ -25,6 +25,7 @@ from ..laws import Algebraic, Parameters
 from ..mechanics import Force, Mechanism
 from ..periodic import Orbit
 from ..running import exclusive, interrupts
+from ..tables import wrapped
 from ..units import LENGTH, Units
 
 INPUT = "hold"  # the parameter of the force that holds an orbit
@@ -90,7 +91,8 @@ class Hold:
         pairs = zip(np.abs(self.multipliers), np.abs(self.held_multipliers), strict=True)
         moduli = [f"  modulus {own:.6g}, with the feedback {held:.6g}" for own, held in pairs]
         title = f"feedback along {self.along} that holds an orbit of a {self.machine.name}"
-        return "\n".join([title, *moduli, "  on the orbit itself the force is 0, and the feedback costs nothing"])
+        after = "on the orbit itself the force is 0, and the feedback costs nothing"
+        return "\n".join([*wrapped(title, onward="    "), *moduli, *wrapped(after, indent="  ")])
 
     def __repr__(self) -> str:
         return one_line(self, {"machine": self.machine.name, "along": self.along})

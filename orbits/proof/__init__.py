@@ -126,6 +126,6 @@ if TYPE_CHECKING:
     from .digits import checked_digits
     from .hops.hop_theorems import ClaimedHops, HopGuess, proof_of_doubling, proof_of_fixed_point
     from .prove import Decimal, Exact, need_flint, prove, prove_absence, prove_branch, prove_claims, prove_fold
-    from .theorem import LINE_WIDTH, Proof
+    from .theorem import Proof
 
 __all__ = [*public_names(__name__)]

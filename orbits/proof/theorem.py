@@ -1,6 +1,5 @@
 """A proof as a frozen result that prints and saves itself."""
 
-import textwrap
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,9 +9,7 @@ from ..errors import InputError
 from ..exact import Enclosure
 from ..io import Document
 from ..result import Result, Row
-
-# The width of the lines of a statement.
-LINE_WIDTH = 110
+from ..tables import text_table, wrapped
 
 
 @dataclass(frozen=True)
@@ -202,11 +199,9 @@ class Proof(Result, what="proof", document_is_whole=True, undrawn="a theorem has
         return [self.statement, *(f"not proved: {reason}" for reason in self.reasons)]
 
     def __str__(self) -> str:
-        """The statement, wrapped, stands before the table."""
-        head, *lines = super().__str__().splitlines()
-        style: dict[str, Any] = {"initial_indent": "  ", "subsequent_indent": "  ", "break_long_words": False}
-        wrapped = [line for text in self._notes() for line in textwrap.wrap(text, LINE_WIDTH, **style)]
-        return "\n".join([head, *wrapped, *lines[: len(self.rows())]])
+        """The statement stands before the table."""
+        notes = [line for text in self._notes() for line in wrapped(text, indent="  ")]
+        return "\n".join([self.title(), *notes, *text_table(self.rows(self.printed_digits))])
 
 
 def _enclosures(data: Mapping[str, Any]) -> dict[str, Enclosure]:

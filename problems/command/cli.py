@@ -18,45 +18,73 @@ if TYPE_CHECKING:
 
 EXAMPLES = """\b
 Examples:
-  orbits find                                          the paper's hopper: alpha = tan(alpha)
-  orbits find --family 3 --mass-ratio 0.5              a higher hop
-  orbits find --spring "r + beta*r**3" --set beta=0.3  a spring of your own
+  orbits find
+      the paper's hopper: alpha = tan(alpha)
+  orbits find --family 3 --mass-ratio 0.5    a higher hop
+  orbits find --spring "r + beta*r**3" --set beta=0.3
+      a spring of your own
   orbits find --spring tanh --set b=0.2 --plot hop.png
-  orbits find --spring "k*r" --tune k=1 --at frequency=0.1   the stiffness of a hopper with this frequency
-  orbits find --spring table:rows.csv --json           a measured spring, in the machine's units
+  orbits find --spring "k*r" --tune k=1 --at frequency=0.1
+      the stiffness of a hopper with this frequency
+  orbits find --spring table:rows.csv --json
+      a measured spring, in the machine's units
   orbits find --gravity "1/(1 + z/R)**2" --set R=150 --rest-length 20
-  orbits find --machine rover.toml --animate hop.gif   a machine in SI units
-  orbits find --rest-length 9 --export hop             the motion and a model for MuJoCo and Drake
-  orbits find --machine wheel --set inertia_ratio=1 --set gravity_ratio=0.5   it walks; also rocker and shuttle
+  orbits find --machine rover.toml --animate hop.gif
+      a machine in SI units
+  orbits find --rest-length 9 --export hop
+      the motion and a model for MuJoCo and Drake
+  orbits find --machine wheel --set inertia_ratio=1 --set gravity_ratio=0.5
+      it walks; also rocker and shuttle
   orbits prove --spring cubic --set beta=0.3 --rest-length 8
   orbits prove --spring cubic --between beta=0.299:0.301 --rest-length 8
   orbits prove --spring cubic --along beta --from 0 --to 1 --rest-length 30
-  orbits check-proof proof.json                        verify a saved proof by a second program
+  orbits check-proof proof.json
+      verify a saved proof by a second program
   orbits follow --spring cubic --along beta --from 0 --to 5 --at 0.5,1,2
-  orbits follow --spring cubic --along beta --from 0 --to -0.02 --plot fold.png
+  orbits follow --spring cubic --along beta --from 0 --to -0.02 \\
+      --plot fold.png
   orbits follow --spring cubic --tune beta=0.3 --along period --to 14
-  orbits follow --spring tanh --along b --from 0.1 --to 1 --family 2 --output tanh.jsonl
-  orbits map --alpha 3:12:10000 --plot map.png         the return map of launch speeds
-  orbits map --alpha 4.3:5:400 --along inject --from 0 --to 0.15 --plot flips.png
-  orbits simulate --alpha 4.6 --hops 8 --inject 0.01   with every impact located
-  orbits check --machine rover.toml                    the equations against the statement of the machine
-  orbits optimize leg.toml --plot best.png             the best design, for the problem in [design] of the file
-  orbits explore --spring cubic --set beta=0.3 --rest-length 8   an interactive page in the browser
-  orbits sweep --spring cubic --over beta=0:1 --over mass_ratio=0.1:10:log --samples 1000 --output hops.csv
-  orbits existence --spring cubic --along beta=-0.02:0.1 --across rest_length=6:20 --colour alpha --plot where.png
-  orbits find --masses 60,3 --rest-length 0.8 --spring "8000*r + 2e6*r**3"   a leg in SI: kg, N of m, m
-  orbits uncertainty --spring cubic --over "beta=norm(0.3,0.02)" --indices --plot spread.png
-  orbits control keep-hopping --damping 0.01           the least effort that keeps a damped machine hopping
-  orbits control recover --short 0.1                   back to the lossless launch speed in one hop
-  orbits control keep-hopping --damping 0.01 --actuator "force:y1 - y2" --force 0.5
-  orbits sweep --machine soft.toml --start hop.json --over ground_stiffness=40:60 --samples 100
-  orbits control keep-hopping --follow damping:0.2     all such motions, from the lossless hop on
-  orbits control start-up --pumps 2 --stroke 2         from rest in contact onto the lossless hop
+  orbits follow --spring tanh --along b --from 0.1 --to 1 --family 2 \\
+      --output tanh.jsonl
+  orbits map --alpha 3:12:10000 --plot map.png
+      the return map of launch speeds
+  orbits map --alpha 4.3:5:400 --along inject --from 0 --to 0.15 \\
+      --plot flips.png
+  orbits simulate --alpha 4.6 --hops 8 --inject 0.01
+      with every impact located
+  orbits check --machine rover.toml
+      the equations against the statement of the machine
+  orbits optimize leg.toml --plot best.png
+      the best design, for the problem in [design] of the file
+  orbits explore --spring cubic --set beta=0.3 --rest-length 8
+      an interactive page in the browser
+  orbits sweep --spring cubic --over beta=0:1 --over mass_ratio=0.1:10:log \\
+      --samples 1000 --output hops.csv
+  orbits existence --spring cubic --along beta=-0.02:0.1 \\
+      --across rest_length=6:20 --colour alpha --plot where.png
+  orbits find --masses 60,3 --rest-length 0.8 --spring "8000*r + 2e6*r**3"
+      a leg in SI: kg, N of m, m
+  orbits uncertainty --spring cubic --over "beta=norm(0.3,0.02)" --indices \\
+      --plot spread.png
+  orbits control keep-hopping --damping 0.01
+      the least effort that keeps a damped machine hopping
+  orbits control recover --short 0.1
+      back to the lossless launch speed in one hop
+  orbits control keep-hopping --damping 0.01 --actuator "force:y1 - y2" \\
+      --force 0.5
+  orbits sweep --machine soft.toml --start hop.json \\
+      --over ground_stiffness=40:60 --samples 100
+  orbits control keep-hopping --follow damping:0.2
+      all such motions, from the lossless hop on
+  orbits control start-up --pumps 2 --stroke 2
+      from rest in contact onto the lossless hop
 
 \b
-Completion of commands and options by the shell, from a line in its start file:
-  eval "$(_ORBITS_COMPLETE=bash_source orbits)"        in ~/.bashrc; zsh_source in ~/.zshrc
-  _ORBITS_COMPLETE=fish_source orbits | source         in ~/.config/fish/config.fish
+Completion by the shell, from a line in its start file:
+  eval "$(_ORBITS_COMPLETE=bash_source orbits)"
+      in ~/.bashrc; zsh_source in ~/.zshrc
+  _ORBITS_COMPLETE=fish_source orbits | source
+      in ~/.config/fish/config.fish
 """
 # Garbage is collected after this number of new objects, more than a short command makes.
 GARBAGE_THRESHOLD = 200_000
@@ -77,7 +105,7 @@ def orbits() -> None:
     """
 
 
-@orbits.command("find", epilog="\b\nExit code: 0 found, 1 no such orbit or an inadmissible one, 2 bad input.")
+@orbits.command("find", epilog="Exit code: 0 found, 1 no such orbit or an inadmissible one, 2 bad input.")
 @options.machine_options
 @options.family_option("Oscillations in flight, from 1.")
 @options.method_option
@@ -115,13 +143,16 @@ def find_command(
         )  # fmt: skip
     options.write(orbit, as_json, plot, animate, save, export)
     if explain and not as_json:
+        from orbits.tables import wrapped
+
         click.echo("  what this scene did not need:")
-        click.echo("".join(f"      {line}\n" for line in orbit.skipped), nl=False)
+        for line in orbit.skipped:
+            click.echo("\n".join(wrapped(line, indent="      ", onward="        ")))
     if not orbit.admissible and not allow_inadmissible:
         raise click.exceptions.Exit(1)
 
 
-@orbits.command("prove", epilog="\b\nExit code: 0 all is proved, 1 not all or no such orbit, 2 bad input.")
+@orbits.command("prove", epilog="Exit code: 0 all is proved, 1 not all or no such orbit, 2 bad input.")
 @options.machine_options
 @options.family_option("As in find.")
 @options.start_option
@@ -203,7 +234,7 @@ def prove_command(
         raise click.exceptions.Exit(1)
 
 
-@orbits.command("check-proof", epilog="\b\nExit code: 0 verified, 1 not, 2 bad input, 3 a fault of the second program.")
+@orbits.command("check-proof", epilog="Exit code: 0 verified, 1 not, 2 bad input, 3 a fault of the second program.")
 @click.argument("file")
 @click.option(
     "--limit",
@@ -217,7 +248,6 @@ def check_proof_command(file: str, limit: float | None, as_json: bool) -> None:
 
     It prints the theorem that it has verified, in words that it writes from the numbers of the file.
     """
-    import textwrap
     from traceback import format_exc
 
     from orbits.errors import InputError
@@ -227,7 +257,7 @@ def check_proof_command(file: str, limit: float | None, as_json: bool) -> None:
     need_flint()
     from orbits.check_returns import check_saved
     from orbits.check_statement import LIMIT, OutOfTime, statement_of
-    from orbits.proof import LINE_WIDTH
+    from orbits.tables import wrapped
 
     document = read_file(file, f"'{file}' is no saved proof", read_sealed)
     began = time.perf_counter()
@@ -242,8 +272,8 @@ def check_proof_command(file: str, limit: float | None, as_json: bool) -> None:
         raise click.exceptions.Exit(3) from None
     seconds = time.perf_counter() - began
     verdict = {"verified": not reasons, "reasons": reasons, "statement": statement, "seconds": seconds}
-    words = ["NOT VERIFIED" if reasons else "verified", *(f"  not verified: {reason}" for reason in reasons)]
-    words += [f"  {line}" for line in textwrap.wrap(statement or "", LINE_WIDTH - 2, break_long_words=False)]
+    notes = [*(f"not verified: {reason}" for reason in reasons), *([statement] if statement else [])]
+    words = ["NOT VERIFIED" if reasons else "verified", *(x for note in notes for x in wrapped(note, indent="  "))]
     click.echo(json.dumps(verdict) if as_json else "\n".join(words))
     if reasons:
         raise click.exceptions.Exit(1)
@@ -255,7 +285,7 @@ COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
 
 @orbits.command(
     "follow",
-    epilog="\b\nExit code: 0 followed to its end, 1 no such orbit, the curve was lost or took too long, 2 bad input.",
+    epilog="Exit code: 0 followed to its end, 1 no such orbit, the curve was lost or took too long, 2 bad input.",
 )
 @options.machine_options
 @options.family_option("As in find.")
@@ -330,7 +360,7 @@ def follow_command(
         raise click.exceptions.Exit(1)
 
 
-@orbits.command("map", epilog="\b\nExit code: 0 done, also for hops that come to rest; 2 bad input.")
+@orbits.command("map", epilog="Exit code: 0 done, also for hops that come to rest; 2 bad input.")
 @options.machine_options
 @options.loss_options
 @click.option("--alpha", metavar="A|A:B:N", help=f"A launch speed, or N of them from A to B{options.IN_UNITS}")
@@ -406,19 +436,23 @@ def return_map(
 
 def _print_hops(step: "ReturnMap", hops: "Hops") -> None:
     """Print each hop of a map in a line of its own."""
+    from orbits.tables import number_text, text_table, wrapped
+
     heads = [f"{name} ({hops.units[key]})" if hops.units else name for key, name in COLUMNS_OF_HOPS.items()]
-    click.echo("{:>16}{:>20}{:>16}{:>9}  {}".format(*heads, "impacts", "status"))
     columns = [hops.document()[name] for name in (*COLUMNS_OF_HOPS, "impacts", "status")]
-    for row in zip(*columns, strict=True):
-        following, loss = ("-" if x is None else f"{x:.{digits}g}" for x, digits in zip(row[1:3], (12, 9), strict=True))
-        click.echo(f"{row[0]:16.12g}{following:>20}{loss:>16}{row[3]:9d}  {row[4]}")
+    rows = zip(*columns, strict=True)
+    texts = [
+        [*(number_text(x, "", n) for x, n in zip(row, (12, 12, 9), strict=False)), *map(str, row[3:])] for row in rows
+    ]
+    click.echo("\n".join(text_table(texts, [*heads, "impacts", "status"])))
     speeds = hops.alpha
     if len(speeds) <= LONGEST_TABLE and (separations := step.smallest_separation(speeds)) is not None:
         for speed in speeds[separations <= 0]:
-            click.echo(f"{step.machine.model.violations['separation']} in the hop from {speed:.12g}")
+            text = f"{step.machine.model.violations['separation']} in the hop from {speed:.12g}"
+            click.echo("\n".join(wrapped(text, onward="    ")))
 
 
-@orbits.command("simulate", epilog="\b\nExit code: 0 done, also when it comes to rest; 2 bad input.")
+@orbits.command("simulate", epilog="Exit code: 0 done, also when it comes to rest; 2 bad input.")
 @options.machine_options
 @options.loss_options
 @click.option("--alpha", type=float, metavar="A", help=f"Launch speed at the first lift-off{options.IN_UNITS}")
@@ -444,7 +478,7 @@ def simulate_command(
     options.write(run, as_json, plot, animate, export=export)
 
 
-@orbits.command("check", epilog="\b\nExit code: 0 no relation that is compared is broken, 2 one is, or bad input.")
+@orbits.command("check", epilog="Exit code: 0 no relation that is compared is broken, 2 one is, or bad input.")
 @options.machine_options
 @options.damper_options
 @options.start_option
@@ -459,7 +493,7 @@ def check_command(hop: str | None, as_json: bool, **stated: Any) -> None:
     options.write(check(options.machine_of(**stated), start=hop), as_json)
 
 
-@orbits.command("optimize", epilog="\b\nExit code: 0 found, 1 no such design (with the reason), 2 bad input.")
+@orbits.command("optimize", epilog="Exit code: 0 found, 1 no such design (with the reason), 2 bad input.")
 @click.argument("file", metavar="FILE.toml")
 @options.start_option
 @options.free_limit_option
@@ -494,7 +528,7 @@ def optimize_command(file: str, hop: str | None, as_json: bool, plot: str | None
 
 
 @orbits.command(
-    "sweep", epilog="\b\nExit code: 0 done, also where some members have no orbit; 1 where none has one, 2 bad input."
+    "sweep", epilog="Exit code: 0 done, also where some members have no orbit; 1 where none has one, 2 bad input."
 )
 @options.machine_options
 @click.option(
@@ -554,7 +588,7 @@ def sweep_command(
         raise click.exceptions.Exit(1)
 
 
-@orbits.command("existence", epilog="\b\nExit code: 0 done; 1 where no member has an orbit, 2 bad input.")
+@orbits.command("existence", epilog="Exit code: 0 done; 1 where no member has an orbit, 2 bad input.")
 @options.machine_options
 @click.option("--along", required=True, metavar="NAME=LOW:HIGH[:log]", help="The parameter of the rows.")
 @click.option("--across", required=True, metavar="NAME=RANGE", help="The one that differs between rows; also V1,V2,...")
@@ -597,7 +631,7 @@ def existence_command(
         raise click.exceptions.Exit(1)
 
 
-@orbits.command("uncertainty", epilog="\b\nExit code: 0 done, 1 no such orbit, 2 bad input.")
+@orbits.command("uncertainty", epilog="Exit code: 0 done, 1 no such orbit, 2 bad input.")
 @options.machine_options
 @click.option(
     "--over",
@@ -650,7 +684,7 @@ def uncertainty_command(
         click.echo("\n".join(map(str, filter(None, (found, shares)))))
 
 
-@orbits.command("control", epilog="\b\nExit code: 0 found, 1 no such motion (with the reason), 2 bad input.")
+@orbits.command("control", epilog="Exit code: 0 found, 1 no such motion (with the reason), 2 bad input.")
 @click.argument("goal", metavar=f"[{'|'.join(options.GOALS)}]", callback=options.goal)
 @options.machine_options
 @options.damper_options
@@ -718,7 +752,7 @@ def control_command(
     options.write(found, as_json, plot, animate, save)
 
 
-@orbits.command("explore", epilog="\b\nExit code: 0 ended by Ctrl-C, 2 bad input.")
+@orbits.command("explore", epilog="Exit code: 0 ended by Ctrl-C, 2 bad input.")
 @options.machine_options
 @options.family_option("As in find.")
 @click.option("--no-browser", is_flag=True, help="Serve the page without opening a browser.")
@@ -774,10 +808,11 @@ def main() -> None:
 
 def _failed(message: str, code: int) -> int:
     from orbits.errors import shortened
+    from orbits.tables import wrapped
 
     message = shortened(message)
     try:
-        click.echo(f"orbits: {message}", err=True)
+        click.echo("\n".join(wrapped(f"orbits: {message}", onward="  ")), err=True)
         if "--json" in sys.argv:
             click.echo(json.dumps({"error": message, "exit_code": code}))
     except OSError:
