@@ -55,6 +55,7 @@ DIMENSIONS: dict[str, Dimension] = {
     **dict.fromkeys(("alpha", "error", "alpha_noise"), LIFTOFF_SPEED),
     "alpha_per_noise": _powers(time=-1, force=-1, extension=1),
     **dict.fromkeys(("flight_time", "contact_time", "period"), TIME),
+    "frequency": FREQUENCY,
     **dict.fromkeys(("liftoff_extension", "stroke"), EXTENSION),
     **dict.fromkeys(("clearance", "smallest_separation", "step"), LENGTH),
     **dict.fromkeys(("speed", "mean_speed"), SPEED),

@@ -42,6 +42,7 @@ HAND = {
 BY_HAND = {
     **dict.fromkeys(("alpha", "error", "launch", "next"), "L/T"),
     **dict.fromkeys(("flight_time", "contact_time", "period", "landing_sensitivity"), "T"),
+    "frequency": "1/T",
     **dict.fromkeys(("liftoff_extension", "stroke", "clearance", "smallest_separation"), "L"),
     **dict.fromkeys(("smallest_contact_force", "largest_contact_force", "largest_spring_force"), "F"),
     "landing_jerk": "L/T**3",

@@ -4,15 +4,13 @@ from collections import Counter
 
 import numpy as np
 
-from ..design import FRICTION_LEFT, Outputs, known_formula, names_along, quantities
+from ..design import Outputs, known_formula, names_along
 from ..errors import InputError, NoOrbit
 from ..hops import CROSSINGS
 from ..model import Machine, Statement
-from ..periodic import orbit_from
 from ..symbolic import Formula, suggest
 from .curve import TEST_FUNCTIONS
-from .family import Family, names_of_numbers, varied_at
-from .motion_columns import names_of_motions
+from .family import Family, varied_at
 from .point import Event, Point, point_in_units
 from .step_control import OTHER_EVENTS
 from .tuned_curve import equations_of_family
@@ -50,7 +48,7 @@ def located_event(family: Family, event: Event | str, number: int) -> Event:
 
 def crossing_of(machine: Machine, family: Family, formula: Formula, level: float, number: int) -> Point:
     """A dimensionless point of a family next to where a formula passes a value."""
-    values = values_along(machine, family, formula) - level
+    values = family.values_at(family.points, formula.text) - level
     if (values == values[0]).all():
         raise InputError(f"'{formula.text}' is the same all along the family, {values[0] + level:.10g}")
     with np.errstate(invalid="ignore"):
@@ -69,7 +67,7 @@ def crossing_of(machine: Machine, family: Family, formula: Formula, level: float
 
 def turn_of(machine: Machine, family: Family, formula: Formula, number: int) -> Point:
     """A dimensionless point of a family next to where a formula is stationary."""
-    values = values_along(machine, family, formula)
+    values = family.values_at(family.points, formula.text)
     rises = np.diff(values)
     found = np.flatnonzero(rises[:-1] * rises[1:] < 0) + 1
     if not 0 <= number < len(found):
@@ -77,35 +75,11 @@ def turn_of(machine: Machine, family: Family, formula: Formula, number: int) -> 
     return bare_point(machine, family, family[int(found[number])])
 
 
-def values_along(machine: Machine, family: Family, formula: Formula) -> np.ndarray:
-    """The values (m,) of a formula at the points of a family."""
-    varied = [varied_at(family, point) for point in family.points]
-    own = {name: np.array([each.get(name, value) for each in varied]) for name, value in machine.values.items()}
-    known = {*names_of_numbers(family, family.points), *names_of_motions(machine)}
-    used = quantities_used(machine, formula)
-    values = {name: family.column(name) for name in used if name in known}
-    if FRICTION_LEFT in used and machine.model.planar and machine.model.planar.friction:
-        stated = machine.model.planar.friction(own)
-        values[FRICTION_LEFT], known = stated - family.column("friction_needed"), known | {FRICTION_LEFT}
-    if missing := [name for name in used if name not in known]:
-        method, each = family.settings["method"], list[list[float]]()
-        for each_varied, point in zip(varied, family.points, strict=True):
-            here, bare = machine.with_values(**each_varied), bare_point(machine, family, point)
-            try:
-                found = quantities(here, orbit_from(here, method, point.u, bare.error), missing)
-                each.append([found[name] for name in missing])
-            except NoOrbit:
-                each.append([np.nan] * len(missing))
-        values |= dict(zip(missing, np.transpose(each), strict=True))
-    values |= {name: own[name] for name in formula.names if name not in values}
-    return formula(**{name: values[name] for name in formula.names})
-
-
 def known_event(machine: Machine, text: object) -> Formula:
     """A formula of the quantities and parameters of a machine."""
     if not isinstance(text, str):
         raise InputError(f"event = {text!r}; it is a kind of event, or a formula of quantities with its value")
-    formula = known_formula(text, names_along(machine), "the event")
+    formula = known_formula(text, names_along(machine), "the event", machine)
     if not formula.names:
         raise InputError(f"the event '{text}' says nothing of the orbit or the machine")
     return formula

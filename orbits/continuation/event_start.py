@@ -9,7 +9,6 @@ from ..design import (
     ABSENT,
     BARRIER,
     COMPOSITION,
-    VARIATIONAL,
     EventStatement,
     Kind,
     Outputs,
@@ -25,7 +24,7 @@ from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow import flow_of
 from ..hops import CROSSINGS
 from ..model import Machine, Statement
-from ..periodic import Certificate, Orbit, orbit_from
+from ..periodic import VARIATIONAL, Certificate, Orbit, orbit_from
 from ..shooting import shooting_equations, vector
 from ..symbolic import Formula, parse
 from .event_curve import COLLAPSE, LIMITS, EventCondition

@@ -27,7 +27,7 @@ from ..model import Machine, check_parameters, title_of_machine
 from ..periodic import OF_STEPS, PRESCRIBED, QUANTITIES_ALONG, Orbit, SavedLaws, orbit_from, with_note
 from ..result import ENDINGS, Axes, Progress, Result, Row, is_of, reported, shown
 from ..units import saved_units, unit_text
-from .motion_columns import names_of_motions, numbers_of_motions
+from .motion_columns import numbers_of_motions
 from .point import (
     KNOWN,
     SIDES,
@@ -164,22 +164,23 @@ class Family(
         return float(self.values_at([point], name)[0])
 
     def values_at(self, points: Sequence[Point], name: str) -> np.ndarray:
-        """A quantity (m,) at points of the curve, NaN where an orbit does not have it.
+        """A quantity (m,) at points of the curve, or a formula as in `optimize`, NaN where an orbit does not have it.
 
-        Quantities of the motion, such as "stroke", are computed when they are needed; this works for a family that
-        `follow` has returned. Raises `InputError` for an unknown name, and for what is no point of a family.
+        Quantities of the motion, such as "stroke", and formulas are computed when they are needed; this works for a
+        family that has its machine. Raises `InputError` for an unknown name, and for what is no point of a family.
         """
         if strange := [each for each in points if not hasattr(each, "numbers")]:
             raise InputError(f"points: {strange[0]!r} is no point of a family")
         numbers = names_of_numbers(self, points)
         if name in (*numbers, "value"):
             return numbers_at(points, "value" if name == self.name else name)
-        further = names_of_motions(self.source) if self.source else ()
-        if name not in further:
-            raise InputError(
-                f"a family's orbits have no quantity '{name}'; they have {', '.join([*numbers, *further])}"
-            )
-        return self._of_motions(self.source, points)[name] if points else np.zeros(0)
+        if self.source is None:
+            known = f"they have {', '.join(numbers)}; those of motions need Family.load(path, machine)"
+            raise InputError(f"the family is of no known machine and has no quantity '{name}': {known}")
+        from .formula_columns import formula_along
+
+        varied = [varied_at(self, point) for point in points]
+        return formula_along(self.source, self.settings["method"], varied, points, name)
 
     @property
     def units(self) -> Mapping[str, str]:

@@ -16,7 +16,7 @@ from ..units import without_units
 from .checkpoint import check_output, collect_family
 from .curve import check_followed
 from .event_curve import EventCondition, EventCurve, EventEndings
-from .event_place import quantities_used, statement_of_family, tuned_of_family, values_along
+from .event_place import quantities_used, statement_of_family, tuned_of_family
 from .event_start import EventStart, event_start
 from .family import Family
 from .family_run import FamilyRun
@@ -156,7 +156,7 @@ def _at_its_place(family: Family, condition: EventCondition) -> Family:
     used = quantities_used(machine, formula)
     if condition.text in Certificate.__dataclass_fields__ or not any(map(extremes_of, used)):
         return family
-    off = np.abs(values_along(machine, family, formula) - condition.level)
+    off = np.abs(family.values_at(family.points, formula.text) - condition.level)
     off = off > SAME_VALUE * max(abs(condition.level or 0.0), 1e-3)
     if not off.any():
         return family

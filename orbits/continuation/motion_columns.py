@@ -21,18 +21,20 @@ def names_of_motions(machine: Machine) -> tuple[str, ...]:
 
 @exclusive
 def numbers_of_motions(
-    machine: Machine, method: str, values: Sequence[Mapping[str, float]], points: Sequence[Any]
-) -> dict[str, np.ndarray]:
-    """The quantities `names_of_motions` (m,) at points of a family, NaN where an orbit does not have one; in the
-    machine's units.
+    machine: Machine, method: str, values: Sequence[Mapping[str, float]], points: Sequence[Any],
+    wanted: Sequence[str] | None = None,
+) -> dict[str, np.ndarray]:  # fmt: skip
+    """Quantities (m,) at points of a family, NaN where an orbit does not have one; in the machine's units.
 
     method : the method by which the family was followed
     values : the parameters that vary along the family, at each point
+    wanted : names of the quantities, of `names_of_motions`; None for all of these
 
     Raises `InputError` for points of another method.
     """
     machine = machine.with_values(**values[0])
-    names, wanted, model = tuple(machine.values), names_of_motions(machine), machine.model
+    names, model = tuple(machine.values), machine.model
+    wanted = names_of_motions(machine) if wanted is None else wanted
     found: dict[str, list[np.ndarray]] = {name: [] for name in wanted}
     for first in range(0, len(points), AT_ONCE_IN_TABLE):
         some = slice(first, first + AT_ONCE_IN_TABLE)

@@ -48,6 +48,11 @@ class Point:
         return None if self.contact_time is None else self.flight_time + self.contact_time
 
     @property
+    def frequency(self) -> float | None:
+        """One over the `period`; None when the contact never ends."""
+        return None if self.period is None else 1 / self.period
+
+    @property
     def of_plane(self) -> tuple[str, ...]:
         """Further columns of a machine whose masses have places across, of the stance where it stands in flight."""
         if self.certificate.smallest_stance_force is not None:
@@ -81,7 +86,7 @@ NUMBERS = (
 )
 SIDES = ("stable_side", "bounce_side")
 COLUMNS = (*NUMBERS, *SIDES)
-KNOWN = (*NUMBERS, "period")  # at every point; further quantities of its motion are in `table`
+KNOWN = (*NUMBERS, "period", "frequency")  # at every point; further quantities of its motion are in `table`
 PLANAR_NUMBERS = tuple(name for name in OF_CERTIFICATE if name in PLANAR)
 # Names that no parameter can have, since a table or a document has columns of these names.
 RESERVED_NAMES = (*COLUMNS, *PLANAR_NUMBERS, "value", "kind", "after", "violations", "point", "event")
@@ -92,6 +97,8 @@ def numbers_at(points: Sequence[Point], name: str) -> np.ndarray:
     if isinstance(points, Records) and not points.columns["also"][0]:
         if name == "admissible":
             return np.array([0.0 if violations else 1.0 for violations in points.column("violations")])
+        if name == "frequency":
+            return 1 / numbers_at(points, "period")
         names = ("flight_time", "contact_time") if name == "period" else (name,)
         return numbers_or_nan(sum(points.column(each) for each in names))
     found = (point.also[name] if name in point.also else getattr(point, name) for point in points)

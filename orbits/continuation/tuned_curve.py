@@ -7,16 +7,17 @@ import numpy as np
 
 from ..curves import Points
 from ..errors import InputError, NoOrbit
-from ..model import Machine
+from ..model import Machine, check_machine
 from ..numerics import solve
 from ..periodic import (
     METHOD,
     Orbit,
+    absent_quantities,
     check_count,
     errors_of_tuned,
     is_quantity,
     prescribable,
-    quantities_of_motion,
+    quantity_names,
     tuned_equations,
     tuned_names,
 )
@@ -95,6 +96,8 @@ def checked_tuning(machine: Machine, along: str, tune: Any) -> tuple[str, ...]:
     """The tuned parameters of a family along a name; raises `InputError` where it cannot be followed so."""
     if not isinstance(along, str):
         raise InputError(f"along = {along!r}; it is the name of a parameter")
+    check_machine(machine, "with_values")
+    _refuse_along(machine, along)
     if tune is None:
         if is_quantity(machine, along):
             raise InputError(f"'{along}' is a quantity of the orbits: say by tune= which parameter changes with it")
@@ -106,18 +109,27 @@ def checked_tuning(machine: Machine, along: str, tune: Any) -> tuple[str, ...]:
     if is_quantity(machine, along):
         check_followed(machine, *tuned)
         check_count(machine, tuned, [along])
-    elif along in quantities_of_motion(machine):
-        known = ", ".join(prescribable(machine.model))
-        raise InputError(
-            f"'{along}' is found from the whole motion and is no equation of half an orbit: a family with tuned "
-            f"parameters goes along {known}; find(machine, tune=..., at={{'{along}': ...}}) finds one orbit"
-        )
     else:
         check_followed(machine, along, *tuned)
         if along in tuned:
             raise InputError(f"'{along}' is followed, so that it is not tuned")
         check_count(machine, tuned, ())
     return tuned
+
+
+def _refuse_along(machine: Machine, along: str) -> None:
+    """Raise `InputError` where a family cannot go along a name, since it is that of a quantity that is no equation of
+    half an orbit, or that the orbits do not have."""
+    if along in machine.values or is_quantity(machine, along):
+        return
+    if why := absent_quantities(machine.model, machine.values).get(along):
+        raise InputError(f"no family goes along '{along}': {why}")
+    if along in quantity_names(machine.model, machine.values):
+        known = ", ".join(prescribable(machine.model))
+        raise InputError(
+            f"'{along}' is found from the whole motion and is no equation of half an orbit: a family with tuned "
+            f"parameters goes along {known}; find(machine, tune=..., at={{'{along}': ...}}) finds one orbit"
+        )
 
 
 def curve_at(machine: Machine, along: str, method: str, span: float, tuned: Sequence[str], point: Point) -> Curve:

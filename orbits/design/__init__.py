@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from .design_curve import DesignCurve
     from .design_point import no_motion
     from .design_problem import Outputs, formula_names, known_formula, names_along
-    from .design_quantities import ABSENT, COMPOSITION, FRICTION_LEFT, VARIATIONAL, base_statement, extremes_of
+    from .design_quantities import ABSENT, COMPOSITION, base_statement, extremes_of
     from .designs_at_once import (
         DESIGN_STATUSES,
         columns_of_tuned,
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from .optimize import optimize
     from .orbit_function import orbit_function
     from .pareto import Front, pareto
-    from .sensitivities import Sensitivities, quantities, sensitivities
+    from .sensitivities import Sensitivities, quantities, sensitivities, values_at_orbits
     from .traced_designs import DesignEvent
     from .tuned_machine import tuning_of_designs
 

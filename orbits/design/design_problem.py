@@ -9,15 +9,13 @@ import numpy as np
 from ..errors import InputError, range_of
 from ..model import Machine, Model, check_parameters, free_parameters, refuse_forward
 from ..numerics import sobol_points
-from ..periodic import OF_RUNS
+from ..periodic import OF_RUNS, quantity_names, unknown_quantity
 from ..symbolic import Formula, parse, suggest
-from .design_quantities import VARIATIONAL, extremes_of, quantity_names
+from .design_quantities import extremes_of
 
 # Bounds nearer together than this share of their size are refused: rounding of the parameter changes an orbit as much.
 NARROWEST = 1e-9
 WIDE = 100.0  # bounds whose ratio is at least this span decades, and the parameter is scaled by its value
-# Why a machine whose launch has several unknowns lacks a quantity.
-NOT_BY_SPEED = "'{name}' is a slope by the launch speed alone, and a launch of this machine has several unknowns"
 _RELATION = re.compile(r"<=|>=|==")
 _MIRRORED = {"<=": ">=", ">=": "<=", "==": "=="}
 
@@ -127,13 +125,13 @@ def design_problem(
     known = formula_names(machine) if known is None else known
     if not isinstance(text, str):
         raise InputError(f"{verb} = {text!r}; an objective is a formula, text such as 'loss_coefficient'")
-    formula = smooth_formula(text, known, "the objective")
+    formula = smooth_formula(text, known, "the objective", machine)
     if not formula.names:
         raise InputError(f"the objective '{text}' says nothing of the orbit or the machine")
     if isinstance(subject_to, str) or not isinstance(subject_to, Sequence):
         raise InputError(f"subject_to = {subject_to!r}; it is a list of constraints such as 'stroke <= 0.25'")
     low, high = _checked_bounds(machine, over)
-    constraints = tuple(parse_constraint(text, known) for text in subject_to)
+    constraints = tuple(parse_constraint(text, known, machine) for text in subject_to)
     _check_conflicts(constraints)
     equations = [constraint.text for constraint in constraints if constraint.low == constraint.high]
     if len(equations) > len(over):
@@ -159,23 +157,18 @@ def names_along(machine: Machine) -> list[str]:
     return quantities + parameters
 
 
-def known_formula(text: str, known: Collection[str], what: str) -> Formula:
-    """A formula of known names; `what` it is begins the error message."""
+def known_formula(text: str, known: Collection[str], what: str, machine: Machine) -> Formula:
+    """A formula of known names of a machine; `what` it is begins the error message."""
     formula = parse(text)
     if unknown := sorted(formula.names - set(known)):
-        if unknown[0] in VARIATIONAL:
-            raise InputError(f"{what} '{text}': {NOT_BY_SPEED.format(name=unknown[0])}")
-        if unknown[0] == "frequency":
-            raise InputError(
-                f"{what} '{text}': a frequency is prescribed by its name, and written 1/period in a formula"
-            )
-        raise InputError(f"{what} '{text}': unknown quantity '{unknown[0]}'{suggest(unknown[0], known)}")
+        why = unknown_quantity(machine.model, machine.values, unknown[0], known)
+        raise InputError(f"{what} '{text}': {why}")
     return formula
 
 
-def smooth_formula(text: str, known: Collection[str], what: str) -> Formula:
+def smooth_formula(text: str, known: Collection[str], what: str, machine: Machine) -> Formula:
     """A formula of known names that has second derivatives."""
-    formula = known_formula(text, known, what)
+    formula = known_formula(text, known, what, machine)
     if formula.pieces:
         raise InputError(
             f"{what} '{text}': {formula.pieces[0]} is a law in pieces and cannot be designed with: it has no second "
@@ -184,14 +177,14 @@ def smooth_formula(text: str, known: Collection[str], what: str) -> Formula:
     return formula
 
 
-def parse_constraint(text: str, known: Collection[str]) -> Constraint:
+def parse_constraint(text: str, known: Collection[str], machine: Machine) -> Constraint:
     """A constraint from a text with one or two relations: 'a <= 1', 'a == b', '0.1 <= a <= 0.2'."""
     if not isinstance(text, str):
         raise InputError(f"a constraint is text such as 'stroke <= 0.25', not {text!r}")
     sides, relations = [side.strip() for side in _RELATION.split(text)], _RELATION.findall(text)
     if len(relations) not in (1, 2):
         raise InputError(f"the constraint '{text}' is not of the form 'stroke <= 0.25': one of <=, >=, ==, or two <=")
-    formulas = [smooth_formula(side, known, f"in the constraint '{text}',") for side in sides]
+    formulas = [smooth_formula(side, known, f"in the constraint '{text}',", machine) for side in sides]
     numbers = [None if formula.names else float(formula()) for formula in formulas]
     if endless := [i for i, number in enumerate(numbers) if number is not None and not np.isfinite(number)]:
         raise InputError(f"in the constraint '{text}', '{sides[endless[0]]}' is not a finite number")

@@ -24,9 +24,8 @@ from ..model import (
     refuse_forward,
 )
 from ..periodic import (
-    DESIGNED,
-    OF_RUNS,
-    PLANAR,
+    FRICTION_LEFT,
+    VARIATIONAL,
     by_launch_speed,
     launch_power,
     loss_coefficient,
@@ -35,8 +34,6 @@ from ..periodic import (
 )
 from ..shooting import half_orbit
 
-VARIATIONAL = ("landing_sensitivity", "loss_coefficient")  # these need the variation of the flight with alpha
-FRICTION_LEFT = "friction_left"  # the stated friction less that which is needed
 # The extremes whose sum is a quantity, each with its sign; a rise has one extreme, of its own name. To what is left of
 # friction the stated one is added.
 COMPOSITION = {
@@ -60,16 +57,6 @@ ABSENT = {
     "loss": "loss_coefficient: a law has a corner at lift-off, or a landing with a speed leaves nearly all of it, or"
     " what is not stated",
 }
-
-
-def quantity_names(model: Model, p: Mapping) -> list[str]:
-    """The quantities of a model's orbits."""
-    missing = [*([] if model.tension else ["largest_spring_force"]), *(() if model.one_speed else VARIATIONAL)]
-    missing += [] if model.separation(p) is not None else ["smallest_separation"]
-    missing += PLANAR if model.planar is None else [] if model.planar.stands else ["smallest_stance_force"]
-    missing += [] if model.planar and model.planar.friction else [FRICTION_LEFT]
-    runs = OF_RUNS if model.moves_on else ()
-    return [*(name for name in DESIGNED if name not in missing), *runs, *model.rises(p)]
 
 
 def extremes_of(name: str) -> tuple[str, ...]:
@@ -236,6 +223,7 @@ def expressions(
     half, contact, jerk = _simplest(model).arcs[0].duration(u, p), u["contact"], _landing_jerk(model, u, p, q)
     values = {"alpha": u["alpha"], "liftoff_extension": model.liftoff_extension(u, p), "landing_jerk": jerk}
     values |= {"flight_time": 2 * half, "contact_time": 2 * contact, "period": 2 * (half + contact)}
+    values["frequency"] = 1 / values["period"]
     if model.moves_on:
         step, speed = step_of(model, u, p), speed_in_flight(model, u, p, 2 * half)
         values |= {"step": step, "speed": speed, "mean_speed": step / values["period"]}

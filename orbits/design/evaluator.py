@@ -15,12 +15,11 @@ from ..errors import InputError
 from ..flow import flow_of
 from ..model import Model, Phase, Statement
 from ..numerics import Array, solve
-from ..periodic import dimension_of, late_factor
+from ..periodic import VARIATIONAL, dimension_of, late_factor
 from ..symbolic import MappedFunction, cached
 from ..units import Units
 from .design_problem import Outputs
 from .design_quantities import (
-    VARIATIONAL,
     base_statement,
     expressions,
     extreme_of,

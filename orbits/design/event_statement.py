@@ -15,10 +15,10 @@ import casadi as ca
 
 from ..errors import InputError
 from ..model import Arc, Model, Phase, Statement
-from ..periodic import dimension_of
+from ..periodic import VARIATIONAL, dimension_of
 from ..symbolic import Formula
 from ..units import Units
-from .design_quantities import VARIATIONAL, expressions, extreme_of, landing_sensitivity, variational_arc
+from .design_quantities import expressions, extreme_of, landing_sensitivity, variational_arc
 from .extremes import Kind, extreme_function, start_function
 
 HALF_CONTACT_TIME, SLOPE = "contact_duration", "landing sensitivity"

@@ -14,11 +14,10 @@ import numpy as np
 from ..errors import InputError
 from ..io import Document, conform
 from ..model import Machine
-from ..periodic import Orbit, find
+from ..periodic import FRICTION_LEFT, Orbit, find
 from ..result import Axes, Progress, Result, Row, is_of
 from .design_point import DEMAND_MARGIN, DesignPoint
 from .design_problem import DesignProblem
-from .design_quantities import FRICTION_LEFT
 from .tuned_machine import TunedMachine, tuned_machine_of, tuned_numbers, untuned
 
 ACTIVE = 1e-7  # a bound or a constraint is active within this share of its size; solutions are more exact than that

@@ -303,7 +303,7 @@ def _flat(end: Design, problem: DesignProblem, index: int, origin: Origin, texts
 
 def _with_bound(problem: DesignProblem, text: str, level: float, machine: Machine) -> DesignProblem:
     """A problem with the further constraint that an objective is no more than a level."""
-    formula = known_formula(text, names_of_designs(machine), "the objective")
+    formula = known_formula(text, names_of_designs(machine), "the objective", machine)
     constraint = Constraint(f"{text} <= {level:.9g}", formula, -np.inf, level)
     return replace(problem, constraints=(*problem.constraints, constraint))
 

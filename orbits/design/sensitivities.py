@@ -8,12 +8,13 @@ import numpy as np
 
 from ..errors import InputError, OrbitsError, list_of_names
 from ..model import Machine, check_parameters, free_parameters, machine_in_words
-from ..periodic import OTHER_EQUATIONS, Orbit, StartLike, check_start, find, is_orbit_of, orbit_of
+from ..periodic import OTHER_EQUATIONS, Orbit, StartLike, check_start, find, is_orbit_of, orbit_of, quantity_names
 from ..result import Axes, Result, Row, shown
 from ..running import exclusive, interrupts
+from ..symbolic import parse
 from .design_point import Case, DesignPoint, design_points, has_loss, no_motion
 from .design_problem import Outputs, known_formula
-from .design_quantities import extremes_of, quantity_names
+from .design_quantities import extremes_of
 from .extremes import places_of
 from .tuned_machine import TunedMachine, first_of_tuned, names_of_designs, tuned_numbers, untuned, with_tuning
 
@@ -191,11 +192,21 @@ def known_motion(machine: Machine, orbit: Orbit | int, start: StartLike | None) 
 def _formulas_at(machine: Machine, orbit: Orbit, texts: Sequence[str], over: Sequence[str]) -> DesignPoint:
     """Formulas at an orbit, over some of the machine's parameters."""
     known = names_of_designs(machine)
-    formulas = tuple(known_formula(text, known, "the quantity") for text in texts)
+    formulas = tuple(known_formula(text, known, "the quantity", machine) for text in texts)
     (point,) = design_points([Case(machine, orbit.dimensionless(), Outputs(formulas, tuple(over)), {})])
     if isinstance(point, OrbitsError):
         raise point
     return point
+
+
+def values_at_orbits(machines: Sequence[Machine], orbits: Sequence[Orbit], names: Sequence[str]) -> np.ndarray:
+    """Quantities (m, k) of these names at orbits of machines (m), NaN where an orbit does not have one."""
+    found = np.full((len(orbits), len(names)), np.nan)
+    for k, name in enumerate(names):
+        outputs, pairs = Outputs((parse(name),), ()), zip(machines, orbits, strict=True)
+        points = design_points([Case(machine, orbit.dimensionless(), outputs, {}) for machine, orbit in pairs])
+        found[:, k] = [np.nan if isinstance(point, OrbitsError) else point.values[0] for point in points]
+    return found
 
 
 def _requested(machine: Machine, orbit: Orbit, names: Names) -> Sequence[str]:

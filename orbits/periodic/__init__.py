@@ -49,17 +49,21 @@ if TYPE_CHECKING:
     from .parameter_paths import along_ways
     from .quantities import (
         CERTIFIED,
-        DESIGNED,
+        FRICTION_LEFT,
         OF_CERTIFICATE,
         OF_RUNS,
         PLANAR,
         QUANTITIES,
+        VARIATIONAL,
+        absent_quantities,
         dimension_of,
         motion_numbers,
         names_of_many,
         numbers_of,
+        quantity_names,
         speed_in_flight,
         step_of,
+        unknown_quantity,
     )
     from .saved_orbit import SavedLaws, with_note
     from .start import LONGEST_START, StartLike, check_start, in_units_of, stated_unknowns, unknowns_of_start
@@ -75,7 +79,6 @@ if TYPE_CHECKING:
         errors_of_tuned,
         is_quantity,
         prescribable,
-        quantities_of_motion,
         solved_near,
         tuned_equations,
         tuned_names,

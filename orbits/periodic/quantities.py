@@ -8,7 +8,8 @@ import numpy as np
 from ..model import STEP_LENGTH, Model
 from ..records import NONE, Records, numbers_or_nan
 from ..shooting import Cycles
-from ..units import DIMENSIONS, FREQUENCY, LENGTH, OF_ANGLES, Dimension, Units
+from ..symbolic import suggest
+from ..units import DIMENSIONS, LENGTH, OF_ANGLES, Dimension, Units
 from .certificate import Certificate
 from .extrema_and_zeros import extremes
 
@@ -20,15 +21,15 @@ class OrbitQuantity(NamedTuple):
         a design alone computes it
     words : its name in the table of an orbit; "" where it has no row there
     in_si : the beginning of its key among the main results in SI; "" where it is not one of them
-    bound : whether it is only a bound on the error of another quantity
     planar : whether only machines have it that stand in flight, and whose masses have places across
+    apart : why no design, prescribed value or formula has it; "" where they have it
     """
 
     of: Callable[[Model, Cycles], np.ndarray] | None = None
     words: str = ""
     in_si: str = ""
-    bound: bool = False
     planar: bool = False
+    apart: str = ""
 
 
 def _stroke(model: Model, cycles: Cycles) -> np.ndarray:
@@ -53,6 +54,12 @@ def speed_in_flight(model: Model, u: Mapping, p: Mapping, flight_time: Any) -> A
     assert model.planar.across is not None
     landed = model.reversal.image(launched, p)
     return (model.planar.across(landed, p) - model.planar.across(launched, p)) / flight_time
+
+
+def _frequency(model: Model, cycles: Cycles) -> np.ndarray:
+    """The inverse (m,) of the periods."""
+    contacts = cycles.contact_times
+    return np.where(contacts == NONE, NONE, 1 / (cycles.flight_times + contacts))
 
 
 def step_of(model: Model, u: Mapping, p: Mapping) -> Any:
@@ -81,21 +88,26 @@ def _mean_speed(model: Model, cycles: Cycles) -> np.ndarray:
     return np.where(contacts == NONE, NONE, _step(model, cycles) / (cycles.flight_times + contacts))
 
 
+VARIATIONAL = ("landing_sensitivity", "loss_coefficient")  # these need the variation of the flight with alpha
+FRICTION_LEFT = "friction_left"  # the stated friction less that which is needed
+ACCURACY = "it says how accurately an orbit is known, and is no property of its motion"
+NOT_BY_SPEED = "it is a slope by the launch speed alone, and a launch of this machine has several unknowns"
 # In the order of every table; there is one of the "rises" for each height of the machine.
 QUANTITIES: dict[str, OrbitQuantity] = {
     "alpha": OrbitQuantity(lambda model, cycles: cycles.u["alpha"], "alpha", "launch_speed"),
     "flight_time": OrbitQuantity(lambda model, cycles: cycles.flight_times, "flight time", "flight_time"),
     "contact_time": OrbitQuantity(lambda model, cycles: cycles.contact_times, "contact time", "contact_time"),
     "period": OrbitQuantity(lambda model, cycles: cycles.flight_times + cycles.contact_times),
+    "frequency": OrbitQuantity(_frequency),
     "liftoff_extension": OrbitQuantity(
         lambda model, cycles: model.liftoff_extension(cycles.u, cycles.p), "lift-off extension", "liftoff_extension"
     ),
     "stroke": OrbitQuantity(_stroke),
-    "admissible": OrbitQuantity(),
-    "error": OrbitQuantity(bound=True),
-    "residual": OrbitQuantity(),
-    "energy_drift": OrbitQuantity(),
-    "family": OrbitQuantity(),
+    "admissible": OrbitQuantity(apart="it is a verdict: designs are always motions, and a sweep has the column status"),
+    "error": OrbitQuantity(apart=ACCURACY),
+    "residual": OrbitQuantity(apart=ACCURACY),
+    "energy_drift": OrbitQuantity(apart=ACCURACY),
+    "family": OrbitQuantity(apart="it is a count, which is chosen by the argument family"),
     "clearance": OrbitQuantity(words="clearance", in_si="clearance"),
     "smallest_separation": OrbitQuantity(words="smallest separation", in_si="smallest_separation"),
     "rises": OrbitQuantity(words="rise of"),
@@ -105,9 +117,9 @@ QUANTITIES: dict[str, OrbitQuantity] = {
     "landing_jerk": OrbitQuantity(words="landing jerk"),
     "landing_sensitivity": OrbitQuantity(),
     "loss_coefficient": OrbitQuantity(words="loss coefficient C"),
-    "loss_error": OrbitQuantity(bound=True),
-    "alpha_noise": OrbitQuantity(bound=True),
-    "alpha_per_noise": OrbitQuantity(bound=True),
+    "loss_error": OrbitQuantity(apart=ACCURACY),
+    "alpha_noise": OrbitQuantity(apart=ACCURACY),
+    "alpha_per_noise": OrbitQuantity(apart=ACCURACY),
     "friction_needed": OrbitQuantity(planar=True),
     "friction_left": OrbitQuantity(planar=True),
     "smallest_stance_force": OrbitQuantity(planar=True),
@@ -124,14 +136,47 @@ CERTIFIED = tuple(name for name in OF_CERTIFICATE if name not in PLANAR)
 # The quantities of the motion that every result has.
 OF_MOTION = tuple(name for name, each in QUANTITIES.items() if each.of and each.in_si)
 # The quantities that a design may use, besides the rise of each height, and those computed for m orbits together.
-DESIGNED = tuple(name for name, each in QUANTITIES.items() if (name in DIMENSIONS and not each.bound) or each.planar)
+DESIGNED = tuple(name for name, each in QUANTITIES.items() if not each.apart and name != "rises")
 OF_MANY = tuple(name for name in DESIGNED if QUANTITIES[name].of or name in OF_CERTIFICATE)
 
 
 def dimension_of(name: str) -> Dimension | str:
     """The dimension of a quantity, or its name where that decides; a rise is a length."""
-    known = {**dict.fromkeys(QUANTITIES, ()), "frequency": FREQUENCY, **DIMENSIONS}
+    known = {**dict.fromkeys(QUANTITIES, ()), **DIMENSIONS}
     return name if name in OF_ANGLES else known.get(name, LENGTH)
+
+
+def absent_quantities(model: Model, p: Mapping) -> dict[str, str]:
+    """Why orbits of a model have no quantity of a name, in words, by these names."""
+    why, planar = {name: each.apart for name, each in QUANTITIES.items() if each.apart}, model.planar
+    why |= {} if model.tension else {"largest_spring_force": f"a {model.name} states no force of one spring"}
+    why |= {} if model.one_speed else dict.fromkeys(VARIATIONAL, NOT_BY_SPEED)
+    if model.separation(p) is None:
+        why["smallest_separation"] = "the machine states no length, as rest_length, that tells how far masses are apart"
+    if planar is None:
+        why |= dict.fromkeys(PLANAR, f"a {model.name} states no places of its masses along the ground")
+    elif not planar.stands:
+        why["smallest_stance_force"] = f"nothing of a {model.name} stands on the ground in flight"
+    if planar is not None and not planar.friction:
+        why[FRICTION_LEFT] = "the machine states no friction of the ground"
+    why |= {} if model.moves_on else dict.fromkeys(OF_RUNS, f"a {model.name} does not move on along the ground")
+    return why
+
+
+def quantity_names(model: Model, p: Mapping) -> list[str]:
+    """The quantities of a model's orbits: the names of all formulas, designs, prescribed values and columns."""
+    absent = absent_quantities(model, p)
+    return [*(name for name in (*DESIGNED, *OF_RUNS) if name not in absent), *model.rises(p)]
+
+
+def unknown_quantity(model: Model, p: Mapping, name: str, known: Collection[str]) -> str:
+    """Why a name is none of the `known` ones, in words: the machine's orbits do not have the quantity, it is not
+    computed there, or there is none of this name."""
+    if why := absent_quantities(model, p).get(name):
+        return f"no quantity '{name}' here: {why}"
+    if name in quantity_names(model, p):
+        return f"'{name}' is not among {', '.join(known)}, which are known here"
+    return f"unknown quantity '{name}'{suggest(name, known)}"
 
 
 def motion_numbers(model: Model, cycles: Cycles) -> dict[str, np.ndarray]:

@@ -25,10 +25,9 @@ from ..shooting import (
     shooting_equations,
     solved_with_nodes,
 )
-from ..symbolic import suggest
-from ..units import DIMENSIONS, FREQUENCY, LENGTH, SPEED, Dimension
+from ..units import DIMENSIONS, LENGTH, SPEED, Dimension
 from .certification import Solved
-from .quantities import speed_in_flight, step_of
+from .quantities import OF_RUNS, names_of_many, quantity_names, speed_in_flight, step_of, unknown_quantity
 
 # The method whose equations are tuned.
 METHOD = "half orbit"
@@ -79,7 +78,7 @@ PRESCRIBED: dict[str, Prescribed] = {
     "flight_time": Prescribed(lambda model, u, p: 2 * u["duration"], DIMENSIONS["flight_time"], positive=True),
     "contact_time": Prescribed(lambda model, u, p: 2 * u["contact_duration"], DIMENSIONS["contact_time"], True, True),
     "period": Prescribed(_period, DIMENSIONS["period"], True, True),
-    "frequency": Prescribed(lambda model, u, p: 1 / _period(model, u, p), FREQUENCY, True, True),
+    "frequency": Prescribed(lambda model, u, p: 1 / _period(model, u, p), DIMENSIONS["frequency"], True, True),
 }
 # Those of machines that go forward. Where a foot sticks the step is a parameter, which is tuned unless it is
 # prescribed; elsewhere it follows from the machine's geometry.
@@ -135,7 +134,11 @@ def tuning_of(machine: Machine, tune: str | Iterable[str] | None, at: Mapping[st
         if name == "step" and name not in known and machine.model.moves_on:
             raise InputError("at 'step': it follows from the geometry of this machine; state that instead")
         if name not in (*known, *others):
-            raise InputError(f"at '{name}': the orbits have no such quantity{suggest(name, [*known, *others])}")
+            if name in quantity_names(machine.model, machine.values):
+                designed = f"optimize(machine, ..., subject_to=['{name} == {values[name]:g}'])"
+                raise InputError(f"at '{name}': it is computed for designs alone, and prescribed by {designed}")
+            why = unknown_quantity(machine.model, machine.values, name, [*known, *others])
+            raise InputError(f"at '{name}': {why}")
         _check_value(machine, name, values[name])
     check_count(machine, names, values)
     smooth = {name: value for name, value in values.items() if name in known}
@@ -174,11 +177,9 @@ def is_quantity(machine: Machine, name: object) -> bool:
 
 def quantities_of_motion(machine: Machine) -> list[str]:
     """The quantities of a machine's orbits that are found from its whole motion, as extremes are."""
-    of_motion = ("stroke", "clearance", "smallest_separation", "smallest_contact_force", "largest_contact_force")
-    without = () if machine.model.separation(machine.values) is not None else ("smallest_separation",)
-    across = ["friction_needed"] if machine.model.planar else []
-    names = [*of_motion, "landing_jerk", *across, *machine.model.rises(machine.values)]
-    return [name for name in names if name not in without]
+    model, p = machine.model, machine.values
+    computed = {*names_of_many(model), *model.rises(p)} - prescribable(model).keys() - OF_RUNS.keys()
+    return [name for name in quantity_names(model, p) if name in computed]
 
 
 def check_count(machine: Machine, tuned: Sequence[str], prescribed: Iterable[str]) -> None:

@@ -46,7 +46,7 @@ def _found(question: Question, table: Table, report: Callable[[int], None]) -> N
     families = np.array(question.families)[table.members % len(question.families)]
     tuning, method = question.tuning, question.method
     known = names_of_quantities(question.machine, tuning) if question.quantities else ()
-    formulas = {text: known_formula(text, known, "the quantity") for text in question.quantities}
+    formulas = {text: known_formula(text, known, "the quantity", question.machine) for text in question.quantities}
     own = question.start is not None and not tuning
     start = find(question.machine, start=question.start) if own else question.start
     before = 0  # the number of members of the families before

@@ -183,9 +183,11 @@ def question_of(
         raise InputError(f"'{LAUNCH_SPEED}', a launch speed, is swept over with outcome = 'map', and only then")
     if (outcome == "fixed_points") != (between is not None):
         raise InputError("between = (low, high), two launch speeds, belongs to outcome = 'fixed_points'")
-    _check_quantities(machine, quantities, tuning)
     further = columns_of_tuned(machine.model, tuning.names) if tuning else ()
-    names, own = (*members.names, *quantities), (*COLUMNS_OF[outcome], *further, "status", "reason", "index", "member")
+    numbers = (*COLUMNS_OF[outcome], *further)
+    quantities = [each for each in quantities if each not in (*members.names, *numbers)]  # those are columns anyway
+    _check_quantities(machine, quantities, tuning)
+    names, own = (*members.names, *quantities), (*numbers, "status", "reason", "index", "member")
     for i, name in enumerate(names):
         if name in own:
             raise InputError(f"'{name}' is a column of every answer: leave it out of the quantities and parameters")
@@ -222,7 +224,7 @@ def _check_quantities(machine: Machine, quantities: Sequence[str], tuning: Tunin
     known = names_of_quantities(machine, tuning) if quantities else ()
     for text in quantities:
         try:
-            known_formula(text, known, "the quantity")
+            known_formula(text, known, "the quantity", machine)
         except InputError as error:
             what, *shown = str(error).split("\n")
             raise InputError(f"the quantity '{text}': {what}" if shown else what) from None

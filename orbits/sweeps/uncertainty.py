@@ -86,7 +86,7 @@ def uncertainty(
     check_start(machine, start)
     orbit = find(machine, family) if start is None else find(machine, start=start)
     quantities = list_of_names("quantities", quantities)
-    texts = ["alpha", "flight_time", *quantities]
+    texts = [*dict.fromkeys(("alpha", "flight_time", *quantities))]
     slopes = sensitivities(machine, orbit, list(uncertain.names), texts)
     options |= {"seed": seed, "family": family, "quantities": quantities, "start": None if start is None else orbit}
     if uncertain.correlated:

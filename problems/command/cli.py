@@ -618,7 +618,7 @@ def existence_command(
         raise InputError(f"--along {along!r} is NAME=LOW:HIGH, and --across {across!r} that or NAME=V1,V2,...")
     machine = options.machine_of(**options.with_first_values(stated, {row: between, column: values}, None))
     requested, counts = options.formulas(quantities), options.numbers("--samples", samples, int)
-    if colour is not None and colour not in ("alpha", "flight_time", "error", *requested):
+    if colour is not None and colour not in requested:
         requested.append(colour)
     diagram = existence(
         machine, row, between, column, values, family, samples=counts[0] if len(counts) == 1 else tuple(counts),

@@ -46,7 +46,7 @@ class TestOnDisk:
 
 
 def test_questions_about_quantities_and_values_that_are_not_there(softening_family, tmp_path):
-    with pytest.raises(InputError, match="no quantity 'height'; they have beta, alpha"):
+    with pytest.raises(InputError, match="unknown quantity 'height'; known: alpha, "):
         softening_family.plot("height")
     with pytest.raises(InputError, match=r"at = 0\.1 is not reached: beta lies between 0 and -0.02"):
         follow(Hopper("cubic"), "beta", -0.02, 0.0, at=[0.1])

@@ -70,7 +70,7 @@ def test_what_a_launch_of_several_unknowns_does_not_have():
     with pytest.raises(InputError, match="give start= an orbit of it"):
         sensitivities(machine)
     hop = find(machine, start=motion_of(Chain().stated(), 4, 5))
-    with pytest.raises(InputError, match="'loss_coefficient' is a slope by the launch speed alone"):
+    with pytest.raises(InputError, match="'loss_coefficient' here: it is a slope by the launch speed alone"):
         sensitivities(machine, hop, "b", "loss_coefficient")
     with pytest.raises(InputError, match="leave one of the two out"):
         sensitivities(machine, hop, "b", start=hop)

@@ -14,7 +14,7 @@ from problems import Hopper, plate_hopper
         (({"beta": (0, 1)}, 5), {"family": 0}, "family = 0"),
         (({"beta": (0, 1)}, 5), {"family": [1, 1]}, "different"),
         (({"beta": (0, 1)}, 5), {"quantities": ["perod"]}, "unknown quantity 'perod'"),
-        (({"beta": (0, 1)}, 5), {"quantities": ["alpha"]}, "column of every answer"),
+        (({"beta": (0, 1)}, 5), {"quantities": ["error/2"]}, "no quantity 'error' here: it says how accurately"),
         (({"beta": (0, 1)}, 5), {"outcome": "hop"}, "outcome = 'hop'"),
         (({"beta": (0, 1)}, 5), {"outcome": "map"}, "a launch speed"),
         (({"beta": (0, 1)}, 5), {"outcome": "fixed_points"}, "between"),

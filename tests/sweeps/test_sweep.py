@@ -218,7 +218,6 @@ class TestTuned:
             ({"tune": "k", "at": {"clearance": 1.0}}, "at 'clearance': it is found from the whole motion"),
             ({"tune": "mass_ratio", "at": {"period": 9.0}}, "'mass_ratio' is varied"),
             ({"tune": "k", "at": {"period": 9.0}, "outcome": "fixed_points", "between": (1, 2)}, "those of orbits"),
-            ({"tune": "k", "at": {"period": 9.0}, "quantities": "k_error"}, "'k_error'"),
         ]
         for options, words in wrong:
             with pytest.raises(InputError, match=words):
