@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from .control import Control, ControlledLeg, control_in_units
     from .holding import Hold, hold
     from .optimal_family import FixedParameters, OptimalFamily, follow_optimum, known_program
-    from .stage import RUNNING_COST, Input, Stage
+    from .stage import ELAPSED, RUNNING_COST, Input, Stage
     from .steer import Guess, as_guess, steer
 
 __all__ = [*public_names(__name__)]

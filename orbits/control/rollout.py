@@ -83,7 +83,8 @@ def roll_out(solution: WarmStart, cost: float, fixed: np.ndarray) -> MotionRollo
     values = np.concatenate([fixed, x[len(x) - len(problem.free) :]])
     pairs = zip(problem.stages, problem.unpack(x), strict=True)
     stages = [_roll_out_stage(stage, problem.names, values, part) for stage, part in pairs]
-    conditions = list(problem.end_conditions(values, [(of.nodes[:, 0], of.nodes[:, -1]) for of in stages]))
+    ends, durations = [(of.nodes[:, 0], of.nodes[:, -1]) for of in stages], [of.unknowns.duration for of in stages]
+    conditions = list(problem.end_conditions(values, ends, durations))
     accurate = float(sum(float(final) for *_, final, _, _ in conditions) + sum(of.cost for of in stages))
     arrays = [[np.array(part) for part in parts[:3]] for parts in conditions]
     missed = [np.concatenate([np.abs(start), np.abs(end), -above], axis=None) for start, end, above in arrays]

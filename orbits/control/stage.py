@@ -16,6 +16,8 @@ from ..model import Phase
 
 # Name of the length of an interval among the parameters of a phase. The apostrophe keeps it apart from identifiers.
 INTERVAL_LENGTH = "interval's length"
+# Name of the time since the start of the first stage among the parameters of what is said of the end of a stage.
+ELAPSED = "elapsed time"
 RUNNING_COST = "running cost"  # the last row of a leg, in the unit of the cost
 COLUMNS_OF_CONTROL = ("time", "stage", RUNNING_COST)  # of its table, beside states and inputs, which have other names
 
@@ -49,7 +51,8 @@ class Stage:
     inputs : inputs by name
     start : (x, before, p) -> expressions that vanish at the start; `before` is the final state of the previous stage,
         for the first stage that of the last
-    end : (x, p) -> expressions that vanish at the end
+    end : (x, p) -> expressions that vanish at the end; here, in `final` and in `above`, p has the "elapsed time" too,
+        since the start of the first stage
     path : functions (x, p, q) -> expression by name, which are not negative along the stage
     running : (x, p, q) -> the rate of the cost
     final : (x, p) -> the cost at the end

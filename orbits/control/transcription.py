@@ -1,6 +1,7 @@
 """Direct multiple shooting: the nonlinear program of a sequence of stages."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import accumulate
 from typing import NamedTuple
 
 import casadi as ca
@@ -9,7 +10,7 @@ import numpy as np
 from ..flow import runge_kutta_step
 from ..numerics import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..symbolic import Minimiser, Minimum, cached, taylor_coefficients
-from .stage import Stage, stage_flow
+from .stage import ELAPSED, Stage, stage_flow
 
 # Order of the Taylor steps, half as costly as those of the accurate flow; where it is too low the steps are halved.
 CONTROL_ORDER = 12
@@ -77,19 +78,21 @@ def advance(stage: Stage, names: tuple[str, ...], substeps: int) -> ca.Function:
 
 @cached
 def _conditions(stage: Stage, names: tuple[str, ...], size_before: int) -> ca.Function:
-    """(first state, last state, last state before, parameters) -> zeros at the start, zeros at the end, expressions
-    that are not negative there, final cost, and bounds of inputs, infinite where they are numbers."""
+    """(first state, last state, last state before, parameters, time at the end) -> zeros at the start, zeros at the
+    end, expressions that are not negative there, final cost, and bounds of inputs, infinite where they are numbers."""
     size = len(stage.phase.states)
     first, last, before, p = (ca.SX.sym("x", k) for k in (size, size, size_before, len(names)))
-    named = dict(zip(names, ca.vertsplit(p), strict=True))
-    start = stage.start(ca.vertsplit(first), ca.vertsplit(before), named)
-    end, above, final = (of(ca.vertsplit(last), named) for of in (stage.end, stage.above, stage.final))
+    named, elapsed = dict(zip(names, ca.vertsplit(p), strict=True)), ca.SX.sym("elapsed")
+    start, timed = stage.start(ca.vertsplit(first), ca.vertsplit(before), named), {**named, ELAPSED: elapsed}
+    end, above, final = (of(ca.vertsplit(last), timed) for of in (stage.end, stage.above, stage.final))
     lows, highs = (
         ca.vertcat(*[of(named) if callable(of := getattr(each, side)) else none for each in stage.inputs.values()])
         for side, none in (("low", -np.inf), ("high", np.inf))
     )
     results = [ca.vertcat(*start), ca.vertcat(*end), ca.vertcat(*above), final, lows, highs]
-    return ca.Function("conditions", [first, last, before, p], [ca.densify(ca.SX(result)) for result in results])
+    return ca.Function(
+        "conditions", [first, last, before, p, elapsed], [ca.densify(ca.SX(result)) for result in results]
+    )
 
 
 class Transcription:
@@ -143,8 +146,10 @@ class Transcription:
         p, unit, cost, data = ca.vertcat(fixed, freed), ca.MX.sym("unit"), ca.MX(0), []
         parts = [(ca.MX.sym("T"), ca.MX.sym("x", n, N + 1), ca.MX.sym("w", m, N)) for n, N, m in self.shapes]
         constraints = list[_Constraint]()
+        elapsed = ca.MX(0)
         for i, part in enumerate(parts):
-            stage_cost, stage_data, own = self._build_stage(i, part, parts[i - 1][1][:, -1], p, advanced)
+            elapsed += part[0]
+            stage_cost, stage_data, own = self._build_stage(i, part, parts[i - 1][1][:, -1], p, elapsed, advanced)
             cost += stage_cost
             data.append(stage_data)
             constraints += own
@@ -158,14 +163,15 @@ class Transcription:
         return (unknowns, ca.vertcat(fixed, shares, unit), cost / unit, values), constraints
 
     def _build_stage(
-        self, i: int, part, before: ca.MX, p: ca.MX, advanced: Callable
+        self, i: int, part, before: ca.MX, p: ca.MX, elapsed: ca.MX, advanced: Callable
     ) -> tuple[ca.MX, ca.MX, list[_Constraint]]:
-        """Cost, parameters of each interval, and constraints of a stage that follows the state `before`."""
+        """Cost, parameters of each interval, and constraints of a stage that follows the state `before` and ends at the
+        time `elapsed`."""
         stage, (duration, x, w), n = self.stages[i], part, self.stages[i].intervals
         data = ca.vertcat(ca.repmat(p, 1, n), ca.repmat(duration / n, 1, n), w)
         ends, costs, path = advanced(i, x[:, :-1], data)
         conditions = _conditions(stage, self.names, before.numel())
-        start, end, above, final, lows, highs = conditions(x[:, 0], x[:, -1], before, p)
+        start, end, above, final, lows, highs = conditions(x[:, 0], x[:, -1], before, p, elapsed)
         constraints = [
             self._constraint(ca.vec(ends - x[:, 1:]), i, "the motion", 0.0),
             self._constraint(start, i, "the condition at the start", 0.0),
@@ -245,11 +251,11 @@ class Transcription:
         unit, and the iteration starts from the `multipliers` of a minimum nearby, or cold."""
         return self._minimiser(x, p, bounds, self.limits, multipliers)
 
-    def end_conditions(self, values: np.ndarray, ends: Sequence) -> Iterator[tuple]:
+    def end_conditions(self, values: np.ndarray, ends: Sequence, durations: Sequence[float]) -> Iterator[tuple]:
         """For each stage, the values of `_conditions` at parameters and at the stages' (first, last) states."""
-        for i, stage in enumerate(self.stages):
+        for i, (stage, elapsed) in enumerate(zip(self.stages, accumulate(durations), strict=True)):
             before = ends[i - 1][1]
-            yield _conditions(stage, self.names, len(before))(*ends[i], before, values)
+            yield _conditions(stage, self.names, len(before))(*ends[i], before, values, elapsed)
 
 
 transcription = cached(Transcription)

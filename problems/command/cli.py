@@ -701,6 +701,12 @@ def uncertainty_command(
 @click.option("--force", type=options.POSITIVE, metavar="F", help=f"Its largest force{options.IN_UNITS}")
 @click.option("--power", type=options.POSITIVE, metavar="P", help=f"Its largest power{options.IN_UNITS}")
 @click.option(
+    "--speed-force",
+    type=(options.POSITIVE, options.POSITIVE),
+    metavar="V0 F0",
+    help=f"Of a motor, the speed at which it has no force left to drive, and its force at rest{options.IN_UNITS}",
+)
+@click.option(
     "--intervals",
     type=click.IntRange(1),
     metavar="N",
@@ -715,6 +721,12 @@ def uncertainty_command(
     type=options.POSITIVE,
     metavar="H",
     help=f"{options.KEEP}: the centre of mass's rise in flight{options.IN_UNITS}",
+)
+@click.option(
+    "--period",
+    type=options.POSITIVE,
+    metavar="T",
+    help=f"{options.KEEP}: the duration of flight and contact together{options.IN_UNITS}",
 )
 @click.option(
     "--plastic", is_flag=True, help=f"{options.KEEP}, recover: the foot may land with a speed, which is lost."

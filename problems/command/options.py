@@ -349,6 +349,7 @@ OF_GOALS = {
     "cost": {KEEP: "cost"},
     "speed": {KEEP: "speed"},
     "height": {KEEP: "height"},
+    "period": {KEEP: "period"},
     "plastic": {KEEP: "lossless", "recover": "lossless"},
     "short": {"recover": "short"},
     "pumps": {"start-up": "pumps"},
@@ -363,7 +364,7 @@ def steering_arguments(goal: str, stated: dict[str, Any]) -> dict[str, Any]:
 
     from ..steering import Actuator
 
-    common = {name: stated.pop(name) for name in ("rate", "stroke", "force", "power", "intervals")}
+    common = {name: stated.pop(name) for name in ("rate", "stroke", "force", "power", "speed_force", "intervals")}
     if (stated_actuator := stated.pop("actuator")) is not None:
         kind, colon, along = stated_actuator.partition(":")
         common["actuator"] = Actuator(along, kind) if colon else Actuator(kind)

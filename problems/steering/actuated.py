@@ -143,13 +143,14 @@ class Actuated(Stated):
 
     @property
     def dimensions(self) -> dict[str, Dimension]:
-        """The dimensions of the actuator's state and of its rate by name, of its "actuator force", and of its "way"."""
+        """The dimensions of the actuator's state and of its rate by name, of its "actuator force", its "way" and its
+        "speed"."""
         stated, actuator = self.machine.stated(), self.actuator
         places = {*stated.coordinates}
         turned = length_or_angle(actuator.along, places, {*stated.angles}) is ANGLE
         way, speed, force = (ANGLE, ANGULAR_SPEED, TORQUE) if turned else (LENGTH, SPEED, FORCE)
         own = (force, (force[0], force[1] - 1, *force[2:])) if actuator.is_force else (way, speed)
-        return {actuator.state: own[0], actuator.rate: own[1], "actuator force": force, "way": way}
+        return {actuator.state: own[0], actuator.rate: own[1], "actuator force": force, "way": way, "speed": speed}
 
     @property
     def values(self) -> dict[str, float]:
@@ -245,11 +246,14 @@ class Drive:
     def power(self, x: Scalars, p: Parameters, q: Scalars) -> Algebraic:
         """The actuator's power on the machine in a flight state, in the machine's unit of energy over that of time."""
         if self.actuator.is_force:
-            return x[-1] * self._speed(x, p) / value_of(self.energy_unit, {}, p)
+            return x[-1] * self.speed(x, p) / value_of(self.energy_unit, {}, p)
         return self.model.flight_gradient(x, p, q)[-1] * p[self.actuator.rate]
 
-    def _speed(self, x: Scalars, p: Parameters) -> Algebraic:
-        """The rate of the distance along which a force acts, in a flight state."""
+    def speed(self, x: Scalars, p: Parameters) -> Algebraic:
+        """The speed at which the actuator moves, in a flight state: that of the spring's end, or the rate of the
+        distance along which the force acts."""
+        if not self.actuator.is_force:
+            return p[self.actuator.rate]
         way = self._way
         values = [p[name] for name in way.names]
         return way.slope(ca.vertcat(*x[:-1:2]), ca.vertcat(*x[1:-1:2]), ca.vertcat(*values))

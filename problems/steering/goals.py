@@ -27,11 +27,19 @@ from orbits.units import ENERGY, LIFTOFF_SPEED, Dimension, Message, Quantity, Un
 
 from .actuated import Actuated, Actuator, undamped
 from .actuated_launch import launched_at
-from .actuator_bounds import Limits, actuator_limits, dimensions_of_limits, dimensions_of_rows
+from .actuator_bounds import (
+    Limits,
+    SpeedForce,
+    actuator_limits,
+    bare_speed_force,
+    dimensions_of_limits,
+    dimensions_of_rows,
+    parsed_speed_force,
+)
 from .corners import steer_across
 from .driven import Driven, flight_states, is_driven_motion_of, work_done
 from .first_guesses import contact_time_of, growing_swings, lossless_guess, rest_in_contact, undriven_guess
-from .prescribed import LAUNCH_CONDITIONS, OF_THE_ORBIT, of_lossless, prescribed_launch
+from .prescribed import LAUNCH_CONDITIONS, OF_THE_ORBIT, of_lossless, prescribed_hop
 from .steered_stages import hop_stages, parameter_of_rest, swing_stages
 from .turns import turns_of_leg, turns_of_orbit
 
@@ -93,8 +101,13 @@ def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., D
         def in_si(control: Control, machine: Any) -> Control:
             return motion_in_si(driven, machine, control, options.get("cost", "effort"))
 
-        bounds = {**dimensions_of_limits(driven), **LAUNCH_CONDITIONS}
+        bounds: dict[str, Any] = {
+            **dimensions_of_limits(driven),
+            **LAUNCH_CONDITIONS,
+            "speed_force": bare_speed_force(driven),
+        }
         with_units = in_own_units(in_si, **bounds, short=LIFTOFF_SPEED, start=(), guess=(), aim=())(function)
+        options["speed_force"] = parsed_speed_force(options.get("speed_force"))
         return Driven.of(machine, with_units(machine, *arguments, actuator=driven.actuator, **options), driven.actuator)
 
     return steered
@@ -103,9 +116,10 @@ def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., D
 @in_units_of_the_machine
 def keep_hopping(
     machine: Any, *, actuator: Actuator | None = None, family: int = 1, cost: str = "effort", lossless: bool = True,
-    speed: float | None = None, height: float | None = None, intervals: int = 40, rate: float = np.inf,
-    stroke: float = np.inf, force: float = np.inf, power: float = np.inf, start: StartLike | None = None,
-    guess: Control | None = None, progress: Progress = None,
+    speed: float | None = None, height: float | None = None, period: float | None = None, intervals: int = 40,
+    rate: float = np.inf, stroke: float = np.inf, force: float = np.inf, power: float = np.inf,
+    speed_force: SpeedForce = None, start: StartLike | None = None, guess: Control | None = None,
+    progress: Progress = None,
 ) -> Control:  # fmt: skip
     """Keep a damped machine hopping periodically at locally least cost, near its lossless orbit without the damping.
 
@@ -118,12 +132,16 @@ def keep_hopping(
     lossless : whether the landing has to be lossless; else it is plastic, see the module
     speed, height : prescribe the launch, by its speed or by the rise of the centre of mass in flight above its place at
         lift-off; both are left free by default
+    period : prescribe the duration of flight and contact together; free by default
     intervals : of flight and contact together, on each of which the actuator's rate is constant; with few, about 12,
         the contact force after a lossless landing may be too small for a solution to be found
     rate : bound of the rate of the actuator's state, of the end of a spring or of a force; no least work exists without
     stroke : bound of its displacement, in both directions: from the one at lift-off, or for a force, of the distance
         along which it acts, from where the machine rests with its springs unloaded
     force, power : bounds of its force, which is that in the spring for a spring's end, and of its power
+    speed_force : (v0, F0) of a motor at a bounded voltage: with v the speed at which it moves along its way, its force
+        F lies between -F0 (1 + v/v0) and F0 (1 - v/v0). So it drives with F0 (1 - |v|/v0) at most, and faster than v0
+        it can only brake
     start : the lossless orbit without damping near which the machine is kept, or a start of `find` that leads there, as
         its file; by default it is found. A machine whose launch is more than a speed needs it
     guess : the result for a machine nearby
@@ -142,9 +160,9 @@ def keep_hopping(
         raise InputError(f"cost = {cost!r}; it is 'effort', 'work' or 'peak'")
     if cost == "work" and rate == np.inf:
         raise InputError("least positive work is done by jerks: give the largest rate")
-    bounds = {"rate": rate, "stroke": stroke, "force": force, "power": power}
+    bounds = {"rate": rate, "stroke": stroke, "force": force, "power": power, "speed_force": speed_force}
     hop = _hop(_actuated(machine, actuator), family, start, lossless, intervals, bounds)
-    hop = replace(hop, prescribed=prescribed_launch(hop.driven, hop.orbit, speed=speed, height=height))
+    hop = replace(hop, prescribed=prescribed_hop(hop.driven, hop.orbit, speed=speed, height=height, period=period))
     if hop.needs_no_control and not (lossless and cost == "effort"):
         return _least_effort(replace(hop, lossless=True), None, progress)
     if cost == "effort":
@@ -160,7 +178,8 @@ def keep_hopping(
 def recover(
     machine: Any, short: float, *, actuator: Actuator | None = None, family: int = 1, lossless: bool = True,
     intervals: int = 40, rate: float = np.inf, stroke: float = np.inf, force: float = np.inf, power: float = np.inf,
-    start: StartLike | None = None, aim: Driven | None = None, guess: Control | None = None, progress: Progress = None,
+    speed_force: SpeedForce = None, start: StartLike | None = None, aim: Driven | None = None,
+    guess: Control | None = None, progress: Progress = None,
 ) -> Control:  # fmt: skip
     """Bring a machine back to its lossless launch speed in one hop, with locally least effort.
 
@@ -176,7 +195,7 @@ def recover(
     True
     """
     driven = _actuated(machine, actuator)
-    bounds = {"rate": rate, "stroke": stroke, "force": force, "power": power}
+    bounds = {"rate": rate, "stroke": stroke, "force": force, "power": power, "speed_force": speed_force}
     hop = _hop(driven, family, start, lossless or (short == 0 and not driven.damped), intervals, bounds)
     reached = _aim(driven, hop.orbit, aim)
     launch = reached["alpha"] - finite_number("short", short)
@@ -197,7 +216,8 @@ def recover(
 def start_up(
     machine: Any, pumps: int, *, actuator: Actuator | None = None, family: int = 1, intervals: int = 20,
     rate: float = np.inf, stroke: float = np.inf, force: float = np.inf, power: float = np.inf,
-    start: StartLike | None = None, aim: Driven | None = None, progress: Progress = None,
+    speed_force: SpeedForce = None, start: StartLike | None = None, aim: Driven | None = None,
+    progress: Progress = None,
 ) -> Control:  # fmt: skip
     """Bring a machine from rest in contact onto its lossless orbit with locally least effort.
 
@@ -206,7 +226,7 @@ def start_up(
     intervals : of each half swing
     aim : the result of `keep_hopping` for the machine: the start then ends in the state in which that hop begins, so
         that its inputs keep the machine hopping; without it, in the launch of the lossless orbit
-    actuator, rate, stroke, force, power, family, start, progress : as in `keep_hopping`
+    actuator, rate, stroke, force, power, speed_force, family, start, progress : as in `keep_hopping`
 
     The actuator's state is 0 at both ends. Raises `InputError` for an invalid number of pumps, and the errors of
     `steer` and `find`.
@@ -221,7 +241,7 @@ def start_up(
     )
     driven = _actuated(machine, actuator)
     orbit = _lossless(driven, family, start)
-    limits = actuator_limits(driven, rate=rate, stroke=stroke, force=force, power=power)
+    limits = actuator_limits(driven, speed_force, rate=rate, stroke=stroke, force=force, power=power)
     rest, reached = rest_in_contact(driven, orbit), _aim(driven, orbit, aim)
     stages = swing_stages(driven.drive, pumps, intervals, limits, contact_time_of(orbit))
     values = {**driven.still, "aim": reached["alpha"], **_named("aim", reached)}
@@ -329,9 +349,7 @@ class _Hop:
         return result
 
 
-def _hop(
-    driven: Actuated, family: int, start: Any, lossless: bool, intervals: int, bounds: Mapping[str, float]
-) -> _Hop:
+def _hop(driven: Actuated, family: int, start: Any, lossless: bool, intervals: int, bounds: Mapping[str, Any]) -> _Hop:
     """The hop of checked arguments."""
     orbit = _lossless(driven, family, start)
     if driven.restitution > 0 and not lossless:

@@ -1,4 +1,4 @@
-"""The launch of a hop that repeats itself, prescribed by its speed or by the height of the hop.
+"""The hop that repeats itself, prescribed by the speed of its launch or by its height, and by its period.
 
 The height is the rise of the centre of mass in flight above its place at lift-off, as orbits have it. Where no force
 but gravity acts on the machine in flight, the centre of mass moves on a parabola whatever the actuator does, and rises
@@ -15,13 +15,13 @@ from orbits.errors import finite_number
 from orbits.laws import Algebraic, Parameters, Scalars
 from orbits.model import Affine, Model, weighted_sum
 from orbits.running import exclusive
-from orbits.units import LENGTH, LIFTOFF_SPEED, Dimension, Message, Quantity
+from orbits.units import LENGTH, LIFTOFF_SPEED, TIME, Dimension, Message, Quantity
 
 from ..machines import refuse_taken
 from .actuated import Actuated, Drive
 
 # What may be prescribed, which is a parameter of the program by this name, with its dimension.
-LAUNCH_CONDITIONS: Mapping[str, Dimension] = {"speed": LIFTOFF_SPEED, "height": LENGTH}
+LAUNCH_CONDITIONS: Mapping[str, Dimension] = {"speed": LIFTOFF_SPEED, "height": LENGTH, "period": TIME}
 RISING = "centre of mass"
 # Relative difference of decelerations along a flight, and of a launch from that of the lossless orbit, by rounding.
 FREE_FALL, OF_THE_ORBIT = 1e-9, 1e-12
@@ -37,14 +37,16 @@ def launch_number(drive: Drive, name: str, x: Scalars, p: Parameters) -> Algebra
 
 
 def of_lossless(driven: Actuated, orbit: Orbit, name: str) -> float:
-    """The speed or the height of the lossless orbit."""
+    """The speed, the height or the period of the lossless orbit."""
+    if name == "period":
+        return float(orbit.period)
     return float(launch_number(driven.drive, name, np.append(orbit(0.0), 0.0).tolist(), driven.values))
 
 
-def prescribed_launch(driven: Actuated, orbit: Orbit, **stated: float | None) -> dict[str, float]:
+def prescribed_hop(driven: Actuated, orbit: Orbit, **stated: float | None) -> dict[str, float]:
     """What is prescribed, by name, of checked arguments; raises `InputError` for invalid ones."""
     wanted = {name: finite_number(name, value) for name, value in stated.items() if value is not None}
-    if len(wanted) > 1:
+    if {"speed", "height"} <= wanted.keys():
         raise InputError(
             "speed and height both prescribe the launch, which has one free number: give one of them; to follow one "
             "after the other, begin keep_hopping(machine, height=..., guess=family.at(...)) where the family along the "

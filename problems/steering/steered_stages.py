@@ -5,7 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from orbits.control import Stage
+from orbits.control import ELAPSED, Stage
 from orbits.laws import Algebraic, Parameters, Scalars
 from orbits.model import Affine, Model
 
@@ -33,8 +33,8 @@ def hop_stages(
 ) -> tuple[Stage, Stage]:
     """Flight and contact, as `steer` takes them; the same hop has the same stages, with their compiled functions.
 
-    A hop that is not periodic goes from the parameter "launch" to "aim"; of a periodic one, "speed" or "height" may be
-    prescribed.
+    A hop that is not periodic goes from the parameter "launch" to "aim"; of a periodic one, "speed" or "height" and the
+    "period" may be prescribed.
     """
     model = drive.model
     force, identity, onto = model.contact.watch["contact force"], np.eye(len(model.embed)), np.linalg.pinv(model.embed)
@@ -63,7 +63,8 @@ def hop_stages(
 
     def launched(x, p):
         flown = product(model.embed, x)
-        wanted = [launch_number(drive, name, flown, p) - p[name] for name in prescribed]
+        own = {name: p[ELAPSED] if name == "period" else launch_number(drive, name, flown, p) for name in prescribed}
+        wanted = [number - p[name] for name, number in own.items()]
         return [force_at(x, p), *(wanted if periodic else _reached(model, x, p))]
 
     def approaching(x, p):

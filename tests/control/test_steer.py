@@ -7,7 +7,7 @@ import pytest
 from carts import EFFORT, STRAIGHT, cart
 
 from orbits import InputError, NoOrbit, steer
-from orbits.control import Guess, Input, Stage
+from orbits.control import ELAPSED, Guess, Input, Stage
 from orbits.model import Phase, Pieces
 
 
@@ -135,3 +135,18 @@ def test_a_motion_that_leaves_the_range_of_a_law_is_refused_with_the_remedy():
     stage = Stage(phase, 2, (1, 1), {"w": Input()}, **ends, running=lambda x, p, q: p["w"] ** 2)
     with pytest.raises(NoOrbit, match=r"cannot be followed: .* leaves the law's range, \[0, 1\], at 1; begin nearer"):
         steer([stage], guess=[Guess(1.0, lambda t: [t])])
+
+
+def test_the_time_since_the_start_of_the_first_stage_is_a_number_of_conditions():
+    """Two moves in three units of time together: each takes half of it, at the speed that it keeps."""
+    cart = Phase("cart", ("x",), lambda x, p, q: [p["v"]])
+    inputs, cost = {"v": Input()}, lambda x, p, q: p["v"] ** 2
+    first = Stage(cart, 2, (0.1, 10), inputs, start=lambda x, before, p: x, end=lambda x, p: [x[0] - 1], running=cost)
+    last = Stage(
+        cart, 2, (0.1, 10), inputs, start=lambda x, before, p: [x[0] - before[0]],
+        end=lambda x, p: [x[0] - 2, p[ELAPSED] - 3], running=cost,
+    )  # fmt: skip
+    found = steer([first, last], guess=[Guess(1.0, lambda t: [t]), Guess(1.0, lambda t: [1 + t])])
+    assert found.durations == pytest.approx([1.5, 1.5], rel=1e-6)
+    assert found.end == pytest.approx(3.0, rel=1e-12)
+    assert found.cost == pytest.approx(4 / 3, rel=1e-8)

@@ -3,7 +3,7 @@
 import pytest
 from conftest import DAMPED_LEG
 
-from orbits import InputError
+from orbits import InputError, find
 from problems import Hopper, Juggler, steering
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha
@@ -50,6 +50,28 @@ def test_damping_is_followed_at_a_speed():
     assert family.at(0.05).launch == pytest.approx(4.6, rel=1e-14)
 
 
+def test_a_period_is_prescribed_beside_the_speed(driven_hopper):
+    """The best period is that which is left free; others cost more, and are followed."""
+    machine, free = driven_hopper.source, driven_hopper.end
+    same = steering.keep_hopping(machine, period=free)
+    assert same.cost == pytest.approx(driven_hopper.cost, rel=1e-9)
+    family = steering.keep_hopping(Hopper(), period=find(Hopper()).period, intervals=20).follow("period", 14.5)
+    slower = steering.keep_hopping(Hopper(), period=14.5, intervals=20)
+    assert family.costs[-1] == pytest.approx(slower.cost, rel=1e-8)
+    run = steering.rerun(Hopper(), slower, hops=0)
+    assert run.end == pytest.approx(14.5, rel=1e-12)
+    assert steering.missed(Hopper(), slower) < 1e-8
+    both = steering.keep_hopping(Hopper(), period=14.5, speed=4.6, intervals=20, guess=slower)
+    assert (both.end, both.launch) == pytest.approx((14.5, 4.6), rel=1e-12)
+    assert both.cost > slower.cost
+
+
+def test_a_period_in_si():
+    hop = steering.keep_hopping(DAMPED_LEG, intervals=20)
+    longer = steering.keep_hopping(DAMPED_LEG, intervals=20, period=1.01 * hop.end, guess=hop)
+    assert longer.end == pytest.approx(1.01 * hop.end, rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("wanted", "words"),
     [
@@ -58,6 +80,7 @@ def test_damping_is_followed_at_a_speed():
             "give one of them; to follow one after",
         ),
         (lambda: steering.keep_hopping(Hopper(), speed=-4.6), "speed = -4.6: a hop has a speed above 0"),
+        (lambda: steering.keep_hopping(DAMPED_LEG, period=-1.0), "period = -1 s: a hop has a period above 0"),
         (lambda: steering.keep_hopping(DAMPED_LEG, height=-0.1), "height = -0.1 m: a hop has a height above 0"),
         (lambda: steering.keep_hopping(Juggler(), height=5.0), "no height 'centre of mass'"),
         (lambda: steering.keep_hopping(Hopper(drag=0.01), height=5.0), "more than gravity acts on the centre of mass"),
