@@ -257,8 +257,8 @@ class Sweep(Result, what="sweep", document_is_whole=True):
     def plot(self, quantity: str | None = None, axes: Axes | None = None) -> Axes:
         """Plot a quantity, the first one if None, over the parameters; returns the axes.
 
-        Over one parameter it is a line, over two a map, hatched where there is no motion, and over more a matrix of
-        scatter plots in a figure of its own, for which `axes` are refused.
+        Over one parameter it is a line. Over two it is a map, in which a grid is hatched and samples are circled where
+        there is no motion. Over more it is a matrix of scatter plots in a figure of its own; `axes` are refused.
         """
         return shown("sweep_figures").plot_sweep(self, quantity or self.numbers[0], axes)
 
