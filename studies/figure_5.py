@@ -3,8 +3,9 @@
 (a) M = 1; (b) its first fixed point, enlarged: attracting from above only, with ten times the loss below; (c) a light
 foot, whose map is close to the identity; (d) a heavy one, close to it too but for throws from pi on, which end in long
 bouncing: the second curve counts its impacts, up to 102 for M = 1000, and their number grows without bound with M. On a
-hand of infinite mass bouncing with one period is stable up to throws of sqrt(pi^2 + 3) = 3.587; then every other bounce is
-higher, up to throws of 3.72496, where the lower one comes at the hand's downward acceleration g and the ball is caught.
+hand of infinite mass bouncing with one period is stable up to throws of sqrt(pi^2 + 3) = 3.587; then every other bounce
+is higher, up to throws of 3.72496, where the lower one comes at the hand's downward acceleration g and the ball is
+caught.
 Run: python studies/figure_5.py [--output FOLDER] [--quick]
 """
 

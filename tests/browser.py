@@ -43,11 +43,13 @@ class Page:
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
 
-    def reduce_motion(self, reduced: bool = True) -> None:
-        """State to what is opened from now on whether the reader wants less motion: without it a page is animated all
-        the time, which takes most of a core."""
-        wanted = {"name": "prefers-reduced-motion", "value": "reduce" if reduced else "no-preference"}
-        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [wanted]})
+    def prefer(self, less_motion: bool = True, dark: bool = False) -> None:
+        """State what the reader prefers of what is opened from now on: without less motion a page is animated all the
+        time, which takes most of a core."""
+        wanted = {"reduced-motion": "reduce" if less_motion else "no-preference"}
+        wanted |= {"color-scheme": "dark" if dark else "light"}
+        features = [{"name": f"prefers-{name}", "value": value} for name, value in wanted.items()]
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
 
     def open(self, place: str | Path) -> None:
         """Open a file or an address."""
@@ -123,7 +125,7 @@ def chromium(width: int = 1200, height: int = 900) -> Iterator[Page]:
         driver.set_script_timeout(PATIENCE)
         page = Page(driver)
         page.resize(width, height)
-        page.reduce_motion()
+        page.prefer()
         yield page
         assert page.errors() == []
     finally:

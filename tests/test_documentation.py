@@ -16,6 +16,7 @@ from urllib.parse import unquote, urlsplit
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from browser import BROWSERS, chromium
 from conftest import leave
 
 import orbits
@@ -186,6 +187,14 @@ def broken_links(page: Path) -> list[str]:
 
 def test_links_in_the_repository():
     assert [link for page in PAGES for link in broken_links(page)] == []
+
+
+def test_github_says_where_to_read_what_it_leaves_out():
+    """Blocks that only the site fills are empty there; a note says where to read them, which the site does not have."""
+    empty = re.compile(r"^```\{(?:eval-rst|commands|notebooks|study|include)\}", flags=re.MULTILINE)
+    pages = {page: page.read_text(encoding="utf-8") for page in PAGES}
+    bare = [name_of(page) for page, text in pages.items() if empty.search(text) and "on-github" not in text]
+    assert bare == []
 
 
 @pytest.mark.parametrize("what", ["springs.formula", "gravity.function", "leg = Mechanism"])
@@ -390,12 +399,36 @@ def follow_links(site: Path) -> None:
 
 
 def see_wide_figures(site: Path) -> None:
-    """On a narrow screen those of several panels scroll; a figure of one panel is shown whole."""
+    """A figure of several panels is a link to the picture alone, which a reader with a narrow screen can enlarge."""
     text = (site / "gallery.html").read_text(encoding="utf-8")
-    images = re.findall(r'<img ([^>]*?)src="_images/(\w+)\.png"', text)
-    wide = {name for attributes, name in images if 'class="wide"' in attributes}
+    images = re.findall(r'(<a [^>]*?>)?<img ([^>]*?)src="_images/(\w+)\.png"', text)
+    wide = {name for _, attributes, name in images if 'class="wide"' in attributes}
     assert {"existence", "spring_families", "benchmark", "figure_7"} <= wide
-    assert "heights" in {name for _, name in images} - wide
+    assert wide == {name for link, _, name in images if f'href="_images/{name}.png"' in link}
+    assert "heights" in {name for _, _, name in images} - wide
+
+
+# What is wider than its place: the page, the part of it that would scroll, an equation in its line, and a picture.
+TOO_WIDE = """
+const page = document.documentElement, found = [];
+const all = [page, document.querySelector(".content"), ...document.querySelectorAll(".equation")];
+for (const each of all) if (each.scrollWidth > each.clientWidth + 1) found.push(each.id || each.className || "page");
+for (const each of document.querySelectorAll("article img, article math")) {
+  const {left, right} = each.getBoundingClientRect();
+  if (!each.closest("table") && (left < -1 || right > page.clientWidth + 1)) found.push(each.alt || "math");
+}
+return found;
+"""
+
+
+def see_pages_at_all_widths(site: Path) -> None:
+    """Nothing of a page is cut, and none scrolls sideways, from a phone to a wide screen."""
+    with chromium() as page:
+        for name in ("index", "theory", "gallery", "how_to/steps", "how_to/running", "how_to/measured_spring"):
+            for width in (360, 400, 1024, 1100, 1200):
+                page.resize(width)
+                page.open(site / f"{name}.html")
+                assert page.run(TOO_WIDE) == [], f"{name} at {width} pixels"
 
 
 def see_theorems(site: Path) -> None:
@@ -430,3 +463,5 @@ def test_site(tmp_path, figures_of_site):
     see_wide_figures(site)
     see_theorems(site)
     look_up_every_public_name(site)
+    if any(map(shutil.which, BROWSERS)):
+        see_pages_at_all_widths(site)

@@ -25,6 +25,7 @@ extensions = [
     "parts.drawings",
     "parts.lines",
     "parts.commands",
+    "parts.github",
     "parts.notebooks",
 ]
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]

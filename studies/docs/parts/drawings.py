@@ -29,7 +29,8 @@ ROOT = Path(__file__).parents[3]
 PAGES = "pages"  # the folder of the site for pages in one file
 GALLERY = "gallery"  # the page on which figures come before their code
 PICTURES = (".png", ".gif", ".svg")
-WIDE = 1000  # pixels: wider figures have several panels, and scroll on a narrow screen, where they would be too small
+WIDE = 1000  # pixels: wider figures have several panels, whose letters are small on a narrow screen
+ENLARGE = "The picture alone, to enlarge it"
 PLACES = re.compile(r"^```\{(drawn|study)\}([^\n]*)\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
 
 
@@ -220,12 +221,17 @@ class Theorem(SphinxDirective):
 
 
 def mark_wide(app, document, name: str) -> None:
-    """Give the wide figures of a page the class of that name."""
-    for image in document.findall(nodes.image):
+    """Give the wide figures of a page the class of that name, and a link each to the picture alone: there a reader with
+    a narrow screen can enlarge it."""
+    up = "../" * name.count("/")
+    for image in list(document.findall(nodes.image)):
         path = Path(app.srcdir, image["uri"].lstrip("/"))
         # The width of a PNG stands in its first chunk.
         if path.suffix == ".png" and int.from_bytes(path.read_bytes()[16:20], "big") > WIDE:
             image["classes"].append("wide")
+            _, file = app.env.images[image["uri"]]
+            alone = nodes.reference("", "", image.deepcopy(), refuri=f"{up}_images/{file}", reftitle=ENLARGE)
+            image.replace_self(alone)
 
 
 def setup(app) -> dict:

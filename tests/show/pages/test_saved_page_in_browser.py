@@ -79,7 +79,7 @@ def opened(page: Page, path, width: int, figures: int, moving: bool = False) -> 
     """Open a page that must fit its width, load nothing but itself, and not be blank. Unless it is to be `moving` the
     reader wants less motion."""
     page.resize(width)
-    page.reduce_motion(not moving)
+    page.prefer(less_motion=not moving)
     before = len(page.requests())
     page.open(path)
     page.wait_for_figures(figures)
