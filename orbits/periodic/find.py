@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+import numpy as np
+
 from ..errors import InputError, NoOrbit, finite_number
 from ..model import Machine, check_machine, refuse_hysteresis
 from ..result import Progress
@@ -76,7 +78,7 @@ def find(
 @exclusive
 def find_all(
     machine: Machine,
-    starts: Iterable[Orbit | Mapping[str, float]] | None = None,
+    starts: int | Iterable[Orbit | Mapping[str, float]] | None = None,
     *,
     family: int | None = None,
     fastest: float | None = None,
@@ -87,7 +89,7 @@ def find_all(
     """All orbits of a family, or the different orbits that `find` reaches from several starts, by launch speed.
 
     machine, method : as in `find`
-    starts : initial guesses as in `find`, instead of a family
+    starts : initial guesses as in `find`, instead of a family; or the number of the family, as in `find`
     family : as in `find`, where there are no starts
     fastest : the largest launch speed that is searched for a family, in the machine's units. None is 1e4 times the
         number of the family, in multiples of the inverse root of the spring's slope at rest, or 30 times where gravity
@@ -107,21 +109,26 @@ def find_all(
 
     >>> from orbits import find_all
     >>> from problems import Hopper
-    >>> hops = find_all(Hopper("cubic", rest_length=30.0, parameters={"beta": -0.005}), family=1)
+    >>> hops = find_all(Hopper("cubic", rest_length=30.0, parameters={"beta": -0.005}), 1)
     >>> [round(hop.alpha, 4) for hop in hops]
     [4.7432, 9.924]
     """
-    if starts is None:
+    if starts is None or isinstance(starts, int | np.integer):
+        if None not in (starts, family):
+            raise InputError(f"find_all is asked for two families, {starts} and {family}: leave one of them out")
         check_machine(machine)
         refuse_hysteresis(machine.model)
         if fastest is not None and not finite_number("fastest", fastest) > 0:
             raise InputError(f"fastest = {fastest:g} is no launch speed; it lies above 0")
-        family, method = family_number(1 if family is None else family), method_of(machine.model, method)
+        family, method = (
+            family_number(next(each for each in (starts, family, 1) if each is not None)),
+            method_of(machine.model, method),
+        )
         with interrupts.deferred(), time_limit(limit):
             return orbits_of_family(machine, family, method, fastest, progress)
     if family is not None or fastest is not None:
         raise InputError("find_all takes starts, or a family with the fastest launch speed to search, not both")
-    if isinstance(starts, Mapping | Orbit | int):
+    if isinstance(starts, Mapping | Orbit):
         raise InputError("starts is a list of starts: for one there is find(machine, start=...); or give family=")
     found, reason, starts = list[Orbit](), None, list(starts)
     for i, start in enumerate(starts):

@@ -64,6 +64,8 @@ Examples:
       --across rest_length=6:20 --colour alpha --plot where.png
   orbits find --masses 60,3 --rest-length 0.8 --spring "8000*r + 2e6*r**3"
       a leg in SI: kg, N of m, m
+  orbits find --masses 60,3 --rest-length 0.8 --stiffness 8000
+      a linear spring: N/m
   orbits uncertainty --spring cubic --over "beta=norm(0.3,0.02)" --indices \\
       --plot spread.png
   orbits control keep-hopping --damping 0.01

@@ -45,6 +45,9 @@ machine_options = combined(
     ),
     click.option("--mass-ratio", type=POSITIVE, metavar="M", help="Foot (hand) over body (ball) mass; default 1."),
     click.option("--masses", metavar="KG,KG", help="Of body and foot (ball and hand): then all numbers are in SI."),
+    click.option(
+        "--stiffness", type=POSITIVE, metavar="N/M", help="Of a linear spring of a machine in SI, as one with --masses."
+    ),
     click.option("--rest-length", type=POSITIVE, metavar="L", help="Of the spring; default: separation not checked."),
     click.option(
         "--spring",
@@ -285,6 +288,7 @@ def with_first_values(stated: dict[str, Any], axes: dict[str, object], table: An
 
     settings = list(stated.get("settings", ()))
     known = {setting.partition("=")[0].strip() for setting in settings}
+    known |= {name for name, value in stated.items() if value is not None}
     middle = {name: float(axis_of(name, axis).at(np.array([0.5]))[0]) for name, axis in axes.items()}
     middle |= {name: float(values[0]) for name, values in (table or {}).items()}
     own = ("mass_ratio", "rest_length", "alpha", "damping", "drag")
@@ -505,6 +509,9 @@ def statement_of(
     if first is not None:
         settings = [setting for setting in settings if not sets(setting, first[0])]
     own = {name: value for name, value in stated.items() if value is not None}
+    if "stiffness" in own and "si" not in statement and statement.get("machine") != "runner":
+        stated_in = "a machine without units has the stiffness 1; state it in SI, by --masses KG,KG or [si] in its file"
+        raise InputError(f"--stiffness {own['stiffness']:g} is in N/m: {stated_in}")
     values, parameters = named_values(settings, "--set"), dict(statement.get("parameters", {}))
     if first is not None:
         (own if first[0] in ("mass_ratio", "rest_length") else values)[first[0]] = first[1]
@@ -514,7 +521,7 @@ def statement_of(
             ground[key] = value
             continue
         in_si = name in SI_PARAMETERS and "si" in statement and name not in parameters
-        place = statement["si"] if in_si else statement if name in own else parameters
+        place = statement["si"] if in_si else statement if name in own and name != "stiffness" else parameters
         place[name] = value
     statement["parameters"] = parameters
     return statement, where

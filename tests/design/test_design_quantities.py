@@ -86,5 +86,5 @@ class TestSteps:
             quantities(wheel, orbit, "loss_coefficient")
         with pytest.raises(InputError, match="'friction_left' here: the machine states no friction"):
             quantities(wheel, orbit, "friction_left")
-        with pytest.raises(InputError, match="'friction_needed' here: a .* states no places"):
+        with pytest.raises(InputError, match=r"'friction_needed' here: a .* states no places"):
             quantities(shuttle(), find(shuttle()), "friction_needed")

@@ -5,7 +5,7 @@ import pytest
 from conftest import PROVED, REFERENCES, machine_of, middle
 from hanging import quadratic_lateness
 
-from orbits import NoOrbit, find, find_all
+from orbits import InputError, NoOrbit, find, find_all
 from orbits.shooting import METHODS
 from problems import Hopper
 from problems.laws import springs
@@ -131,3 +131,14 @@ def test_a_flight_that_hangs():
     again = find(machine, start=hanging)
     assert (again.family, again.alpha) == (1, pytest.approx(hanging.alpha, rel=1e-15))
     assert again.flight_time == pytest.approx(2 * hanging.alpha, rel=1e-15)
+
+
+def test_all_of_a_family_are_asked_for_as_one_of_it_is():
+    machine = Hopper("cubic", parameters={"beta": 0.3})
+    (only,) = find_all(machine, 3)
+    assert (only.family, only.alpha) == (3, pytest.approx(find(machine, 3).alpha, rel=1e-14))
+    with pytest.raises(InputError, match="two families, 3 and 2"):
+        find_all(machine, 3, family=2)
+    for wrong in (0, True, -1):
+        with pytest.raises(InputError, match="family = "):
+            find_all(machine, wrong)

@@ -551,6 +551,42 @@ class TestSimulate:
             assert words in result.err
 
 
+@pytest.mark.parametrize("kind", ["hopper", "juggler"])
+def test_a_linear_spring_in_si_is_stated_by_its_stiffness(orbits, kind):
+    """The launch speed is tan(alpha) = alpha in its units, here by hand: length m2 g/k over a time of the flight."""
+    done = orbits(f"find --machine {kind} --masses 60,3 --stiffness 8000 --rest-length 0.8 --json")
+    length, stiffness_over_mass = 3 * 9.80665 / 8000, 8000 / 3 * (1.05 if kind == "hopper" else 1.0)
+    speed = length * stiffness_over_mass**0.5
+    launch = done.document["alpha"]
+    if kind == "hopper":
+        assert launch == pytest.approx(ALPHA * speed, rel=1e-13)
+    assert done.document["parameters"] == {"stiffness": 8000.0}
+    as_set = orbits(f"find --machine {kind} --masses 60,3 --spring 8000*r --rest-length 0.8 --json").document
+    assert launch == pytest.approx(as_set["alpha"], rel=1e-14)
+
+
+def test_a_stiffness_needs_a_machine_in_si(orbits):
+    for kind in ("hopper", "wheel"):
+        done = orbits(f"find --machine {kind} --stiffness 3")
+        assert (done.code, "N/m: a machine without units has" in " ".join(done.err.split())) == (2, True)
+    runner = "find --machine runner --set foot_mass=0.1 --set rest_length=3.7 --tune inertia --tune hip_stiffness"
+    given = orbits(f"{runner} --at speed=0.4 --stiffness 1.02 --json").document
+    assert given == {
+        **orbits(f"{runner} --at speed=0.4 --set stiffness=1.02 --json").document,
+        "seconds": given["seconds"],
+    }
+
+
+def test_the_stiffness_is_varied_from_that_of_the_option(orbits):
+    linear = "--masses 60,3 --stiffness 8000 --rest-length 0.8"
+    family = orbits(f"follow {linear} --along stiffness --to 9000 --json").document
+    ends = family["points"][0], family["points"][-1]
+    assert [end["stiffness"] for end in ends] == [8000.0, 9000.0]
+    assert ends[1]["alpha"] / ends[0]["alpha"] == pytest.approx((8000 / 9000) ** 0.5, rel=1e-12)
+    swept = orbits(f"sweep {linear} --over stiffness=8000,9000 --json").document["members"]
+    assert [member["alpha"] for member in swept] == pytest.approx([end["alpha"] for end in ends], rel=1e-12)
+
+
 def test_the_stiffness_for_a_launch_speed_is_found(orbits):
     done = orbits("find --spring k*r --tune k=1 --at alpha=5 --json")
     assert done.document["parameters"]["k"] == pytest.approx((ALPHA / 5) ** 2, rel=1e-13)
