@@ -52,7 +52,7 @@ ANGLE, ANGULAR_SPEED = _powers(angle=1), _powers(time=-1, angle=1)
 # Dimensions of results by name. The loss coefficient is a loss of speed per speed to the power 4/3; the loss of a hop
 # of the map is one of the speed's square.
 DIMENSIONS: dict[str, Dimension] = {
-    **dict.fromkeys(("alpha", "error", "alpha_noise"), LIFTOFF_SPEED),
+    **dict.fromkeys(("alpha", "error", "alpha_noise", "robustness"), LIFTOFF_SPEED),
     "alpha_per_noise": _powers(time=-1, force=-1, extension=1),
     **dict.fromkeys(("flight_time", "contact_time", "period"), TIME),
     "frequency": FREQUENCY,

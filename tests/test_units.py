@@ -40,7 +40,7 @@ HAND = {
 }
 # The unit of each public number by its name, as a formula of length L, time T, force F and energy E.
 BY_HAND = {
-    **dict.fromkeys(("alpha", "error", "launch", "next"), "L/T"),
+    **dict.fromkeys(("alpha", "error", "launch", "next", "robustness"), "L/T"),
     **dict.fromkeys(("flight_time", "contact_time", "period", "landing_sensitivity"), "T"),
     "frequency": "1/T",
     **dict.fromkeys(("liftoff_extension", "stroke", "clearance", "smallest_separation"), "L"),

@@ -141,7 +141,7 @@ def _of_formula(
     if used:
         if not tuned_of_family(family):
             base_statement(machine.model)  # refuses machines whose orbits are not their own mirror images
-        if "landing_sensitivity" in used or "loss_coefficient" in used:
+        if {*VARIATIONAL} & {*used}:
             _check_variational(machine)
         orbit = orbit_from(here, family.settings["method"], point.u, point.error).dimensionless()
         places = _places_on(here, orbit, Outputs((formula,), ()).extremes(here.model, here.values))

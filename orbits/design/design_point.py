@@ -17,7 +17,7 @@ from ..errors import FlowError, NoOrbit
 from ..flow import flow_of
 from ..model import Machine
 from ..numerics import TINY, Array
-from ..periodic import Orbit, dimension_of
+from ..periodic import OF_LOSS, Orbit, dimension_of
 from ..shooting import vector
 from ..symbolic import QuadraticModels
 from ..units import Message, Units, in_units
@@ -162,7 +162,7 @@ def _placed(case: Case, own: Mapping[str, Place | None]) -> tuple[Case, tuple[Pl
     demands = tuple(name for name in case.outputs.demands if own[extremes_of(name)[0]])
     case = case._replace(outputs=replace(case.outputs, demands=demands))
     model, p, held = case.machine.model, case.machine.values, list[Place]()
-    if "loss_coefficient" in case.outputs.quantities(model, p) and not has_loss(case.machine, case.orbit):
+    if {*OF_LOSS} & {*case.outputs.quantities(model, p)} and not has_loss(case.machine, case.orbit):
         raise NoOrbit(f"the orbit has no {ABSENT['loss']}")
     for extreme in case.outputs.extremes(model, p):
         if not (place := own[extreme]):

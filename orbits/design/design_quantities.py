@@ -209,14 +209,14 @@ def _loss(model, jerk, slope, u, p, q):
 
 
 def expressions(
-    model: Model, names: Sequence[str], extremes: Mapping[str, Any], u: Mapping, slope: Any, late: Any, p: Mapping,
-    q: Sequence,
+    model: Model, names: Sequence[str], extremes: Mapping[str, Any], u: Mapping, slope: Any, factors: Sequence,
+    p: Mapping, q: Sequence,
 ) -> dict[str, Any]:  # fmt: skip
     """The quantities of these names as expressions.
 
     extremes : values of the extremes that they are made of, by name
     u : the unknowns of the simplest statement, and "contact", half the contact time
-    slope, late : the landing sensitivity, and what a landing without a bounce loses as a multiple of C, see
+    slope, factors : the landing sensitivity, and what landings without and with a bounce lose as multiples of C, see
         `hand_over_factors`, for the quantities that need them
     q : the data of the piece at launch
     """
@@ -228,7 +228,9 @@ def expressions(
         step, speed = step_of(model, u, p), speed_in_flight(model, u, p, 2 * half)
         values |= {"step": step, "speed": speed, "mean_speed": step / values["period"]}
     if any(name in VARIATIONAL for name in names):
-        values |= {"landing_sensitivity": slope, "loss_coefficient": late * _loss(model, jerk, slope, u, p, q)}
+        loss, (late, early) = _loss(model, jerk, slope, u, p, q), factors
+        above = ca.if_else(slope > 0, late, early) * loss  # is lost beyond alpha, where hops before a fold land late
+        values |= {"landing_sensitivity": slope, "loss_coefficient": late * loss, "robustness": above**-3}
     for name in names:
         if name in COMPOSITION:
             values[name] = sum(sign * extremes[extreme] for extreme, sign in COMPOSITION[name].items())

@@ -15,7 +15,7 @@ from ..errors import InputError
 from ..flow import flow_of
 from ..model import Model, Phase, Statement
 from ..numerics import Array, solve
-from ..periodic import VARIATIONAL, dimension_of, late_factor
+from ..periodic import OF_LOSS, VARIATIONAL, dimension_of, landing_factors
 from ..symbolic import MappedFunction, cached
 from ..units import Units
 from .design_problem import Outputs
@@ -109,7 +109,8 @@ class Evaluator:
         self.flows = {name: flow_of(phase, names) for name, phase in phases.items()}
         self.begins = {name: of_varied([u, p], begin) for name, begin in zip(phases, begins, strict=True)}
         self.durations = of_varied([u, p], [arc.duration(unknowns, values) for arc in arcs])
-        half, contact, slope, late = (ca.SX.sym(name) for name in ("half", "contact", "slope", "late"))
+        half, contact, slope = (ca.SX.sym(name) for name in ("half", "contact", "slope"))
+        factors = ca.SX.sym("factors", 2)
         largest, states, before = ca.SX.sym("extremes", len(kinds)), ca.vertsplit(ends[0]), list[ca.SX]()
         equations = [landing_sensitivity(model, half, states, values, tuned) if self.variational else 0.0]
         for arc, end, data in zip(arcs, ends, begun, strict=True):
@@ -121,7 +122,10 @@ class Evaluator:
             ]
         self.closing = of_varied([u, *ends, half, p, *begun], equations)
         of_extremes = {extreme: largest[i] for extreme, i in zip(extremes, first, strict=True)}
-        at, names_of_all = (unknowns | {"contact": contact}, slope, late, values), [*used, "landing_jerk"]
+        at, names_of_all = (
+            (unknowns | {"contact": contact}, slope, ca.vertsplit(factors), values),
+            [*used, "landing_jerk"],
+        )
         found = expressions(model, names_of_all, of_extremes, *at, ca.vertsplit(launched))
         # Formulas and quantities are in SI for a model in SI, whose units vary with its parameters. A rise is a length.
         units = model.units(values) if model.units else Units(1.0, 1.0, 1.0)
@@ -131,9 +135,9 @@ class Evaluator:
         results += [largest[i] - largest[j] for j, i in enumerate(first) if i != j]
         self.modelled = slice(len(results))
         results += map(stated.get, used)
-        self.results = of_varied([u, contact, largest, slope, late, p, launched], results)
+        self.results = of_varied([u, contact, largest, slope, factors, p, launched], results)
         # Of a landing with a speed, where another point takes over.
-        hands_over = model.changes_contact and "loss_coefficient" in used
+        hands_over = model.changes_contact and any(name in OF_LOSS for name in used)
         self.share_left = of_varied([u, p], [left_at_landing(model, unknowns, values)]) if hands_over else None
         middle = model.mid_contact(values)
         self.middle = np.array([middle.weights], dtype=float), of_varied([p], [middle.offset])
@@ -159,7 +163,7 @@ class Evaluator:
             if where == "inside":  # The rate of the function along the motion stays zero.
                 times.by[:, j] = -found.by[:, 1] / found.values[:, 2:]
         launched = self._data("flight", begins["flight"], p)
-        results = self.results(u, contact, extremes, slope, self._late(u, p), p, launched)
+        results = self.results(u, contact, extremes, slope, self._factors(u, p), p, launched)
         return results, DesignPoints(p.by, u.by, times.by)
 
     def orbit(self, points: DesignPoints) -> VariedOrbit:
@@ -196,12 +200,13 @@ class Evaluator:
             remedy = f"the force jumps at the extension {jumps[0]:.6g}: round the law there"
             raise InputError(f"{' and '.join(VARIATIONAL)} need a continuous force, and {remedy}")
 
-    def _late(self, u: Varied, p: Varied) -> Varied:
-        """What a landing without a bounce loses as a multiple of C (m, 1)."""
+    def _factors(self, u: Varied, p: Varied) -> Varied:
+        """What landings without and with a bounce lose as multiples of C (m, 2)."""
         if self.share_left is None:
-            return Varied(np.ones((len(p.values), 1)), 0.0 * p.by[:, :1])
+            m, k = len(p.values), p.by.shape[2]
+            return Varied(np.tile(landing_factors(0.0)[0], (m, 1)), np.zeros((m, 2, k)))
         shares = self.share_left(u, p)
-        factors, slopes = np.transpose([late_factor(share) for share in shares.values[:, 0].tolist()])[:, :, None]
+        factors, slopes = np.swapaxes([landing_factors(share) for share in shares.values[:, 0].tolist()], 0, 1)
         return Varied(factors, slopes[:, :, None] * shares.by)
 
     def _data(self, phase: str, x: Varied, p: Varied) -> Varied:

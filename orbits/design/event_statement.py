@@ -15,7 +15,7 @@ import casadi as ca
 
 from ..errors import InputError
 from ..model import Arc, Model, Phase, Statement
-from ..periodic import VARIATIONAL, dimension_of
+from ..periodic import VARIATIONAL, dimension_of, landing_factors
 from ..symbolic import Formula
 from ..units import Units
 from .design_quantities import expressions, extreme_of, landing_sensitivity, variational_arc
@@ -108,7 +108,7 @@ def _value_of_formula(
         units = model.units(p) if model.units else Units(1.0, 1.0, 1.0)
         extremes = {kind.extreme: u[names_of_kind(kind)[0]] for kind in kinds}
         own, data = dict(u) | {"contact": u.get(HALF_CONTACT_TIME, 0.0)}, model.flight.data(model.launch(u, p), p)
-        found = expressions(model, used, extremes, own, u.get(SLOPE, 0.0), 1.0, p, data)
+        found = expressions(model, used, extremes, own, u.get(SLOPE, 0.0), landing_factors(0.0)[0], p, data)
         values |= {name: found[name] * units.of(dimension_of(name)) for name in used}
     return formula(**{name: values[name] for name in formula.names})
 

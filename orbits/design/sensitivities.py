@@ -8,7 +8,17 @@ import numpy as np
 
 from ..errors import InputError, OrbitsError, list_of_names
 from ..model import Machine, check_parameters, free_parameters, machine_in_words
-from ..periodic import OTHER_EQUATIONS, Orbit, StartLike, check_start, find, is_orbit_of, orbit_of, quantity_names
+from ..periodic import (
+    OF_LOSS,
+    OTHER_EQUATIONS,
+    Orbit,
+    StartLike,
+    check_start,
+    find,
+    is_orbit_of,
+    orbit_of,
+    quantity_names,
+)
 from ..result import Axes, Result, Row, shown
 from ..running import exclusive, interrupts
 from ..symbolic import parse
@@ -223,6 +233,6 @@ def _requested(machine: Machine, orbit: Orbit, names: Names) -> Sequence[str]:
     if bare.contact is None:
         raise no_motion(machine, bare)
     (places,) = places_of([machine], [bare], {extreme for name in known for extreme in extremes_of(name)})
-    known = [name for name in known if name != "loss_coefficient" or has_loss(machine, bare)]
+    known = [name for name in known if name not in OF_LOSS or has_loss(machine, bare)]
     known = [name for name in known if all(places[extreme] for extreme in extremes_of(name))]
     return [*known, *tuned_numbers(machine)]

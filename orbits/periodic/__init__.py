@@ -37,7 +37,7 @@ if TYPE_CHECKING:
         by_launch_speed,
         hand_over_factors,
         jerk_jumps,
-        late_factor,
+        landing_factors,
         launch_power,
         loss_coefficient,
     )
@@ -51,6 +51,7 @@ if TYPE_CHECKING:
         CERTIFIED,
         FRICTION_LEFT,
         OF_CERTIFICATE,
+        OF_LOSS,
         OF_RUNS,
         PLANAR,
         QUANTITIES,

@@ -75,6 +75,8 @@ class Certificate:
     friction_error, friction_time : an estimate of its error, and the time in the cycle at which it is needed first
     smallest_stance_force : the least force across the ground on what stands in flight, None where nothing does
     stance_judged : whether it is a violation that this force is not positive, None where nothing stands in flight
+    robustness : how far above alpha launches come to the orbit where landings are plastic, to leading order: the
+        `attraction_width()`; None where nothing is known to attract
     """
 
     family: int
@@ -100,6 +102,7 @@ class Certificate:
     friction_time: float | None = None
     smallest_stance_force: float | None = None
     stance_judged: bool | None = None
+    robustness: float | None = None
 
     def __post_init__(self) -> None:
         if self.stable_side and self.bounce_side is None:
@@ -179,7 +182,10 @@ def certify(model: Model, cycles: Cycles) -> tuple[Records[Certificate], dict[in
         losses_off = np.where((loss == NONE) | ~np.isfinite(share), NONE, np.abs(loss) * share)
     # The sides of a loss that may be 0 are not known.
     known = (loss != NONE) & (losses_off != NONE) & (losses_off < np.abs(loss))
-    motion = np.array([not each for each in violations], dtype=bool)
+    attracts = known & np.array([not each for each in violations], dtype=bool) & model.one_speed
+    with np.errstate(all="ignore"):
+        lost = loss * np.where(cycles.gap_slope > 0, 1.0, np.where(bounce_factor == NONE, 10.0, bounce_factor))
+        robustness = np.where(attracts, 1 / lost**3, NONE)
     columns: dict[str, Any] = {
         "family": families,
         "residual": cycles.residual,
@@ -191,12 +197,13 @@ def certify(model: Model, cycles: Cycles) -> tuple[Records[Certificate], dict[in
         "largest_contact_force": largest_force,
         "landing_jerk": -jerk,
         "loss_coefficient": loss,
-        "stable_side": _SIDES[np.where(known & motion & model.one_speed, 1, 0)],
+        "stable_side": _SIDES[np.where(attracts, 1, 0)],
         "violations": violations,
         "unfolding": cycles.u.get("unfolding", np.full(len(cycles), NONE)),
         "loss_error": losses_off,
         "bounce_side": _SIDES[np.where(known, np.where(cycles.gap_slope > 0, 2, 1), 0)],
         "bounce_factor": bounce_factor,
+        "robustness": robustness,
     }
     return Records(Certificate, columns), refused
 

@@ -115,13 +115,14 @@ def hand_over_factors(rho: float) -> tuple[float, float]:
     return bounce_factors(rho * rho)
 
 
-def late_factor(share: float) -> tuple[float, float]:
-    """What a landing without a bounce loses as a multiple of C, where this share of the gap's speed is left, and its
-    derivative by the share; 1 and 0 for shares below 0."""
+def landing_factors(share: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    """The `hand_over_factors` where this share of the gap's speed is left, and their derivatives by the share; 1 and
+    10, and 0, for shares below 0."""
     if share <= 0:
-        return 1.0, 0.0
-    slope = _lost_in_bounces(1.0, (share + 1j * LOSSES.complex_step) ** 2).imag / LOSSES.complex_step
-    return hand_over_factors(share)[0], slope
+        return hand_over_factors(0.0), (0.0, 0.0)
+    moved = (share + 1j * LOSSES.complex_step) ** 2
+    late, early = (_lost_in_bounces(tau, moved).imag / LOSSES.complex_step for tau in (1.0, -1.0))
+    return hand_over_factors(share), (late, early)
 
 
 def _lost_in_bounces(tau: Any, e: Any) -> Any:

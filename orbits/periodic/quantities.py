@@ -88,7 +88,8 @@ def _mean_speed(model: Model, cycles: Cycles) -> np.ndarray:
     return np.where(contacts == NONE, NONE, _step(model, cycles) / (cycles.flight_times + contacts))
 
 
-VARIATIONAL = ("landing_sensitivity", "loss_coefficient")  # these need the variation of the flight with alpha
+OF_LOSS = ("loss_coefficient", "robustness")
+VARIATIONAL = ("landing_sensitivity", *OF_LOSS)  # these need the variation of the flight with alpha
 FRICTION_LEFT = "friction_left"  # the stated friction less that which is needed
 ACCURACY = "it says how accurately an orbit is known, and is no property of its motion"
 NOT_BY_SPEED = "it is a slope by the launch speed alone, and a launch of this machine has several unknowns"
@@ -118,6 +119,7 @@ QUANTITIES: dict[str, OrbitQuantity] = {
     "landing_sensitivity": OrbitQuantity(),
     "loss_coefficient": OrbitQuantity(words="loss coefficient C"),
     "loss_error": OrbitQuantity(apart=ACCURACY),
+    "robustness": OrbitQuantity(),
     "alpha_noise": OrbitQuantity(apart=ACCURACY),
     "alpha_per_noise": OrbitQuantity(apart=ACCURACY),
     "friction_needed": OrbitQuantity(planar=True),

@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 from conftest import slow_after
+from plane import wheel
 from steps import closed_form
 
 from orbits import InputError, NoOrbit, find, quantities, sensitivities
-from problems import Hopper, rimless_wheel, rocking_block, shuttle
+from problems import Hopper, hopper_in_si, rimless_wheel, rocking_block, shuttle
 
 
 def test_linear_hopper_has_its_closed_forms():
@@ -23,11 +24,35 @@ def test_linear_hopper_has_its_closed_forms():
 
 
 BLOCK = rocking_block(2.0, 0.1, 0.3, 0.3, 0.3, 20.0, friction=0.6)
+LEG = hopper_in_si(60.0, 3.0, force="k*r + 2e6*r**3", rest_length=0.8, parameters={"k": 8000.0})
 STEPS = {
     "wheel": (rimless_wheel(inertia_ratio=0.7, gravity_ratio=0.5, angle=0.3, share=0.8), 1, "angle"),
     "shuttle": (shuttle(inertia_ratio=1.0, gravity_ratio=0.5), 2, "gravity_ratio"),
     "block": (BLOCK, 2, "half_width"),
 }
+
+
+@pytest.mark.parametrize(
+    ("machine", "name", "side"), [(LEG, "k", "below"), (LEG, "foot_mass", "below"), (wheel(), "kappa", "above")]
+)
+def test_robustness_is_the_width_of_the_table(machine, name, side):
+    """Of the certificate: C^-3, or less where the bounce is above. Its slope is that of neighbouring orbits."""
+    orbit = find(machine)
+    certificate = orbit.certificate
+    assert certificate.bounce_side == side
+    lost = (certificate.bounce_factor if side == "above" else 1) * certificate.loss_coefficient
+    assert certificate.robustness == pytest.approx(lost**-3, rel=1e-14)
+    assert certificate.robustness == pytest.approx(certificate.attraction_width(), rel=1e-14)
+    assert quantities(machine, orbit)["robustness"] == pytest.approx(lost**-3, rel=1e-9)
+    if certificate.robustness < 0.05 * orbit.alpha:
+        unit = f" {orbit.units['alpha']}" if orbit.units else ""
+        assert f"within {certificate.robustness:.2g}{unit} above" in str(orbit)
+
+    def near(value: float) -> float:
+        return find(machine.with_values(**{name: value}), start=orbit).certificate.robustness
+
+    slope = by_differences(near, machine.values[name], 1e-4)
+    assert sensitivities(machine, orbit, name, "robustness")["robustness"][name] == pytest.approx(slope, rel=1e-7)
 
 
 def by_differences(of, value: float, size: float = 1e-3) -> np.ndarray:

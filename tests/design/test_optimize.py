@@ -66,7 +66,11 @@ def test_one_parameter_against_a_scan_of_the_family(verb, text, value):
 
 def test_equal_masses_are_the_least_forgiving():
     """C is the same for M and 1/M, so it is stationary at M = 1, where fact and closed form have 3.61694..."""
-    worst = optimize(Hopper(mass_ratio=0.4), maximise="loss_coefficient", over={"mass_ratio": (0.2, 4.0)})
+    over = {"mass_ratio": (0.2, 4.0)}
+    worst = optimize(Hopper(mass_ratio=0.4), maximise="loss_coefficient", over=over)
+    narrow = optimize(Hopper(mass_ratio=0.4), minimise="robustness", over=over)
+    assert narrow.parameters["mass_ratio"] == pytest.approx(1.0, abs=1e-8)
+    assert narrow.objective == pytest.approx(find(Hopper()).certificate.robustness, rel=1e-12)
     assert worst.parameters["mass_ratio"] == pytest.approx(1.0, abs=1e-8)
     assert worst.objective == pytest.approx(find(Hopper()).certificate.loss_coefficient, rel=1e-13)
     assert worst.kkt < 1e-12
