@@ -65,9 +65,9 @@ def family_data(family: Any, quantity: str = "alpha") -> FamilyData:
     texts = [text if event is None else f"{event.kind}: {text}" for text, (_, event) in zip(texts, along, strict=True)]
     marked = [i for i, (_, event) in enumerate(along) if event and event.kind != "value"]
     kinds = [along[i][1].kind for i in marked]
-    if along:
-        marked, kinds = [*marked, len(along) - 1], [*kinds, f"end: {family.end.kind}"]
-        texts[-1] += f"; {kinds[-1]}, {ending(family)}"
+    for place, end in ends_of(family).items():
+        marked, kinds = [*marked, place], [*kinds, f"end: {end.kind}"]
+        texts[place] += f"; {kinds[-1]}, {ending(family, end)}"
     speeds = [number_text(point.alpha, speed_in) for point, _ in along]
     points = {"value": value, "quantity": whole, "alpha": speeds, "note": texts}
     events = {"value": value[marked], "quantity": whole[marked], "kind": kinds}
@@ -75,9 +75,9 @@ def family_data(family: Any, quantity: str = "alpha") -> FamilyData:
     return FamilyData(value, motions, others, points, events, (across, up))
 
 
-def ending(family: "Family") -> str:
-    """How a `Family` ends, in words."""
-    end, unit = family.end, family.units.get(family.name, "")
+def ending(family: "Family", end: "End") -> str:
+    """How a `Family` ends at its first or last point, in words."""
+    unit = family.units.get(family.name, "")
     if end.limit is None:
         return end.reason
     off = "" if end.limit_error is None else f" (about {end.limit_error:.0e} off)"
