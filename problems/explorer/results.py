@@ -214,7 +214,11 @@ _last_run: list[tuple[Scene, Orbit]] = []
 def _family_result(machine: Machine, scene: Scene, family: Family) -> FamilyResult:
     # From the lower end of a slider a family goes up, and from its upper end down.
     only = "Downward" if family.settings["stop"] < family.settings["start"] else "Upward"
-    ends = {"Upward": (-1, family.end), "Downward": (0, family.beginning)} if family.beginning else {only: (-1, family.end)}
+    ends = (
+        {"Upward": (-1, family.end), "Downward": (0, family.beginning)}
+        if family.beginning
+        else {only: (-1, family.end)}
+    )
     endings = " ".join(f"{word}: {_ending(family, *end)}." for word, end in ends.items())
     text = f"{len(family)} solutions" + (", still growing." if _is_growing(family) else f". {endings}")
     values, starts = tuple(p.value for p in family.points), tuple(start_of(machine, p) for p in family.points)
