@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 from .public_names import public_names
 
 if TYPE_CHECKING:
-    from .checks import Checked, check
+    from .checks import Checked as Checked, check
     from .continuation import (
-        End,
-        Event,
+        End as End,
+        Event as Event,
         Family,
-        Point,
-        StepControl,
+        Point as Point,
+        StepControl as StepControl,
         follow,
         follow_branch,
         follow_branch_points,
@@ -24,9 +24,18 @@ if TYPE_CHECKING:
         starts,
         trace,
     )
-    from .control import Control, Guess, Hold, Input, OptimalFamily, Stage, hold, steer
+    from .control import (
+        Control,
+        Guess as Guess,
+        Hold as Hold,
+        Input as Input,
+        OptimalFamily,
+        Stage as Stage,
+        hold as hold,
+        steer,
+    )
     from .design import (
-        Active,
+        Active as Active,
         Design,
         DesignCurve,
         DesignEvent,
@@ -37,36 +46,62 @@ if TYPE_CHECKING:
         quantities,
         sensitivities,
     )
-    from .errors import FlowError, InconsistentModel, InputError, NoOrbit, OrbitsError, OutOfRange
-    from .exact import Enclosure
+    from .errors import (
+        FlowError as FlowError,
+        InconsistentModel as InconsistentModel,
+        InputError,
+        NoOrbit,
+        OrbitsError,
+        OutOfRange as OutOfRange,
+    )
+    from .exact import Enclosure as Enclosure
     from .hops import HopMultipliers, Simulation, multiplier, multipliers, simulate
     from .mechanics import (
-        Body,
-        Damper,
-        Drawing,
-        Force,
-        Ground,
-        Inerter,
-        Joint,
-        Mass,
+        Body as Body,
+        Damper as Damper,
+        Drawing as Drawing,
+        Force as Force,
+        Ground as Ground,
+        Inerter as Inerter,
+        Joint as Joint,
+        Mass as Mass,
         Mechanism,
-        Outline,
-        Potential,
-        Spring,
-        Weight,
+        Outline as Outline,
+        Potential as Potential,
+        Spring as Spring,
+        Weight as Weight,
     )
-    from .model import Affine, Arc, Machine, Modes, Phase, Pieces, Reduction, StateFormula, Statement, linear_modes
-    from .periodic import BranchPoint, Certificate, Orbit, find, find_all, find_branch_points, fold_statement
+    from .model import (
+        Affine as Affine,
+        Arc as Arc,
+        Machine,
+        Modes as Modes,
+        Phase as Phase,
+        Pieces as Pieces,
+        Reduction as Reduction,
+        StateFormula as StateFormula,
+        Statement as Statement,
+        linear_modes as linear_modes,
+    )
+    from .periodic import (
+        BranchPoint,
+        Certificate as Certificate,
+        Orbit,
+        find,
+        find_all,
+        find_branch_points,
+        fold_statement as fold_statement,
+    )
     from .proof import Proof, prove, prove_absence, prove_fold
     from .returns import (
-        Bifurcation,
+        Bifurcation as Bifurcation,
         BifurcationCurve,
         BifurcationDiagram,
-        Branch,
+        Branch as Branch,
         BranchEnd,
         FixedPoint,
-        Hops,
-        LaunchHops,
+        Hops as Hops,
+        LaunchHops as LaunchHops,
         PeriodDiagram,
         PeriodicHop,
         ReturningHops,
@@ -77,9 +112,11 @@ if TYPE_CHECKING:
         prove_fixed_point,
     )
     from .running import time_limit
-    from .shooting import METHODS
-    from .sweeps import Existence, Sweep, SweepProgress, Uncertainty, existence, sweep, uncertainty
+    from .shooting import METHODS as METHODS
+    from .sweeps import Existence, Sweep, SweepProgress as SweepProgress, Uncertainty, existence, sweep, uncertainty
     from .units import Units
+
+    __version__: str
 
 PLACE_OF = public_names(__name__)  # the module or the room of each name
 __all__ = [
@@ -94,11 +131,13 @@ __all__ = [
 ]  # fmt: skip
 
 
-def __getattr__(name: str) -> Any:
-    if name == "__version__":
-        from .io import version
+if not TYPE_CHECKING:  # which would take any name for one of the package
 
-        return version("persistent-orbits")
-    if name in PLACE_OF or name.startswith("_") or find_spec(f"{__name__}.{name}") is None:
-        raise AttributeError(f"module 'orbits' has no attribute '{name}'")
-    return import_module(f".{name}", __name__)
+    def __getattr__(name: str) -> Any:
+        if name == "__version__":
+            from .io import version
+
+            return version("persistent-orbits")
+        if name in PLACE_OF or name.startswith("_") or find_spec(f"{__name__}.{name}") is None:
+            raise AttributeError(f"module 'orbits' has no attribute '{name}'")
+        return import_module(f".{name}", __name__)

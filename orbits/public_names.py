@@ -1,6 +1,7 @@
 """The public names of a package, each imported when it is first used: a command that finds an orbit needs half of them.
 
 A package states them once, as imports from its modules below `if TYPE_CHECKING`, which type checkers read as they are.
+Those that users import are written `Name as Name`: strict type checkers refuse what a package does not export so.
 """
 
 import ast
@@ -29,7 +30,9 @@ class Package(ModuleType):
         super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:
-        return sorted({*vars(self), *self._places})
+        """The public names, and none that the package itself uses, for completion."""
+        own = vars(self)
+        return sorted({*own.get("__all__", self._places), *(name for name in own if name.startswith("__"))})
 
 
 def public_names(package: str) -> dict[str, str]:

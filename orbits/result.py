@@ -14,7 +14,7 @@ from io import BytesIO
 from operator import attrgetter
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, BinaryIO, ClassVar, NamedTuple, Self, TypeAlias, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar, NamedTuple, Self, TypeAlias, TypeVar, get_type_hints
 
 import numpy as np
 
@@ -130,7 +130,8 @@ class Result:
 
     A class of results says what it has: `what` such results are called in messages and files; the names `in_line`, the
     `title`, and unless its `table` is short, its `_rows`; `document`, and `of_saved`, which makes it again of what
-    `saved` put into a file.
+    `saved` put into a file. Names that only other modules use are `internal`: `dir` and completion leave them out, as
+    well as fields that a result does not have.
     """
 
     what: ClassVar[str]
@@ -141,13 +142,34 @@ class Result:
     largest_file: ClassVar[int] = 32 * MEGABYTE
     document_is_whole: ClassVar[bool] = False  # whether `of_saved` needs no more than the document
     undrawn: ClassVar[str] = ""  # why such results have no picture; "" for those that have a `plot` of their own
-    machine: Any
+    internal: ClassVar[tuple[str, ...]] = (
+        "dimension", "document_is_whole", "endings", "form", "heading", "heads", "in_line", "internal", "largest_file",
+        "of_saved", "printed_digits", "rows", "saved", "title", "undrawn", "unit_of", "variable", "what",
+    )  # fmt: skip
+    machine: Mapping[str, Any]
 
     def __init_subclass__(cls, **own: object) -> None:
         """A class of results states its values of the names above in its heading."""
         super().__init_subclass__()
         for name, value in own.items():
             setattr(cls, name, value)
+
+    if not TYPE_CHECKING:  # which would take any name for one of the result
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise `AttributeError`, which says in which part of the result a name is."""
+            if hasattr(type(self), name):
+                return object.__getattribute__(self, name)  # once more, for the error in it
+            own = f"'{type(self).__name__}' object has no attribute '{name}'"
+            place = "" if name.startswith("_") else _place_of(self, name)
+            raise AttributeError(f"{own}; take {place}" if place else own, name=name, obj=self)
+
+    def __dir__(self) -> list[str]:
+        internal = {name for each in type(self).__mro__ for name in vars(each).get("internal", ())}
+        internal |= {
+            name for name, value in vars(self).items() if value is None or (isinstance(value, dict) and not value)
+        }
+        return sorted({*super().__dir__()} - internal)
 
     @cached_property
     def units(self) -> Mapping[str, str]:
@@ -333,6 +355,16 @@ class Result:
         if data.get("format") != cls.form():
             raise ValueError(f"format {data.get('format')!r}, expected {cls.form()!r}")
         return data
+
+
+def _place_of(value: object, name: str) -> str:
+    """Where a public part of a value, or a part of that, has an attribute, as "certificate.clearance"; else ""."""
+    parts = {own: part for own, part in vars(value).items() if is_dataclass(part) and not own.startswith("_")}
+    for own, part in parts.items():
+        if name in vars(part) or hasattr(type(part), name):
+            return f"{own}.{name}"
+    places = ((own, _place_of(part, name)) for own, part in parts.items())
+    return next((f"{own}.{place}" for own, place in places if place), "")
 
 
 def check_file(path: str | Path, endings: Sequence[str] = tuple(ENDINGS)) -> Path:

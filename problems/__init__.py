@@ -5,25 +5,31 @@ from typing import TYPE_CHECKING
 from orbits.public_names import public_names
 
 if TYPE_CHECKING:
-    from . import steering
-    from .explorer import explore
-    from .laws import gravity, springs
+    from . import steering as steering
+    from .explorer import explore as explore
+    from .laws import gravity as gravity, springs as springs
     from .machines import (
-        Chain,
-        HeavyHand,
-        Hopper,
-        Juggler,
-        chain_hand,
-        hopper_in_si,
-        inerter_hopper,
-        juggler_in_si,
-        knee_hopper,
-        plate_hopper,
-        rimless_wheel,
-        rocking_block,
-        runner,
-        shuttle,
+        Chain as Chain,
+        HeavyHand as HeavyHand,
+        Hopper as Hopper,
+        Juggler as Juggler,
+        chain_hand as chain_hand,
+        hopper_in_si as hopper_in_si,
+        inerter_hopper as inerter_hopper,
+        juggler_in_si as juggler_in_si,
+        knee_hopper as knee_hopper,
+        plate_hopper as plate_hopper,
+        rimless_wheel as rimless_wheel,
+        rocking_block as rocking_block,
+        runner as runner,
+        shuttle as shuttle,
     )
-    from .steering import Actuated, Actuator, Disturbed, Driven, DrivenFamily
+    from .steering import (
+        Actuated as Actuated,
+        Actuator as Actuator,
+        Disturbed as Disturbed,
+        Driven as Driven,
+        DrivenFamily as DrivenFamily,
+    )
 
 __all__ = [*public_names(__name__)]

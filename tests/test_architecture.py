@@ -136,11 +136,14 @@ def module_of(path: Path) -> str:
 
 
 @cache
-def imported(path: Path) -> list[tuple[str, str]]:
-    """The modules that a file imports, wherever in it, by absolute name, each with the name taken from it or ''."""
+def imported(path: Path, for_types: bool = True) -> list[tuple[str, str]]:
+    """The modules that a file imports, wherever in it, by absolute name, each with the name taken from it or ''; if
+    asked, without those that it imports for type checkers alone, as the public names of a package are not."""
     package = path.relative_to(ROOT).parent.parts
+    blocks = [node for node in tree_of(path).body if isinstance(node, ast.If)]
+    left_out = set() if for_types or path.name == "__init__.py" else {each for block in blocks for each in block.body}
     found = []
-    for node in nodes_of(path):
+    for node in (node for node in nodes_of(path) if node not in left_out):
         if isinstance(node, ast.Import):
             found += [(alias.name, "") for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -151,11 +154,12 @@ def imported(path: Path) -> list[tuple[str, str]]:
 
 
 def needs(paths: list[Path]) -> dict[str, set[str]]:
-    """Which of some modules each of them imports, by dotted name; a package's face is the module that it hands on."""
+    """Which of some modules each of them imports when it runs, by dotted name; a package's face is the module that it
+    hands on."""
     modules = {module_of(path) for path in paths}
     found: dict[str, set[str]] = defaultdict(set)
     for path in paths:
-        for module, name in imported(path):
+        for module, name in imported(path, for_types=False):
             for target in (f"{module}.{name}", module):
                 if target in modules and target != module_of(path):
                     found[module_of(path)].add(target)
@@ -264,7 +268,8 @@ def test_no_circles_and_few_floors():
 def public_names_of(package: Path) -> dict[str, str]:
     """The public names that a package states, each with its module."""
     stated = [line for block in tree_of(package).body if isinstance(block, ast.If) for line in block.body]
-    return {each.name: line.module or each.name for line in stated for each in line.names}
+    imports = [line for line in stated if isinstance(line, ast.ImportFrom)]
+    return {each.name: line.module or each.name for line in imports for each in line.names}
 
 
 def test_rooms_import_what_other_rooms_hand_out():

@@ -5,6 +5,6 @@ from typing import TYPE_CHECKING
 from ..public_names import public_names
 
 if TYPE_CHECKING:
-    from .checked import Checked, check
+    from .checked import Checked as Checked, check
 
 __all__ = [*public_names(__name__)]

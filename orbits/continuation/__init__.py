@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from .folds import follow_fold
     from .follow import begin_run, bounds_of, follow, follow_branch, orbit_at, trace
     from .follow_event import collected, follow_event, run_along_event
-    from .point import End, Event, Point
+    from .point import End as End, Event as Event, Point as Point
     from .starts import Starts, start_from_rest, starts
-    from .step_control import Options, StepControl, checked_options
+    from .step_control import Options, StepControl as StepControl, checked_options
     from .value_passings import passings
 
 __all__ = [*public_names(__name__)]

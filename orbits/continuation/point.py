@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
+from operator import attrgetter
 from typing import Any, TypedDict
 
 import numpy as np
@@ -16,8 +17,41 @@ from ..units import Units
 SMALLEST_SIZE = 1e-100
 
 
+class OfCertificate:
+    """The numbers of a `certificate`, as numbers of what has it."""
+
+    family: int
+    residual: float
+    error: float
+    energy_drift: float
+    clearance: float | None
+    smallest_separation: float | None
+    smallest_contact_force: float | None
+    largest_contact_force: float | None
+    landing_jerk: float
+    loss_coefficient: float | None
+    stable_side: str | None
+    violations: tuple[str, ...]
+    unfolding: float | None
+    loss_error: float | None
+    alpha_noise: float | None
+    alpha_per_noise: float | None
+    bounce_side: str | None
+    bounce_factor: float | None
+    friction_needed: float | None
+    friction_error: float | None
+    friction_time: float | None
+    smallest_stance_force: float | None
+    stance_judged: bool | None
+    robustness: float | None
+
+
+for name in Certificate.__dataclass_fields__:
+    setattr(OfCertificate, name, property(attrgetter(f"certificate.{name}")))
+
+
 @dataclass(frozen=True)
-class Point:
+class Point(OfCertificate):
     """One orbit of a family, without its motion; in SI for a machine in SI, except `u` and `tangent`.
 
     value : of the parameter
@@ -63,11 +97,6 @@ class Point:
     def numbers(self) -> tuple[str, ...]:
         """The names of the numbers of a table, after the parameter's own."""
         return *self.also, *KNOWN, *self.of_plane
-
-    def __getattr__(self, name: str) -> Any:
-        if name in Certificate.__dataclass_fields__:
-            return getattr(self.certificate, name)
-        raise AttributeError(f"a point has no '{name}'")
 
     def __repr__(self) -> str:
         return fields_in_line(self, "value", "alpha", "admissible")

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 from ..public_names import public_names
 
 if TYPE_CHECKING:
-    from .control import Control, ControlledLeg, control_in_units
-    from .holding import Hold, hold
-    from .optimal_family import FixedParameters, OptimalFamily, follow_optimum, known_program
-    from .stage import ELAPSED, RUNNING_COST, Input, Stage
-    from .steer import Guess, as_guess, steer
+    from .control import Control as Control, ControlledLeg, control_in_units
+    from .holding import Hold as Hold, hold as hold
+    from .optimal_family import FixedParameters, OptimalFamily as OptimalFamily, follow_optimum, known_program
+    from .stage import ELAPSED, RUNNING_COST, Input as Input, Stage as Stage
+    from .steer import Guess as Guess, as_guess, steer as steer
 
 __all__ = [*public_names(__name__)]

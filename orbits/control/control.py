@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from importlib import import_module
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +17,9 @@ from ..result import TABLE_ROWS, Axes, Result, Row, shown
 from ..units import Dimension, Units, dimension_of_state, unit_text
 from .stage import RUNNING_COST
 from .transcription import Multipliers, Transcription
+
+if TYPE_CHECKING:
+    from .optimal_family import OptimalFamily
 
 CONTROL_NUMBERS = ("cost", "violation", "error", "seconds")
 
@@ -163,8 +166,8 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
         """The unit of time after a number."""
         return " s" if self.units else ""
 
-    def follow(self, name: str, to: float, **options: Any) -> Any:
-        """Follow the motion in a parameter: a `OptimalFamily` of motions of locally least cost, on the same intervals.
+    def follow(self, name: str, to: float, **options: Any) -> "OptimalFamily":
+        """Follow the motion in a parameter: an `OptimalFamily` of motions of locally least cost, on the same intervals.
 
         name : of one of its `parameters` that has a value
         to : the last value of the parameter
@@ -180,7 +183,8 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
         >>> round(float(found.follow("d", 2.0).costs[-1]), 9)  # 12 d^2
         48.0
         """
-        return import_module(f"{__package__}.optimal_family").follow_optimum(self, name, to, **options)
+        family: OptimalFamily = import_module(f"{__package__}.optimal_family").follow_optimum(self, name, to, **options)
+        return family
 
     def schedule(self, *names: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """The times (k + 1,) at which piecewise constant inputs change, and their values (k,) in between, 0 where a

@@ -143,7 +143,7 @@ class End:
     """
 
     kind: str
-    reason: Any = ""
+    reason: str = ""
     limit: float | None = None
     limit_error: float | None = None
     period_growth: float | None = None

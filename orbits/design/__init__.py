@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     )
     from .event_statement import BARRIER, EventStatement, collapse_statement, event_statement, names_of_kind
     from .extremes import Kind, Place, places_of
-    from .optimality import Active, Design
+    from .optimality import Active as Active, Design
     from .optimize import optimize
     from .orbit_function import orbit_function
     from .pareto import Front, pareto

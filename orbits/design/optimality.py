@@ -7,7 +7,7 @@ these by the implicit function theorem.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
-from typing import Any, NamedTuple, TypedDict
+from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from ..result import Axes, Progress, Result, Row, is_of
 from .design_point import DEMAND_MARGIN, DesignPoint
 from .design_problem import DesignProblem
 from .tuned_machine import TunedMachine, tuned_machine_of, tuned_numbers, untuned
+
+if TYPE_CHECKING:
+    from .design_curve import DesignCurve
 
 ACTIVE = 1e-7  # a bound or a constraint is active within this share of its size; solutions are more exact than that
 AT_TWO_PLACES = "an extreme at two places"
@@ -245,7 +248,7 @@ class Design(Result, what="design"):
         problem |= {"tune": [*self.tune], "at": dict(self.at)} if self.tune else {}
         return {**self.document(), "pair": self.pair, "share": self.share, **problem, "orbit": self.orbit.saved()}
 
-    def follow(self, what: str, to: float, *, points: int = 20, progress: Progress = None) -> Any:
+    def follow(self, what: str, to: float, *, points: int = 20, progress: Progress = None) -> "DesignCurve":
         """The best designs as one number of the problem moves, from its value here to another one: a `DesignCurve`.
 
         what : a constraint, as stated in `subject_to`; a bound of a designed parameter, as "k <= 5000"; or the name of
@@ -268,7 +271,8 @@ class Design(Result, what="design"):
         >>> curve.column("k").round(2).tolist(), round(curve.slopes[0])
         ([7071.55, 6285.82, 5657.24], -176789)
         """
-        return import_module(f"{__package__}.design_curve").followed(self, what, to, points, progress)
+        curve: DesignCurve = import_module(f"{__package__}.design_curve").followed(self, what, to, points, progress)
+        return curve
 
     @property
     def tuned(self) -> bool:

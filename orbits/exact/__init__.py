@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from ..public_names import public_names
 
 if TYPE_CHECKING:
-    from .bounds import Enclosure
+    from .bounds import Enclosure as Enclosure
     from .claim import BY_EQUATIONS, CONTACT_DURATION, FLIGHT_DURATION, Claim, claim_of
     from .decimals import decimal_text
     from .exact_mechanics import (

@@ -41,8 +41,11 @@ class Feedback(Protocol):
     times : (k + 1,), since the lift-off
     """
 
-    name: str
-    times: np.ndarray
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def times(self) -> np.ndarray: ...
 
     def input(self, index: int, state: np.ndarray) -> float:
         """The value between two of these times, by the flight state (n,) at the first of them."""

@@ -9,9 +9,9 @@ one is not detected, and the machine is then wrong. An inertia that varies is st
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from ..laws import Algebraic, Parameters
+from ..laws import Algebraic, Key, LawLike, Parameters
 from ..symbolic import Formula, parse
 
 Scalar: TypeAlias = str | float | Callable[[Parameters, Parameters], Algebraic]
@@ -66,6 +66,10 @@ class Spring:
 
     extension: Scalar
     force: Any = "r"
+
+    if TYPE_CHECKING:  # a mechanism stores the key of the law
+
+        def __init__(self, extension: Scalar, force: LawLike | Key = "r"): ...
 
 
 @dataclass(frozen=True)

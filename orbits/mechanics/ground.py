@@ -7,9 +7,10 @@ rigid ground is the gap to the ground's own coordinate. Its weight presses its s
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from ..laws import Key, LawLike
 from .elements import Element, Mass, Scalar, Spring, names_in
 from .refusals import listed
 
@@ -30,6 +31,10 @@ class Ground:
     mass: Scalar
     spring: Any
     name: str = "ground"
+
+    if TYPE_CHECKING:  # a machine stores the law
+
+        def __init__(self, mass: Scalar, spring: LawLike | Key | float, name: str = "ground"): ...
 
     @property
     def force(self) -> Any:

@@ -34,7 +34,7 @@ from .derived import derived_launch, derived_model, linear_equations, refuse_une
 from .dimensions import dimensions_of_parameters, length_or_angle
 from .drawing import Drawing, refuse_misdrawn
 from .elements import Element, Scalar, Spring, expressions_of, names_in
-from .ground import on_ground
+from .ground import Ground, on_ground
 from .linear import LinearEquations
 from .parts import names_of_springs
 from .refusals import (
@@ -134,7 +134,7 @@ class Mechanism(Stated):
     knees: Sequence[tuple[str | None, str, Scalar]] = ()
     actuators: Mapping[str, str] = field(default_factory=dict)
     words: Mapping[str, str] = field(default_factory=dict)
-    ground: Any = None
+    ground: Ground | None = None
     reversor: Mapping[str, Scalar] | None = field(default_factory=dict)
     symmetry: Mapping[str, Scalar] = field(default_factory=dict)
     gaps: Mapping[str, Scalar] = field(default_factory=dict)

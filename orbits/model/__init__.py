@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from .linear_guess import linear_guess, search_of_steps
     from .machine import (
         MACHINE_FIELDS,
-        Machine,
+        Machine as Machine,
         Stated,
         check_machine,
         check_parameters,
@@ -32,11 +32,20 @@ if TYPE_CHECKING:
         refuse_steps,
         reparametrised,
     )
-    from .modes import MODES, Modes, linear_modes, single_mode
-    from .phase import Affine, Arc, Phase, Pieces, Statement, data_at, is_used, weighted_sum
+    from .modes import MODES, Modes as Modes, linear_modes as linear_modes, single_mode
+    from .phase import (
+        Affine as Affine,
+        Arc as Arc,
+        Phase as Phase,
+        Pieces as Pieces,
+        Statement as Statement,
+        data_at,
+        is_used,
+        weighted_sum,
+    )
     from .planar import NORMAL_FORCE, TANGENTIAL_FORCE, Planar
-    from .relative import RELATIVE, Reduction, Relative, Search, half_angle, pieces_along, straight_line
-    from .state_formula import SavedHeight, StateFormula, height_of
+    from .relative import RELATIVE, Reduction as Reduction, Relative, Search, half_angle, pieces_along, straight_line
+    from .state_formula import SavedHeight, StateFormula as StateFormula, height_of
     from .symmetry import SignedShift
 
 __all__ = [*public_names(__name__)]

@@ -6,7 +6,7 @@ from ..public_names import public_names
 
 if TYPE_CHECKING:
     from .branch_points import BranchPoint, Lateral, branch_point, find_branch_points
-    from .certificate import Certificate, mass_of_landing
+    from .certificate import Certificate as Certificate, mass_of_landing
     from .certification import (
         Certified,
         Solved,
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from .energy_changes import gradients
     from .family_orbits import another_family, family_number, lowest_of_family, solve_family
     from .find import find, find_all
-    from .fold_statement import fold_statement
+    from .fold_statement import fold_statement as fold_statement
     from .linear_hops import LinearSearch
     from .loss_coefficient import (
         LOSSES,

@@ -47,7 +47,10 @@ OTHER_EQUATIONS = "its motion does not satisfy these equations, as after a chang
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Orbit(Result, what="orbit", printed_digits=15):
+class Orbit(
+    Result, what="orbit", printed_digits=15,
+    internal=("bare", "contact", "flight", "method", "scales", "shape", "si", "skipped", "with_tuned"),
+):  # fmt: skip
     """A lossless periodic motion: flight from time 0 to `flight_time`, then contact to `period`.
 
     Of a machine that steps, the motion is periodic up to the relabelling after each landing, and the states are in the

@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 from ..public_names import public_names
 
 if TYPE_CHECKING:
-    from .bifurcation import WORDS_OF_STABILITY, Bifurcation, name_of_hops
+    from .bifurcation import WORDS_OF_STABILITY, Bifurcation as Bifurcation, name_of_hops
     from .bifurcation_curve import BifurcationCurve
     from .bifurcations import bifurcations
-    from .diagram import BifurcationDiagram, Branch, BranchEnd
-    from .hops import FixedPoint, Hops
+    from .diagram import BifurcationDiagram, Branch as Branch, BranchEnd
+    from .hops import FixedPoint, Hops as Hops
     from .launch_cycles import DAMPERS_OF_HOPS, INJECT, RESTITUTION
-    from .launch_hops import LaunchHops
+    from .launch_hops import LaunchHops as LaunchHops
     from .periodic_hop import PeriodicHop
     from .periods import PeriodDiagram, period_diagram
     from .proofs import prove_doubling, prove_fixed_point

@@ -8,7 +8,7 @@ like the power 4/3 of the distance, and the difference would be rounding.
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, cached_property, partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,7 +36,7 @@ from ..tables import number_text
 from ..units import ENERGY, LIFTOFF_SPEED, Message, Quantity, in_own_units, without_units
 from .basins import Basins
 from .hops import Hops, Upkeep
-from .launch_hops import hops_of_launches
+from .launch_hops import LaunchHops, hops_of_launches
 from .limited_hops import NEAR_LEVELS, PlainMap
 from .map_pieces import PIECES, Intervals, MapPieces
 from .periodic_hop import different_hops, periodic_hop
@@ -147,6 +147,12 @@ class ReturnMap:
 
     def __reduce__(self) -> tuple[type, tuple[Machine, float, int]]:
         return type(self), (self.machine, self.inject, self.cap)
+
+    @overload
+    def __call__(self, alpha: Sequence[Sequence[float]]) -> LaunchHops: ...
+
+    @overload
+    def __call__(self, alpha: float | Sequence[float] | np.ndarray) -> Hops: ...
 
     @exclusive
     def __call__(self, alpha: Any) -> Any:

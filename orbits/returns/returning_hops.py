@@ -153,7 +153,7 @@ class ReturningHops(
         return {**stored(self), "stability": self.stability}
 
 
-class FixedPoints(tuple[Any, ...]):
+class FixedPoints(tuple[ReturningHops, ...]):
     """The fixed points of a return map, ascending, or the hops found from starts, in their order: `ReturningHops`.
 
     unresolved : intervals of launch speeds in which there may be others: borders of the map accumulate there, or hops

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property, partial, wraps
 from types import MethodType
-from typing import Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import casadi as ca
 
@@ -109,16 +109,20 @@ def apart() -> Iterator[None]:
         _sharing.apart = False
 
 
-class exclusive_property(cached_property):
-    """A `cached_property` that one thread computes at a time.
+if TYPE_CHECKING:
+    exclusive_property = property
+else:
 
-    The lock is taken before that of `cached_property` itself, which Python has before version 3.12, since threads that
-    take two locks in different orders block each other.
-    """
+    class exclusive_property(cached_property):
+        """A `cached_property` that one thread computes at a time.
 
-    def __get__(self, instance: object, owner: Any = None) -> Any:
-        with LOCK:
-            return super().__get__(instance, owner)
+        The lock is taken before that of `cached_property` itself, which Python has before version 3.12, since threads
+        that take two locks in different orders block each other.
+        """
+
+        def __get__(self, instance: object, owner: Any = None) -> Any:
+            with LOCK:
+                return super().__get__(instance, owner)
 
 
 _DYING: deque = deque()  # CasADi objects that nothing refers to any more, which end under the lock

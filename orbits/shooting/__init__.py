@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     )
     from .error_bound import EPS, ERRORS, NARROW, by_pieces, error_bounds, rounding_of_unknowns
     from .formulations import (
-        METHODS,
+        METHODS as METHODS,
         Cycles,
         columns,
         equations_of,

@@ -53,6 +53,11 @@ def exponential(*, H: float = 1000.0) -> Law:
 NAMED = {law.__name__: law for law in (constant, inverse_square, linear, exponential)}
 
 
+def __dir__() -> list[str]:
+    """What states gravity, for completion."""
+    return [*NAMED, "NAMED", "as_gravity", "formula", "function"]
+
+
 def as_gravity(law: LawLike, parameters: Mapping[str, float] | None = None, shared: bool = False) -> Law:
     """A gravity law from a law, a formula, a law's name or a Python function, with parameters by name; `shared` is
     as in `springs.as_spring`. Raises `InputError` for anything else."""

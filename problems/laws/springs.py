@@ -384,6 +384,12 @@ NAMED = {
 }
 
 
+def __dir__() -> list[str]:
+    """What states springs, for completion."""
+    others = ("NAMED", "SAMPLE", "as_spring", "fit", "formula", "function", "hysteretic", "loop", "lossy", "potential")
+    return [*NAMED, *others, "table", "table_options"]
+
+
 def as_spring(
     law: LawLike, parameters: Mapping[str, float] | None = None, in_si: bool = False, shared: bool = False
 ) -> Law:

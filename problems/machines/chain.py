@@ -13,7 +13,7 @@ with mass ratio m2/m1.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from orbits import Mechanism, start_from_rest, starts
 from orbits.continuation import Starts
 from orbits.errors import InputError
 from orbits.io import one_line
-from orbits.laws import Law, coefficient_of_restitution, number
+from orbits.laws import Law, LawLike, coefficient_of_restitution, number
 from orbits.mechanics import Mass, Spring, joined_values
 from orbits.model import Model, Stated
 from orbits.running import exclusive, exclusive_property
@@ -59,9 +59,16 @@ class Chain(Stated):
     """
 
     masses: Sequence[float] = (1.0, 1.0, 1.0)
-    springs: Any = "r"
+    springs: tuple[Law, ...] = "r"  # type: ignore[assignment]
     restitution: float = 0.0
     parameters: Mapping[str, float] = field(default_factory=dict)
+
+    if TYPE_CHECKING:  # laws are stated in several ways
+
+        def __init__(
+            self, masses: Sequence[float] = ..., springs: LawLike | Sequence[LawLike] = "r", restitution: float = 0.0,
+            parameters: Mapping[str, float] = ...,
+        ): ...  # fmt: skip
 
     units = None
     rest_length = None

@@ -218,7 +218,7 @@ def _ground(statement: dict[str, Any]) -> Ground:
     _check_keys("[ground]", statement, GROUND_KEYS)
     if "mass" not in statement or ("stiffness" in statement) == ("spring" in statement):
         raise InputError("[ground] has a mass, and a stiffness or a spring")
-    return Ground(statement["mass"], statement.get("stiffness", statement.get("spring")))
+    return Ground(statement["mass"], statement["stiffness" if "stiffness" in statement else "spring"])
 
 
 def statement_for_file(machine: "AnyMachine") -> dict[str, Any] | None:
@@ -228,8 +228,9 @@ def statement_for_file(machine: "AnyMachine") -> dict[str, Any] | None:
     own = {name: getattr(machine, name) for name in ("restitution", *DAMPERS)}
     statement: dict[str, object] = {"machine": machine.kind, "gravity": machine.gravity.text, **own}
     statement |= {} if law is None else {"spring": law.text}
-    below = machine.ground.spring if machine.ground else None
-    statement |= {"ground": {"mass": machine.ground.mass, "spring": below.text}} if below else {}
+    ground = machine.ground
+    below = ground.spring if ground else None
+    statement |= {"ground": {"mass": ground.mass, "spring": ground.spring.text}} if ground else {}
     laws = [each.parameters for each in (law, machine.gravity, below) if each is not None]
     statement["parameters"] = {name: value for each in laws for name, value in each.items()}
     length = {} if machine.rest_length is None else {"rest_length": machine.rest_length}

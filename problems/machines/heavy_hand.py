@@ -1,6 +1,6 @@
 """The juggler's limit of an infinitely heavy hand, whose oscillation is the same whatever the ball does (section 9)."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -13,7 +13,6 @@ from .juggler import Juggler
 from .two_masses import TwoMassMachine
 
 
-@dataclass(frozen=True, repr=False)
 class HeavyHand(TwoMassMachine):
     """Ball on a hand of infinite mass, which the ball cannot slow down; see `TwoMassMachine` for the arguments, except
     mass ratio, damping and drag, which it does not take.

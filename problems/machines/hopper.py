@@ -5,7 +5,6 @@ mass of the foot over that of the body; energy in m1 g times a length. Flight st
 extension r = y1 - y2; in contact y2 = 0 until phi(y1) = 1.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 from orbits import Mechanism
@@ -15,7 +14,6 @@ from orbits.mechanics import Damper, Ground, Mass, Spring
 from .two_masses import TwoMassMachine
 
 
-@dataclass(frozen=True, repr=False)
 class Hopper(TwoMassMachine):
     """Body and foot joined by a spring; see `TwoMassMachine` for the arguments. `mass_ratio` is foot over body mass.
 

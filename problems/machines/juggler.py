@@ -8,7 +8,6 @@ of the ball. Flight state (w1, w1', w2, w2') of ball and hand; phi is the force 
 and in contact both move as one, (1 + M) w'' = -M phi(w) - (1 + M) gamma(rest_length + w), until phi(w) = 0.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 from orbits import Mechanism
@@ -18,7 +17,6 @@ from orbits.mechanics import Damper, Mass, Spring
 from .two_masses import TwoMassMachine
 
 
-@dataclass(frozen=True, repr=False)
 class Juggler(TwoMassMachine):
     """Ball on a sprung hand; see `TwoMassMachine` for the arguments. `mass_ratio` is hand over ball.
 

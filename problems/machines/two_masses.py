@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from numbers import Real
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from orbits.errors import InputError
 from orbits.io import one_line
-from orbits.laws import Key, Law, coefficient_of_restitution, number
+from orbits.laws import Key, Law, LawLike, coefficient_of_restitution, number
 from orbits.mechanics import Ground, Mechanism, joined_values
 from orbits.model import Model, Stated
 from orbits.running import exclusive, exclusive_property
@@ -124,15 +124,23 @@ class TwoMassMachine(TwoMasses):
     Raises `InputError` for invalid laws and numbers, and for names without values.
     """
 
-    spring: Any = "r"
-    gravity: Any = "1"
+    spring: Law = "r"  # type: ignore[assignment]
+    gravity: Law = "1"  # type: ignore[assignment]
     mass_ratio: float = 1.0
     rest_length: float | None = None
     restitution: float = 0.0
     damping: float = 0.0
     drag: float = 0.0
     parameters: Mapping[str, float] = field(default_factory=dict)
-    ground: Any = None
+    ground: Ground | None = None
+
+    if TYPE_CHECKING:  # laws are stated in several ways
+
+        def __init__(
+            self, spring: LawLike = "r", gravity: LawLike = "1", mass_ratio: float = 1.0,
+            rest_length: float | None = None, restitution: float = 0.0, damping: float = 0.0, drag: float = 0.0,
+            parameters: Mapping[str, float] = ..., ground: Ground | None = None,
+        ): ...  # fmt: skip
 
     kind = ""
     # A machine with units is a `units.MachineInSI`.

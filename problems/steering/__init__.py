@@ -5,10 +5,17 @@ from typing import TYPE_CHECKING
 from orbits.public_names import public_names
 
 if TYPE_CHECKING:
-    from .actuated import Actuated, Actuator
-    from .disturbed import Disturbed
-    from .driven import Driven
-    from .driven_family import DrivenFamily
-    from .goals import keep_hopping, missed, recover, rerun, start_up, work
+    from .actuated import Actuated as Actuated, Actuator as Actuator
+    from .disturbed import Disturbed as Disturbed
+    from .driven import Driven as Driven
+    from .driven_family import DrivenFamily as DrivenFamily
+    from .goals import (
+        keep_hopping as keep_hopping,
+        missed as missed,
+        recover as recover,
+        rerun as rerun,
+        start_up as start_up,
+        work as work,
+    )
 
 __all__ = [*public_names(__name__)]

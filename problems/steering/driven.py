@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NotRequired, TypedDict, cast
+from typing import TYPE_CHECKING, Any, NotRequired, TypedDict, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +24,9 @@ from ..machines import TwoMasses, machine_stated, statement_for_file
 from .actuated import Actuated, Actuator
 from .actuator_bounds import POWER
 from .disturbed import Disturbed, disturbed
+
+if TYPE_CHECKING:
+    from .driven_family import DrivenFamily
 
 OF_OTHER_EQUATIONS = "its motion does not satisfy the equations of this machine, as after a change of a table"
 # Gauss points of a control interval at which the actuator's power is taken; a peak between two of as many samples is
@@ -45,7 +48,7 @@ class Driven(Control, what="motion of a driven machine"):
     actuator : the `Actuator`
     """
 
-    source: Any = field(kw_only=True)
+    source: Machine = field(kw_only=True)
     actuator: Actuator = field(default=Actuator(), kw_only=True)
 
     machine = property(lambda self: machine_in_words(self.source))
@@ -138,7 +141,7 @@ class Driven(Control, what="motion of a driven machine"):
         liftoffs = hops + sum(leg.phase == "contact" for leg in self.legs[-1:])
         return simulate(self.actuated, state=self(0.0), hops=liftoffs, schedule=schedule)
 
-    def follow(self, name: str, to: float, **options: Any) -> Any:
+    def follow(self, name: str, to: float, **options: Any) -> "DrivenFamily":
         """Follow a motion of least cost in a number of its machine, as "damping", or of its launch: the "speed" or
         "height" that is prescribed, or what it is "short" of; the result is a `DrivenFamily`. See
         `problems.steering.driven_family.follow_driven`, which takes the options.

@@ -12,11 +12,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import wraps
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, ParamSpec, cast
 
 import numpy as np
 
-from orbits import Control, InputError, NoOrbit, Orbit, Simulation, find, simulate, steer
+from orbits import Control, InputError, Machine, NoOrbit, Orbit, Simulation, find, simulate, steer
 from orbits.control import control_in_units
 from orbits.errors import finite_number, whole_number
 from orbits.hops import run_in_units
@@ -61,6 +61,9 @@ def dimensions_of_costs(driven: Actuated) -> dict[str, Dimension]:
     return {"effort": (effort[0], effort[1] + 1, *effort[2:]), "work": ENERGY, "peak": driving}
 
 
+_P = ParamSpec("_P")
+
+
 def _dimension_of_added(name: str, driven: Actuated) -> Dimension | str:
     """The dimension of a parameter that a hop or a start adds: a peak, what is prescribed, or a state at lift-off or at
     rest."""
@@ -88,7 +91,7 @@ def _actuated(machine: Any, actuator: Actuator | None) -> Actuated:
     return Actuated(machine, Actuator() if actuator is None else actuator)
 
 
-def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., Driven]:
+def in_units_of_the_machine(function: Callable[_P, Control]) -> Callable[_P, Driven]:
     """Extend a function of this module to machines in SI, with bounds and speeds in SI; the result has its machine."""
 
     @exclusive
@@ -106,16 +109,18 @@ def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., D
             **LAUNCH_CONDITIONS,
             "speed_force": bare_speed_force(driven),
         }
-        with_units = in_own_units(in_si, **bounds, short=LIFTOFF_SPEED, start=(), guess=(), aim=())(function)
+        own: Callable[..., Control] = function
+        with_units = in_own_units(in_si, **bounds, short=LIFTOFF_SPEED, start=(), guess=(), aim=())(own)
         options["speed_force"] = parsed_speed_force(options.get("speed_force"))
-        return Driven.of(machine, with_units(machine, *arguments, actuator=driven.actuator, **options), driven.actuator)
+        control = with_units(machine, *arguments, actuator=driven.actuator, **options)
+        return Driven.of(machine, control, driven.actuator)
 
-    return steered
+    return cast(Callable[_P, Driven], steered)
 
 
 @in_units_of_the_machine
 def keep_hopping(
-    machine: Any, *, actuator: Actuator | None = None, family: int = 1, cost: str = "effort", lossless: bool = True,
+    machine: Machine, *, actuator: Actuator | None = None, family: int = 1, cost: str = "effort", lossless: bool = True,
     speed: float | None = None, height: float | None = None, period: float | None = None, intervals: int = 40,
     rate: float = np.inf, stroke: float = np.inf, force: float = np.inf, power: float = np.inf,
     speed_force: SpeedForce = None, start: StartLike | None = None, guess: Control | None = None,
@@ -176,7 +181,7 @@ def keep_hopping(
 
 @in_units_of_the_machine
 def recover(
-    machine: Any, short: float, *, actuator: Actuator | None = None, family: int = 1, lossless: bool = True,
+    machine: Machine, short: float, *, actuator: Actuator | None = None, family: int = 1, lossless: bool = True,
     intervals: int = 40, rate: float = np.inf, stroke: float = np.inf, force: float = np.inf, power: float = np.inf,
     speed_force: SpeedForce = None, start: StartLike | None = None, aim: Driven | None = None,
     guess: Control | None = None, progress: Progress = None,
@@ -214,7 +219,7 @@ def recover(
 
 @in_units_of_the_machine
 def start_up(
-    machine: Any, pumps: int, *, actuator: Actuator | None = None, family: int = 1, intervals: int = 20,
+    machine: Machine, pumps: int, *, actuator: Actuator | None = None, family: int = 1, intervals: int = 20,
     rate: float = np.inf, stroke: float = np.inf, force: float = np.inf, power: float = np.inf,
     speed_force: SpeedForce = None, start: StartLike | None = None, aim: Driven | None = None,
     progress: Progress = None,
@@ -264,7 +269,7 @@ def _rerun(driven: Actuated, control: Control, until: Mapping[str, Any]) -> Simu
     return simulate(driven, state=flight_states(driven, control.legs[0], 0.0), schedule=schedule, **options)
 
 
-def rerun(machine: Any, control: Control, hops: int = 0) -> Simulation:
+def rerun(machine: Machine, control: Control, hops: int = 0) -> Simulation:
     """Simulate the machine open loop with the inputs of a control, with every event located as in any simulation.
 
     hops : number of further hops after the control, with the actuator at rest
@@ -272,7 +277,7 @@ def rerun(machine: Any, control: Control, hops: int = 0) -> Simulation:
     return _rerun(_of(machine, control), control, {"hops": 1 + hops} if hops else {})
 
 
-def missed(machine: Any, control: Control) -> float:
+def missed(machine: Machine, control: Control) -> float:
     """The largest difference, without units, between the final state of a control and that of the open-loop simulation
     at the end of the last contact; infinity where the simulation ends before."""
     driven, control = _of(machine, control).dimensionless(), control.dimensionless()
@@ -281,7 +286,7 @@ def missed(machine: Any, control: Control) -> float:
     return float(np.abs(run(run.end) - aim).max()) if run.end >= control.end * (1 - 1e-9) else np.inf
 
 
-def work(machine: Any, control: Control) -> tuple[float, float]:
+def work(machine: Machine, control: Control) -> tuple[float, float]:
     """The actuator's work on the machine, in the units of its energy: the total, and the positive part only."""
     driven = _of(machine, control)
     done, positive = work_done(driven.dimensionless(), control.dimensionless())
