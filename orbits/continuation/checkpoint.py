@@ -19,7 +19,7 @@ from ..model import machine_in_words
 from ..records import Records
 from ..result import Progress
 from ..running import TimeOver, interrupts
-from .family import FAMILY_ENDINGS, UNFINISHED, Family, Sealing
+from .family import BEGINNING, FAMILY_ENDINGS, UNFINISHED, Family, Sealing
 from .family_run import FamilyRun
 from .point import End, Event, Point, json_line
 
@@ -81,12 +81,14 @@ def _until_time_is_over(items: Iterable[_Item]) -> Iterator[_Item]:
 def begun(run: FamilyRun, resume: Family | None = None) -> Family:
     """The family before its run: without points, or with those of the family that is resumed."""
     curve, options = run.curve, run.options
-    settings: dict[str, Any] = {"start": run.start, "behind": run.behind, "stop": run.stop}
+    start = resume.settings["start"] if resume else run.start
+    settings: dict[str, Any] = {"start": start, "behind": run.behind, "stop": run.stop}
     settings |= {"family": run.point.family, "method": curve.method, "longest": options.longest}
     settings |= {"tune": list(resume.settings["tune"] if resume else curve.tuned)} if curve.tuned else {}
     settings |= {"at": list(options.at), "watch": list(options.watch), "stop_inadmissible": options.stop_inadmissible}
     settings |= {"multipliers": True} if options.multipliers else {}
     settings |= curve.own_settings
+    settings |= {BEGINNING: resume.settings[BEGINNING]} if resume and BEGINNING in resume.settings else {}
     machine = machine_in_words(curve.machine) if resume is None else resume.machine
     # The run solves the last point of a resumed family again, and finds the events after it again. An event at a
     # requested value is the last point itself and stays.

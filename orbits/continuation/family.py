@@ -48,6 +48,8 @@ if TYPE_CHECKING:
 
 # The reason why a family from an unfinished file has no end.
 UNFINISHED = "its file ends before it does: resume it to go on"
+# The setting of a family that says how it ends at its first point, where it was followed both ways.
+BEGINNING = "beginning"
 # Kinds of events in files of earlier versions, with their names of today.
 OLD_KINDS = {"asked": "value"}
 # Endings of the files that a family is saved to; the first is lines of JSON, which grow point by point.
@@ -181,6 +183,11 @@ class Family(
 
         varied = [varied_at(self, point) for point in points]
         return formula_along(self.source, self.settings["method"], varied, points, name)
+
+    @property
+    def beginning(self) -> End | None:
+        """How the curve ends at its first point; None where it begins there."""
+        return End(**self.settings[BEGINNING]) if BEGINNING in self.settings else None
 
     @property
     def units(self) -> Mapping[str, str]:
@@ -337,12 +344,19 @@ class Family(
         yield Row("largest error", {"largest_error": max(point.error for point in self)}, ("{:.1e}",))
         count = {"admissible": sum(point.admissible for point in self), "orbits": len(self)}
         yield Row("admissible", count, ("{} of {}",))
+        if self.beginning:
+            yield self._row_of_end("beginning", self.beginning)
         for event in self.events:
             place = {event.kind: event.point.value, f"alpha at {event.kind}": event.point.alpha}
             yield Row(event.kind, place, (f"{self.name} = {{}}{unit}, alpha = {{}}{speed}",))
-        limits = {} if self.end.limit is None else {"limit": self.end.limit, "limit_error": self.end.limit_error}
+        yield self._row_of_end("end", self.end)
+
+    def _row_of_end(self, name: str, end: End) -> Row:
+        """The row of the end, or of the beginning."""
+        of = "" if name == "end" else f" of {name}"
+        limits = {} if end.limit is None else {f"limit{of}": end.limit, f"limit_error{of}": end.limit_error}
         tends = f", {self.name} tends to {{:.8g}} (about {{:.0e}} off)" if limits else ""
-        yield Row("end", {"end": self.end.kind, "reason": self.end.reason, **limits}, (f"{{}}, {{}}{tends}",))
+        return Row(name, {name: end.kind, f"reason{of}": end.reason, **limits}, (f"{{}}, {{}}{tends}",))
 
     def plot(self, quantity: str = "alpha", axes: Axes | None = None, label: str | None = None) -> Axes:
         """Plot a quantity against the parameter; returns the axes. See `orbits.show.plot.plot_family`."""

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from ..result import Progress
 from ..running import LOCK, TimeOver, exclusive, interrupts, running, time_limit
 from ..shooting import iterative, method_of
 from ..units import without_units
+from .both_ways import both_ways
 from .checkpoint import check_output, collect_family
 from .curve import Curve, Watch, machine_at, tuned_at
 from .curve_ends import Endings
@@ -74,18 +75,18 @@ def follow(
     machine : as in `find`
     along : name of the parameter: "mass_ratio", "rest_length", or one of the spring's or gravity's; or, with `tune`, a
         quantity of the orbits, such as "period", "frequency" or "alpha"
-    stop : its last value, in the machine's units; or a pair of bounds: a bound on the other side of the start, and the
-        last value
+    stop : its last value, in the machine's units; or a range (first, last) around its start, which the family goes
+        through both ways: from the first value, or from where the curve ends before it, to the last one
     start : its first value, by default the machine's own; or, as in `find`, the first orbit or one near it, instead of
-        the lowest of `family`, at the machine's own value. The curve ends where it returns to this value, unless there
-        is another bound
+        the lowest of `family`, at the machine's own value. The curve ends where it returns to this value, unless `stop`
+        is a range
     family : number of the family, from 1
     tune : names of parameters that are unknowns too, as in `find`; their values are columns of the family
     at : values to hit exactly, each time the curve passes them. A family that escapes ends where small changes grow
         3e7-fold on the way, since its limit is known by then; it goes on where one of these values lies beyond
     watch : functions of the orbit whose zeros are events, by name
     longest : largest distance of two points, as a share of the parameter's whole range and of the unknowns' size
-    most : largest number of points
+    most : largest number of points, each way
     stop_inadmissible : end where the orbits are not motions any more, instead of following them
     step_control : the constants of step-size control, of acceptance, and of the end of a run
     multipliers : whether to locate where multipliers of the map of launches cross the unit circle, at 1 ("multiplier
@@ -94,7 +95,8 @@ def follow(
     method : the method of `find`; "shooting" uses Ipopt for the first orbit only
     output : a file to which the points are written as they are found, from the first batch on, for `Family.load` and
         `resume`
-    resume : a family to continue from its last point; the other arguments must be the same
+    resume : a family to continue from its last point, and where it went both ways from its first one too; the other
+        arguments must be the same
     progress : called with the completed share of the parameter's range
 
     Returns the `Family`, whose `end` says how it ended: a curve that is lost is "stuck", with the reason. Raises
@@ -111,11 +113,16 @@ def follow(
     """
     options = checked_options(at, watch, longest, most, stop_inadmissible, step_control, multipliers)
     check_output(output)
-    try:
-        run = begin_run(machine, along, start, stop, family, method, options, resume, tune)
-    except TimeOver as over:
-        raise over.reached("the orbit to begin with is not found yet") from None
-    return collect_family(run, resume, output, progress)
+
+    def begun(stop: Stop, resume: Family | None) -> FamilyRun:
+        try:
+            return begin_run(machine, along, start, stop, family, method, options, resume, tune)
+        except TimeOver as over:
+            raise over.reached("the orbit to begin with is not found yet") from None
+
+    if is_range(stop):
+        return both_ways(begun, stop, collect_family, resume, output, progress)
+    return collect_family(begun(stop, resume), resume, output, progress)
 
 
 @exclusive
@@ -124,6 +131,7 @@ def trace(
 ) -> Iterator[Orbit | Event | End]:
     """The orbits of a family one by one, as `follow` finds them: each `Orbit`, each `Event` before the orbit that
     follows it, and last the `End`. The options are those of `follow`, from `tune` to `method`, and so are the errors.
+    Of a range as `stop` the orbits go one way, from the start to its last value; its first one is a bound behind it.
 
     >>> from orbits import trace
     >>> from problems import Hopper
@@ -244,17 +252,25 @@ def orbit_at(machine: Machine, point: Point, along: str, method: str | None = No
         return problem.curve.orbit(problem.certified_at(known, point.value))
 
 
-def bounds_of(along: str, start: float, stop: object, at: Sequence[float] = ()) -> tuple[float, float]:
+def is_range(stop: object) -> TypeGuard[tuple[float, float]]:
+    """Whether the last value of a parameter is a pair of bounds."""
+    return isinstance(stop, tuple | list) and len(stop) == 2
+
+
+def bounds_of(along: str, start: float, stop: Any, at: Sequence[float] = ()) -> tuple[float, float]:
     """The bounds behind the start and ahead of it; `stop` states one or both. The values `at` must lie between them."""
-    behind, ahead = stop if isinstance(stop, tuple | list) and len(stop) == 2 else (start, stop)
+    behind, ahead = stop if is_range(stop) else (start, stop)
     behind, ahead = finite_number("stop", behind), finite_number("stop", ahead)
+    if is_range(stop) and start == ahead:
+        behind, ahead = ahead, behind
     if start == ahead:
         raise InputError(f"{along} goes from {start:g} to {ahead:g}: there is no way between")
     if not (abs(ahead - start) >= SHORTEST_CURVE and abs(ahead - behind) <= 1 / SHORTEST_CURVE):
         bounds = f"a way is from {SHORTEST_CURVE:g} to {1 / SHORTEST_CURVE:g} long"
         raise InputError(f"{along} goes from {behind:g} to {ahead:g}: {bounds}; state the parameter in another unit")
     if (behind - start) * (ahead - start) > 0:
-        raise InputError(f"stop = ({behind:g}, {ahead:g}): {along} starts at {start:g}, which does not lie between")
+        bounds = f"({behind:g}, {ahead:g}): {along} starts at {start:g}, which does not lie between them"
+        raise InputError(f"stop = {bounds}: give bounds around it, or another start")
     if outside := [value for value in at if not min(behind, ahead) <= value <= max(behind, ahead)]:
         raise InputError(f"at = {outside[0]:g} is not reached: {along} lies between {behind:g} and {ahead:g}")
     return behind, ahead

@@ -10,9 +10,11 @@ import numpy as np
 from ..design import extremes_of
 from ..errors import FlowError, InputError, NoOrbit, range_of, whole_number
 from ..periodic import Certificate, another_family
+from ..result import Progress
 from ..running import exclusive, interrupts
 from ..symbolic import parse
 from ..units import without_units
+from .both_ways import both_ways
 from .checkpoint import check_output, collect_family
 from .curve import check_followed
 from .event_curve import EventCondition, EventCurve, EventEndings
@@ -20,7 +22,7 @@ from .event_place import quantities_used, statement_of_family, tuned_of_family
 from .event_start import EventStart, event_start
 from .family import Family
 from .family_run import FamilyRun
-from .follow import bounds_of, start_run
+from .follow import bounds_of, is_range, start_run
 from .point import End, Event
 from .step_control import Options, StepControl, checked_options
 
@@ -53,7 +55,7 @@ def follow_event(
         and parameters with its value, as {"clearance": 0.1}; or where a formula is stationary along the family, as
         "extremum of alpha"
     second : name of the second parameter, which begins at the machine's own value
-    stop : its last value, or a pair of bounds, as in `follow`
+    stop : its last value, or a range around it, as in `follow`
     number : of the event among those of its kind, from 0 in order along the family
     within : bounds of the family's own parameter, where the curve ends too
     locate : whether to locate the events of the curve
@@ -81,7 +83,13 @@ def follow_event(
             raise InputError("number, within, stop_inadmissible and locate belong to families: leave them out")
         return own(event, second, stop, at=at, longest=longest, most=most, step_control=step_control, output=output)
     options = checked_options(at, None, longest, most, stop_inadmissible, step_control)
-    return collected(run_along_event(family, event, second, stop, number, within, locate, options), output)
+
+    def begun(stop: Any, _: Family | None = None) -> FamilyRun:
+        return run_along_event(family, event, second, stop, number, within, locate, options)
+
+    if is_range(stop):
+        return both_ways(begun, stop, collected, None, output)
+    return collected(begun(stop), None, output)
 
 
 def run_along_event(
@@ -116,7 +124,7 @@ def collect_event(
     tuned: tuple[str, ...] = (), output: str | Path | None = None,
 ) -> Family:  # fmt: skip
     """The curve of an event of a family along a parameter, from its start on."""
-    return collected(_run(method, along, second, stop, begun, options, None, True, tuned), output)
+    return collected(_run(method, along, second, stop, begun, options, None, True, tuned), None, output)
 
 
 def _run(
@@ -141,10 +149,12 @@ def _run(
     return run
 
 
-def collected(run: FamilyRun, output: str | Path | None = None) -> Family:
+def collected(
+    run: FamilyRun, resume: Family | None = None, output: str | Path | None = None, progress: Progress = None
+) -> Family:
     """The curve that a run finds."""
     assert isinstance(run.curve, EventCurve)
-    return _at_its_place(collect_family(run, output=output), run.curve.condition)
+    return _at_its_place(collect_family(run, resume, output, progress), run.curve.condition)
 
 
 def _at_its_place(family: Family, condition: EventCondition) -> Family:

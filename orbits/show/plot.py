@@ -22,6 +22,7 @@ from ..io import check_path, writing
 from ..model import Affine, laws_in_words, title_of_machine
 from ..result import Axes
 from ..units import LIFTOFF_SPEED, Units
+from .family_ends import MARKERS_OF_ENDS, NAMES_OF_ENDS, ends_of
 
 if TYPE_CHECKING:
     from ..continuation import Family
@@ -74,7 +75,7 @@ SHADE = "#e8e4d8"
 PALE = "#cfdbe6"
 MARKERS = {"fold": "o", "branch point": "s", "grazing": "v", "masses touch": "X", "contact pulls": "^"}
 MARKERS |= {"landing jerk": "<", "collapse": "D", "law ends": "d", "family": "*", "corner": "P"}
-NO_MOTIONS, NO_ORBITS = "no motions", "no orbits"  # entries of legends
+MOTIONS, NO_MOTIONS, NO_ORBITS = "motions", "no motions", "no orbits"  # entries of legends
 _OFF_SCREEN = ContextVar("off screen", default=False)
 
 
@@ -219,7 +220,7 @@ def legend_below(axes: Axes, of: Axes | None = None) -> Axes:
     """
     from matplotlib.font_manager import FontProperties
 
-    last = {NO_MOTIONS, NO_ORBITS, *MARKERS}  # curves are named before the marks on them
+    last = {MOTIONS, NO_MOTIONS, NO_ORBITS, *MARKERS, *MARKERS_OF_ENDS}  # curves are named before the marks on them
     entries = list(zip(*(of or axes).get_legend_handles_labels(), strict=True))
     entries.sort(key=lambda entry: entry[1] in last and hasattr(entry[0], "get_marker"))
     inches = STYLE.widened * axes.get_window_extent().width / axes.figure.dpi
@@ -265,28 +266,43 @@ def masses_at(orbit: "Orbit", states: np.ndarray) -> dict[str, tuple[np.ndarray,
 
 
 def plot_family(family: "Family", axes: Axes | None = None, quantity: str = "alpha", label: str | None = None) -> Axes:
-    """Plot a quantity of a family's orbits against the parameter, with events marked; return the axes.
+    """Plot a quantity of a family's orbits against the parameter, with events and ends marked; return the axes.
 
     Orbits that are no motions are dashed. Further families go into the same axes, each with its `label`.
     """
     axes = axes_or_new(axes, 5.6, 4.2)
     x, y, motions, others = family_curve(family, quantity)
-    known = axes.get_legend_handles_labels()[1]
-    some, all_are = np.isfinite(motions).any(), not np.isfinite(others).any()
-    line = axes.plot(x, motions, lw=2, label=label if some else None)[0]
-    if not all_are:
-        style = {"color": line.get_color(), "lw": 1.4, "ls": (0, (4, 2)), "zorder": 1}
-        name = label if label and not some else None if NO_MOTIONS in known else NO_MOTIONS
-        axes.plot(x, others, label=name, **style)
-    for i, (_, event) in enumerate(family.in_order()):
-        if event and event.kind != "value":
-            style = {"marker": MARKERS.get(event.kind, "P"), "ls": "", "ms": 6, "mfc": "white", "mew": 1.4, "zorder": 4}
-            kind = plain(event.kind)
-            axes.plot(x[i], y[i], color="0.15", label=None if kind in known else kind, **style)
-            known.append(kind)
+    dashed: dict[str, Any] = {"lw": 1.4, "ls": (0, (4, 2)), "zorder": 1}
+    styles: dict[str, tuple[np.ndarray, dict[str, Any]]] = {MOTIONS: (motions, {"lw": 2}), NO_MOTIONS: (others, dashed)}
+    colour: dict[str, Any] = {}
+    for name, (values, style) in styles.items():
+        if not np.isfinite(values).any():
+            continue
+        own = (None if colour else label) if label else _new_entry(axes, name)
+        colour = {"color": axes.plot(x, values, label=own, **colour, **style)[0].get_color()}
+        if label and (entry := _new_entry(axes, name)):  # one for all families
+            axes.plot([], [], color="0.15", label=entry, **style)
+    _mark(axes, family, x, y)
     axes.set_title(plain(title_of_machine(family.machine)), fontsize="medium", wrap=True)
     across, up = (label_of(family.heading(name)) for name in (family.name, quantity))
     return finished(axes, xlabel=across, ylabel=up)
+
+
+def _new_entry(axes: Axes, name: str) -> str | None:
+    """The name of an entry of the legend; None where it has one of this name."""
+    return None if name in axes.get_legend_handles_labels()[1] else name
+
+
+def _mark(axes: Axes, family: "Family", x: np.ndarray, y: np.ndarray) -> None:
+    """Mark the events and ends of a family at its points and events in order (k,)."""
+    kinds = {i: event.kind for i, (_, event) in enumerate(family.in_order()) if event and event.kind != "value"}
+    marks = [(i, kind, MARKERS.get(kind, "P"), 6.0) for i, kind in kinds.items()]
+    for i, end in ends_of(family).items():
+        name = NAMES_OF_ENDS.get(end.kind, end.kind)
+        marks.append((i, name, MARKERS_OF_ENDS.get(name, "p"), 8.0))
+    for i, name, marker, size in marks:
+        style = {"marker": marker, "ls": "", "ms": size, "mfc": "white", "mew": 1.4, "zorder": 4}
+        axes.plot(x[i], y[i], color="0.15", label=_new_entry(axes, plain(name)), **style)
 
 
 def label_of(name: str) -> str:

@@ -299,7 +299,9 @@ COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
     "--tune a quantity of the orbits: period, frequency, alpha, ...",
 )
 @click.option("--from", "start", type=float, metavar="A", help="Its first value; default: that of --set.")
-@click.option("--to", "stop", type=float, required=True, metavar="B", help="Its last value.")
+@click.option(
+    "--to", "stop", required=True, metavar="B|A:B", help="Its last value, or a range, both ways from the first value."
+)
 @options.tune_option
 @click.option("--at", metavar="V1,V2,...", help="Values to hit exactly.")
 @click.option("--longest", type=float, default=0.02, show_default=True, help="Largest spacing, a share of the range.")
@@ -321,7 +323,7 @@ COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
 )
 @click.option("--second", metavar="NAME=STOP", help="The second parameter, from its own value, and its last value.")
 def follow_command(
-    family: int, along: str, start: float | None, stop: float, tune: tuple[str, ...], at: str | None, longest: float,
+    family: int, along: str, start: float | None, stop: str, tune: tuple[str, ...], at: str | None, longest: float,
     hop: str | None, method: str | None, stop_inadmissible: bool, multipliers: bool, as_json: bool, plot: str | None,
     output: str | None, save: str | None, resume: str | None, event: str | None, second: str | None, **stated: Any,
 ) -> None:  # fmt: skip
@@ -338,7 +340,7 @@ def follow_command(
     of_event = options.event_of(event, second)
     with options.progress() as report:
         followed = follow(
-            machine, along, stop, first or start, family, at=values, longest=longest,
+            machine, along, options.last_values(stop), first or start, family, at=values, longest=longest,
             method=method, stop_inadmissible=stop_inadmissible, multipliers=multipliers,
             output=None if of_event else output, resume=before, progress=report, tune=tuned,
         )  # fmt: skip

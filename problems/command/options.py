@@ -203,6 +203,18 @@ def one_number(option: str, text: str) -> float:
         raise InputError(f"{option} {text!r} is not a number") from None
 
 
+def last_values(text: str) -> float | tuple[float, float]:
+    """The last value of a parameter that B stands for, or the range of A:B; raises `InputError` for anything else."""
+    if ":" not in text:
+        return one_number("--to", text)
+    first, *last = numbers("--to", text, float, ":")
+    if len(last) != 1:
+        from orbits.errors import InputError
+
+        raise InputError(f"--to {text!r} is neither a number nor a range A:B")
+    return first, last[0]
+
+
 def event_of(event: str | None, second: str | None) -> tuple[str | dict[str, float], str, float] | None:
     """The event to follow with the second parameter and its last value, from two options; None without them."""
     from orbits.errors import InputError

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import compress
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from orbits.continuation import Family, Point, follow
+from orbits.curves import End
 from orbits.errors import InputError, NoOrbit
 from orbits.model import Machine
 from orbits.periodic import Orbit, find, stated_unknowns
@@ -152,20 +154,17 @@ def family_results(python_machine: object, scene: Scene, low: float, high: float
     if here is None:
         raise InputError(f"this machine has no parameter '{along}' to follow")
     hop, bounds = _orbit_of_scene(machine, scene), (min(low, here), max(high, here))
-    ways = [(word, stop) for word, stop in (("Upward", bounds), ("Downward", bounds[::-1])) if stop[1] != here]
-    parts: dict[str, Family] = {}
     tune: dict[str, Any] = {"tune": scene.tuned} if scene.tuned else {}
-    for word, stop in ways:
-        parts[word] = follow(machine, along, stop, family=hop.family, start=hop, most=RESULTS.first_piece, **tune)
-        yield _family_result(machine, scene, parts, len(ways))
-        while _is_growing(parts[word]):
-            last = parts[word]
-            parts[word] = follow(machine, along, stop, family=hop.family, resume=last, most=RESULTS.piece, **tune)
-            yield _family_result(machine, scene, parts, len(ways))
+    family = follow(machine, along, bounds, family=hop.family, start=hop, most=RESULTS.first_piece, **tune)
+    yield _family_result(machine, scene, family)
+    while _is_growing(family):
+        family = follow(machine, along, bounds, family=hop.family, resume=family, most=RESULTS.piece, **tune)
+        yield _family_result(machine, scene, family)
 
 
-def _is_growing(part: Family) -> bool:
-    return part.end.kind == "stopped" and len(part) < RESULTS.family
+def _is_growing(family: Family) -> bool:
+    ends = family.end, family.beginning
+    return any(end and end.kind == "stopped" for end in ends) and len(family) < RESULTS.family
 
 
 def _orbit_of_scene(machine: Machine, scene: Scene) -> Orbit:
@@ -212,40 +211,31 @@ def _run_led_to(machine: Machine, scene: Scene) -> Orbit:
 _last_run: list[tuple[Scene, Orbit]] = []
 
 
-def joined_ways(parts: list[Family]) -> Family:
-    """The family upward from a hop and the one downward from it as a single family, the latter reversed."""
-    if len(parts) == 1:
-        return parts[0]
-    up, down = parts
-    last = len(down) - 1
-    turned = [replace(e, after=last - e.after - (e.kind != "value")) for e in reversed(down.events)]
-    events = [*turned, *(replace(event, after=event.after + last) for event in up.events)]
-    return replace(up, points=(*down.points[:0:-1], *up.points), events=tuple(events))
-
-
-def _family_result(machine: Machine, scene: Scene, parts: dict[str, Family], ways: int) -> FamilyResult:
-    family = joined_ways(list(parts.values()))
-    ended = {word: part for word, part in parts.items() if not _is_growing(part)}
-    endings = " ".join(f"{word}: {_ending(part)}." for word, part in ended.items())
-    text = f"{len(family)} solutions" + (f". {endings}" if len(ended) == ways else ", still growing.")
+def _family_result(machine: Machine, scene: Scene, family: Family) -> FamilyResult:
+    # From the lower end of a slider a family goes up, and from its upper end down.
+    only = "Downward" if family.settings["stop"] < family.settings["start"] else "Upward"
+    ends = (
+        {"Upward": (-1, family.end), "Downward": (0, family.beginning)}
+        if family.beginning
+        else {only: (-1, family.end)}
+    )
+    endings = " ".join(f"{word}: {_ending(family, *end)}." for word, end in ends.items())
+    text = f"{len(family)} solutions" + (", still growing." if _is_growing(family) else f". {endings}")
     values, starts = tuple(p.value for p in family.points), tuple(start_of(machine, p) for p in family.points)
     tuned = tuple({name: point.also[name] for name in scene.tuned} for point in family.points)
     data = family_data(family)
-    ends = [(part[-1].value, part[-1].alpha, f"end: {part.end.kind}") for part in ended.values()]
-    # The last event of a family is its end; this family may have two ends, or none yet.
-    events = {
-        name: [*list(column)[:-1], *(end[k] for end in ends)] for k, (name, column) in enumerate(data.events.items())
-    }
-    data = replace(data, events=events)
+    if _is_growing(family):
+        there = [kind != "end: stopped" for kind in data.events["kind"]]
+        data = replace(data, events={name: [*compress(column, there)] for name, column in data.events.items()})
     return FamilyResult(scene, data, values, starts, tuned, text)
 
 
-def _ending(part: Family) -> str:
-    """How a family ends in one direction, in words; that may be back at its hop's value on another sheet."""
-    last, name = part[-1].value, part.name
-    if part.end.kind != "reached" or last == part[0].value:
-        return part.end.reason
-    return f"to the end of the slider, {name.replace('_', ' ')} = {number_text(last, part.units.get(name, ''), 6)}"
+def _ending(family: Family, place: int, end: End) -> str:
+    """How a family ends at one of its ends, in words; that may be back at its hop's value on another sheet."""
+    last, name = family[place].value, family.name
+    if end.kind != "reached" or "again" in end.reason:
+        return str(end.reason)
+    return f"to the end of the slider, {name.replace('_', ' ')} = {number_text(last, family.units.get(name, ''), 6)}"
 
 
 def map_results(python_machine: object, scene: Scene) -> Iterator[MapData]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...tables import number_text
+from ..family_ends import NAMES_OF_ENDS, ends_of
 from ..plot import COLOURS, family_curve
 from .bokeh_figures import (
     INK,
@@ -24,6 +25,7 @@ from .bokeh_figures import (
 
 if TYPE_CHECKING:
     from ...continuation import Family
+    from ...curves import End
 
 # Markers of events, the same in each figure of a family.
 SHAPES = {"fold": "circle", "branch point": "square", "grazing": "inverted_triangle", "masses touch": "x"}
@@ -31,7 +33,7 @@ SHAPES |= {"contact pulls": "triangle", "landing jerk": "square_x", "collapse": 
 SHAPES |= {"law ends": "diamond_cross"}
 OTHER_SHAPE, SHAPE_OF_END = "plus", "square_pin"
 # Of ends, whose kinds name what became of the parameter.
-LABELS = {"end: reached": "end of the range", "end: escaped": "goes on without bound"}
+LABELS = {f"end: {kind}": name for kind, name in NAMES_OF_ENDS.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +44,7 @@ class FamilyData:
         they are not, NaN elsewhere
     points : columns (k,) of the orbits: "value", "quantity", "alpha", and "note", whether they are motions and which
         event is there
-    events : columns of the events and of the end: "value", "quantity", "kind"
+    events : columns of the events and of the ends: "value", "quantity", "kind"
     labels : of the two axes, with units
     """
 
@@ -65,9 +67,9 @@ def family_data(family: Any, quantity: str = "alpha") -> FamilyData:
     texts = [text if event is None else f"{event.kind}: {text}" for text, (_, event) in zip(texts, along, strict=True)]
     marked = [i for i, (_, event) in enumerate(along) if event and event.kind != "value"]
     kinds = [along[i][1].kind for i in marked]
-    if along:
-        marked, kinds = [*marked, len(along) - 1], [*kinds, f"end: {family.end.kind}"]
-        texts[-1] += f"; {kinds[-1]}, {ending(family)}"
+    for place, end in reversed(ends_of(family).items()):
+        marked, kinds = [*marked, place], [*kinds, f"end: {end.kind}"]
+        texts[place] += f"; {kinds[-1]}, {ending(family, end)}"
     speeds = [number_text(point.alpha, speed_in) for point, _ in along]
     points = {"value": value, "quantity": whole, "alpha": speeds, "note": texts}
     events = {"value": value[marked], "quantity": whole[marked], "kind": kinds}
@@ -75,9 +77,9 @@ def family_data(family: Any, quantity: str = "alpha") -> FamilyData:
     return FamilyData(value, motions, others, points, events, (across, up))
 
 
-def ending(family: "Family") -> str:
-    """How a `Family` ends, in words."""
-    end, unit = family.end, family.units.get(family.name, "")
+def ending(family: "Family", end: "End") -> str:
+    """How a `Family` ends at its first or last point, in words."""
+    unit = family.units.get(family.name, "")
     if end.limit is None:
         return end.reason
     off = "" if end.limit_error is None else f" (about {end.limit_error:.0e} off)"

@@ -113,13 +113,18 @@ def family_page(family: "Family", path: str | Path, quantity: str, hops: Iterabl
     head, *_ = str(family).splitlines()
     heads = ["event", family.heading(family.name), family.heading(quantity), "no motion, because"]
     rows = [_event_row(family, event, quantity) for event in family.events]
-    end = f"End: {family.end.kind}, {ending(family)}."
+    ends = [f"{word}: {end.kind}, {ending(family, end)}." for word, end in _ends(family)]
     tables = [html_table(rows, "", heads)] if rows else []
     sections: list[object] = [
         ("The family", [shown.figure]),
-        ("What happens along it", [f"<p>{escape(end)}</p>", *tables]),
+        ("What happens along it", [*(f"<p>{escape(end)}</p>" for end in ends), *tables]),
     ]
     return write_page(path, head, [*sections, *_choice(family, quantity, shown, list(hops))])
+
+
+def _ends(family: "Family") -> list[tuple[str, Any]]:
+    """The ends of a family with what they are called."""
+    return [*([("Beginning", family.beginning)] if family.beginning else []), ("End", family.end)]
 
 
 def sweep_page(sweep: Any, path: str | Path, quantity: str | None) -> Path:

@@ -594,6 +594,16 @@ def test_the_stiffness_for_a_launch_speed_is_found(orbits):
     assert done.document["tuned_errors"]["k"] < 1e-13
 
 
+def test_a_family_goes_both_ways_from_the_value_of_the_machine(orbits):
+    points = orbits("follow --spring cubic --set beta=0.3 --along beta --to 0.1:0.5 --json").document["points"]
+    assert [points[0]["beta"], points[-1]["beta"]] == [0.1, 0.5]
+    points = orbits("follow --spring cubic --along beta --from 0.2 --to 0.1:0.5 --json").document["points"]
+    assert 0.2 in [point["beta"] for point in points]
+    for wrong, words in (("0.1:0.2:0.3", "neither a number nor a range A:B"), ("0.4:0.5", "does not lie between them")):
+        done = orbits(f"follow --spring cubic --set beta=0.3 --along beta --to {wrong}")
+        assert (done.code, words in " ".join(done.err.split())) == (2, True)
+
+
 def test_a_family_goes_along_a_quantity(orbits):
     done = orbits("follow --spring cubic --tune beta=0.3 --along alpha --from 2.9 --to 3 --json")
     assert done.document["points"][-1]["alpha"] == pytest.approx(3.0, rel=1e-13)

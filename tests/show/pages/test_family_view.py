@@ -31,7 +31,7 @@ def test_a_family_has_its_motions_events_and_end(softening_family):
     assert np.isfinite(data.others[collapse:]).all()
     assert data.points["quantity"].tolist() == [point.alpha for point, _ in softening_family.in_order()]
     assert family_data(softening_family, "flight_time").labels == ("beta", "flight time")
-    with pytest.raises(InputError, match="no quantity 'weight'"):
+    with pytest.raises(InputError, match="unknown quantity 'weight'"):
         family_data(softening_family, "weight")
     assert pickle.loads(pickle.dumps(data)).labels == data.labels
 
