@@ -48,8 +48,7 @@ Item = TypeVar("Item")
 class DisplayOptions(NamedTuple):
     """The sizes of results in cells of a notebook, and of tables."""
 
-    picture: tuple[float, float] = (5.6, 3.8)  # width and height in inches
-    dots_per_inch: int = 130  # sharp on most screens, and a picture of some 30 kB
+    dots_per_inch: int = 150  # sharp on most screens, and a picture of some 30 kB
     rows_of_cell: int = 30  # of a table in a cell; a design with the certificate of its orbit has fewer
     at_once: int = 10_000  # rows of a table that are objects of Python together, as it is written
 
@@ -444,9 +443,9 @@ def _picture(title: str, draw: Callable[..., Any]) -> str:
     import base64
 
     try:
-        plot = shown("plot")
-        with plot.off_screen():
-            axes = draw(axes=plot.new_axes(*DISPLAY.picture))
+        canvas = shown("canvas")
+        with canvas.off_screen():
+            axes = draw(axes=canvas.new_axes())
         data = base64.b64encode(_small_png(axes.figure)).decode("ascii")
     except Exception as error:  # the table is worth showing without its picture
         reason = str(error) or type(error).__name__

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import find
-from orbits.show import save_figure
-from orbits.show.plot import plot_orbit
+from orbits.show import plot_orbit, save_figure, small_type
 from problems import juggler_in_si
 
 BALL, HAND = 0.2923, 0.2657  # kg
@@ -43,7 +42,7 @@ def main(folder: Path) -> dict[str, float]:
         print(f"  {name + unit:<28}{model:>10.4g}{measured:>10.4g}{model / measured - 1:>8.1%}")
 
     axes = plot_orbit(orbit)
-    axes.set_title(f"air-track juggler: A1/A2 = {first / second:.3f} (measured {MEASURED_RATIO})", fontsize="medium")
+    axes.set_title(f"air-track juggler: A1/A2 = {first / second:.3f} (measured {MEASURED_RATIO})")
     bottom = orbit(orbit.flight_time + orbit.contact_time / 2)[0]
     for share, high, text in ((0.12, first, "$A_1$"), (0.42, second, "$A_2$")):
         x = share * orbit.flight_time
@@ -53,7 +52,7 @@ def main(folder: Path) -> dict[str, float]:
             (x, bottom),
             arrowprops={"arrowstyle": "<->", "color": "0.4", "lw": 0.9, "shrinkA": 0, "shrinkB": 0},
         )
-        axes.text(x, 0.8 * bottom, f" {text} = {1e3 * high:.0f} mm", color="0.2", fontsize="small")
+        axes.text(x, 0.8 * bottom, f" {text} = {1e3 * high:.0f} mm", color="0.2", fontsize=small_type(axes))
     axes.axhline(bottom, color="0.8", lw=0.7)
     for amplitude in (first, second):
         axes.axhline(bottom + amplitude, color="0.8", lw=0.7)

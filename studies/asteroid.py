@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import find
-from orbits.show import COLOURS, legend_below, save_figure
-from orbits.show.plot import new_row
+from orbits.show import COLOURS, dressed, legend_below, new_row, save_figure
 from problems import hopper_in_si
 
 ROVER = {"body_mass": 2.5, "foot_mass": 0.5, "surface_gravity": 1e-4, "rest_length": 0.6}
@@ -58,7 +57,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         )
     print("\n", best, sep="")
 
-    path, families_axes = new_row(1, 7.5, 3.25, rows=2)
+    path, families_axes = new_row(1, 0.43, rows=2)
     si = best.si()
     t = np.linspace(0, best.period, 6001)
     states = best(t)
@@ -69,17 +68,13 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     path.set(xlabel="time (min)", ylabel="height (m)", xlim=(0, best.period / 60))
     path.set_title(
         f"family {best.family}: {rise(best):.2f} m in {si['flight_time_s'] / 60:.1f} min, nothing lost",
-        fontsize="medium",
     )
     legend_below(path)
-    zoom = path.inset_axes([0.38, 0.3, 0.3, 0.34])
+    zoom = dressed(path.inset_axes([0.38, 0.3, 0.3, 0.34]), path)
     first = t < 0.08 * best.flight_time
     for name, colour in colours.items():
         zoom.plot(t[first], best.shape.heights[name](states[first]), color=colour, lw=1.2)
-    zoom.set_title("after lift-off", fontsize="small")
-    zoom.set_xlabel("time (s)", fontsize="small")
-    zoom.set_ylabel("height (m)", fontsize="small")
-    zoom.tick_params(labelsize="small")
+    zoom.set(title="after lift-off", xlabel="time (s)", ylabel="height (m)")
     n = [orbit.family for orbit in real]
     families_axes.plot(n, [rise(orbit) for orbit in real], "o", color=COLOURS[2], label=f"radius {RADIUS:.0f} m")
     families_axes.plot(n, [rise(orbit) for orbit in flat], "o", mfc="none", color="0.4", label="constant gravity")

@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import ReturnMap
-from orbits.show import COLOURS, save_figure
-from orbits.show.plot import new_row
+from orbits.show import COLOURS, new_row, save_figure
 from problems import Hopper
 
 LAUNCHES = (4.5, 20.0)
@@ -79,7 +78,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, list]:
         print(f"  M = {M:8.3g}: {100 * share:5.1f}% of the launches from {LAUNCHES[0]} to {LAUNCHES[1]} are attracted")
     for eps, error in zip(injections, errors, strict=True):
         print(f"  injection {eps:.4f} of launch speed at every hop: eight smooth catches need it to +-{error:.4f}")
-    left, right = new_row(2, 4.8, 3.8)
+    left, right = new_row(2, 0.79)
     left.semilogx(ratios, shares, "o-", color=COLOURS[0], ms=4)
     left.set(xlabel="mass ratio M", ylabel="share of launches attracted", ylim=(0, 1.05), title="launches that stay")
     right.loglog(injections, errors, "o-", color=COLOURS[1], ms=4)

@@ -12,8 +12,7 @@ import numpy as np
 
 from orbits.result import Axes
 from orbits.shooting import METHODS
-from orbits.show import COLOURS, legend_below, save_figure
-from orbits.show.plot import new_row
+from orbits.show import COLOURS, legend_below, new_row, save_figure
 
 OURS = (*METHODS, "warm", "Taylor", "Runge-Kutta of order 8")
 LOOKS = {way: ("o", colour) for way, colour in zip(OURS, cycle(COLOURS), strict=False)}
@@ -25,7 +24,7 @@ LOOKS |= {"scipy DOP853 + root": ("s-", "0.35"), "scipy DOP853": ("s-", "0.35")}
 
 def draw(results: dict) -> Axes:
     """The cubic scene's work against precision, cold starts, and how an orbit's time grows; the table has the rest."""
-    panels = new_row(2, 4.8, 4.3, rows=2).ravel()
+    panels = new_row(2, 0.9, rows=2).ravel()
     flights = results["lanes"].get("half a flight and its slopes", [])
     _scatter(panels[0], results["orbits"]["cubic"], "an orbit", "an orbit")
     _scatter(panels[1], [*results["flows"]["cubic"], *flights], "half a flight and its slopes", "a flight")

@@ -24,8 +24,7 @@ import numpy as np
 from orbits import BifurcationDiagram, ReturnMap, bifurcations
 from orbits.numerics import enclosed_sign_changes
 from orbits.returns.launch_cycles import MapsAlong
-from orbits.show import save_figure
-from orbits.show.plot import new_row
+from orbits.show import new_row, save_figure
 from problems import Hopper, hopper_in_si, springs
 
 LAUNCHES = (4.4, 4.7)
@@ -196,11 +195,11 @@ def main(folder: Path, quick: bool = False) -> dict[str, BifurcationDiagram]:
         found["damping"] = bifurcations(
             Hopper(), "damping", (0.0, 0.007), LAUNCHES, inject=DAMPED_INJECT, sections=sections
         )
-    panels = np.atleast_1d(new_row(len(found), 5.2, 4.4))
+    panels = np.atleast_1d(new_row(len(found), 0.85))
     for axes, (name, diagram) in zip(panels, found.items(), strict=True):
         print(f"\n{diagram}")
         diagram.plot(axes)
-        axes.set_title(f"along the {'injection' if name == 'inject' else 'damping'}", fontsize="medium")
+        axes.set_title(f"along the {'injection' if name == 'inject' else 'damping'}")
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(panels[0], folder / 'bifurcations.png')}")
     return found

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from orbits import find, find_all, follow, simulate
-from orbits.show import COLOURS, legend_below, save_figure
-from orbits.show.plot import NO_MOTIONS, new_row, plot_orbit
+from orbits.show import COLOURS, legend_below, new_row, plot_orbit, save_figure
+from orbits.show.style import NO_MOTIONS
 from problems import Chain
 
 LONGEST = 10.0
@@ -58,7 +58,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         some = losses(first, np.array([1e-8, 1e-6]), name)
         numbers[f"exponent {name}"] = float(np.log10(some[1] / some[0]) / 2)
         print(f"  losses beside the hop in {name} go with the power {numbers[f'exponent {name}']:.4f}")
-    one, two, three, four = new_row(2, 4.8, 3.9, rows=2).ravel()
+    one, two, three, four = new_row(2, 0.81, rows=2).ravel()
     for axes, orbit in ((one, first), (two, second)):
         plot_orbit(orbit, axes).set_title(f"three masses, launch speed {orbit.alpha:.5g}")
     hardening = Chain(springs=HARDENING, parameters={"b": 0.0})

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from orbits import NoOrbit, Orbit, find, find_all, follow, starts
-from orbits.show import COLOURS, legend_below, save_figure
-from orbits.show.plot import NO_MOTIONS, new_row, plot_orbit
+from orbits.show import COLOURS, legend_below, new_row, plot_orbit, save_figure
+from orbits.show.style import NO_MOTIONS
 from problems import Juggler, chain_hand
 
 LAWS = ["r + b*r**3", "K*r"]
@@ -73,7 +73,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     found = throws()
     numbers["throws"] = len(found)
     print(f"  {len(found)} throws of equal masses, launch speeds " + ", ".join(f"{o.alpha:.8g}" for o in found))
-    panels = new_row(2, 4.8, 3.9, rows=2).ravel()
+    panels = new_row(2, 0.81, rows=2).ravel()
     plot_orbit(found[0], panels[0]).set_title(f"equal masses, launch speed {found[0].alpha:.5g}")
     for axes, (along, (_, label)) in zip(panels[1:], WAYS.items(), strict=True):
         for orbit, colour in zip(found[:1] if quick else found, COLOURS, strict=False):

@@ -18,8 +18,7 @@ import numpy as np
 
 from orbits import ReturnMap, find
 from orbits.hops import Impacts
-from orbits.show import COLOURS, legend_below, save_figure
-from orbits.show.plot import new_row
+from orbits.show import COLOURS, legend_below, new_row, save_figure
 from problems import Hopper
 from problems.steering import keep_hopping, missed, work
 
@@ -81,7 +80,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         print(f"  {c:>10.3g}{row[0]:>14.6f}{row[1]:>12.4f}{row[2]:>12.4f}{row[3]:>12.4f}{injected[i, 0] / c:>10.4f}")
     print(f"\n  the effort goes with c to the power {exponent:.6f}; by energy alone it would be {floor:.4f} c^2")
     print(f"  the dissipation of the lossless hop is {lost:.6f} c; open loop the answers are missed by {worst:.1e}")
-    left, middle, right = new_row(3, 3.6, 4.0)
+    left, middle, right = new_row(3, 1.11)
     keep_hopping(Hopper(damping=SHOWN), start=orbit).plot(left)
     for lossless, name, colour in ((True, "lossless landing", COLOURS[0]), (False, "any landing", COLOURS[1])):
         middle.semilogx(dampings, efforts[lossless] / dampings**2, "o-", color=colour, ms=4, label=name)

@@ -15,8 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import Design, DesignCurve, Front, NoOrbit, optimize, pareto, quantities
-from orbits.show import save_figure
-from orbits.show.plot import new_row
+from orbits.show import legend_below, new_row, save_figure
 from problems import hopper_in_si
 
 BODY, FOOT = 60.0, 3.0  # kg
@@ -91,26 +90,22 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
 
 
 def _figure(winner: Design, found: list[Design], fronts: dict[int, Front], folder: Path) -> Path:
-    left, right = new_row(2, 4.8, 3.9)
+    left, right = new_row(2, 0.81)
     winner.orbit.plot(left)
     k, b = winner.parameters["k"], winner.parameters["b"]
-    left.set_title(f"least C for {HEIGHT} m: k = {k:.0f} N/m, b = {b:.3g} N/m$^3$", fontsize="medium")
+    left.set_title(f"least C for {HEIGHT} m: k = {k:.0f} N/m, b = {b:.3g} N/m³")
     colours = {}
     for family, trade in fronts.items():
         heights, forces = -trade.values[:, 0], trade.values[:, 1] / 1e3
-        (line,) = right.plot(heights, forces, "o-", ms=3.5, lw=1.2)
+        (line,) = right.plot(heights, forces, "o-", ms=3.5, lw=1.2, label=f"family {family}")
         colours[family] = line.get_color()
-        right.annotate(f"family {family}", (heights[0], forces[0]), (0, 7), textcoords="offset points",
-                       color=line.get_color(), ha="center", fontsize="small")  # fmt: skip
     for design in (design for design in found if design.orbit.family in fronts):
         force = quantities(design.source, design.orbit, ["largest_contact_force"])["largest_contact_force"] / 1e3
         colour = colours[design.orbit.family]
-        right.plot(HEIGHT, force, "*", color=colour, ms=11, zorder=3)
-        right.annotate(f"least C = {design.objective:.3g}", (HEIGHT, force), (-8, -3), textcoords="offset points",
-                       color=colour, ha="right", fontsize="small")  # fmt: skip
+        right.plot(HEIGHT, force, "*", color=colour, ms=11, zorder=3, label=f"least C = {design.objective:.3g}")
     right.set(xlabel="rise of the centre of mass (m)", ylabel="largest contact force (kN)")
-    right.set_title(f"fronts with a stroke of at most {STROKE} m", fontsize="medium")
-    right.margins(x=0.15, y=0.1)
+    right.set_title(f"fronts with a stroke of at most {STROKE} m")
+    legend_below(right)
     folder.mkdir(parents=True, exist_ok=True)
     return save_figure(left, folder / "design.png")
 

@@ -15,8 +15,7 @@ from time import perf_counter
 import numpy as np
 
 from orbits import Existence, existence, follow, follow_fold
-from orbits.show import COLOURS, legend_below, save_figure
-from orbits.show.plot import new_row
+from orbits.show import COLOURS, legend_below, new_row, save_figure
 from problems import Hopper, Juggler
 
 REST_LENGTH = 30.0
@@ -46,7 +45,7 @@ def cusp() -> tuple[np.ndarray, tuple[float, float]]:
 def main(folder: Path, quick: bool = False) -> dict[str, object]:
     found: dict[str, object] = {}
     machines, springs = ({"hopper": MACHINES["hopper"]}, (SATURATING,)) if quick else (MACHINES, (QUINTIC, SATURATING))
-    panels = np.reshape(new_row(len(springs), 4.8, 4.2, rows=len(machines)), (-1, len(springs)))
+    panels = np.reshape(new_row(len(springs), 0.88, rows=len(machines)), (-1, len(springs)))
     for row, (kind, machine) in zip(panels, machines.items(), strict=True):
         for axes, (spring, values) in zip(row, springs, strict=True):
             began = perf_counter()

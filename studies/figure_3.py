@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import find
-from orbits.show import save_figure
-from orbits.show.plot import new_row, plot_orbit
+from orbits.show import new_row, plot_orbit, save_figure
 from problems import Hopper, Juggler
 
 
@@ -23,7 +22,7 @@ def main(folder: Path) -> dict[str, float]:
     difference = float(np.abs((ball - ball[0]) / ratio - (centre - centre[0])).max())
     print(f"\n  alpha = {hopper.alpha:.15g} and {juggler.alpha:.15g}, period {hopper.period:.12g}")
     print(f"  the ball's path is {ratio:.12g} times the centre of mass's, but for {difference:.1e}")
-    for axes, orbit in zip(new_row(2, 4.8, 3.8), (hopper, juggler), strict=True):
+    for axes, orbit in zip(new_row(2, 0.79), (hopper, juggler), strict=True):
         plot_orbit(orbit, axes)
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(axes, folder / 'figure_3.png')}")

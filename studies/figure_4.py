@@ -13,8 +13,7 @@ import numpy as np
 
 from orbits import find
 from orbits.flow import flow_of
-from orbits.show import COLOURS, save_figure
-from orbits.show.plot import new_row
+from orbits.show import COLOURS, new_row, save_figure
 from problems import Hopper
 
 ALPHA = 4.493409457909064
@@ -40,7 +39,7 @@ def foot_path(landing, times) -> np.ndarray:
 
 def main(folder: Path) -> dict[str, float]:
     times, lowest = np.linspace(-2.0, 0.0, 201), {}
-    for axes, (name, landing) in zip(new_row(5, 2.2, 2.8), LANDINGS.items(), strict=True):
+    for axes, (name, landing) in zip(new_row(5, 1.27), LANDINGS.items(), strict=True):
         heights = foot_path(landing, times)
         lowest[name] = float(heights.min())
         axes.axhline(0, color="0.4", lw=0.8)

@@ -16,8 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import ReturnMap, find
-from orbits.show import COLOURS, save_figure
-from orbits.show.plot import new_row
+from orbits.show import COLOURS, new_row, save_figure
 from problems import HeavyHand, Hopper
 
 LIGHT, HEAVY = 0.02, 1e3
@@ -42,7 +41,7 @@ def worst_loss(mass_ratio: float) -> float:
 
 
 def main(folder: Path, quick: bool = False) -> dict[str, float]:
-    panels = new_row(2, 4.8, 4.4, rows=2)
+    panels = new_row(2, 0.92, rows=2)
     samples, more = (100, 400) if quick else (1200, 4000)
     orbit = find(Hopper())
     ReturnMap(Hopper()).plot(1.0, 12.0, panels[0, 0], samples=more)
@@ -60,7 +59,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     for axes, words in zip(
         panels.flat, ("(a) M = 1", "(b) M = 1, enlarged", f"(c) M = {LIGHT:g}", f"(d) M = {HEAVY:g}"), strict=True
     ):
-        axes.set_title(words, fontsize="medium")
+        axes.set_title(words)
     numbers = {
         "next at 4": float(ReturnMap(Hopper())(4.0).next),
         "impacts at 3.4": int(heavy(3.4).impacts),

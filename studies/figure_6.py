@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from orbits import find, simulate
-from orbits.show import save_figure
-from orbits.show.plot import new_row, plot_gap
+from orbits.show import new_row, save_figure
+from orbits.show.plot import plot_gap
 from problems import Hopper
 
 TYPICAL = 4.0
@@ -26,7 +26,7 @@ def asymmetry(run, first: float, end: float) -> float:
 
 
 def main(folder: Path) -> dict[str, float]:
-    machine, panels, numbers = Hopper(), new_row(2, 4.8, 3.6), {}
+    machine, panels, numbers = Hopper(), new_row(2, 0.75), {}
     for axes, (name, alpha) in zip(panels, (("typical", TYPICAL), ("lossless", find(machine).alpha)), strict=True):
         run = simulate(machine, alpha, hops=2)
         flight = run.events[0]

@@ -18,8 +18,7 @@ from orbits.flow import flow_of
 from orbits.model import Arc, Statement
 from orbits.numerics import derivative, piecewise_roots
 from orbits.shooting import Shooting
-from orbits.show import COLOURS, legend_below, save_figure
-from orbits.show.plot import new_row
+from orbits.show import COLOURS, legend_below, new_row, save_figure
 from problems import Hopper
 
 MACHINE = Hopper("r + beta*r**3", "1/(1 + z/R)**2", rest_length=12.0, parameters={"beta": 0.1, "R": 60.0})
@@ -83,7 +82,7 @@ def main(folder: Path) -> dict[str, float]:
     print(f"  inflection on the ground: h = {height:.12g}, a = {compression:.12g}, {time:.12g} after mid-flight")
     print(f"  speed of the body there {-speed:.15g}; launch speed of the hop {orbit.alpha:.15g} +- {orbit.error:.1e}")
 
-    left, middle, right = new_row(3, 3.6, 4.2)
+    left, middle, right = new_row(3, 1.17)
     critical = inflection_curve([HEIGHT], *curve[np.abs(curve[:, 0] - HEIGHT).argmin(), 1:3])[0]
     pairs = []
     for compression_, colour in zip((*COMPRESSIONS, critical[1]), (*"0123", "k"), strict=True):

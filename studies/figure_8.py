@@ -23,8 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds t
 
 from orbits import NoOrbit, ReturnMap, find, multiplier
 from orbits.numerics import bracketed_root
-from orbits.show import COLOURS, legend_below, save_figure
-from orbits.show.plot import new_row
+from orbits.show import COLOURS, legend_below, new_row, save_figure
 from problems import Hopper
 from studies.period_four import crisis
 
@@ -112,7 +111,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     starts = {4.52: COLOURS[0], 4.494: COLOURS[1]}
     visits = {start: visited(injections, start, 200 if quick else 1000) for start in starts}
     numbers["stays"] = float(injections[np.isfinite(visits[4.52]).all(0) & (visits[4.52] > LOW).all(0)][-1])
-    left, right = new_row(2, 4.8, 4.4)
+    left, right = new_row(2, 0.92)
     alpha = np.linspace(LOW, 5.0, 2000)
     plain = ReturnMap(MACHINE)(alpha).next
     left.plot(alpha, alpha, color="0.6", lw=0.8)

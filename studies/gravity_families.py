@@ -12,8 +12,7 @@ import argparse
 from pathlib import Path
 
 from orbits import Family, follow
-from orbits.show import plot_family, save_figure
-from orbits.show.plot import new_row
+from orbits.show import new_row, plot_family, save_figure
 from problems import Hopper, Juggler
 
 REST_LENGTH = 12.0
@@ -26,7 +25,7 @@ LAWS = (
 
 def main(folder: Path, quick: bool = False) -> dict[tuple, Family]:
     numbers = (1,) if quick else (1, 2, 3)
-    panels, found = new_row(2, 4.8, 3.9, rows=2), {}
+    panels, found = new_row(2, 0.81, rows=2), {}
     for row, (law, along, stop, label) in zip(panels, LAWS, strict=True):
         for axes, machine in zip(row, (Hopper, Juggler), strict=True):
             print(f"\n  {machine.kind}, gravity {law}")

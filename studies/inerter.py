@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import Family, find, follow
-from orbits.show import COLOURS, legend_below, save_figure
-from orbits.show.plot import new_row
+from orbits.show import COLOURS, legend_below, new_row, save_figure
 from problems import inerter_hopper
 
 BODY, FOOT, GRAVITY, LENGTH, STIFFNESS, HARDENING = 60.0, 3.0, 9.81, 0.8, 5000.0, 1e5  # kg, m, N/m, N/m^3
@@ -48,7 +47,7 @@ def told(family: Family) -> dict[str, np.ndarray]:
 
 def draw(legs: dict[str, dict[str, np.ndarray]]):
     """The six panels of the picture."""
-    panels = new_row(3, 3.6, 3.8, rows=2).ravel()
+    panels = new_row(3, 1.06, rows=2).ravel()
     for inertance, style in ((0.0, "--"), (SHOWN, "-")):
         orbit = find(leg(inertance))
         t = np.linspace(0.0, orbit.period, 600)

@@ -15,8 +15,8 @@ import numpy as np
 
 from orbits import Family, Orbit, Sweep, find, follow, sweep
 from orbits.model import half_angle
-from orbits.show import COLOURS, legend_below, save_figure
-from orbits.show.plot import NO_MOTIONS, SHADE, new_row, plot_orbit
+from orbits.show import COLOURS, colour_bar, legend_below, new_row, plot_orbit, save_figure, small_type
+from orbits.show.style import NO_MOTIONS, SHADE
 from problems import knee_hopper
 
 LEG = knee_hopper(body_mass=60.0, foot_mass=3.0, link=0.45, stiffness=400.0, rest_angle=2.0)
@@ -63,7 +63,7 @@ def draw_leg(axes, orbit: Orbit) -> None:
         axes.plot(x + bend, (foot + hip) / 2, "o", color="0.35", ms=9)
         axes.plot(x, hip, "o", color=COLOURS[0], ms=20)
         axes.plot(x, foot, "o", color=COLOURS[1], ms=9)
-        axes.text(x + 0.1, -0.12, f"{name}\n{np.degrees(angle):.0f}°", ha="center", va="top", fontsize="small")
+        axes.text(x + 0.1, -0.12, f"{name}\n{np.degrees(angle):.0f}°", ha="center", va="top", fontsize=small_type(axes))
     axes.axhspan(-2.0, ground, color=SHADE, zorder=0)
     axes.axhline(ground, color="0.3", lw=1.2)
     axes.set(
@@ -85,17 +85,17 @@ def draw_map(axes, legs: Sweep) -> None:
     good = (legs["status"] == "certified")[order].reshape(shape).T
     rise = np.where(good, legs["body_rise"][order].reshape(shape).T, np.nan)
     drawn = axes.pcolormesh(links, stiffnesses, rise, shading="nearest", cmap="viridis", rasterized=True)
-    axes.figure.colorbar(drawn, ax=axes, label="rise of the body (m)")
+    colour_bar(axes, drawn, "rise of the body (m)")
     axes.set_facecolor("0.85")
-    axes.text(0.97, 0.05, "the knee folds through", transform=axes.transAxes, ha="right", fontsize="small")
+    axes.text(0.97, 0.05, "the knee folds through", transform=axes.transAxes, ha="right", fontsize=small_type(axes))
     axes.set(xlabel="link (m)", ylabel="stiffness (N m/rad)", title=f"family {SHOWN}")
 
 
 def draw(orbit: Orbit, legs: Sweep, families: dict[int, Family]):
     """The six panels of the picture."""
-    panels = new_row(3, 3.6, 3.8, rows=2).ravel()
+    panels = new_row(3, 1.06, rows=2).ravel()
     draw_leg(panels[0], orbit)
-    plot_orbit(orbit, panels[1]).set_title(f"a hop of family {SHOWN}", fontsize="medium")
+    plot_orbit(orbit, panels[1]).set_title(f"a hop of family {SHOWN}")
     draw_map(panels[2], legs)
     for (number, family), colour in zip(families.items(), COLOURS, strict=False):
         found = told(family)

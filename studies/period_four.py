@@ -20,9 +20,7 @@ import numpy as np
 
 from orbits import ReturnMap, bifurcations, find, multiplier, period_diagram
 from orbits.numerics import bracketed_root
-from orbits.show import COLOURS, legend_below, save_figure
-from orbits.show.period_figures import name_curve
-from orbits.show.plot import new_axes, new_row
+from orbits.show import COLOURS, STYLE, legend_below, new_axes, new_row, save_figure
 from problems import Hopper
 
 INJECT, LAUNCHES = (0.0, 0.15), (4.3, 4.8)
@@ -103,7 +101,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     ratios = ", ".join(f"{value:.4f}" for value in gaps[:-1] / gaps[1:])
     print(f"  period four doubles at {', '.join(f'{value:.10f}' for value in cascade)}: ratios {ratios}")
 
-    left, right = new_row(2, 5.4, 4.8)
+    left, right = new_row(2, 0.89)
     diagram.plot(left)
     for axes in (left, right):
         for value in (fold.value, *cascade[:1], numbers["flip of two"], numbers["crisis"]):
@@ -127,7 +125,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     over = {"inject": (0.05, 0.24), "mass_ratio": MASS_RATIOS}
     periods = period_diagram(Hopper(), over, (4.2, 5.4), samples=samples, starts=(4.52, 4.4925))
     print(f"\n{periods}")
-    axes = periods.plot(new_axes(8.2, 6.2))
+    axes = periods.plot(new_axes(0.76, STYLE.page))
     longest = 0.05 if quick else 0.02
     for event in flips if quick else (*flips, doubled, fold):
         curve = diagram.follow_event(event, "mass_ratio", MASS_RATIOS[1], longest=longest)
@@ -137,7 +135,6 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     masses = np.linspace(*MASS_RATIOS, 2 if quick else 21)
     line = np.column_stack([[crisis(mass) for mass in masses], masses])
     axes.plot(*line.T, color="black", lw=2.6, alpha=0.55, label="crisis")
-    name_curve(axes, line, "crisis")
     axes.set(xlim=over["inject"], title="the periods that attract, with curves of bifurcations and the crisis")
     legend_below(axes)
     print(f"\n  figure: {save_figure(axes, folder / 'periods.png')}")

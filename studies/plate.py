@@ -18,8 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orbits import Family, NoOrbit, Orbit, find, find_all, follow, starts
-from orbits.show import COLOURS, legend_below, save_figure
-from orbits.show.plot import new_row
+from orbits.show import COLOURS, legend_below, new_row, save_figure
 from problems import Hopper, plate_hopper
 
 ALONG = {"plate_stiffness": (0.1, 200.0), "m3": (0.1, 200.0)}
@@ -136,7 +135,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         orbit = near_plain(5.0, mass, -(mass + 2) / 5)
         numbers[f"heavy {mass:g}"] = (orbit.alpha / plain().alpha - 1) * mass
         print(f"  heavy plate, m3 = {mass:g}: alpha/alpha_0 - 1 = {numbers[f'heavy {mass:g}']:.5f} m2/m3")
-    panels = new_row(2, 4.8, 3.9, rows=2)
+    panels = new_row(2, 0.81, rows=2)
     numbers |= draw_map(panels[0], quick)
     print(f"  at every stiffness at least {numbers['fewest motions']} motions; on stiff plates times of one of them")
     print(f"  are within {numbers['farthest from the plain hop']:.1%} of the plain hopper's")

@@ -17,7 +17,7 @@ from types import ModuleType
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
 
-from orbits.show.plot import STYLE as FIGURE_STYLE
+from orbits.show import STYLE as FIGURE_STYLE
 from studies import (
     air_track,
     attraction,

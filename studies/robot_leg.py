@@ -15,8 +15,7 @@ import numpy as np
 from scipy.stats import norm
 
 from orbits import Sweep, Uncertainty, sweep, uncertainty
-from orbits.show import COLOURS, legend_below, save_figure
-from orbits.show.plot import new_row
+from orbits.show import COLOURS, colour_bar, legend_below, new_row, save_figure
 from problems import hopper_in_si
 
 LEG = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 5000.0, "b": 1e5}, rest_length=0.8)
@@ -48,19 +47,19 @@ def uncertain(leg: dict[str, float], samples: int) -> tuple[Uncertainty, dict]:
 
 def draw(legs: Sweep, good: np.ndarray, best: int, on_front: np.ndarray, spread: Uncertainty, blame: dict):
     """The four panels of the picture."""
-    panels = new_row(2, 4.8, 3.9, rows=2).ravel()
+    panels = new_row(2, 0.81, rows=2).ravel()
     rise, ratio = legs[RISE], legs["foot_mass"] / legs["body_mass"]
     drawn = panels[0].scatter(legs["k"], rise, c=np.log10(legs["b"]), s=2, lw=0, rasterized=True)
     panels[0].axhline(HEIGHT, color="0.2", lw=0.8, ls="--")
     panels[0].set(
         xscale="log", xlabel="k (N/m)", ylabel="rise of the centre of mass (m)", ylim=(0, 0.5), title="all designs"
     )
-    panels[0].figure.colorbar(drawn, ax=panels[0], label="lg of b (N/m$^3$)")
+    colour_bar(panels[0], drawn, "lg of b (N/m$^3$)")
     drawn = panels[1].scatter(legs[FORCE][good], legs[LOSS][good], c=ratio[good], s=8, lw=0)
     panels[1].plot(legs[FORCE][on_front], legs[LOSS][on_front], "-", color="0.2", lw=1, label="front")
     panels[1].plot(legs[FORCE][best], legs[LOSS][best], "*", color=COLOURS[1], ms=13, label="most forgiving")
     panels[1].set(xlabel="peak force on the foot (N)", ylabel="loss coefficient C", title="designs that hop 0.2 m")
-    panels[1].figure.colorbar(drawn, ax=panels[1], label="foot mass over body mass")
+    colour_bar(panels[1], drawn, "foot mass over body mass")
     legend_below(panels[1])
     heights = spread.sweep[RISE]
     panels[2].hist(heights[np.isfinite(heights)], bins=40, color=COLOURS[4])

@@ -20,8 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds t
 
 from orbits import Orbit, find, follow
 from orbits.result import Axes
-from orbits.show import COLOURS, legend_below, save_figure
-from orbits.show.plot import new_row
+from orbits.show import COLOURS, legend_below, new_row, save_figure
 from orbits.units import STANDARD_GRAVITY
 from problems import rocking_block
 from studies.disturbed_steps import draw_disturbed
@@ -94,7 +93,7 @@ def draw_beside_housner(axes: Axes, orbit: Orbit) -> None:
 
 
 def main(folder: Path, quick: bool = False) -> dict[str, object]:
-    panels, orbits = new_row(2, 4.8, 3.9, rows=2), {family: find(block(), family) for family in FAMILIES}
+    panels, orbits = new_row(2, 0.81, rows=2), {family: find(block(), family) for family in FAMILIES}
     tilts = {family: largest_tilt(orbit.rises["lifted edge"]) for family, orbit in orbits.items()}
     for family, orbit in orbits.items():
         print(f"  family {family}: tilts up to {tilts[family]:.4f} a, two rocks take {2 * orbit.period:.4f} s,", end="")

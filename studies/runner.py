@@ -27,8 +27,7 @@ from orbits import (
     multipliers,
     orbit_at,
 )
-from orbits.show import COLOURS, legend_below, save_figure
-from orbits.show.plot import new_row
+from orbits.show import COLOURS, legend_below, new_row, save_figure
 from orbits.units import STANDARD_GRAVITY
 from problems import runner
 from studies.walker import in_few_colours
@@ -130,7 +129,7 @@ def draw_multipliers(axes, runs: Family, count: int) -> np.ndarray:
 
 
 def main(folder: Path, quick: bool = False) -> dict[str, object]:
-    panels = new_row(3, 3.6, 4.0, rows=2)
+    panels = new_row(3, 1.11, rows=2)
     where, along, high, grip, least, beside = np.ravel(panels)
     lengths = REST_LENGTHS[:1] if quick else REST_LENGTHS
     families = [family(length, 0.5 if quick else FASTEST) for length in lengths]

@@ -9,8 +9,7 @@ import argparse
 from pathlib import Path
 
 from orbits import Family, follow
-from orbits.show import plot_family, save_figure
-from orbits.show.plot import new_row
+from orbits.show import new_row, plot_family, save_figure
 from problems import Hopper
 
 # Title, spring, the parameter followed, from, to, and the others' values.
@@ -44,7 +43,7 @@ def fate(family: Family) -> str:
 
 def main(folder: Path, quick: bool = False) -> dict[str, list[Family]]:
     numbers = (1,) if quick else (1, 2, 3, 4)
-    panels, found, entries = new_row(3, 3.2, 2.7, rows=3).ravel(), {}, {}
+    panels, found, entries = new_row(3, 0.84, rows=3).ravel(), {}, {}
     for axes, (title, law, along, start, stop, others) in zip(panels, SPRINGS, strict=False):
         found[title] = families(law, along, start, stop, others, numbers)
         print(f"\n  {title}")
@@ -53,7 +52,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, list[Family]]:
             print(f"    family {number}: {fate(family)}; alpha {family[0].alpha:.6g} to {family[-1].alpha:.6g}")
         top = 30.0 if any(family.end.kind == "escaped" for family in found[title]) else None
         axes.set(ylim=(0, top))
-        axes.set_title(title, fontsize="medium")
+        axes.set_title(title)
         axes.locator_params(axis="x", nbins=4)
         entries |= {text: handle for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
         axes.get_legend().remove()

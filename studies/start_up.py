@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import NoOrbit, find
-from orbits.show import COLOURS, legend_below, save_figure
-from orbits.show.plot import new_row
+from orbits.show import COLOURS, legend_below, new_row, save_figure
 from problems import Hopper
 from problems.steering import missed, recover, rerun, start_up
 
@@ -58,7 +57,7 @@ def draw(axes, orbit, hops: int = 2):
 
 def main(folder: Path, quick: bool = False) -> dict[str, float]:
     orbit = find(MACHINE)
-    left, middle, right = new_row(3, 3.6, 4.0)
+    left, middle, right = new_row(3, 1.11)
     run = draw(left, orbit)
     pumps = np.arange(1, 3 if quick else 7)
     strokes = STROKES[1:2] if quick else STROKES

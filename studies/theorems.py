@@ -19,8 +19,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
 
 from orbits import NoOrbit, Orbit, Proof, find, prove, time_limit
-from orbits.show import COLOURS, legend_below, save_figure
-from orbits.show.plot import new_row
+from orbits.show import COLOURS, legend_below, new_row, save_figure
 from problems import Hopper
 from studies.false_claims import KINDS, OUT_OF_TIME, PROVED, REFUSED, false_claims
 from studies.stress import random_laws
@@ -111,7 +110,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
     for orbit, proof, fine in zip(orbits, proofs, right, strict=True):
         if not fine:
             print(f"  {orbit!r}: {'; '.join(proof.reasons)}")
-    panels = new_row(2, 4.8, 3.9)
+    panels = new_row(2, 0.81)
     milliseconds = [1e3 * proof.seconds for proof in proofs]
     bins = np.geomspace(0.9 * min(milliseconds), 1.1 * max(milliseconds), 30)
     panels[0].hist(milliseconds, bins=bins, color=COLOURS[0])

@@ -14,8 +14,7 @@ import numpy as np
 from scipy.stats import uniform
 
 from orbits import Uncertainty, uncertainty
-from orbits.show import COLOURS, legend_below, save_figure
-from orbits.show.plot import new_row
+from orbits.show import COLOURS, legend_below, new_row, save_figure
 from problems import juggler_in_si
 
 SLOPE, EARTH = 1.1 / 60, 9.81  # rise over length of the track; m/s^2
@@ -37,7 +36,7 @@ def spread(samples: int) -> Uncertainty:
 
 def draw(found: Uncertainty, blame: dict):
     """The two quantities with what was measured, and what each bound adds to them."""
-    panels = new_row(3, 3.6, 3.8)
+    panels = new_row(3, 1.06)
     for axes, (text, (measured, bound)) in zip(panels, MEASURED.items(), strict=False):
         axes.hist(found.sweep[text], bins=40, color=COLOURS[4], label="model")
         axes.axvspan(

@@ -21,8 +21,7 @@ from scipy.special import ellipkinc
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
 
 from orbits import Orbit, find, follow, simulate
-from orbits.show import COLOURS, legend_below, save_figure
-from orbits.show.plot import new_row
+from orbits.show import COLOURS, legend_below, new_row, save_figure
 from orbits.units import STANDARD_GRAVITY
 from problems import rimless_wheel
 from studies.disturbed_steps import draw_disturbed
@@ -121,12 +120,12 @@ def in_few_colours(path: Path) -> Path:
 
 
 def main(folder: Path, quick: bool = False) -> dict[str, object]:
-    panels = new_row(2, 4.8, 3.9, rows=2)
+    panels = new_row(2, 0.81, rows=2)
     orbits = draw_families(panels, quick)
     walk = orbits[1]
     folder.mkdir(parents=True, exist_ok=True)
     print(f"  figure: {save_figure(panels[0, 0], folder / 'walker.png')}\n")
-    row = new_row(2, 4.8, 3.9)
+    row = new_row(2, 0.81)
     numbers = draw_disturbed(row, wheel(), walk, quick, 2e-4)
     print(f"  figure: {save_figure(row[0], folder / 'walker_injection.png')}\n")
     hops = 4 if quick else 12

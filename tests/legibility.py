@@ -3,27 +3,64 @@
 from itertools import combinations
 
 import numpy as np
-from matplotlib.collections import PathCollection
+from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.lines import Line2D
+from matplotlib.path import Path
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
+from orbits.show import STYLE
+from orbits.show.canvas import set_width
+
+SMALLEST = 6.0  # points, of type in a journal
 SLACK = 1.0  # pixels by which boxes may overlap: a text's box is a little wider than its letters
 
 
 def faults(figure) -> list[str]:
-    """The faults of a figure in words: texts that leave it or meet each other, axes without a name, legends whose
-    entries are not the artists drawn, and curves under a legend."""
+    """The faults of a figure in words, as it is and as wide as a column of a journal: small type, texts that leave it,
+    meet each other or lie on a curve, axes without a name, legends whose entries are not the artists drawn, and curves
+    under a legend."""
+    found, size = _faults_now(figure), figure.get_size_inches()
+    places = {axes: place for axes in figure.axes if (place := axes.get_subplotspec())}
+    set_width(figure.axes[0], STYLE.column)
+    found += [f"in a column: {fault}" for fault in _faults_now(figure)]
+    for axes, place in places.items():
+        axes.set_subplotspec(place)
+    figure.set_size_inches(size)
+    return found
+
+
+def _faults_now(figure) -> list[str]:
     _draw(figure)
     boxes = [(text.get_text(), text.get_window_extent()) for text in _texts(figure)]
-    found = [f"{words!r} leaves the figure" for words, box in boxes if not _inside(box, figure.bbox)]
+    sizes = {text.get_text(): text.get_fontsize() for text in _texts(figure)}
+    found = [f"{words!r} has {size:.1f} points" for words, size in sizes.items() if size < SMALLEST]
+    found += [f"{words!r} leaves the figure" for words, box in boxes if not _inside(box, figure.bbox)]
     found += [f"{a!r} meets {b!r}" for (a, one), (b, other) in combinations(boxes, 2) if _meet(one, other)]
+    curves = [(axes, path) for axes in figure.axes if axes.get_visible() for path in _curves(axes)]
+    found += [f"{words!r} lies on a curve" for words, box in boxes if any(_crossed(box, *each) for each in curves)]
     for axes in (each for each in figure.axes if each.axison and each.get_visible()):
         found += _faults_of_legend(axes)
         for which in ("x", "y"):
             if getattr(axes, f"get_{which}ticks")().size and not _is_named(axes, which):
                 found.append(f"the {which} axis of {axes.get_title()!r} has no name")
     return found
+
+
+def _curves(axes) -> list[Path]:
+    """The curves that are drawn on axes, in pixels."""
+    lines = [line for line in axes.lines if line.get_visible() and line.get_linestyle() != "None"]
+    found = [line.get_transform().transform_path(line.get_path()) for line in lines]
+    for several in axes.collections:
+        if isinstance(several, LineCollection) and several.get_visible():
+            found += [several.get_transform().transform_path(path) for path in several.get_paths()]
+    return found
+
+
+def _crossed(box: Bbox, axes, curve: Path) -> bool:
+    """Whether a curve passes through a text's box, as far as this lies within the axes."""
+    inside = Bbox.intersection(box.padded(-SLACK), axes.bbox)
+    return inside is not None and min(inside.size) > SLACK and curve.intersects_bbox(inside, filled=False)
 
 
 def smallest_text(figure, width: float) -> float:

@@ -3,6 +3,7 @@
 from difflib import ndiff
 
 import numpy as np
+from legibility import faults
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.collections import Collection
@@ -18,6 +19,8 @@ FEW = 30  # of more numbers the count may differ, as that of a family's points
 
 def check_looks(name: str, figure, draw: bool = True) -> None:
     """Hold a figure against its recorded looks; an animation would begin anew where it is drawn."""
+    found = faults(figure) if draw else []
+    assert not found, found
     if draw and figure.stale:
         figure.draw_without_rendering()
     found = [_number(figure.get_size_inches()), *(line for axes in figure.findobj(Axes) for line in _of_axes(axes))]

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
         check_parameters,
         dimensionless,
         free_parameters,
-        laws_in_words,
         machine_in_words,
         title_of_machine,
     )

@@ -83,12 +83,8 @@ def machine_in_words(machine: Machine) -> dict[str, Any]:
 
 def title_of_machine(words: Mapping[str, Any]) -> str:
     """A machine in words as a title: its name and its laws, but not constant gravity."""
-    return f"{words['machine']}, {laws_in_words(words)}"
-
-
-def laws_in_words(words: Mapping[str, Any]) -> str:
-    """The laws of a machine in words, but not constant gravity."""
-    return f"spring {words['spring']}" + ("" if words["gravity"] == "1" else f", gravity {words['gravity']}")
+    gravity = "" if words["gravity"] == "1" else f", gravity {words['gravity']}"
+    return f"{words['machine']}, spring {words['spring']}{gravity}"
 
 
 def dimensionless(machine: Any) -> Any:

@@ -11,8 +11,10 @@ from ..errors import InputError
 from ..io import check_path
 from ..result import Axes, Progress
 from ..units import Units
+from .canvas import finished, new_axes, off_screen
 from .plane import animate_in_plane, cycles_shown, drawing_of, labelled, write_frames
-from .plot import COLOURS, SHADE, new_axes, off_screen, phases_in_words, unit_labels
+from .plot import phases_in_words
+from .style import COLOURS, SHADE, STYLE, unit_labels
 
 if TYPE_CHECKING:
     from ..hops import Simulation
@@ -125,7 +127,7 @@ def _animate(
     names = [name for name in functions if name != "centre of mass"]
     heights, floating = drawn_heights(states, functions, joints, floating)
     with off_screen():
-        axes = new_axes(5.8 if knees else 4.0 if SPRING_END in names else 3.2, 5.2)
+        axes = new_axes(1.0 if knees else 1.5, STYLE.column)
     low, high = drawn_range(heights, knees)
     margin = 0.08 * (high - low)
     axes.set(xlim=(-1, 1), ylim=(low - margin, high + margin), xticks=[], ylabel="height" + metres)
@@ -140,10 +142,9 @@ def _animate(
     marks = [{"marker": "o", "ms": 18}] * (count - 1) + [{"marker": "_", "ms": 34, "mew": 6}]
     drawn = zip(names, cycle(COLOURS), [*marks, {"marker": "_", "ms": 24, "mew": 3}], strict=False)
     masses = [axes.plot([], [], ls="", color=colour, label=name, zorder=3, **mark)[0] for name, colour, mark in drawn]
-    label = axes.set_title("contact", fontsize="small")
+    label = axes.set_title("contact")
     zigzag = np.concatenate([[0, 0], np.tile([0.12, -0.12], 7), [0, 0]])
-    axes.legend(frameon=False, fontsize="small", loc="upper right", markerscale=0.4)
-    axes.figure.canvas.draw()
+    finished(axes, {"loc": "upper right", "markerscale": 0.4}).figure.canvas.draw()
     axes.figure.set_layout_engine("none")  # the layout is made once, not again for every frame
     bends = [_sideways(axes, heights[below], heights[above], length) for below, above, length in knees]
 

@@ -7,7 +7,9 @@ import numpy as np
 
 from ..errors import InputError
 from ..result import Axes
-from .plot import COLOURS, STYLE, axes_or_new, plain
+from .canvas import axes_or_new, dressed, finished
+from .plot import DRAWN
+from .style import COLOURS, STYLE, label_of, small_type
 
 if TYPE_CHECKING:
     from ..control import Control, ControlledLeg, OptimalFamily
@@ -21,15 +23,15 @@ def plot_control(control: "Control", axes: Axes | None = None) -> Axes:
     Where a stage begins there is a dotted line, and its name above; a curve is interrupted where a stage does not have
     it. Raises `InputError` for axes that stand in no grid.
     """
-    axes = axes_or_new(axes, 5.6, 4.8)
+    axes = axes_or_new(axes, 0.85)
     names = tuple(dict.fromkeys(name for leg in control.legs for name in leg.states))
     panels = [axes, *panels_below(axes, 1 if control.inputs else 0)]
     for panel, drawn, of_leg in zip(panels, (names, control.inputs), (_states_of, _inputs_of), strict=False):
         styles = zip(drawn, cycle([(colour, dash) for dash in DASHES for colour in COLOURS]), strict=False)
         for name, (colour, dash) in styles:
             t, values = _curve(control, name, of_leg)
-            panel.plot(t, values, color=colour, ls=dash, lw=1.8, label=plain(control.heading(name)))
-        panel.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+            panel.plot(t, values, color=colour, ls=dash, lw=STYLE.line, label=label_of(name, control.unit_of(name)))
+        panel.legend(frameon=False, fontsize=small_type(axes), loc="center left", bbox_to_anchor=(1.0, 0.5))
     for panel, kind in zip(panels, ("states", "inputs"), strict=False):
         panel.set_ylabel(kind)
     axes.figure.align_ylabels(panels)
@@ -41,15 +43,21 @@ def plot_control(control: "Control", axes: Axes | None = None) -> Axes:
 def plot_optimal_family(family: "OptimalFamily", axes: Axes | None = None) -> Axes:
     """Plot the least cost of a family of optimal motions against its parameter, with a dotted line and the kind at each
     event; return the axes."""
-    axes = axes_or_new(axes, 5.6, 3.8)
+    axes = axes_or_new(axes)
     axes.plot(family.values, family.costs, "-", marker=".", ms=5, lw=1.8, color=COLOURS[0])
     for event in family.events:
         axes.axvline(event.value, color="0.6", lw=0.8, ls=":", zorder=0.5)
-        text = {"rotation": 90, "va": "top", "ha": "right", "fontsize": "small", "color": "0.4", "parse_math": False}
+        text = {
+            "rotation": 90,
+            "va": "top",
+            "ha": "right",
+            "fontsize": small_type(axes),
+            "color": "0.4",
+            "parse_math": False,
+        }
         axes.text(event.value, 0.98, event.kind, transform=axes.get_xaxis_transform(), **text)
-    axes.set(xlabel=plain(family.heading(family.name)), ylabel=plain(family.heading("cost")))
-    axes.spines[["top", "right"]].set_visible(False)
-    return axes
+    across, up = (label_of(name, family.unit_of(name)) for name in (family.name, "cost"))
+    return finished(axes, xlabel=across, ylabel=up)
 
 
 def _states_of(leg: "ControlledLeg", name: str, since: np.ndarray) -> np.ndarray | None:
@@ -69,7 +77,7 @@ def _curve(control: Any, name: str, of_leg: Any) -> tuple[np.ndarray, np.ndarray
     for leg in control.legs:
         ends = leg.inputs.times[1:]
         since = np.sort(
-            np.concatenate([np.linspace(0, leg.duration, STYLE.stage_samples), np.nextafter(ends, 0.0), ends])
+            np.concatenate([np.linspace(0, leg.duration, DRAWN.stage_samples), np.nextafter(ends, 0.0), ends])
         )
         found = of_leg(leg, name, since)
         times += [leg.start + since, [leg.start + leg.duration]]
@@ -86,7 +94,7 @@ def panels_below(axes: Axes, count: int, height: float = 0.5) -> list[Axes]:
         raise InputError("these axes cannot be divided: make them by figure.add_subplot or matplotlib.pyplot.subplots")
     grid = room.subgridspec(1 + count, 1, height_ratios=[1.0] + count * [height])
     axes.set_subplotspec(grid[0])
-    return [axes.figure.add_subplot(grid[1 + i], sharex=axes) for i in range(count)]
+    return [dressed(axes.figure.add_subplot(grid[1 + i], sharex=axes), axes) for i in range(count)]
 
 
 def mark_stages(control: "Control", panels: list[Axes]) -> None:
@@ -103,7 +111,13 @@ def _name_stages(control: "Control", axes: Axes) -> None:
     place: dict[str, object] = {"transform": blended_transform_factory(axes.transData, axes.transAxes), "ha": "center"}
     for leg in control.legs:
         axes.text(
-            leg.start + 0.5 * leg.duration, 1.02, leg.phase, fontsize="small", color="0.4", parse_math=False, **place
+            leg.start + 0.5 * leg.duration,
+            1.02,
+            leg.phase,
+            fontsize=small_type(axes),
+            color="0.4",
+            parse_math=False,
+            **place,
         )
 
 
@@ -111,7 +125,6 @@ def finished_panels(motion: Any, panels: list[Axes], time: str | None = None) ->
     """The first of the panels, all open above and on the right; the last one has the label of the motion's time."""
     for panel in panels:
         panel.axhline(0, color="0.4", lw=0.8, zorder=0)
-        panel.spines[["top", "right"]].set_visible(False)
         panel.set(xlim=(0, motion.end), xlabel="")
         panel.tick_params(labelbottom=panel is panels[-1])
     panels[-1].set_xlabel(time or motion.heading("time"))

@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError, finite_number, true_or_false
-from ..model import title_of_machine
 from ..result import Axes
 from ..returns import WORDS_OF_STABILITY, name_of_hops
 from ..units import LIFTOFF_SPEED
-from .plot import COLOURS, STYLE, axes_or_new, cobweb, finished, plain, sampled_map
+from .canvas import axes_or_new, entitled, finished, headline
+from .plot import DRAWN, cobweb, sampled_map
+from .style import COLOURS, STYLE, label_of
 
 if TYPE_CHECKING:
     from ..returns import Hops, ReturningHops, ReturnMap
@@ -23,7 +24,7 @@ STYLES_OF_POINTS: dict[str, dict[str, object]] = {
     "lossless, attracts from above": {"fillstyle": "right", "mfc": "0.15", "markerfacecoloralt": "white"},
 }
 STYLES_OF_STABILITY: dict[bool | None, dict[str, object]] = {
-    True: {"lw": 2},
+    True: {"lw": STYLE.line},
     False: {"lw": 1.3, "ls": (0, (4, 2))},
     None: {"lw": 1.3, "ls": (0, (1, 2))},
 }
@@ -43,22 +44,22 @@ def plot_map(
     start, hops : launch speed from which a cobweb is drawn, None for no cobweb, and its number of hops
     fixed_points : mark the fixed points of the map too
     """
-    axes = _drawn_map(step, low, high, axes_or_new(axes, 5.2, 5.0), samples)
+    axes = _drawn_map(step, low, high, axes_or_new(axes, 0.95), samples)
     if start is not None:
         axes.plot(*cobweb(step, finite_number("start", start), hops), color=COLOURS[1], lw=0.9, label=f"from {start:g}")
     if true_or_false("fixed_points", fixed_points):
         _mark(axes, [(point.alpha, _stability(point)) for point in step.fixed_points(low, high)])
-    axes.set_title(plain(f"return map of {title_of_machine(step.machine.describe())}"), fontsize="medium", wrap=True)
+    headline(axes, step.machine.describe(), ", return map")
     return _labelled_map(axes, step, low, high)
 
 
 def plot_hops(hops: "Hops", axes: Axes | None = None) -> Axes:
     """Plot the next launch speeds of `Hops` against their launch speeds, with the identity line; return the axes."""
-    axes = axes_or_new(axes, 5.2, 5.0)
+    axes = axes_or_new(axes, 0.95)
     ends = [float(np.nanmin(hops.alpha)), float(np.nanmax(hops.alpha))]
     axes.plot(ends, ends, label="identity", **IDENTITY)
     axes.plot(np.ravel(hops.alpha), np.ravel(hops.next), ".", color=COLOURS[0], label="hops")
-    across, up = (hops.heading(name).replace("alpha", "launch speed") for name in ("alpha", "next"))
+    across, up = (label_of(name, hops.unit_of(name)) for name in ("alpha", "next"))
     return finished(axes, xlabel=across, ylabel=up)
 
 
@@ -70,8 +71,8 @@ def _drawn_map(step: "ReturnMap", low: float, high: float, axes: Axes, samples: 
 
 
 def _labelled_map(axes: Axes, step: "ReturnMap", low: float, high: float) -> Axes:
-    unit = f" ({step.machine.units.text(LIFTOFF_SPEED)})" if step.machine.units else ""
-    labels: dict[str, Any] = {"xlabel": "launch speed" + unit, "ylabel": "next launch speed" + unit}
+    unit = step.machine.units.text(LIFTOFF_SPEED) if step.machine.units else ""
+    labels: dict[str, Any] = {"xlabel": label_of("alpha", unit), "ylabel": label_of("next", unit)}
     lowest = float(np.nanmin(np.hstack([line.get_ydata() for line in axes.lines])))
     bottom = 0.0 if lowest < 0.3 * high else lowest - 0.05 * (high - lowest)
     return finished(axes, xlim=(low, high), ylim=(bottom, high), **labels)
@@ -100,7 +101,7 @@ def plot_basin(step: "ReturnMap", low: float, high: float, axes: Axes | None, ho
     """
     basins, width = step.basins(low, high, hops, samples), high - low
     unit = f" {step.machine.units.text(LIFTOFF_SPEED)}" if step.machine.units else ""
-    axes = _drawn_map(step, low, high, axes_or_new(axes, 6.4, 5.2), 4000)
+    axes = _drawn_map(step, low, high, axes_or_new(axes, 0.82), 4000)
     inside = axes.get_xaxis_transform()
     total = 0.0
     for (star, intervals), colour in zip(basins.items(), cycle(COLOURS[1:])):
@@ -109,11 +110,11 @@ def plot_basin(step: "ReturnMap", low: float, high: float, axes: Axes | None, ho
         total, share = total + length, length / width
         text = f"to {star:.6g}{unit}: {100 * share:.3g}%"
         axes.broken_barh(
-            spans, (0, STYLE.destinations), fc=colour, ec=colour, lw=0.4, transform=inside, label=text, zorder=3
+            spans, (0, DRAWN.destinations), fc=colour, ec=colour, lw=0.4, transform=inside, label=text, zorder=3
         )
         axes.broken_barh(
             spans,
-            (STYLE.destinations, 1 - STYLE.destinations),
+            (DRAWN.destinations, 1 - DRAWN.destinations),
             fc=colour,
             ec="none",
             transform=inside,
@@ -123,44 +124,42 @@ def plot_basin(step: "ReturnMap", low: float, high: float, axes: Axes | None, ho
         if low <= star <= high:
             axes.plot(star, star, "o", color=colour, mec="0.15", ms=6, zorder=4)
     words = f"{100 * total / width:.3g}% of the launches come to a lossless hop: {total:.6g} of {width:.6g}{unit}"
-    axes.set_title(words if basins else "no launch here comes to a lossless hop", fontsize="medium")
+    entitled(axes, words if basins else "no launch here comes to a lossless hop")
     return _labelled_map(axes, step, low, high)
 
 
 def plot_basins(basins: Any, axes: Axes | None = None) -> Axes:
     """Plot `Basins` as bars over the launch speeds, a row for each lossless hop; return the axes."""
-    axes = axes_or_new(axes, 6.4, 1.6 + 0.5 * max(1, len(basins)))
-    unit = f" ({basins.units['alpha']})" if basins.units else ""
+    axes = axes_or_new(axes, 0.25 + 0.08 * max(1, len(basins)))
     for i, ((star, intervals), colour) in enumerate(zip(basins.items(), cycle(COLOURS[1:]))):
         axes.broken_barh([(a, b - a) for a, b in intervals], (i - 0.35, 0.7), fc=colour, ec=colour, lw=0.4)
         if basins.low <= star <= basins.high:
             axes.plot(star, i, "o", color=colour, mec="0.15", ms=6, zorder=4)
     axes.set_yticks(range(len(basins)), [f"to {star:.6g}" for star in basins])
-    axes.set_title(f"{basins.share:.3%} of the launches come to a lossless hop", fontsize="medium")
-    axes.set(xlim=(basins.low, basins.high), ylim=(-0.6, max(1, len(basins)) - 0.4), xlabel="launch speed" + unit)
-    axes.spines[["top", "right"]].set_visible(False)
-    return axes
+    entitled(axes, f"{basins.share:.3%} of the launches come to a lossless hop")
+    label = label_of("alpha", basins.unit_of("alpha"))
+    return finished(axes, xlim=(basins.low, basins.high), ylim=(-0.6, max(1, len(basins)) - 0.4), xlabel=label)
 
 
 def plot_periodic_hops(hops: Any, axes: Axes | None = None) -> Axes:
     """Plot each cycle of `PeriodicHops` as its itinerary, the launch speed against the hop up to the first launch
     again, stable ones as a line and others dashed, with the ends of the map's monotone branches; return the axes."""
-    axes = axes_or_new(axes, 6.4, 4.2)
+    axes = axes_or_new(axes)
     for branch in hops.branches:
         axes.axhline(branch.low, color="0.85", lw=0.8, zorder=0)
-    shown, count = hops.cycles[: STYLE.cycles_of_map], np.arange(hops.period + 1)
+    shown, count = hops.cycles[: DRAWN.cycles_of_map], np.arange(hops.period + 1)
     for each, colour in zip(shown, cycle(COLOURS[1:])):
         label = f"{' '.join(map(str, each.itinerary))}: {WORDS_OF_STABILITY[each.stable]}"
         style = "o-" if each.stable else "o--"
         axes.plot(count, [*each.alphas, each.alpha], style, color=colour, ms=4, lw=1.0, label=label)
     axes.set_xticks(count)
-    return finished(axes, xlabel="hop", ylabel=hops.heading("alpha").replace("alpha", "launch speed"))
+    return finished(axes, xlabel="hop", ylabel=label_of("alpha", hops.unit_of("alpha")))
 
 
 def plot_bifurcations(diagram: Any, axes: Axes | None = None) -> Axes:
     """Plot the periodic launches of a `BifurcationDiagram` against its parameter: stable ones as a line, unstable ones
     dashed, over the launches that are visited in the long run, with its events marked; return the axes."""
-    axes = axes_or_new(axes, 6.8, 4.6)
+    axes = axes_or_new(axes, 0.75)
     if not (len(diagram.branches) or len(diagram.visits)):
         raise InputError("there is nothing to draw: no launch comes back in this range")
     if len(diagram.visits):
@@ -184,11 +183,9 @@ def plot_bifurcations(diagram: Any, axes: Axes | None = None) -> Axes:
         axes.plot(places, event.alphas, LOOKS_OF_EVENTS[event.kind], color="0.15", mfc="white", ms=6, mew=1.4,
                   label=name, zorder=4, clip_on=False)  # fmt: skip
         known.add(event.kind)
-    machine = diagram.machine
-    axes.set_title(plain(f"return map of {title_of_machine(machine)}"), fontsize="medium", wrap=True)
-    labels = {"xlabel": diagram.heading(diagram.along).replace("_", " "),
-              "ylabel": diagram.heading("alpha").replace("alpha", "launch speed")}  # fmt: skip
+    headline(axes, diagram.machine, ", return map", (diagram.along,))
+    across, up = (label_of(name, diagram.unit_of(name)) for name in (diagram.along, "alpha"))
     drawn = np.concatenate([diagram.visits[:, 1], *(branch.alphas.ravel() for branch in diagram.branches)])
     margin = 0.05 * (np.ptp(drawn) or np.ptp(diagram.between))
     ends = (float(drawn.min() - margin), float(drawn.max() + margin))
-    return finished(axes, xlim=diagram.span, ylim=ends, **labels)
+    return finished(axes, xlim=diagram.span, ylim=ends, xlabel=across, ylabel=up)

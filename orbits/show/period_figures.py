@@ -7,7 +7,9 @@ import numpy as np
 
 from ..result import Axes
 from ..returns import name_of_hops
-from .plot import COLOURS, STYLE, axes_or_new, finished, legend_below, plain
+from .canvas import axes_or_new, finished, headline, legend_below
+from .plot import DRAWN
+from .style import COLOURS, STYLE, label_of
 
 IN_REST, IN_CHAOS, WITHOUT_PERIOD = -2, -1, 0  # places where no launch goes on, and where one does without a period
 # The colours of the periods after those of all figures.
@@ -15,7 +17,7 @@ FURTHER_COLOURS = ("#882255", "#999933", "#44AA99", "#332288", "#AA4499", "#DDCC
 STYLES_OF_CURVES: dict[str, tuple[Any, ...]] = {
     "flip": ("-", (0, (6, 1.2)), (0, (5, 1.2, 1, 1.2)), (0, (4, 1.2, 1, 1.2, 1, 1.2))),
     "fold": ((0, (3, 2)), (0, (3, 2, 1, 2)), (0, (2, 1)), (0, (2, 1, 1, 1))),
-    **dict.fromkeys(("border collision", "non-smooth fold"), STYLE.dashes_at_borders),
+    **dict.fromkeys(("border collision", "non-smooth fold"), DRAWN.dashes_at_borders),
 }
 
 
@@ -24,7 +26,7 @@ def plot_periods(diagram: Any, axes: Axes | None = None) -> Axes:
     axes."""
     from matplotlib.colors import ListedColormap
 
-    axes = axes_or_new(axes, 6.8, 5.0)
+    axes = axes_or_new(axes, 0.78)
     periods, several = diagram.period(), diagram.several
     status = np.take_along_axis(diagram.status, diagram.first[:, :, None], axis=2)[:, :, 0]
     periods = np.where(periods < 0, IN_REST, np.where(status == "chaotic", IN_CHAOS, periods))
@@ -51,38 +53,28 @@ def plot_periods(diagram: Any, axes: Axes | None = None) -> Axes:
         axes.plot(diagram.values[i], diagram.others[j], **mark)
         axes.plot(diagram.values[i[:1]], diagram.others[j[:1]], "o", ms=3, mfc="white", mec="0.5", mew=0.7,
                   label="several attract")  # fmt: skip
-    axes.set_title(plain(diagram.title()), fontsize="medium", wrap=True)
-    across, up = (diagram.heading(name).replace("_", " ") for name in (diagram.along, diagram.second))
+    both = (diagram.along, diagram.second)
+    headline(axes, diagram.machine, ", periods of the hops", both)
+    across, up = (label_of(name, diagram.unit_of(name)) for name in both)
     return finished(axes, xlabel=across, ylabel=up)
 
 
 def plot_bifurcation_curve(curve: Any, axes: Axes | None = None) -> Axes:
     """Plot an `BifurcationCurve` in the plane of its two parameters, with its events; return the axes."""
     own = axes is None
-    axes = axes_or_new(axes, 5.6, 4.4)
+    axes = axes_or_new(axes, 0.78)
     count = len(curve.impacts)
     words = f"{curve.kind}, {name_of_hops(count).removeprefix('hops of ')}"
     colour = COLOURS[(count - 1) % len(COLOURS)] if own else "black"
     styles = STYLES_OF_CURVES[curve.kind]
     style = styles[min(int(count).bit_length(), len(styles)) - 1]
-    axes.plot(*curve.values.T, ls=style, color=colour, lw=1.6, label=words)
+    axes.plot(*curve.values.T, ls=style, color=colour, lw=STYLE.line, label=words)
     places = np.array([event.values for event in curve.events if event.kind != "value"]).reshape(-1, 2)
     if len(places):
         axes.plot(*places.T, "o", color="0.15", mfc="white", ms=5, zorder=4)
     if not own:
-        name_curve(axes, curve.values, words)
         return legend_below(axes)
-    axes.set_title(plain(curve.title()), fontsize="medium", wrap=True)
-    across, up = (curve.heading(name).replace("_", " ") for name in (curve.along, curve.second))
+    names = (curve.along, curve.second)
+    headline(axes, curve.machine, f", {curve.kind} of {name_of_hops(count)}", names)
+    across, up = (label_of(name, curve.unit_of(name)) for name in names)
     return finished(axes, xlabel=across, ylabel=up)
-
-
-def name_curve(axes: Axes, values: np.ndarray, words: str) -> None:
-    """Write a name beside a curve (n, 2), at another place than those of the curves before it."""
-    share, beside = STYLE.places_of_names[len(axes.texts) % len(STYLE.places_of_names)]
-    frame = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85}
-    arrow = {"arrowstyle": "-", "lw": 0.7, "shrinkA": 0, "shrinkB": 0}
-    axes.annotate(
-        words, values[int(share * (len(values) - 1))], beside, textcoords="offset points", ha="center", va="center",
-        fontsize="small", bbox=frame, arrowprops=arrow, zorder=5,
-    )  # fmt: skip

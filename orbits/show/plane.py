@@ -11,7 +11,9 @@ from ..io import writing
 from ..mechanics import LANDINGS, REPEATED, Drawing, Outline, value_of
 from ..result import Axes, Progress
 from ..units import Units
-from .plot import COLOURS, SHADE, STYLE, new_axes, off_screen, phases_in_words, plain, title, unit_labels
+from .canvas import entitled, legend_below, new_axes, off_screen
+from .plot import DRAWN, phases_in_words, title
+from .style import COLOURS, SHADE, STYLE, plain, unit_labels
 
 if TYPE_CHECKING:
     from ..hops import Simulation
@@ -66,7 +68,7 @@ def cycles_shown(orbit: "Orbit") -> int:
     drawing, machine = drawing_of(orbit.source), orbit.source
     if machine is None or orbit.contact_time is None or not (drawing and drawing.onward):
         return 1
-    return 2 if comes_back(drawing, machine.values) else STYLE.cycles_onward
+    return 2 if comes_back(drawing, machine.values) else DRAWN.cycles_onward
 
 
 def plane_paths(machine: Any, states: np.ndarray, landings: np.ndarray) -> list[PlanePath]:
@@ -151,7 +153,7 @@ def motion_in_plane(orbit: "Orbit") -> PlaneMotion | None:
         return None
     advance = np.zeros(2) if comes_back(drawing, machine.values) else _after_landing(drawing, machine.values)[1]
     cycles = _cycles_alike(orbit, advance)
-    t = np.linspace(0, cycles * orbit.period, cycles * STYLE.times_of_cycle)
+    t = np.linspace(0, cycles * orbit.period, cycles * DRAWN.times_of_cycle)
     along = (t / orbit.period)[:, None, None] * advance
     paths = plane_paths(machine, orbit(t), landings_of(orbit, t))
     moving = [PlanePath(each.outline, each.colour, each.points - along) for each in paths if not each.outline.traced]
@@ -162,8 +164,8 @@ def motion_in_plane(orbit: "Orbit") -> PlaneMotion | None:
     }
     points = np.concatenate([each.points.ravel() for each in moving]).astype(np.float32)
     # The path behind a machine that goes on is that of its last cycles, so many cycles earlier.
-    behind = STYLE.cycles_behind
-    last, back = -behind * STYLE.times_of_cycle, cycles * advance
+    behind = DRAWN.cycles_behind
+    last, back = -behind * DRAWN.times_of_cycle, cycles * advance
     traced = [each.points[:, 0] for each in paths if each.outline.traced]
     trails = [np.concatenate([each[last:] - back, each]).ravel() for each in traced]
     marks = [k * float(advance[0]) for k in range(-behind - 1, cycles + behind + 1)] if advance.any() else []
@@ -173,21 +175,21 @@ def motion_in_plane(orbit: "Orbit") -> PlaneMotion | None:
 
 
 def _cycles_alike(orbit: "Orbit", advance: np.ndarray) -> int:
-    """The number of cycles after which a machine looks as at first to one who goes on with it, `STYLE.cycles_onward`
+    """The number of cycles after which a machine looks as at first to one who goes on with it, `DRAWN.cycles_onward`
     where it takes too many."""
-    behind = STYLE.cycles_behind
-    t = (np.arange(STYLE.cycles_on_page + 1) + 0.1) * orbit.period
+    behind = DRAWN.cycles_behind
+    t = (np.arange(DRAWN.cycles_on_page + 1) + 0.1) * orbit.period
     parts: dict[str, list[np.ndarray]] = {}
     for each in plane_paths(orbit.source, orbit(t), landings_of(orbit, t)):
         if not each.outline.traced:
             parts.setdefault(each.outline.name, []).append(each.points - (t / orbit.period)[:, None, None] * advance)
-    apart = np.zeros(STYLE.cycles_on_page + 1)
+    apart = np.zeros(DRAWN.cycles_on_page + 1)
     for paths in parts.values():
         points = np.concatenate(paths, axis=1)
         far = np.linalg.norm(points[:, :, None] - points[0], axis=3).min(2).max(1) / np.ptp(points[0], axis=0).max()
         apart = np.maximum(apart, far)
-    alike = behind + np.flatnonzero(apart[behind:] < STYLE.alike)  # so that there is a path behind it
-    return int(alike[0]) if len(alike) else STYLE.cycles_onward
+    alike = behind + np.flatnonzero(apart[behind:] < DRAWN.alike)  # so that there is a path behind it
+    return int(alike[0]) if len(alike) else DRAWN.cycles_onward
 
 
 def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
@@ -204,11 +206,11 @@ def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
     paths = [each for each in paths if not each.outline.traced]
     ranges = np.array([[each.points[..., 0].min(1), each.points[..., 0].max(1)] for each in paths])
     width = (ranges[:, 1].max(0) - ranges[:, 0].min(0)).max()
-    aside = STYLE.gap * width * np.arange(len(t))
+    aside = DRAWN.gap * width * np.arange(len(t))
     moved = [PlanePath(each.outline, each.colour, each.points + aside[:, None, None] * [1.0, 0.0]) for each in paths]
     (left, right), (low, high) = _extent_of(moved)
     if axes is None:
-        axes = new_axes(9.0, np.clip(9.0 * (high - low) / (right - left) + 1.1, 2.2, 6.0))
+        axes = new_axes(float(np.clip((high - low) / (right - left) + 0.26, 0.3, 0.75)), STYLE.page)
     _set(axes, (left, right), (low, high), metres)
     _draw_ground(axes, machine, (left, right), low - (high - low))
     named = set[str]()
@@ -218,14 +220,10 @@ def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
             named.add(each.outline.name)
             _artist(axes, each, _drawn_points(each, i), label)
     middles = 0.5 * (ranges[:, 1].max(0) + ranges[:, 0].min(0)) + aside
-    for x, (time, words) in zip(middles, instants.items(), strict=True):
-        text = f"{words}\nt = {time:.3g}{seconds.replace('(', '').replace(')', '')}"
-        axes.annotate(
-            text, (x, 0), (0, -4), ("data", "axes fraction"), "offset points", ha="center", va="top", fontsize="small"
-        )
-    axes.set_title(plain(title(orbit)), fontsize="medium", wrap=True)
-    axes.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return axes
+    axes.set_xticks(middles, [f"{time:.3g}\n" + words.replace("-", "-\n") for time, words in instants.items()])
+    axes.tick_params(axis="x", length=0)
+    axes.set_xlabel("time" + seconds)
+    return legend_below(entitled(axes, title(orbit)))
 
 
 def animate_in_plane(
@@ -236,8 +234,7 @@ def animate_in_plane(
     paths, (metres, *_) = plane_paths(machine, states, landings), unit_labels(units)
     (left, right), (low, high) = _extent_of(paths)
     with off_screen():
-        wide = np.clip(3.2 * (right - left) / (high - low), 3.2, 8.0)
-        axes = new_axes(wide + 1.0, np.clip(wide * (high - low) / (right - left), 1.5, 5.0) + 0.9)
+        axes = new_axes(float(np.clip((high - low) / (right - left) + 0.25, 0.4, 1.1)))
     _set(axes, (left, right), (low, high), metres)
     _draw_ground(axes, machine, (left, right), low - (high - low))
     named, artists = set[str](), []
@@ -245,10 +242,8 @@ def animate_in_plane(
         label = None if each.outline.name in named or each.outline.fixed else plain(each.outline.name)
         named.add(each.outline.name)
         artists.append(_artist(axes, each, _drawn_points(each, 0), label))
-    label = axes.set_title("contact", fontsize="small")
-    columns = 3 if wide > STYLE.legend_width else 2
-    axes.legend(frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.02), ncols=columns)
-    axes.figure.canvas.draw()
+    label = axes.set_title("contact")
+    legend_below(axes).figure.canvas.draw()
     axes.figure.set_layout_engine("none")  # the layout is made once, not again for every frame
 
     def draw(i: int) -> tuple:

@@ -4,25 +4,32 @@ Results draw themselves by these functions through `orbits.result.shown`; only t
 types.
 """
 
-import re
-import sys
-import threading
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
-from contextvars import ContextVar
-from io import BytesIO
+from collections.abc import Iterable
 from itertools import cycle
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
-from ..io import check_path, writing
-from ..model import Affine, laws_in_words, title_of_machine
+from ..model import Affine
 from ..result import Axes
-from ..units import LIFTOFF_SPEED, Units
+from ..units import LIFTOFF_SPEED
+from .canvas import axes_or_new, entitled, finished, headline
 from .family_ends import MARKERS_OF_ENDS, NAMES_OF_ENDS, ends_of
+from .style import (
+    COLOURS,
+    MARKERS,
+    MOTIONS,
+    NO_MOTIONS,
+    SHADE,
+    STYLE,
+    label_of,
+    machine_title,
+    numbers_of,
+    plain,
+    small_type,
+    unit_labels,
+    value_of,
+)
 
 if TYPE_CHECKING:
     from ..continuation import Family
@@ -31,31 +38,15 @@ if TYPE_CHECKING:
     from ..periodic import Orbit
     from ..returns import ReturnMap
 
-FIGURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".eps")
 
+class Drawn(NamedTuple):
+    """How much is drawn in figures and animations, those of machines in the plane among them."""
 
-class Style(NamedTuple):
-    """The sizes and numbers of figures, those of machines in the plane among them."""
-
-    resolution: int = 160  # of figures that are written, in pixels an inch
-    legend_below: float = 4.4  # distance of a legend below axes in its font sizes, clear of the name of the abscissa
-    columns_apart: float = 1.4  # distance between the columns of a legend in its font sizes
-    letter: float = 0.52  # width of a letter in a legend in its font sizes
-    entry: float = 4.2  # width of a legend's entry without its letters in its font sizes
-    widened: float = 1.15  # factor by which the layout makes axes wider
     stage_samples: int = 401  # times of a stage at which its curves are drawn
     cycles_of_map: int = 12  # that are drawn in a map: more would not be distinguished
     destinations: float = 0.05  # height of the bar that shows them, as a share of the axes
     # Dashes of curves of bifurcations, one for each doubling of the period.
     dashes_at_borders: tuple = ((0, (1, 1.3)), (0, (1, 2)), (0, (1, 3)), (0, (1, 4)))
-    # Where the names of curves stand in a figure with several, as shares of these and in points beside them.
-    places_of_names: tuple[tuple[float, tuple[int, int]], ...] = (
-        (0.5, (-34, 10)),
-        (0.45, (34, -14)),
-        (0.72, (-46, 14)),
-        (0.85, (-52, 4)),
-        (0.3, (40, -10)),
-    )
     contours: int = 8  # of a map of results
     width_of_bar: float = 0.38  # whose neighbours are 1 apart
     bars: int = 40  # of a histogram, at most
@@ -64,93 +55,10 @@ class Style(NamedTuple):
     cycles_on_page: int = 12  # until a machine looks as at first, at most
     alike: float = 1e-6  # share of its size by which a machine that looks as at first differs
     cycles_behind: int = 2  # whose path is drawn behind a machine on a page
-    legend_width: float = 4.5  # inches that three names in a row need
     gap: float = 1.2  # between instants side by side, in widths of the machine
 
 
-STYLE = Style()
-# One colour for each role; colour-blind readers can distinguish them too (Okabe and Ito 2008).
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
-SHADE = "#e8e4d8"
-PALE = "#cfdbe6"
-MARKERS = {"fold": "o", "branch point": "s", "grazing": "v", "masses touch": "X", "contact pulls": "^"}
-MARKERS |= {"landing jerk": "<", "collapse": "D", "law ends": "d", "family": "*", "corner": "P"}
-MOTIONS, NO_MOTIONS, NO_ORBITS = "motions", "no motions", "no orbits"  # entries of legends
-_OFF_SCREEN = ContextVar("off screen", default=False)
-
-
-@contextmanager
-def off_screen() -> Iterator[None]:
-    """Where figures are drawn for a file or a page: `new_axes` hides them from pyplot, whatever is loaded."""
-    token = _OFF_SCREEN.set(True)
-    try:
-        yield
-    finally:
-        _OFF_SCREEN.reset(token)
-
-
-def _on_screen() -> bool:
-    """Whether a new figure is one of pyplot's: in the main thread of a notebook's kernel, and of a program that has
-    loaded pyplot, unless it is for a file."""
-    if _OFF_SCREEN.get() or threading.current_thread() is not threading.main_thread():
-        return False
-    if "matplotlib.pyplot" in sys.modules:
-        return True
-    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
-    return getattr(shell, "kernel", None) is not None
-
-
-def axes_or_new(axes: object, width: float = 5.6, height: float = 3.8) -> Axes:
-    """The axes that are stated, or else new ones of a size; raises `InputError` for what are none."""
-    from matplotlib.axes import Axes as Known
-
-    if not (axes is None or isinstance(axes, Known)):
-        raise InputError(f"axes = {axes!r}; they are Axes of matplotlib, as figure.add_subplot() has them")
-    return new_axes(width, height) if axes is None else axes
-
-
-def new_axes(width: float = 5.6, height: float = 3.8) -> Axes:
-    """Axes on a new figure.
-
-    In a notebook, and where `matplotlib.pyplot` has been imported before, it is one of pyplot's figures, so that the
-    cell or `plt.show()` shows it. Otherwise, in a thread and within `off_screen` no window and no global state of
-    matplotlib knows it, and it is gone with the last reference to it.
-    """
-    if _on_screen():
-        from matplotlib import pyplot
-
-        figure = pyplot.figure(figsize=(width, height), layout="constrained")
-    else:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(width, height), layout="constrained")
-        FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    axes.set_prop_cycle(color=COLOURS)
-    return axes
-
-
-def new_row(count: int, width: float = 3.6, height: float = 3.4, rows: int = 1) -> np.ndarray:
-    """An array of `count` axes side by side on a new figure, or (rows, count) of them for more rows than one.
-
-    The type of a figure up to 11 inches wide can be read where it is shown 900 pixels wide.
-    """
-    first = new_axes(width * count, height * rows)
-    figure = first.figure
-    first.remove()
-    figure.get_layout_engine().set(h_pad=0.08, w_pad=0.08)
-    axes = figure.subplots(rows, count)
-    for one in np.ravel(axes):
-        one.spines[["top", "right"]].set_visible(False)
-        one.locator_params(axis="x", nbins=6)
-        one.set_prop_cycle(color=COLOURS)
-    return axes
-
-
-def unit_labels(units: Units | None) -> tuple[str, str, str]:
-    """The units of length, time and speed as text for a plot: SI for a machine that is stated in SI, else nothing."""
-    return ("", "", "") if units is None else (" (m)", " (s)", " (m/s)")
+DRAWN = Drawn()
 
 
 def angles_shown(orbit: "Orbit", drawn: bool = False) -> tuple[str, ...]:
@@ -181,14 +89,14 @@ def plot_orbit(orbit: "Orbit", axes: Axes | None = None) -> Axes:
         closed = phases_in_words(orbit.source)[1]
         axes.axvspan(orbit.flight_time, t[-1], fc=SHADE, ec="0.7", lw=0.5, label=closed, zorder=0)
     axes.axhline(0, color="0.4", lw=0.8)
-    axes.set_title(plain(title(orbit)), fontsize="medium", wrap=True)
+    entitled(axes, title(orbit))
     label = "angle" if angles_shown(orbit) else vertical(orbit.certificate.smallest_separation) + metres
     return finished(axes, xlim=(0, t[-1]), xlabel="time" + seconds, ylabel=label)
 
 
 def _style(name: str) -> dict[str, object]:
     """The style of a mass's height: full, and that of the centre of mass dashed."""
-    return {"lw": 1.2, "ls": (0, (5, 2))} if name == "centre of mass" else {"lw": 2}
+    return {"lw": 1.2, "ls": (0, (5, 2))} if name == "centre of mass" else {"lw": STYLE.line}
 
 
 def _cycle(orbit, count: int):
@@ -203,51 +111,13 @@ def states_to_show(orbit: "Orbit", t: np.ndarray) -> np.ndarray:
     return orbit.unrolled(t) if all(isinstance(each, Affine) for each in orbit.shape.heights.values()) else orbit(t)
 
 
-def finished(axes: Axes, legend: Mapping | None = None, **labels: object) -> Axes:
-    """The axes with limits and labels, open above and on the right; with a legend below, or where `legend` says."""
-    axes.set(**labels)
-    axes.spines[["top", "right"]].set_visible(False)
-    if legend is None:
-        return legend_below(axes)
-    axes.legend(frameon=False, fontsize="small", **legend)
-    return axes
-
-
-def legend_below(axes: Axes, of: Axes | None = None) -> Axes:
-    """Give axes a legend below them, in as many columns as there is room for; return them.
-
-    of : the axes whose labelled curves it names, by default these
-    """
-    from matplotlib.font_manager import FontProperties
-
-    last = {MOTIONS, NO_MOTIONS, NO_ORBITS, *MARKERS, *MARKERS_OF_ENDS}  # curves are named before the marks on them
-    entries = list(zip(*(of or axes).get_legend_handles_labels(), strict=True))
-    entries.sort(key=lambda entry: entry[1] in last and hasattr(entry[0], "get_marker"))
-    inches = STYLE.widened * axes.get_window_extent().width / axes.figure.dpi
-    room = 72 * inches / FontProperties(size="small").get_size_in_points()
-    lengths = [STYLE.letter * len(name) + STYLE.entry for _, name in entries]
-    count = rows = len(entries)
-    for rows in range(1, count + 1):
-        if sum(max(lengths[i : i + rows]) for i in range(0, count, rows)) <= room:
-            break
-    if entries:
-        place = {
-            "loc": "upper center",
-            "bbox_to_anchor": (0.5, 0),
-            "borderaxespad": STYLE.legend_below,
-            "columnspacing": STYLE.columns_apart,
-        }
-        axes.legend(*zip(*entries, strict=True), frameon=False, fontsize="small", ncols=-(-count // rows), **place)
-    return axes
-
-
 def plot_phase_portrait(orbit: "Orbit", axes: Axes | None = None) -> Axes:
     """Plot speed against height of every mass over a cycle; return the axes."""
     metres, _, speeds_in = unit_labels(orbit.scales)
-    axes, (_, states) = axes_or_new(axes, 4.5, 4.0), _cycle(orbit, 2001)
+    axes, (_, states) = axes_or_new(axes, 0.85), _cycle(orbit, 2001)
     for (name, (height, speed)), colour in zip(masses_at(orbit, states).items(), cycle(COLOURS), strict=False):
         axes.plot(height, speed, color=colour, lw=1.6, label=plain(name))
-    axes.set_title(plain(title(orbit)), fontsize="medium", wrap=True)
+    entitled(axes, title(orbit))
     label = vertical(orbit.certificate.smallest_separation) + metres
     return finished(axes, xlabel=label, ylabel="speed" + speeds_in)
 
@@ -270,10 +140,13 @@ def plot_family(family: "Family", axes: Axes | None = None, quantity: str = "alp
 
     Orbits that are no motions are dashed. Further families go into the same axes, each with its `label`.
     """
-    axes = axes_or_new(axes, 5.6, 4.2)
+    axes = axes_or_new(axes, 0.75)
     x, y, motions, others = family_curve(family, quantity)
     dashed: dict[str, Any] = {"lw": 1.4, "ls": (0, (4, 2)), "zorder": 1}
-    styles: dict[str, tuple[np.ndarray, dict[str, Any]]] = {MOTIONS: (motions, {"lw": 2}), NO_MOTIONS: (others, dashed)}
+    styles: dict[str, tuple[np.ndarray, dict[str, Any]]] = {
+        MOTIONS: (motions, {"lw": STYLE.line}),
+        NO_MOTIONS: (others, dashed),
+    }
     colour: dict[str, Any] = {}
     for name, (values, style) in styles.items():
         if not np.isfinite(values).any():
@@ -283,8 +156,8 @@ def plot_family(family: "Family", axes: Axes | None = None, quantity: str = "alp
         if label and (entry := _new_entry(axes, name)):  # one for all families
             axes.plot([], [], color="0.15", label=entry, **style)
     _mark(axes, family, x, y)
-    axes.set_title(plain(title_of_machine(family.machine)), fontsize="medium", wrap=True)
-    across, up = (label_of(family.heading(name)) for name in (family.name, quantity))
+    headline(axes, family.machine, without=(family.name,))
+    across, up = (label_of(name, family.unit_of(name)) for name in (family.name, quantity))
     return finished(axes, xlabel=across, ylabel=up)
 
 
@@ -303,16 +176,6 @@ def _mark(axes: Axes, family: "Family", x: np.ndarray, y: np.ndarray) -> None:
     for i, name, marker, size in marks:
         style = {"marker": marker, "ls": "", "ms": size, "mfc": "white", "mew": 1.4, "zorder": 4}
         axes.plot(x[i], y[i], color="0.15", label=_new_entry(axes, plain(name)), **style)
-
-
-def label_of(name: str) -> str:
-    """The name of a quantity with its unit as text for a plot: without underscores, and with powers raised."""
-    return re.sub(r"\^(-?\d+)", r"$^{\1}$", plain(name).replace("_", " "))
-
-
-def plain(text: str) -> str:
-    """A text for a label, in which a dollar sign begins no mathematics."""
-    return text.replace("$", r"\$")
 
 
 def family_curve(family: "Family", quantity: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -355,8 +218,7 @@ def thumbnails(axes: Axes, family: "Family", orbits: Iterable[tuple[Any, Any]], 
         line = ConnectionPatch((0.5, 0), place, small.transAxes, axes.transData, color="0.7", lw=0.7)
         axes.add_artist(line).set_in_layout(False)
         axes.plot(*place, ".", color="0.4", ms=5, zorder=3)
-    axes.figure.suptitle(axes.get_title(), fontsize="medium", wrap=True)
-    axes.set_title("")
+    entitled(axes, axes.get_title()).title.set_y(1.4)
     axes.figure.set_figheight(1.25 * axes.figure.get_figheight())
     axes.figure.draw_without_rendering()  # the axes are lower now and have other ticks, so the layout is made again
     return axes
@@ -364,28 +226,28 @@ def thumbnails(axes: Axes, family: "Family", orbits: Iterable[tuple[Any, Any]], 
 
 def plot_front(front: "Front", axes: Axes | None = None) -> Axes:
     """Plot a Pareto front of two objectives; an objective "-alpha" is shown by the value of alpha. Return the axes."""
-    axes = axes_or_new(axes, 5.4, 4.2)
+    axes = axes_or_new(axes, 0.75)
     signs = [-1 if text.lstrip().startswith("-") else 1 for text in front.texts]
     axes.plot(*(front.values * signs).T, "o-", color=COLOURS[0], ms=4)
     texts = [text.lstrip().lstrip("-").strip() for text in front.texts]
     units = [front.designs[0].unit_of(text) for text in texts]
-    labels = [label_of(text + (unit and f" ({unit})")) for text, unit in zip(texts, units, strict=True)]
-    axes.set_title(plain(title_of_machine(front.machine)), fontsize="medium", wrap=True)
+    labels = [label_of(text, unit) for text, unit in zip(texts, units, strict=True)]
+    headline(axes, front.machine)
     return finished(axes, xlabel=labels[0], ylabel=labels[1])
 
 
 def plot_design_curve(curve: "DesignCurve", axes: Axes | None = None) -> Axes:
     """Plot the objective of a curve of designs against the number that moves, with its events; return the axes."""
-    axes = axes_or_new(axes, 5.4, 4.2)
+    axes = axes_or_new(axes, 0.75)
     axes.plot(curve.values, curve.objectives, ".-", color=COLOURS[0], ms=5)
     for colour, kind in zip(COLOURS[1:], dict.fromkeys(event.kind for event in curve.events), strict=False):
         places = np.array([event.value for event in curve.events if event.kind == kind], float)
         heights = np.interp(places, *np.array(sorted(zip(curve.values, curve.objectives, strict=True))).T)
         axes.plot(places, heights, "o", color=colour, ms=6, label=kind)
     if curve.events:
-        axes.legend()
-    axes.set_title(plain(title_of_machine(curve.machine)), fontsize="medium", wrap=True)
-    labels = [label_of(curve.heading(name)) for name in (curve.parameter, curve.designs[0].text)]
+        axes.legend(fontsize=small_type(axes))
+    headline(axes, curve.machine, without=(curve.parameter,))
+    labels = [label_of(name, curve.unit_of(name)) for name in (curve.parameter, curve.designs[0].text)]
     return finished(axes, xlabel=labels[0], ylabel=labels[1])
 
 
@@ -428,7 +290,7 @@ def plot_simulation(run: "Simulation", axes: Axes | None = None) -> Axes:
     if impacts:
         axes.plot(times, places, "|", color="0.2", ms=9, mew=1.4, label="impact", zorder=4)
     axes.axhline(0, color="0.4", lw=0.8)
-    axes.set_title(plain(title_of_machine(machine.describe())), fontsize="medium", wrap=True)
+    headline(axes, machine.describe())
     label = vertical(run.smallest_separation) + metres
     return finished(axes, xlim=(0, run.end), xlabel="time" + seconds, ylabel=label)
 
@@ -437,9 +299,9 @@ def plot_gap(run: "Simulation", axes: Axes | None = None, label: str | None = No
     """Plot the gap of a simulated machine against time, as the foot path in Fig. 6 of the paper; return the axes."""
     axes, t = axes_or_new(axes), np.linspace(0, run.end, 4001)
     metres, seconds, _ = unit_labels(run.source.units)
-    axes.plot(t, run.gap(run(t)), color=COLOURS[1], lw=2, label=label)
+    axes.plot(t, run.gap(run(t)), color=COLOURS[1], lw=STYLE.line, label=label)
     _shade_contacts(run, axes)
-    axes.set_title(plain(title_of_machine(run.source.describe())), fontsize="medium", wrap=True)
+    headline(axes, run.source.describe())
     return finished(axes, xlim=(0, run.end), xlabel="time" + seconds, ylabel="gap" + metres)
 
 
@@ -450,24 +312,15 @@ def _shade_contacts(run, axes):
         axes.axvspan(*ends, fc=SHADE, zorder=0, label=None if i else closed)
 
 
-def title(orbit: "Orbit") -> str:
-    """The title of an orbit's plot: machine, family and speed in one line, the laws in another."""
-    speed = f"alpha = {orbit.alpha:.6g}" + (f" {orbit.scales.text(LIFTOFF_SPEED)}" if orbit.scales else "")
+def title(orbit: "Orbit", numbers: bool = True) -> str:
+    """The title of an orbit's plot: machine, family and launch speed in one line, its laws, with its numbers, below."""
+    speed = value_of("alpha", orbit.alpha, orbit.scales.text(LIFTOFF_SPEED) if orbit.scales else "", digits=6)
     kind = "" if orbit.admissible else " (inadmissible)"
-    return f"{orbit.machine['machine']}, family {orbit.family}, {speed}{kind}\n{laws_in_words(orbit.machine)}"
+    without = () if numbers else numbers_of(orbit.machine)
+    return machine_title(orbit.machine, f", family {orbit.family}, {speed}{kind}", without)
 
 
 def vertical(separation: float | None) -> str:
     """The name of the vertical axis; where nothing says how far the masses are apart, the upper one has a displacement
     and no height."""
     return "height" if separation is not None else "displacement"
-
-
-def save_figure(axes: Axes, path: str | Path) -> Path:
-    """Write the figure of some axes to a file, its kind from the ending; raises `InputError` when it cannot."""
-    path = check_path(path, FIGURES)
-    drawn = BytesIO()  # Matplotlib's writers do not all end well where a disk is full
-    axes.figure.savefig(drawn, format=path.suffix[1:].lower(), dpi=STYLE.resolution)
-    with writing("figure", path) as target:
-        target.write_bytes(drawn.getvalue())
-    return path

@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError
-from ..model import title_of_machine
 from ..result import Axes
-from .plot import COLOURS, STYLE, axes_or_new, finished, label_of, plain
+from .canvas import axes_or_new, entitled, finished, headline
+from .plot import DRAWN
+from .style import COLOURS, label_of, small_type
 
 if TYPE_CHECKING:
     from ..design import Sensitivities
@@ -21,7 +22,7 @@ def plot_sensitivities(found: "Sensitivities", axes: Axes | None = None) -> Axes
     rows, columns = [*found], [*found.parameters]
     if not (rows and columns):
         raise InputError("there are no derivatives to draw: name quantities and parameters")
-    axes = axes_or_new(axes, 1.9 + 0.9 * len(columns), 1.4 + 0.32 * len(rows))
+    axes = axes_or_new(axes, 0.3 + 0.07 * len(rows))
     shares = np.array([[found.relative()[row][column] for column in columns] for row in rows])
     known = np.nan_to_num(shares, posinf=0.0, neginf=0.0)
     largest = float(np.abs(known).max()) or 1.0
@@ -29,12 +30,12 @@ def plot_sensitivities(found: "Sensitivities", axes: Axes | None = None) -> Axes
     for i, j in np.ndindex(*shares.shape):
         rounded = round(float(shares[i, j]), 9) + 0.0  # a derivative of 0 has rounding errors
         text = f"{rounded:.3g}" if np.isfinite(shares[i, j]) else "-"
-        axes.text(j, i, text, ha="center", va="center", fontsize="small")
+        axes.text(j, i, text, ha="center", va="center", fontsize=small_type(axes))
     axes.set_xticks(range(len(columns)), [label_of(each) for each in columns], rotation=20, ha="right")
     axes.set_yticks(range(len(rows)), [label_of(each) for each in rows])
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
-    axes.set_title("relative change per relative change", fontsize="medium", wrap=True)
+    entitled(axes, "relative change per relative change")
     return axes
 
 
@@ -52,16 +53,16 @@ def plot_indices(found: Any, quantity: str | None = None, axes: Axes | None = No
         ends = np.maximum([heights - low, high - heights], 0.0)
         style = {"color": COLOURS[k], "ecolor": "0.3", "error_kw": {"lw": 1}, "label": f"{order} order"}
         axes.bar(
-            np.arange(len(each)) + (k - 0.5) * STYLE.width_of_bar,
+            np.arange(len(each)) + (k - 0.5) * DRAWN.width_of_bar,
             heights,
-            STYLE.width_of_bar,
+            DRAWN.width_of_bar,
             yerr=ends,
             capsize=3,
             **style,
         )
     axes.set_xticks(range(len(each)), [label_of(name) for name in each])
     axes.axhline(0, color="0.4", lw=0.8)
-    axes.set_title(plain(title_of_machine(found.machine)), fontsize="medium", wrap=True)
+    headline(axes, found.machine)
     return finished(axes, ylabel=f"share of the variance of {label_of(quantity)}")
 
 
@@ -73,7 +74,7 @@ def plot_uncertainty(found: Any, quantity: str | None = None, axes: Axes | None 
         raise InputError(f"the uncertainty has no '{quantity}'; it has {', '.join(found.mean)}: name it in quantities")
     axes, sweep = axes_or_new(axes), found.sweep
     values = sweep[quantity][(sweep["status"] == "certified") & np.isfinite(sweep[quantity])]
-    bars = int(np.clip(np.sqrt(len(values)), 5, STYLE.bars))
+    bars = int(np.clip(np.sqrt(len(values)), 5, DRAWN.bars))
     axes.hist(values, bars, density=True, color=COLOURS[4], ec="white", lw=0.5, label="members")
     mean, deviation = found.mean[quantity], found.linear[quantity]
     if 0 < deviation < np.inf:
@@ -83,5 +84,5 @@ def plot_uncertainty(found: Any, quantity: str | None = None, axes: Axes | None 
     for i, share in enumerate(("5%", "95%")):
         place = found.quantiles[quantity][share]
         axes.axvline(place, color="0.3", lw=1, ls="--", label=None if i else "5 % and 95 %")
-    axes.set_title(plain(title_of_machine(found.machine)), fontsize="medium", wrap=True)
-    return finished(axes, xlabel=label_of(sweep.heading(quantity)), ylabel="density")
+    headline(axes, found.machine)
+    return finished(axes, xlabel=label_of(quantity, sweep.unit_of(quantity)), ylabel="density")

@@ -5,11 +5,12 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..model import title_of_machine
 from ..result import Axes
+from .canvas import axes_or_new, colour_bar, entitled, legend_below, new_row
 from .diagram_cells import cells_of_diagram
 from .pages.sweep_view import MOTIONS
-from .plot import COLOURS, NO_MOTIONS, NO_ORBITS, PALE, STYLE, axes_or_new, label_of, legend_below, new_row, plain
+from .plot import DRAWN
+from .style import COLOURS, NO_MOTIONS, NO_ORBITS, PALE, STYLE, label_of, machine_title, small_type
 
 MAP = "viridis"  # of colours; it is read in print and by colour-blind readers
 NOTHING = "0.93"  # the grey of parameters without an orbit
@@ -39,7 +40,7 @@ def plot_sweep(sweep: Any, quantity: str, axes: Axes | None = None) -> Axes:
     if len(sweep.parameters) == 1:
         return _over_one(sweep, quantity, axes_or_new(axes))
     if len(sweep.parameters) == 2:
-        return _surface(sweep, quantity, axes_or_new(axes, 6.4, 4.8))
+        return _surface(sweep, quantity, axes_or_new(axes, 0.75))
     if axes is not None:
         raise InputError(
             f"axes: a sweep over {len(sweep.parameters)} parameters fills a figure of its own: leave them out"
@@ -87,7 +88,7 @@ def _surface(sweep: Any, quantity: str, axes: Axes) -> Axes:
         x, y, z, motion = (part[order[0]][:, order[1]] for part in grid)
         drawn = axes.pcolormesh(x, y, z, cmap=MAP, shading="nearest", rasterized=True)
         if z.count() and np.ptp(z.compressed()) > 0 and min(shape) > 2:
-            contours = axes.contour(x, y, z, STYLE.contours, colors="white", linewidths=0.7)
+            contours = axes.contour(x, y, z, DRAWN.contours, colors="white", linewidths=0.7)
         if not motion.all() and min(shape) > 1:
             axes.contourf(x, y, ~motion * 1.0, [0.5, 1.5], colors="none", hatches=["////"])
             axes.fill_between([], [], fc="none", ec="0.3", hatch="////", lw=0, label=NO_MOTIONS)
@@ -97,7 +98,7 @@ def _surface(sweep: Any, quantity: str, axes: Axes) -> Axes:
         drawn = axes.scatter(x[known], y[known], c=z[known], s=_size(len(x)), cmap=MAP)
         if (others := known & ~motion).any():
             axes.plot(x[others], y[others], "o", mfc="none", mec="0.1", ms=5, mew=0.8, label=NO_MOTIONS)
-    bar = axes.figure.colorbar(drawn, ax=axes, label=_axis_label(sweep, quantity))
+    bar = colour_bar(axes, drawn, _axis_label(sweep, quantity))
     if contours is not None:
         bar.add_lines(contours)
     return _labelled(axes, sweep, across, up)
@@ -108,7 +109,7 @@ def plot_existence(diagram: Any, quantity: str | None = None, axes: Axes | None 
     orbits in colours, and the edges of both; return the axes."""
     from matplotlib.collections import LineCollection, PolyCollection
 
-    axes, sweep = axes_or_new(axes, 6.4, 4.8), diagram.grid
+    axes, sweep = axes_or_new(axes, 0.75), diagram.grid
     cells = list(cells_of_diagram(diagram))
     styles = (
         STYLES
@@ -118,7 +119,7 @@ def plot_existence(diagram: Any, quantity: str | None = None, axes: Axes | None 
     if quantity is not None:
         x, y, z = (sweep[name].reshape(sweep.about["shape"]) for name in (*sweep.parameters, quantity))
         drawn = axes.pcolormesh(x, y, _beyond_edges(z), cmap=MAP, shading="nearest", rasterized=True)
-        axes.figure.colorbar(drawn, ax=axes, label=_axis_label(sweep, quantity))
+        colour_bar(axes, drawn, _axis_label(sweep, quantity))
     for status, fill in styles.items():
         if shown := [polygon for polygons, _ in cells for own, polygon in polygons if own == status]:
             axes.add_collection(PolyCollection(shown, **fill, snap=False))  # cells with curved sides meet the others
@@ -142,7 +143,10 @@ def _matrix(sweep: Any, quantity: str) -> Axes:
     """Every pair of parameters, with the quantity as colour, and below the quantity over each parameter."""
     names, values = sweep.parameters, sweep[quantity]
     count, known = len(names), np.isfinite(values)
-    panels: Axes = new_row(count, 1.95, 1.85, rows=count)
+    panels: Axes = new_row(count, 1.0, count, STYLE.screen)
+    engine = panels[0, 0].figure.get_layout_engine()
+    engine.stacks = False
+    engine.set(w_pad=0.02)
     size = _size(len(values)) / 2
     for i, j in np.ndindex(count, count):
         axes: Axes = panels[i, j]
@@ -153,7 +157,9 @@ def _matrix(sweep: Any, quantity: str) -> Axes:
         if i != j:
             axes.plot(x[~known], y[~known], ".", color="0.8", ms=2, zorder=0, rasterized=True)
         drawn = axes.scatter(x[known], y[known], c=values[known], s=size, cmap=MAP, lw=0, rasterized=True)
-        up = quantity if i == j else names[i] if j == 0 else ""
+        if i == j > 0:  # the axis has another meaning than those of its row
+            entitled(axes, _axis_label(sweep, quantity)).title.set_size(small_type(axes))
+        up = quantity if i == j == 0 else names[i] if i > j == 0 else ""
         labels = (_axis_label(sweep, name) for name in (names[j] if i == count - 1 else "", up))
         across, beside = (label.replace(" (", "\n(") for label in labels)  # a unit has a line of its own
         axes.set_xlabel(across, labelpad=12)  # below the power of ten of the ticks
@@ -164,9 +170,10 @@ def _matrix(sweep: Any, quantity: str) -> Axes:
             else:
                 axes.locator_params(axis=one, nbins=3)
                 axes.ticklabel_format(axis=one, scilimits=(-3, 4))  # long numbers would meet
-    figure, corner = panels[0, 0].figure, panels[0, -1].inset_axes((0.0, 0.0, 0.12, 1.0))
-    figure.colorbar(drawn, cax=corner, label=_axis_label(sweep, quantity))
-    figure.suptitle(plain(_title_of(sweep)), fontsize="medium", wrap=True)
+    figure, corner = panels[0, 0].figure, panels[0, 1].inset_axes((0.3, 0.6, count - 1.4, 0.1))
+    corner.set_in_layout(False)
+    colour_bar(panels[0, 0], drawn, _axis_label(sweep, quantity), corner)
+    figure.suptitle(_title_of(sweep), fontsize=panels[0, 0].title.get_size())
     return panels[0, 0]
 
 
@@ -177,14 +184,13 @@ def _size(count: int) -> float:
 
 def _axis_label(sweep: Any, name: str) -> str:
     """A name for an axis, with its unit."""
-    return label_of(sweep.heading(name)) if name else ""
+    return label_of(name, sweep.unit_of(name)) if name else ""
 
 
 def _title_of(sweep: Any) -> str:
     """The title of a figure: the machine with its families, and its laws, in two lines."""
     families = ", ".join(map(str, sweep.about["families"])) if sweep.about["outcome"] == "find" else ""
-    machine, laws = title_of_machine(sweep.about["machine"]).split(", ", 1)
-    return machine + (families and f", family {families}") + "\n" + laws
+    return machine_title(sweep.about["machine"], families and f", family {families}", tuple(sweep.parameters))
 
 
 def _scale(axes: Axes, sweep: Any, name: str, which: str) -> None:
@@ -196,7 +202,7 @@ def _scale(axes: Axes, sweep: Any, name: str, which: str) -> None:
 def _labelled(axes: Axes, sweep: Any, across: str, up: str) -> Axes:
     """The axes with their title, names, scales and, where something has a label, a legend below."""
     axes.set(xlabel=_axis_label(sweep, across), ylabel=_axis_label(sweep, up))
-    axes.set_title(plain(_title_of(sweep)), fontsize="medium", wrap=True)
+    entitled(axes, _title_of(sweep))
     _scale(axes, sweep, across, "x")
     _scale(axes, sweep, up, "y")
     return legend_below(axes)

@@ -117,13 +117,16 @@ class SpringFit(Result, what="spring fit", in_line=("formula", "parameters", "no
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot the rows and the formula; returns the axes."""
-        axes = shown("plot").axes_or_new(axes)
+        style, canvas = shown("style"), shown("canvas")
+        axes = canvas.axes_or_new(axes)
         r = np.linspace(self.extensions[0], self.extensions[-1], 400)
         axes.plot(self.extensions, self.forces, ".", label="measured")
-        axes.plot(r, self.law(r), label=shown("plot").plain(self.formula))
-        axes.set(xlabel=self.heading("extension"), ylabel=self.heading("force"))
-        axes.legend()
-        return axes
+        axes.plot(r, self.law(r), label=style.label_of(self.formula))
+        canvas.entitled(axes, ", ".join(style.value_of(n, v, self.unit_of(n)) for n, v in self.parameters.items()))
+        labels = {
+            side: style.label_of(n, self.unit_of(n)) for side, n in (("xlabel", "extension"), ("ylabel", "force"))
+        }
+        return canvas.finished(axes, **labels)
 
 
 def fit(

@@ -7,8 +7,10 @@ import numpy as np
 from orbits.result import Axes
 from orbits.show import (
     COLOURS,
+    STYLE,
     axes_or_new,
     finished_panels,
+    label_of,
     legend_below,
     mark_stages,
     panels_below,
@@ -23,15 +25,15 @@ LONGEST = 1.1  # of a disturbed motion that comes to rest is drawn, as a multipl
 def plot_driven(driven: Any, axes: Axes | None = None) -> Axes:
     """Plot heights of the masses of a `Driven` against time, contact shaded, and in panels below the displacement of
     the spring's end, or the force, and its rate; return the axes of the heights."""
-    axes = plot_simulation(driven.motion, axes_or_new(axes, 5.6, 5.6))
+    axes = plot_simulation(driven.motion, axes_or_new(axes, 1.0))
     axes.get_legend().remove()
     panels, actuator = [axes, *panels_below(axes, 2, 0.4)], driven.actuator
-    state, rate = (f" ({unit})" if (unit := driven.unit_of(name)) else "" for name in (actuator.state, actuator.rate))
+    state, rate = (driven.unit_of(name) for name in (actuator.state, actuator.rate))
     t, (times, rates) = np.linspace(0, driven.end, 2001), driven.schedule(actuator.rate)
-    panels[1].plot(t, driven(t)[:, -1], color=COLOURS[3], lw=1.8)
-    panels[1].set_ylabel(("force" if actuator.is_force else "spring's\nend") + state)
-    panels[2].stairs(rates[actuator.rate], times, color=COLOURS[5], lw=1.8, baseline=None)
-    panels[2].set_ylabel("its\nrate" + rate)
+    panels[1].plot(t, driven(t)[:, -1], color=COLOURS[3], lw=STYLE.line)
+    panels[1].set_ylabel(label_of("force" if actuator.is_force else "spring's end", state))
+    panels[2].stairs(rates[actuator.rate], times, color=COLOURS[5], lw=STYLE.line, baseline=None)
+    panels[2].set_ylabel(label_of("its rate", rate))
     axes.figure.align_ylabels(panels)
     mark_stages(driven, panels)
     legend_below(panels[-1], axes)
@@ -42,7 +44,7 @@ def plot_disturbed(disturbed: Any, axes: Axes | None = None) -> Axes:
     """Plot heights of a `Disturbed` machine against time, its contact shaded, dashed without the disturbance; below by
     how much each launch speed is off. Return the axes of the heights."""
     nominal, run = disturbed.nominal, disturbed.run
-    axes = plot_simulation(run, axes_or_new(axes, 5.6, 4.8))
+    axes = plot_simulation(run, axes_or_new(axes, 0.85))
     axes.get_legend().remove()
     t = np.linspace(0, nominal.end, 4001)
     masses = [height for name, height in nominal.heights.items() if name != "centre of mass"]
@@ -51,8 +53,8 @@ def plot_disturbed(disturbed: Any, axes: Axes | None = None) -> Axes:
     (below,) = panels_below(axes, 1)
     times = disturbed.launch_times[: disturbed.compared]
     below.plot(times, disturbed.launch_errors, "o-", color=COLOURS[3], ms=5, lw=1.0, clip_on=False)
-    unit = f" ({run.source.units.text(LIFTOFF_SPEED)})" if run.source.units else ""
-    below.set_ylabel("launch speed\noff by" + unit)
+    unit = run.source.units.text(LIFTOFF_SPEED) if run.source.units else ""
+    below.set_ylabel(label_of("launch speed off by", unit))
     finished_panels(run, [axes, below], "time" + unit_labels(run.source.units)[1])
     axes.figure.align_ylabels([axes, below])
     legend_below(below, axes)

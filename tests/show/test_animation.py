@@ -8,7 +8,7 @@ from PIL import Image
 
 from orbits import InputError, Mechanism, find, simulate, starts
 from orbits.mechanics import Mass, Spring
-from orbits.show import animation, plot
+from orbits.show import animation, canvas
 from problems import Chain, Hopper, Juggler, chain_hand, plate_hopper
 
 FRAMES = 6
@@ -34,7 +34,7 @@ def drawn(monkeypatch, tmp_path):
     coils."""
 
     def draw(motion, looks=None):
-        kept, new_axes = [], plot.new_axes
+        kept, new_axes = [], canvas.new_axes
         monkeypatch.setattr(animation, "new_axes", lambda *size: kept.append(new_axes(*size)) or kept[-1])
         path = motion.animate(tmp_path / "motion.gif", FRAMES)
         with Image.open(path) as image:

@@ -4,6 +4,7 @@ import numpy as np
 from columns import hop_of
 
 from orbits import ReturnMap, multipliers
+from orbits.show import label_of
 
 
 def lines_of(axes):
@@ -16,14 +17,14 @@ def test_the_map_is_drawn_number_by_number():
     hops = ReturnMap(machine)(np.array([ReturnMap(machine)(orbit).launches] * 2) * [[1.0], [1.001]])
     drawn = lines_of(hops.plot())
     for i, name in enumerate(hops.names):
-        assert np.array_equal(drawn[name], np.column_stack([hops.launches[:, i], hops.next[:, i]]))
+        assert np.array_equal(drawn[label_of(name)], np.column_stack([hops.launches[:, i], hops.next[:, i]]))
 
 
 def test_a_periodic_hop_is_drawn_up_to_its_first_launch_again():
     machine, orbit = hop_of()
     hop = ReturnMap(machine).periodic_hop(orbit)
     drawn = lines_of(hop.plot())
-    assert [*drawn] == list(hop.names)
+    assert [*drawn] == [*map(label_of, hop.names)]
     assert all(data[0, 1] == data[-1, 1] for data in drawn.values())
 
 

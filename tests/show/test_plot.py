@@ -9,7 +9,7 @@ from legibility import faults, smallest_text
 from looks import check_looks
 
 from orbits import find, follow, orbit_at, pareto, simulate, starts
-from orbits.show import plot, spread, thumbnails
+from orbits.show import new_axes, plot, spread, thumbnails
 from problems import Chain, Hopper, hopper_in_si
 
 NOTEBOOK, SMALLEST = 400, 7.0  # pixels: the width of a figure in a narrow notebook, and its smallest type there
@@ -85,7 +85,7 @@ def test_figures_can_be_read(kind):
 
 def test_faults_are_found():
     """The test of figures sees each fault where it is."""
-    axes = plot.new_axes()
+    axes = new_axes()
     axes.plot([0, 1], [0, 1], label="curve")
     axes.plot([], [], label="nothing")
     axes.legend(loc="lower left")
@@ -96,7 +96,7 @@ def test_faults_are_found():
     found = "\n".join(faults(axes.figure))
     for words in ("nothing of 'nothing'", "'one' meets 'another'", "'outside' leaves", "'curve' runs under", "x axis"):
         assert words in found
-    assert smallest_text(axes.figure, 560) == pytest.approx(10 / 72 * 100)
+    assert smallest_text(axes.figure, 1000) == pytest.approx(7 / 72 * 1000 / axes.figure.get_figwidth())
 
 
 def test_plots(softening_family):

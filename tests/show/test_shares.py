@@ -17,7 +17,7 @@ def test_derivatives_are_a_matrix_of_shares():
     axes = found.plot()
     texts = [text.get_text() for text in axes.texts]
     assert texts == ["1", "-0.5", "0", "0", "-0.5", "0"]
-    assert [each.get_text() for each in axes.get_yticklabels()] == ["alpha", "flight time"]
+    assert [each.get_text() for each in axes.get_yticklabels()] == ["launch speed α", "flight time"]
     with pytest.raises(InputError, match="no derivatives"):
         sensitivities(LEG, 1, [], []).plot()
 

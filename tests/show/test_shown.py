@@ -33,7 +33,8 @@ WITH_PYPLOT = """
 from threading import Thread
 from matplotlib import pyplot
 from orbits import ReturnMap, find, follow, orbit_at, simulate, sweep
-from orbits.show.plot import new_axes, new_row, off_screen, save_figure, thumbnails
+from orbits.show import new_axes, new_row, save_figure, thumbnails
+from orbits.show.canvas import off_screen
 from problems import Hopper
 machine = Hopper("cubic", rest_length=8.0)
 orbit = find(machine)

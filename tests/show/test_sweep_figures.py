@@ -72,7 +72,7 @@ def test_legends_name_only_what_is_there():
 def test_edges_are_lines(both_ways):
     """Every edge of a diagram is one collection of lines, located or not, and nothing is marked by circles."""
     axes = diagram(both_ways).plot()
-    assert axes.get_title() == "hopper, family 1\nspring r + beta*r**3"
+    assert axes.get_title() == "hopper, family 1\nspring r + β·r³, mass ratio = 1"
     assert len(axes.lines) == 0
     edges = {"edge of the orbits", "edge of the motions"}
     assert names(axes) == edges | {"motions", "no motions", "no orbits"}

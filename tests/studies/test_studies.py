@@ -17,8 +17,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 from orbits import find
-from orbits.show import save_figure
-from orbits.show.plot import new_axes
+from orbits.show import STYLE, new_axes, save_figure
 from problems import Hopper
 from studies import (
     air_track,
@@ -299,7 +298,7 @@ def test_figure_4(tmp_path):
 def test_the_page_of_the_paper_fits_a_small_screen(tmp_path):
     """The page has the width of the screen: pictures, and nothing else, are moved in frames of their own, at a size at
     which their type can be read; and the cells of the table name their columns, since its head is left out there."""
-    axes = new_axes(9.6, 3.8)
+    axes = new_axes(0.4, STYLE.page)
     axes.plot([0, 1], [0, 1])
     axes.set(xlabel="time", ylabel="height")
     picture = save_figure(axes, tmp_path / "chain.png")

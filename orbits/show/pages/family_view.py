@@ -7,7 +7,8 @@ import numpy as np
 
 from ...tables import number_text
 from ..family_ends import NAMES_OF_ENDS, ends_of
-from ..plot import COLOURS, family_curve
+from ..plot import family_curve
+from ..style import COLOURS
 from .bokeh_figures import (
     INK,
     MOVING,

@@ -10,7 +10,8 @@ from ...errors import InputError
 from ...model import LANDED_FORCE
 from ..animation import drawn_heights, drawn_range
 from ..plane import PlaneMotion, motion_in_plane
-from ..plot import COLOURS, SHADE, angles_shown, masses_at, states_to_show, title, unit_labels, vertical
+from ..plot import angles_shown, masses_at, states_to_show, title, vertical
+from ..style import COLOURS, SHADE, unit_labels
 from .bokeh_figures import (
     GREY,
     INK,
@@ -109,7 +110,7 @@ def hop_data(orbit: "Orbit") -> HopData:
     centre = shape.heights.get(CENTRE_OF_MASS)
     height, speed = vertical(orbit.certificate.smallest_separation), "speed" + speeds_in
     return HopData(
-        title=title(orbit),
+        title=title(orbit, numbers=False),
         names=tuple(masses),
         time=time,
         height=np.array([height for height, _ in masses.values()]),

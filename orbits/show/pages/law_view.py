@@ -10,7 +10,8 @@ from ...errors import InputError
 from ...model import Machine, dimensionless
 from ...running import exclusive
 from ...units import EXTENSION, FORCE, TORQUE
-from ..plot import COLOURS, SHADE, angles_shown
+from ..plot import angles_shown
+from ..style import COLOURS, SHADE
 from .bokeh_figures import (
     GREY,
     PAGE,

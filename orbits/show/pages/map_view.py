@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...units import LIFTOFF_SPEED
-from ..plot import COLOURS, PALE, cobweb, sampled_map
+from ..plot import cobweb, sampled_map
+from ..style import COLOURS, PALE
 from .bokeh_figures import (
     GREY,
     MOVING,

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError
-from ..plot import COLOURS
+from ..style import COLOURS
 from .bokeh_figures import GREY, PAGE, bokeh, empty_columns, hover, legend_above, new_figure
 
 MAPPED = "Viridis256"  # colours that are read in print and by colour-blind readers

@@ -151,7 +151,7 @@ class Tab:
 
 def alpha_of(told: dict) -> float:
     """The launch speed that a tab is told, to six digits."""
-    return float(told["title"].partition("alpha = ")[2].split()[0])
+    return float(told["title"].partition("α = ")[2].split()[0])
 
 
 def bridge_of(session) -> Bridge:

@@ -20,7 +20,7 @@ def test_figures(driven_hopper, driven_leg):
     off = driven_leg.simulate(2, damping=5.5)
     axes = off.plot()
     assert axes.figure.axes[1].lines[0].get_xydata()[:, 1] == pytest.approx(off.launch_errors)
-    assert axes.figure.axes[1].get_ylabel() == "launch speed\noff by (m/s)"
+    assert axes.figure.axes[1].get_ylabel().replace("\n", " ") == "launch speed off by (m/s)"
     assert "undisturbed" in [text.get_text() for text in axes.figure.axes[1].get_legend().get_texts()]
     for one in (driven_hopper.plot(), shown, axes, driven_hopper.simulate(4, launch_error=-0.1).plot()):
         assert not faults(one.figure)
