@@ -4,6 +4,7 @@ from itertools import combinations
 
 import numpy as np
 from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.path import Path
 from matplotlib.text import Text
@@ -127,7 +128,9 @@ def _faults_of_legend(axes) -> list[str]:
     if sorted(entries) != sorted(set(labels)):
         found.append(f"the legend has {entries} of {labels}")
     found += [
-        f"nothing of {label!r} is drawn" for handle, label in zip(handles, labels, strict=True) if not _drawn(handle)
+        f"nothing of {label!r} is drawn"
+        for handle, label in zip(handles, labels, strict=True)
+        if not (_drawn(handle) or _names_a_style(handle, axes))
     ]
     box = legend.get_window_extent().padded(-2)
     for line in axes.lines:
@@ -142,6 +145,14 @@ def _drawn(handle) -> bool:
     if isinstance(handle, Line2D | PathCollection):
         return len(_points(handle)) > 0
     return True
+
+
+def _names_a_style(handle, axes) -> bool:
+    """Whether a grey entry without points stands for the dashes of curves that are drawn, whatever their colour."""
+    if not isinstance(handle, Line2D) or len(handle.get_xydata()) or len({*to_rgb(handle.get_color())}) > 1:
+        return False
+    alike = (line for line in axes.lines if line.get_linestyle() == handle.get_linestyle() and len(line.get_xydata()))
+    return any(len(_points(line)) for line in alike)
 
 
 def _points(artist) -> np.ndarray:

@@ -92,10 +92,12 @@ def test_faults_are_found():
     axes.text(0.5, 0.5, "one")
     axes.text(0.5, 0.5, "another")
     axes.text(1.2, 0.5, "outside", in_layout=False)
+    axes.text(0.1, 0.9, "small", fontsize=5)
     axes.set_ylabel("height")
     found = "\n".join(faults(axes.figure))
-    for words in ("nothing of 'nothing'", "'one' meets 'another'", "'outside' leaves", "'curve' runs under", "x axis"):
-        assert words in found
+    words = ["nothing of 'nothing'", "'one' meets 'another'", "'outside' leaves", "'curve' runs under", "x axis"]
+    words += ["'one' lies on a curve", "'small' has 5.0 points", "in a column: 'outside' leaves"]
+    assert [each for each in words if each not in found] == []
     assert smallest_text(axes.figure, 1000) == pytest.approx(7 / 72 * 1000 / axes.figure.get_figwidth())
 
 
