@@ -98,7 +98,7 @@ def test_faults_are_found():
     words = ["nothing of 'nothing'", "'one' meets 'another'", "'outside' leaves", "'curve' runs under", "x axis"]
     words += ["'one' lies on a curve", "'small' has 5.0 points", "in a column: 'outside' leaves"]
     assert [each for each in words if each not in found] == []
-    assert smallest_text(axes.figure, 1000) == pytest.approx(7 / 72 * 1000 / axes.figure.get_figwidth())
+    assert smallest_text(axes.figure, 1000) == pytest.approx(5 / 72 * 1000 / axes.figure.get_figwidth())
 
 
 def test_plots(softening_family):
