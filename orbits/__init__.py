@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from .continuation import (
         End as End,
         Event as Event,
+        Families,
         Family,
         Point as Point,
         StepControl as StepControl,
@@ -121,7 +122,7 @@ if TYPE_CHECKING:
 PLACE_OF = public_names(__name__)  # the module or the room of each name
 __all__ = [
     "BifurcationCurve", "BifurcationDiagram", "BranchPoint", "Control", "Design", "DesignCurve", "Existence",
-    "Family", "Front", "HopMultipliers", "InputError", "Machine", "Mechanism", "NoOrbit", "OptimalFamily",
+    "Families", "Family", "Front", "HopMultipliers", "InputError", "Machine", "Mechanism", "NoOrbit", "OptimalFamily",
     "Orbit", "OrbitsError", "PeriodDiagram", "Proof", "ReturnMap", "ReturningHops", "Simulation", "Sweep",
     "Uncertainty", "Units", "__version__", "bifurcations", "check", "existence", "find", "find_all",
     "find_branch_points", "follow", "follow_branch", "follow_branch_points", "follow_event", "follow_fold",

@@ -12,7 +12,7 @@ import argparse
 from pathlib import Path
 
 from orbits import Family, follow
-from orbits.show import new_row, plot_family, save_figure
+from orbits.show import new_row, save_figure
 from problems import Hopper, Juggler
 
 REST_LENGTH = 12.0
@@ -29,10 +29,11 @@ def main(folder: Path, quick: bool = False) -> dict[tuple, Family]:
     for row, (law, along, stop, label) in zip(panels, LAWS, strict=True):
         for axes, machine in zip(row, (Hopper, Juggler), strict=True):
             print(f"\n  {machine.kind}, gravity {law}")
-            for number in numbers:
-                start = machine("r", law, rest_length=REST_LENGTH, parameters={along: 0.0})
-                family = found[machine.kind, law, number] = follow(start, along, stop, family=number)
-                plot_family(family, axes, label=f"family {number}")
+            start = machine("r", law, rest_length=REST_LENGTH, parameters={along: 0.0})
+            families = follow(start, along, stop, families=numbers)
+            families.plot(axes=axes)
+            for number in families:
+                family = found[machine.kind, law, number] = families[number]
                 limit = f", {along} tends to {family.end.limit:.6g}" if family.end.limit is not None else ""
                 print(f"    family {number}: {family.end.kind}, {family.end.reason}{limit}")
                 for event in family.events:

@@ -9,6 +9,7 @@ Run: python studies/knee.py [--output FOLDER] [--quick]
 """
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -91,7 +92,7 @@ def draw_map(axes, legs: Sweep) -> None:
     axes.set(xlabel="link (m)", ylabel="stiffness (N m/rad)", title=f"family {SHOWN}")
 
 
-def draw(orbit: Orbit, legs: Sweep, families: dict[int, Family]):
+def draw(orbit: Orbit, legs: Sweep, families: Mapping[int, Family]):
     """The six panels of the picture."""
     panels = new_row(3, 1.06, rows=2).ravel()
     draw_leg(panels[0], orbit)
@@ -121,7 +122,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     orbit = find(LEG, SHOWN)
     print(orbit)
     numbers: dict[str, float] = {}
-    families = {n: follow(LEG, "link", *((0.4, 0.7) if quick else LINKS), family=n) for n in (1, 2, 3)}
+    families = follow(LEG, "link", *((0.4, 0.7) if quick else LINKS), families=(1, 2, 3)).families
     for n, family in families.items():
         found, linear = told(family), near_rest(n, LEG.values["stiffness"])
         numbers[f"off {n}"] = float(np.abs(found["alpha"] / linear - 1).max())

@@ -29,7 +29,7 @@ REST_LENGTH = 30.0
 def families(law: str, along: str, start: float, stop: float, others: dict, numbers) -> list[Family]:
     """The families of these numbers along a parameter of a law."""
     machine = Hopper(law, rest_length=REST_LENGTH, parameters={**others, along: start})
-    return [follow(machine, along, stop, family=number) for number in numbers]
+    return [*follow(machine, along, stop, families=numbers).families.values()]
 
 
 def fate(family: Family) -> str:
@@ -57,7 +57,8 @@ def main(folder: Path, quick: bool = False) -> dict[str, list[Family]]:
         entries |= {text: handle for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
         axes.get_legend().remove()
     panels[-1].set_axis_off()  # one legend for all panels takes the place of a ninth
-    panels[-1].legend(entries.values(), entries, frameon=False, loc="center")
+    names = sorted(entries, key=lambda name: not name.startswith("family"))
+    panels[-1].legend([entries[name] for name in names], names, frameon=False, loc="center")
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(panels[0], folder / 'spring_families.png')}")
     return found

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from .branch_curve import follow_branch_points
     from .checkpoint import begun, versions
     from .event_curve import COLLAPSE, LIMITS, EventCurve
+    from .families import Families
     from .family import FAMILY_ENDINGS, Family
     from .folds import follow_fold
     from .follow import begin_run, bounds_of, follow, follow_branch, orbit_at, trace

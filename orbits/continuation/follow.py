@@ -2,8 +2,9 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
+from numbers import Real
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import Any, TypeGuard, overload
 
 import numpy as np
 
@@ -35,6 +36,7 @@ from .both_ways import both_ways
 from .checkpoint import check_output, collect_family
 from .curve import Curve, Watch, machine_at, tuned_at
 from .curve_ends import Endings
+from .families import Families, followed_families, numbers_of_families
 from .family import Family
 from .family_problem import FamilyProblem
 from .family_run import FamilyRun
@@ -49,6 +51,27 @@ SHORTEST_CURVE = 1e-150
 LONGEST_FIRST_STEP = 10.0
 
 
+@overload
+def follow(
+    machine: Machine, along: str, stop: Stop, start: StartLike | float | None = None, family: int = 1, *,
+    families: None = None, tune: str | Iterable[str] | None = None, at: Sequence[float] = Options.at,
+    watch: Watch | None = None, longest: float = Options.longest, most: int = Options.most,
+    stop_inadmissible: bool = Options.stop_inadmissible, step_control: StepControl = Options.step_control,
+    multipliers: bool = Options.multipliers, method: str | None = None, output: str | Path | None = None,
+    resume: Family | None = None, progress: Progress = None,
+) -> Family: ...  # fmt: skip
+
+
+@overload
+def follow(
+    machine: Machine, along: str, stop: Stop, start: float | None = None, *, families: Iterable[int],
+    tune: str | Iterable[str] | None = None, at: Sequence[float] = Options.at, watch: Watch | None = None,
+    longest: float = Options.longest, most: int = Options.most,
+    stop_inadmissible: bool = Options.stop_inadmissible, step_control: StepControl = Options.step_control,
+    multipliers: bool = Options.multipliers, method: str | None = None, progress: Progress = None,
+) -> Families: ...  # fmt: skip
+
+
 @exclusive
 def follow(
     machine: Machine,
@@ -57,6 +80,7 @@ def follow(
     start: StartLike | float | None = None,
     family: int = 1,
     *,
+    families: Iterable[int] | None = None,
     tune: str | Iterable[str] | None = None,
     at: Sequence[float] = Options.at,
     watch: Watch | None = None,
@@ -69,7 +93,7 @@ def follow(
     output: str | Path | None = None,
     resume: Family | None = None,
     progress: Progress = None,
-) -> Family:
+) -> Family | Families:
     """Follow a family of lossless orbits as a parameter goes from a first value to `stop`, past folds, to its end.
 
     machine : as in `find`
@@ -81,6 +105,8 @@ def follow(
         the lowest of `family`, at the machine's own value. The curve ends where it returns to this value, unless `stop`
         is a range
     family : number of the family, from 1
+    families : numbers of several families instead, as (1, 2, 3), each from its own first orbit; they are one result,
+        `Families`, that draws them in one figure
     tune : names of parameters that are unknowns too, as in `find`; their values are columns of the family
     at : values to hit exactly, each time the curve passes them. A family that escapes ends where small changes grow
         3e7-fold on the way, since its limit is known by then; it goes on where one of these values lies beyond
@@ -114,15 +140,22 @@ def follow(
     options = checked_options(at, watch, longest, most, stop_inadmissible, step_control, multipliers)
     check_output(output)
 
-    def begun(stop: Stop, resume: Family | None) -> FamilyRun:
-        try:
-            return begin_run(machine, along, start, stop, family, method, options, resume, tune)
-        except TimeOver as over:
-            raise over.reached("the orbit to begin with is not found yet") from None
+    def followed(number: int, progress: Progress) -> Family:
+        def begun(stop: Stop, resume: Family | None) -> FamilyRun:
+            try:
+                return begin_run(machine, along, start, stop, number, method, options, resume, tune)
+            except TimeOver as over:
+                raise over.reached("the orbit to begin with is not found yet") from None
 
-    if is_range(stop):
-        return both_ways(begun, stop, collect_family, resume, output, progress)
-    return collect_family(begun(stop, resume), resume, output, progress)
+        if is_range(stop):
+            return both_ways(begun, stop, collect_family, resume, output, progress)
+        return collect_family(begun(stop, resume), resume, output, progress)
+
+    if families is None:
+        return followed(family, progress)
+    if family != 1 or output is not None or resume is not None or not (start is None or isinstance(start, Real)):
+        raise InputError("families are followed from their own orbits: leave out family, a start, output and resume")
+    return followed_families(numbers_of_families(families), followed, progress)
 
 
 @exclusive

@@ -12,7 +12,7 @@ NAMES_OF_ENDS = {
     "escaped": "goes on without bound",
     "homoclinic": "becomes homoclinic",
     "closed": "closes",
-    "degenerate": "no machine beyond",
+    "degenerate": "degenerates",
     "stopped": "stopped",
     "stuck": "lost",
     "interrupted": "interrupted",

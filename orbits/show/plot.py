@@ -149,12 +149,13 @@ def plot_family(family: "Family", axes: Axes | None = None, quantity: str = "alp
     }
     colour: dict[str, Any] = {}
     for name, (values, style) in styles.items():
-        if not np.isfinite(values).any():
+        places = np.flatnonzero(np.isfinite(values))
+        if not len(places):
             continue
         own = (None if colour else label) if label else _new_entry(axes, name)
         colour = {"color": axes.plot(x, values, label=own, **colour, **style)[0].get_color()}
-        if label and (entry := _new_entry(axes, name)):  # one for all families
-            axes.plot([], [], color="0.15", label=entry, **style)
+        if label and (entry := _new_entry(axes, name)):  # one for all families, a line of one point
+            axes.plot(x[places[:1]], values[places[:1]], color="0.15", label=entry, **style)
     _mark(axes, family, x, y)
     headline(axes, family.machine, without=(family.name,))
     across, up = (label_of(name, family.unit_of(name)) for name in (family.name, quantity))
@@ -173,7 +174,7 @@ def _mark(axes: Axes, family: "Family", x: np.ndarray, y: np.ndarray) -> None:
     for i, end in ends_of(family).items():
         name = NAMES_OF_ENDS.get(end.kind, end.kind)
         marks.append((i, name, MARKERS_OF_ENDS.get(name, "p"), 8.0))
-    for i, name, marker, size in marks:
+    for i, name, marker, size in (each for each in marks if np.isfinite(y[each[0]])):
         style = {"marker": marker, "ls": "", "ms": size, "mfc": "white", "mew": 1.4, "zorder": 4}
         axes.plot(x[i], y[i], color="0.15", label=_new_entry(axes, plain(name)), **style)
 

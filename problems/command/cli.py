@@ -322,12 +322,15 @@ COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
     "value, as clearance=0.1, or 'extremum of alpha'.",
 )
 @click.option("--second", metavar="NAME=STOP", help="The second parameter, from its own value, and its last value.")
+@click.option("--families", metavar="N1,N2,...", help="Several families instead of one, in one table and figure.")
 def follow_command(
     family: int, along: str, start: float | None, stop: str, tune: tuple[str, ...], at: str | None, longest: float,
     hop: str | None, method: str | None, stop_inadmissible: bool, multipliers: bool, as_json: bool, plot: str | None,
-    output: str | None, save: str | None, resume: str | None, event: str | None, second: str | None, **stated: Any,
+    output: str | None, save: str | None, resume: str | None, event: str | None, second: str | None,
+    families: str | None, **stated: Any,
 ) -> None:  # fmt: skip
-    """Follow a family of orbits along a parameter, past folds, to its end; or an event of it in two parameters."""
+    """Follow a family of orbits along a parameter, past folds, to its end; or an event of it in two parameters; or
+    several families."""
     from orbits.continuation import Family, follow
     from orbits.periodic import QUANTITIES_ALONG
 
@@ -338,13 +341,19 @@ def follow_command(
     machine = options.machine_of(**stated, first=None if known else (along, start))
     first = options.started(machine, hop) if before is None else None
     of_event = options.event_of(event, second)
+    several = options.several_families(families, save, family > 1 or output or resume or of_event or hop)
     with options.progress() as report:
-        followed = follow(
+        followed: Any = follow(
             machine, along, options.last_values(stop), first or start, family, at=values, longest=longest,
             method=method, stop_inadmissible=stop_inadmissible, multipliers=multipliers,
-            output=None if of_event else output, resume=before, progress=report, tune=tuned,
+            output=None if of_event else output, resume=before, progress=report, tune=tuned, **several,
         )  # fmt: skip
-    if of_event:
+    if several:
+        if plot is not None:
+            from orbits.show import save_figure
+
+            save_figure(followed.plot(), plot)
+    elif of_event:
         from orbits.continuation import follow_event
 
         followed = follow_event(followed, *of_event, longest=longest, output=output)
@@ -360,7 +369,8 @@ def follow_command(
         small = [(point, orbit_at(machine, point, along, method)) for point in spread(followed, THUMBNAILS)]
         save_figure(thumbnails(plot_family(followed), followed, small), plot)
     options.write(followed, as_json, save=save)
-    if followed.end.kind in ("stuck", "interrupted"):
+    ends = [each.end.kind for each in (followed.families.values() if several else [followed])]
+    if {"stuck", "interrupted"} & {*ends}:
         raise click.exceptions.Exit(1)
 
 

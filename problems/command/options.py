@@ -203,6 +203,18 @@ def one_number(option: str, text: str) -> float:
         raise InputError(f"{option} {text!r} is not a number") from None
 
 
+def several_families(text: str | None, save: str | None, other: object) -> dict[str, Any]:
+    """The argument of `follow` for the numbers of --families; raises `InputError` beside options of one family."""
+    from orbits.errors import InputError
+
+    if text is None:
+        return {}
+    if other or str(save).endswith(".jsonl"):
+        alone = "--family, --start, --output, --resume, --event and files .jsonl are of one family"
+        raise InputError(f"--families {text!r}: {alone}; leave them out")
+    return {"families": numbers("--families", text, int)}
+
+
 def last_values(text: str) -> float | tuple[float, float]:
     """The last value of a parameter that B stands for, or the range of A:B; raises `InputError` for anything else."""
     if ":" not in text:

@@ -604,6 +604,19 @@ def test_a_family_goes_both_ways_from_the_value_of_the_machine(orbits):
         assert (done.code, words in " ".join(done.err.split())) == (2, True)
 
 
+def test_several_families_are_followed_together(orbits, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    line = "follow --spring cubic --set beta=0.1 --along beta --to 0:0.2 --longest 0.3 --families 1,3"
+    done = orbits(f"{line} --plot families.png --save families.csv")
+    assert (done.code, done.out.splitlines()[0]) == (0, "families 1, 3 of hopper, spring r + beta*r**3, along beta")
+    assert (tmp_path / "families.png").stat().st_size > 10_000
+    document = orbits(f"{line} --json").document
+    assert document["numbers"] == [1, 3]
+    assert document["families"][1]["points"][0]["alpha"] == pytest.approx(10.904121659428899, rel=1e-13)
+    for other in ("--family 2", "--output x.jsonl", "--save x.jsonl", "--event fold --second rest_length=8"):
+        assert "are of one family" in " ".join(orbits(f"{line} {other}").err.split())
+
+
 def test_a_family_goes_along_a_quantity(orbits):
     done = orbits("follow --spring cubic --tune beta=0.3 --along alpha --from 2.9 --to 3 --json")
     assert done.document["points"][-1]["alpha"] == pytest.approx(3.0, rel=1e-13)
