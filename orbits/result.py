@@ -243,7 +243,7 @@ class Result:
 
     def page(self, path: str | Path) -> Path:
         """Write a page of the result in one file (.html) that needs no network; returns its path."""
-        return shown("pages.saved_page").result_page(self, path)
+        return shown("pages.saved_page").result_page(self, path, None if self.undrawn else self._draw, self._notes())
 
     def unit_of(self, name: str) -> str:
         """The unit of a quantity, "" where it has none."""
@@ -431,11 +431,15 @@ def cell(
         in its place
     notes : texts below the table
     """
-    table = html_table(without_middle(rows), "", heads) if rows else ""
-    table += "".join(f'<p style="{NOTE}">{escaped(note)}</p>' for note in notes)
-    words = f'<div style="flex:0 1 auto;max-width:100%;overflow-x:auto">{table}</div>'
+    words = f'<div style="flex:0 1 auto;max-width:100%;overflow-x:auto">{table_with_notes(rows, heads, notes)}</div>'
     beside = f'<div style="{SIDE_BY_SIDE}">{words}{_picture(title, draw) if draw else ""}</div>'
     return f'<div><p style="{TITLE}">{escaped(title)}</p>{beside}</div>'
+
+
+def table_with_notes(rows: Sequence[Sequence[str]], heads: Sequence[str] = (), notes: Sequence[str] = ()) -> str:
+    """The rows of a result in HTML, of many those at the beginning and at the end, above its notes."""
+    table = html_table(without_middle(rows), "", heads) if rows else ""
+    return table + "".join(f'<p style="{NOTE}">{escaped(note)}</p>' for note in notes)
 
 
 def _picture(title: str, draw: Callable[..., Any]) -> str:

@@ -286,11 +286,13 @@ def test_every_result_has_every_verb(kind, tmp_path):
 @pytest.mark.extra("bokeh")
 @each_whole_result
 def test_every_result_has_a_page(kind, tmp_path):
-    """It holds what a notebook shows, with its picture."""
-    page = made(kind).page(tmp_path / "result.html").read_text(encoding="utf-8")
+    """It holds the table that a notebook shows, and what its plot draws as figures with zoom."""
+    result = made(kind)
+    page = result.page(tmp_path / "result.html").read_text(encoding="utf-8")
     assert page.startswith("<!doctype html>")
     assert "<table" in page
-    assert "no picture" not in page
+    assert "No figure" not in page
+    assert ("data-root-id" in page) == (not result.undrawn)
 
 
 @pytest.mark.extra("xarray", "pandas")

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from .pages.hop_view import HopData, HopFigures, hop_data
     from .pages.law_view import LawData, LawFigure, law_data
     from .pages.map_view import MapData, MapFigure, map_data
+    from .pages.saved_page import THEME
     from .plot import plot_family, plot_orbit, plot_simulation, spread, thumbnails
     from .simulators import check_folder
     from .style import COLOURS, STYLE, label_of, small_type, unit_labels

@@ -124,7 +124,7 @@ def _to_floating(scene: Scene, data: Mapping[str, object]) -> Scene:
 def _to_option_of_rows(name: str) -> Callable[[Scene, Mapping[str, object]], Scene]:
     def change(scene: Scene, data: Mapping[str, object]) -> Scene:
         if scene.rows is None:
-            raise InputError(f"{name} is of measured rows, and there are none")
+            raise InputError(f"{name} needs measured rows, and there are none")
         value: Any = None if data.get("value") == "" else data.get("value")
         return replace(scene, rows=replace(scene.rows, **{name: value}))
 

@@ -143,12 +143,13 @@ window.startExplorer = (bridge, figures) => {
     for (const caption of document.querySelectorAll("[data-caption]")) {
       const name = caption.dataset.caption, text = state.captions[name] || "";
       caption.hidden = figures[name]?.visible === false;
+      caption.classList.toggle("stale", state.stale.includes(name == "title" ? "machine" : name));
       if (caption.textContent !== text) caption.textContent = text;
     }
     $("launch-line").hidden = !figures.map.visible;
     for (const place of document.querySelectorAll("[data-figure]"))
       place.classList.toggle("stale", state.stale.includes(place.dataset.figure));
-    $("certificate").classList.toggle("stale", state.stale.includes("machine"));
+    for (const id of ["hop-title", "certificate-fold"]) $(id).classList.toggle("stale", state.stale.includes("machine"));
     $("undo").disabled = !state.undo;
     $("lowest").hidden = !state.lowest;
     $("save-rows").hidden = !state.scene.rows;

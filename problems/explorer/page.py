@@ -17,7 +17,7 @@ from bokeh.server.callbacks import TimeoutCallback
 from jinja2 import Template
 
 from orbits.errors import InputError
-from orbits.show import FamilyFigure, HopFigures, LawFigure, MapData, MapFigure
+from orbits.show import THEME, FamilyFigure, HopFigures, LawFigure, MapData, MapFigure
 
 from .fields import changed
 from .page_state import PAGES, Computed, Requested, kind_of, tab_state
@@ -128,6 +128,7 @@ class Explorer:
         self._document.title = "Lossless hops"
         self._document.template = Template((FOLDER / "page.html").read_text(encoding="utf-8"))
         texts = {f"page_{kind}": (FOLDER / f"page.{kind}").read_text(encoding="utf-8") for kind in ("css", "js")}
+        texts["page_css"] = THEME + texts["page_css"]
         needed = Resources(mode="server", root_url="", components=["bokeh", "bokeh-widgets"]).render_js()
         self._document.template_variables.update(**texts, bokeh_needed=needed)
 
@@ -211,7 +212,7 @@ class Explorer:
             self._requested = replace(self._requested, refused={})
             self._computed = replace(self._computed, failed={"page": "Stopped: no hop has been found yet."})
         else:
-            refused = {"page": "Stopped: this is still the hop before."}
+            refused = {"page": "Stopped: the page still shows the hop before."}
             self._requested = replace(self._requested, scene=self._computed.scene, refused=refused)
             self._computed = replace(self._computed, failed={})
 

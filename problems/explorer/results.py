@@ -241,7 +241,7 @@ def _ending(family: Family, place: int, end: End) -> str:
 def map_results(python_machine: object, scene: Scene) -> Iterator[MapData]:
     """The return map around a scene's hop with its cobweb, then the same with the basin of lossless hops."""
     if scene.tuned:
-        raise InputError("a launch of a runner has several numbers, and a map is of one")
+        raise InputError("the launch of a runner has several numbers, and this page draws the map of a single one")
     plain = replace(scene, launch=None, along="")
     machine = scene.build(python_machine)
     orbit = _orbit_of_scene(machine, plain)
@@ -269,7 +269,7 @@ def _map_of_steps(step: ReturnMap, orbit: Orbit, launch: float | None, samples: 
     """
     found = orbit.certificate
     if not found.loss_coefficient:
-        raise InputError("the loss beside this step has no coefficient, as where a landing with a speed loses nothing")
+        raise InputError("this step has no loss coefficient, for example because a landing with a speed loses nothing")
     above = found.bounce_side == "above"
     factor = (found.bounce_factor or RESULTS.with_bounce) if above else 1.0
     low, high = (share / (factor * found.loss_coefficient) ** 3 for share in RANGE_BESIDE[above])

@@ -204,7 +204,7 @@ class Scene:
             if text.strip().partition(":")[0].strip() == "table":
                 raise InputError(f"{name} {text[:40]!r}: a table comes onto the page as a file dropped there")
         if self.steps and (self.rows or self.gravity != "1"):
-            raise InputError("measured rows and a gravity that varies are of machines that hop: choose one of them")
+            raise InputError("measured rows and varying gravity need a machine that hops: choose one")
         self._check_numbers()
         whole_number("family", self.family, most=LARGEST.family)
 

@@ -29,10 +29,10 @@ DIMMED = "The figures, which are dimmed, still show the motion before."
 # The outer of two bodies that turn, and what becomes of the motion with each step, by the kind of machine.
 TWO_BODIES = {"wheel": ("wheel", ", turned on by an angle"), "rocker": ("block", ", mirrored")}
 TWO_BODIES |= {"shuttle": ("pendulum", ", mirrored")}
-BESIDE_IT = "Seen by one who goes on beside it: dots on the ground are where feet stand, the line is the path so far."
+BESIDE_IT = "The view moves along with the machine. Dots on the ground mark where feet stand, the line the path so far."
 SMALL_ANGLES = (
-    "For small angles there is no picture in the plane. Angles are in units of half that between two spokes or walls, "
-    "and of a block in units of its width over its height."
+    "For small angles there is no picture in the plane. The unit of an angle is half the angle between two spokes or "
+    "walls; for a block it is its width over its height."
 )
 # Of figures that show the same of every machine.
 ON_LAW = "{} over {}; the shaded range is what this motion uses."
@@ -41,16 +41,16 @@ ON_MAP = (
     "and see what follows."
 )
 ON_FAMILY = (
-    "Each point is the motion of a machine with another {}, by its launch speed alpha, the ring the one shown; dashed "
-    "parts are no motions. Click on the curve to go there, or move the slider."
+    "Each point is the motion of a machine with another {}, at its launch speed alpha. The ring marks the one shown; "
+    "dashed parts are no motions. Click on the curve to go there, or move the slider."
 )
 CHOOSE_PARAMETER = "Choose a parameter to see the machines beside this one."
 ON_FORCES = (
-    "While both points touch: on the one that landed it begins at 0, as nothing is lost, and on the other it falls to "
-    "0, and that opens. It may never fall below: nothing pulls what touches."
+    "The forces while both points touch. On the one that landed the force begins at 0, as nothing is lost; on the "
+    "other it falls to 0, and that point opens. Neither may fall below 0, as a contact cannot pull."
 )
-AS_TORQUE = " As what closes is an angle, it is stated as a torque."
-ON_FORCE = "It may never fall below 0: nothing pulls what touches. Where nothing is lost, it begins and ends at 0."
+AS_TORQUE = " The page shows torques, since the gap that closes is an angle."
+ON_FORCE = "The force may never fall below 0, as a contact cannot pull. Where nothing is lost, it begins and ends at 0."
 
 
 def verdict(scene: Scene, hop: HopResult | None, failed: Mapping[str, str]) -> tuple[str, str]:
@@ -93,7 +93,7 @@ def captions(scene: Scene, hop: HopResult | None) -> dict[str, str]:
         speed, portrait = "at which the body within turns as a step begins", f"with each step it begins again{onward}"
         what = f"theta, the angle of the {outer}, and phi, that of the body within," if outer else "Angle of each body"
         rate, cycle, stands = "Rate over angle", "step", "it touches" if data.landed is None else "both points touch"
-        launch = ", less that of the lossless step, as is the one before it"
+        launch = " over the one before it, both less that of the lossless step"
     over, force = (label.partition(" ")[0] for label in (hop.law.labels if hop.law else ("extension", "force")))
     on_force = ON_FORCE if data.landed is None else ON_FORCES
     on_force += AS_TORQUE if data.labels["force"].endswith("(N m)") else ""

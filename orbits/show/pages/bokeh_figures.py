@@ -15,6 +15,7 @@ TOOLS = "pan,box_zoom,wheel_zoom,reset,save"
 # Glyphs that move in each frame are drawn on a canvas of their own, so that nothing else is drawn again for them.
 MOVING = {"level": "overlay"}
 GREY, INK = "#6b6b6b", "#333333"
+EDGE = "#9a937c"  # around pale areas and their samples in legends, which it sets off from a light page and a dark one
 
 
 class PageStyle(NamedTuple):
@@ -46,6 +47,10 @@ class PageStyle(NamedTuple):
     # Members of a sweep that are shown: a page of more would be large, and their marks would cover each other.
     members: int = 10_000
     reason: int = 200  # characters of a member's reason in its tooltip
+    heights_of_panels: tuple[int, int] = (440, 280)  # pixels: of a figure alone, and of one of several rows
+    small_marks: tuple[tuple[str, float], ...] = ((".", 0.5), (",", 0.3))  # of matplotlib, with the share of their size
+    pale: float = 0.7  # least of red, green and blue of a colour that needs an edge
+    letters_of_legend: int = 60  # in a row, with room for what stands before each entry
 
 
 PAGE = PageStyle()
@@ -111,15 +116,16 @@ def tip(entries: list[tuple[str, str]]) -> str:
 
 
 def range_changes(shown: Any, low: float, high: float, steady: bool, margin: float = PAGE.margin) -> list[Change]:
-    """The changes that make a `Range1d` show low to high: none for a steady one that shows that already and is well
-    filled by it."""
+    """The changes that make a `Range1d` show low to high: none for a steady one that shows that already, with half its
+    margin, and is well filled by it."""
     if (size := high - low) <= PAGE.flat * max(abs(low), abs(high)):  # nothing but rounding
         size = abs(high) or 1.0
         low, high = low - 0.5 * size, high + 0.5 * size
     start, end = shown.reset_start, shown.reset_end
     below, above = margin, margin
     if steady and start is not None:
-        if start <= low and high <= end and size >= PAGE.filled * (end - start):
+        inside = start <= low - 0.5 * margin * size and high + 0.5 * margin * size <= end
+        if inside and size >= PAGE.filled * (end - start):
             return []
         below, above = margin + PAGE.spare * (low < start), margin + PAGE.spare * (high > end)
     ends = {"start": low - below * size, "end": high + above * size}

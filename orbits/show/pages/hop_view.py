@@ -13,6 +13,7 @@ from ..plane import PlaneMotion, motion_in_plane
 from ..plot import angles_shown, masses_at, states_to_show, title, vertical
 from ..style import COLOURS, SHADE, unit_labels
 from .bokeh_figures import (
+    EDGE,
     GREY,
     INK,
     MOVING,
@@ -320,7 +321,7 @@ class HopFigures:
 
     def _shade(self, figure: Any) -> object:
         """Shade the contact in a figure against time."""
-        return figure.vstrip("start", "end", source=self._contact, fill_color=SHADE, line_color=None, level="underlay")
+        return figure.vstrip("start", "end", source=self._contact, fill_color=SHADE, line_color=EDGE, level="underlay")
 
 
 def _tip_entries(across: str, up: str) -> list[tuple[str, str]]:

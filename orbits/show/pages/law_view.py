@@ -13,6 +13,7 @@ from ...units import EXTENSION, FORCE, TORQUE
 from ..plot import angles_shown
 from ..style import COLOURS, SHADE
 from .bokeh_figures import (
+    EDGE,
     GREY,
     PAGE,
     Change,
@@ -113,7 +114,7 @@ class LawFigure:
         self._curve = new(empty_columns("extension", "force"))
         self._used, self._liftoff = new(empty_columns("low", "high")), new(empty_columns("extension", "force"))
         self.figure = figure = new_figure("", height)
-        strip = figure.vstrip("low", "high", source=self._used, fill_color=SHADE, line_color=None, level="underlay")
+        strip = figure.vstrip("low", "high", source=self._used, fill_color=SHADE, line_color=EDGE, level="underlay")
         figure.add_layout(models.Span(location=0, dimension="width", line_color=GREY))
         line = figure.line("extension", "force", source=self._curve, line_width=2.5, color=COLOURS[0])
         style = {"size": 9, "fill_color": COLOURS[1], "line_color": "white"}

@@ -9,6 +9,7 @@ from ...units import LIFTOFF_SPEED
 from ..plot import cobweb, sampled_map
 from ..style import COLOURS, PALE
 from .bokeh_figures import (
+    EDGE,
     GREY,
     MOVING,
     PAGE,
@@ -89,7 +90,7 @@ class MapFigure:
         lines = (new(empty_columns("alpha", "following")) for _ in range(4))
         self._map, self._web, self._identity, self._start = lines
         self._basin = new(empty_columns("low", "high"))
-        strips = figure.vstrip("low", "high", source=self._basin, fill_color=PALE, line_color=None, level="underlay")
+        strips = figure.vstrip("low", "high", source=self._basin, fill_color=PALE, line_color=EDGE, level="underlay")
         identity = figure.line("alpha", "following", source=self._identity, line_color=GREY, line_dash=[4, 3])
         line = figure.line("alpha", "following", source=self._map, line_color=COLOURS[0], line_width=2.5)
         web = figure.line("alpha", "following", source=self._web, line_color=COLOURS[1], line_width=1.5)

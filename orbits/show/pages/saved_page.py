@@ -1,15 +1,19 @@
 """Still pages: one HTML file each, with animated and interactive figures, and nothing to load from anywhere."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...errors import InputError
 from ...io import check_path, writing
+from ...result import table_with_notes
 from ...tables import html_table
+from ..canvas import new_axes, off_screen
 from .bokeh_figures import Change, apply, bokeh
+from .drawn_figures import drawn_figures
 from .family_view import FamilyFigure, ending, family_data
 from .hop_view import HopFigures, hop_data
 from .law_view import LawFigure, law_data
@@ -23,15 +27,23 @@ if TYPE_CHECKING:
 PAGES = (".html",)
 MOST_HOPS = 24  # of a family that are in its page
 LARGEST_HOPS = 1_500_000  # bytes of them together, which become a third more in a page
+# The colours of pages, light or dark as the browser is set. Figures are drawn for a white page; inverted, their colours
+# keep their hues, and white becomes `--ground`.
+THEME = """
+:root { --ink: #222; --ground: #fff; --figure: none; color-scheme: light; }
+@media (prefers-color-scheme: dark) {
+  :root { --ink: #e8e8e8; --ground: #1a1a1a; --figure: invert(.9) hue-rotate(180deg); color-scheme: dark; }
+}
+"""
 STYLE = """
-:root { color-scheme: light; }
-body { margin: 0 auto; max-width: 1240px; padding: 0 12px 24px; color: #222; background: white;
+body { margin: 0 auto; max-width: 1240px; padding: 0 12px 24px; color: var(--ink); background: var(--ground);
   font: 15px/1.5 system-ui, sans-serif; }
 h1 { font-size: 1.25rem; margin: 0.8em 0 0.2em; overflow-wrap: anywhere; }
 h2 { font-size: 1rem; margin: 0.4em 0; }
 p { margin: 0.3em 0 0.8em; overflow-wrap: anywhere; }
 .columns { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 430px), 1fr)); gap: 8px 24px; }
 .columns > *, .wide > * { min-width: 0; }
+.figure { filter: var(--figure); color: #222; color-scheme: light; }
 .table { overflow-x: auto; }
 """
 # A browser loads nothing for a page, whatever its texts say: Bokeh would load a script for texts with TeX in them.
@@ -76,15 +88,16 @@ def write_page(path: str | Path, title: str, sections: Sequence[Any]) -> Path:
         hint = f"<p>{ZOOM}</p>\n<noscript><p>The figures need JavaScript; the tables do not.</p></noscript>\n"
     left, body = iter(places), list[str]()
     for heading, parts in sections:
-        body.append(f"<section aria-label='{escape(heading)}'>" + (f"<h2>{escape(heading)}</h2>" if heading else ""))
-        inner = "".join(f"<div class='table'>{part}</div>" if isinstance(part, str) else next(left) for part in parts)
+        body.append(f"<section aria-label='{escape(heading)}'><h2>{escape(heading)}</h2>" if heading else "<section>")
+        kinds = [("table", part) if isinstance(part, str) else ("figure", next(left)) for part in parts]
+        inner = "".join(f"<div class='{kind}'>{part}</div>" for kind, part in kinds)
         body.append(f"<div class='{'columns' if len(parts) > 1 else 'wide'}'>{inner}</div></section>")
     name, *others = title.splitlines()
     text = (
         "<!doctype html>\n<html lang='en'>\n<head>\n<meta charset='utf-8'>\n"
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
         "<meta name='viewport' content='width=device-width, initial-scale=1'>\n"
-        f"<title>{escape(name)}</title>\n<style>{STYLE}</style>\n{loaded}\n</head>\n<body>\n<main>\n"
+        f"<title>{escape(name)}</title>\n<style>{THEME}{STYLE}</style>\n{loaded}\n</head>\n<body>\n<main>\n"
         f"<h1>{escape(name)}</h1>\n{''.join(f'<p>{escape(line)}</p>' for line in others)}\n{hint}"
         f"{''.join(body)}\n</main>\n{script}\n</body>\n</html>\n"
     )
@@ -113,12 +126,9 @@ def family_page(family: "Family", path: str | Path, quantity: str, hops: Iterabl
     head, *_ = str(family).splitlines()
     heads = ["event", family.heading(family.name), family.heading(quantity), "no motion, because"]
     rows = [_event_row(family, event, quantity) for event in family.events]
-    ends = [f"{word}: {end.kind}, {ending(family, end)}." for word, end in _ends(family)]
-    tables = [html_table(rows, "", heads)] if rows else []
-    sections: list[object] = [
-        ("The family", [shown.figure]),
-        ("What happens along it", [*(f"<p>{escape(end)}</p>" for end in ends), *tables]),
-    ]
+    ends = "".join(f"<p>{escape(f'{word}: {end.kind}, {ending(family, end)}.')}</p>" for word, end in _ends(family))
+    table = html_table(rows, "", heads) if rows else ""
+    sections: list[object] = [("The family", [shown.figure]), ("What happens along it", [ends + table])]
     return write_page(path, head, [*sections, *_choice(family, quantity, shown, list(hops))])
 
 
@@ -138,9 +148,21 @@ def sweep_page(sweep: Any, path: str | Path, quantity: str | None) -> Path:
     return write_page(path, title, [*([("Members", figures)] if figures else []), ("In numbers", tables)])
 
 
-def result_page(result: "Result", path: str | Path) -> Path:
-    """Write the page of any result: its table, and its picture. See `write_page`."""
-    return write_page(path, result.title(), [("", [result._repr_html_()])])
+def result_page(result: "Result", path: str | Path, draw: Callable[..., Any] | None, notes: Sequence[str]) -> Path:
+    """Write the page of any result: what its plot draws, with hover and zoom, and its table. See `write_page`.
+
+    draw : called with `axes`, draws the result and returns the axes; None for a result that has no plot
+    notes : texts below the table
+    """
+    path, sections = check_path(path, PAGES), list[tuple[str, list[Any]]]()
+    table = table_with_notes(result.rows(), result.heads(), notes)
+    if draw is not None:
+        try:
+            with off_screen():
+                sections = [("", row) for row in drawn_figures(draw(axes=new_axes()))]
+        except InputError as error:  # the table is worth showing without a figure
+            table = f"<p>No figure: {escape(str(error))}</p>{table}"
+    return write_page(path, result.title(), [*sections, ("In numbers", [table])])
 
 
 def _animation(figures: HopFigures) -> object:

@@ -25,7 +25,7 @@ def sweep_figures(sweep: Any, quantity: str | None = None) -> tuple[list[Any], s
     quantity = quantity or sweep.numbers[0]
     values = sweep[quantity]
     if quantity not in sweep.numbers:
-        raise InputError(f"'{quantity}' is no answer in numbers: give one of {', '.join(sweep.numbers)}")
+        raise InputError(f"'{quantity}' is not a column of numbers: choose one of {', '.join(sweep.numbers)}")
     if len(sweep.parameters) == 2 and len(sweep.about["families"]) > 1:
         raise InputError("a figure over two parameters is of one family: take sweep.of_family(n)")
     step = -(-len(sweep) // PAGE.members) or 1

@@ -49,8 +49,8 @@ def test_fields_take_nothing_that_is_no_scene(act, told):
 @pytest.mark.parametrize(
     ("act", "value", "words"),
     [
-        ("gravity", "exp(-z/10)", "are of machines that hop"),
-        ("rows", None, "are of machines that hop"),
+        ("gravity", "exp(-z/10)", "need a machine that hops"),
+        ("rows", None, "need a machine that hops"),
         ("floating", True, "all of its numbers"),
         ("spring", "r + b*r**3", "no 'stiffness': write it with that"),
         ("number", 7.5, "a whole number of them, from 3"),

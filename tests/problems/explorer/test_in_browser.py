@@ -24,6 +24,11 @@ TWO_FRAMES = """
     const done = arguments[0];
     requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done)));
 """
+# What is dimmed: figures, the lines below them, and the certificate.
+DIMMED = """
+    const named = each => each.dataset.figure ?? each.dataset.caption ?? each.id.replace(/-fold$/, "");
+    return [...document.querySelectorAll(".stale")].map(named);
+"""
 ENDLESS = "r + 0.02*sin(60*r)"
 
 
@@ -185,12 +190,14 @@ def test_without_a_hop_the_last_one_stands_and_undo_leads_back(page):
     type_in(page, "number-beta", "-0.4")
     assert shown(page) == before
     assert problem(page)
+    assert {"machine", "title", "certificate", "heights"} <= {*page.run(DIMMED)}
     page.run("explorer.ask('along', {value: 'mass_ratio'})")
     assert shown(page) == before
     assert problem(page)  # it stays until there is a hop, whatever else is changed
     element(page, "undo").click()
     shown(page)
     assert problem(page) == ""
+    assert "certificate" not in page.run(DIMMED)
     type_in(page, "number-beta", "0.9")
     assert shown(page) != before
     page.driver.find_element("tag name", "body").send_keys("\ue009z")  # Ctrl-Z

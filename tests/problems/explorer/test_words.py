@@ -64,7 +64,7 @@ def test_the_verdict_says_whether_there_is_a_motion_and_why_not():
             hop(turns=True, force="torque"),
             {
                 "law": "Torque over the angle",
-                "force": "at 0. As what closes is an angle",
+                "force": "at 0. The page shows torques, since the gap that closes is an angle",
                 "map": "less that of the lossless",
             },
         ),

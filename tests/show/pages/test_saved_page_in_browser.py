@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from browser import Page, chromium, wait_for
 
-from orbits import find, follow, sweep
+from orbits import bifurcations, find, follow, simulate, sweep
 from problems import Hopper, hopper_in_si
 
 pytest.importorskip("bokeh")
@@ -26,6 +26,7 @@ const figures = Bokeh.documents.flatMap(d => [...d._all_models.values()]).filter
 const figure = figures.find(f => (f.title.text || f.left[0].axis_label) == arguments[0]);
 const view = Bokeh.index.find_one(figure);
 """
+ONLY = 'const [figure] = [...Bokeh.documents[0]._all_models.values()].filter(m => m.type == "Figure");'
 PLACE = """
 view.el.scrollIntoView({block: "center"});
 const at = (view.canvas_view ?? view.canvas).el.getBoundingClientRect();
@@ -166,26 +167,95 @@ def test_an_animation_tells_a_server_nothing(page, hop):
     assert page.run("return window.told") == 0
 
 
-@pytest.mark.parametrize("width", SIZES)
-def test_a_curve_tells_its_numbers(page, hop, orbit, width):
+def told_at(page: Page, title: str, x: float, y: float, width: int) -> str:
+    """What a tooltip within the page says of a place of a figure."""
     from selenium.webdriver.common.actions.action_builder import ActionBuilder
 
+    left, top = page.run(FIND + PLACE, title, x, y)
+
+    def text_at_pointer() -> str | None:
+        """What it says once the pointer has moved, which a page that is being drawn misses."""
+        pointer = ActionBuilder(page.driver)
+        pointer.pointer_action.move_to_location(round(left), round(top)).move_to_location(round(left) + 1, round(top))
+        pointer.perform()
+        text, start, end = page.run(TOOLTIPS) or ("", 0, 0)
+        return text if 0 <= start < end <= width else None
+
+    return wait_for(text_at_pointer, "a tooltip is shown within the page")
+
+
+def numbers_in(text: str) -> list[float]:
+    return [float(number) for number in re.findall(r"[-.e0-9]*[0-9]", text)]
+
+
+@pytest.mark.parametrize("width", SIZES)
+def test_a_curve_tells_its_numbers(page, hop, orbit, width):
     opened(page, hop, width, 5)
     t = 0.4 * orbit.flight_time
     body = float(body_of(orbit)(orbit(t)))
-    x, y = page.run(FIND + PLACE, "Heights", t, body)
+    told = told_at(page, "Heights", t, body, width)
+    assert numbers_in(told.split("foot")[0].partition("body")[2]) == pytest.approx([t, body], abs=0.01)
 
-    def text_at_pointer() -> str | None:
-        """What a tooltip within the page says once the pointer has moved, which a page that is being drawn misses."""
-        pointer = ActionBuilder(page.driver)
-        pointer.pointer_action.move_to_location(round(x), round(y)).move_to_location(round(x) + 1, round(y))
-        pointer.perform()
-        text, left, right = page.run(TOOLTIPS) or ("", 0, 0)
-        return text if 0 <= left < right <= width else None
 
-    told = wait_for(text_at_pointer, "a tooltip is shown within the page")
-    numbers = [float(number) for number in re.findall(r"[-.e0-9]*[0-9]", told.split("foot")[0].partition("body")[2])]
-    assert numbers == pytest.approx([t, body], abs=0.01)
+@pytest.mark.parametrize("width", SIZES)
+def test_a_simulation_tells_its_numbers_and_zooms(page, tmp_path, width):
+    run = simulate(Hopper(restitution=0.5), 4.7, hops=2)
+    opened(page, run.page(tmp_path / "run.html"), width, 1)
+    t = 0.3 * run.end
+    body = float(run.heights["body"](run(t)))
+    title = page.run(ONLY + "return figure.title.text")
+    told = told_at(page, title, t, body, width)
+    assert numbers_in(told.partition("body")[2]) == pytest.approx([t, body], rel=0.02)
+    assert "WheelZoomTool" in page.run(ONLY + "return figure.toolbar.tools.map(tool => tool.type)")
+
+
+def test_a_diagram_is_as_wide_as_its_page(page, tmp_path):
+    diagram = bifurcations(Hopper(), "inject", (0.0, 0.1), (4.4, 4.7), sections=2)
+    opened(page, diagram.page(tmp_path / "diagram.html"), 1200, 1)
+    assert page.run(ONLY + "return Bokeh.index.find_one(figure).el.getBoundingClientRect().width") > 1000
+
+
+def test_the_table_of_a_family_is_whole(page, followed):
+    """Its last column says why there is no motion."""
+    opened(page, followed[1], 1200, 4)
+    for table in page.driver.find_elements("css selector", ".table"):
+        assert page.run("return arguments[0].scrollWidth <= arguments[0].clientWidth", table)
+
+
+def contrast(one: np.ndarray, other: np.ndarray) -> float:
+    """The contrast of two colours from 0 to 255, as the guidelines for accessible pages (WCAG 2) define it."""
+    shares = np.array([one, other]) / 255
+    linear = np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
+    low, high = sorted(linear @ [0.2126, 0.7152, 0.0722])
+    return float((high + 0.05) / (low + 0.05))
+
+
+def inverted(colour: np.ndarray) -> np.ndarray:
+    """What the filters invert(.9) and hue-rotate(180deg) make of a colour, by the matrices of the CSS specification."""
+    light = np.array([0.213, 0.715, 0.072])
+    return (2 * np.outer(np.ones(3), light) - np.eye(3)) @ (0.9 * 255 - 0.8 * colour)
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_a_page_is_light_or_dark_as_its_reader_prefers(page, hop, dark):
+    """Page and figures have one ground; texts and curves stand out from it, and so does the sample of a pale area."""
+    page.resize(1200)
+    page.prefer(dark=dark)
+    page.open(hop)
+    page.wait_for_figures(5)
+    ground = page.picture()[5, 5]
+    assert (ground.mean() < 60) == dark
+    heights = seen(page, "Heights")
+    assert np.abs(heights[2, 2] - ground).max() <= 2
+    colours = np.unique(heights.reshape(-1, 3), axis=0)
+    assert max(contrast(colour, ground) for colour in colours) > 7
+    text = page.run("return getComputedStyle(document.querySelector('td')).color")
+    assert contrast(np.array(numbers_in(text)[:3]), ground) > 7
+    edge = np.array([0x9A, 0x93, 0x7C])
+    edge = inverted(edge) if dark else edge
+    assert contrast(edge, ground) > 3
+    assert (np.abs(heights - edge).max(axis=2) < 12).sum() > 20
+    page.prefer()
 
 
 def clicked(page: Page, point, quantity: str, before: int) -> int:

@@ -27,7 +27,7 @@ def test_members_of_a_sweep_are_shown():
     assert np.asarray(data["p0"]).tolist() == swept["beta"][known].tolist()
     assert set(data["family"]) == {"family 1", "family 2"}
     assert told == f"{known.sum()} of 8 members have alpha."
-    with pytest.raises(InputError, match="'status' is no answer in numbers"):
+    with pytest.raises(InputError, match="'status' is not a column of numbers"):
         sweep_figures(swept, "status")
     plane = sweep(Hopper("cubic"), {"beta": [-0.05, 0.1], "mass_ratio": [0.5, 1.0]}, quantities=["stroke"])
     ((figure,), _) = sweep_figures(plane, "stroke")
