@@ -36,8 +36,8 @@ from .io import (
 )
 from .model import Machine, machine_in_words
 from .running import check_report
-from .tables import DIGITS, escaped, html_table, number_text, text_table, wrapped
-from .units import UNIT_TEXTS
+from .tables import DIGITS, digits_within, escaped, html_table, number_text, text_table, wrapped
+from .units import OF_HEIGHTS, UNIT_TEXTS
 
 # A `matplotlib.axes.Axes`. The import waits until something is drawn, and its types differ between versions.
 Axes: TypeAlias = Any
@@ -54,6 +54,8 @@ class DisplayOptions(NamedTuple):
 
 
 DISPLAY = DisplayOptions()
+ALL_DIGITS = "all"  # the format of a number with all the digits that its error allows
+MOST_DIGITS = 15  # that every double keeps
 TABLE_ROWS = 201  # of a motion whose times are not stated
 NOTE = "font:13px/1.45 system-ui,sans-serif;margin:6px 0;max-width:56ch;overflow-wrap:anywhere"
 TITLE = "font:600 13px/1.45 system-ui,sans-serif;margin:4px 0;overflow-wrap:anywhere"
@@ -80,13 +82,20 @@ def reported(items: Sequence[Item], progress: Progress) -> Iterator[Item]:
 
 
 class _Shown:
-    """A value within the pattern of a row: a number has all the digits that its table shows, unless it says how."""
+    """A value within the pattern of a row: a number has all the digits that its table shows and its error allows,
+    unless it says how; by "all" it has those on a page too."""
 
-    def __init__(self, value: object, digits: int):
-        self.value, self.digits = value, digits
+    def __init__(self, value: Any, digits: int, error: float | None):
+        self.value, self.digits, self.error = value, digits, error
 
     def __format__(self, spec: str) -> str:
-        return format(self.value, spec) if spec and self.value is not None else number_text(self.value, "", self.digits)
+        if spec not in ("", ALL_DIGITS) and self.value is not None:
+            return format(self.value, spec)
+        most = MOST_DIGITS if spec else self.digits
+        if self.error is None or not isinstance(self.value, float):
+            return number_text(self.value, "", most)
+        digits = digits_within(self.value, self.error, most)
+        return number_text(self.value, "", digits, zeros=digits < most and self.value != 0)
 
 
 class Row(NamedTuple):
@@ -95,11 +104,13 @@ class Row(NamedTuple):
     heading : its first cell, a text or a number
     values : the numbers and texts that the row is about, by name
     cells : its other cells, patterns as for `str.format`, with a pair of braces for each of the values in their order
+    errors : of values by name, of which no more digits are shown
     """
 
     heading: Any
     values: Mapping[str, Any]
     cells: tuple[str, ...] = ("{}",)
+    errors: Mapping[str, float] = MappingProxyType({})
 
     @classmethod
     def of(cls, name: str, value: object, unit: str = "", after: str = "", pattern: str = "{}") -> "Row":
@@ -109,7 +120,7 @@ class Row(NamedTuple):
 
     def texts(self, digits: int) -> tuple[str, ...]:
         """The row as texts; its numbers have this number of digits unless their cell says otherwise."""
-        values = (_Shown(value, digits) for value in self.values.values())
+        values = (_Shown(value, digits, self.errors.get(name)) for name, value in self.values.items())
         return number_text(self.heading, digits=digits), *"\0".join(self.cells).format(*values).split("\0")
 
 
@@ -247,8 +258,8 @@ class Result:
 
     def unit_of(self, name: str) -> str:
         """The unit of a quantity, "" where it has none."""
-        is_rise = bool(self.units) and name.isidentifier() and name.endswith("_rise")
-        return self.units.get(name, "m" if is_rise else "") or ""
+        is_height = bool(self.units) and name.isidentifier() and name.endswith(OF_HEIGHTS)
+        return self.units.get(name, "m" if is_height else "") or ""
 
     def heading(self, name: str) -> str:
         """A name with its unit, if it has one: "alpha (m/s)"."""

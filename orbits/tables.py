@@ -7,6 +7,7 @@ columns, with its first column again. No number is ever cut.
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import zip_longest
+from math import ceil, floor, log10
 from typing import Any, NamedTuple
 
 # Rows of this name say in words what makes an orbit no motion.
@@ -32,6 +33,7 @@ class Layout(NamedTuple):
 LAYOUT = Layout()
 # Spaces at which no line ends: those around a sign of equality, before the unit of a number, and after +-.
 TOGETHER = re.compile(r"(?<=[^ ]) (?== )|(?<= =) |(?<=\d) (?=[^\W\d_])|(?<=\+-) ")
+SHORT_BRACKETS = re.compile(r"\([^()]{1,24}\)")  # nor does one end within these
 HARD_SPACE = "\u00a0"
 # Where a word that is longer than a line goes on in the next one: after these signs of a formula or of a file's name.
 BREAKS = re.compile(r"(?<=[*/,;&?(=])|(?<=\+)(?<![eE]\+)")
@@ -44,14 +46,24 @@ NAME_CELL = f"{VALUE_CELL};font-weight:400"
 NUMBER_CELL = f"{VALUE_CELL};white-space:nowrap;font-variant-numeric:tabular-nums"  # of a column among others
 
 
-def number_text(value: object, unit: str = "", digits: int = DIGITS) -> str:
-    """A number with `digits` digits and its unit, "-" for None; anything else as it is, without a unit."""
+def number_text(value: object, unit: str = "", digits: int = DIGITS, zeros: bool = False) -> str:
+    """A number with `digits` digits, of which the last are left out where they are `zeros`, or not, and its unit; "-"
+    for None, and anything else as it is, without a unit."""
     if value is None:
         return "-"
     if isinstance(value, bool) or not isinstance(value, int | float):
         return str(value)
-    text = f"{value:.{digits}g}" if isinstance(value, float) else str(value)
+    text = f"{value:#.{digits}g}".rstrip(".") if zeros else f"{value:.{digits}g}"
+    text = text if isinstance(value, float) else str(value)
     return f"{text} {unit}".rstrip()
+
+
+def digits_within(value: float, error: float, most: int) -> int:
+    """The number of significant digits of a value with an error of which the last one is off by at most one, from 1 to
+    `most`."""
+    if not (0 < error < abs(value)):
+        return 1 if error else most
+    return max(1, min(most, floor(log10(abs(value))) - ceil(log10(error)) + 1))
 
 
 def machine_numbers(words: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
@@ -79,7 +91,7 @@ def wrapped(text: str, width: int | None = None, indent: str = "", onward: str |
             lines.append(part)
             continue
         line, begun = onward if lines else indent, False
-        for word in re.findall(" *[^ ]+", TOGETHER.sub(HARD_SPACE, part)):
+        for word in re.findall(" *[^ ]+", _held_together(part)):
             pieces = [word] if len(word.lstrip(" ")) + len(onward) <= width else BREAKS.split(word)
             for piece in pieces:
                 if begun and len(line) + len(piece) > width:
@@ -88,6 +100,11 @@ def wrapped(text: str, width: int | None = None, indent: str = "", onward: str |
                 line, begun = line + (piece if begun else piece.lstrip(" ")), True
         lines.append(line)
     return [line.replace(HARD_SPACE, " ").rstrip() for line in lines]
+
+
+def _held_together(text: str) -> str:
+    """A text with hard spaces where no line ends."""
+    return SHORT_BRACKETS.sub(lambda found: found[0].replace(" ", HARD_SPACE), TOGETHER.sub(HARD_SPACE, text))
 
 
 def text_table(rows: Sequence[Sequence[str]], heads: Sequence[str] = ()) -> list[str]:
@@ -106,7 +123,7 @@ def text_table(rows: Sequence[Sequence[str]], heads: Sequence[str] = ()) -> list
 
 def _longest_word(column: Sequence[str]) -> int:
     """The length of the longest word in a column."""
-    return max(len(word) for text in column for word in (TOGETHER.sub(HARD_SPACE, text).split(" ")))
+    return max(len(word) for text in column for word in _held_together(text).split(" "))
 
 
 def _blocks(table: Sequence[Sequence[str]]) -> list[list[Sequence[str]]]:
@@ -129,9 +146,11 @@ def _lines_of_columns(columns: Sequence[Sequence[str]]) -> Iterator[str]:
     while sum(widths) + LAYOUT.between * len(widths) > LAYOUT.line and widths != least:
         widest = max((width, i) for i, width in enumerate(widths) if width > least[i])[1]
         widths[widest] -= 1
-    for row in zip(*columns, strict=True):
+    for number, row in enumerate(zip(*columns, strict=True)):
         cells = [wrapped(text, width) for text, width in zip(row, widths, strict=True)]
-        justify = [str.rjust if i and len(lines) == 1 else str.ljust for i, lines in enumerate(cells)]
+        # Numbers and headings end below each other, and texts of several lines begin so.
+        ends = [i > 0 and (number == 0 or len(lines) == 1) for i, lines in enumerate(cells)]
+        justify = [str.rjust if at_end else str.ljust for at_end in ends]
         for parts in zip_longest(*cells, fillvalue=""):
             line = (to(part, width) for to, part, width in zip(justify, parts, widths, strict=True))
             yield "  " + "  ".join(line).rstrip()

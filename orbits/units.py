@@ -61,10 +61,13 @@ DIMENSIONS: dict[str, Dimension] = {
     **dict.fromkeys(("speed", "mean_speed"), SPEED),
     **dict.fromkeys(("smallest_contact_force", "largest_contact_force", "largest_spring_force"), FORCE),
     **{"friction_time": TIME, "smallest_stance_force": FORCE},
+    "loop_energy": ENERGY,
     "landing_jerk": JERK,
     "landing_sensitivity": _powers(length=1, time=1, extension=-1),
     **dict.fromkeys(("loss_coefficient", "loss_error"), _powers(time=1 / 3, extension=-1 / 3)),
 }
+# The ends of the names of quantities of heights: how far one rises in flight above where it lifts off, and its highest.
+OF_HEIGHTS = RISE, APEX = "_rise", "_apex"
 # Those of a machine whose gap is an angle.
 OF_ANGULAR_GAPS: dict[str, Dimension] = {
     **dict.fromkeys(("smallest_contact_force", "largest_contact_force"), TORQUE),

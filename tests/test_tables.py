@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from cells import Cells
 
-from orbits.tables import LAYOUT, html_table, number_text, text_table, wrapped
+from orbits.tables import LAYOUT, digits_within, html_table, number_text, text_table, wrapped
 
 
 def test_a_table_says_all_and_escapes_it():
@@ -34,6 +34,19 @@ def test_numbers_have_their_unit(value, unit, text):
 
 
 FORMULA = "+".join(f"{n}.5*sin({n}*r)" for n in range(1, 40))
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "digits"),
+    [
+        (4.493409457909064, 9.1e-16, 15), (2.936, 1.3e-15, 15), (-1.5114, 2.9e-14, 14), (1284.6491965, 8.9e-7, 10),
+        (0.7336, 4.8e-4, 3), (9.99, 1e-3, 4), (1.0, 0.0, 15), (3.0, 7.0, 1), (0.0, 1e-9, 1),
+    ],
+)  # fmt: skip
+def test_the_last_digit_is_off_by_at_most_one(value, error, digits):
+    assert digits_within(value, error, 15) == digits
+    text = number_text(value, digits=digits)
+    assert abs(float(text) - value) <= 0.5 * 10.0 ** (np.floor(np.log10(abs(value) or 1)) - digits + 1) * 1.001
 
 
 def test_lines_fit_and_nothing_is_lost():

@@ -340,7 +340,8 @@ class Family(
         unit, speed = (f" {self.unit_of(name)}".rstrip() for name in (self.name, "alpha"))
         c, values = self.column("alpha").tolist(), (self.points[0].value, self.points[-1].value)
         way = dict(zip(("start", "stop", "alpha at start", "alpha at stop"), (*values, c[0], c[-1]), strict=True))
-        yield Row(self.name, way, (f"{{}} to {{}}{unit}, alpha {{}} to {{}}{speed}",))
+        within = {"alpha at start": self.points[0].error, "alpha at stop": self.points[-1].error}
+        yield Row(self.name, way, (f"{{}} to {{}}{unit}, alpha {{}} to {{}}{speed}",), within)
         yield Row("largest error", {"largest_error": max(point.error for point in self)}, ("{:.1e}",))
         count = {"admissible": sum(point.admissible for point in self), "orbits": len(self)}
         yield Row("admissible", count, ("{} of {}",))
@@ -348,7 +349,8 @@ class Family(
             yield self._row_of_end("beginning", self.beginning)
         for event in self.events:
             place = {event.kind: event.point.value, f"alpha at {event.kind}": event.point.alpha}
-            yield Row(event.kind, place, (f"{self.name} = {{}}{unit}, alpha = {{}}{speed}",))
+            within = {f"alpha at {event.kind}": event.point.error}
+            yield Row(event.kind, place, (f"{self.name} = {{}}{unit}, alpha = {{}}{speed}",), within)
         yield self._row_of_end("end", self.end)
 
     def _row_of_end(self, name: str, end: End) -> Row:

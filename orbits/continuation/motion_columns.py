@@ -16,7 +16,8 @@ AT_ONCE_IN_TABLE = 500  # orbits whose motions are in memory together
 def names_of_motions(machine: Machine) -> tuple[str, ...]:
     """The quantities that are computed from the motions of a machine's orbits."""
     model = machine.model
-    return (*(name for name in names_of_many(model) if name not in (*KNOWN, *PLANAR)), *model.rises(machine.values))
+    names = (name for name in names_of_many(model) if name not in (*KNOWN, *PLANAR))
+    return (*names, *model.of_heights(machine.values))
 
 
 @exclusive

@@ -33,15 +33,17 @@ from ..periodic import (
     step_of,
 )
 from ..shooting import half_orbit
+from ..units import APEX, OF_HEIGHTS, RISE
 
-# The extremes whose sum is a quantity, each with its sign; a rise has one extreme, of its own name. To what is left of
-# friction the stated one is added.
+# The extremes whose sum is a quantity, each with its sign; of a height one, with the name of its rise. To what
+# is left of friction the stated one is added, and the peak in weights is divided by the weight.
 COMPOSITION = {
     "stroke": {"longest": 1, "shortest": 1},
     "clearance": {"gap": -1},
     "smallest_separation": {"separation": -1},
     "smallest_contact_force": {"force": -1},
     "largest_contact_force": {"peak": 1},
+    "peak_force_in_weights": {"peak": 1},
     "largest_spring_force": {"tension": 1},
     "friction_needed": {"slip": 1},
     FRICTION_LEFT: {"slip": -1},
@@ -61,7 +63,9 @@ ABSENT = {
 
 def extremes_of(name: str) -> tuple[str, ...]:
     """The names of the extremes that a quantity is made of."""
-    return (name,) if name.endswith("_rise") else tuple(COMPOSITION.get(name, ()))
+    if name.endswith(OF_HEIGHTS):
+        return (f"{name.removesuffix(APEX).removesuffix(RISE)}{RISE}",)
+    return tuple(COMPOSITION.get(name, ()))
 
 
 @lru_cache(maxsize=256)
@@ -119,7 +123,7 @@ def extreme_of(model: Model, name: str) -> tuple[tuple[str, Callable], ...]:
         "slip": slips + negative(slips),
         "stance": (("flight", lambda x, p, q: -ground["flight"][NORMAL_FORCE](x, p, q)),),
     }
-    return functions.get(name) or in_flight(lambda x, p, q: model.rises(p)[name].at(x))
+    return functions.get(name) or in_flight(lambda x, p, q: model.of_heights(p)[name][0].at(x))
 
 
 def base_statement(model: Model) -> Statement:
@@ -223,7 +227,7 @@ def expressions(
     half, contact, jerk = _simplest(model).arcs[0].duration(u, p), u["contact"], _landing_jerk(model, u, p, q)
     values = {"alpha": u["alpha"], "liftoff_extension": model.liftoff_extension(u, p), "landing_jerk": jerk}
     values |= {"flight_time": 2 * half, "contact_time": 2 * contact, "period": 2 * (half + contact)}
-    values["frequency"] = 1 / values["period"]
+    values |= {"frequency": 1 / values["period"], "duty_factor": contact / (half + contact)}
     if model.moves_on:
         step, speed = step_of(model, u, p), speed_in_flight(model, u, p, 2 * half)
         values |= {"step": step, "speed": speed, "mean_speed": step / values["period"]}
@@ -235,7 +239,10 @@ def expressions(
         if name in COMPOSITION:
             values[name] = sum(sign * extremes[extreme] for extreme, sign in COMPOSITION[name].items())
         elif name not in values:
-            values[name] = extremes[name] - model.rises(p)[name].at(model.launch(u, p))
+            height, is_rise = model.of_heights(p)[name]
+            values[name] = extremes[extremes_of(name)[0]] - (height.at(model.launch(u, p)) if is_rise else 0.0)
+        if name == "peak_force_in_weights":
+            values[name] /= model.weight(p)
         if name == FRICTION_LEFT and model.planar and model.planar.friction:
             values[name] += model.planar.friction(p)
     return {name: values[name] for name in names}

@@ -299,7 +299,7 @@ def _solved_in_lanes(designs: Designs, family: int, report: Callable[[int], None
 
 def names_together(machine: Machine) -> set[str]:
     """The names of what is computed for many orbits together, and of the machine's parameters."""
-    return {*names_of_many(machine.model), *machine.model.rises(machine.values), *machine.values}
+    return {*names_of_many(machine.model), *machine.model.of_heights(machine.values), *machine.values}
 
 
 def _parameters_of(machine: Machine, designs: Designs, which: np.ndarray) -> np.ndarray:

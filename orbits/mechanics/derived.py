@@ -8,6 +8,7 @@ from ..errors import InputError
 from ..laws import Parameters
 from ..model import STEP_LENGTH, Model, search_of_steps
 from ..running import exclusive
+from .carried_weight import carried_weight
 from .coordinates import Coordinates
 from .elements import Force, Spring, expressions_of, names_in
 from .lagrange import mechanics_of
@@ -70,6 +71,7 @@ def derived_model(structure: Structure) -> Model:
         planar=parts.reactions.planar if parts.reactions else None,
         sticks=s.sticks,
         sticking=parts.sticking if s.sticks else None,
+        weight=carried_weight(mechanics, stepping=steps is not None and not s.sticks),
         fixed=(STEP_LENGTH,) if s.sticks else (),
     )
     if steps and launch and model.search:

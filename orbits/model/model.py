@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import InputError, NoOrbit
 from ..io import fields_in_line
 from ..laws import Algebraic, Parameters, Scalars
-from ..units import Dimension
+from ..units import APEX, RISE, Dimension
 from .phase import Affine, Phase, weighted_sum
 from .planar import Planar
 from .relative import Reduction, Relative
@@ -106,6 +106,8 @@ class Model:
     feet : names of the point that opens and of the one that lands; empty where they have none
     sticks : names of the coordinates that are at rest in contact besides the gap, where they are 0. Nothing depends on
         their places, and they move on by the parameter "step" from one contact to the next
+    weight : p -> the weight that the contact carries, that of all that rises with the gap while no spring is strained;
+        None where that is not known
     sticking : (x, p) -> the directions in which an impact changes the flight state x per unit of speed of each of
         these, and the masses (1 + sticks, 1 + sticks) of the speeds of the gap and of these; None where nothing sticks
     """
@@ -151,13 +153,20 @@ class Model:
     feet: tuple[str, ...] = ()
     sticks: tuple[str, ...] = ()
     sticking: Callable | None = None
+    weight: Callable = lambda p: None
 
     def __repr__(self) -> str:
         return fields_in_line(self, "name")
 
-    def rises(self, p: Parameters) -> dict[str, Affine | StateFormula]:
-        """The heights, by the name of the quantity that says how far each rises above its value at lift-off."""
-        return {f"{name.replace(' ', '_')}_rise": height for name, height in self.heights(p).items()}
+    def of_heights(self, p: Parameters) -> dict[str, tuple[Affine | StateFormula, bool]]:
+        """The quantities of heights by name: each is the largest value of a height in flight, and is counted from that
+        at lift-off where the second entry is true, as of a rise, or else from the ground, as of an apex.
+
+        Heights are those above the ground where a separation is stated, which needs the lengths of the machine.
+        """
+        known = [RISE, *([APEX] if self.separation(p) is not None else [])]
+        heights = [(name.replace(" ", "_"), height) for name, height in self.heights(p).items()]
+        return {f"{name}{end}": (height, end == RISE) for end in known for name, height in heights}
 
     @cached_property
     def _place(self) -> int:

@@ -29,9 +29,6 @@ from .motion_conditions import checked_functions, contact_forces_of, families_of
 WORST_DRIFT = 1e-8
 # Rounding of the loss coefficient besides the errors that its parts share with alpha, in units of the last place.
 LOSS_ROUNDING = 16
-# A width of the launches that are attracted is stated where it is a smaller share of alpha: on 45 hoppers the true one
-# was then 0.4 to 4 times that of the leading order, and beyond any number.
-NARROW_ATTRACTION = 0.05
 _SIDES = np.array([None, "above", "below"], dtype=object)
 
 
@@ -110,22 +107,15 @@ class Certificate:
             object.__setattr__(self, "bounce_side", "below" if self.stable_side == "above" else "above")
             object.__setattr__(self, "stable_side", "above")
 
-    def losses_in_words(self, alpha: float, restitution: float, unit: str) -> str:
-        """The note of a table on what hops lose on both sides of the orbit, which is at the launch speed alpha, where
-        impacts have this restitution and launch speeds this unit; empty where it is not known to differ from 0."""
+    def losses_in_words(self, restitution: float) -> str:
+        """The note of a table on what hops lose on both sides of the orbit, where impacts have this restitution; empty
+        where it is not known to differ from 0."""
         if (factors := self._factors(restitution)) is None:
             return "   (of plastic landings)" if restitution else ""
-        width, above, below = self.attraction_width(restitution), *(f"{each:.4g} C" for each in factors)
-        found = list[str]()
-        if width is not None:
-            near = width < NARROW_ATTRACTION * alpha
-            within = f"attracts launches within {width:.2g}{unit} above, to leading order"
-            found.append(within if near else "attracts from above")
+        above, below = (f"{each:.4g} C" for each in factors)
         if restitution:
-            found += ["of plastic landings", f"with the restitution {restitution:g} it is {above} above, {below} below"]
-        else:
-            found.append(f"{above} above" if self.bounce_side == "above" else f"{below} below")
-        return f"   ({'; '.join(found)})"
+            return f"   (of plastic landings; with the restitution {restitution:g} it is {above} above, {below} below)"
+        return f"   ({above} above)" if self.bounce_side == "above" else f"   ({below} below)"
 
     def attraction_width(self, restitution: float = 0.0) -> float | None:
         """How far above alpha launches come to the orbit, to leading order, where impacts have this restitution.

@@ -33,7 +33,7 @@ from .certificate import Certificate, certify
 from .cycle_shape import Shape, StepMaps
 from .friction import with_friction
 from .orbit import Orbit, orbit_of
-from .quantities import motion_numbers, run_numbers
+from .quantities import in_weights, motion_numbers, run_numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,20 +180,23 @@ def orbits_of(
 ) -> dict[int, Orbit]:
     """The orbits, without dimensions, of certified solutions for machines of one model, by the index of each."""
     model, cycles, orbits = machines[0].model, found.cycles, dict[int, Orbit]()
+    forces = found.certificates.column("largest_contact_force")
     numbers = motion_numbers(model, cycles) | run_numbers(model, cycles)
+    numbers |= {"peak_force_in_weights": in_weights(model, cycles.p, forces)}
     contacts = dict(zip(cycles.with_contact.tolist(), cycles.contacts or (), strict=True))
+    extension = model.extension.weights
     for which, place in zip(found.which.tolist(), found.places.tolist(), strict=True):
         machine, each = machines[which], ((name, float(values[place])) for name, values in numbers.items())
         own: dict[str, Any] = {name: None if value == NONE else value for name, value in each}
         p, knees = machine.values, tuple(model.knees(machine.values)) if model.knees else ()
         mirror = model.mirror if model.reversor else None
-        steps = None if model.plain else _step_maps(model, p)
+        steps, heights = None if model.plain else _step_maps(model, p), model.heights(p)
         orbits[which] = Orbit(
             machine=machine.describe(),
             **own,
             flight=cycles.flight[place],
             contact=contacts.get(place),
-            shape=Shape(model.reversor, mirror, model.embed, model.heights(p), model.springs, knees, steps),
+            shape=Shape(model.reversor, mirror, model.embed, heights, model.springs, knees, steps, extension),
             certificate=found.certificates[place],
             method=method,
             skipped=_skipped(model, p, method),

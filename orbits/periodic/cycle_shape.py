@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..flow import Trajectory
-from ..model import Affine, Knee, SavedHeight, StateFormula, height_of
+from ..model import Affine, Knee, SavedHeight, SignedShift, StateFormula, height_of
 
 
 class StepMaps(NamedTuple):
@@ -35,6 +35,7 @@ class Shape:
     springs : names of the heights, lower and upper, that springs join, None for the ground
     knees : such names with the length of each of the two links that join them
     steps : the maps of a machine that steps, None for another one
+    extension : weights (n,) of the flight states in the extension, None in older files
     """
 
     reversor: tuple[int, ...] | None
@@ -44,11 +45,22 @@ class Shape:
     springs: tuple[tuple[str | None, str], ...]
     knees: tuple[Knee, ...] = ()
     steps: StepMaps | None = None
+    extension: tuple[float, ...] | None = None
 
     def saved(self) -> dict[str, object]:
         """The fields for a file; `steps` only where the machine steps."""
-        stated = {name: value for name, value in vars(self).items() if name != "steps" or value is not None}
+        optional = ("steps", "extension")
+        stated = {name: value for name, value in vars(self).items() if name not in optional or value is not None}
         return stated | {"heights": {name: height.saved() for name, height in self.heights.items()}}
+
+    def images(self, first: np.ndarray, contact: bool = False) -> np.ndarray | None:
+        """The coefficients (N, n, K + 1) of the second half of a flight or contact from those of the first; None where
+        both have the same places, and where whole motions are stored."""
+        signs = self.contact_reversor if contact else self.reversor
+        if self.steps is None or signs is None:
+            return None
+        shift = self.steps.contact_shift if contact else self.steps.reversor_shift
+        return SignedShift(signs, lambda p: shift).rows(first, {})
 
     def in_units(self, sizes: np.ndarray) -> "Shape":
         """This shape, but for its heights, in units in which one old unit of the flight states is `sizes` (n,)."""
@@ -97,6 +109,7 @@ class SavedShape(TypedDict):
     springs: tuple[tuple[str | None, str], ...]
     knees: NotRequired[tuple[Knee, ...]]
     steps: NotRequired[tuple[tuple[float, ...], ...]]
+    extension: NotRequired[tuple[float, ...]]
 
 
 def shape_of(data: SavedShape, flight: Trajectory, contact: Trajectory | None) -> Shape:
@@ -108,10 +121,12 @@ def shape_of(data: SavedShape, flight: Trajectory, contact: Trajectory | None) -
     fits = 0 < sizes[0] <= len(flight.names) and 0 < sizes[1] <= (sizes[1] if contact is None else len(contact.names))
     fits &= all(each is None or len(each) == size for each, size in zip(signs, sizes, strict=True))
     weights = (height.weights for height in heights.values() if isinstance(height, Affine))
-    steps, own = data.get("steps"), [sizes[0], sizes[1], sizes[0], sizes[0]]
+    steps, own, extension = data.get("steps"), [sizes[0], sizes[1], sizes[0], sizes[0]], data.get("extension")
+    fits &= extension is None or len(extension) == sizes[0]
     fits &= steps is None or [len(each) for each in steps] == own
     fits &= bool(heights) and all(len(each) == sizes[0] for each in weights)
     knees = data.get("knees", ())
     if not fits or not {*sum(data["springs"], ()), *(name for *pair, _ in knees for name in pair)} <= known:
         raise ValueError("its shape does not fit its motion")
-    return Shape(*signs, embed, heights, data["springs"], knees, None if steps is None else StepMaps(*steps))
+    maps = None if steps is None else StepMaps(*steps)
+    return Shape(*signs, embed, heights, data["springs"], knees, maps, extension)

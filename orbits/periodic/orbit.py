@@ -16,18 +16,18 @@ from ..model import (
     CONTACT_FORCE,
     LANDED_FORCE,
     STEP_LENGTH,
+    Affine,
     Machine,
-    SignedShift,
     dimensionless,
     machine_in_words,
     title_of_machine,
 )
 from ..numerics import lowest
 from ..result import TABLE_ROWS, Axes, Progress, Result, Row, is_of, shown
-from ..tables import VIOLATED, machine_numbers
-from ..units import ENERGY, LIFTOFF_SPEED, TORQUE, Units, in_units, saved_units
+from ..units import Units, in_units, saved_units
 from .certificate import Certificate
 from .cycle_shape import Shape, mirrored
+from .orbit_table import rows_of_orbit
 from .quantities import OF_RUNS, QUANTITIES, dimension_of
 from .saved_orbit import (
     DOCUMENT_FIELDS,
@@ -41,7 +41,8 @@ from .saved_orbit import (
     with_note,
 )
 
-WHOLE = "{:.15g}"  # a number with its error has all of its digits, on a page too
+# The quantities that follow from others of an orbit.
+DERIVED = (*("admissible", "frequency", "duty_factor", "stroke", "loop_energy", "rises", "apexes"),)
 # What is said of an orbit that is no motion of a machine with the same name and parameters.
 OTHER_EQUATIONS = "its motion does not satisfy these equations, as after a change of a table or a function"
 
@@ -70,6 +71,8 @@ class Orbit(
     bare : the same orbit without units, None where there are none
     known_in_family : the number of orbits of its family in the launch speeds of a search, this one included; None where
         there was no search, or where it may have missed some
+    peak_force_in_weights : the largest contact force over the weight that the contact carries, that of all that rises
+        with it; None where that is not known
     step, speed : of a machine that moves on along the ground, by how much it does so from landing to landing, and how
         fast its centre of mass moves along the ground in flight; None for another
     source : the machine that it was found for; None for an orbit from a file
@@ -101,6 +104,7 @@ class Orbit(
     scales: Units | None = None
     bare: "Orbit | None" = field(default=None, repr=False)
     known_in_family: int | None = None
+    peak_force_in_weights: float | None = None
     step: float | None = None
     speed: float | None = None
     source: Machine | None = field(default=None, repr=False)
@@ -179,6 +183,39 @@ class Orbit(
         return self.flight_time + self.contact_time
 
     @property
+    def frequency(self) -> float | None:
+        """Hops or steps per time; None when the contact never ends."""
+        return None if self.contact_time is None else 1 / self.period
+
+    @property
+    def duty_factor(self) -> float | None:
+        """The share of the period that is contact; None when the contact never ends, and where two points take turns,
+        as those of a wheel."""
+        if self.contact is None or self.contact_time is None or LANDED_FORCE in self.contact.names:
+            return None
+        return self.contact_time / self.period
+
+    @property
+    def restitution(self) -> float:
+        """The coefficient of restitution of the machine's impacts."""
+        return float(self.machine.get("restitution") or 0.0)
+
+    @property
+    def loop_energy(self) -> float | None:
+        """The energy that a hop with this launch speed loses on the measured loop of which the machine's spring is a
+        branch; None for other springs, where such a hop has no next launch, and without the machine."""
+        try:
+            return self.upkeep_on_loop and self.upkeep_on_loop.energy
+        except OrbitsError:
+            return None
+
+    @cached_property
+    def upkeep_on_loop(self) -> Any:
+        """What keeps the machine hopping on the measured loop of which its spring is a branch, an `Upkeep`; None for
+        other springs, and without the machine. Raises `NoOrbit` where the hop has no next launch there."""
+        return getattr(self.source, "on_loop", lambda alpha: None)(self.alpha)
+
+    @property
     def mean_speed(self) -> float | None:
         """The step over the period; None for a machine that does not move on, and where there is no period."""
         return None if self.step is None or self.contact_time is None else self.step / self.period
@@ -188,17 +225,48 @@ class Orbit(
         """The energy that is lost over the weight and the way, which is 0; None for a machine that does not move on."""
         return None if self.step is None else 0.0
 
-    @property
+    @cached_property
     def rises(self) -> dict[str, float]:
         """The largest rise of each of the shape's heights above its value at lift-off in flight, by name."""
-        halves, found = [self.flight.coefficients], dict[str, float]()
-        if (steps := self.shape.steps) and self.shape.reversor:
-            back = SignedShift(self.shape.reversor, lambda p: steps.reversor_shift)
-            halves.append(back.rows(halves[0], {}))
+        found = dict[str, float]()
         for name, height in self.shape.heights.items():
-            each = [height.series(c) for c in halves]
+            each = [height.series(c) for c in self._halves(self.flight)]
             found[name] = float(max(-lowest(-c, self.flight.steps)[0] for c in each) - each[0][0, 0])
         return found
+
+    def _halves(self, path: Trajectory) -> list[np.ndarray]:
+        """The coefficients of one of the motions, and of its image where that has other places."""
+        image = self.shape.images(path.coefficients, path is self.contact)
+        return [path.coefficients] if image is None else [path.coefficients, image]
+
+    @cached_property
+    def stroke(self) -> float | None:
+        """The range of the extension over the cycle; None where the contact never ends, and in older files."""
+        if self.shape.extension is None or self.contact is None or self.contact_time is None:
+            return None
+        weights, ends = np.array(self.shape.extension), list[float]()
+        for path, own in ((self.flight, weights), (self.contact, weights @ self.shape.embed)):
+            series = [Affine(tuple(own.tolist())).series(c) for c in self._halves(path)]
+            ends += [sign * lowest(sign * c, path.steps)[0] for c in series for sign in (1, -1)]
+        return max(ends) - min(ends)
+
+    @property
+    def apexes(self) -> dict[str, float]:
+        """The largest value of each of these heights in flight, by name: the height above the ground. None without a
+        separation, which needs the lengths of the machine."""
+        if self.certificate.smallest_separation is None:
+            return {}
+        first = self.flight.coefficients[:1]
+        heights = self.shape.heights.items()
+        return {name: self.rises[name] + float(height.series(first)[0, 0]) for name, height in heights}
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """The fields and the quantities of the orbit by name, None for one that it does not have."""
+        known = vars(self.certificate) | vars(self) | {"period": self.contact_time and self.period}
+        return known | {
+            name: getattr(self, name) for name in (*DERIVED, *(FIELDS_OF_RUNS if self.step is not None else ()))
+        }
 
     @property
     def state_mid_flight(self) -> np.ndarray:
@@ -271,12 +339,11 @@ class Orbit(
         mid = self.state_mid_flight
         if self.shape.reversor:  # the states with the other sign vanish there
             mid = mid[np.array(self.shape.reversor) > 0]  # or are those of its centre
-        figures = vars(self.certificate) | vars(self) | {"admissible": self.admissible, "rises": self.rises}
-        figures |= {"violations": list(self.violations), "skipped": list(self.skipped)}
+        figures = self.numbers | {"violations": list(self.violations), "skipped": list(self.skipped)}
         figures["state_mid_flight"] = mid.tolist()
         document = {**self.machine, **{name: figures[name] for name in DOCUMENT_FIELDS}}
         document |= {name: figures[name] for name in FIELDS_OF_STEPS} if self.shape.steps else {}
-        document |= {} if self.step is None else {name: getattr(self, name) for name in FIELDS_OF_RUNS}
+        document |= {} if self.step is None else {name: figures[name] for name in FIELDS_OF_RUNS}
         tuned = {"tuned": self.tuned, "tuned_errors": dict(self.tuned_errors), "prescribed": dict(self.prescribed)}
         document |= tuned if self.tuned_errors else {}
         if not self.scales:
@@ -284,7 +351,7 @@ class Orbit(
         units = {name: unit for name, unit in self.scales.texts().items() if name in document}
         signs = self.shape.reversor or [-1 if name.endswith("'") else 1 for name in self._states]
         own = dict.fromkeys(self.scales.text(name) for name, sign in zip(self._states, signs, strict=True) if sign > 0)
-        units |= {"rises": "m", "state_mid_flight": ", ".join(own)}
+        units |= {"rises": "m", "apexes": "m", "state_mid_flight": ", ".join(own)}
         return document | {"units": {**self.machine.get("units", {}), **units}, "si": self.si()}
 
     def si(self) -> dict[str, float | None]:
@@ -292,12 +359,13 @@ class Orbit(
         not in SI."""
         if self.scales is None:
             raise InputError("this machine was stated in dimensionless units; state it in SI for results in SI")
-        figures, units = vars(self.certificate) | vars(self), self.scales.texts()
-        figures |= {} if self.step is None else {name: getattr(self, name) for name in OF_RUNS}
+        figures, units = self.numbers, self.scales.texts()
         main = {name: each.in_si for name, each in (QUANTITIES | OF_RUNS).items() if each.in_si and name in figures}
+        after = {name: f"_{units[name].replace('/', '_per_')}" if name in units else "" for name in main}
         return {
-            **{f"{words}_{units[name].replace('/', '_per_')}": figures[name] for name, words in main.items()},
+            **{f"{words}{after[name]}": figures[name] for name, words in main.items()},
             **{f"{name.replace(' ', '_')}_rise_m": rise for name, rise in self.rises.items()},
+            **{f"{name.replace(' ', '_')}_apex_m": apex for name, apex in self.apexes.items()},
             "unit_length_m": self.scales.length,
             "unit_time_s": self.scales.time,
             "unit_force_N": self.scales.force,
@@ -312,7 +380,8 @@ class Orbit(
             "time": "s", "contact force": self.scales.text("largest_contact_force")
         }  # fmt: skip
         known |= units_of_springs(self.source) if self.source else {}
-        return {**self.scales.texts(), **known, "rises": "m", **self.machine.get("units", {})}
+        heights = dict.fromkeys(("rises", "apexes"), "m")
+        return {**self.scales.texts(), **known, **heights, **self.machine.get("units", {})}
 
     @property
     def _states(self) -> tuple[str, ...]:
@@ -340,78 +409,7 @@ class Orbit(
         return f"lossless orbit of family {self.family}: {title_of_machine(self.machine)}"
 
     def _rows(self) -> Iterator[Row]:
-        """The machine, then the certificate: speed, times, distances, forces, the loss of a neighbouring hop, errors,
-        whether it is a motion, and, in rows named `VIOLATED`, the reasons why not."""
-        c, units, own = self.certificate, self.units, machine_numbers(self.machine)
-        if own:
-            texts = [f"{name} = {{:g}} {unit}".rstrip() for name, (_, unit) in own.items()]
-            yield Row("machine", {name: value for name, (value, _) in own.items()}, (", ".join(texts),))
-        speed = f" {units['alpha']}" if units else ""
-        numbers = {"alpha": self.alpha, "error": c.error}
-        yield Row("alpha", numbers, (f"{WHOLE}{speed}   +- {{:.1e}} (error of the numerics)",))
-        for name, value in self.tuned.items():
-            if name != STEP_LENGTH:
-                unit, numbers = (
-                    f" {units[name]}" if units.get(name) else "",
-                    {name: value, "error": self.tuned_errors[name]},
-                )
-                yield Row(f"tuned {name}", numbers, (f"{WHOLE}{unit}   +- {{:.1e}} (error of the numerics)",))
-        if c.alpha_noise is not None:
-            text = f"+- {{:.1e}}{speed} (one standard deviation of the rows{', or less' if c.alpha_per_noise else ''})"
-            yield Row("  by the table's noise", {"alpha_noise": c.alpha_noise}, (text,))
-        if c.alpha_per_noise is not None:
-            force = units.get("largest_spring_force", "unit")
-            text = f"+- {{:.2g}}{speed} for each {force} of a row's standard deviation"
-            text = text if c.alpha_noise is not None else f"not known: {text}"
-            yield Row("  by the table's noise", {"alpha_per_noise": c.alpha_per_noise}, (text,))
-        within = f"   +- {c.loss_error:.1e} (error of the numerics)" if c.loss_error else ""
-        beside = c.losses_in_words(self.alpha, float(self.machine.get("restitution") or 0.0), speed)
-        after, figures = {"loss_coefficient": within + beside}, vars(c) | vars(self)
-        for name, quantity in QUANTITIES.items():
-            if name == "rises":
-                unit = units.get(name, "")
-                yield from (Row.of(f"{quantity.words} {of}", rise, unit) for of, rise in self.rises.items())
-            elif quantity.words and name != "alpha":
-                pattern = WHOLE if name == "loss_coefficient" and c.loss_error else "{}"
-                row = Row.of(name, figures[name], self.unit_of(name), after.get(name, ""), pattern)
-                angular = self.scales is not None and self.scales.resolved(name) == (*TORQUE, 0, 0)
-                yield row._replace(heading=quantity.words.replace("force", "torque") if angular else quantity.words)
-        for name, quantity in OF_RUNS.items() if self.step is not None else ():
-            yield Row.of(name, getattr(self, name), self.unit_of(name))._replace(heading=quantity.words)
-        if c.friction_needed is not None:
-            numbers, text = (
-                {"friction_needed": c.friction_needed, "friction_error": c.friction_error or 0.0},
-                f"{WHOLE}   +- {{:.1e}}",
-            )
-            yield Row("friction needed", numbers, (text,))
-        elif (least := c.smallest_stance_force) is not None and least <= 0 and c.stance_judged is False:
-            remedy = "; state share=" if "share" in self.machine.get("parameters", {}) else ""
-            text = f"not judged (smallest force {{:.3g}}){remedy}"
-            yield Row("standing foot", {"smallest_stance_force": least}, (text,))
-        yield from self._rows_on_loop
-        if self.known_in_family is not None:
-            yield Row("known in its family", {"known_in_family": self.known_in_family})
-        yield Row("residual", {"residual": c.residual}, ("{:.1e}",))
-        yield Row("energy drift", {"energy_drift": c.energy_drift}, ("{:.1e}",))
-        found = {"method": self.method, "seconds": self.seconds}
-        yield Row("found by", found, (f"{{}}, {1e3 * self.seconds:.1f} ms",))
-        yield Row("admissible", {"admissible": self.admissible}, ("yes" if self.admissible else "NO",))
-        yield from (Row(VIOLATED, {VIOLATED: violation}) for violation in c.violations)
-
-    @cached_property
-    def _rows_on_loop(self) -> tuple[Row, ...]:
-        """What the hop loses on the measured loop of which the spring is one branch."""
-        try:
-            upkeep = getattr(self.source, "on_loop", lambda alpha: None)(self.alpha)
-        except OrbitsError as error:
-            return (Row("on the measured loop", {"on the measured loop": str(error)}),)
-        if upkeep is None:
-            return ()
-        speed, joule = (f" {self.scales.text(each)}" if self.scales else "" for each in (LIFTOFF_SPEED, ENERGY))
-        numbers = {"next launch on the loop": self.alpha - upkeep.inject, "energy that keeps it hopping": upkeep.energy}
-        return (
-            Row("on the measured loop", numbers, (f"next launch {{:.6g}}{speed}; {{:.4g}}{joule} keep it hopping",)),
-        )
+        return rows_of_orbit(self)
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot heights against time as in Fig. 3 of the paper, or instants of a machine that states its drawing in the

@@ -5,11 +5,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..model import STEP_LENGTH, Model
+from ..model import CONTACT_FORCE, STEP_LENGTH, Affine, Model
 from ..records import NONE, Records, numbers_or_nan
 from ..shooting import Cycles
 from ..symbolic import suggest
-from ..units import DIMENSIONS, LENGTH, OF_ANGLES, Dimension, Units
+from ..units import APEX, DIMENSIONS, LENGTH, OF_ANGLES, RISE, Dimension, Units
 from .certificate import Certificate
 from .extrema_and_zeros import extremes
 
@@ -30,6 +30,38 @@ class OrbitQuantity(NamedTuple):
     in_si: str = ""
     planar: bool = False
     apart: str = ""
+
+
+def _period(model: Model, cycles: Cycles) -> np.ndarray:
+    """The periods (m,), `NONE` where the contact does not end."""
+    contacts = cycles.contact_times
+    return np.where(contacts == NONE, NONE, cycles.flight_times + contacts)
+
+
+def _frequency(model: Model, cycles: Cycles) -> np.ndarray:
+    """The hops or steps (m,) per time."""
+    return np.where(cycles.contact_times == NONE, NONE, 1 / _period(model, cycles))
+
+
+def _duty_factor(model: Model, cycles: Cycles) -> np.ndarray:
+    """The shares (m,) of the periods that are contact, `NONE` where two points take turns."""
+    known = (cycles.contact_times != NONE) & (not model.changes_contact)
+    return np.divide(cycles.contact_times, _period(model, cycles), out=np.full(len(cycles), NONE), where=known)
+
+
+def in_weights(model: Model, p: Mapping, forces: np.ndarray) -> np.ndarray:
+    """Contact forces (m,) over the weight that the contact carries, `NONE` where one of the two is not known."""
+    weight = model.weight(p)
+    return np.full(len(forces), NONE) if weight is None else np.where(forces == NONE, NONE, forces / weight)
+
+
+def _peak_in_weights(model: Model, cycles: Cycles) -> np.ndarray:
+    """The largest contact forces (m,) in weights."""
+    forces, contacts = np.full(len(cycles), NONE), cycles.contacts
+    if contacts:
+        force = Affine((0.0,) * contacts.names.index(CONTACT_FORCE) + (1.0,))
+        forces[cycles.with_contact] = extremes(contacts, force)[1]
+    return in_weights(model, cycles.p, forces)
 
 
 def _stroke(model: Model, cycles: Cycles) -> np.ndarray:
@@ -54,12 +86,6 @@ def speed_in_flight(model: Model, u: Mapping, p: Mapping, flight_time: Any) -> A
     assert model.planar.across is not None
     landed = model.reversal.image(launched, p)
     return (model.planar.across(landed, p) - model.planar.across(launched, p)) / flight_time
-
-
-def _frequency(model: Model, cycles: Cycles) -> np.ndarray:
-    """The inverse (m,) of the periods."""
-    contacts = cycles.contact_times
-    return np.where(contacts == NONE, NONE, 1 / (cycles.flight_times + contacts))
 
 
 def step_of(model: Model, u: Mapping, p: Mapping) -> Any:
@@ -92,18 +118,20 @@ OF_LOSS = ("loss_coefficient", "robustness")
 VARIATIONAL = ("landing_sensitivity", *OF_LOSS)  # these need the variation of the flight with alpha
 FRICTION_LEFT = "friction_left"  # the stated friction less that which is needed
 ACCURACY = "it says how accurately an orbit is known, and is no property of its motion"
+OF_LOOP = "it is lost on the measured loop of a spring, which `orbit.loop_energy` computes for one orbit"
 NOT_BY_SPEED = "it is a slope by the launch speed alone, and a launch of this machine has several unknowns"
-# In the order of every table; there is one of the "rises" for each height of the machine.
+# In the order of every table; there is one of the "rises", and one of the "apexes", for each height of the machine.
 QUANTITIES: dict[str, OrbitQuantity] = {
     "alpha": OrbitQuantity(lambda model, cycles: cycles.u["alpha"], "alpha", "launch_speed"),
     "flight_time": OrbitQuantity(lambda model, cycles: cycles.flight_times, "flight time", "flight_time"),
     "contact_time": OrbitQuantity(lambda model, cycles: cycles.contact_times, "contact time", "contact_time"),
-    "period": OrbitQuantity(lambda model, cycles: cycles.flight_times + cycles.contact_times),
-    "frequency": OrbitQuantity(_frequency),
+    "period": OrbitQuantity(_period, "period", "period"),
+    "frequency": OrbitQuantity(_frequency, in_si="frequency"),
+    "duty_factor": OrbitQuantity(_duty_factor, in_si="duty_factor"),
     "liftoff_extension": OrbitQuantity(
         lambda model, cycles: model.liftoff_extension(cycles.u, cycles.p), "lift-off extension", "liftoff_extension"
     ),
-    "stroke": OrbitQuantity(_stroke),
+    "stroke": OrbitQuantity(_stroke, in_si="stroke"),
     "admissible": OrbitQuantity(apart="it is a verdict: designs are always motions, and a sweep has the column status"),
     "error": OrbitQuantity(apart=ACCURACY),
     "residual": OrbitQuantity(apart=ACCURACY),
@@ -112,14 +140,17 @@ QUANTITIES: dict[str, OrbitQuantity] = {
     "clearance": OrbitQuantity(words="clearance", in_si="clearance"),
     "smallest_separation": OrbitQuantity(words="smallest separation", in_si="smallest_separation"),
     "rises": OrbitQuantity(words="rise of"),
+    "apexes": OrbitQuantity(),
     "smallest_contact_force": OrbitQuantity(words="smallest contact force"),
     "largest_contact_force": OrbitQuantity(words="largest contact force", in_si="largest_contact_force"),
+    "peak_force_in_weights": OrbitQuantity(_peak_in_weights, in_si="peak_force_in_weights"),
     "largest_spring_force": OrbitQuantity(),
     "landing_jerk": OrbitQuantity(words="landing jerk"),
     "landing_sensitivity": OrbitQuantity(),
     "loss_coefficient": OrbitQuantity(words="loss coefficient C"),
     "loss_error": OrbitQuantity(apart=ACCURACY),
     "robustness": OrbitQuantity(),
+    "loop_energy": OrbitQuantity(in_si="loop_energy", apart=OF_LOOP),
     "alpha_noise": OrbitQuantity(apart=ACCURACY),
     "alpha_per_noise": OrbitQuantity(apart=ACCURACY),
     "friction_needed": OrbitQuantity(planar=True),
@@ -135,15 +166,15 @@ OF_RUNS: dict[str, OrbitQuantity] = {
 PLANAR = tuple(name for name, each in QUANTITIES.items() if each.planar)
 OF_CERTIFICATE = tuple(name for name in QUANTITIES if name in Certificate.__dataclass_fields__)
 CERTIFIED = tuple(name for name in OF_CERTIFICATE if name not in PLANAR)
-# The quantities of the motion that every result has.
-OF_MOTION = tuple(name for name, each in QUANTITIES.items() if each.of and each.in_si)
-# The quantities that a design may use, besides the rise of each height, and those computed for m orbits together.
-DESIGNED = tuple(name for name, each in QUANTITIES.items() if not each.apart and name != "rises")
+# The quantities of the motion that every result has, from which others follow.
+OF_MOTION = ("alpha", "flight_time", "contact_time", "liftoff_extension")
+# The quantities that a design may use, besides those of heights, and those computed for m orbits together.
+DESIGNED = tuple(name for name, each in QUANTITIES.items() if not each.apart and name not in ("rises", "apexes"))
 OF_MANY = tuple(name for name in DESIGNED if QUANTITIES[name].of or name in OF_CERTIFICATE)
 
 
 def dimension_of(name: str) -> Dimension | str:
-    """The dimension of a quantity, or its name where that decides; a rise is a length."""
+    """The dimension of a quantity, or its name where that decides; one of heights is a length."""
     known = {**dict.fromkeys(QUANTITIES, ()), **DIMENSIONS}
     return name if name in OF_ANGLES else known.get(name, LENGTH)
 
@@ -155,6 +186,11 @@ def absent_quantities(model: Model, p: Mapping) -> dict[str, str]:
     why |= {} if model.one_speed else dict.fromkeys(VARIATIONAL, NOT_BY_SPEED)
     if model.separation(p) is None:
         why["smallest_separation"] = "the machine states no length, as rest_length, that tells how far masses are apart"
+        apexes = (f"{name.removesuffix(RISE)}{APEX}" for name in model.of_heights(p))
+        why |= dict.fromkeys(apexes, "the machine states no length, as rest_length, that tells how high its masses are")
+    if model.weight(p) is None:
+        why["peak_force_in_weights"] = f"the weight that the contact of a {model.name} carries is not known"
+    why |= {"duty_factor": f"two points of a {model.name} take turns on the ground"} if model.changes_contact else {}
     if planar is None:
         why |= dict.fromkeys(PLANAR, f"a {model.name} states no places of its masses along the ground")
     elif not planar.stands:
@@ -168,7 +204,7 @@ def absent_quantities(model: Model, p: Mapping) -> dict[str, str]:
 def quantity_names(model: Model, p: Mapping) -> list[str]:
     """The quantities of a model's orbits: the names of all formulas, designs, prescribed values and columns."""
     absent = absent_quantities(model, p)
-    return [*(name for name in (*DESIGNED, *OF_RUNS) if name not in absent), *model.rises(p)]
+    return [*(name for name in (*DESIGNED, *OF_RUNS) if name not in absent), *model.of_heights(p)]
 
 
 def unknown_quantity(model: Model, p: Mapping, name: str, known: Collection[str]) -> str:
@@ -192,22 +228,23 @@ def run_numbers(model: Model, cycles: Cycles) -> dict[str, np.ndarray]:
 
 
 def names_of_many(model: Model) -> tuple[str, ...]:
-    """The names of the quantities of a model's orbits that are computed for many together, besides the rises."""
+    """The names of the quantities of a model's orbits that are computed for many together, besides those of heights."""
     return (*OF_MANY, *(OF_RUNS if model.moves_on else ()))
 
 
 def numbers_of(
     model: Model, cycles: Cycles, certificates: Records[Certificate] | None, units: Units | None, names: Collection[str]
 ) -> dict[str, np.ndarray]:
-    """The numbers (m,) of orbits by name, for names that are quantities or rises: NaN where an orbit has none, and
-    in SI by units (m,)."""
-    heights, found = model.rises(cycles.p_of_halves), dict[str, np.ndarray]()
+    """The numbers (m,) of orbits by name, for names that are quantities, also of heights: NaN where an orbit has none,
+    and in SI by units (m,)."""
+    heights, found = model.of_heights(cycles.p_of_halves), dict[str, np.ndarray]()
     for name in names:
         if name in heights:
             flown = cycles.flown(model)
-            highest = np.maximum.reduce([extremes(motions, heights[name])[1] for motions in flown])
-            rise = highest - flown[0].series(heights[name], steps=cycles.halves.first)[:, 0]
-            found[name] = rise.reshape(len(cycles), -1).max(axis=1)
+            height, is_rise = heights[name]
+            highest = np.maximum.reduce([extremes(motions, height)[1] for motions in flown])
+            highest -= flown[0].series(height, steps=cycles.halves.first)[:, 0] if is_rise else 0.0
+            found[name] = highest.reshape(len(cycles), -1).max(axis=1)
         elif name in OF_CERTIFICATE and certificates is not None:
             found[name] = numbers_or_nan(certificates.column(name))
         elif (known := QUANTITIES.get(name) or OF_RUNS.get(name)) and (of := known.of):

@@ -14,11 +14,15 @@ from .quantities import CERTIFIED, OF_RUNS
 
 # Two statements of a number in a file agree if their relative difference is no larger.
 SAME_NUMBER = 1e-9
+LOOP_ENERGY = "loop_energy"  # which an orbit does not have without its machine
+# The fields of an orbit that older files, or those of other machines, do not have.
+OPTIONAL = ("known_in_family", "peak_force_in_weights", "step", "speed")
 # The fields of an orbit's document after those of the machine.
 DOCUMENT_FIELDS = (
     *("family", "known_in_family", "alpha", "flight_time", "contact_time", "admissible", "violations", "rises"),
     *(name for name in CERTIFIED if name != "family"),
     *("stable_side", "bounce_side", "unfolding", "liftoff_extension", "state_mid_flight", "method", "skipped"),
+    *("period", "frequency", "duty_factor", "stroke", "apexes", "peak_force_in_weights", LOOP_ENERGY),
     "seconds",
 )
 # Further fields of the orbit of a machine that steps.
@@ -64,6 +68,7 @@ class SavedOrbit(SavedLaws):
     skipped: tuple[str, ...]
     seconds: float
     known_in_family: NotRequired[int | None]
+    peak_force_in_weights: NotRequired[float | None]
     step: NotRequired[float]
     speed: NotRequired[float]
     tuned: NotRequired[Mapping[str, float]]
@@ -89,7 +94,7 @@ def stated_fields(data: Mapping[str, Any]) -> dict[str, Any]:
         certificate=conform({name: data[name] for name in checked}, Certificate),
         skipped=data["skipped"],
         seconds=data["seconds"],
-        **{name: data.get(name) for name in ("known_in_family", "step", "speed")},
+        **{name: data.get(name) for name in OPTIONAL},
         tuned_errors=saved_tuned_errors(data),
         prescribed=data.get("prescribed", {}),
     )
@@ -106,7 +111,7 @@ def machine_in_document(data: Mapping[str, Any]) -> dict[str, object]:
     machine |= {name: value for name, value in data.items() if name not in OTHER_FIELDS}
     if "units" not in data:
         return machine
-    usual = {"rises": "m", "state_mid_flight": data["units"].get("state_mid_flight"), **UNIT_TEXTS}
+    usual = {"rises": "m", "apexes": "m", "state_mid_flight": data["units"].get("state_mid_flight"), **UNIT_TEXTS}
     units = {name: unit for name, unit in data["units"].items() if unit != usual.get(name)}
     numbers = {name: conform(machine[name], float | None, name) for name in units if name in machine}
     return machine | numbers | {"units": units}
@@ -123,7 +128,11 @@ def check_consistent(document: Mapping[str, object], data: Mapping[str, Any]) ->
         return  # a file of version 0.1.0, whose numbers have no units
     sides = () if "bounce_side" in data else ("stable_side",)  # of version 0.1.0, the side without a bounce
     for name in DOCUMENT_FIELDS:
-        if name in data and name not in (*sides, "seconds") and not _same_numbers(data[name], document[name]):
+        if (
+            name in data
+            and name not in (*sides, "seconds", LOOP_ENERGY)
+            and not _same_numbers(data[name], document[name])
+        ):
             raise ValueError(f"it says {name} = {data[name]!r}, and by its motion that is {document[name]!r}")
 
 

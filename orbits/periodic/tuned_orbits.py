@@ -25,7 +25,7 @@ from ..shooting import (
     shooting_equations,
     solved_with_nodes,
 )
-from ..units import DIMENSIONS, LENGTH, SPEED, Dimension
+from ..units import DIMENSIONS, LENGTH, RISE, SPEED, Dimension
 from .certification import Solved
 from .quantities import OF_RUNS, names_of_many, quantity_names, speed_in_flight, step_of, unknown_quantity
 
@@ -90,7 +90,7 @@ OF_STEPS: dict[str, Prescribed] = {
 # Those of these that are no parameters.
 QUANTITIES_ALONG = {*PRESCRIBED, *OF_STEPS} - {STEP_LENGTH}
 # Quantities of the whole motion that are ranges, or maxima of what is 0 at lift-off.
-NEVER_NEGATIVE = ("stroke", "largest_contact_force", "friction_needed")
+NEVER_NEGATIVE = ("stroke", "largest_contact_force", "peak_force_in_weights", "duty_factor", "friction_needed")
 
 
 def prescribable(model: Model) -> dict[str, Prescribed]:
@@ -149,7 +149,7 @@ def _check_value(machine: Machine, name: str, value: float) -> None:
     """Raise `InputError` where no orbit has this value of a quantity, so that no search begins."""
     model, known = machine.model, PRESCRIBED.get(name)
     positive = bool(known and known.positive) or (name == "alpha" and model.relative is not None)
-    never_negative = positive or name in NEVER_NEGATIVE or name in model.rises(machine.values)
+    never_negative = positive or name in NEVER_NEGATIVE or name.endswith(RISE)
     if (value < 0 and never_negative) or (value == 0 and positive):
         bound = "above 0" if positive else "at least 0"
         raise InputError(f"at '{name}' = {value:g}: it is {bound} in every orbit; prescribe such a value")
@@ -178,7 +178,7 @@ def is_quantity(machine: Machine, name: object) -> bool:
 def quantities_of_motion(machine: Machine) -> list[str]:
     """The quantities of a machine's orbits that are found from its whole motion, as extremes are."""
     model, p = machine.model, machine.values
-    computed = {*names_of_many(model), *model.rises(p)} - prescribable(model).keys() - OF_RUNS.keys()
+    computed = {*names_of_many(model), *model.of_heights(p)} - prescribable(model).keys() - OF_RUNS.keys()
     return [name for name in quantity_names(model, p) if name in computed]
 
 

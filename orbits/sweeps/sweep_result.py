@@ -15,7 +15,7 @@ from ..io import Document, conform, extra_package, named_file, to_json
 from ..model import Machine
 from ..periodic import Orbit, continued_orbits, find, orbit_of
 from ..result import Axes, Result, Row, is_of, shown
-from ..units import DIMENSIONS_OF_HOPS, UNIT_TEXTS, unit_text
+from ..units import DIMENSIONS_OF_HOPS, OF_HEIGHTS, UNIT_TEXTS, unit_text
 from .question import COLUMNS_OF, Question, SavedQuestion, Table, question_again
 from .same_equations import refuse_other_equations
 
@@ -116,9 +116,9 @@ class Sweep(Result, what="sweep", document_is_whole=True):
     def units(self) -> dict[str, str]:
         """The units of the columns by name; empty for a dimensionless machine."""
         own = self.machine.get("units")
-        rises = {name: "m" for name in self.columns if name.endswith("_rise")}
+        heights = {name: "m" for name in self.columns if name.endswith(OF_HEIGHTS)}
         hops = {name: unit_text(dimension) for name, dimension in DIMENSIONS_OF_HOPS.items()}
-        return {} if own is None else {**UNIT_TEXTS, **rises, **hops, **own}
+        return {} if own is None else {**UNIT_TEXTS, **heights, **hops, **own}
 
     @property
     def numbers(self) -> tuple[str, ...]:

@@ -79,4 +79,5 @@ def _heavy_hand(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         impact_mass=lambda x, p: 0.0,
         impact=lambda x, p: [0.0, 1.0, 0.0, 0.0],
         fixed=("mass_ratio",),
+        weight=lambda p: 1.0,
     )

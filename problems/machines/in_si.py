@@ -139,8 +139,9 @@ class MachineInSI(TwoMasses):
     def __repr__(self) -> str:
         units, laws = self.units_of_parameters(), self.describe()
         named = self.stated_values | ({"restitution": self.restitution} if self.restitution else {})
+        pull = laws["gravity"] if self.gravity.key.degree() else f"{named.pop('surface_gravity'):g} m/s^2"
         values = [f"{name} = {x:g} {units.get(name, '')}".rstrip() for name, x in named.items()]
-        return f"{self.kind} in SI, spring {laws['spring']}, gravity {laws['gravity']}: {', '.join(values)}"
+        return f"{self.kind} in SI, spring {laws['spring']}, gravity {pull}: {', '.join(values)}"
 
     @property
     def kind(self) -> str:

@@ -68,7 +68,9 @@ def test_events_stand_in_order_along_the_curve(softening):
 def test_a_family_from_a_file_needs_its_machine(softening, tmp_path):
     again = Family.load(softening.save(tmp_path / "family.jsonl"))
     bare, whole = again.dataframe(), softening.dataframe()
-    assert [name for name in whole if name not in bare] == ["stroke", "body_rise", "foot_rise", "centre_of_mass_rise"]
+    heights = [f"{name}_{end}" for end in ("rise", "apex") for name in ("body", "foot", "centre_of_mass")]
+    further = ["duty_factor", "stroke", "peak_force_in_weights", *heights]
+    assert [name for name in whole if name not in bare] == further
     assert again.dataframe(Hopper("cubic", rest_length=30)).equals(whole)
     with pytest.raises(InputError, match=r"no quantity 'stroke': they have beta, alpha, .*Family\.load"):
         again.plot("stroke")

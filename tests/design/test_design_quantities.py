@@ -8,8 +8,8 @@ from conftest import slow_after
 from plane import wheel
 from steps import closed_form
 
-from orbits import InputError, NoOrbit, find, quantities, sensitivities
-from problems import Hopper, hopper_in_si, rimless_wheel, rocking_block, shuttle
+from orbits import InputError, NoOrbit, Orbit, find, follow, quantities, sensitivities, sweep
+from problems import Hopper, Juggler, hopper_in_si, rimless_wheel, rocking_block, shuttle
 
 
 def test_linear_hopper_has_its_closed_forms():
@@ -46,13 +46,58 @@ def test_robustness_is_the_width_of_the_table(machine, name, side):
     assert quantities(machine, orbit)["robustness"] == pytest.approx(lost**-3, rel=1e-9)
     if certificate.robustness < 0.05 * orbit.alpha:
         unit = f" {orbit.units['alpha']}" if orbit.units else ""
-        assert f"within {certificate.robustness:.2g}{unit} above" in str(orbit)
+        assert f"up to {certificate.robustness:.2g}{unit} above alpha" in str(orbit)
 
     def near(value: float) -> float:
         return find(machine.with_values(**{name: value}), start=orbit).certificate.robustness
 
     slope = by_differences(near, machine.values[name], 1e-4)
     assert sensitivities(machine, orbit, name, "robustness")["robustness"][name] == pytest.approx(slope, rel=1e-7)
+
+
+OF_CYCLES = ["period", "frequency", "duty_factor", "stroke", "peak_force_in_weights", "body_apex", "foot_apex"]
+
+
+@pytest.mark.parametrize(("machine", "name"), [(LEG, "k"), (Juggler("cubic", rest_length=20.0), "mass_ratio")])
+def test_what_a_bench_measures(machine, name):
+    """Numbers of the whole cycle, of the motion on a fine mesh, in every result, and their derivatives."""
+    orbit, (upper, lower, *_) = find(machine), machine.model.heights(machine.values)
+    names = [each.replace("body", upper).replace("foot", lower) for each in OF_CYCLES]
+    times = np.linspace(0, orbit.period, 400_001)
+    states, force = orbit(times), orbit.contact_force(times)
+    extension = states[:, 0] - states[:, 2] if upper == "body" else states[:, 2]
+    length, weight = machine.rest_length, 63 * 9.80665 if upper == "body" else 1 / machine.mass_ratio
+    period, contact = orbit.flight_time + orbit.contact_time, orbit.contact_time
+    apexes = [length + states[:, 0].max(), states[:, 2].max() + (0.0 if upper == "body" else length)]
+    expected = [period, 1 / period, contact / period, np.ptp(extension), force.max() / weight, *apexes]
+    document, apex = orbit.document(), {f"{of}_apex": height for of, height in orbit.apexes.items()}
+    assert [{**document, **apex}[each] for each in names] == pytest.approx(expected, rel=1e-9)
+    assert [*quantities(machine, orbit, names).values()] == pytest.approx(expected, rel=1e-9)
+    swept = sweep(machine, {name: [machine.values[name]]}, quantities=names, progress=False)
+    assert [swept[each][0] for each in names] == pytest.approx(expected, rel=1e-9)
+    family = follow(machine, name, 1.1 * machine.values[name], most=3)
+    assert [family.column(each)[0] for each in names] == pytest.approx(expected, rel=1e-9)
+    assert Orbit.of_saved(orbit.saved()).numbers["stroke"] == orbit.stroke
+
+    def near(value: float) -> list[float]:
+        other = machine.with_values(**{name: value})
+        return [*quantities(other, find(other, start=orbit), names).values()]
+
+    slopes, found = by_differences(near, machine.values[name]), sensitivities(machine, orbit, name, names)
+    assert [found[each][name] for each in names] == pytest.approx(slopes, rel=1e-7, abs=1e-9)
+
+
+def test_what_is_not_known_is_refused():
+    with pytest.raises(InputError, match="'body_apex' here: the machine states no length"):
+        quantities(Hopper(), find(Hopper()), "body_apex")
+    with pytest.raises(InputError, match="'loop_energy' here: it is lost on the measured loop"):
+        quantities(LEG, find(LEG), "loop_energy")
+    with pytest.raises(InputError, match=r"'duty_factor' here: two points of a .* take turns"):
+        quantities(BLOCK, find(BLOCK), "duty_factor")
+    with pytest.raises(
+        InputError, match=r"'peak_force_in_weights' here: the weight that the contact of a .* is not known"
+    ):
+        quantities(BLOCK, find(BLOCK), "peak_force_in_weights")
 
 
 def by_differences(of, value: float, size: float = 1e-3) -> np.ndarray:

@@ -51,7 +51,7 @@ def test_a_hopper_and_its_proof():
     assert orbit.alpha == pytest.approx(own.alpha * 2**0.5, rel=1e-13)  # time in units of 1/sqrt(2)
     proof = prove(orbit)
     assert proof.proved
-    assert "the inertia [m1, 0.0; 0.0, m2]" in str(proof)
+    assert "the inertia [m1, 0.0; 0.0, m2]" in proof.statement
     assert check(proof.saved()) == []
 
 

@@ -76,7 +76,9 @@ def test_rises_are_prescribed_too(name, family):
     assert abs(found.source.values["beta"] - 0.41) <= 100 * found.tuned_errors["beta"]
 
 
-@pytest.mark.parametrize("name", slow_after(2, ["clearance", "stroke", "largest_contact_force", "landing_jerk"]))
+@pytest.mark.parametrize(
+    "name", slow_after(2, ["clearance", "peak_force_in_weights", "stroke", "largest_contact_force", "landing_jerk"])
+)
 def test_extremes_and_equations_are_prescribed_together(name):
     machine = CUBIC.with_values(beta=0.35, mass_ratio=1.2)
     known = find(machine, 2)

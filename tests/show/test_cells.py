@@ -40,8 +40,8 @@ def test_an_orbits_table_is_its_certificate():
     assert dict(rows)["admissible"] == "NO"
     leg = find(hopper_in_si(60.0, 3.0, force="k*r", parameters={"k": 5000.0}, rest_length=0.8))
     rows = dict(leg.rows())
-    assert rows["largest contact force"] == f"{leg.certificate.largest_contact_force:.7g} N"
-    assert rows["rise of body"].endswith(" m")
+    assert rows["largest contact force"].startswith(f"{leg.certificate.largest_contact_force:.7g} N")
+    assert rows["rise of body"].endswith(" m)")
     printed = " ".join(str(leg).split())
     assert all(" ".join(text.split()) in printed for text in dict(leg.rows(15)).values())
 

@@ -107,7 +107,7 @@ def test_an_orbit_of_one_branch_states_what_the_loop_loses():
     following = float(ReturnMap(stated)(orbit.alpha).next)
     found = orbit.summary()
     assert found["next launch on the loop"] == pytest.approx(following, rel=1e-6)
-    assert found["energy that keeps it hopping"] == pytest.approx(
-        ReturnMap(stated).upkeep(orbit.alpha).energy, rel=1e-6
-    )
+    energy = ReturnMap(stated).upkeep(orbit.alpha).energy
+    assert [orbit.loop_energy, found["loop_energy"]] == pytest.approx([energy, energy], rel=1e-6)
+    assert orbit.document()["si"]["loop_energy_J"] == orbit.loop_energy
     assert "on the measured loop" not in str(find(hopper_in_si(3.0, 1.5, stiffness=1500.0, rest_length=0.3)))

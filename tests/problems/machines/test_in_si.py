@@ -85,8 +85,8 @@ def test_changes_and_refusals():
     with pytest.raises(InputError, match="damping = -5 is below 0"):
         hopper_in_si(1.0, 1.0, stiffness=1.0, damping=-5.0)
     assert repr(LEG) == (
-        "hopper in SI, spring k*r + b*r**3, gravity 1: body_mass = 60 kg, foot_mass = 3 kg, "
-        "surface_gravity = 9.80665 m/s^2, rest_length = 0.8 m, b = 100000 N/m^3, k = 5000 N/m"
+        "hopper in SI, spring k*r + b*r**3, gravity 9.80665 m/s^2: body_mass = 60 kg, foot_mass = 3 kg, "
+        "rest_length = 0.8 m, b = 100000 N/m^3, k = 5000 N/m"
     )
     with pytest.raises(TypeError):
         hopper_in_si(1.0, 1.0, stifness=1.0)

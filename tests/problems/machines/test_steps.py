@@ -198,7 +198,7 @@ def test_a_standing_foot_that_is_not_judged_is_in_the_table():
 
 def test_lengths_inertias_and_angles_have_units():
     wheel = find(rimless_wheel(mass=2.0, length=0.4, spokes=8, inertia=0.5, body_inertia=0.3, stiffness=9.0))
-    row = next(line for line in str(wheel).splitlines() if line.startswith("  machine"))
+    row = dict(wheel.rows())["machine"]
     numbers = "length = 0.4 m, inertia = 0.5 kg m^2, body_inertia = 0.3 kg m^2, angle = 0.392699 rad"
     assert row.endswith(f"stiffness = 9 N m/rad, mass = 2 kg, {numbers}, surface_gravity = 9.80665 m/s^2")
     assert str(wheel).startswith("lossless orbit of family 1: rimless wheel, spring stiffness*r\n")
