@@ -65,7 +65,7 @@ SPRINGS: dict[str, Callable[[float], tuple[Any, dict[str, float], str]]] = {
     "cubic": lambda gap: ("k*r + beta*r**3", {"k": 1.0, "beta": BETA}, "beta"),
     "potential": lambda gap: (springs.potential("k*r**2/2 + beta*r**4/4", k=1.0, beta=BETA), {}, "beta"),
     "table": lambda gap: (_measured(), {}, "s"),
-    "pieces": lambda gap: (springs.bilinear(k=1.0, ratio=2.0, gap=gap), {}, "ratio"),
+    "pieces": lambda gap: (springs.bilinear(stiffness=1.0, ratio=2.0, gap=gap), {}, "ratio"),
 }
 # The extension at which the spring in pieces has its corner, which the motion passes; and the dampers of kept hops.
 GAPS, DAMPING = {"knee": 0.003}, {"knee": 2e-4}

@@ -242,10 +242,8 @@ class Law:
             remedy = "state the machine in SI, as hopper_in_si(body_mass, foot_mass, force=law)"
         else:
             numbers = "has the slope 1 at rest of a machine without units, and this machine is in SI"
-            remedy = f"write it in N of m, as 'k*({self.text})' with its stiffness k in N/m and its lengths in m"
-            remedy = (
-                remedy if self.pieces is None else f"state its stiffness in N/m, as springs.{self.text}(k=8000.0, ...)"
-            )
+            remedy = "state its stiffness in N/m, as stiffness=8000.0, and its lengths in m"
+            remedy += "" if self.pieces else f"; as a formula it is 'stiffness*({self.text})'"
         raise InputError(f"the spring '{self.text}' {numbers}: {remedy}")
 
     def __repr__(self) -> str:

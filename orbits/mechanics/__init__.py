@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from .balance import Balance
     from .bodies import AXES, Body as Body, Joint as Joint, bodies_of
     from .derived import derived_launch
-    from .dimensions import coefficient_dimensions, length_or_angle
+    from .dimensions import law_dimensions, length_or_angle
     from .drawing import LANDINGS, REPEATED, Drawing as Drawing, Outline as Outline
     from .elements import (
         Damper as Damper,

@@ -5,21 +5,21 @@ from collections import defaultdict
 from collections.abc import Iterator
 from functools import lru_cache
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from ..laws import Key
 from ..running import exclusive
-from ..units import ACCELERATION, ANGLE, FORCE, INERTIA, LENGTH, MASS, Dimension, unit_text
+from ..units import ACCELERATION, ANGLE, INERTIA, LENGTH, MASS, Dimension, unit_text
 from .elements import Damper, Inerter, Mass, Spring, Weight, names_in, paths_of, value_of
 
 
 def dimensions_of_parameters(mechanism: Any) -> dict[str, Dimension]:
     """Dimensions of the parameters of a `Mechanism` that alone are a mass, an inertia, a length, an angle, a
-    coefficient or gravity, or that multiply a function of angles in a length, or a power of an extension in a spring's
-    law; none of a parameter with two different dimensions."""
+    coefficient or gravity, or that multiply a function of angles in a length, and of those that a spring's law
+    determines; none of a parameter with two different dimensions."""
     found = defaultdict[object, dict[str, Dimension]](dict)
     for name, dimension in _stated_dimensions(mechanism):
         found[name][unit_text(dimension)] = dimension
@@ -47,8 +47,7 @@ def _stated_dimensions(mechanism: Any) -> Iterator[tuple[object, Dimension]]:
             case Damper(_, coefficient) if kind is LENGTH:
                 yield coefficient, (-1, 1, 1)
             case Spring(_, law) if kind is not None:
-                turned = kind is ANGLE
-                yield from ((name, _of_power(power, turned)) for name, power in powers_of_coefficients(law).items())
+                yield from ((name, _of_powers(*each, kind is ANGLE)) for name, each in powers_in_law(law).items())
     yield from ((place, ANGLE if name in angles else LENGTH) for name, place in mechanism.rest.items())
     for name, image in [*(mechanism.reversor or {}).items(), *mechanism.symmetry.items()]:
         yield from ((amount, ANGLE if name in angles else LENGTH) for amount in names_in(image) - coordinates)
@@ -76,14 +75,14 @@ def length_or_angle(extension: object, coordinates: set[str], angles: set[str]) 
     return ANGLE if plain else None
 
 
-def coefficient_dimensions(law: Key) -> dict[str, Dimension]:
-    """Dimensions of the parameters of a spring's law that are coefficients of powers of the extension."""
-    return {name: _of_power(power, turned=False) for name, power in powers_of_coefficients(law).items()}
+def law_dimensions(law: Key) -> dict[str, Dimension]:
+    """Dimensions of the parameters of a spring's law, as far as the law determines them."""
+    return {name: _of_powers(*each, turned=False) for name, each in powers_in_law(law).items()}
 
 
-def _of_power(power: float, turned: bool) -> Dimension:
-    """The dimension of the coefficient of this power of a length in a force, or if `turned` of an angle in a torque."""
-    return (1, 0, 1, 0, 0, -power) if turned else (-power, *FORCE[1:])
+def _of_powers(length: float, force: float, turned: bool) -> Dimension:
+    """The dimension of these powers of a length and a force, or if `turned` of an angle and a torque."""
+    return (force, 0, force, 0, 0, length) if turned else (length, 0, force)
 
 
 def _lengths(height: object, coordinates: set[str]) -> dict[str, Dimension]:
@@ -130,16 +129,66 @@ def plain_slope(formula: str, name: str) -> float:
 
 @exclusive
 @lru_cache(maxsize=256)
-def powers_of_coefficients(law: Key) -> dict[str, float]:
-    """The parameters of a spring's law that are coefficients of powers of the extension, with the powers."""
+def powers_in_law(law: Key) -> dict[str, tuple[float, float]]:
+    """The powers of an extension and of a force that are the units of the parameters of a spring's law.
+
+    A coefficient of a power of the extension is a force over that power. The units of the others follow where the law
+    is homogeneous; those that it leaves open, and those of numbers without a unit, are left out.
+    """
     x, p = ca.SX.sym("x"), {name: ca.SX.sym(name) for name in law.names}
-    found: dict[str, float] = {}
     if law.pieces is None:
-        for name, symbol in p.items():
-            power = ca.jacobian(ca.SX(law.expression(x, p, [])), symbol)
-            if ca.depends_on(power, ca.vertcat(*p.values())):
-                continue
-            low, middle, high = (float(ca.evalf(ca.substitute(power, x, place))) for place in (0.5, 1.0, 2.0))
-            if low > 0 and middle > 0 and abs(high * low / middle**2 - 1) < 1e-12:
-                found[name] = round(math.log2(high / middle), 9)
-    return found
+        forces = [law.expression(x, p, [])]
+    elif law.written and not (law.written.rows or law.written.potential):
+        forces = [value_of(text, {"r": x}, p) for text in law.written.formulas]
+    else:
+        return {}
+    value, found = ca.SX(ca.vertcat(*forces)), dict[str, tuple[float, float]]()
+    for name, symbol in p.items() if law.pieces is None else ():
+        power = ca.jacobian(value, symbol)
+        if ca.depends_on(power, ca.vertcat(*p.values())):
+            continue
+        low, middle, high = (float(ca.evalf(ca.substitute(power, x, place))) for place in (0.5, 1.0, 2.0))
+        if low > 0 and middle > 0 and abs(high * low / middle**2 - 1) < EULER.tolerance:
+            found[name] = -round(math.log2(high / middle), 9), 1.0
+    if found.keys() < p.keys():
+        found = _by_euler(value, x, p, found)
+    return {name: powers for name, powers in found.items() if any(powers)}
+
+
+class Euler(NamedTuple):
+    """How units follow from a homogeneous law.
+
+    places : number of random places and parameters
+    sizes : of these
+    tolerance : the largest share of a residual, and of a direction in which powers are open, that counts as rounding
+    """
+
+    places: int = 60
+    sizes: tuple[float, float] = (0.3, 1.7)
+    tolerance: float = 1e-9
+
+
+EULER = Euler()
+
+
+def _by_euler(
+    value: ca.SX, x: ca.SX, p: dict[str, ca.SX], known: dict[str, tuple[float, float]]
+) -> dict[str, tuple[float, float]]:
+    """The powers a and b of the parameters p in a law f(x, p), from Euler's theorem of homogeneous functions,
+    sum a p df/dp = -x df/dx and sum b p df/dp = f, at random places; those known before where it is not homogeneous."""
+    symbols, rng = ca.vertcat(*p.values()), np.random.default_rng(0)
+    parts = ca.horzcat(value, x * ca.jacobian(value, x), ca.jacobian(value, symbols) @ ca.diag(symbols))
+    at = ca.Function("parts", [x, symbols], [ca.densify(parts)])
+    rows = np.vstack([at(*np.split(rng.uniform(*EULER.sizes, 1 + len(p)), [1])).full() for _ in range(EULER.places)])
+    rows = rows[np.isfinite(rows).all(1)]
+    stated = np.array([known.get(name, (np.nan, np.nan)) for name in p])
+    free, slopes = np.isnan(stated[:, 0]), rows[:, 2:]
+    targets = np.column_stack([-rows[:, 1], rows[:, 0]]) - slopes[:, ~free] @ stated[~free]
+    powers, *_ = np.linalg.lstsq(slopes[:, free], targets, rcond=EULER.tolerance)
+    if not len(rows) or np.abs(slopes[:, free] @ powers - targets).max() > EULER.tolerance * np.abs(rows).max():
+        return known
+    _, sizes, directions = np.linalg.svd(slopes[:, free])
+    rank = int((sizes > EULER.tolerance * sizes[0]).sum())
+    open_ones = np.abs(directions[rank:]).max(axis=0, initial=0.0) > EULER.tolerance
+    stated[free] = np.where(open_ones[:, None], np.nan, np.round(powers, 6) + 0.0)
+    return {name: (float(a), float(b)) for name, (a, b) in zip(p, stated, strict=True) if np.isfinite(a)}

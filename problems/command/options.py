@@ -46,7 +46,7 @@ machine_options = combined(
     click.option("--mass-ratio", type=POSITIVE, metavar="M", help="Foot (hand) over body (ball) mass; default 1."),
     click.option("--masses", metavar="KG,KG", help="Of body and foot (ball and hand): then all numbers are in SI."),
     click.option(
-        "--stiffness", type=POSITIVE, metavar="N/M", help="Of a linear spring of a machine in SI, as one with --masses."
+        "--stiffness", type=POSITIVE, metavar="N/M", help="Of a linear spring or of a named law in SI, with --masses."
     ),
     click.option("--rest-length", type=POSITIVE, metavar="L", help="Of the spring; default: separation not checked."),
     click.option(
@@ -513,7 +513,7 @@ def statement_of(
     """
     from orbits.errors import InputError
 
-    from ..machines import GROUND_PARAMETERS, KINDS, MASSES, SI_PARAMETERS, STEPPING, read
+    from ..machines import GROUND_PARAMETERS, KINDS, MASSES, STEPPING, read, si_keys_of
 
     statement: dict[str, Any] = {"machine": machine or "hopper"}
     where = "the options"
@@ -544,7 +544,7 @@ def statement_of(
         if (key := GROUND_PARAMETERS.get(name)) in ground:
             ground[key] = value
             continue
-        in_si = name in SI_PARAMETERS and "si" in statement and name not in parameters
+        in_si = "si" in statement and name in si_keys_of(statement) and name not in parameters
         place = statement["si"] if in_si else statement if name in own and name != "stiffness" else parameters
         place[name] = value
     statement["parameters"] = parameters

@@ -1,9 +1,15 @@
-"""Spring laws: force phi(r) against extension r, tension positive, stiffness 1 at rest where nothing else is said.
+"""Spring laws: force phi(r) against extension r, tension positive.
 
-Lengths are in units of the foot's weight over the stiffness, forces in the foot's weight (hopper), or of the hand's
-(juggler); formulas and tables of a machine stated in SI are in m and N. Each named law is a function of its parameters,
-whose units follow from these: `beta` is 1/length**2, `delta` 1/length**4, `a` and `b` are 1/length, `gap`, `length`,
-`height` and `thickness` lengths, `k`, `ratio` and `stop` stiffnesses. `NAMED` lists the laws for the command line.
+Each named law is a function of its parameters. Without a `stiffness` it has the slope 1 at rest of a machine without
+units: lengths are in units of the foot's weight over the stiffness, forces in the foot's weight (hopper), or in the
+hand's (juggler). With a `stiffness`, its slope at rest in N/m, it is the same formula times the stiffness, for a
+machine in SI: lengths are in m, and have no default. `beta` is 1/length**2, `delta` 1/length**4, `a` and `b` are
+1/length, `gap`, `length`, `height` and `thickness` lengths; `exponent`, `ratio` and `stop` have no unit. Formulas and
+tables of a machine in SI are in m and N. `NAMED` lists the laws for the command line.
+
+>>> law = air(stiffness=8000.0, length=0.2)  # for hopper_in_si(60.0, 3.0, force=law)
+>>> float(law.with_slope(0.0)[1])
+8000.0
 """
 
 import math
@@ -40,6 +46,8 @@ if TYPE_CHECKING:
 SAMPLE = Path(__file__).with_name("leg_spring.csv")
 READING_OPTIONS = ("columns", "units", "cycle", "noise")  # of measured rows in text, after the file
 TABLE_OPTIONS = (*READING_OPTIONS, "branch", "scale", "shift")
+UNITS_IN_SI = {"beta": "1/m^2", "delta": "1/m^4"} | dict.fromkeys("ab", "1/m")  # of parameters of named laws
+UNITS_IN_SI |= dict.fromkeys(("gap", "length", "height", "thickness"), "m")
 HYSTERETIC_KINDS = ("hysteretic", "lossy", "loop")  # of springs with hysteresis in text, before the colon
 
 
@@ -74,109 +82,131 @@ def function(force: Callable, /, breakpoints: tuple[float, ...] = (), **paramete
     return laws.from_function(force, "r", parameters, breakpoints)
 
 
-def _normalised(text: str, **parameters: float) -> Law:
-    """A formula with the slope 1 at rest, which is that of a machine without units."""
-    return replace(formula(text, **parameters), in_si=False)
+def _sizes(stiffness: float | None = None, /, **stated: tuple[float | None, float]) -> dict[str, float]:
+    """The parameters that have a unit of length, each stated as its value, or None, and its default.
+
+    Raises `InputError` for a stiffness without one of them: a default is a length of a machine without units.
+    """
+    missing = [f"{name} ({UNITS_IN_SI[name]} in SI)" for name, (value, _) in stated.items() if value is None]
+    if stiffness is not None and missing:
+        raise InputError(f"a spring of stiffness {stiffness:g} needs {' and '.join(missing)}: state it too")
+    return {name: default if value is None else value for name, (value, default) in stated.items()}
 
 
-def linear(*, k: float = 1.0) -> Law:
-    """Hooke's law k r: metal springs in small strain (Hooke 1678)."""
-    number("k", k, low=0)
-    return formula("r") if k == 1 else formula("k*r", k=k)
+def _normalised(text: str, stiffness: float | None, **parameters: float) -> Law:
+    """A formula with the slope 1 at rest, which is that of a machine without units, or times a stiffness."""
+    if stiffness is None:
+        return replace(formula(text, **parameters), in_si=False)
+    return formula(f"stiffness*({text})", **positive(stiffness=stiffness), **parameters)
 
 
-def cubic(*, beta: float = 0.3) -> Law:
+def _factor(stiffness: float | None, k: float | None) -> dict[str, float]:
+    """The stiffness of a law by the name that it was stated by; k is its earlier name. Empty where it was not."""
+    if stiffness is not None and k is not None:
+        raise InputError(f"stiffness = {stiffness:g} and k = {k:g} are one parameter: leave k out")
+    return positive(**{name: x for name, x in (("stiffness", stiffness), ("k", k)) if x is not None})
+
+
+def linear(*, stiffness: float | None = None, k: float | None = None) -> Law:
+    """Hooke's law stiffness*r: metal springs in small strain (Hooke 1678)."""
+    factor = _factor(stiffness, k)
+    return formula("*".join((*factor, "r")), **factor)
+
+
+def cubic(*, beta: float | None = None, stiffness: float | None = None) -> Law:
     """Duffing's spring r + beta r**3: hardening for beta > 0, softening for beta < 0 (Duffing 1918)."""
-    return _normalised("r + beta*r**3", beta=beta)
+    return _normalised("r + beta*r**3", stiffness, **_sizes(stiffness, beta=(beta, 0.3)))
 
 
-def quintic(*, beta: float = 0.0, delta: float = 0.1) -> Law:
+def quintic(*, beta: float = 0.0, delta: float | None = None, stiffness: float | None = None) -> Law:
     """Spring r + beta r**3 + delta r**5, softening first and hardening then, or inversely (Nayfeh and Mook 1979)."""
-    return _normalised("r + beta*r**3 + delta*r**5", beta=beta, delta=delta)
+    return _normalised("r + beta*r**3 + delta*r**5", stiffness, beta=beta, **_sizes(stiffness, delta=(delta, 0.1)))
 
 
-def tanh(*, b: float = 0.2) -> Law:
+def tanh(*, b: float | None = None, stiffness: float | None = None) -> Law:
     """Saturating spring tanh(b r)/b: at most 1/b, a smooth elastic, perfectly plastic curve (Hill 1950)."""
-    return _normalised("tanh(b*r)/b", **positive(b=b))
+    return _normalised("tanh(b*r)/b", stiffness, **positive(**_sizes(stiffness, b=(b, 0.2))))
 
 
-def sinh(*, b: float = 0.5) -> Law:
+def sinh(*, b: float | None = None, stiffness: float | None = None) -> Law:
     """Hardening spring sinh(b r)/b, exponentially stiff both ways, as in Eyring's theory of flow (1936)."""
-    return _normalised("sinh(b*r)/b", **positive(b=b))
+    return _normalised("sinh(b*r)/b", stiffness, **positive(**_sizes(stiffness, b=(b, 0.5))))
 
 
-def toda(*, b: float = 0.2) -> Law:
+def toda(*, b: float | None = None, stiffness: float | None = None) -> Law:
     """Toda's lattice spring (1 - exp(-b r))/b (1967): hard in compression, at most 1/b in tension; b < 0 reverses."""
-    if number("b", b) == 0:
+    own = _sizes(stiffness, b=(b, 0.2))
+    if number("b", own["b"]) == 0:
         raise InputError("b = 0 makes the Toda spring linear; use the law 'linear'")
-    return _normalised("(1 - exp(-b*r))/b", b=b)
+    return _normalised("(1 - exp(-b*r))/b", stiffness, **own)
 
 
-def morse(*, a: float = 0.05) -> Law:
+def morse(*, a: float | None = None, stiffness: float | None = None) -> Law:
     """Morse's bond (1 - exp(-a r)) exp(-a r)/a: the tension has its maximum 1/(4 a) and then falls (Morse 1929)."""
-    return _normalised("(1 - exp(-a*r))*exp(-a*r)/a", **positive(a=a))
+    return _normalised("(1 - exp(-a*r))*exp(-a*r)/a", stiffness, **positive(**_sizes(stiffness, a=(a, 0.05))))
 
 
-def bilinear(*, ratio: float = 3.0, gap: float = 0.5, k: float | None = None) -> Law:
-    """Stiffness k up to the extension `gap`, `ratio` times that beyond: a second spring engages (Shaw and Holmes 1983).
-    None is the stiffness 1 of a machine without units."""
-    formulas = "r", "gap + ratio*(r - gap)"
-    return _of_lines("bilinear", formulas, ("gap",), _bilinear_pieces, k, ratio=ratio, gap=gap)
+def bilinear(
+    *, ratio: float = 3.0, gap: float | None = None, stiffness: float | None = None, k: float | None = None
+) -> Law:
+    """A stiffness up to the extension `gap`, `ratio` times that beyond: a second spring engages (Shaw and Holmes
+    1983)."""
+    formulas, factor = ("r", "gap + ratio*(r - gap)"), _factor(stiffness, k)
+    own = positive(ratio=ratio, **_sizes(*factor.values(), gap=(gap, 0.5)))
+    return _of_lines("bilinear", formulas, ("gap",), _bilinear_pieces, factor, own)
 
 
-def end_stops(*, gap: float = 3.0, stop: float = 20.0, k: float | None = None) -> Law:
-    """Stiffness k between extensions -gap and gap, `stop` times that beyond: stop and strap (Shaw and Holmes 1983).
-    None is the stiffness 1 of a machine without units."""
-    formulas = "-gap + stop*(r + gap)", "r", "gap + stop*(r - gap)"
-    return _of_lines("end_stops", formulas, ("-gap", "gap"), _end_stop_pieces, k, gap=gap, stop=stop)
+def end_stops(
+    *, gap: float | None = None, stop: float = 20.0, stiffness: float | None = None, k: float | None = None
+) -> Law:
+    """A stiffness between extensions -gap and gap, `stop` times that beyond: stop and strap (Shaw and Holmes 1983)."""
+    formulas, factor = ("-gap + stop*(r + gap)", "r", "gap + stop*(r - gap)"), _factor(stiffness, k)
+    own = positive(**_sizes(*factor.values(), gap=(gap, 3.0)), stop=stop)
+    return _of_lines("end_stops", formulas, ("-gap", "gap"), _end_stop_pieces, factor, own)
 
 
 def _of_lines(
-    name: str, formulas: tuple[str, ...], places: tuple[str, ...], pieces: Callable, k: float | None, **values: float
-) -> Law:
-    """A law of straight lines, each a formula up to one of the places; a stated stiffness k multiplies it."""
-    if k is None:
-        return Law(
-            name,
-            "r",
-            _line_expression,
-            positive(**values),
-            LawPieces(3, pieces),
-            Written(formulas, places),
-            in_si=False,
-        )
-    written = Written(tuple(f"k*({formula})" for formula in formulas), places)
-    expression = _moved_expression(_line_expression, "k", None)
-    return Law(name, "r", expression, positive(k=k, **values), LawPieces(3, pieces), written)
+    name: str, formulas: tuple[str, ...], places: tuple[str, ...], table: Callable, factor: Mapping[str, float],
+    parameters: Mapping[str, float],
+) -> Law:  # fmt: skip
+    """A law of straight lines, each a formula up to one of the places; a stated factor multiplies it."""
+    pieces = LawPieces(3, table)
+    if not factor:
+        return Law(name, "r", _line_expression, parameters, pieces, Written(formulas, places), in_si=False)
+    times = next(iter(factor))
+    written = Written(tuple(f"{times}*({formula})" for formula in formulas), places)
+    return Law(name, "r", _moved_expression(_line_expression, times, None), {**factor, **parameters}, pieces, written)
 
 
-def air(*, length: float = 5.0, exponent: float = 1.4) -> Law:
+def air(*, length: float | None = None, exponent: float = 1.4, stiffness: float | None = None) -> Law:
     """Air spring: a gas column of effective length `length`, compressed polytropically with `exponent`.
 
     (length/exponent) (1 - (1 + r/length)**-exponent), the change of the force p A (V0/V)**n from rest (Bachrach and
     Rivin 1983); exponent 1 is slow (isothermal), 1.4 fast (adiabatic) air. Tension stays below length/exponent.
     """
-    return _normalised(
-        "length/exponent*(1 - (1 + r/length)**(-exponent))", **positive(length=length, exponent=exponent)
-    )
+    own = positive(**_sizes(stiffness, length=(length, 5.0)), exponent=exponent)
+    return _normalised("length/exponent*(1 - (1 + r/length)**(-exponent))", stiffness, **own)
 
 
-def belleville(*, height: float = 4.0, thickness: float = 4.0) -> Law:
+def belleville(*, height: float | None = None, thickness: float | None = None, stiffness: float | None = None) -> Law:
     """Belleville washer after Almen and Laszlo (1936), held at both rims so that it can also be pulled.
 
     With deflection -r, cone height h and thickness t: r ((h + r)(h + r/2) + t**2)/(h**2 + t**2), stiffness 1 at rest.
     Where h/t exceeds sqrt(2) the washer snaps through in compression.
     """
     text = "r*((height + r)*(height + r/2) + thickness**2)/(height**2 + thickness**2)"
-    return _normalised(text, **positive(height=height, thickness=thickness))
+    return _normalised(
+        text, stiffness, **positive(**_sizes(stiffness, height=(height, 4.0), thickness=(thickness, 4.0)))
+    )
 
 
-def rubber(*, length: float = 10.0) -> Law:
+def rubber(*, length: float | None = None, stiffness: float | None = None) -> Law:
     """Neo-Hookean strip of rest length `length` in uniaxial tension (Treloar 1975).
 
     (length/3) (s - s**-2) with stretch s = 1 + r/length; stiffness 1 at rest, singular where the strip has no length.
     """
-    return _normalised("length/3*((1 + r/length) - (1 + r/length)**(-2))", **positive(length=length))
+    own = positive(**_sizes(stiffness, length=(length, 10.0)))
+    return _normalised("length/3*((1 + r/length) - (1 + r/length)**(-2))", stiffness, **own)
 
 
 def table(

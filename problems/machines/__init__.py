@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         machine_stated,
         read,
         search,
+        si_keys_of,
         statement_for_file,
     )
     from .heavy_hand import HeavyHand

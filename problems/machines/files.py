@@ -45,7 +45,7 @@ k = [1e3, 1e5]
 """
 
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping, Sequence
 from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict
@@ -89,6 +89,14 @@ KEYS_OF_STEPS = ("machine", "spring", "parameters", "si", "find", "design")
 SI_KEYS = ("surface_gravity", "stiffness", "rest_length", "body_radius")
 # The parameters of a machine in SI that its file states in [si].
 SI_PARAMETERS = {*SI_KEYS, *(name for names in (*MASSES.values(), *SI_KEYS_OF_STEPS.values()) for name in names)}
+
+
+def si_keys_of(statement: Mapping[str, Any]) -> Sequence[str]:
+    """The keys that the table [si] of a machine's statement may have."""
+    kind = statement.get("machine", "hopper")
+    return SI_KEYS_OF_STEPS.get(kind, (*MASSES.get(kind, ()), *SI_KEYS))
+
+
 # A spring of a file, which may be the mean or a branch of one with hysteresis.
 OF_A_FILE = re.compile(r"((?:^|[:;]\s*)(?:table|loop):)([^;]+)")
 LARGEST_MACHINE_FILE = 1 << 14  # of a machine file: reading a longer one may take its length squared
@@ -179,7 +187,7 @@ def _build(statement: dict[str, Any]) -> MachineOfFile:
     if "si" not in statement:
         return KINDS[kind](**{name: statement[name] for name in OWN_KEYS if name in statement}, **common)
     si = statement["si"]
-    _check_keys("[si]", si, (*MASSES[kind], *SI_KEYS))
+    _check_keys("[si]", si, si_keys_of(statement))
     for name in ("mass_ratio", "rest_length"):
         if name in statement:
             raise InputError(f"'{name}' beside [si]; state lengths and masses in [si], or not at all in SI")
@@ -206,7 +214,7 @@ def _stepping_machine(kind: str, statement: dict[str, Any]) -> Mechanism:
     if own is None:
         own = {name: values.pop(name) for name in known if name in values}
     else:
-        _check_keys("[si]", own, SI_KEYS_OF_STEPS[kind])
+        _check_keys("[si]", own, si_keys_of(statement))
         own = {**own, **({"in_si": True} if kind == "runner" else {})}
     own |= apart
     spring = {"spring": statement["spring"]} if "spring" in statement else {}

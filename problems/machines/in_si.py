@@ -15,7 +15,7 @@ import numpy as np
 from orbits import Mechanism
 from orbits.errors import InputError
 from orbits.laws import UNIT_FORCE, UNIT_LENGTH, WRONG_SIGN, Algebraic, Law, LawLike, Parameters, number
-from orbits.mechanics import Ground, Mass, coefficient_dimensions
+from orbits.mechanics import Ground, Mass, law_dimensions
 from orbits.model import Model, reparametrised
 from orbits.running import exclusive, exclusive_property
 from orbits.symbolic import suggest
@@ -54,7 +54,8 @@ def hopper_in_si(
     body_mass, foot_mass : kg
     force : a spring law in N of the extension in m, stated in any of the ways of `springs.as_spring`; a table's header
         may name other units of length and force
-    stiffness : of a linear spring, N/m; together with `force` only where that has no slope at rest to define the units
+    stiffness : of a linear spring, N/m, or of a named law or a formula that has this parameter; with another `force`
+        only where that has no slope at rest to define the units
     rest_length : of the spring, m
     surface_gravity : m/s^2, where gravity's ratio is 1
     body_radius : m, radius of the sphere whose gravity decreases with height
@@ -131,9 +132,14 @@ class MachineInSI(TwoMasses):
         number("mass_ratio", self.mass_ratio, low=0)
         self._store_common()
         self._store(ground=checked_ground(self.ground, {}, self.kind, in_si=True))
-        laws = [] if self.spring is None else [*self.spring.parameters]
+        laws = [] if self.spring is None else [name for name in self.spring.parameters if name != "stiffness"]
         laws += [*self.ground.spring.parameters] if self.ground else []
         refuse_taken(RESERVED, [*laws, *self.gravity.parameters], "the machine's own name")
+        if self.spring is not None and (k := self.spring.parameters.get("stiffness")) is not None:
+            slope = float(self.spring.with_slope(self.spring.rest())[1])
+            if not np.isclose(slope, k, rtol=1e-6, atol=0.0):
+                conflict = f"stiffness = {k:g}, but the spring '{self.spring.text}' has the slope {slope:g} at rest"
+                raise InputError(f"{conflict}: give the parameter another name")
         self.dimensionless()  # raises the errors of the machine itself
 
     def __repr__(self) -> str:
@@ -280,7 +286,7 @@ class MachineInSI(TwoMasses):
 
     def units_of_parameters(self) -> dict[str, str]:
         """The units of the parameters by name, except coefficients whose unit does not follow from the formula."""
-        laws = {} if self.spring is None else coefficient_dimensions(self.spring.key)
+        laws = {} if self.spring is None else law_dimensions(self.spring.key)
         known = {**laws, **DIMENSIONS_OF_PARAMETERS}
         return {name: unit_text(known[name]) for name in self.values if name in known}
 
@@ -353,12 +359,13 @@ def _spring(force: LawLike | None, stiffness: float | None, values: Mapping[str,
         if stiffness is None:
             raise InputError("a spring in SI needs its stiffness (N/m) or its force law")
         return None, number("stiffness", stiffness, low=0)
-    law = as_spring(force, values, in_si=True, shared=True)
+    stated = {"stiffness": stiffness} if isinstance(force, str) and stiffness is not None else {}
+    law = as_spring(force, {**stated, **values}, in_si=True, shared=True)
     law.refuse_units(in_si=True)
     slope = float(law.with_slope(law.rest())[1])
     if stiffness is not None:
         k = number("stiffness", stiffness, low=0)
-        if 0 < slope < float("inf") and abs(slope / k - 1) > 1e-6:
+        if 0 < slope < float("inf") and not np.isclose(slope, k, rtol=1e-6, atol=0.0):
             conflict = f"the spring '{law.text}' has stiffness {slope:g} N/m at rest, not {k:g}"
             raise InputError(f"{conflict}: state it in N of m, and leave stiffness out")
         return law, k

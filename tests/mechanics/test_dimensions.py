@@ -5,6 +5,7 @@ from mechanisms import VALUES, machine
 
 from orbits import Mechanism
 from orbits.mechanics import Damper, Mass, Spring
+from orbits.symbolic import parse
 
 
 class TestDimensions:
@@ -21,6 +22,25 @@ class TestDimensions:
         given = {**VALUES, "c": 1.0, **({"a": 0.3} if "a*" in extension else {})}
         stated = machine(Spring(extension, "c*r"), parameters=given, angles=("body",), in_si=True)
         assert stated.units_of_parameters().get("c") == unit
+
+    @pytest.mark.parametrize(
+        ("law", "units"),
+        [
+            ("k*d*tanh(r/d)", {"k": "N/m", "d": "m"}),
+            ("k*h/n*(1 - (1 + r/h)**(-n))", {"k": "N/m", "h": "m"}),  # n has no unit
+            ("F*sin(r/d + n)", {"F": "N", "d": "m"}),
+            ("k*r + b*sqrt(abs(r))", {"k": "N/m", "b": "N/m^(1/2)"}),
+            ("k*r + b*tanh(c*r)", {"k": "N/m", "b": "N", "c": "1/m"}),
+            ("s*b*r + c*r**3", {"c": "N/m^3"}),  # one of two factors
+            ("r + b*r**3", {"b": "N/m^3"}),  # the 1 has a unit
+            ("r + b*tanh(c*r)", {}),
+            ("s*r**n", {}),  # the unit depends on n
+        ],
+    )
+    def test_of_a_law_follow_from_how_it_scales(self, law, units):
+        own = dict.fromkeys(parse(law).names - {"r"}, 0.3)
+        stated = machine(Spring("body - foot", law), parameters={**VALUES, **own}, in_si=True)
+        assert {name: unit for name, unit in stated.units_of_parameters().items() if name in own} == units
 
     def test_of_what_is_added_to_an_angle_are_none(self):
         turned = machine(Spring("body - r0", "c*r"), parameters={**VALUES, "c": 1.0, "r0": 0.3}, angles=("body",))

@@ -49,6 +49,67 @@ def test_every_named_spring_hops_with_its_defaults(name):
     assert orbit.error < 1e-12
 
 
+# The parameters with a unit of length, with its power.
+LENGTHS = {"beta": -2, "delta": -4, "a": -1, "b": -1, "gap": 1, "length": 1, "height": 1, "thickness": 1}
+BODY, FOOT, STIFFNESS, GRAVITY = 60.0, 3.0, 8000.0, 9.80665
+LENGTH, TIME = FOOT * GRAVITY / STIFFNESS, np.sqrt(FOOT / STIFFNESS / (1 + FOOT / BODY))
+
+
+def in_si(name):
+    """A named law with a stiffness in N/m and lengths in m, which without units has its defaults."""
+    sizes = {key: x * LENGTH ** LENGTHS[key] for key, x in springs.NAMED[name]().parameters.items() if key in LENGTHS}
+    return springs.NAMED[name](stiffness=STIFFNESS, **sizes)
+
+
+@pytest.mark.parametrize("name", springs.NAMED)
+def test_named_springs_have_their_stiffness_in_si(name):
+    """Forces are those by hand in units of the foot's weight and of this over the stiffness, and so is the hop."""
+    law = in_si(name)
+    assert law.with_slope(0.0)[1] == pytest.approx(STIFFNESS, rel=1e-14)
+    assert law(R * LENGTH) == pytest.approx(BY_HAND[name](R) * FOOT * GRAVITY, rel=1e-13, abs=1e-12)
+    leg = hopper_in_si(BODY, FOOT, force=law, rest_length=30 * LENGTH)
+    plain = find(Hopper(springs.NAMED[name](), mass_ratio=FOOT / BODY, rest_length=30.0))
+    orbit = find(leg)
+    assert orbit.alpha == pytest.approx(plain.alpha * LENGTH / TIME, rel=1e-12)
+    assert orbit.flight_time == pytest.approx(plain.flight_time * TIME, rel=1e-12)
+    assert orbit(0.5 * orbit.flight_time) == pytest.approx(
+        plain(0.5 * plain.flight_time) * LENGTH * np.array([1, 1 / TIME, 1, 1 / TIME]), rel=1e-10, abs=1e-10
+    )
+    units = {"beta": "1/m^2", "delta": "1/m^4", **dict.fromkeys("ab", "1/m"), "stiffness": "N/m"}
+    for key in law.parameters.keys() & {*LENGTHS, "stiffness"} - ({"beta"} if name == "quintic" else set()):
+        assert leg.units_of_parameters()[key] == units.get(key, "m")
+        if key != "stiffness":
+            with pytest.raises(InputError, match=f"a spring of stiffness 8000 needs .*{key} .* in SI"):
+                springs.NAMED[name](stiffness=STIFFNESS)
+
+
+@pytest.mark.parametrize("name", ["linear", "bilinear", "end_stops"])
+def test_a_stiffness_by_its_earlier_name(name):
+    own = {} if name == "linear" else {"gap": 0.01}
+    law = springs.NAMED[name](k=STIFFNESS, **own)
+    assert law.parameters["k"] == STIFFNESS
+    assert law(R).tolist() == springs.NAMED[name](stiffness=STIFFNESS, **own)(R).tolist()
+    with pytest.raises(InputError, match="stiffness = 2 and k = 1 are one parameter: leave k out"):
+        springs.NAMED[name](k=1.0, stiffness=2.0, **own)
+
+
+def test_a_machine_states_the_stiffness_of_its_law():
+    """By its argument, as for a linear spring, or among the parameters."""
+    law = springs.air(stiffness=STIFFNESS, length=0.2)
+    stated = {"stiffness": STIFFNESS, "parameters": {"length": 0.2}}
+    for leg in (
+        hopper_in_si(60.0, 3.0, force="air", **stated),
+        hopper_in_si(60.0, 3.0, force="air", parameters={"length": 0.2, "stiffness": STIFFNESS}),
+        hopper_in_si(60.0, 3.0, force=law.text, parameters=dict(law.parameters)),
+    ):
+        assert leg == hopper_in_si(60.0, 3.0, force=law)
+        assert leg.with_values(stiffness=9000.0).spring.with_slope(0.0)[1] == pytest.approx(9000.0)
+    with pytest.raises(InputError, match=r"stiffness = 8000, but the spring '2.* has the slope 16000 at rest: .*name"):
+        hopper_in_si(60.0, 3.0, force="2*stiffness*r", parameters={"stiffness": STIFFNESS})
+    with pytest.raises(InputError, match="has stiffness 16000 N/m at rest, not 8000"):
+        hopper_in_si(60.0, 3.0, force="2*stiffness*r", stiffness=STIFFNESS)
+
+
 class TestTable:
     def test_is_monotone_and_twice_differentiable_between_noisy_rows(self):
         rng = np.random.default_rng(3)
@@ -121,12 +182,12 @@ SI_ROWS = springs.table(springs.SAMPLE, in_si=True)
         (lambda: rimless_wheel(spring=SI_ROWS), r"is in m and N, and this machine has no units"),
         (
             lambda: hopper_in_si(60.0, 3.0, force=springs.air()),
-            r"slope 1 at rest .* in SI: write it in N of m, as 'k\*",
+            r"slope 1 at rest .* in SI: state its stiffness in N/m, as stiffness=8000.0, and its lengths in m",
         ),
-        (lambda: hopper_in_si(60.0, 3.0, force="tanh"), r"write it in N of m, as 'k\*\(tanh\(b\*r\)/b\)'"),
+        (lambda: hopper_in_si(60.0, 3.0, force="tanh"), r"as a formula it is 'stiffness\*\(tanh\(b\*r\)/b\)'"),
         (
             lambda: hopper_in_si(60.0, 3.0, force=springs.bilinear()),
-            r"in SI: state its stiffness in N/m, as springs.bilinear\(k=",
+            r"in SI: state its stiffness in N/m, as stiffness=8000.0, and its lengths in m$",
         ),
     ],
 )
