@@ -39,6 +39,7 @@ LONG = (
         "design.md",
         "families.md",
         "gallery.md",
+        "lesson.md",
     ),
     *("machine.md", "measured_spring.md", "pages.md", "proof.md", "return_map.md", "running.md", "si_leg.md"),
     *("spring.md", "start.md", "steps.md", "theory.md", "thousand_orbits.md"),
@@ -424,7 +425,15 @@ return found;
 def see_pages_at_all_widths(site: Path) -> None:
     """Nothing of a page is cut, and none scrolls sideways, from a phone to a wide screen."""
     with chromium() as page:
-        for name in ("index", "theory", "gallery", "how_to/steps", "how_to/running", "how_to/measured_spring"):
+        for name in (
+            "index",
+            "lesson",
+            "theory",
+            "gallery",
+            "how_to/steps",
+            "how_to/running",
+            "how_to/measured_spring",
+        ):
             for width in (360, 400, 1024, 1100, 1200):
                 page.resize(width)
                 page.open(site / f"{name}.html")

@@ -27,7 +27,7 @@ from sphinx.util.docutils import SphinxDirective
 
 ROOT = Path(__file__).parents[3]
 PAGES = "pages"  # the folder of the site for pages in one file
-GALLERY = "gallery"  # the page on which figures come before their code
+FIGURES_FIRST = ("gallery", "lesson")  # pages on which figures come before their code, which is folded
 PICTURES = (".png", ".gif", ".svg")
 WIDE = 1000  # pixels: wider figures have several panels, whose letters are small on a narrow screen
 ENLARGE = "The picture alone, to enlarge it"
@@ -172,13 +172,13 @@ def folded(summary: str, *inside: nodes.Node) -> list[nodes.Node]:
 
 
 class Drawn(Drawing):
-    """Code, and the figures that it saves; in the gallery the figures come first."""
+    """Code, and the figures that it saves; on some pages the figures come first."""
 
     def run(self):
         code = "\n".join(self.content) + "\n"
         figures = self.figures("drawn", "", code, self.arguments[0] if self.arguments else "")
         block = nodes.literal_block(code, code, language="python")
-        return [*figures, *folded("The code", block)] if self.env.docname == GALLERY else [block, *figures]
+        return [*figures, *folded("The code", block)] if self.env.docname in FIGURES_FIRST else [block, *figures]
 
 
 class Study(Drawing):
