@@ -129,7 +129,8 @@ def _longest_word(column: Sequence[str]) -> int:
 def _blocks(table: Sequence[Sequence[str]]) -> list[list[Sequence[str]]]:
     """The columns of a table in blocks, each with the first column, whose words fit into a line."""
     name, *columns = zip(*table, strict=True)
-    blocks, room = [[name]], LAYOUT.line
+    blocks: list[list[Sequence[str]]] = [[name]]
+    room = LAYOUT.line
     for column in columns:
         needed = LAYOUT.between + _longest_word(column)
         if not (begun := len(blocks[-1]) > 1) or room < needed:

@@ -30,6 +30,11 @@ class FitOptions(NamedTuple):
     best: int = 6  # starts that are continued
     tolerance: float = 1e-15  # relative to which they are continued
     outside: float = 1e3  # residuals where a formula is not finite, as a multiple of those of the start
+    overflow: float = 1e100  # residuals from which no search begins, since the sum of squares would overflow
+    # A parameter is not determined where this multiple of it fits the rows as well, within this number of the standard
+    # deviations of a row.
+    farther: float = 1e3
+    as_well: float = 2.0
     # Standard errors of the logarithm of their ratio by which the residuals of a formula that does not fit exceed the
     # noise.
     lack_significance: float = 4.0
@@ -146,13 +151,15 @@ def fit(
     table, in_si, columns, units, cycle, branch : as in `springs.table`
     formula : the force as a formula of the extension r, every other name in it a parameter; or a law from a formula,
         such as `springs.air()`, whose parameters are the start
-    start : values of some parameters near which to search; not needed where the formula is linear in its parameters
+    start : values of some parameters near which to search; not needed where the formula is linear in its parameters.
+        A parameter with a start, whose formula has no value where it is 0, keeps its sign
     noise : standard deviation of a row's force, in the law's unit, or (n,) that of each row; None to take it from the
         residuals. A row weighs by the inverse of its variance
 
     Returns a `SpringFit`, whose `law` is a spring like any other, and whose parameters, which are correlated, are those
     of `uncertainty(machine, fit)`. It says where the residuals are far larger than the noise of the rows. Raises
-    `InputError` where the rows do not determine all parameters, and where no start leads to a minimum.
+    `InputError` where the rows do not determine all parameters, of which one may be as well a thousand times as large,
+    and where no start leads to a minimum.
 
     >>> r = [-2.0, -1.0, 0.0, 1.0, 2.0]
     >>> found = fit((r, [-4.4, -1.3, 0.0, 1.3, 4.4]), "k*r + b*r**3")
@@ -181,9 +188,11 @@ def fit(
     model = _Model(text, names, rows)
     values = model.linear() if model.are_linear.all() else model.nonlinear(own)
     residual, slopes = model.at(values)
-    inverse, squares = model.inverse(slopes), float(residual @ residual) + rows.squares
+    squares = float(residual @ residual) + rows.squares
     spread = np.sqrt(squares / freedom) if freedom else 0.0
     size = spread if deviation is None else deviation
+    model.refuse_open(values, float(size))
+    inverse = model.inverse(slopes)
     moved = -(drifts * np.sqrt(rows.weights)) @ slopes @ inverse  # the parameters by each drift
     named = ", ".join(filter(None, (record.columns, note)))
     return SpringFit(
@@ -263,32 +272,83 @@ class _Model:
 
     def nonlinear(self, own: Mapping[str, float]) -> np.ndarray:
         """The parameters (k,) of the lowest minimum from the starts."""
-        from scipy.optimize import least_squares  # slow to import
-
         found, starts = [], [values for values in map(self._with_best_factors, self._starts(own)) if values is not None]
         sizes = [float(np.linalg.norm(self.at(values)[0])) for values in starts]
+        sides = self._sides(own)
         for i in np.argsort(sizes)[: FITS.best].tolist():
-
-            def residual(values: np.ndarray, outside: float = FITS.outside * (1 + sizes[i])) -> np.ndarray:
-                residuals = self.at(values)[0]
-                return np.where(np.isfinite(residuals), np.clip(residuals, -outside, outside), outside)
-
-            def slopes(values: np.ndarray) -> np.ndarray:
-                return self.at(values)[1]
-
-            try:
-                result = least_squares(
-                    residual, starts[i], slopes, x_scale="jac", xtol=FITS.tolerance, ftol=FITS.tolerance
-                )
-            except ValueError:  # the derivatives are not finite
-                continue
-            if np.isfinite(self.at(result.x)[1]).all():
-                found.append(result)
+            values = self._minimum(starts[i], np.ones(len(self.names), dtype=bool), sides)
+            found += [] if values is None else [values]
         if not found:
             raise InputError(f"no start leads to values of {', '.join(self.names)}: give start, values near them")
-        values = min(found, key=lambda result: result.cost).x
+        values = min(found, key=self._squares)
         self._check(self.at(values)[1])
         return values
+
+    def _minimum(self, start: np.ndarray, free: np.ndarray, sides: np.ndarray) -> np.ndarray | None:
+        """The parameters (k,) at the minimum from a start (k,) over those that are free (k,), each on its side (k,) of
+        0; None where formula or derivatives have no finite values."""
+        from scipy.optimize import least_squares  # slow to import
+
+        outside = FITS.outside * (1 + self._squares(start) ** 0.5)
+
+        def whole(values: np.ndarray) -> np.ndarray:
+            found = start.copy()
+            found[free] = values
+            return found
+
+        def residual(values: np.ndarray) -> np.ndarray:
+            residuals = self.at(whole(values))[0]
+            return np.where(np.isfinite(residuals), np.clip(residuals, -outside, outside), outside)
+
+        def slopes(values: np.ndarray) -> np.ndarray:
+            return self.at(whole(values))[1][:, free]
+
+        if not outside < FITS.overflow:
+            return None
+        bounds = np.where(sides > 0, 0.0, -np.inf)[free], np.where(sides < 0, 0.0, np.inf)[free]
+        try:
+            found = least_squares(
+                residual, start[free], slopes, bounds, "trf", FITS.tolerance, FITS.tolerance, x_scale="jac"
+            )
+        except ValueError:  # the derivatives are not finite
+            return None
+        values = whole(found.x)
+        return values if np.isfinite(self.at(values)[1]).all() else None
+
+    def _squares(self, values: np.ndarray) -> float:
+        """The sum of the squares of the residuals."""
+        with np.errstate(all="ignore"):
+            return float(np.square(self.at(values)[0]).sum())
+
+    def _sides(self, own: Mapping[str, float]) -> np.ndarray:
+        """The signs (k,) that parameters keep from their stated values, where the formula has no value as they are 0; 0
+        for the others."""
+        found = np.array([own.get(name, 1.0) for name in self.names])
+        at_zero = (np.where(np.arange(len(found)) == i, 0.0, found) for i in range(len(found)))
+        kept = [
+            name in own and not np.isfinite(self.at(values)[0]).any()
+            for name, values in zip(self.names, at_zero, strict=True)
+        ]
+        return np.sign(found) * kept
+
+    def refuse_open(self, values: np.ndarray, deviation: float) -> None:
+        """Raise `InputError` that names the parameters of which a far larger value fits the rows as well, with the
+        others as they are best then."""
+        rounding = np.finfo(float).eps * float(np.linalg.norm(self.root * self.rows.forces))
+        most = self._squares(values) + FITS.as_well**2 * max(deviation, rounding) ** 2
+        covariance, found = self.inverse(self.at(values)[1]), dict[str, float]()
+        for i in (~self.are_linear).nonzero()[0].tolist():
+            larger, free = FITS.farther * values[i], np.arange(len(values)) != i
+            along = values + covariance[i] / covariance[i, i] * (larger - values[i])
+            for start in (along, np.where(free, values, larger)):
+                best = self._minimum(start, free, np.sign(values)) if free.any() else start
+                if best is not None and self._squares(best) <= most:
+                    found[self.names[i]] = float(larger)
+        if found:
+            name, larger = next(iter(found.items()))
+            both = f"{name} = {larger / FITS.farther:.3g} and {larger:.3g} fit them equally well"
+            remedy = f"give {'one of them' if len(found) > 1 else 'it'} a value in the formula, or fit another law"
+            raise InputError(f"the rows do not determine {' and '.join(found)}: {both}; {remedy}")
 
     def _starts(self, own: Mapping[str, float]) -> np.ndarray:
         """Values (m, k) at which to start: the user's own, or 1, and random ones around these."""

@@ -79,6 +79,49 @@ class TestNonlinear:
         assert found.parameters == pytest.approx({"exponent": 1.2, "length": 8.0}, rel=1e-6)
 
 
+class TestOpenParameters:
+    """What rows do not determine runs off to infinity, or to 0, and is named."""
+
+    @pytest.mark.parametrize("law", [springs.air(), springs.air(stiffness=8000.0, length=0.1)])
+    def test_a_hardening_spring_has_no_air(self, law):
+        """Air is softer in tension than in compression, and the sample is not."""
+        message = r"the rows do not determine exponent and length: exponent = .* equally well"
+        with pytest.raises(InputError, match=message):
+            springs.fit(springs.SAMPLE, law, in_si=True)
+
+    @pytest.mark.parametrize(
+        ("law", "name"),
+        [
+            (springs.rubber(stiffness=8000.0, length=0.1), "length"),
+            (springs.tanh(stiffness=8000.0, b=10.0), "b"),
+            (springs.morse(stiffness=8000.0, a=10.0), "a"),
+        ],
+    )
+    def test_a_law_that_becomes_a_straight_line(self, law, name):
+        message = f"do not determine {name}: .* give it a value in the formula, or fit another law$"
+        with pytest.raises(InputError, match=message):
+            springs.fit(springs.SAMPLE, law, in_si=True)
+
+    def test_an_exponential_is_air_of_no_exponent(self):
+        """With exponent and length in the same ratio, which is all that the rows determine."""
+        with pytest.raises(InputError, match="exponent and length"):
+            springs.fit((R, noisy(-np.expm1(-0.3 * R) / 0.3, 0.02)), springs.air())
+        found = springs.fit((R, noisy(-np.expm1(-0.3 * R) / 0.3, 0.02)), springs.toda())
+        assert found.parameters["b"] == pytest.approx(0.3, abs=4 * found.deviations["b"])
+
+    def test_a_length_stays_above_0(self):
+        """Where the formula has no value at 0, on all of 6 noisy records."""
+        for seed in range(6):
+            found = springs.fit((R, noisy(springs.air(length=7.0)(R), 0.03, seed)), springs.air())
+            assert 0 < found.parameters["exponent"] < 10
+            assert found.parameters["length"] == pytest.approx(7.0, abs=5 * found.deviations["length"])
+
+    def test_stated_values_are_what_the_message_asks_for(self):
+        formula = "stiffness*length/1.4*(1 - (1 + r/length)**(-1.4))"
+        force = noisy(20.0 * springs.air(length=8.0)(R), 0.05)
+        assert springs.fit((R, force), formula, {"length": 5.0}).parameters["length"] == pytest.approx(8.0, rel=0.02)
+
+
 class TestFit:
     """What the result is good for."""
 
