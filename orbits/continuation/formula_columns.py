@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..design import Outputs, known_formula, names_along, values_at_orbits
+from ..errors import InputError
 from ..model import Machine
 from ..periodic import FRICTION_LEFT, orbit_from
 from .motion_columns import names_of_motions, numbers_of_motions
@@ -33,7 +34,9 @@ def formula_along(
         numbers[FRICTION_LEFT] = machine.model.planar.friction(numbers) - numbers_at(points, "friction_needed")
     if wanted := [name for name in used if name in together and name not in stored]:
         numbers |= numbers_of_motions(machine, method, values, points, wanted)
-    if alone := [name for name in used if name not in numbers]:
+    if (alone := [name for name in used if name not in numbers]) and machine.model.sticks:
+        raise InputError(f"'{alone[0]}' is not computed for many orbits of a {machine.model.name} together")
+    if alone:
         machines = [machine.with_values(**here) for here in values]
         numbers |= dict(zip(alone, _numbers_alone(machines, method, points, alone).T, strict=True))
     return np.broadcast_to(formula(**{name: numbers[name] for name in formula.names}), len(points))

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError, range_of
-from ..model import Machine, Model, check_parameters, free_parameters, refuse_forward
+from ..model import Machine, Model, check_parameters, free_parameters, refuse_forward, refuse_others
 from ..numerics import sobol_points
 from ..periodic import OF_RUNS, quantity_names, unknown_quantity
-from ..symbolic import Formula, parse, suggest
+from ..symbolic import Formula, parse
 from .design_quantities import extremes_of
 
 # Bounds nearer together than this share of their size are refused: rounding of the parameter changes an orbit as much.
@@ -217,12 +217,8 @@ def _checked_bounds(machine, over):
     if not isinstance(over, Mapping) or not over:
         raise InputError("over names the parameters to design with their bounds: over={'beta': (0, 1)}")
     lows, highs = {}, {}
+    refuse_others(machine, over, "to design", free_parameters(machine))
     for name, bounds in over.items():
-        if name not in (names := free_parameters(machine)):
-            if machine.units is not None:
-                machine.with_values(**{str(name): 1.0})  # raises the machine's own error
-            known = suggest(name, names)
-            raise InputError(f"the machine has no parameter '{name}' to design{known}")
         low, high = range_of(f"over {name}", bounds)
         wrong = f"the bounds of {name}"
         if high - low <= NARROWEST * max(abs(low), abs(high)):

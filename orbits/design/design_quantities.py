@@ -35,6 +35,8 @@ from ..periodic import (
 from ..shooting import half_orbit
 from ..units import APEX, OF_HEIGHTS, RISE
 
+# Quantities that depend on the time of the contact, which is no unknown of the simplest statements.
+WITH_CONTACT = ("contact_time", "period", "frequency", "mean_speed", "duty_factor")
 # The extremes whose sum is a quantity, each with its sign; of a height one, with the name of its rise. To what
 # is left of friction the stated one is added, and the peak in weights is divided by the weight.
 COMPOSITION = {

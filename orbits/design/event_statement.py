@@ -18,7 +18,7 @@ from ..model import Arc, Model, Phase, Statement
 from ..periodic import VARIATIONAL, dimension_of, landing_factors
 from ..symbolic import Formula
 from ..units import Units
-from .design_quantities import expressions, extreme_of, landing_sensitivity, variational_arc
+from .design_quantities import WITH_CONTACT, expressions, extreme_of, landing_sensitivity, variational_arc
 from .extremes import Kind, extreme_function, start_function
 
 HALF_CONTACT_TIME, SLOPE = "contact_duration", "landing sensitivity"
@@ -55,7 +55,7 @@ def event_statement(
     here: list[Any] = []  # further conditions, (u, p) -> residual, by unknown
     rows, row = dict[str, int](), len(base.unknowns)
     middles = [kind for kind in kinds if kind.where == "middle" and _phase_of_kind(model, kind) == "contact"]
-    if HALF_CONTACT_TIME not in base.unknowns and (middles or {"contact_time", "period"} & {*used}):
+    if HALF_CONTACT_TIME not in base.unknowns and (middles or {*used} & {*WITH_CONTACT}):
         added, durations = [*added, HALF_CONTACT_TIME], [*durations, HALF_CONTACT_TIME]
         arcs, row = (
             [*arcs, _arc(model, "contact", HALF_CONTACT_TIME, lambda x, p: [model.mid_contact(p).at(x)])],

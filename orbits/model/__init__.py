@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         dimensionless,
         free_parameters,
         machine_in_words,
+        refuse_others,
         title_of_machine,
     )
     from .model import (

@@ -1,15 +1,18 @@
 """What the engine requires of a machine, in one place."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from types import MappingProxyType
 from typing import Any, Protocol, Self, cast, runtime_checkable
 
 from ..errors import InputError, refuse_machine
 from ..symbolic import suggest
-from ..units import Units
+from ..units import DIMENSIONS, Units
 from .model import Model
 
+# Numbers of machines that lossless orbits do not depend on, and what refuses them as parameters of these.
+LOSSES = ("restitution", "damping", "drag")
+LOSSLESS = "lossless orbits do not have it; it belongs to simulations, return maps and control"
 # The keys that describe a machine in a document.
 MACHINE_FIELDS = ("machine", "spring", "gravity", "mass_ratio", "rest_length", "restitution", "parameters", "laws_in")
 
@@ -110,9 +113,22 @@ def check_machine(machine: Machine, *also: str) -> None:
 def check_parameters(machine: Machine, *names: str) -> None:
     """Raise `InputError` where something is no machine whose parameters can be changed, or lacks one of these names."""
     check_machine(machine, "with_values")
-    free = free_parameters(machine)
+    refuse_others(machine, names, "to follow", free_parameters(machine))
+
+
+def refuse_others(machine: Machine, names: Iterable[str], act: str, known: Sequence[str]) -> None:
+    """Raise `InputError` where a name is none of the `known` parameters of a machine: that of a quantity of its orbits,
+    of a number that follows from others, of a loss, or of nothing."""
+    following = dict.fromkeys(LOSSES, LOSSLESS) | dict(getattr(machine, "following", {}))
     for name in names:
-        if name not in free:
-            near = suggest(name, free)
-            named = f"{near} It" if near.endswith("?") else "; it"
-            raise InputError(f"the machine has no parameter '{name}' to follow{named} has {', '.join(free)}")
+        if name in known:
+            continue
+        wrong = f"the machine has no parameter '{name}' {act}"
+        if name in following:
+            raise InputError(f"{wrong}: {following[name]}")
+        if name in DIMENSIONS or str(name).endswith("_rise"):
+            at = f"find(machine, tune=..., at={{'{name}': ...}})"
+            raise InputError(f"{wrong}: it is a quantity of orbits, which {at} prescribes by another number")
+        near = suggest(name, known)
+        named = f"{near} It" if near.endswith("?") else "; it"
+        raise InputError(f"{wrong}{named} has {', '.join(known)}")

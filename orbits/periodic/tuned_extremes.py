@@ -103,6 +103,8 @@ def _by_moving(
             for i, change in enumerate(steps.change * np.where(x == 0, 1.0, x)):
                 beside = x + change * (np.arange(len(x)) == i)
                 slopes[:, i] = (solved(beside, orbit)[2] - found) / (beside - x)[i]
+        if idle := [name for name, slope in zip(targets, slopes, strict=True) if not slope.any()]:
+            raise NoOrbit(f"{idle[0]} does not depend on {', '.join(moved)}: tune another number")
         step = solve(slopes, wanted - found)
         size = float(np.max(np.abs(step) / np.where(x == 0, 1.0, np.abs(x))))
         if size < steps.last or (size < steps.steady and size > 0.5 * last):

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import LARGEST_SEED, InputError, finite_number, is_list, one_of, whole_number
 from ..io import MEGABYTE, read_file
+from ..model import refuse_others
 from ..numerics import sobol_points
 
 SAMPLINGS = ("grid", "sobol", "lhs", "random")
@@ -123,8 +124,9 @@ def members_of(
     sampling: str | None,
     seed: int,
     allowed: Sequence[str],
+    machine: Any = None,
 ) -> Members:
-    """The members of a sweep over some of the parameters `allowed`; the others as in `sweep`.
+    """The members of a sweep over some of the parameters `allowed` of a machine; the others as in `sweep`.
 
     Raises `InputError` that names the invalid argument.
     """
@@ -134,10 +136,10 @@ def members_of(
             raise InputError("a table of samples has the values itself: over is then the names of its columns, or None")
         if sampling is not None:
             raise InputError(f"sampling = {sampling!r} draws samples; a table of samples has them already")
-        return _members_of_table(samples, None if over is None else list(over), allowed)
+        return _members_of_table(samples, None if over is None else list(over), allowed, machine)
     if not isinstance(over, Mapping) or not over:
         raise InputError(f"over = {over!r}; it maps names of parameters to values or ranges, as {{'k': (1, 2)}}")
-    _check_names(over, allowed)
+    refuse_others(machine, over, "to sweep over", allowed)
     axes = {name: axis_of(name, stated) for name, stated in over.items()}
     if sampling is None:
         sampling = "grid" if isinstance(samples, tuple) or all(axis.values for axis in axes.values()) else "sobol"
@@ -210,7 +212,7 @@ def _shares(sampling: str, count: int, dimensions: int, seed: int) -> np.ndarray
     return qmc.LatinHypercube(dimensions, seed=seed).random(count)
 
 
-def _members_of_table(table: Any, wanted: list[str] | None, allowed: Sequence[str]) -> Members:
+def _members_of_table(table: Any, wanted: list[str] | None, allowed: Sequence[str], machine: Any) -> Members:
     """The members that a DataFrame, a mapping of arrays or a CSV file states; all columns where none are `wanted`."""
     name = "samples"
     if isinstance(table, str | Path):
@@ -224,7 +226,7 @@ def _members_of_table(table: Any, wanted: list[str] | None, allowed: Sequence[st
     if missing := [name for name in wanted or () if name not in columns]:
         raise InputError(f"the table of samples has no column '{missing[0]}'; it has {', '.join(columns)}")
     names = tuple(columns if wanted is None else wanted)
-    _check_names(names, allowed)
+    refuse_others(machine, names, "to sweep over", allowed)
     arrays = [as_numbers(each, columns[each], name) for each in names]
     if len(set(map(len, arrays))) > 1:
         lengths = ", ".join(f"{name} {len(array)}" for name, array in zip(names, arrays, strict=True))
@@ -288,12 +290,6 @@ def _as_number(value: Any) -> float:
         return float(value)
     except (TypeError, ValueError, OverflowError):
         return np.nan
-
-
-def _check_names(names: Iterable[str], allowed: Sequence[str]) -> None:
-    for name in names:
-        if name not in allowed:
-            raise InputError(f"the machine has no parameter '{name}' to sweep over; it has {', '.join(allowed)}")
 
 
 def _finite_members(members: Members) -> Members:

@@ -120,7 +120,7 @@ def checked_question(
     allowed = [*free_parameters(machine), *getattr(machine, "further_parameters", ())]
     one_of("outcome", outcome, OUTCOMES)
     allowed = list(dict.fromkeys([*allowed, LAUNCH_SPEED] if outcome == "map" else allowed))
-    members = members_of(over, samples, sampling, seed, allowed)
+    members = members_of(over, samples, sampling, seed, allowed, machine)
     _check_domain(machine, members)
     return question_of(machine, members, family, quantities, outcome, between, start, tune, at, method)
 

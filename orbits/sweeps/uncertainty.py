@@ -8,7 +8,7 @@ import numpy as np
 
 from ..design import sensitivities
 from ..errors import InputError, list_of_names, whole_number
-from ..model import Machine, check_machine
+from ..model import Machine, check_machine, free_parameters
 from ..periodic import StartLike, check_start, find
 from ..result import Axes, Result, shown
 from .designs import members_of
@@ -82,7 +82,7 @@ def uncertainty(
     check_machine(machine, "with_values")
     whole_number("samples", samples, "members", least=2)
     over = over.distributions() if hasattr(over, "distributions") else over
-    uncertain = _uncertain(over, samples, seed, list(machine.values))
+    uncertain = _uncertain(over, samples, seed, machine)
     check_start(machine, start)
     orbit = find(machine, family) if start is None else find(machine, start=start)
     quantities = list_of_names("quantities", quantities)
@@ -119,7 +119,7 @@ class _Uncertain(NamedTuple):
     correlated: bool
 
 
-def _uncertain(over: Any, samples: int, seed: int, allowed: Sequence[str]) -> _Uncertain:
+def _uncertain(over: Any, samples: int, seed: int, machine: Machine) -> _Uncertain:
     """The parameters that the mapping `over` states; raises `InputError` where it states them wrongly."""
     groups = {key: each for key, each in over.items() if isinstance(key, tuple)} if isinstance(over, Mapping) else {}
     for key, each in groups.items():
@@ -132,7 +132,7 @@ def _uncertain(over: Any, samples: int, seed: int, allowed: Sequence[str]) -> _U
         if len({*names}) < len(names):
             raise InputError(f"over: a parameter is named twice among {', '.join(map(str, names))}")
         over = {name: over.get(name, norm()) for name in names}
-    members = members_of(over, samples, "sobol", seed, allowed)
+    members = members_of(over, samples, "sobol", seed, free_parameters(machine), machine)
     deviations = [
         float(axis.distribution.std()) if axis.distribution is not None else float(np.std(axis.at(_MIDDLES)))
         for axis in members.axes

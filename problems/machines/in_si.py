@@ -245,6 +245,13 @@ class MachineInSI(TwoMasses):
             **stated,
         )
 
+    @property
+    def following(self) -> dict[str, str]:
+        """Why numbers of the machine are no parameters: they follow from others; by name."""
+        why = {"mass_ratio": f"in SI it follows from the masses: set {' or '.join(self.masses)}"}
+        by_law = dict.fromkeys(("stiffness", GAUGE), "it follows from the law of the spring")
+        return why if self.spring is None else why | by_law
+
     def with_values(self, **values: float) -> Self:
         """This machine with other values of masses, lengths, gravity, damping, drag or the laws' parameters.
 
@@ -252,10 +259,6 @@ class MachineInSI(TwoMasses):
         """
         changes: dict[str, Any] = {}
         for name, value in values.items():
-            if name == "mass_ratio":
-                raise InputError(
-                    f"'mass_ratio' of a machine in SI follows from its masses: set {' or '.join(self.masses)}"
-                )
             if name in self.masses:
                 changes["masses"] = {**changes.get("masses", self.masses), name: value}
             elif name in ("surface_gravity", "rest_length", *DAMPERS) or name == self._stiffness_name == "stiffness":
@@ -263,7 +266,8 @@ class MachineInSI(TwoMasses):
             elif name == GROUND_MASS and self.ground:
                 changes["ground"] = replace(changes.get("ground", self.ground), mass=value)
             elif name not in self.parameters:
-                raise InputError(f"this machine has no parameter '{name}'{suggest(name, self.stated_values)}")
+                why = f": {self.following[name]}" if name in self.following else suggest(name, self.stated_values)
+                raise InputError(f"this machine has no parameter '{name}'{why}")
             else:
                 for law in ("spring", "gravity"):
                     mine = changes.get(law, getattr(self, law))

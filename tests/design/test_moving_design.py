@@ -172,7 +172,7 @@ def test_what_cannot_be_followed(linear):
     for what, words in {
         "stroke <= 1": "no constraint, bound or parameter 'stroke <= 1'; known: centre_of_mass_rise <= 0.04, body_mass",
         "k": "'k' is designed itself: follow one of its bounds, 'k >= 2000' or 'k <= 8800'",
-        "mass_ratio": "'mass_ratio' of a machine in SI follows from its masses",
+        "mass_ratio": "in SI it follows from the masses",
         "foot_mas": "did you mean 'foot_mass'",
     }.items():
         with pytest.raises(InputError, match=words):

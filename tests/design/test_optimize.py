@@ -96,7 +96,7 @@ def test_leg_in_si():
 
 
 def test_machines_that_cannot_be_designed():
-    with pytest.raises(InputError, match="'mass_ratio' of a machine in SI follows from its masses"):
+    with pytest.raises(InputError, match="'mass_ratio' to design: in SI it follows from the masses"):
         optimize(LEG, minimise="alpha", over={"mass_ratio": (0.1, 0.2)})
     with pytest.raises(InputError, match="no parameter 'unit_stiffness'"):
         optimize(LEG, minimise="alpha", over={"unit_stiffness": (1.0, 2.0)})

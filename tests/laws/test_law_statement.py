@@ -73,7 +73,7 @@ def test_laws_are_not_mixed_up():
         (lambda: Hopper(gravity.linear(kappa=-1.0)), "is a law of z, not a spring"),
         (lambda: Hopper(gravity=springs.table((r, 1 + 0 * r))), "is a law of r, not gravity"),
         (lambda: Juggler("r", "exp(-z/50)"), "give the rest length"),
-        (lambda: hopper_in_si(60, 3, stiffness=8e3).with_values(mass_ratio=0.5), "in SI follows from its masses"),
+        (lambda: hopper_in_si(60, 3, stiffness=8e3).with_values(mass_ratio=0.5), "in SI it follows from the masses"),
         (lambda: springs.table(5), "two sequences"),
         (lambda: springs.table((r, r, r)), "two sequences"),
         (lambda: springs.table(([], [])), "two finite lists of one length, with rows"),
