@@ -52,7 +52,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         stroke = ROVER["rest_length"] - si["smallest_separation_m"]
         mark = "  <- nearest 10 m" if orbit is best else ""
         print(
-            f"  {orbit.family:>6}{si['launch_speed_m_per_s']:>12.6f}{rise(orbit):>10.4f}{si['flight_time_s']:>10.2f}"
+            f"  {orbit.family:>6}{si['alpha_m_per_s']:>12.6f}{rise(orbit):>10.4f}{si['flight_time_s']:>10.2f}"
             f"{stroke:>10.3f}   {rise(other):>10.4f}{rise(other) / rise(orbit) - 1:>8.1%}{mark}"
         )
     print("\n", best, sep="")

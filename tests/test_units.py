@@ -118,7 +118,7 @@ def test_orbits(case, tmp_path):
     assert orbit.dimensionless().document() | {"seconds": 0} == bare.document() | {"seconds": 0}
     document = orbit.document()
     assert document["units"]["alpha"] == "m/s"
-    assert document["si"]["launch_speed_m_per_s"] == orbit.alpha
+    assert document["si"]["alpha_m_per_s"] == orbit.alpha
     again = Orbit.load(orbit.save(tmp_path / "hop.json"))
     assert again.document() == document
     assert np.array_equal(again(t), orbit(t))

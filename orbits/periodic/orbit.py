@@ -360,10 +360,10 @@ class Orbit(
         if self.scales is None:
             raise InputError("this machine was stated in dimensionless units; state it in SI for results in SI")
         figures, units = self.numbers, self.scales.texts()
-        main = {name: each.in_si for name, each in (QUANTITIES | OF_RUNS).items() if each.in_si and name in figures}
+        main = [name for name, each in (QUANTITIES | OF_RUNS).items() if each.in_si and name in figures]
         after = {name: f"_{units[name].replace('/', '_per_')}" if name in units else "" for name in main}
         return {
-            **{f"{words}{after[name]}": figures[name] for name, words in main.items()},
+            **{f"{name}{after[name]}": figures[name] for name in main},
             **{f"{name.replace(' ', '_')}_rise_m": rise for name, rise in self.rises.items()},
             **{f"{name.replace(' ', '_')}_apex_m": apex for name, apex in self.apexes.items()},
             "unit_length_m": self.scales.length,

@@ -7,7 +7,7 @@ from ..errors import OrbitsError
 from ..model import STEP_LENGTH
 from ..result import Row
 from ..tables import VIOLATED, machine_numbers
-from ..units import ENERGY, LIFTOFF_SPEED, TORQUE
+from ..units import APEX, ENERGY, LIFTOFF_SPEED, RISE, TORQUE
 from .quantities import OF_RUNS, QUANTITIES
 
 if TYPE_CHECKING:
@@ -65,7 +65,8 @@ def rows_of_orbit(orbit: "Orbit") -> Iterator[Row]:
     c, own, errors = orbit.certificate, machine_numbers(orbit.machine), errors_of(orbit)
     if own:
         texts = [f"{name} = {{:g}} {unit}".rstrip() for name, (_, unit) in own.items()]
-        yield Row("machine", {name: value for name, (value, _) in own.items()}, (", ".join(texts),))
+        numbers = {name.replace(" ", "_"): value for name, (value, _) in own.items()}
+        yield Row("machine", numbers, (", ".join(texts),))
     yield _with_error("alpha", "alpha", orbit.alpha, c.error, orbit.unit_of("alpha"))
     yield from _by_noise(orbit)
     for name, value in orbit.tuned.items():
@@ -117,9 +118,9 @@ def _launches(orbit: "Orbit") -> Iterator[Row]:
     width = orbit.certificate.attraction_width(orbit.restitution)
     if width is not None and width < TABLE_OF_ORBIT.narrow * orbit.alpha:
         unit = f" {orbit.unit_of('alpha')}".rstrip()
-        yield Row("launch range", {"launch range": width}, (f"up to {{:.2g}}{unit} above alpha, to leading order",))
+        yield Row("launch range", {"launch_range": width}, (f"up to {{:.2g}}{unit} above alpha, to leading order",))
     elif width is not None:
-        yield Row("launch range", {"launch range": "above alpha, farther than leading order tells"})
+        yield Row("launch range", {"launch_range": "above alpha, farther than leading order tells"})
 
 
 def _quantity(orbit: "Orbit", name: str, errors: Mapping[str, float]) -> Row:
@@ -142,9 +143,10 @@ def _heights(orbit: "Orbit", errors: Mapping[str, float]) -> Iterator[Row]:
     """The rise of each height, and its apex where it does not lift off from the ground."""
     unit, apexes = f" {orbit.unit_of('rises')}".rstrip(), orbit.apexes
     for name, rise in orbit.rises.items():
-        values, pattern = {f"rise of {name}": rise}, f"{{}}{unit}"
+        key = name.replace(" ", "_")
+        values, pattern = {f"{key}{RISE}": rise}, f"{{}}{unit}"
         if name in apexes and abs(apexes[name] - rise) > errors["apexes"]:
-            values, pattern = values | {f"apex of {name}": apexes[name]}, f"{pattern}   (apex {{}}{unit})"
+            values, pattern = values | {f"{key}{APEX}": apexes[name]}, f"{pattern}   (apex {{}}{unit})"
         yield Row(f"rise of {name}", values, (pattern,), dict.fromkeys(values, errors["rises"]))
 
 

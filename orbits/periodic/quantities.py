@@ -20,14 +20,14 @@ class OrbitQuantity(NamedTuple):
     of : (model, cycles) -> the values (m,) of cycles, `NONE` where there is none; None where the certificate has it, or
         a design alone computes it
     words : its name in the table of an orbit; "" where it has no row there
-    in_si : the beginning of its key among the main results in SI; "" where it is not one of them
+    in_si : whether it is one of the main results in SI
     planar : whether only machines have it that stand in flight, and whose masses have places across
     apart : why no design, prescribed value or formula has it; "" where they have it
     """
 
     of: Callable[[Model, Cycles], np.ndarray] | None = None
     words: str = ""
-    in_si: str = ""
+    in_si: bool = False
     planar: bool = False
     apart: str = ""
 
@@ -122,35 +122,35 @@ OF_LOOP = "it is lost on the measured loop of a spring, which `orbit.loop_energy
 NOT_BY_SPEED = "it is a slope by the launch speed alone, and a launch of this machine has several unknowns"
 # In the order of every table; there is one of the "rises", and one of the "apexes", for each height of the machine.
 QUANTITIES: dict[str, OrbitQuantity] = {
-    "alpha": OrbitQuantity(lambda model, cycles: cycles.u["alpha"], "alpha", "launch_speed"),
-    "flight_time": OrbitQuantity(lambda model, cycles: cycles.flight_times, "flight time", "flight_time"),
-    "contact_time": OrbitQuantity(lambda model, cycles: cycles.contact_times, "contact time", "contact_time"),
-    "period": OrbitQuantity(_period, "period", "period"),
-    "frequency": OrbitQuantity(_frequency, in_si="frequency"),
-    "duty_factor": OrbitQuantity(_duty_factor, in_si="duty_factor"),
+    "alpha": OrbitQuantity(lambda model, cycles: cycles.u["alpha"], "alpha", True),
+    "flight_time": OrbitQuantity(lambda model, cycles: cycles.flight_times, "flight time", True),
+    "contact_time": OrbitQuantity(lambda model, cycles: cycles.contact_times, "contact time", True),
+    "period": OrbitQuantity(_period, "period", True),
+    "frequency": OrbitQuantity(_frequency, in_si=True),
+    "duty_factor": OrbitQuantity(_duty_factor, in_si=True),
     "liftoff_extension": OrbitQuantity(
-        lambda model, cycles: model.liftoff_extension(cycles.u, cycles.p), "lift-off extension", "liftoff_extension"
+        lambda model, cycles: model.liftoff_extension(cycles.u, cycles.p), "lift-off extension", True
     ),
-    "stroke": OrbitQuantity(_stroke, in_si="stroke"),
+    "stroke": OrbitQuantity(_stroke, in_si=True),
     "admissible": OrbitQuantity(apart="it is a verdict: designs are always motions, and a sweep has the column status"),
     "error": OrbitQuantity(apart=ACCURACY),
     "residual": OrbitQuantity(apart=ACCURACY),
     "energy_drift": OrbitQuantity(apart=ACCURACY),
     "family": OrbitQuantity(apart="it is a count, which is chosen by the argument family"),
-    "clearance": OrbitQuantity(words="clearance", in_si="clearance"),
-    "smallest_separation": OrbitQuantity(words="smallest separation", in_si="smallest_separation"),
+    "clearance": OrbitQuantity(words="clearance", in_si=True),
+    "smallest_separation": OrbitQuantity(words="smallest separation", in_si=True),
     "rises": OrbitQuantity(words="rise of"),
     "apexes": OrbitQuantity(),
     "smallest_contact_force": OrbitQuantity(words="smallest contact force"),
-    "largest_contact_force": OrbitQuantity(words="largest contact force", in_si="largest_contact_force"),
-    "peak_force_in_weights": OrbitQuantity(_peak_in_weights, in_si="peak_force_in_weights"),
+    "largest_contact_force": OrbitQuantity(words="largest contact force", in_si=True),
+    "peak_force_in_weights": OrbitQuantity(_peak_in_weights, in_si=True),
     "largest_spring_force": OrbitQuantity(),
     "landing_jerk": OrbitQuantity(words="landing jerk"),
     "landing_sensitivity": OrbitQuantity(),
     "loss_coefficient": OrbitQuantity(words="loss coefficient C"),
     "loss_error": OrbitQuantity(apart=ACCURACY),
     "robustness": OrbitQuantity(),
-    "loop_energy": OrbitQuantity(in_si="loop_energy", apart=OF_LOOP),
+    "loop_energy": OrbitQuantity(in_si=True, apart=OF_LOOP),
     "alpha_noise": OrbitQuantity(apart=ACCURACY),
     "alpha_per_noise": OrbitQuantity(apart=ACCURACY),
     "friction_needed": OrbitQuantity(planar=True),
@@ -159,9 +159,9 @@ QUANTITIES: dict[str, OrbitQuantity] = {
 }
 # Those of machines that move on along the ground with each landing, whose lossless motions have no cost of transport.
 OF_RUNS: dict[str, OrbitQuantity] = {
-    "step": OrbitQuantity(_step, "step", "step"),
-    "speed": OrbitQuantity(_speed, "speed in flight", "speed"),
-    "mean_speed": OrbitQuantity(_mean_speed, "mean speed", "mean_speed"),
+    "step": OrbitQuantity(_step, "step", True),
+    "speed": OrbitQuantity(_speed, "speed in flight", True),
+    "mean_speed": OrbitQuantity(_mean_speed, "mean speed", True),
 }
 PLANAR = tuple(name for name, each in QUANTITIES.items() if each.planar)
 OF_CERTIFICATE = tuple(name for name in QUANTITIES if name in Certificate.__dataclass_fields__)

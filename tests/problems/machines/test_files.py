@@ -43,7 +43,7 @@ def test_a_machine_in_si(orbits, tmp_path):
     assert done.document["rest_length"] == 0.8
     assert done.document["units"]["alpha"] == "m/s"
     si = done.document["si"]
-    assert si["launch_speed_m_per_s"] == pytest.approx(ALPHA * length / time, rel=1e-14)
+    assert si["alpha_m_per_s"] == pytest.approx(ALPHA * length / time, rel=1e-14)
     assert si["flight_time_s"] == pytest.approx(2 * ALPHA * time, rel=1e-14)
     assert si["contact_time_s"] == done.document["contact_time"]
     assert si["liftoff_extension_m"] == pytest.approx(length, rel=1e-14)

@@ -200,7 +200,7 @@ def test_results_have_their_units(orbit):
     assert units["loss_coefficient"] == "s^(1/3)/rad^(1/3)"
     assert units["landing_jerk"] == "m/s^3"
     assert units["state_mid_flight"] == "m, rad"
-    assert orbit.si()["launch_speed_rad_per_s"] == orbit.alpha
+    assert orbit.si()["alpha_rad_per_s"] == orbit.alpha
     assert orbit.si()["liftoff_extension_rad"] == orbit.liftoff_extension
     assert "rad/s" in str(orbit)
     run = simulate(MACHINE, 11.3, hops=1)
