@@ -259,6 +259,9 @@ class _Panel:
             if renderers := [drawn for part in parts for drawn in self.renderers.get(part, [])]:
                 items.append(bokeh("models").LegendItem(label=words(label), renderers=renderers))
         if items:
+            legend = self.axes.get_legend()
+            names = [words(text.get_text()) for text in legend.get_texts()] if legend else []
+            items.sort(key=lambda item: names.index(item.label.value) if item.label.value in names else len(names))
             widest = max(len(item.label.value) for item in items)
             legend_above(self.figure, *items, columns=max(1, min(4, PAGE.letters_of_legend // (widest + 6))))
         at_pointer = [(self.across, "$x{%.7g}"), (self.up, "$y{%.7g}")]
