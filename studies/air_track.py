@@ -42,9 +42,12 @@ def main(folder: Path) -> dict[str, float]:
         print(f"  {name + unit:<28}{model:>10.4g}{measured:>10.4g}{model / measured - 1:>8.1%}")
 
     axes = plot_orbit(orbit)
-    axes.set_title(f"air-track juggler: A1/A2 = {first / second:.3f} (measured {MEASURED_RATIO})")
+    axes.set_title(
+        f"air-track juggler: A₁ = {1e3 * first:.0f} mm, A₂ = {1e3 * second:.0f} mm, A₁/A₂ = {first / second:.3f} "
+        f"(measured {MEASURED_RATIO})"
+    )
     bottom = orbit(orbit.flight_time + orbit.contact_time / 2)[0]
-    for share, high, text in ((0.12, first, "$A_1$"), (0.42, second, "$A_2$")):
+    for share, high, text in ((0.12, first, "A₁"), (0.42, second, "A₂")):
         x = share * orbit.flight_time
         axes.annotate(
             "",
@@ -52,7 +55,7 @@ def main(folder: Path) -> dict[str, float]:
             (x, bottom),
             arrowprops={"arrowstyle": "<->", "color": "0.4", "lw": 0.9, "shrinkA": 0, "shrinkB": 0},
         )
-        axes.text(x, 0.8 * bottom, f" {text} = {1e3 * high:.0f} mm", color="0.2", fontsize=small_type(axes))
+        axes.text(x, 0.8 * bottom, f" {text}", color="0.2", fontsize=small_type(axes))
     axes.axhline(bottom, color="0.8", lw=0.7)
     for amplitude in (first, second):
         axes.axhline(bottom + amplitude, color="0.8", lw=0.7)

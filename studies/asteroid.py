@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import find
-from orbits.show import COLOURS, dressed, legend_below, new_row, save_figure
+from orbits.show import COLOURS, legend_below, new_row, save_figure
 from problems import hopper_in_si
 
 ROVER = {"body_mass": 2.5, "foot_mass": 0.5, "surface_gravity": 1e-4, "rest_length": 0.6}
@@ -57,7 +57,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         )
     print("\n", best, sep="")
 
-    path, families_axes = new_row(1, 0.43, rows=2)
+    path, zoom, families_axes = new_row(1, 0.36, rows=3)
     si = best.si()
     t = np.linspace(0, best.period, 6001)
     states = best(t)
@@ -70,7 +70,6 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         f"family {best.family}: {rise(best):.2f} m in {si['flight_time_s'] / 60:.1f} min, nothing lost",
     )
     legend_below(path)
-    zoom = dressed(path.inset_axes([0.38, 0.3, 0.3, 0.34]), path)
     first = t < 0.08 * best.flight_time
     for name, colour in colours.items():
         zoom.plot(t[first], best.shape.heights[name](states[first]), color=colour, lw=1.2)
@@ -79,7 +78,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     families_axes.plot(n, [rise(orbit) for orbit in real], "o", color=COLOURS[2], label=f"radius {RADIUS:.0f} m")
     families_axes.plot(n, [rise(orbit) for orbit in flat], "o", mfc="none", color="0.4", label="constant gravity")
     families_axes.axhline(WANTED, color="0.7", lw=0.8)
-    families_axes.set(xlabel="family", ylabel="rise of the\ncentre of mass (m)")
+    families_axes.set(xlabel="family", ylabel="rise of the centre of mass (m)")
     families_axes.set_xticks(n)
     legend_below(families_axes)
     folder.mkdir(parents=True, exist_ok=True)

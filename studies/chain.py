@@ -76,9 +76,9 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
                 if not good.all():
                     axes.plot(values, np.where(good, np.nan, speeds), color=colour, lw=1.2, ls="--", label=none)
                 print(f"  from {orbit.alpha:.6g} towards {along} = {stop:g}: {family.end.kind}, {family.end.reason}")
-    three.set(xlabel="nonlinearity b of $r + b r^3$", ylabel="launch speed", title="two families", ylim=(0, HIGHEST))
+    three.set(xlabel="nonlinearity b of r + b r³", ylabel="launch speed", title="two families", ylim=(0, HIGHEST))
     three.set_xticks([0.0, 0.01, 0.02, 0.03])
-    four.set(xlabel="top mass $m_1$", ylabel="launch speed", title="the same in a mass", ylim=(0, HIGHEST))
+    four.set(xlabel="top mass m₁", ylabel="launch speed", title="the same in a mass", ylim=(0, HIGHEST))
     legend_below(three)
     legend_below(four)
     folder.mkdir(parents=True, exist_ok=True)

@@ -15,7 +15,7 @@ from time import perf_counter
 import numpy as np
 
 from orbits import Existence, existence, follow, follow_fold
-from orbits.show import COLOURS, legend_below, new_row, save_figure
+from orbits.show import COLOURS, label_of, legend_below, new_row, save_figure
 from problems import Hopper, Juggler
 
 REST_LENGTH = 30.0
@@ -29,7 +29,6 @@ RANGES = {
     QUINTIC[0]: ("beta", (-0.03, 0.01), "delta", (-1e-4, 1.5e-4)),
     SATURATING[0]: ("c", (-0.1, 0.1), "b", (0.05, 0.6)),
 }
-TITLES = {QUINTIC[0]: "$r + \\beta r^3 + \\delta r^5$", SATURATING[0]: "$\\tanh(b r)/b + c r$"}
 
 
 def cusp() -> tuple[np.ndarray, tuple[float, float]]:
@@ -53,7 +52,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
             seconds = perf_counter() - began
             _report(kind, diagram, seconds)
             diagram.plot("alpha", axes)
-            axes.set_title(f"{kind}, {TITLES[spring]}")
+            axes.set_title(f"{kind}, {label_of(spring)}")
             found[f"{kind}, {spring}"] = diagram
     if not quick:
         curve, found["cusp"] = cusp()

@@ -45,9 +45,8 @@ def main(folder: Path) -> dict[str, float]:
         axes.axhline(0, color="0.4", lw=0.8)
         axes.plot(times, heights, color=COLOURS[1], lw=2)
         axes.plot(0, 0, "o", color="0.2", ms=4)
-        axes.set(title=name, xlabel="time to landing", ylim=(-1.2, 2.4), xticks=(-2, -1, 0))
+        axes.set(title=name, xlabel="time to landing", ylabel="foot y₂", ylim=(-1.2, 2.4), xticks=(-2, -1, 0))
         print(f"  {name}: lowest {lowest[name]:.3g} before")
-    axes.figure.axes[0].set_ylabel("foot $y_2$")
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(axes, folder / 'figure_4.png')}")
     return {**lowest, "launch speed": find(Hopper()).alpha}

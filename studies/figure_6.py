@@ -30,7 +30,7 @@ def main(folder: Path) -> dict[str, float]:
     for axes, (name, alpha) in zip(panels, (("typical", TYPICAL), ("lossless", find(machine).alpha)), strict=True):
         run = simulate(machine, alpha, hops=2)
         flight = run.events[0]
-        plot_gap(run, axes).set(title=f"{name}: launch speed {alpha:.4g}", ylabel="foot $y_2$")
+        plot_gap(run, axes).set(title=f"{name}: launch speed {alpha:.4g}", ylabel="foot y₂")
         numbers[f"{name} speed"] = float(abs(flight.before[3]))
         numbers[f"{name} asymmetry"] = asymmetry(run, 0.0, flight.time)
         speed, other = (numbers[f"{name} {what}"] for what in ("speed", "asymmetry"))

@@ -82,7 +82,7 @@ def main(folder: Path) -> dict[str, float]:
     print(f"  inflection on the ground: h = {height:.12g}, a = {compression:.12g}, {time:.12g} after mid-flight")
     print(f"  speed of the body there {-speed:.15g}; launch speed of the hop {orbit.alpha:.15g} +- {orbit.error:.1e}")
 
-    left, middle, right = new_row(3, 1.17)
+    left, middle, right = new_row(3, 1.4)
     critical = inflection_curve([HEIGHT], *curve[np.abs(curve[:, 0] - HEIGHT).argmin(), 1:3])[0]
     pairs = []
     for compression_, colour in zip((*COMPRESSIONS, critical[1]), (*"0123", "k"), strict=True):
@@ -94,7 +94,7 @@ def main(folder: Path) -> dict[str, float]:
         left.plot(t, path(t)[:, 2], label=f"a = {compression_:.3g}: {word}", **style)
         left.plot(turns, path(np.array(turns))[:, 2] if turns else [], "o", ms=4, color=style["color"])
     left.plot(critical[2], critical[5], "ks", ms=6, mfc="w")
-    left.set(xlabel="time after mid-flight", ylabel="foot $y_2$", title=f"released from rest at h = {HEIGHT:g}")
+    left.set(xlabel="time after mid-flight", ylabel="foot y₂", title=f"released from rest at h = {HEIGHT:g}")
     legend_below(left)
     middle.plot(curve[:, 0], curve[:, 1], color=COLOURS[0], lw=2)
     middle.plot(HEIGHT, critical[1], "ks", ms=6, mfc="w")
@@ -103,7 +103,7 @@ def main(folder: Path) -> dict[str, float]:
     right.axhline(0, color="0.6", lw=0.8)
     right.plot(curve[:, 0], curve[:, 5], color=COLOURS[0], lw=2)
     right.plot(HEIGHT, critical[5], "ks", ms=6, mfc="w", label=f"h = {HEIGHT:g}")
-    right.plot(height, 0, "o", color=COLOURS[1], label=f"lossless hop, alpha = {-speed:.6g}")
+    right.plot(height, 0, "o", color=COLOURS[1], label=f"lossless hop, α = {-speed:.6g}")
     right.set(
         xlabel="height h of the centre of mass",
         ylabel="foot at the inflection",

@@ -116,7 +116,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     plain = ReturnMap(MACHINE)(alpha).next
     left.plot(alpha, alpha, color="0.6", lw=0.8)
     for name, lift in (("a", -0.05), ("b", 0.0), ("c", 0.03), ("d", eps), ("e", 0.11)):
-        left.plot(alpha, plain + lift, lw=1.6, label=f"({name}) eps = {lift:.3g}")
+        left.plot(alpha, plain + lift, lw=1.6, label=f"({name}) ε = {lift:.3g}")
     left.plot([low, high], [low, low], ":", color="0.3", lw=1.2)
     marks = [stable, pair(0.03)[1], find(MACHINE).alpha]
     left.plot(marks, marks, "o", color="0.2", ms=4)
@@ -130,7 +130,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     for mark in legend_below(right).get_legend().legend_handles:
         mark.set_markersize(8)
     right.set_ylim(4.44, 4.68)
-    right.set(xlabel="injection eps", ylabel="launch speeds in the long run", title="beyond (d)")
+    right.set(xlabel="injection ε", ylabel="launch speeds in the long run", title="beyond (d)")
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(left, folder / 'figure_8.png')}")
     return numbers

@@ -12,7 +12,7 @@ import argparse
 from pathlib import Path
 
 from orbits import Family, follow
-from orbits.show import new_row, save_figure
+from orbits.show import label_of, new_row, save_figure
 from problems import Hopper, Juggler
 
 REST_LENGTH = 12.0
@@ -38,7 +38,7 @@ def main(folder: Path, quick: bool = False) -> dict[tuple, Family]:
                 print(f"    family {number}: {family.end.kind}, {family.end.reason}{limit}")
                 for event in family.events:
                     print(f"      {event.kind} at {along} = {event.point.value:.8g}, alpha = {event.point.alpha:.8g}")
-            axes.set(title=f"{machine.kind}, gravity {law}", xlabel=label, ylim=(0, None))
+            axes.set(title=f"{machine.kind}, gravity {label_of(law)}", xlabel=label, ylim=(0, None))
             if stop > 1:
                 axes.set_xscale("symlog", linthresh=1e-3)
             axes.set_xlim(left=0)

@@ -16,7 +16,7 @@ import numpy as np
 
 from orbits import Family, Orbit, Sweep, find, follow, sweep
 from orbits.model import half_angle
-from orbits.show import COLOURS, colour_bar, legend_below, new_row, plot_orbit, save_figure, small_type
+from orbits.show import COLOURS, colour_bar, legend_below, new_row, plot_orbit, save_figure
 from orbits.show.style import NO_MOTIONS, SHADE
 from problems import knee_hopper
 
@@ -57,25 +57,27 @@ def draw_leg(axes, orbit: Orbit) -> None:
         "at lift-off": 0.0,
         "in mid-flight": orbit.flight_time / 2,
     }
-    for i, (name, time) in enumerate(moments.items()):
+    places, labels = [], []
+    for i, time in enumerate(moments.values()):
         foot, _, angle, _ = orbit(time)
         hip, bend, x = foot + 2 * link * np.sin(angle / 2), link * np.cos(angle / 2), 0.8 * i
-        axes.plot([x, x + bend, x], [foot, (foot + hip) / 2, hip], "-", color="0.35", lw=5, solid_joinstyle="round")
-        axes.plot(x + bend, (foot + hip) / 2, "o", color="0.35", ms=9)
-        axes.plot(x, hip, "o", color=COLOURS[0], ms=20)
-        axes.plot(x, foot, "o", color=COLOURS[1], ms=9)
-        axes.text(x + 0.1, -0.12, f"{name}\n{np.degrees(angle):.0f}°", ha="center", va="top", fontsize=small_type(axes))
+        axes.plot([x, x + bend, x], [foot, (foot + hip) / 2, hip], "-", color="0.35", lw=3, solid_joinstyle="round")
+        axes.plot(x + bend, (foot + hip) / 2, "o", color="0.35", ms=5)
+        axes.plot(x, hip, "o", color=COLOURS[0], ms=10)
+        axes.plot(x, foot, "o", color=COLOURS[1], ms=5)
+        places.append(x + 0.1)
+        labels.append(f"{np.degrees(angle):.0f}°")
     axes.axhspan(-2.0, ground, color=SHADE, zorder=0)
     axes.axhline(ground, color="0.3", lw=1.2)
     axes.set(
         xlim=(-0.35, 2.25),
         ylim=(-0.4, 1.2),
         aspect="equal",
-        adjustable="datalim",
-        xticks=[],
         ylabel="height (m)",
-        title="the leg",
+        title=f"the leg {', '.join(moments)}",
     )
+    axes.set_xticks(places, labels)
+    axes.tick_params(axis="x", length=0)
 
 
 def draw_map(axes, legs: Sweep) -> None:
@@ -88,8 +90,8 @@ def draw_map(axes, legs: Sweep) -> None:
     drawn = axes.pcolormesh(links, stiffnesses, rise, shading="nearest", cmap="viridis", rasterized=True)
     colour_bar(axes, drawn, "rise of the body (m)")
     axes.set_facecolor("0.85")
-    axes.text(0.97, 0.05, "the knee folds through", transform=axes.transAxes, ha="right", fontsize=small_type(axes))
-    axes.set(xlabel="link (m)", ylabel="stiffness (N m/rad)", title=f"family {SHOWN}")
+    axes.fill_between([], [], color="0.85", lw=0, label="the knee folds through")
+    legend_below(axes).set(xlabel="link (m)", ylabel="stiffness (N m/rad)", title=f"family {SHOWN}")
 
 
 def draw(orbit: Orbit, legs: Sweep, families: Mapping[int, Family]):

@@ -54,7 +54,7 @@ def draw(legs: Sweep, good: np.ndarray, best: int, on_front: np.ndarray, spread:
     panels[0].set(
         xscale="log", xlabel="k (N/m)", ylabel="rise of the centre of mass (m)", ylim=(0, 0.5), title="all designs"
     )
-    colour_bar(panels[0], drawn, "lg of b (N/m$^3$)")
+    colour_bar(panels[0], drawn, "lg of b (N/m³)")
     drawn = panels[1].scatter(legs[FORCE][good], legs[LOSS][good], c=ratio[good], s=8, lw=0)
     panels[1].plot(legs[FORCE][on_front], legs[LOSS][on_front], "-", color="0.2", lw=1, label="front")
     panels[1].plot(legs[FORCE][best], legs[LOSS][best], "*", color=COLOURS[1], ms=13, label="most forgiving")
@@ -75,6 +75,7 @@ def draw(legs: Sweep, good: np.ndarray, best: int, on_front: np.ndarray, spread:
         yticks=range(len(names)),
         yticklabels=[name.replace("_", " ") for name in names],
         xlabel="Sobol's index of the height",
+        ylabel="parameter",
     )
     panels[3].set_title("what the height is blamed on")
     legend_below(panels[3])

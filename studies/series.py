@@ -95,7 +95,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     print(f"  beside the first order at most {numbers['largest vibration']:.3g} e^(3/2), {numbers['missed']} not found")
     one.loglog(masses, law, color="0.4", lw=0.8, ls="--", label="first order")
     one.loglog(masses, off, ".", color=COLOURS[0], ms=4, label="hops")
-    one.set(xlabel="unsprung mass e", ylabel="alpha/alpha_0 - 1", title="a small mass between")
+    one.set(xlabel="unsprung mass e", ylabel="α/α₀ - 1", title="a small mass between")
     legend_below(one)
     numbers |= draw_map(two, quick)
     plot_orbit(near_plain(0.03), three).set_title("e = 0.03")

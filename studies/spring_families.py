@@ -14,13 +14,13 @@ from problems import Hopper
 
 # Title, spring, the parameter followed, from, to, and the others' values.
 SPRINGS = (
-    ("hardening cubic, $r + \\beta r^3$", "cubic", "beta", 0.0, 3.0, {}),
-    ("softening cubic, $r + \\beta r^3$", "cubic", "beta", 0.0, -0.02, {}),
-    ("saturating, $\\tanh(b r)/b$", "tanh", "b", 0.02, 0.9, {}),
-    ("hardening, $\\sinh(b r)/b$", "sinh", "b", 0.01, 2.0, {}),
+    ("hardening cubic, r + β·r³", "cubic", "beta", 0.0, 3.0, {}),
+    ("softening cubic, r + β·r³", "cubic", "beta", 0.0, -0.02, {}),
+    ("saturating, tanh(b·r)/b", "tanh", "b", 0.02, 0.9, {}),
+    ("hardening, sinh(b·r)/b", "sinh", "b", 0.01, 2.0, {}),
     ("Toda, hard in compression", "toda", "b", 0.01, 0.9, {}),
     ("Toda, hard in tension", "toda", "b", -0.01, -1.2, {}),
-    ("bilinear, from $r = 0.5$ on", "bilinear", "ratio", 1.0, 8.0, {"gap": 0.5}),
+    ("bilinear, from r = 0.5 on", "bilinear", "ratio", 1.0, 8.0, {"gap": 0.5}),
     ("air spring, by 1/length", "L*(1 - (1 + r/L)**(-1.4))/1.4", "L", 60.0, 2.0, {}),
 )
 REST_LENGTH = 30.0

@@ -89,9 +89,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     share = (row / [answer.cost for answer in answers])[short < 0.11].max()
     numbers["too fast over any recovery"] = float(share)
     print(f"  too fast by d up to 0.1, any landing: at most {share:.4f} of what short by d takes")
-    right.set(
-        xlabel="launch speed short by d", ylabel="least effort / $d^2$", ylim=(0, None), title="recovery in one hop"
-    )
+    right.set(xlabel="launch speed short by d", ylabel="least effort / d²", ylim=(0, None), title="recovery in one hop")
     legend_below(right)
     numbers["missed"] = worst
     print(f"  open loop the answers are missed by {worst:.1e}")

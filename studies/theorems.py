@@ -119,9 +119,9 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
     panels[0].set_xticks(ticks, [str(tick) for tick in ticks])
     panels[0].set_xticks([], minor=True)
     proved = enclosed > 0
-    panels[1].loglog(half_widths, true, color=COLOURS[1], label="range of $\\alpha$")
+    panels[1].loglog(half_widths, true, color=COLOURS[1], label="range of α")
     panels[1].loglog(half_widths[proved], enclosed[proved], "o", color=COLOURS[0], label="proved enclosure")
-    panels[1].set(xlabel="half width of the interval of $\\beta$, relative", ylabel="width")
+    panels[1].set(xlabel="half width of the interval of β, relative", ylabel="width")
     panels[0].set_title("what a proof takes")
     panels[0].locator_params(axis="y", integer=True)
     panels[1].set_title("how wide an enclosure is")

@@ -6,7 +6,7 @@ from ..public_names import public_names
 
 if TYPE_CHECKING:
     from .animation import SPRING_END, animate_simulation, check_animation
-    from .canvas import FIGURES, axes_or_new, colour_bar, dressed, legend_below, new_axes, new_row, save_figure
+    from .canvas import FIGURES, axes_or_new, colour_bar, legend_below, new_axes, new_row, save_figure
     from .control_figures import finished_panels, mark_stages, panels_below
     from .pages.bokeh_figures import bokeh
     from .pages.family_view import FamilyData, FamilyFigure, family_data

@@ -6,7 +6,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.axes import Axes
+from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import AutoLocator
 
@@ -24,6 +26,7 @@ class Layout(ConstrainedLayoutEngine):
         self.stacks = True  # whether narrow panels may be placed below each other
         self.size: tuple[float, ...] = ()  # of the figure when it was laid out
         self.whole = dict[Any, tuple[str, str]]()  # texts as they were set, and as they are broken
+        self.ticks = dict[Any, int]()  # of axes, at most
         self.columns = dict[Any, int]()  # of the legends below axes
         self.depths = dict[Any, float]()  # of these, in their font sizes
 
@@ -31,20 +34,33 @@ class Layout(ConstrainedLayoutEngine):
         """Lay the figure out, and again where what had to be fitted to the room that this left takes another one."""
         drawn = [axes for axes in fig.findobj(Axes) if axes.get_visible() and axes.axison]
         for axes in drawn:
+            _give_type(axes)
             self._fit_legend(axes)
         result = super().execute(fig)
         for _ in range(STYLE.layouts):
             changed = [self._fit(text, fig.bbox.width) for text in fig.texts]
             for axes in drawn:
-                locate = axes.get_axes_locator()
-                axes.apply_aspect(locate(axes, None) if locate else None)
-                _fit_ticks(axes)
-                changed += [self._fit_texts(axes), self._lower_legend(axes)]
+                if axes.get_adjustable() == "box":  # else an aspect changes the limits, and not the place
+                    locate = axes.get_axes_locator()
+                    axes.apply_aspect(locate(axes, None) if locate else None)
+                changed += [self._fit_ticks(axes), self._fit_texts(axes), self._lower_legend(axes)]
             size = tuple(fig.get_size_inches())
             if size == self.size and not any(changed):
                 break
             self.size, result = size, super().execute(fig)
         return result
+
+    def _fit_ticks(self, axes: Any) -> bool:
+        """Take as many ticks with numbers as there is room for; whether there are more or fewer."""
+        changed = False
+        for axis, room in ((axes.xaxis, axes.bbox.width), (axes.yaxis, axes.bbox.height)):
+            if isinstance(locator := axis.get_major_locator(), AutoLocator):
+                boxes = [label.get_window_extent() for label in axis.get_ticklabels() if label.get_text()]
+                widest = max((box.width if axis is axes.xaxis else 2 * box.height for box in boxes), default=1.0)
+                count = int(np.clip(room / (STYLE.tick * widest), 1, STYLE.ticks))
+                locator.set_params(nbins=count, min_n_ticks=1)
+                changed, self.ticks[axis] = changed or self.ticks.get(axis) != count, count
+        return changed
 
     def _fit_legend(self, axes: Any) -> None:
         legend = axes.get_legend()
@@ -57,8 +73,9 @@ class Layout(ConstrainedLayoutEngine):
         """Move a legend below the numbers and the name of the axis; whether it has moved."""
         if (legend := axes.get_legend()) not in self.columns:
             return False
-        em, below = legend.get_texts()[0].get_size() / 72 * axes.figure.dpi, axes.xaxis.get_tightbbox()
-        depth = (axes.bbox.y0 - below.y0) / em + STYLE.legend_gap - STYLE.legend_below
+        em, box = legend.get_texts()[0].get_size() / 72 * axes.figure.dpi, axes.xaxis.get_tightbbox()
+        below = axes.bbox.y0 if box is None else box.y0  # an axis may have neither numbers nor a name
+        depth = (axes.bbox.y0 - below) / em + STYLE.legend_gap - STYLE.legend_below
         moved, self.depths[legend] = abs(depth - self.depths.get(legend, 0.0)) > STYLE.legend_gap / 2, depth
         legend.set_bbox_to_anchor((0.5, -depth * em / axes.bbox.height), axes.transAxes)
         return moved
@@ -115,13 +132,20 @@ class Layout(ConstrainedLayoutEngine):
             axes.set_subplotspec(row)
 
 
-def _fit_ticks(axes: Any) -> None:
-    """Take as many ticks with numbers as there is room for."""
-    for axis, room in ((axes.xaxis, axes.bbox.width), (axes.yaxis, axes.bbox.height)):
-        if isinstance(locator := axis.get_major_locator(), AutoLocator):
-            boxes = [label.get_window_extent() for label in axis.get_ticklabels() if label.get_text()]
-            widest = max((box.width if axis is axes.xaxis else 2 * box.height for box in boxes), default=1.0)
-            locator.set_params(nbins=int(np.clip(room / (1.4 * widest), 1, 9)), min_n_ticks=1)
+def _give_type(axes: Any) -> None:
+    """Give texts of axes the type of the style where they have matplotlib's, as a new title or a second axis has."""
+    sizes = {axes.title: "axes.titlesize", axes.xaxis.label: "axes.labelsize", axes.yaxis.label: "axes.labelsize"}
+    for text, name in sizes.items():
+        if text.get_size() == _usual(name):
+            text.set_size(STYLE.type)
+    for which, axis in (("x", axes.xaxis), ("y", axes.yaxis)):
+        if any(label.get_size() == _usual(f"{which}tick.labelsize") for label in axis.get_ticklabels()[:1]):
+            axes.tick_params(axis=which, labelsize=STYLE.small_type, width=STYLE.frame)
+
+
+def _usual(name: str) -> float:
+    """The size of type in points that matplotlib gives texts of a kind."""
+    return FontProperties(size=rcParams[name]).get_size_in_points()
 
 
 def _broken(line: str, letters: int) -> list[str]:

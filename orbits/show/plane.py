@@ -13,7 +13,7 @@ from ..result import Axes, Progress
 from ..units import Units
 from .canvas import entitled, legend_below, new_axes, off_screen
 from .plot import DRAWN, phases_in_words, title
-from .style import COLOURS, SHADE, STYLE, plain, unit_labels
+from .style import COLOURS, SHADE, STYLE, label_of, unit_labels
 
 if TYPE_CHECKING:
     from ..hops import Simulation
@@ -216,7 +216,7 @@ def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
     named = set[str]()
     for i in range(len(t)):
         for each in moved:
-            label = None if each.outline.name in named or each.outline.fixed else plain(each.outline.name)
+            label = None if each.outline.name in named or each.outline.fixed else label_of(each.outline.name)
             named.add(each.outline.name)
             _artist(axes, each, _drawn_points(each, i), label)
     middles = 0.5 * (ranges[:, 1].max(0) + ranges[:, 0].min(0)) + aside
@@ -239,7 +239,7 @@ def animate_in_plane(
     _draw_ground(axes, machine, (left, right), low - (high - low))
     named, artists = set[str](), []
     for each in paths:
-        label = None if each.outline.name in named or each.outline.fixed else plain(each.outline.name)
+        label = None if each.outline.name in named or each.outline.fixed else label_of(each.outline.name)
         named.add(each.outline.name)
         artists.append(_artist(axes, each, _drawn_points(each, 0), label))
     label = axes.set_title("contact")

@@ -84,7 +84,7 @@ def plot_orbit(orbit: "Orbit", axes: Axes | None = None) -> Axes:
     metres, seconds, _ = unit_labels(orbit.scales)
     axes, (t, states) = axes_or_new(axes), _cycle(orbit, 2001)
     for (name, height), colour in zip(orbit.shape.heights.items(), COLOURS, strict=False):
-        axes.plot(t, height(states), color=colour, label=plain(name), **_style(name))
+        axes.plot(t, height(states), color=colour, label=label_of(name), **_style(name))
     if orbit.contact_time is not None:
         closed = phases_in_words(orbit.source)[1]
         axes.axvspan(orbit.flight_time, t[-1], fc=SHADE, ec="0.7", lw=0.5, label=closed, zorder=0)
@@ -116,7 +116,7 @@ def plot_phase_portrait(orbit: "Orbit", axes: Axes | None = None) -> Axes:
     metres, _, speeds_in = unit_labels(orbit.scales)
     axes, (_, states) = axes_or_new(axes, 0.85), _cycle(orbit, 2001)
     for (name, (height, speed)), colour in zip(masses_at(orbit, states).items(), cycle(COLOURS), strict=False):
-        axes.plot(height, speed, color=colour, lw=1.6, label=plain(name))
+        axes.plot(height, speed, color=colour, lw=1.6, label=label_of(name))
     entitled(axes, title(orbit))
     label = vertical(orbit.certificate.smallest_separation) + metres
     return finished(axes, xlabel=label, ylabel="speed" + speeds_in)
@@ -281,7 +281,7 @@ def plot_simulation(run: "Simulation", axes: Axes | None = None) -> Axes:
     metres, seconds, _ = unit_labels(machine.units)
     heights, states = run.heights, run(t)
     for (name, height), colour in zip(heights.items(), COLOURS, strict=False):
-        axes.plot(t, height(states), color=colour, label=plain(name), **_style(name))
+        axes.plot(t, height(states), color=colour, label=label_of(name), **_style(name))
     _shade_contacts(run, axes)
     impacts = [event for event in run.events if event.kind == "impact"]
     landing = int(np.argmax(machine.model.gap(machine.values).weights))

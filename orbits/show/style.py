@@ -8,6 +8,8 @@ import re
 from collections.abc import Collection, Mapping
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ..result import Axes
 from ..tables import machine_numbers
 
@@ -32,6 +34,8 @@ class Style(NamedTuple):
     columns_apart: float = 1.4  # distance between the columns of a legend in its font sizes
     letter: float = 0.52  # width of a letter in a legend in its font sizes
     entry: float = 4.2  # width of a legend's entry without its letters in its font sizes
+    tick: float = 1.4  # room that a number on an axis needs, in its own sizes
+    ticks: int = 9  # on an axis, at most
     margin: float = 6.0  # beside a text in pixels
     shortest: int = 6  # letters of a line that is not broken
     layouts: int = 3  # of a figure, each with the room that the one before left, at most
@@ -53,7 +57,11 @@ _GREEK = {
     **dict(zip(("tau", "phi", "chi", "psi", "omega"), "τφχψω", strict=True)),
 }
 _RAISED, _LOWERED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"), str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
-_WORDS = {"alpha": "launch speed alpha", "next": "next launch speed"}  # quantities whose names say too little alone
+_WORDS = {
+    "alpha": "launch speed alpha",
+    "next": "next launch speed",
+    "inject": "injection",
+}  # quantities whose names say too little alone
 
 
 def small_type(axes: Axes) -> float:
@@ -124,11 +132,10 @@ def columns_of_legend(axes: Axes, names: list[str]) -> int:
     """The number of columns of a legend for which there is room in the figure below axes."""
     _, columns, own = grid_of(axes)
     room = 72 * axes.figure.get_figwidth() * own / columns / small_type(axes) - 3
-    lengths = [STYLE.letter * len(name) + STYLE.entry for name in names]
-    for rows in range(1, len(names) + 1):
-        if sum(max(lengths[i : i + rows]) for i in range(0, len(names), rows)) <= room:
-            return -(-len(names) // rows)
-    return 1
+    letters = [len(re.sub(r"[$^{}\\]", "", name)) for name in names]
+    lengths = STYLE.letter * np.array(letters) + STYLE.entry
+    counts = range(len(names), 1, -1)
+    return next((count for count in counts if sum(map(max, np.array_split(lengths, count))) <= room), 1)
 
 
 def grid_of(axes: Axes) -> tuple[int, int, int]:

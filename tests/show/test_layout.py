@@ -52,6 +52,14 @@ def test_a_legend_has_the_columns_for_which_there_is_room():
     assert axes.get_legend() is own
 
 
+def test_a_legend_is_close_to_an_axis_without_numbers():
+    axes = new_axes()
+    axes.plot([0, 1], [0, 1], label="curve")
+    legend_below(axes).set(xticks=[], ylabel="y")
+    axes.figure.draw_without_rendering()
+    assert 0 < axes.bbox.y0 - axes.get_legend().get_window_extent().y1 < 20
+
+
 def test_narrow_panels_are_below_each_other():
     panels = new_row(3, 0.9)
     for k, axes in enumerate(panels):

@@ -246,7 +246,7 @@ def test_spring_families(tmp_path):
     1/(2n + 1), 1/(n + 1), -1/n and 1.4 (n + 1) for family n, here 1."""
     found = spring_families.main(tmp_path, quick=True)
     for title, limit in (
-        ("saturating, $\\tanh(b r)/b$", 1 / 3),
+        ("saturating, tanh(b·r)/b", 1 / 3),
         ("Toda, hard in compression", 1 / 2),
         ("Toda, hard in tension", -1.0),
         ("air spring, by 1/length", 1.4 * 2),
