@@ -9,7 +9,7 @@ import argparse
 from pathlib import Path
 
 from orbits import Family, follow
-from orbits.show import new_row, plot_family, save_figure
+from orbits.show import new_row, plot_family, save_figure, small_type
 from problems import Hopper
 
 # Title, spring, the parameter followed, from, to, and the others' values.
@@ -53,12 +53,11 @@ def main(folder: Path, quick: bool = False) -> dict[str, list[Family]]:
         top = 30.0 if any(family.end.kind == "escaped" for family in found[title]) else None
         axes.set(ylim=(0, top))
         axes.set_title(title)
-        axes.locator_params(axis="x", nbins=4)
         entries |= {text: handle for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
         axes.get_legend().remove()
     panels[-1].set_axis_off()  # one legend for all panels takes the place of a ninth
     names = sorted(entries, key=lambda name: not name.startswith("family"))
-    panels[-1].legend([entries[name] for name in names], names, frameon=False, loc="center")
+    panels[-1].legend([entries[name] for name in names], names, frameon=False, loc="center", fontsize=small_type(axes))
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(panels[0], folder / 'spring_families.png')}")
     return found

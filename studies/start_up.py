@@ -57,7 +57,7 @@ def draw(axes, orbit, hops: int = 2):
 
 def main(folder: Path, quick: bool = False) -> dict[str, float]:
     orbit = find(MACHINE)
-    left, middle, right = new_row(3, 1.11)
+    left, middle, right = new_row(3, 1.5)
     run = draw(left, orbit)
     pumps = np.arange(1, 3 if quick else 7)
     strokes = STROKES[1:2] if quick else STROKES

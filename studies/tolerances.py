@@ -36,7 +36,7 @@ def spread(samples: int) -> Uncertainty:
 
 def draw(found: Uncertainty, blame: dict):
     """The two quantities with what was measured, and what each bound adds to them."""
-    panels = new_row(3, 1.06)
+    panels = new_row(3, 1.25)
     for axes, (text, (measured, bound)) in zip(panels, MEASURED.items(), strict=False):
         axes.hist(found.sweep[text], bins=40, color=COLOURS[4], label="model")
         axes.axvspan(
@@ -44,14 +44,13 @@ def draw(found: Uncertainty, blame: dict):
         )
         axes.axvline(measured, color=COLOURS[1], lw=1.5)
         axes.set(xlabel=WORDS[text], ylabel="jugglers")
-        axes.locator_params(axis="x", nbins=4)
         legend_below(axes)
     names = list(BOUNDS)
     for k, text in enumerate(MEASURED):
         values = [blame[text][name]["total"] for name in names]
         panels[2].barh(np.arange(len(names)) + 0.2 - 0.4 * k, values, 0.36, color=COLOURS[2 + k], label=WORDS[text])
     labels = [name.replace("_", " ") for name in names]
-    panels[2].set(yticks=range(len(names)), yticklabels=labels, xlabel="Sobol's total index")
+    panels[2].set(yticks=range(len(names)), yticklabels=labels, xlabel="Sobol's total index", ylabel="parameter")
     legend_below(panels[2])
     for axes, words in zip(
         panels, ("ratio of the amplitudes", "amplitude of the ball", "what blurs them"), strict=True

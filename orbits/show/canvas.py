@@ -88,7 +88,6 @@ def new_row(count: int, shape: float = 0.8, rows: int = 1, width: float = STYLE.
     axes = figure.subplots(rows, count)
     for one in np.ravel(axes):
         dressed(one).locator_params(steps=STYLE.steps)
-        one.locator_params(axis="x", nbins=6)
     return axes
 
 

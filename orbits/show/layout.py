@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib import rcParams
-from matplotlib.axes import Axes
 from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import AutoLocator
@@ -32,7 +31,9 @@ class Layout(ConstrainedLayoutEngine):
 
     def execute(self, fig: Any) -> Any:
         """Lay the figure out, and again where what had to be fitted to the room that this left takes another one."""
-        drawn = [axes for axes in fig.findobj(Axes) if axes.get_visible() and axes.axison]
+        drawn = [
+            axes for axes in fig.findobj(lambda artist: hasattr(artist, "axison")) if axes.get_visible() and axes.axison
+        ]
         for axes in drawn:
             _give_type(axes)
             self._fit_legend(axes)
@@ -56,7 +57,7 @@ class Layout(ConstrainedLayoutEngine):
         for axis, room in ((axes.xaxis, axes.bbox.width), (axes.yaxis, axes.bbox.height)):
             if isinstance(locator := axis.get_major_locator(), AutoLocator):
                 boxes = [label.get_window_extent() for label in axis.get_ticklabels() if label.get_text()]
-                widest = max((box.width if axis is axes.xaxis else 2 * box.height for box in boxes), default=1.0)
+                widest = max((box.width if axis is axes.xaxis else 1.5 * box.height for box in boxes), default=1.0)
                 count = int(np.clip(room / (STYLE.tick * widest), 1, STYLE.ticks))
                 locator.set_params(nbins=count, min_n_ticks=1)
                 changed, self.ticks[axis] = changed or self.ticks.get(axis) != count, count

@@ -35,7 +35,7 @@ class Style(NamedTuple):
     letter: float = 0.52  # width of a letter in a legend in its font sizes
     entry: float = 4.2  # width of a legend's entry without its letters in its font sizes
     tick: float = 1.4  # room that a number on an axis needs, in its own sizes
-    ticks: int = 9  # on an axis, at most
+    ticks: int = 8  # on an axis, at most
     margin: float = 6.0  # beside a text in pixels
     shortest: int = 6  # letters of a line that is not broken
     layouts: int = 3  # of a figure, each with the room that the one before left, at most

@@ -127,7 +127,6 @@ def plot_existence(diagram: Any, quantity: str | None = None, axes: Axes | None 
         if pieces := [piece for _, lines in cells for own, piece in lines if own == kind]:
             axes.add_collection(LineCollection(pieces, **style, label=kind, capstyle="round", snap=False))
     axes.set(xlim=diagram.between, ylim=(diagram.values[0], diagram.values[-1]))
-    axes.locator_params(axis="x", nbins=6)
     return _labelled(axes, sweep, diagram.along, diagram.across)
 
 
@@ -143,7 +142,7 @@ def _matrix(sweep: Any, quantity: str) -> Axes:
     """Every pair of parameters, with the quantity as colour, and below the quantity over each parameter."""
     names, values = sweep.parameters, sweep[quantity]
     count, known = len(names), np.isfinite(values)
-    panels: Axes = new_row(count, 1.0, count, STYLE.screen)
+    panels: Axes = new_row(count, 1.2, count, STYLE.screen)
     engine = panels[0, 0].figure.get_layout_engine()
     engine.stacks = False
     engine.set(w_pad=0.02)
@@ -168,7 +167,6 @@ def _matrix(sweep: Any, quantity: str) -> Axes:
             if name in sweep.about["logarithmic"]:
                 _scale(axes, sweep, name, one)
             else:
-                axes.locator_params(axis=one, nbins=3)
                 axes.ticklabel_format(axis=one, scilimits=(-3, 4))  # long numbers would meet
     figure, corner = panels[0, 0].figure, panels[0, 1].inset_axes((0.3, 0.6, count - 1.4, 0.1))
     corner.set_in_layout(False)

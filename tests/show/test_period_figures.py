@@ -28,5 +28,5 @@ def test_periods_with_a_curve():
     assert axes.collections[0].get_array().reshape(2, 3).tolist() == [[3, 4, 1], [3, 2, 0]]
     assert not faults(axes.figure)
     alone = BifurcationCurve("flip", "inject", "mass_ratio", WORDS, *own).plot()
-    assert alone.get_xlabel() == "inject"
+    assert alone.get_xlabel() == "injection"
     assert not faults(alone.figure)
