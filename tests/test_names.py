@@ -28,6 +28,8 @@ from orbits import (
 from orbits.model import free_parameters
 from orbits.periodic import OF_RUNS, QUANTITIES, absent_quantities, quantity_names
 from problems import Chain, Hopper, Juggler, hopper_in_si, rimless_wheel, runner
+from problems.explorer import beginning
+from problems.explorer.dials import dials_of
 
 RUN = {"tune": ("inertia", "hip_stiffness"), "at": {"speed": 0.4}}
 # Machines, each with the parameter that is varied and tuned, a second one, and the values that find its run.
@@ -364,3 +366,42 @@ def test_names_of_tables_and_documents_are_those_of_formulas():
         "largest_spring_force",
         "landing_sensitivity",
     }  # which column() computes
+
+
+LINES = (
+    "find --spring cubic --tune beta=0.3 --at {name}={value}",
+    "follow --spring cubic --tune beta=0.3 --along {name} --to {value}",
+    "sweep --spring cubic --over beta=0.1,0.2 --quantities {name}",
+    "existence --spring cubic --along beta=0.1:0.2 --across rest_length=6:7 --samples 2 --colour {name} --plot f.png",
+    "uncertainty --spring cubic --over beta=norm(0.3,0.01) --samples 4 --quantity {name} --plot f.png",
+)
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_the_command_line_takes_the_same_names(line, orbits, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert orbits(line.format(name="frequency", value=0.1) + " --json").code == 0
+    done = orbits(line.format(name="step", value=1.0))
+    assert (done.code, "does not move on along the ground" in " ".join(done.err.split())) == (2, True)
+
+
+def test_a_machine_file_takes_the_same_names(orbits, tmp_path):
+    file = tmp_path / "leg.toml"
+    problem = 'spring = "cubic"\nrest_length = 9.0\nparameters = {beta = 0.3}\n[design]\nminimise = "%s"\n'
+    problem += "over = {beta = [0.2, 0.4]}\n"
+    file.write_text(problem % "frequency")
+    best = orbits("optimize", file, "--json").document
+    assert best["parameters"]["beta"] == pytest.approx(0.2)  # softer springs hop more slowly
+    file.write_text(problem % "step")
+    done = orbits("optimize", file)
+    assert (done.code, "does not move on along the ground" in " ".join(done.err.split())) == (2, True)
+
+
+@pytest.mark.parametrize("kind", ["hopper", "juggler", "wheel", "rocker", "runner"])
+def test_the_live_page_takes_the_same_names(kind):
+    """The sliders of a machine have the names of its parameters, and of what maps and tuned runs have besides."""
+    scene = beginning(kind)
+    machine = scene.build()
+    names = {dial.name for dial in dials_of(machine, scene)}
+    assert names
+    assert names <= {*free_parameters(machine), *scene.prescribed, "restitution", "damping", "drag"}

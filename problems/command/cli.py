@@ -683,8 +683,11 @@ def uncertainty_command(
         raise InputError("--quantity is shown in a figure: give --plot FILE too, or name it by --quantities")
     axes, _ = options.swept_members(over, None)
     machine = options.machine_of(**options.with_first_values(stated, axes, None))
+    requested = options.formulas(quantities)
+    if quantity is not None and quantity not in requested:
+        requested.append(quantity)
     found = uncertainty(
-        machine, axes, options.formulas(quantities), family=family, samples=samples, seed=seed,
+        machine, axes, requested, family=family, samples=samples, seed=seed,
         start=options.started(machine, hop), **options.computed_by(workers),
     )  # fmt: skip
     shares = found.sweep.sensitivity(seed=seed, samples=options.power_of_two(samples)) if indices else None
