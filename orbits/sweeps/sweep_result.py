@@ -171,7 +171,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         """The quantiles of each number."""
         for name, each in self.quantiles().items():
             values = {f"{name} {share}": value for share, value in each.items()}
-            yield Row(self.heading(name), values, ("{:.6g}",) * len(values))
+            yield Row(self.heading(name), values, ("{:.1e}" if name == "error" else "{:.6g}",) * len(values))
 
     def table(self) -> dict[str, np.ndarray]:
         """The columns, after the places of the "member"s."""
