@@ -45,8 +45,10 @@ def test_the_figure_of_a_quantity(orbits, tmp_path):
     line = f"{COMMAND} --over k=7000:9000 --samples 16 --quantities stroke --plot {figure} --quantity"
     assert orbits(f"{line} stroke").code == 0
     assert figure.stat().st_size > 5000
+    assert orbits(f"{line} contact_time").code == 0  # which it computes then too
     refused = orbits(f"{line} clearance")
-    assert (refused.code, "has no 'clearance'" in refused.err) == (2, True)
+    assert (refused.code, "the orbit has no clearance" in refused.err) == (1, True)
+    assert orbits(f"{line} strike").code == 2
 
 
 @pytest.mark.parametrize(
