@@ -277,7 +277,8 @@ class Result:
         """The `table` as an `xarray.Dataset`; raises `InputError` without xarray, which the extra `data` installs."""
         xarray = extra_package("xarray", "for a dataset")
         columns = dict(self.variable(name, column, self.dimension) for name, column in self.table().items())
-        return xarray.Dataset(columns, attrs={"title": self.title(), "machine": to_json(self.machine)})
+        machine = machine_in_words(self.machine) if isinstance(self.machine, Machine) else self.machine
+        return xarray.Dataset(columns, attrs={"title": self.title(), "machine": to_json(machine)})
 
     def variable(self, name: str, column: object, dims: object, shape: Sequence[int] = (-1,)) -> tuple[str, tuple]:
         """A column by a name that NetCDF takes, as a variable of a dataset: of these dimensions, None as "", and with

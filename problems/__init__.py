@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from orbits.public_names import public_names
 
 if TYPE_CHECKING:
-    from . import steering as steering
+    from . import recordings as recordings, steering as steering
     from .explorer import explore as explore
     from .laws import gravity as gravity, springs as springs
     from .machines import (

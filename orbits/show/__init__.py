@@ -6,7 +6,7 @@ from ..public_names import public_names
 
 if TYPE_CHECKING:
     from .animation import SPRING_END, animate_simulation, check_animation
-    from .canvas import FIGURES, axes_or_new, colour_bar, legend_below, new_axes, new_row, save_figure
+    from .canvas import FIGURES, axes_or_new, colour_bar, headline, legend_below, new_axes, new_row, save_figure
     from .control_figures import finished_panels, mark_stages, panels_below
     from .pages.bokeh_figures import bokeh
     from .pages.family_view import FamilyData, FamilyFigure, family_data
@@ -16,6 +16,6 @@ if TYPE_CHECKING:
     from .pages.saved_page import THEME
     from .plot import plot_family, plot_orbit, plot_simulation, spread, thumbnails
     from .simulators import check_folder
-    from .style import COLOURS, STYLE, label_of, small_type, unit_labels
+    from .style import COLOURS, SHADE, STYLE, label_of, small_type, unit_labels
 
 __all__ = [*public_names(__name__)]

@@ -187,9 +187,9 @@ def scales_of(
 
 def _sense(where: str, headers: Sequence[str]) -> float:
     """-1.0 where the headers of extension and force say that compression counts, else 1.0."""
-    compressed = [any(word.startswith(COMPRESSIVE) for word in _words(header)) for header in headers]
+    compressed = [any(word.startswith(COMPRESSIVE) for word in words_of(header)) for header in headers]
     for header, other, is_compressed in zip(headers, headers[::-1], compressed, strict=True):
-        if not is_compressed and any(compressed) and not TENSILE.isdisjoint(_words(header)):
+        if not is_compressed and any(compressed) and not TENSILE.isdisjoint(words_of(header)):
             both = f"{short(header.strip())!r} and {short(other.strip())!r}"
             raise InputError(f"{where}: {both} count opposite ways: turn one column and its name round")
     return -1.0 if any(compressed) else 1.0
@@ -264,7 +264,7 @@ def _column_meant(where: str, header: RecordHeader, role: int) -> int:
     plainest = columns[counts.index(min(counts))]
     # Of `Force setpoint` and `Force` the plain name is that of the measured column.
     others = [i for i in columns if i != plainest]
-    if counts.count(min(counts)) == 1 and not any(NOT_MEASURED.isdisjoint(_words(header.cells[i])) for i in others):
+    if counts.count(min(counts)) == 1 and not any(NOT_MEASURED.isdisjoint(words_of(header.cells[i])) for i in others):
         return plainest
     names = " and ".join(repr(short(header.cells[i].strip())) for i in columns[:3])
     what, remedy = ("extension", "force")[role], 'columns=("NAME", "NAME") or columns=(0, 1), table:FILE?columns=0,1'
@@ -290,7 +290,7 @@ def _first_row(lines: list[str], line: int, delimiter: str | None) -> list[str]:
     return cells_of(next((each for each in lines[line:] if not is_empty(each, delimiter)), ""), delimiter)
 
 
-def _words(cell: str) -> list[str]:
+def words_of(cell: str) -> list[str]:
     """The words of a cell in small letters without accents."""
     letters = unicodedata.normalize("NFKD", cell.replace("\u0131", "i").replace("\u00df", "ss"))
     plain = "".join(letter for letter in letters if not unicodedata.combining(letter)).lower()
@@ -304,7 +304,7 @@ def _title(cell: str) -> str:
 
 def _count_of_words(cell: str) -> int:
     """The number of words that name a column, without its unit."""
-    return sum(word not in UNIT_WORDS for word in _words(re.sub(r"[\[(][^\])]*[\])]", " ", cell)))
+    return sum(word not in UNIT_WORDS for word in words_of(re.sub(r"[\[(][^\])]*[\])]", " ", cell)))
 
 
 def _names_a_column(word: str, first: bool, names: Sequence[str]) -> bool:
@@ -314,13 +314,13 @@ def _names_a_column(word: str, first: bool, names: Sequence[str]) -> bool:
 
 def _names(cell: str, names: Sequence[str]) -> bool:
     """Whether a cell names a column: by its first word, or by a longer one later on."""
-    return any(_names_a_column(word, i == 0, names) for i, word in enumerate(_words(cell)))
+    return any(_names_a_column(word, i == 0, names) for i, word in enumerate(words_of(cell)))
 
 
 def _last_name(cell: str) -> int:
     """Whether the last word of a cell that names a column names the extension, 0, or the force, 1."""
     roles = [
-        role for i, word in enumerate(_words(cell)) for role in (0, 1) if _names_a_column(word, i == 0, NAMES[role])
+        role for i, word in enumerate(words_of(cell)) for role in (0, 1) if _names_a_column(word, i == 0, NAMES[role])
     ]
     return roles[-1]
 

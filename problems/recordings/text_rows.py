@@ -18,6 +18,8 @@ COMMENTS = ("#", "%", "//")
 THOUSANDS, GROUPED = re.compile(r"\s*[+-]?[1-9]\d{0,2},\d{3}\s*"), ",000"
 # A number with one mark between its thousands and the other one before its decimals, as 1.234,5 and 1,234.5.
 BOTH_MARKS = re.compile(r"\s*[+-]?\d{1,3}(?:\.\d{3})+(,)\d*\s*|\s*[+-]?\d{1,3}(?:,\d{3})+(\.)\d*\s*")
+# Cells that stand for a missing number.
+MISSING = {"", "-", "nan", "na", "n/a", "null", "none"}
 # A file of more lines or bytes takes more than some ten seconds to read.
 MOST_LINES = 1_000_000
 MOST_BYTES = 32_000_000
@@ -54,13 +56,16 @@ def lines_of(where: str, text: str) -> list[str]:
 
 
 def numbers_below(
-    where: str, lines: list[str], first: int, delimiter: str | None, count: int, places: Sequence[int]
-) -> np.ndarray:
+    where: str, lines: list[str], first: int, delimiter: str | None, count: int, places: Sequence[int],
+    missing: bool = False,
+) -> np.ndarray:  # fmt: skip
     """The numbers (n, columns) at some places of the rows from line `first` on; raises `InputError` that names a row.
 
     count : the number of cells of the header
+    missing : whether numbers may be missing, which are NaN then
     """
     rows, texts = list[int](), list[list[str]]()
+    needed = "finite numbers" if missing else "two finite numbers"
     for line in range(first, len(lines)):
         if is_empty(lines[line], delimiter):
             continue
@@ -69,20 +74,25 @@ def numbers_below(
         if (delimiter == "," and more > 0 and "".join(cells[-more:]).strip()) or (not delimiter and more):
             problem = f"has {len(cells)} cells, the header {count}: separate the columns by ; or tab"
             raise _wrong_row(where, lines, line, problem)
-        if len(cells) <= max(places):
-            raise _wrong_row(where, lines, line, "does not hold two finite numbers")
+        if len(cells) <= max(places) and not missing:
+            raise _wrong_row(where, lines, line, f"does not hold {needed}")
         rows.append(line)
-        texts.append([cells[place] for place in places])
+        texts.append([cells[place] if place < len(cells) else "" for place in places])
     if not texts:
         raise InputError(f"{where} has no rows; it needs a header and at least {ROWS.fewest} rows")
     values, marks = list[list[float]](), set[str]()
     decimal = _decimal_mark(cell for cells in texts for cell in cells)
     for line, cells in zip(rows, texts, strict=True):
         try:
-            values.append([_number(cell, marks, decimal) for cell in cells])
+            values.append(
+                [
+                    math.nan if missing and cell.strip().lower() in MISSING else _number(cell, marks, decimal)
+                    for cell in cells
+                ]
+            )
         except ValueError:
             is_mixed = "." in marks and len(marks) > 1
-            problem = "mixes decimal commas with points" if is_mixed else "does not hold two finite numbers"
+            problem = "mixes decimal commas with points" if is_mixed else f"does not hold {needed}"
             raise _wrong_row(where, lines, line, problem) from None
     if marks == {GROUPED}:
         may = "each comma of its numbers may mark decimals or thousands"
