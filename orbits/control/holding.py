@@ -1,160 +1,315 @@
-"""Feedback that holds an orbit: a force between two parts of the machine that is constant in parts of each cycle.
+"""Feedback that holds a cycle: inputs that are constant in parts of each cycle, decided by measured states.
 
-An unstable lossless orbit is one that a machine leaves, by the multipliers outside the unit circle. A force between two
-of its parts, as the torque of a motor at the hip, brings it back. Flight and contact each have some intervals, away
-from lift-off and landing, in which the force u is constant and decided where the interval begins: u = -K (x - x*), with
-x* the state of the orbit as long after lift-off. The change of the state is carried from one interval to the next by a
-matrix A, and the force adds B u. The gains K minimise the sum of |y|^2 of the launches y, counted from that of the
-orbit, of r u^2 of the forces, and of the square of the gap where the foot should land, over all cycles to come: the
-linear quadratic regulator of a periodic system, by its Riccati recursion backwards in time. All are counted in units of
-the orbit: the highest gap, the period over 2 pi, and the mean contact force, which is the weight. At a fixed time after
-lift-off the state depends smoothly on the launch, although the time of a tangential landing does not. On the orbit
-itself u = 0: the feedback costs nothing there.
+A machine leaves its cycle: an unstable one by its multipliers outside the unit circle, and a lossless hop because
+launches with less energy lose more and more. A force between two parts of the machine, or another actuator, brings it
+back. Flight and contact each have some intervals in which the input changes by a constant u. It is decided by the state
+at an instant before: u = -K (x - x*), x* the state of the cycle as long after lift-off. The gains K are those of the
+linear quadratic regulator of the cycle (`regulator`). All is counted in sizes of the cycle: the highest gap, the period
+over 2 pi, and the mean contact force, which is the weight.
+
+A launch that is faster takes longer, so that x - x* is mostly a shift of time at the end of a hop. A cycle that is
+shifted is a cycle, and needs no input where it has none itself. So x is compared with the nearest state x*(t + s) of
+the cycle, and K x*' s is added, which vanishes then: to first order this is the same, and beyond it the nearest state
+leaves out the square of the shift.
+
+A landing loses the power 4/3 of the gap that is left, which is more than a linear feedback gives back where that is
+large. Inputs that are decided once for a whole flight are chosen so that the flight ends in a tangential landing of its
+own, whatever its launch: by Newton's method on the flight itself, from the inputs of the regulator (`landing_softly`).
+What the launch lacks is then added in contact.
+
+What is decided is cut to what the actuator can do. On the cycle itself u = 0: the feedback costs nothing there.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple, cast
 
+import casadi as ca
 import numpy as np
 
-from ..errors import InputError, NoOrbit, finite_number, whole_number
-from ..flow import Flow
-from ..hops import Impacts, LaunchSection, tangential_landing, through_contact
+from ..errors import InputError, finite_number, whole_number
 from ..io import one_line
 from ..laws import Algebraic, Parameters
-from ..mechanics import Force, Mechanism
+from ..mechanics import Force, Mechanism, names_in, value_of
 from ..periodic import Orbit
-from ..running import exclusive, interrupts
-from ..tables import wrapped
-from ..units import LENGTH, Units
+from ..running import exclusive
+from ..symbolic import suggest
+from ..units import LENGTH, TIME, Units
+from .held_cycle import DECISIONS, Cycle, Effects, Linearised, Plan, Runs, linearised, planned
+from .held_limits import HeldLimits, Room, room_of
+from .regulator import cycle_with, landing_softly, regulator
 
 INPUT = "hold"  # the parameter of the force that holds an orbit
 
 
 class HoldOptions(NamedTuple):
-    """The intervals and the recursion of a feedback."""
+    """The intervals of a feedback, and the search for the nearest state of its cycle."""
 
-    # The shares of each phase between which its intervals lie, so that lift-off and landing are without the force.
+    # The shares of each phase between which its intervals lie, so that lift-off and landing are without the input.
     begins: float = 0.1
     ends: float = 0.9
     most_parts: int = 1000  # intervals of a phase
-    settled: float = 1e-13  # the recursion has settled once the cost of a launch changes by this share in a cycle
-    cycles: int = 2000  # at most; a cost that grows on and on is that of a direction that the force does not reach
-    largest_cost: float = 1e14
-    instants: int = 201  # of an orbit by which its sizes are measured
+    instants: int = 201  # of a cycle by which its sizes are measured
+    landing: float = 200.0  # the weight of the gap at landing, and that where a launch is more than its speed
+    landing_of_several: float = 20.0
+    margin: float = 1.2  # by which disturbed motions may be faster, and springs harder, than the cycle
+    longest: float = 2.0  # of a cycle, as a multiple of that which is held
+    landings: int = 12  # Newton's steps to the inputs of a whole flight that lands softly
+    softly: float = 1e-8  # the gap and its speed at such a landing, in sizes of the cycle
+    newton: int = 12  # steps to the nearest state
+    reach: float = 4.0  # of the nearest state in time, in steps of the flow
 
 
 HOLDING = HoldOptions()
 
 
-class _Stage(NamedTuple):
-    """A part of the cycle.
-
-    carry, effect : the matrix A, and B (a,) of the force in its unit, None where there is none
-    gap : the derivatives (a,) of the gap at a landing in it, None where there is none
-    """
-
-    carry: np.ndarray
-    effect: np.ndarray | None
-    gap: np.ndarray | None = None
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Hold:
-    """A feedback that holds an orbit, to be passed to `simulate(held.machine, launch, feedback=held)`.
+    """A feedback that holds a cycle, to be passed to `simulate(held.machine, launch, feedback=held)`.
 
-    machine : that of the orbit with the force `name` along the extension, which is 0 unless the feedback sets it
-    along, name : the extension along which the force acts, and the parameter that it is
-    names : of the numbers of a launch (d,)
-    times : (k + 1,), since lift-off, between which the force is constant
-    states, gains : (k, n), the orbit's flight states at the first k of these times, and the force per change of them
-        with the opposite sign; 0 between flight and contact
+    machine : that which it holds, with an actuator or with the force `name` along an extension; the input is that of
+        the cycle unless the feedback changes it
+    along, name : the extension along which it acts, and the parameter that is its input
+    when, delay : of the decisions, as in `hold`
+    names : of the numbers of a launch (d,), and of the actuator
+    plan : the instants of a cycle
+    cycle : what is held
+    states : (k + 1, n), the flight states of the cycle at these instants
+    series, steps : their Taylor coefficients (k, n, K + 1), and the times up to which these are accurate
+    gains, mixed : (N, n) and (N, N), a change of input per change of the state that is measured, and of those decided
+        before, with the opposite sign
+    sizes : (n,), by which states are compared with the nearest of the cycle
+    limits, room : what the actuator can do, in the units of the machine, and its bounds
     multipliers, held_multipliers : (d,) without and with the feedback, by falling modulus
+    slopes : (2, N') of the gap and its speed at landing by the inputs in flight, where these are decided at once
+
+    Instants, states and gains are without units.
     """
 
-    machine: Mechanism
+    machine: Any
     along: str
+    when: str
+    delay: float
     names: tuple[str, ...]
-    times: np.ndarray
+    plan: Plan
+    cycle: Cycle
     states: np.ndarray
+    series: tuple[np.ndarray, ...]
+    steps: np.ndarray
     gains: np.ndarray
+    mixed: np.ndarray
+    sizes: np.ndarray
+    limits: HeldLimits
+    room: Room
     multipliers: np.ndarray
     held_multipliers: np.ndarray
-    name: str = INPUT
+    slopes: np.ndarray | None = None
 
-    def input(self, index: int, state: np.ndarray) -> float:
-        """The force between two times, by the flight state (n,) at the first of them."""
-        return float(-self.gains[index] @ (state - self.states[index]))
+    @property
+    def name(self) -> str:
+        """The parameter that is the input."""
+        return self.cycle.name
+
+    @cached_property
+    def _needed(self) -> list[int]:
+        return self.plan.needed(self.cycle)
+
+    @property
+    def times(self) -> np.ndarray:
+        """The instants since lift-off at which something is measured or changes. The last input is in force up to the
+        lift-off, which on the cycle is at the last instant: a contact that is cut there would end by rounding."""
+        times = self.plan.times[self._needed]
+        return np.append(times[:-1], HOLDING.longest * times[-1])
+
+    def measured(self, state: np.ndarray) -> np.ndarray:
+        """The flight state (n,) as it is measured: exactly."""
+        return state
+
+    def input(self, index: int, states: Mapping[int, np.ndarray]) -> float:
+        """The input from an instant to the next, by the flight states (n,) measured at the instants so far."""
+        place = self._needed[index]
+        here, acts = self.cycle.input_after(float(self.plan.times[place])), self.plan.acts(place)
+        if acts < 0:
+            return here
+        return here + float(self.decided(acts, {self._needed[i]: state for i, state in states.items()})[acts])
+
+    def decided(self, last: int, states: Mapping[int, np.ndarray]) -> np.ndarray:
+        """The changes (N,) of inputs up to the last of these numbers, by the states measured."""
+        found = np.zeros(len(self.gains))
+        for i in range(last + 1):
+            off, shift, rate = self.off(int(self.plan.measured[i]), states)
+            change = -self.gains[i] @ (off + shift * rate) - self.mixed[i] @ found
+            begin = int(self.plan.begins[i])
+            before = float(states[begin][-1] - self.states[begin, -1]) if self.cycle.kind != "force" else 0.0
+            found[i] = self.room.cut(i, float(change), self.plan, self.states[:, -1], before)
+        if self.slopes is None or last + 1 < self.slopes.shape[1]:
+            return found
+        return _landed_softly(self, found.tobytes(), states[int(self.plan.measured[0])].tobytes())
+
+    def off(self, instant: int, states: Mapping[int, np.ndarray]) -> tuple[np.ndarray, float, np.ndarray]:
+        """By how much a state is off the nearest one of the cycle (n,), how much later that is than the instant, and
+        the rates (n,) there."""
+        state, series, squares = states[instant], self.series[instant], self.sizes**2
+        most = HOLDING.reach * float(self.steps[instant])
+        orders, shift = np.arange(series.shape[1]), 0.0
+        for _ in range(HOLDING.newton):
+            powers = shift**orders
+            rate = series[:, 1:] @ (orders[1:] * powers[:-1])
+            step = float(squares * rate @ (state - series @ powers)) / float(squares * rate @ rate)
+            shift, before = float(np.clip(shift + step, -most, most)), shift
+            if abs(shift - before) <= 1e-12 * most:
+                break
+        return state - series @ shift**orders, shift, series[:, 1]
 
     def __str__(self) -> str:
-        """The moduli of the multipliers without and with the feedback."""
+        """The moduli of the multipliers without and with the feedback, and the limits."""
         pairs = zip(np.abs(self.multipliers), np.abs(self.held_multipliers), strict=True)
         moduli = [f"  modulus {own:.6g}, with the feedback {held:.6g}" for own, held in pairs]
-        title = f"feedback along {self.along} that holds an orbit of a {self.machine.name}"
-        after = "on the orbit itself the force is 0, and the feedback costs nothing"
-        return "\n".join([*wrapped(title, onward="    "), *moduli, *wrapped(after, indent="  ")])
+        title = f"feedback along {self.along} that holds a cycle of a {self.machine.model.name}"
+        units = self.machine.units
+        second, unit = (1.0, "") if units is None else (units.of(TIME), " s")
+        late = f", {self.delay * second:g}{unit} after the measurement" if self.delay else ""
+        decided = {"continuous": "as each interval begins"}.get(self.when, f"at {self.when}")
+        limits = ", ".join(f"{name} {bound}" for name, bound in self.limits.stated().items())
+        notes = [f"  decided {decided}{late}", *([f"  limits: {limits}"] if limits else [])]
+        if not self.cycle.inputs.any():
+            notes.append("  on the cycle itself the input is 0, and the feedback costs nothing")
+        return "\n".join([title, *moduli, *notes])
 
     def __repr__(self) -> str:
-        return one_line(self, {"machine": self.machine.name, "along": self.along})
+        return one_line(self, {"machine": self.machine.model.name, "along": self.along, "when": self.when})
+
+
+@lru_cache(maxsize=64)
+def _landed_softly(held: Hold, changes: bytes, measured: bytes) -> np.ndarray:
+    """Changes (N,) of inputs, those in flight such that it ends in a tangential landing beyond what is linear, by
+    Newton's method with the slopes of the cycle; where that fails, the best that is found."""
+    m, n = int(held.plan.measured[0]), held.plan.landing
+    state, slopes = np.frombuffer(measured), cast(np.ndarray, held.slopes)
+    runs, acts, inverse = Runs(held.cycle), [held.plan.acts(j) for j in range(m, n)], np.linalg.pinv(slopes)
+    u = np.frombuffer(changes).copy()
+    best, least = u, np.inf
+    for _ in range(HOLDING.landings):
+        own = np.array([u[i] if i >= 0 else 0.0 for i in acts])
+        missed = runs.closing(runs.flight(state, held.plan.times[m : n + 1], own))
+        if not (size := float(np.abs(missed).max())) < least:
+            break
+        best, least, u = u, size, u.copy()
+        if size <= HOLDING.softly:
+            break
+        u[: slopes.shape[1]] -= inverse @ missed
+        u = np.clip(u, held.room.low, held.room.high)
+    return best
 
 
 @exclusive
-def hold(orbit: Orbit, along: str, *, effort: float = 0.05, landing: float = 20.0, parts: int = 3) -> Hold:
+def hold(
+    orbit: Orbit, along: str, *, when: str = "continuous", parts: int = 3, effort: float = 0.05,
+    landing: float | None = None, delay: float = 0.0, force: float = np.inf, power: float = np.inf,
+    speed_force: tuple[float, float] | None = None,
+) -> Hold:  # fmt: skip
     """A feedback that holds a lossless orbit by a force along an extension.
 
-    orbit : of a machine whose launch is more than a speed, such as a runner or a `Chain`
+    orbit : of a machine that is turned back in time and stands on one foot, as a hopper, a `Chain` or a runner
     along : a formula of the coordinates, as "phi - theta" of a hip, whose rate times the force is its power
+    when : the force is decided "continuous", as each interval begins; at "lift-off"; or at the "apex", in the middle of
+        the flight, for the rest of the cycle
+    parts : the number of intervals in each phase, in each of which the force is constant
     effort : the weight r of the force's square against that of the launch's change, both in units of the orbit: its
         highest gap, its period over 2 pi and its mean contact force
-    landing : the weight of the square of the gap where the foot should land, whose power 4/3 a landing loses
-    parts : the number of intervals in each phase
+    landing : the weight of the squares of the gap and its speed where the foot should land; a landing loses the power
+        4/3 of that gap. By default 200, or 20 where a launch is more than its speed
+    delay : from a measurement to the force that it decides; the multipliers do not depend on it
+    force, power, speed_force : limits of the force, its power, and its force by its speed, see `HeldLimits`
 
     Raises `NoOrbit` where the force does not reach what grows, and `InputError` for other machines.
 
     >>> from orbits import find, simulate
     >>> from orbits.control import hold
-    >>> from problems import runner
+    >>> from problems import Hopper, runner
     >>> run = find(runner(), tune=("inertia", "hip_stiffness"), at={"speed": 0.4})
     >>> held = hold(run, "phi - theta")
     >>> round(float(abs(held.multipliers[0])), 4), bool(abs(held.held_multipliers[0]) < 1)
     (14.2953, True)
+    >>> held = hold(find(Hopper()), "y1 - y2", when="lift-off", force=1.0)
+    >>> back = simulate(held.machine, {"alpha": 4.6, "liftoff": 1.0}, hops=6, feedback=held)
+    >>> bool(abs(back.launches[-1] - 4.493409) < 1e-6)
+    True
     """
-    parts = whole_number("parts", parts, "intervals", most=HOLDING.most_parts)
+    limits = HeldLimits(force=force, power=power, speed_force=speed_force)
+    orbit = _stated_orbit(orbit)
+    machine = _driven(orbit, along)
+    units = _own_units(orbit, machine)
+    flight, contact = float(orbit.flight_time), float(orbit.contact_time or 0.0)
+    cycle = Cycle(
+        machine, INPUT, orbit(0.0), flight, contact, np.array([0.0, flight + contact]), np.zeros(1), "force", units,
+        units.of(machine.dimension_of_force(along)), _effects_along(machine, along),
+    )  # fmt: skip
+    return hold_cycle(cycle, machine, along, limits, limits, when=when, parts=parts, effort=effort, landing=landing,
+                      delay=delay)  # fmt: skip
+
+
+@exclusive
+def hold_cycle(
+    cycle: Cycle, machine: Any, along: str, limits: HeldLimits, bare: HeldLimits, *, when: str = "continuous",
+    parts: int = 3, effort: float = 0.05, landing: float | None = None, delay: float = 0.0,
+) -> Hold:  # fmt: skip
+    """The feedback that holds a cycle of a machine, with limits in its units and without; otherwise as `hold`."""
+    parts, delay = whole_number("parts", parts, "intervals", most=HOLDING.most_parts), finite_number("delay", delay)
+    if landing is None:
+        landing = HOLDING.landing if cycle.machine.model.one_speed else HOLDING.landing_of_several
     if not (finite_number("effort", effort) > 0 and finite_number("landing", landing) >= 0):
         raise InputError(
             f"effort = {effort:g}, landing = {landing:g}; weights lie above 0, that of the landing may be 0"
         )
-    orbit = _stated_orbit(orbit)
-    machine = _driven(orbit, along)
-    impacts = Impacts(machine)
-    units = _own_units(orbit, machine)
-    section, x = LaunchSection(impacts, units), orbit(0.0)
-    y, stated = impacts.onto_contact @ x, cast(Mechanism, orbit.source)
-    landed = np.array(stated.model.contact_reversal.image(y.tolist(), stated.values), dtype=float)
-    flight, contact = orbit.flight_time, float(orbit.contact_time or 0.0)
-    marks = np.linspace(HOLDING.begins, HOLDING.ends, parts + 1)
-    force = units.of(machine.dimension_of_force(along))
-    flying, flown = _intervals(impacts, impacts.flight, x, np.append(marks * flight, flight), force)
-    standing, stood = _intervals(impacts, impacts.contact, landed, marks * contact, force)
-    embed, tangent = impacts.model.embed, impacts.model.embed @ section.tangent(y) * section.unit
-    # The last part of the flight leads to the landing, and on to the first interval in contact.
-    lasts = (1 - HOLDING.ends) * flight
-    touched = np.array(orbit(flight * (1 - 1e-16)))
-    _, change = tangential_landing(impacts, (flown[-2], np.eye(len(x))), lasts, touched, impacts.feet[0])
-    gap = np.array(impacts.gap.weights) @ flying[-1].carry / units.of("gap")
-    _, rest = through_contact(impacts, stood[-1], np.eye(len(y)), grazes=False)
-    stages = [
-        _Stage(flying[0].carry @ tangent, None), *flying[1:-1],
-        _Stage(standing[0].carry @ change, None, gap), *standing[1:],
-        _Stage(section.free(rest.T).T / section.unit[:, None], None),
-    ]  # fmt: skip
-    gains, held = _regulator(stages, effort, landing)
-    none = np.zeros((1, len(x)))
-    rows = force * np.concatenate([gains[:parts], none, np.array(gains[parts:]) @ impacts.onto_contact])
-    states = np.concatenate([flown[:parts], none, np.array(stood[:parts]) @ embed.T])
-    times = np.concatenate([marks * flight, flight + marks * contact])
-    free = np.linalg.multi_dot([stage.carry for stage in reversed(stages)])
-    return Hold(machine, along, section.names, times, states, rows, _by_modulus(free), _by_modulus(held))
+    if when not in DECISIONS:
+        raise InputError(f"when = {when!r}; inputs are decided {', '.join(map(repr, DECISIONS))}")
+    plan = planned(cycle, when, parts, delay, (HOLDING.begins, HOLDING.ends))
+    found, count = linearised(cycle, plan), len(plan.begins)
+    gains, held = regulator(found.pieces, count, effort, landing)
+    slopes = None
+    if when != "continuous":
+        by_state, slopes = _effects_on_landing(plan, found)
+        gains = landing_softly(gains, by_state, slopes)
+        held = cycle_with(found.pieces, gains)
+    free = np.linalg.multi_dot([piece.carry for piece in reversed(found.pieces)])
+    own, mixed = cycle.unit * gains[:, : len(cycle.start)], gains[:, -count:]
+    onto = np.linalg.pinv(cycle.machine.model.embed)
+    own = np.array([
+        row[: len(onto)] @ onto if at >= plan.landing else row
+        for row, at in zip(own, plan.measured.tolist(), strict=True)
+    ])  # fmt: skip
+    room = room_of(cycle, plan, found, bare, HOLDING.margin)
+    return Hold(
+        machine, along, when, delay, found.names, plan, cycle, found.states, tuple(found.series), found.steps, own,
+        mixed, _sizes(cycle, found), limits, room, _by_modulus(free), _by_modulus(held),
+        None if slopes is None else slopes / cycle.unit,
+    )  # fmt: skip
+
+
+def _sizes(cycle: Cycle, found: Linearised) -> np.ndarray:
+    """What states (n,) are multiplied by to find the nearest one: of the coordinate that is launched and those of the
+    gap one over their range, with their speeds; of the others, as of a leg that swings, 0."""
+    model = cycle.machine.model
+    inside = [n for n, w in zip(model.flight.states, model.gap(cycle.machine.values).weights, strict=True) if w]
+    names = {*model.launched, *inside, *(f"{name}'" for name in inside)}
+    ranges = np.ptp(found.states, axis=0)
+    return np.array([1 / r if n in names and r > 0 else 0.0 for n, r in zip(model.flight.states, ranges, strict=True)])
+
+
+def _effects_on_landing(plan: Plan, found: Linearised) -> tuple[np.ndarray, np.ndarray]:
+    """The derivatives of what vanishes at the landing by the state (2, n) by which the inputs in flight are decided at
+    once, and by these (2, k)."""
+    m, n = int(plan.measured[0]), plan.landing
+    carry, effects = np.eye(len(found.states[0])), np.zeros((len(found.states[0]), int((plan.ends <= n).sum())))
+    for j in range(m, n - 1):
+        step = found.flown[j]
+        carry, effects = step[:, :-1] @ carry, step[:, :-1] @ effects
+        if (acts := plan.acts(j)) >= 0:
+            effects[:, acts] += step[:, -1]
+    gap = cast(np.ndarray, found.pieces[n].gap)
+    return gap @ carry, gap @ effects
 
 
 def _stated_orbit(orbit: Orbit) -> Orbit:
@@ -162,20 +317,28 @@ def _stated_orbit(orbit: Orbit) -> Orbit:
     if not isinstance(orbit, Orbit):
         raise InputError(f"orbit = {orbit!r}; hold takes a lossless orbit, as find(machine) returns")
     machine: Any = orbit.source
-    several = machine is not None and not machine.model.one_speed
-    return replace(orbit, source=machine.stated()) if several and hasattr(machine, "stated") else orbit
+    if machine is None or isinstance(machine, Mechanism) or not hasattr(machine, "stated"):
+        return orbit
+    if machine.units is not None:
+        raise InputError(
+            f"a {machine.model.name} in SI is held with its actuator: keep_hopping(machine, actuator=...).hold(...)"
+        )
+    return replace(orbit, source=machine.stated())
 
 
 def _driven(orbit: Orbit, along: str) -> Mechanism:
     """The machine of an orbit with the force along an extension; raises `InputError` for those that are not held."""
     machine = orbit.source
-    if not isinstance(machine, Mechanism) or machine.model.one_speed or machine.model.changes_contact:
-        stated = "stands on one foot, and whose launch is more than a speed"
+    if not isinstance(machine, Mechanism) or machine.model.changes_contact:
+        stated = "is stated as a mechanism and stands on one foot"
         raise InputError(f"hold takes a machine that {stated}, not a {orbit.machine['machine']}")
     if not isinstance(along, str):
         raise InputError(f"along = {along!r}; it is a formula of the coordinates, as 'phi - theta'")
     if INPUT in machine.names:
         raise InputError(f"'{INPUT}' is the name of the force, and a parameter of the machine: rename it")
+    if unknown := sorted(names_in(along) - {*machine.coordinates, *machine.parameters}):
+        hint = suggest(unknown[0], machine.coordinates)
+        raise InputError(f"along '{along}': there is no coordinate '{unknown[0]}'{hint}")
     if not orbit.contact_time or machine.restitution or machine.model.reversor is None:
         raise InputError("hold takes lossless orbits with a contact, of machines that are turned back in time")
     parameters, elements = {**machine.parameters, INPUT: 0.0}, [*machine.elements, Force(along, _force)]
@@ -202,49 +365,20 @@ def _force(y: Parameters, v: Parameters, p: Parameters) -> Algebraic:
     return p[INPUT]
 
 
-def _intervals(
-    impacts: Impacts, flow: Flow, x: np.ndarray, times: np.ndarray, force: float
-) -> tuple[list[_Stage], list[np.ndarray]]:
-    """The stages of a phase from a state to the first time, and between times, and the states at these times; the force
-    is counted in this unit."""
-    seeds, stages, states, before = np.zeros((len(impacts.p), flow.size + 1)), list[_Stage](), list[np.ndarray](), 0.0
-    seeds[list(impacts.values).index(INPUT), -1] = force
-    start = np.eye(flow.size, flow.size + 1)
-    for time in times.tolist():
-        interrupts.heed()
-        path, change = flow.run(x, impacts.p, time - before, seeds=start, parameter_seeds=seeds)
-        x, before = path.end[: flow.size], time
-        stages.append(_Stage(change[:, :-1], change[:, -1]))
-        states.append(x)
-    return stages, states
+def _effects_along(machine: Mechanism, along: str) -> Effects:
+    """The force and the speed of the force along an extension."""
+    names = machine.model.flight.states
+    x = ca.SX.sym("x", len(names))
+    state = dict(zip(names, ca.vertsplit(x), strict=True))
+    places = ca.vertcat(*(state[name] for name in machine.coordinates))
+    rates = ca.vertcat(*(state[f"{name}'"] for name in machine.coordinates))
+    way = ca.SX(value_of(along, {name: state[name] for name in machine.coordinates}, machine.values))
+    speed = ca.Function("speed", [x], [ca.jtimes(way, places, rates)])
 
+    def effects(states: np.ndarray, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return inputs, np.array(speed(states.T), dtype=float).ravel()
 
-def _regulator(stages: list[_Stage], effort: float, landing: float) -> tuple[list[np.ndarray], np.ndarray]:
-    """The gains of the stages with a force, and the matrix (d, d) of a cycle with them; raises `NoOrbit` where the
-    force does not reach what grows."""
-    size = stages[0].carry.shape[1]
-    cost, last = np.eye(size), np.inf
-    for _ in range(HOLDING.cycles):
-        interrupts.heed()
-        gains, matrix = list[np.ndarray](), np.eye(size)
-        weights = np.eye(size) + cost
-        for carry, effect, gap in reversed(stages):
-            if effect is not None:
-                gain = effect @ weights @ carry / (effort + effect @ weights @ effect)
-                gains.insert(0, gain)
-                weights = carry.T @ weights @ (carry - np.outer(effect, gain))
-                matrix = matrix @ (carry - np.outer(effect, gain))
-            else:
-                weights, matrix = carry.T @ weights @ carry, matrix @ carry
-            if gap is not None:
-                weights += landing * np.outer(gap, gap)
-        cost = 0.5 * (weights + weights.T)
-        if abs((largest := np.abs(cost).max()) - last) <= HOLDING.settled * largest:
-            return gains, matrix
-        if largest > HOLDING.largest_cost:
-            break
-        last = largest
-    raise NoOrbit("the force does not reach all that grows, and no feedback along this extension holds the orbit")
+    return effects
 
 
 def _by_modulus(matrix: np.ndarray) -> Any:

@@ -47,8 +47,12 @@ class Feedback(Protocol):
     @property
     def times(self) -> np.ndarray: ...
 
-    def input(self, index: int, state: np.ndarray) -> float:
-        """The value between two of these times, by the flight state (n,) at the first of them."""
+    def measured(self, state: np.ndarray) -> np.ndarray:
+        """What is measured of a flight state (n,)."""
+        ...
+
+    def input(self, index: int, states: Mapping[int, np.ndarray]) -> float:
+        """The value from one of these times to the next, by what was measured at the times of the cycle so far."""
         ...
 
 
@@ -59,11 +63,13 @@ class Decisions:
         self.feedback, self.begun = feedback, np.inf
         self.now_in: int | None = None  # the interval whose input is in force; None before the first of a cycle is
         self.values = np.zeros(len(feedback.times) - 1)
+        self.measured = dict[int, np.ndarray]()
         self.changes = list[tuple[float, float]]()
 
     def lift_off(self, now: float) -> None:
         """Begin a cycle, in which no input is in force yet."""
         self.begun, self.now_in, self.values = now, None, np.zeros(len(self.values))
+        self.measured = {}
         self._change(now, 0.0)
 
     def at(self, now: float, state: np.ndarray) -> Inputs | None:
@@ -74,9 +80,11 @@ class Decisions:
         inside = int(np.searchsorted(self.feedback.times, since + SIMULTANEOUS * (1.0 + now), side="right")) - 1
         if inside == self.now_in:
             return None
-        self.now_in = inside
+        known, self.now_in = -1 if self.now_in is None else self.now_in, inside
+        if inside > known:
+            self.measured |= dict.fromkeys(range(known + 1, inside + 1), self.feedback.measured(state))
         if 0 <= inside < len(self.values):
-            self.values[inside] = self.feedback.input(inside, state)
+            self.values[inside] = self.feedback.input(inside, self.measured)
         self._change(now, self.values[inside] if 0 <= inside < len(self.values) else 0.0)
         return self.begun + self.feedback.times, {self.feedback.name: self.values.copy()}
 

@@ -80,11 +80,10 @@ def simulate(
     if not (alpha is None or isinstance(alpha, Mapping | Orbit) or finite_number("alpha", alpha) > 0):
         raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
     inputs = None if schedule is None else parsed_schedule(schedule)
-    if feedback is not None and (inputs is not None or machine.model.one_speed):
-        wrong = (
-            "a launch that is a speed has none" if inputs is None else "a schedule and a feedback exclude each other"
-        )
-        raise InputError(f"feedback: {wrong}")
+    if feedback is not None and inputs is not None:
+        raise InputError("feedback: a schedule and a feedback exclude each other")
+    if feedback is not None and feedback.name not in machine.values:
+        raise InputError(f"feedback: the machine has no parameter '{feedback.name}': simulate the one that it holds")
     state = None if state is None else _checked_state(machine, state)
     return _simulated(machine, alpha, state, hops, time, inject, cap, inputs, feedback)
 

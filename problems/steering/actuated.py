@@ -212,16 +212,24 @@ class Actuated(Stated):
     def effects(self, states: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The actuator's forces and powers (k,) in flight states (k, n) at rates (k,) of its state."""
         found = self._effects(states.T, np.atleast_2d(rates))
-        force, power = (np.array(each, dtype=float).ravel() for each in found)
+        force, power, _ = (np.array(each, dtype=float).ravel() for each in found)
         return force, power
+
+    @exclusive
+    def moved(self, states: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The actuator's forces and speeds (k,) in flight states (k, n) at rates (k,) of its state."""
+        force, _, speed = (np.array(each, dtype=float).ravel() for each in self._effects(states.T, rates[None]))
+        return force, np.broadcast_to(speed, force.shape)
 
     @exclusive_property
     def _effects(self) -> ca.Function:
-        """(flight state, rate) -> the actuator's force and power."""
+        """(flight state, rate) -> the actuator's force, power and speed."""
         x, rate = ca.SX.sym("x", len(self.model.flight.states)), ca.SX.sym("rate")
         states, p = ca.vertsplit(x), {**self.still, self.actuator.rate: rate}
         q = self.model.flight.data(states, p)
-        return ca.Function("effects", [x, rate], [self.drive.force(states, p, q), self.drive.power(states, p, q)])
+        drive = self.drive
+        found = [drive.force(states, p, q), drive.power(states, p, q), drive.speed(states, p)]
+        return ca.Function("effects", [x, rate], [*map(ca.densify, map(ca.SX, found))])
 
 
 @dataclass(frozen=True)

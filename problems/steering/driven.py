@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits import Control, InputError, Simulation, simulate
-from orbits.control import ControlledLeg
+from orbits.control import ControlledLeg, HeldLimits, Hold
 from orbits.errors import whole_number
 from orbits.flow import is_motion_of, units_of_springs
 from orbits.hops import times_within
@@ -154,6 +154,28 @@ class Driven(Control, what="motion of a driven machine"):
         from .driven_family import follow_driven
 
         return follow_driven(self, name, to, **options)
+
+    def hold(
+        self, *, when: str = "continuous", parts: int = 3, effort: float = 0.05, landing: float | None = None,
+        delay: float = 0.0, rate: float = np.inf, stroke: float = np.inf, force: float = np.inf, power: float = np.inf,
+        speed_force: tuple[float, float] | None = None,
+    ) -> Hold:  # fmt: skip
+        """A feedback that holds this hop, a result of `keep_hopping`, by changes of the rate of the actuator's state.
+
+        when, parts, effort, landing, delay : as in `orbits.control.hold`; the effort is of the rate
+        rate, stroke : bounds of the rate of the actuator's state, and of a displacement
+        force, power, speed_force : as in `orbits.control.hold`; the force in a spring whose end moves is that of the
+            hop, and only its power is limited
+
+        >>> from problems import Hopper, steering
+        >>> held = steering.keep_hopping(Hopper(damping=0.01), intervals=20).hold(rate=0.5, stroke=0.5)
+        >>> bool(abs(held.held_multipliers[0]) < abs(held.multipliers[0]))
+        True
+        """
+        from .feedback import held_hop
+
+        limits = HeldLimits(rate, stroke, force, power, speed_force)
+        return held_hop(self, when=when, parts=parts, effort=effort, landing=landing, delay=delay, limits=limits)
 
     def power(self, t: ArrayLike) -> np.ndarray:
         """The actuator's power (...) on the machine at times (...); raises as a call does."""

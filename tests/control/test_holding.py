@@ -1,15 +1,13 @@
-"""Feedback that holds a run, against SciPy's regulator and simulations."""
+"""Feedback that holds runs, hops and chains, against simulations."""
 
 import numpy as np
 import pytest
-from scipy.linalg import solve_discrete_are
 
 from orbits import find, find_all, multipliers, simulate
 from orbits.control import hold
-from orbits.control.holding import _regulator, _Stage
-from orbits.errors import InputError, NoOrbit
+from orbits.errors import InputError
 from orbits.hops import Impacts, LaunchSection
-from problems import Chain, Hopper, runner, springs
+from problems import Chain, Hopper, Juggler, hopper_in_si, rimless_wheel, runner, springs
 
 
 @pytest.fixture(scope="module")
@@ -33,29 +31,6 @@ def distances(run, motion):
     model, own = run.source.model, run.source.model.launch_at(run(0.0))
     found = [model.launch_at(event.after) for event in motion.events if event.kind == "lift-off"]
     return np.array([max(abs(launch[name] - own[name]) for name in own) for launch in found])
-
-
-def test_the_regulator_against_that_of_the_whole_cycle():
-    """The cost of a cycle whose forces are decided one after the other is that of all of them decided at once."""
-    rng = np.random.default_rng(0)
-    shapes = ((4, 3), (4, 4), (2, 4), (3, 2))
-    stages = [_Stage(rng.standard_normal(shape), None) for shape in shapes]
-    stages[1] = stages[1]._replace(effect=rng.standard_normal(4))
-    stages[3] = stages[3]._replace(effect=rng.standard_normal(3))
-    gap = rng.standard_normal(4)
-    stages[2] = stages[2]._replace(gap=gap)
-    _, matrix = _regulator(stages, 0.3, 2.0)
-    first, second, third, last = (stage.carry for stage in stages)
-    a = last @ third @ second @ first
-    b = np.column_stack([last @ third @ stages[1].effect, stages[3].effect])
-    z, w = gap @ second @ first, np.array([gap @ stages[1].effect, 0.0])
-    q, r, s = np.eye(3) + 2 * np.outer(z, z), 0.3 * np.eye(2) + 2 * np.outer(w, w), 2 * np.outer(z, w)
-    # The cost counts the launch after each cycle, whose sum differs by a constant.
-    cost = solve_discrete_are(a, b, q, r, s=s)
-    gain = np.linalg.solve(r + b.T @ cost @ b, b.T @ cost @ a + s.T)
-    assert np.abs(matrix - (a - b @ gain)).max() < 1e-9 * np.abs(matrix).max()
-    with pytest.raises(NoOrbit, match="does not reach all that grows"):
-        _regulator([_Stage(np.diag([2.0, 0.5]), np.array([0.0, 1.0]))], 1.0, 0.0)
 
 
 def simulated_multipliers(orbit, held):
@@ -109,25 +84,101 @@ def test_a_chain_is_held():
     """Its own multipliers are those of `multipliers`, and the feedback acts in flight as in contact."""
     chain = Chain((1, 1, 1))
     hop = find_all(chain, chain.starts(3.2, 4.6))[0]
-    held = hold(hop, "y1 - y3")
+    held = hold(hop, "y1 - y3", effort=0.02, landing=5.0)
     assert np.abs(held.multipliers) == pytest.approx(np.abs(multipliers(chain, hop).values), rel=1e-8)
     assert np.abs(held.held_multipliers).max() < 0.3
     assert simulated_multipliers(hop, held) == pytest.approx(np.abs(held.held_multipliers), rel=1e-3)
 
 
+def from_launch(held, orbit, error, hops=8):
+    """The motion from the launch of an orbit whose speed is off by a share."""
+    section = LaunchSection(Impacts(held.machine))
+    own = section.launch(orbit)
+    launch = section.free(own).copy()
+    launch[section.names.index("alpha")] *= 1 + error
+    y = section.states(launch[None], own[[section.places[section.dependent]]])[0]
+    return simulate(held.machine, section.unknowns_of(y), hops=hops, feedback=held)
+
+
+@pytest.mark.parametrize("when", ["continuous", "lift-off", "apex"])
+@pytest.mark.parametrize(
+    ("machine", "along"),
+    [(Hopper(), "y1 - y2"), (Hopper("cubic", mass_ratio=2.0), "y1 - y2"), (Juggler(mass_ratio=0.5), "w2")],
+)
+def test_hoppers_and_jugglers_are_held(machine, along, when):
+    """A launch that is too slow loses ten times what one that is too fast does, and is held; the rate at which it comes
+    back is that which is printed."""
+    orbit = find(machine)
+    held = hold(orbit, along, when=when)
+    assert held.multipliers == pytest.approx([1.0], rel=1e-8)
+    assert simulated_multipliers(orbit, held) == pytest.approx(np.abs(held.held_multipliers), rel=1e-3)
+    for error in (0.01, -0.01):
+        off = np.abs(from_launch(held, orbit, error).launches / orbit.alpha - 1)
+        assert off[-1] < 1e-6
+        assert off[1] < 5e-3
+    assert simulate(machine, 0.99 * orbit.alpha, hops=3).launches[-1] < 0.9 * orbit.alpha  # without it
+
+
+@pytest.mark.parametrize("when", ["continuous", "lift-off"])
+@pytest.mark.parametrize("machine", [Hopper(), Hopper("cubic")])
+def test_launches_off_by_five_percent_come_back(machine, when):
+    orbit = find(machine)
+    held = hold(orbit, "y1 - y2", when=when, force=2.0)
+    for error in (0.05, -0.05):
+        motion = from_launch(held, orbit, error)
+        assert np.abs(motion.schedule[1]["hold"]).max() <= 2.0
+        assert abs(motion.launches[-1] / orbit.alpha - 1) < 1e-4
+
+
+def test_limits_are_respected():
+    """On a fine grid of a motion that is far off: the force, the power, and the line of a motor."""
+    orbit, v0, f0 = find(Hopper()), 8.0, 0.6
+    held = hold(orbit, "y1 - y2", force=0.5, power=0.9, speed_force=(v0, f0))
+    motion = from_launch(held, orbit, -0.02)
+    assert abs(motion.launches[-1] / orbit.alpha - 1) < 1e-6
+    t = np.linspace(0.0, motion.end, 100_001)
+    times, inputs = motion.schedule
+    force = inputs["hold"][np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)]
+    states = motion(t)
+    speed = states[:, 1] - states[:, 3]
+    drives = force * speed > 0
+    assert 0.05 < np.abs(force).max() <= 0.5
+    assert np.abs(force * speed).max() <= 0.9
+    assert (np.abs(force) <= f0 * (1 - np.abs(speed) / v0))[drives].all()
+    free = from_launch(hold(orbit, "y1 - y2"), orbit, -0.02)
+    assert np.abs(free.schedule[1]["hold"]).max() > np.abs(force).max()  # they are in force
+
+
+def test_a_delay_is_bridged_by_the_cycle():
+    """To first order what is measured earlier says the same, so that the multipliers are those without delay."""
+    orbit = find(Hopper())
+    late = hold(orbit, "y1 - y2", delay=0.5)
+    assert late.held_multipliers == pytest.approx(hold(orbit, "y1 - y2").held_multipliers, rel=1e-6)
+    assert simulated_multipliers(orbit, late) == pytest.approx(np.abs(late.held_multipliers), rel=1e-3)
+    assert np.abs(from_launch(late, orbit, -0.01).launches[-1] / orbit.alpha - 1) < 1e-6
+    assert "decided as each interval begins, 0.5 after the measurement" in str(late)
+    with pytest.raises(InputError, match=r"delay = 1: the first input follows its measurement after 0\.898682"):
+        hold(orbit, "y1 - y2", delay=1.0)
+
+
 @pytest.mark.slow
 def test_what_is_not_held(run, held):
-    with pytest.raises(
-        InputError,
-        match="hold takes a machine that stands on one foot, and whose launch is more than a speed, not a hopper",
-    ):
+    with pytest.raises(InputError, match="stands on one foot, not a rimless wheel"):
+        hold(find(rimless_wheel(angle=0.3)), "angle")
+    with pytest.raises(InputError, match="there is no coordinate 'body'"):
         hold(find(Hopper()), "body - foot")
+    with pytest.raises(InputError, match="a hopper in SI is held with its actuator"):
+        hold(find(hopper_in_si(10.0, 1.0, stiffness=1e4)), "y1 - y2")
+    with pytest.raises(InputError, match="when = 'landing'; inputs are decided 'continuous', 'lift-off', 'apex'"):
+        hold(run, "phi - theta", when="landing")
+    with pytest.raises(InputError, match="power = -1: a bound of what acts is above 0"):
+        hold(run, "phi - theta", power=-1.0)
     with pytest.raises(InputError, match="effort = 0, landing = 20; weights lie above 0"):
         hold(run, "phi - theta", effort=0.0)
     with pytest.raises(InputError, match="a schedule and a feedback exclude each other"):
         simulate(held.machine, run, hops=1, feedback=held, schedule=([0.0, 1.0], {"hold": [0.0]}))
-    with pytest.raises(InputError, match="feedback: a launch that is a speed has none"):
+    with pytest.raises(InputError, match="feedback: the machine has no parameter 'hold'"):
         simulate(Hopper(), 4.6, hops=1, feedback=held)
     lossy = Chain((1.0, 1.0, 1.0), [springs.lossy("r", loss_factor=0.1), "r"])
-    with pytest.raises(InputError, match=r"feedback for a chain.*hysteresis"):
+    with pytest.raises(InputError, match="feedback: the machine has no parameter 'hold'"):
         simulate(lossy, state=np.ones(6), hops=1, feedback=held)
