@@ -158,7 +158,19 @@ def _form_of(each: ExactExpression, parts: list[Ratio]) -> Ratio:
         opposite = normal_form(rebuilt(each, [-each.parts[0]]))
         return opposite if parity > 0 else _multiplied(Ratio({(): -1}), opposite)
     key = (each.kind, each.value, *(frozenset(part.items()) for form in parts for part in form))
-    return Ratio({((_functions.setdefault(key, each), 1),): 1})
+    if (known := _functions.get(key)) is None:
+        known = _functions[key] = _with_its_symbols(each, parts)
+    return Ratio({((known, 1),): 1})
+
+
+def _with_its_symbols(each: ExactExpression, parts: list[Ratio]) -> ExactExpression:
+    """A function value without the symbols that drop out of its arguments: it is that of all expressions with arguments
+    of these normal forms, also of machines that do not have these symbols."""
+    atoms = {atom for part in parts for atom in _generators(part)}
+    own, left = symbols_in([each])[each], symbols_in(atoms)
+    if own <= {name for atom in atoms for name in left[atom]}:
+        return each
+    return rebuilt(each, [written(part) for part in parts])
 
 
 def _square_of(each: ExactExpression) -> Polynomial | None:
