@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from .control import Control as Control, ControlledLeg, control_in_units
     from .held_cycle import Cycle
     from .held_limits import HeldLimits as HeldLimits, limits_in
-    from .holding import Hold as Hold, hold as hold, hold_cycle
+    from .holding import HOLDING, Hold as Hold, hold as hold, hold_cycle
     from .optimal_family import FixedParameters, OptimalFamily as OptimalFamily, follow_optimum, known_program
     from .stage import ELAPSED, RUNNING_COST, Input as Input, Stage as Stage
     from .steer import Guess as Guess, as_guess, steer as steer

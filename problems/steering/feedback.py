@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from orbits.control import Cycle, HeldLimits, Hold, hold_cycle, limits_in
+from orbits.control import HOLDING, Cycle, HeldLimits, Hold, hold_cycle, limits_in
 from orbits.errors import InputError
 from orbits.mechanics import value_of
 from orbits.model import Affine
@@ -19,8 +19,6 @@ from .actuated import Actuated
 
 if TYPE_CHECKING:
     from .driven import Driven
-
-INSTANTS = 201  # of a hop by which its sizes are measured
 
 
 @exclusive
@@ -51,7 +49,7 @@ def held_hop(driven: "Driven", *, delay: float = 0.0, limits: HeldLimits, **opti
 def _sizes_of_hop(bare: "Driven") -> Units:
     """The units of a hop without units: its highest gap, its period over 2 pi and its mean contact force."""
     own: Actuated = bare.actuated
-    t = np.linspace(0.0, bare.end, INSTANTS)
+    t = np.linspace(0.0, bare.end, HOLDING.instants)
     gap = own.model.gap(own.values)
     assert isinstance(gap, Affine)
     length, weight = float(gap(bare(t)).max()), float(bare.motion.contact_force(t[:-1]).mean())
