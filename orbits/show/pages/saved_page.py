@@ -153,15 +153,19 @@ def result_page(result: "Result", path: str | Path, draw: Callable[..., Any] | N
 
     draw : called with `axes`, draws the result and returns the axes; None for a result that has no plot
     notes : texts below the table
+
+    Raises `InputError` for a bad path, and without Bokeh where there is a plot.
     """
     path, sections = check_path(path, PAGES), list[tuple[str, list[Any]]]()
     table = table_with_notes(result.rows(), result.heads(), notes)
     if draw is not None:
         try:
             with off_screen():
-                sections = [("", row) for row in drawn_figures(draw(axes=new_axes()))]
+                axes = draw(axes=new_axes())
         except InputError as error:  # the table is worth showing without a figure
             table = f"<p>No figure: {escape(str(error))}</p>{table}"
+        else:
+            sections = [("", row) for row in drawn_figures(axes)]
     return write_page(path, result.title(), [*sections, ("In numbers", [table])])
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from orbits import InputError, find, follow, sweep
+from orbits import InputError, find, follow, simulate, sweep
 from problems import Hopper, hopper_in_si
 
 pytest.importorskip("bokeh")
@@ -99,9 +99,22 @@ def test_bad_paths_are_refused(name, said, tmp_path, softening_family):
 def test_without_bokeh_the_remedy_is_told(monkeypatch, tmp_path):
     for name in ["bokeh", *(name for name in sys.modules if name.startswith("bokeh."))]:
         monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(InputError, match=r"install persistent-orbits\[explore\]"):
-        find(Hopper()).page(tmp_path / "hop.html")
-    assert not (tmp_path / "hop.html").exists()
+    for result in (find(Hopper()), simulate(Hopper(restitution=0.5), 4.7, hops=1)):
+        with pytest.raises(InputError, match=r"install persistent-orbits\[explore\]"):
+            result.page(tmp_path / "result.html")
+    assert not (tmp_path / "result.html").exists()
+
+
+def test_a_page_without_a_figure_says_why(tmp_path, monkeypatch):
+    run = simulate(Hopper(restitution=0.5), 4.7, hops=1)
+
+    def refuse(*_: object, **__: object) -> None:
+        raise InputError("nothing <moves>")
+
+    monkeypatch.setattr(type(run), "plot", refuse)
+    text = checked(run.page(tmp_path / "run.html"))
+    assert "No figure: nothing &lt;moves&gt;" in text
+    assert "<table" in text
 
 
 def test_the_engine_starts_without_bokeh():
