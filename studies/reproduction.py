@@ -17,7 +17,7 @@ from types import ModuleType
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
 
-from orbits.show import STYLE as FIGURE_STYLE
+from orbits.show import STYLE as FIGURE_STYLE, THEME
 from studies import (
     air_track,
     attraction,
@@ -112,16 +112,16 @@ PARTS = (
 )
 # Pixels an inch of a figure has at least, so that its type can be read on a small screen, where the figure is moved
 # sideways in its frame; and at most.
-SMALLEST, LARGEST = 70, 110
-STYLE = """body{font:16px/1.5 system-ui,sans-serif;max-width:62rem;margin:2rem auto;padding:0 1rem;color:#222;
-overflow-wrap:break-word}
-table{border-collapse:collapse;width:100%;font-size:.9rem}td,th{padding:.25rem .6rem;border-bottom:1px solid #ddd;
-text-align:left}.n{text-align:right;white-space:nowrap;font-variant-numeric:tabular-nums}.no{background:#fbd9d0}
-.figure{overflow-x:auto}.figure img{display:block;width:100%}
+SMALLEST, LARGEST = 95, 135
+STYLE = """body{font:16px/1.5 system-ui,sans-serif;max-width:62rem;margin:2rem auto;padding:0 1rem;color:var(--ink);
+background:var(--ground);overflow-wrap:break-word}
+table{border-collapse:collapse;width:100%;font-size:.9rem}td,th{padding:.25rem .6rem;border-bottom:1px solid #8888;
+text-align:left}.n{text-align:right;white-space:nowrap;font-variant-numeric:tabular-nums}.no{background:#fbd9d0;color:#222}
+.figure{overflow-x:auto}.figure img{display:block;width:100%;filter:var(--figure)}
 @media(max-width:48rem){h1{font-size:1.5rem}thead{display:none}td{border:0;padding:0;text-align:left!important}
-tr{display:grid;grid-template-columns:1fr 1fr;padding:.4rem 0;border-bottom:1px solid #ddd}
+tr{display:grid;grid-template-columns:1fr 1fr;padding:.4rem 0;border-bottom:1px solid #8888}
 td:nth-child(2){grid-column:1/-1;grid-row:1;font-weight:600}td:not(:nth-child(2))::before{content:attr(data-head) " ";
-color:#666}td:empty{display:none}}"""
+opacity:.75}td:empty{display:none}}"""
 
 
 def page(parts: list[tuple[Part, list[Claim], list[tuple[str, str, Path]]]], quick: bool) -> str:
@@ -130,7 +130,7 @@ def page(parts: list[tuple[Part, list[Claim], list[tuple[str, str, Path]]]], qui
     lines = [
         "<!doctype html><html lang='en'><meta charset='utf-8'>",
         "<meta name='viewport' content='width=device-width, initial-scale=1'>",
-        f"<title>The paper, claim by claim</title><style>{STYLE}</style>",
+        f"<title>The paper, claim by claim</title><style>{THEME}{STYLE}</style>",
         "<h1>Persistent orbits: the paper, claim by claim</h1>",
         "<p>A. Chatterjee, R. Pratap, C. K. Reddy and A. Ruina, <i>Persistent passive hopping and juggling is possible "
         "even with plastic collisions</i>, Int. J. Robotics Research 21 (2002) 621-634.</p>",

@@ -313,6 +313,7 @@ def test_the_page_of_the_paper_fits_a_small_screen(tmp_path):
     heads = re.findall("<th[^>]*>([a-z]+)</th>", text)
     assert re.findall("<td class='n?' data-head='([a-z]+)'>", text) == 2 * heads
     assert "alpha* &lt; 5" in text
+    assert "prefers-color-scheme: dark" in text
 
 
 @pytest.mark.slow
