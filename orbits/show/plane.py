@@ -205,8 +205,10 @@ def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
     paths, (metres, seconds, _) = plane_paths(machine, orbit(t), landings_of(orbit, t)), unit_labels(orbit.scales)
     paths = [each for each in paths if not each.outline.traced]
     ranges = np.array([[each.points[..., 0].min(1), each.points[..., 0].max(1)] for each in paths])
-    width = (ranges[:, 1].max(0) - ranges[:, 0].min(0)).max()
-    aside = DRAWN.gap * width * np.arange(len(t))
+    left_ends, right_ends = ranges[:, 0].min(0), ranges[:, 1].max(0)
+    (_, _), (low, high) = _extent_of(paths)
+    places = max(DRAWN.gap * (right_ends - left_ends).max(), DRAWN.apart * (high - low)) * np.arange(len(t))
+    aside = places - 0.5 * (left_ends + right_ends)
     moved = [PlanePath(each.outline, each.colour, each.points + aside[:, None, None] * [1.0, 0.0]) for each in paths]
     (left, right), (low, high) = _extent_of(moved)
     if axes is None:
@@ -219,8 +221,7 @@ def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
             label = None if each.outline.name in named or each.outline.fixed else label_of(each.outline.name)
             named.add(each.outline.name)
             _artist(axes, each, _drawn_points(each, i), label)
-    middles = 0.5 * (ranges[:, 1].max(0) + ranges[:, 0].min(0)) + aside
-    axes.set_xticks(middles, [f"{time:.3g}\n" + words.replace("-", "-\n") for time, words in instants.items()])
+    axes.set_xticks(places, [f"{time:.3g}\n" + words.replace("-", "-\n") for time, words in instants.items()])
     axes.tick_params(axis="x", length=0)
     axes.set_xlabel("time" + seconds)
     return legend_below(entitled(axes, title(orbit)))
@@ -263,7 +264,7 @@ def write_frames(path: Path, axes: Axes, draw: Callable, count: int, progress: P
     report = (lambda i, count: progress((i + 1) / count)) if progress else None
     with writing("animation", path) as target:
         animation = FuncAnimation(axes.figure, draw, frames=count, blit=False)
-        animation.save(target, writer, dpi=80, progress_callback=report)
+        animation.save(target, writer, dpi=100, progress_callback=report)
     return path
 
 
@@ -303,7 +304,9 @@ def _artist(axes: Axes, path: PlanePath, points: np.ndarray, label: str | None) 
     if outline.closed:
         (polygon,) = axes.fill(*points.T, fc=path.colour + "55", ec=path.colour, lw=1.8, label=label, zorder=2)
         return polygon
-    style: dict[str, object] = {"marker": "o", "ms": 7} if outline.ends else {"ls": ":"} if outline.traced else {}
+    style: dict[str, object] = (
+        {"marker": "o", "ms": 6, "clip_on": False} if outline.ends else {"ls": ":"} if outline.traced else {}
+    )
     width = 4.0 if outline.fixed else 3.0 if outline.ends else 1.6 if outline.traced else 2.2
     (line,) = axes.plot(*points.T, color=path.colour, lw=width, label=label, solid_capstyle="round", zorder=3, **style)
     return line

@@ -55,7 +55,8 @@ class Drawn(NamedTuple):
     cycles_on_page: int = 12  # until a machine looks as at first, at most
     alike: float = 1e-6  # share of its size by which a machine that looks as at first differs
     cycles_behind: int = 2  # whose path is drawn behind a machine on a page
-    gap: float = 1.2  # between instants side by side, in widths of the machine
+    gap: float = 1.2  # from instant to instant side by side, in widths of the machine
+    apart: float = 0.33  # the least gap in heights of the machine, which leaves room for the times
 
 
 DRAWN = Drawn()
@@ -315,7 +316,7 @@ def _shade_contacts(run, axes):
 
 def title(orbit: "Orbit", numbers: bool = True) -> str:
     """The title of an orbit's plot: machine, family and launch speed in one line, its laws, with its numbers, below."""
-    speed = value_of("alpha", orbit.alpha, orbit.scales.text(LIFTOFF_SPEED) if orbit.scales else "", digits=6)
+    speed = value_of("alpha", orbit.alpha, orbit.scales.text(LIFTOFF_SPEED) if orbit.scales else "")
     kind = "" if orbit.admissible else " (inadmissible)"
     without = () if numbers else numbers_of(orbit.machine)
     return machine_title(orbit.machine, f", family {orbit.family}, {speed}{kind}", without)

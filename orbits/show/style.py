@@ -39,7 +39,7 @@ class Style(NamedTuple):
     margin: float = 6.0  # beside a text in pixels
     shortest: int = 6  # letters of a line that is not broken
     layouts: int = 3  # of a figure, each with the room that the one before left, at most
-    digits: int = 5  # of the numbers in a title
+    digits: int = 6  # of the numbers in a title
     inch: float = 25.4  # mm
 
 
@@ -91,10 +91,12 @@ def label_of(name: str, unit: str = "") -> str:
 
 def machine_title(machine: Mapping[str, Any], first: str = "", without: Collection[str] = ()) -> str:
     """The lines of `headline`: the machine, its laws but not constant gravity, and its numbers."""
-    laws = f"spring {machine['spring']}" + ("" if machine["gravity"] == "1" else f", gravity {machine['gravity']}")
-    shown = {name: value for name, value in numbers_of(machine).items() if value[0] or name in laws}
+    texts = {"spring": machine["spring"]} | ({} if machine["gravity"] == "1" else {"gravity": machine["gravity"]})
+    # The text of a table names its file.
+    laws = ", ".join(f"{name} {plain(text) if ':' in text else label_of(text)}" for name, text in texts.items())
+    shown = {name: value for name, value in numbers_of(machine).items() if value[0] or name in str(texts)}
     values = [value_of(name, *value) for name, value in shown.items() if name not in without]
-    return plain(machine["machine"]) + first + ("\n" if first else ", ") + ", ".join([label_of(laws), *values])
+    return plain(machine["machine"]) + first + ("\n" if first else ", ") + ", ".join([laws, *values])
 
 
 def numbers_of(machine: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
@@ -104,9 +106,11 @@ def numbers_of(machine: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
     return {name.replace(" ", "_"): value for name, value in numbers.items()}
 
 
-def value_of(name: str, value: float, unit: str = "", digits: int = STYLE.digits) -> str:
+def value_of(name: str, value: float, unit: str = "") -> str:
     """A parameter's or quantity's value in a title or a legend, as "b = 0.3 N/m"."""
-    return f"{label_of(name).removeprefix('launch speed ')} = {value:.{digits}g}" + (unit and f" {label_of(unit)}")
+    return f"{label_of(name).removeprefix('launch speed ')} = {value:.{STYLE.digits}g}" + (
+        unit and f" {label_of(unit)}"
+    )
 
 
 def is_laid_out(axes: Axes) -> bool:

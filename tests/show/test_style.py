@@ -35,7 +35,9 @@ def test_titles_state_the_machine_and_its_numbers():
     along = machine_title(machine, ", family 2", ("beta",))
     assert along == "hopper, family 2\nspring r + β·r³, mass ratio = 1, rest length = 8"
     numbers = (
-        "body mass = 60 kg, foot mass = 3 kg, surface gravity = 9.8066 m/s², rest length = 0.8 m, stiffness = 8000 N/m"
+        "body mass = 60 kg, foot mass = 3 kg, surface gravity = 9.80665 m/s², rest length = 0.8 m, stiffness = 8000 N/m"
     )
     assert machine_title(LEG.describe()) == f"hopper, spring stiffness·r, {numbers}"
-    assert value_of("alpha", 4.4934094579, "m/s") == "α = 4.4934 m/s"
+    table = {"machine": "hopper", "spring": "table:a_leg.csv (mm and N)", "gravity": "1", "parameters": {}}
+    assert machine_title(table) == "hopper, spring table:a_leg.csv (mm and N)"
+    assert value_of("alpha", 4.4934094579, "m/s") == "α = 4.49341 m/s"
