@@ -166,6 +166,8 @@ def _prescribed(case: Case, name: str) -> float:
     tune, value = case.tuned.get("tune", case.stated[1]), case.value(name)
     if np.isnan(value) and name in quantity_names(case.machine.model, case.machine.values):
         return value  # the orbit has none: no search for one that has it
+    if case.runs and name.endswith(("_rise", "_apex")):
+        return value  # found as the stroke is, by many runs
     found = find(orbit_of(case.name).source, **case.start, tune=tune, at={name: 1.0 if np.isnan(value) else value})
     return Case.value(case, name) if found.alpha == pytest.approx(orbit_of(case.name).alpha, rel=1e-6) else np.nan
 
@@ -193,7 +195,7 @@ def _best(case: Case, name: str, **more: Any) -> Any:
 def _objective(case: Case, name: str) -> float:
     own = case.value(name)
     best = _best(case, name, minimise=name)
-    assert best.objective <= own + 1e-9 * abs(own)
+    assert np.isnan(own) or best.objective <= own + 1e-9 * abs(own)
     return own
 
 
@@ -291,7 +293,7 @@ def test_a_quantity_has_one_name(machine, verb):
                 wrong.append(f"{name}: {refused}")
         elif not np.isnan(expected) and found != pytest.approx(expected, rel=1e-5):
             wrong.append(f"{name}: {found}, not {expected}")
-        elif name in absent and not (verb.startswith("family") or name in ("error", "family")):
+        elif name in absent and not (verb.startswith("family") or name in ("error", "family", "admissible")):
             wrong.append(f"{name} is taken")
     assert not wrong, "\n".join(wrong)
 

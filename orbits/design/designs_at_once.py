@@ -17,6 +17,7 @@ from ..periodic import (
     Orbit,
     StartLike,
     Tuning,
+    absent_quantities,
     certified_near,
     continued,
     continued_tuned,
@@ -299,7 +300,8 @@ def _solved_in_lanes(designs: Designs, family: int, report: Callable[[int], None
 
 def names_together(machine: Machine) -> set[str]:
     """The names of what is computed for many orbits together, and of the machine's parameters."""
-    return {*names_of_many(machine.model), *machine.model.of_heights(machine.values), *machine.values}
+    model, p = machine.model, machine.values
+    return ({*names_of_many(model), *model.of_heights(p)} - absent_quantities(model, p).keys()) | p.keys()
 
 
 def _parameters_of(machine: Machine, designs: Designs, which: np.ndarray) -> np.ndarray:
