@@ -1,5 +1,6 @@
 """The toolkit's exceptions, all derived from `OrbitsError`, and the checks of numbers and names that a user gives."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from inspect import signature
 from numbers import Real
@@ -96,6 +97,27 @@ def refuse_machine(machine: object, wrong: Mapping[str, str]) -> None:
         raise InputError(f"'{type(machine).__name__}' is no machine such as problems.Hopper(): {parts}")
 
 
+NUMBER_WITH_UNIT = re.compile(
+    r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*((?![eE][-+]?\d)[^\W\d_][^\s,;*+()]*)\s*"
+)
+# Units that are written after a number, in SI.
+UNITS_IN_SI = {
+    **{"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254, "kg": 1.0, "g": 1e-3},
+    **{"N": 1.0, "kN": 1e3, "mN": 1e-3, "s": 1.0, "ms": 1e-3, "m/s": 1.0, "mm/s": 1e-3, "cm/s": 1e-2, "m/s^2": 1.0},
+    **{"N/m": 1.0, "N/mm": 1e3, "N/cm": 1e2, "kN/m": 1e3, "N/m^3": 1.0, "Hz": 1.0, "deg": np.pi / 180},
+}
+
+
+def unit_stated(value: object) -> str:
+    """What to do about the unit in a text that is a number with one, as "620mm"; empty for anything else."""
+    found = NUMBER_WITH_UNIT.fullmatch(value) if isinstance(value, str) and len(value) < 40 else None
+    if found is None:
+        return ""
+    factor = UNITS_IN_SI.get(found[2])
+    own = "" if factor is None else f", {float(found[1]) * factor:g} for a machine in SI"
+    return f": it has the unit '{found[2]}'; state the number alone{own}"
+
+
 def finite_number(name: str, value: object) -> float:
     """`value` as a finite float; raises `InputError` that names it."""
     if isinstance(value, np.ndarray) and value.ndim == 0:
@@ -105,7 +127,7 @@ def finite_number(name: str, value: object) -> float:
     except OverflowError:
         number = np.inf
     if not np.isfinite(number):
-        raise InputError(f"{name} = {value!r} is not a finite number")
+        raise InputError(f"{name} = {value!r} is not a finite number{unit_stated(value)}")
     return number
 
 

@@ -1,10 +1,23 @@
 """Numbers that a user gives are checked in one place, and the message names the value and the bounds."""
 
+import re
+
 import numpy as np
 import pytest
 
 from orbits import InputError
-from orbits.errors import MESSAGES, list_of_names, one_of, range_of, shortened, true_or_false, whole_number
+from orbits.errors import (
+    MESSAGES,
+    finite_number,
+    list_of_names,
+    one_of,
+    range_of,
+    shortened,
+    true_or_false,
+    unit_stated,
+    whole_number,
+)
+from orbits.laws import number
 from problems import runner
 
 
@@ -78,3 +91,25 @@ def test_a_long_message_leaves_out_whole_words():
     head, tail = shortened(words).split(" ... ")
     assert words.startswith(head + " ")
     assert words.endswith(" " + tail)
+
+
+@pytest.mark.parametrize(
+    ("text", "remedy"),
+    [
+        ("620mm", "it has the unit 'mm'; state the number alone, 0.62 for a machine in SI"),
+        (" 1.5e1 kN ", "it has the unit 'kN'; state the number alone, 15000 for a machine in SI"),
+        ("8N/mm", "it has the unit 'N/mm'; state the number alone, 8000 for a machine in SI"),
+        ("3furlong", "it has the unit 'furlong'; state the number alone$"),
+    ],
+)
+def test_a_number_with_a_unit_is_refused_with_the_number(text, remedy):
+    assert re.search(remedy, unit_stated(text))
+    with pytest.raises(InputError, match=f"length = .* number.*: {remedy}"):
+        number("length", text)
+    with pytest.raises(InputError, match=f"length = .* number: {remedy}"):
+        finite_number("length", text)
+
+
+@pytest.mark.parametrize("value", ["big", "", "mm", "1e5", "3,4", 3.0, None, "2*m", "1 2", "1" * 100 + "mm"])
+def test_what_is_no_number_with_a_unit(value):
+    assert unit_stated(value) == ""

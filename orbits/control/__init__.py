@@ -11,6 +11,6 @@ if TYPE_CHECKING:
     from .holding import HOLDING, Hold as Hold, hold as hold, hold_cycle
     from .optimal_family import FixedParameters, OptimalFamily as OptimalFamily, follow_optimum, known_program
     from .stage import ELAPSED, RUNNING_COST, Input as Input, Stage as Stage
-    from .steer import Guess as Guess, as_guess, steer as steer
+    from .steer import CollapsedStage, Guess as Guess, as_guess, steer as steer
 
 __all__ = [*public_names(__name__)]

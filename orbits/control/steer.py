@@ -67,6 +67,10 @@ class Guess:
     inputs: Mapping[str, float | Callable[[float], float]] = field(default_factory=dict)
 
 
+class CollapsedStage(NoOrbit):
+    """Least cost is where a stage is as short as it may be."""
+
+
 @exclusive
 def steer(
     stages: Sequence[Stage], parameters: Mapping[str, float] | None = None, *, guess: Sequence[Guess] | Control,
@@ -323,7 +327,8 @@ def _check_not_collapsed(stages, unknowns: list[StageUnknowns]) -> None:
                 "stage {number} ({name}) collapses: least cost is at its shortest duration {time:g}; ask for a motion "
                 "without that stage or, in stages of your own, fix its duration"
             )
-            raise NoOrbit(Message(text, number=number, name=stage.phase.name, time=Quantity(stage.duration[0], TIME)))
+            time = Quantity(stage.duration[0], TIME)
+            raise CollapsedStage(Message(text, number=number, name=stage.phase.name, time=time))
 
 
 def _reason_of_failure(problem: Transcription, found: Minimum) -> str | Message:

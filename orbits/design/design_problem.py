@@ -17,6 +17,7 @@ from .design_quantities import extremes_of
 NARROWEST = 1e-9
 WIDE = 100.0  # bounds whose ratio is at least this span decades, and the parameter is scaled by its value
 _RELATION = re.compile(r"<=|>=|==")
+_STRICT = re.compile(r"(?<![<>=])([<>=])(?!=)")
 _MIRRORED = {"<=": ">=", ">=": "<=", "==": "=="}
 
 
@@ -182,8 +183,11 @@ def parse_constraint(text: str, known: Collection[str], machine: Machine) -> Con
     if not isinstance(text, str):
         raise InputError(f"a constraint is text such as 'stroke <= 0.25', not {text!r}")
     sides, relations = [side.strip() for side in _RELATION.split(text)], _RELATION.findall(text)
-    if len(relations) not in (1, 2):
-        raise InputError(f"the constraint '{text}' is not of the form 'stroke <= 0.25': one of <=, >=, ==, or two <=")
+    if _STRICT.search(text) or len(relations) not in (1, 2):
+        form = "one of <=, >=, ==, or two <="
+        if _STRICT.search(text):
+            form = f"a bound belongs to its range, which is written '{_STRICT.sub(lambda sign: sign[0] + '=', text)}'"
+        raise InputError(f"the constraint '{text}' is not of the form 'stroke <= 0.25': {form}")
     formulas = [smooth_formula(side, known, f"in the constraint '{text}',", machine) for side in sides]
     numbers = [None if formula.names else float(formula()) for formula in formulas]
     if endless := [i for i, number in enumerate(numbers) if number is not None and not np.isfinite(number)]:

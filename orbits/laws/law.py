@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError, OutOfRange
+from ..errors import InputError, OutOfRange, unit_stated
 from ..io import in_words
 from ..running import LOCK, exclusive
 from ..symbolic import ElementwiseFunction, MappedFunction, cached, has_taylor_series, suggest
@@ -278,7 +278,9 @@ def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf
     try:
         result = float(value)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{name} = {str(value)[:40]!r} is not a number that can be computed with") from None
+        raise InputError(
+            f"{name} = {str(value)[:40]!r} is not a number that can be computed with{unit_stated(value)}"
+        ) from None
     if isinstance(value, bool | str):
         raise InputError(f"{name} = {value!r} is not a number")
     if not math.isfinite(result):

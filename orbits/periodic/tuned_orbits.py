@@ -186,16 +186,18 @@ def check_count(machine: Machine, tuned: Sequence[str], prescribed: Iterable[str
     """Raise `InputError` where a machine's equations are not as many as their unknowns."""
     prescribed, model = [*prescribed], machine.model
     unknowns, equations = counts(model, tuple(machine.values))
-    if (needed := equations - unknowns + len(prescribed)) != len(tuned):
-        each = "tune one number of the machine for each quantity that is prescribed"
-        if equations > unknowns:
-            more = {1: "one number of the machine"}.get(equations - unknowns, f"{equations - unknowns} numbers of it")
-            each = f"tune {more}, and one more for each quantity that is prescribed"
-        stated = f"tune = {[*tuned]} and at = {prescribed} are {len(tuned)} for {len(prescribed)}"
-        raise InputError(
-            f"half an orbit of a {model.name} has {equations} equations for {unknowns} unknowns: {each}; {stated}, "
-            f"and {needed} {'is' if needed == 1 else 'are'} needed"
-        )
+    if (needed := equations - unknowns + len(prescribed)) == len(tuned):
+        return
+    stated = f"tune = {[*tuned]} names {len(tuned)} of the numbers of the {model.name}"
+    reason = f"one for each quantity of at = {prescribed}"
+    if equations > unknowns:
+        more = ", and one more" + reason.removeprefix("one") if prescribed else ""
+        reason = f"half an orbit has {equations} equations for {unknowns} unknowns{more}"
+    free = [name for name in machine.values if name not in (*tuned, *model.fixed, model.homotopy)]
+    remedy = f"choose among {', '.join(free)}"
+    if needed < len(tuned):
+        remedy = f"leave {len(tuned) - needed} out, or prescribe as many more quantities"
+    raise InputError(f"{stated}, and {needed} {'is' if needed == 1 else 'are'} needed: {reason}; {remedy}")
 
 
 @lru_cache(maxsize=64)

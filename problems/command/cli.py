@@ -811,7 +811,7 @@ def main() -> None:
         click.echo(error.format_message())
         code = 0
     except click.ClickException as error:
-        code = _failed(error.format_message(), error.exit_code)
+        code = _failed(_with_unit(error.format_message()), error.exit_code)
     except (click.Abort, KeyboardInterrupt) as error:
         reason = str(error.__cause__ or error)  # click makes its own of an interrupt
         code = _failed(": ".join(filter(None, ("interrupted", reason))), 130)
@@ -834,6 +834,14 @@ def main() -> None:
         else:
             code = _failed(f"internal error, please report it: {type(error).__name__}: {error}", 1)
     sys.exit(code)
+
+
+def _with_unit(message: str) -> str:
+    """The message about a value of an option, with what to do about a unit after its number."""
+    from orbits.errors import unit_stated
+
+    value, number, _ = message.partition(" is not a valid float")
+    return message.removesuffix(".") + unit_stated(value.rpartition("'")[0].rpartition("'")[2]) if number else message
 
 
 def _failed(message: str, code: int) -> int:

@@ -185,22 +185,23 @@ def write(
 
 def numbers(option: str, text: str, kind: Callable, separator: str = ",") -> list:
     """The numbers in an option's text; raises `InputError` for anything else."""
-    from orbits.errors import InputError
+    from orbits.errors import InputError, unit_stated
 
     try:
         return [kind(part) for part in text.split(separator)]
     except ValueError:
-        raise InputError(f"{option} {text!r} is not a list of numbers, as 1{separator}2") from None
+        units = next(filter(None, map(unit_stated, text.split(separator))), "")
+        raise InputError(f"{option} {text!r} is not a list of numbers, as 1{separator}2{units}") from None
 
 
 def one_number(option: str, text: str) -> float:
     """The number in an option's text; raises `InputError` for anything else."""
-    from orbits.errors import InputError
+    from orbits.errors import InputError, unit_stated
 
     try:
         return float(text)
     except ValueError:
-        raise InputError(f"{option} {text!r} is not a number") from None
+        raise InputError(f"{option} {text!r} is not a number{unit_stated(text)}") from None
 
 
 def several_families(text: str | None, save: str | None, other: object) -> dict[str, Any]:
@@ -566,7 +567,7 @@ def first_scene(family: int = 1, **stated: Any) -> "Scene":
 
 def named_values(settings: Sequence[str], option: str) -> dict[str, float]:
     """The values by name in the texts of an option that is stated as NAME=VALUE."""
-    from orbits.errors import InputError
+    from orbits.errors import InputError, unit_stated
 
     values: dict[str, float] = {}
     for setting in settings:
@@ -579,7 +580,7 @@ def named_values(settings: Sequence[str], option: str) -> dict[str, float]:
         try:
             values[name] = float(value)
         except ValueError:
-            raise InputError(f"{option} {setting!r}: {value!r} is not a number") from None
+            raise InputError(f"{option} {setting!r}: {value!r} is not a number{unit_stated(value)}") from None
     return values
 
 

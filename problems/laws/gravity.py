@@ -5,6 +5,7 @@ its inverse.
 """
 
 from collections.abc import Callable, Mapping
+from numbers import Real
 
 import numpy as np
 
@@ -61,6 +62,8 @@ def __dir__() -> list[str]:
 def as_gravity(law: LawLike, parameters: Mapping[str, float] | None = None, shared: bool = False) -> Law:
     """A gravity law from a law, a formula, a law's name or a Python function, with parameters by name; `shared` is
     as in `springs.as_spring`. Raises `InputError` for anything else."""
+    if isinstance(law, Real):
+        raise InputError(_no_ratio(f"gravity = {law:g}", float(law)))
     if isinstance(law, str) and law.startswith(("table:", "potential:")):
         raise InputError(f"gravity '{law}': gravity is a formula of z or a law's name; only springs are tables")
     return _checked(laws.from_any(law, "z", parameters, NAMED, "gravity", shared))
@@ -74,5 +77,11 @@ def _checked(law: Law) -> Law:
         values = {name: np.float64(value) for name, value in law.parameters.items()}
         ground = float(law.expression(np.float64(0.0), values, []))
     if not abs(ground - 1) <= 1e-9:
-        raise InputError(f"gravity '{law.text}' is {ground:g} at the ground; it is a ratio and must be 1 at z = 0")
+        raise InputError(_no_ratio(f"gravity '{law.text}' is {ground:g} at the ground", ground))
     return law
+
+
+def _no_ratio(stated: str, ground: float) -> str:
+    """The message about a law that has this value at the ground."""
+    in_si = f"of a machine in SI is surface_gravity={ground:g}" if ground > 0 else "is surface_gravity, above 0"
+    return f"{stated}; it is a ratio and must be 1 at z = 0: an acceleration in m/s^2 {in_si}"

@@ -17,7 +17,7 @@ from typing import Any, ParamSpec, cast
 import numpy as np
 
 from orbits import Control, InputError, Machine, NoOrbit, Orbit, Simulation, find, simulate, steer
-from orbits.control import control_in_units
+from orbits.control import CollapsedStage, control_in_units
 from orbits.errors import finite_number, whole_number
 from orbits.hops import run_in_units
 from orbits.periodic import StartLike
@@ -37,6 +37,7 @@ from .actuator_bounds import (
     parsed_speed_force,
 )
 from .corners import steer_across
+from .damping_limit import too_much_damping
 from .driven import Driven, flight_states, is_driven_motion_of, work_done
 from .first_guesses import contact_time_of, growing_swings, lossless_guess, rest_in_contact, undriven_guess
 from .prescribed import LAUNCH_CONDITIONS, OF_THE_ORBIT, of_lossless, prescribed_hop
@@ -94,9 +95,7 @@ def _actuated(machine: Any, actuator: Actuator | None) -> Actuated:
 def in_units_of_the_machine(function: Callable[_P, Control]) -> Callable[_P, Driven]:
     """Extend a function of this module to machines in SI, with bounds and speeds in SI; the result has its machine."""
 
-    @exclusive
-    @wraps(function)
-    def steered(machine: Any, *arguments: object, **options: Any) -> Driven:
+    def once(machine: Any, *arguments: object, **options: Any) -> Driven:
         driven = _actuated(machine, options.pop("actuator", None))
         if not isinstance(guess := options.get("guess"), Control | None):
             raise InputError(f"guess = {guess!r}; it is the result for a machine nearby")
@@ -114,6 +113,15 @@ def in_units_of_the_machine(function: Callable[_P, Control]) -> Callable[_P, Dri
         options["speed_force"] = parsed_speed_force(options.get("speed_force"))
         control = with_units(machine, *arguments, actuator=driven.actuator, **options)
         return Driven.of(machine, control, driven.actuator)
+
+    @exclusive
+    @wraps(function)
+    def steered(machine: Any, *arguments: object, **options: Any) -> Driven:
+        try:
+            return once(machine, *arguments, **options)
+        except CollapsedStage as reason:
+            another = lambda machine: once(machine, *arguments, **options)  # noqa: E731
+            raise NoOrbit(too_much_damping(another, machine, reason)) from None
 
     return cast(Callable[_P, Driven], steered)
 

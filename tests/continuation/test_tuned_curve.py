@@ -73,9 +73,9 @@ def test_a_fold_along_a_quantity_is_located():
     [
         ({"along": "period"}, "say by tune= which parameter changes with it"),
         ({"along": "clearance", "tune": "k"}, "found from the whole motion and is no equation"),
-        ({"along": "mass_ratio", "tune": "k"}, "tune one number of the machine for each quantity"),
+        ({"along": "mass_ratio", "tune": "k"}, r"names 1 .*, and 0 are needed: one for each quantity"),
         ({"along": "k", "tune": "k"}, "'k' is followed, so that it is not tuned"),
-        ({"along": "alpha", "tune": ("k", "mass_ratio")}, "2 for 1, and 1 is needed"),
+        ({"along": "alpha", "tune": ("k", "mass_ratio")}, "names 2 of the numbers of the hopper, and 1 is needed"),
         ({"along": "alpha", "tune": "k", "method": "shooting"}, "tunes no parameters"),
         ({"along": "alpha", "tune": "q"}, "no parameter 'q'"),
         ({"along": "alfa", "tune": "k"}, "no parameter 'alfa'"),

@@ -176,5 +176,5 @@ def test_bad_arguments_are_named():
     with pytest.raises(InputError, match="a runner has no orbits beside this one unless a number of it is tuned"):
         sensitivities(RUNNER)
     for function, objective in ((optimize, "friction_needed"), (pareto, ("alpha", "stroke"))):
-        with pytest.raises(InputError, match="half an orbit of a runner has 10 equations for 9 unknowns"):
+        with pytest.raises(InputError, match="half an orbit has 10 equations for 9 unknowns"):
             function(RUNNER, minimise=objective, over={"rest_length": (3.6, 3.9)})

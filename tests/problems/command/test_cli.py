@@ -198,6 +198,9 @@ PARAMETERS = [
     ("find --spring cubic --set beta", 2, "NAME=VALUE"),
     ("find --spring cubic --set beta=", 2, "not a number"),
     ("find --spring cubic --set beta=big", 2, "'big'"),
+    ("find --masses 60,3 --stiffness 8000 --rest-length 620mm", 2, "state the number alone, 0.62 for a machine in SI"),
+    ("find --masses 60kg,3 --stiffness 8000", 2, "it has the unit 'kg'; state the number alone, 60"),
+    ("find --spring 'k*r' --set k=8N/mm", 2, "'N/mm'; state the number alone, 8000"),
     ("find --spring cubic --set beta=nan", 2, "beta = nan"),
     ("find --spring cubic --set", 2, "--set"),
 ]
@@ -628,7 +631,7 @@ def test_a_family_goes_along_a_quantity(orbits):
     [
         ("find --spring k*r --tune k=1=2 --at alpha=5", "--tune 'k=1=2'"),
         ("find --spring k*r --tune k=1 --at alpha", "--at 'alpha' is not of the form NAME=VALUE"),
-        ("find --spring k*r --tune k=1", "tune one number of the machine for each quantity"),
+        ("find --spring k*r --tune k=1", "one for each quantity of at = []"),
         ("follow --spring k*r --tune k=1 --along clearance --to 5", "found from the whole motion"),
     ],
 )
