@@ -8,7 +8,7 @@ import numpy as np
 from ..errors import InputError
 from ..result import Axes
 from .canvas import axes_or_new, dressed, finished
-from .plot import DRAWN
+from .plot import DRAWN, mark_events
 from .style import COLOURS, STYLE, label_of, small_type
 
 if TYPE_CHECKING:
@@ -41,21 +41,11 @@ def plot_control(control: "Control", axes: Axes | None = None) -> Axes:
 
 
 def plot_optimal_family(family: "OptimalFamily", axes: Axes | None = None) -> Axes:
-    """Plot the least cost of a family of optimal motions against its parameter, with a dotted line and the kind at each
-    event; return the axes."""
+    """Plot the least cost of a family of optimal motions against its parameter, with its events marked; return the
+    axes."""
     axes = axes_or_new(axes)
-    axes.plot(family.values, family.costs, "-", marker=".", ms=5, lw=1.8, color=COLOURS[0])
-    for event in family.events:
-        axes.axvline(event.value, color="0.6", lw=0.8, ls=":", zorder=0.5)
-        text = {
-            "rotation": 90,
-            "va": "top",
-            "ha": "right",
-            "fontsize": small_type(axes),
-            "color": "0.4",
-            "parse_math": False,
-        }
-        axes.text(event.value, 0.98, event.kind, transform=axes.get_xaxis_transform(), **text)
+    axes.plot(family.values, family.costs, ".-", ms=5, lw=STYLE.line, color=COLOURS[0])
+    mark_events(axes, family.values, family.costs, family.events)
     across, up = (label_of(name, family.unit_of(name)) for name in (family.name, "cost"))
     return finished(axes, xlabel=across, ylabel=up)
 

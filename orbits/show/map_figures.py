@@ -135,10 +135,11 @@ def plot_basins(basins: Any, axes: Axes | None = None) -> Axes:
         axes.broken_barh([(a, b - a) for a, b in intervals], (i - 0.35, 0.7), fc=colour, ec=colour, lw=0.4)
         if basins.low <= star <= basins.high:
             axes.plot(star, i, "o", color=colour, mec="0.15", ms=6, zorder=4)
-    axes.set_yticks(range(len(basins)), [f"to {star:.6g}" for star in basins])
+    axes.set_yticks(range(len(basins)), [f"{star:.6g}" for star in basins])
     entitled(axes, f"{basins.share:.3%} of the launches come to a lossless hop")
     label = label_of("alpha", basins.unit_of("alpha"))
-    return finished(axes, xlim=(basins.low, basins.high), ylim=(-0.6, max(1, len(basins)) - 0.4), xlabel=label)
+    axes.set(xlim=(basins.low, basins.high), ylim=(-0.6, max(1, len(basins)) - 0.4), xlabel=label, ylabel="comes to")
+    return axes
 
 
 def plot_periodic_hops(hops: Any, axes: Axes | None = None) -> Axes:

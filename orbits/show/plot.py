@@ -26,7 +26,6 @@ from .style import (
     machine_title,
     numbers_of,
     plain,
-    small_type,
     unit_labels,
     value_of,
 )
@@ -242,15 +241,20 @@ def plot_design_curve(curve: "DesignCurve", axes: Axes | None = None) -> Axes:
     """Plot the objective of a curve of designs against the number that moves, with its events; return the axes."""
     axes = axes_or_new(axes, 0.75)
     axes.plot(curve.values, curve.objectives, ".-", color=COLOURS[0], ms=5)
-    for colour, kind in zip(COLOURS[1:], dict.fromkeys(event.kind for event in curve.events), strict=False):
-        places = np.array([event.value for event in curve.events if event.kind == kind], float)
-        heights = np.interp(places, *np.array(sorted(zip(curve.values, curve.objectives, strict=True))).T)
-        axes.plot(places, heights, "o", color=colour, ms=6, label=kind)
-    if curve.events:
-        axes.legend(fontsize=small_type(axes))
+    mark_events(axes, curve.values, curve.objectives, curve.events)
     headline(axes, curve.machine, without=(curve.parameter,))
     labels = [label_of(name, curve.unit_of(name)) for name in (curve.parameter, curve.designs[0].text)]
     return finished(axes, xlabel=labels[0], ylabel=labels[1])
+
+
+def mark_events(axes: Axes, x: np.ndarray, y: np.ndarray, events: Iterable[Any]) -> None:
+    """Mark events, which have a value of x and a kind, on a curve with points x and y (k,): a colour for each kind."""
+    kinds: dict[str, list[float]] = {}
+    for event in events:
+        kinds.setdefault(event.kind, []).append(event.value)
+    for colour, (kind, places) in zip(COLOURS[1:], kinds.items(), strict=False):
+        heights = np.interp(places, *np.array(sorted(zip(x, y, strict=True))).T)
+        axes.plot(places, heights, "o", color=colour, ms=6, label=plain(kind))
 
 
 def sampled_map(step: "ReturnMap", low: float, high: float, samples: int) -> tuple[np.ndarray, np.ndarray]:

@@ -35,8 +35,8 @@ def plot_sensitivities(found: "Sensitivities", axes: Axes | None = None) -> Axes
     axes.set_yticks(range(len(rows)), [label_of(each) for each in rows])
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
-    entitled(axes, "relative change per relative change")
-    return axes
+    axes.set(xlabel="parameter", ylabel="quantity")
+    return entitled(axes, "relative change per relative change")
 
 
 def plot_indices(found: Any, quantity: str | None = None, axes: Axes | None = None) -> Axes:
@@ -63,7 +63,7 @@ def plot_indices(found: Any, quantity: str | None = None, axes: Axes | None = No
     axes.set_xticks(range(len(each)), [label_of(name) for name in each])
     axes.axhline(0, color="0.4", lw=0.8)
     headline(axes, found.machine)
-    return finished(axes, ylabel=f"share of the variance of {label_of(quantity)}")
+    return finished(axes, xlabel="parameter", ylabel=f"share of the variance of {label_of(quantity)}")
 
 
 def plot_uncertainty(found: Any, quantity: str | None = None, axes: Axes | None = None) -> Axes:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from legibility import faults
 
 from orbits import Families, InputError, NoOrbit, find, follow
 from problems import Hopper, hopper_in_si
@@ -48,6 +49,7 @@ def test_one_figure_names_them_all(families):
     axes = families.plot("frequency")
     names = [text.get_text() for text in axes.get_legend().get_texts()]
     assert names == ["family 1", "family 3", "motions", "end of the range"]
+    assert not faults(axes.figure)
     curves = {line.get_label(): line for line in axes.lines if len(line.get_xdata()) > 2}
     for number in families:
         assert curves[f"family {number}"].get_ydata() == pytest.approx(families[number].column("frequency"))

@@ -5,6 +5,7 @@ import pickle
 import numpy as np
 import pytest
 from carts import STRAIGHT, cart
+from legibility import faults
 
 from orbits import InputError, NoOrbit, steer
 from orbits.control import Guess, Input, Stage
@@ -91,6 +92,10 @@ def test_a_minimum_is_lost_where_the_rod_buckles():
     assert family.end.kind == "bifurcation"
     assert family.values[-1] == pytest.approx(load, rel=1e-6)
     assert family.events[-1].kind == "bifurcation"
+    axes = family.plot()
+    assert {text.get_text() for text in axes.get_legend().get_texts()} == {event.kind for event in family.events}
+    assert axes.lines[-1].get_xdata()[-1] == pytest.approx(load, rel=1e-6)
+    assert not faults(axes.figure)
 
 
 @pytest.mark.parametrize(

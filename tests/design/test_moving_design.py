@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from conftest import slow_after
 from designs import LEG, OVER
+from legibility import faults
 from scipy.optimize import brentq
 
 from orbits import Design, DesignCurve, Front, InputError, NoOrbit, find, optimize, quantities
@@ -142,7 +143,9 @@ def test_a_curve_comes_back(linear, tmp_path):
         assert str(again) == str(curve)
         assert again.save(tmp_path / "again.json").read_bytes() == path.read_bytes()
         assert again.designs[1].source == curve.designs[1].source
-    assert curve.plot().get_xlabel() == "foot mass (kg)"
+    axes = curve.plot()
+    assert axes.get_xlabel() == "foot mass (kg)"
+    assert not faults(axes.figure)
     best = Design.load(linear.save(tmp_path / "best.json"), LINEAR)
     assert best.follow("foot_mass", 3.1, points=2).designs[1].parameters == curve.designs[1].parameters
     with pytest.raises(InputError, match="is not a saved curve of designs"):

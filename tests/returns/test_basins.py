@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from legibility import faults
 
 from orbits import ReturnMap, find
 from orbits.returns.basins import Basins
@@ -34,8 +35,10 @@ def test_the_table_and_the_share(of_leg, tmp_path):
     assert basins.share == pytest.approx(length / (0.03 * star))
     assert basins.heading("from") == "from (m/s)"
     assert Basins.load(basins.save(tmp_path / "basins.json")) == basins
-    bars = sum(path.get_extents().width for bar in basins.plot().collections for path in bar.get_paths())
+    axes = basins.plot()
+    bars = sum(path.get_extents().width for bar in axes.collections for path in bar.get_paths())
     assert bars == pytest.approx(length)
+    assert not faults(axes.figure)
 
 
 def test_where_nothing_comes_to_a_lossless_hop():

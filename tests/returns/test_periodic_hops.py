@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from legibility import faults
 
 from orbits import InputError, ReturnMap, find, multiplier
 from orbits.returns import resolution, return_map
@@ -70,7 +71,9 @@ def test_the_result_says_what_it_rests_on(tmp_path):
     assert "all 15 itineraries through its 3 monotone branches were searched" in str(hops)
     assert PeriodicHops.load(hops.save(tmp_path / "hops.json")).cycles == hops.cycles
     assert hops.table()["branch"][:3] == list(hops[0].branches)
-    assert len(hops.plot().get_legend().get_texts()) == 2
+    axes = hops.plot()
+    assert len(axes.get_legend().get_texts()) == 2
+    assert not faults(axes.figure)
     with pytest.raises(InputError, match="0 < low < high"):
         ReturnMap(Hopper()).periodic_hops(2, 3.0, 2.0)
 

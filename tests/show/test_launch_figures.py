@@ -2,13 +2,15 @@
 
 import numpy as np
 from columns import hop_of
+from legibility import faults
 
 from orbits import ReturnMap, multipliers
 from orbits.show import label_of
 
 
 def lines_of(axes):
-    """The data of the lines of axes, by label."""
+    """The data of the lines of axes that can be read, by label."""
+    assert not faults(axes.figure)
     return {line.get_label(): line.get_xydata() for line in axes.get_lines()}
 
 

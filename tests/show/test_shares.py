@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from legibility import faults
 from scipy.integrate import trapezoid
 from scipy.stats import norm
 
@@ -18,6 +19,7 @@ def test_derivatives_are_a_matrix_of_shares():
     texts = [text.get_text() for text in axes.texts]
     assert texts == ["1", "-0.5", "0", "0", "-0.5", "0"]
     assert [each.get_text() for each in axes.get_yticklabels()] == ["launch speed α", "flight time"]
+    assert not faults(axes.figure)
     with pytest.raises(InputError, match="no derivatives"):
         sensitivities(LEG, 1, [], []).plot()
 
@@ -29,6 +31,7 @@ def test_indices_are_bars_with_intervals():
     expected = [each[order] for order in ("first", "total") for each in found["flight_time"].values()]
     assert heights == pytest.approx(expected)
     assert "flight time" in axes.get_ylabel()
+    assert not faults(axes.figure)
     with pytest.raises(InputError, match="no indices of 'stroke'"):
         found.plot("stroke")
 
@@ -41,5 +44,6 @@ def test_a_distribution_has_an_area_of_one():
     x, y = curve.get_data()
     assert trapezoid(y, x) == pytest.approx(1, abs=0.01)
     assert x[np.argmax(y)] == pytest.approx(found.mean["alpha"], abs=2 * found.linear["alpha"] / 10)
+    assert not faults(axes.figure)
     with pytest.raises(InputError, match="has no 'stroke'"):
         found.plot("stroke")

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from legibility import faults
 from scipy.optimize import curve_fit
 from scipy.stats import multivariate_normal, norm
 
@@ -144,7 +145,9 @@ class TestFit:
         text = str(self.FOUND)
         assert "k*r + b*r**3 fitted to 60 rows" in text
         assert f"+- {self.FOUND.deviations['k']:.2g} (one standard deviation)" in text
-        assert "fitted" in self.FOUND.plot().get_legend_handles_labels()[1][0] or self.FOUND.plot().lines
+        axes = self.FOUND.plot()
+        assert axes.get_legend_handles_labels()[1] == ["measured", "k·r + b·r³"]
+        assert not faults(axes.figure)
         assert "<img" in self.FOUND._repr_html_()
 
     @pytest.mark.parametrize("over", [{("b", "k"): norm(1.0, 0.1)}, {("b", "k"): multivariate_normal([1.0], [[0.1]])}])

@@ -1,6 +1,7 @@
 """Figures of fitted hops."""
 
 import pytest
+from legibility import faults
 
 from orbits import InputError
 from tests.recorded_hops import fit_of_heights
@@ -12,6 +13,7 @@ def test_draws_record_motion_and_residuals():
     assert [each.get_ylabel() for each in panels] == ["body height (m)", "foot height (m)", "residual / deviation"]
     legend = [text.get_text() for text in panels[-1].get_legend().get_texts()]
     assert legend[:2] == ["recorded", "fitted motion"]
+    assert not faults(axes.figure)
     assert all(len(panel.patches) == 3 for panel in panels)  # the contacts
 
 
