@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 from decimal import Decimal
 from fractions import Fraction
 
@@ -143,6 +144,22 @@ def test_a_proof_in_parts_has_the_reasons_of_the_part_that_fails(cubic_hop, monk
     proof = prove(cubic_hop, parameters={"beta": ("0.29985", "0.30015")}, motion=False)
     assert not proof.proved
     assert proof.reasons == (f"existence: no box: {spreads}", f"in a part of the intervals: clearance: {late}")
+
+
+@pytest.mark.slow
+def test_a_box_that_is_too_large_comes_with_one_that_is_proved(cubic_hop):
+    """About the machine's own value, with bounds of few digits; four times as large it is not proved as a whole."""
+    proof = prove(cubic_hop, parameters={"beta": ("0.2", "0.5")}, motion=False)
+    assert not proof.proved
+    found = re.fullmatch(
+        r"the intervals as a whole, but smaller ones are: beta in \[(0\.\d{1,5}), (0\.\d{1,5})\]", proof.reasons[-1]
+    )
+    low, high = map(float, found.groups())
+    assert low < 0.3 < high
+    assert prove(cubic_hop, parameters={"beta": found.groups()}, motion=False).proved
+    wider = {"beta": (f"{0.3 + 4 * (low - 0.3):.6f}", f"{0.3 + 4 * (high - 0.3):.6f}")}
+    claim = claim_of(cubic_hop, None)
+    assert not whole_proof(claim, claim.stated(wider), None, False, False).proved
 
 
 @pytest.mark.slow
