@@ -39,6 +39,7 @@ from orbits import (
     uncertainty,
 )
 from orbits.continuation import Family
+from orbits.control import hold
 from orbits.design.design_curve import SeveralDesigns
 from orbits.io import to_json
 from orbits.laws import HystereticLaw
@@ -100,6 +101,7 @@ def made(kind: str):
         ).follow("d", 1.2),
         "DrivenFamily": lambda: steering.keep_hopping(Hopper(damping=0.01), intervals=14).follow("damping", 0.02),
         "Basins": lambda: ReturnMap(Hopper(mass_ratio=0.05)).basins(4.4, 4.8, samples=100),
+        "HeldLaunches": lambda: hold(find(Hopper()), "y1 - y2", force=1.0).launches([-0.02, 0.02], hops=3),
         "SpringFit": lambda: springs.fit(springs.SAMPLE, "k*r + b*r**3", in_si=True),
     }[kind]()
 
@@ -111,6 +113,7 @@ WHOLE = (
     *("Simulation", "Hops", "BifurcationDiagram", "Proof", "Checked", "Driven", "Disturbed", "SpringFit"),
     *("Sensitivities", "Indices", "Basins", "BifurcationCurve", "PeriodDiagram", "OptimalFamily", "DrivenFamily"),
     *("LaunchHops", "ReturningHops", "PeriodicHops", "HopMultipliers"),
+    "HeldLaunches",
 )
 RESULTS = (
     *WHOLE,
@@ -144,7 +147,7 @@ WITHOUT = {
 # The machines that files do not hold.
 OF_FILES = {
     **dict.fromkeys(("Design", "DesignCurve", "Front"), lambda result: getattr(result, "designs", (result,))[0].source),
-    **dict.fromkeys(("Simulation", "DrivenFamily"), lambda result: result.source),
+    **dict.fromkeys(("Simulation", "DrivenFamily", "HeldLaunches"), lambda result: result.source),
     "Disturbed": lambda result: made("Driven").source,
 }
 

@@ -148,7 +148,7 @@ class Linearised(NamedTuple):
     flown: list[np.ndarray]
 
 
-class _Launches(NamedTuple):
+class Launches(NamedTuple):
     """The launches of a cycle with an actuator: the places of their numbers among the contact states, and of the one
     that follows from these; their names and units."""
 
@@ -158,7 +158,7 @@ class _Launches(NamedTuple):
     unit: np.ndarray
 
     @classmethod
-    def of(cls, impacts: Impacts, units: Units) -> "_Launches":
+    def of(cls, impacts: Impacts, units: Units) -> "Launches":
         section, states = LaunchSection(impacts, units), impacts.contact.phase.states
         ends = [i for i, name in enumerate(states) if f"{name}'" not in states and not name.endswith("'")]
         places = [section.places[name] for name in section.names]
@@ -167,6 +167,15 @@ class _Launches(NamedTuple):
         return cls(
             [*places, *own], section.places[section.dependent], (*section.names, *(states[i] for i in own)), unit
         )
+
+    def moved(self, impacts: Impacts, y: np.ndarray, change: np.ndarray) -> np.ndarray:
+        """The contact state (k,) of a launch that differs from one (k,) by this change (d,) of its numbers in their
+        units."""
+        found = y + self.tangent(impacts.force_gradient(y)) @ change
+        for _ in range(CYCLE.newton):
+            gradient, force = impacts.force_slope(found, impacts.contact.data(found[None], impacts.p)[0])
+            found[self.bound] -= float(force) / float(gradient[self.bound])
+        return found
 
     def tangent(self, gradient: np.ndarray) -> np.ndarray:
         """The derivative (k, d) of the contact state by these numbers, where the contact force has this gradient."""
@@ -180,7 +189,7 @@ def linearised(cycle: Cycle, plan: Plan) -> Linearised:
     """The pieces of a cycle; raises the errors of the flow, and of landings."""
     runs = Runs(cycle)
     first = runs.impacts(0)
-    launches = _Launches.of(first, cycle.units)
+    launches = Launches.of(first, cycle.units)
     model, x = first.model, cycle.start
     y = first.onto_contact @ x
     tangent = launches.tangent(first.force_gradient(y))

@@ -27,16 +27,19 @@ from typing import Any, NamedTuple, cast
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import InputError, finite_number, whole_number
 from ..io import one_line
 from ..laws import Algebraic, Parameters
 from ..mechanics import Force, Mechanism, names_in, value_of
 from ..periodic import Orbit
+from ..result import Progress
 from ..running import exclusive
 from ..symbolic import suggest
 from ..units import LENGTH, TIME, Units
 from .held_cycle import DECISIONS, Cycle, Effects, Linearised, Plan, Runs, linearised, planned
+from .held_launches import HeldLaunches, by_modulus, held_launches, simulated_multipliers
 from .held_limits import HeldLimits, Room, room_of
 from .regulator import cycle_with, landing_softly, regulator
 
@@ -80,7 +83,7 @@ class Hold:
     gains, mixed : (N, n) and (N, N), a change of input per change of the state that is measured, and of those decided
         before, with the opposite sign
     sizes : (n,), by which states are compared with the nearest of the cycle
-    limits, room : what the actuator can do, in the units of the machine, and its bounds
+    limits, bare_limits, room : what the actuator can do, in the units of the machine and without, and its bounds
     multipliers, held_multipliers : (d,) without and with the feedback, by falling modulus
     slopes : (2, N') of the gap and its speed at landing by the inputs in flight, where these are decided at once
 
@@ -101,6 +104,7 @@ class Hold:
     mixed: np.ndarray
     sizes: np.ndarray
     limits: HeldLimits
+    bare_limits: HeldLimits
     room: Room
     multipliers: np.ndarray
     held_multipliers: np.ndarray
@@ -161,6 +165,35 @@ class Hold:
             if abs(shift - before) <= 1e-12 * most:
                 break
         return state - series @ shift**orders, shift, series[:, 1]
+
+    def launches(
+        self, errors: ArrayLike = (-0.05, -0.01, 0.01, 0.05), *, hops: int = 10, noise: float = 0.0, seed: int = 0,
+        within: float = 1e-3, progress: Progress = None,
+    ) -> HeldLaunches:  # fmt: skip
+        """Simulate launches that are off, with the limits and the delay: which come back, and what that costs.
+
+        errors : (m,), the shares by which the launch speed is off
+        hops : the number of lift-offs of each
+        noise : the deviation of the measurement of each state, as a share of its range in the cycle
+        seed : of the noise
+        within : the share of the launch speed up to which a launch has come back
+        progress : called with the share that is done
+
+        >>> from orbits import find
+        >>> from orbits.control import hold
+        >>> from problems import Hopper
+        >>> hold(find(Hopper()), "y1 - y2", force=1.0).launches([-0.02, 0.02], hops=5).share
+        1.0
+        """
+        return held_launches(self, errors, hops, noise, seed, within, progress)
+
+    def simulated_multipliers(self, step: float = 1e-7) -> np.ndarray:
+        """The multipliers (d,) of the simulated cycle, by differences of launches that are extrapolated to none.
+
+        step : the largest change of a number of the launch, in sizes of the cycle. A change h loses h**(4/3) at a
+            tangential landing, so that differences have errors in h**(1/3) and h**(2/3), which are taken away
+        """
+        return simulated_multipliers(self, step)
 
     def __str__(self) -> str:
         """The moduli of the multipliers without and with the feedback, and the limits."""
@@ -283,7 +316,7 @@ def hold_cycle(
     room = room_of(cycle, plan, found, bare, HOLDING.margin)
     return Hold(
         machine, along, when, delay, found.names, plan, cycle, found.states, tuple(found.series), found.steps, own,
-        mixed, _sizes(cycle, found), limits, room, _by_modulus(free), _by_modulus(held),
+        mixed, _sizes(cycle, found), limits, bare, room, by_modulus(free), by_modulus(held),
         None if slopes is None else slopes / cycle.unit,
     )  # fmt: skip
 
@@ -379,8 +412,3 @@ def _effects_along(machine: Mechanism, along: str) -> Effects:
         return inputs, np.array(speed(states.T), dtype=float).ravel()
 
     return effects
-
-
-def _by_modulus(matrix: np.ndarray) -> Any:
-    values = np.linalg.eigvals(matrix)
-    return values[np.lexsort((-values.imag, -np.abs(values).round(12)))]

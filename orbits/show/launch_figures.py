@@ -10,6 +10,7 @@ from .map_figures import IDENTITY
 from .style import label_of
 
 if TYPE_CHECKING:
+    from ..control import HeldLaunches
     from ..hops import HopMultipliers
     from ..returns import LaunchHops, ReturningHops
 
@@ -45,3 +46,14 @@ def plot_multipliers(found: "HopMultipliers", axes: Axes | None = None) -> Axes:
     axes.plot(found.values.real, found.values.imag, "o", label="multipliers")
     axes.set_aspect("equal", adjustable="datalim")
     return finished(axes, xlabel="real part", ylabel="imaginary part")
+
+
+def plot_held_launches(found: "HeldLaunches", axes: Axes | None = None) -> Axes:
+    """Plot by how much launches are off, as shares of the launch speed, hop after hop; return the axes."""
+    axes = axes_or_new(axes)
+    for error, off, back in zip(found.errors, found.off, found.returned, strict=True):
+        style = {"ls": "-" if back else ":", "marker": "o", "ms": 4}
+        axes.semilogy(np.arange(len(off)), np.maximum(off, 1e-16), label=f"{100 * error:+.3g} %", **style)
+    axes.axhline(found.within, color="0.5", lw=0.8)
+    axes.set_ylim(bottom=max(1e-12, 0.3 * float(np.nanmin(found.off))))
+    return finished(axes, xlabel="hop", ylabel="change of the launch, as a share")

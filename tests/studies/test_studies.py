@@ -40,6 +40,7 @@ from studies import (
     figure_7,
     figure_8,
     gravity_families,
+    held_hops,
     inerter,
     knee,
     mutations,
@@ -70,7 +71,7 @@ STUDIES = {
     for study in (
         *(asteroid, attraction, bifurcations, chain, chain_hand, damped_hopper, design, existence, figure_5, figure_8),
         *(gravity_families, inerter, knee, period_four, plate, robot_leg, rocker, runner, series, spring_families),
-        *(start_up, theorems, tolerances, tutorial, walker),
+        *(held_hops, start_up, theorems, tolerances, tutorial, walker),
     )
 }
 # Those that have no quick mode.
@@ -473,6 +474,15 @@ def test_damped_hopper(tmp_path):
     assert numbers["work over c"] == pytest.approx(numbers["dissipation over c"], rel=1e-5)
     assert numbers["injected work over c"] == pytest.approx(numbers["dissipation over c"], rel=1e-3)
     assert numbers["missed"] < 1e-8
+
+
+@pytest.mark.slow
+def test_held_hops(tmp_path):
+    """All launches come back within the limits, and the printed multipliers are those of the simulated cycles."""
+    numbers = held_hops.main(tmp_path, quick=True)
+    assert numbers["machines"] == 4
+    assert numbers["share"] == 1.0
+    assert numbers["multipliers"] < 1e-3
 
 
 @pytest.mark.slow
