@@ -8,7 +8,7 @@ import numpy as np
 from ..design import Outputs, known_formula, names_along, values_at_orbits
 from ..errors import InputError
 from ..model import Machine
-from ..periodic import FRICTION_LEFT, orbit_from
+from ..periodic import FRICTION_LEFT, beyond_model, orbit_from
 from .motion_columns import names_of_motions, numbers_of_motions
 from .point import numbers_at, point_in_units
 
@@ -22,12 +22,13 @@ def formula_along(
 
     Raises `InputError` for an unknown name.
     """
-    formula = known_formula(text, names_along(machine), "the quantity", machine)
+    formula = known_formula(text, [*names_along(machine), *beyond_model(machine)], "the quantity", machine)
     if not points:
         return np.zeros(0)
     numbers: dict[str, Any] = {name: [each.get(name, x) for each in values] for name, x in machine.values.items()}
     numbers = {name: np.array(each, dtype=float) for name, each in numbers.items()}
-    used = Outputs((formula,), ()).quantities(machine.model, machine.values)
+    used = [*Outputs((formula,), ()).quantities(machine.model, machine.values)]
+    used += [name for name in beyond_model(machine) if name in formula.names]
     stored, together = points[0].numbers, names_of_motions(machine)
     numbers |= {name: numbers_at(points, name) for name in used if name in stored}
     if FRICTION_LEFT in used and machine.model.planar and machine.model.planar.friction:

@@ -1,18 +1,20 @@
 """Quantities of an orbit, and their exact derivatives by the parameters of its machine."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..errors import InputError, OrbitsError, list_of_names
+from ..errors import InputError, NoOrbit, OrbitsError, list_of_names
 from ..model import Machine, check_parameters, free_parameters, machine_in_words
 from ..periodic import (
     OF_LOSS,
     OTHER_EQUATIONS,
     Orbit,
     StartLike,
+    beyond_model,
     check_start,
     find,
     is_orbit_of,
@@ -116,10 +118,12 @@ def quantities(machine: Machine, orbit: Orbit, names: Names = None) -> dict[str,
     >>> round(quantities(Hopper(), find(Hopper()), ["stroke"])["stroke"], 5)
     12.26528
     """
-    names = _requested(machine, orbit, names)
-    if not names:
-        return {}
-    return dict(zip(names, _formulas_at(machine, orbit, names, ()).values.tolist(), strict=False))
+    names, alone = _requested(machine, orbit, names), beyond_model(machine)
+    beyond = {name: alone[name](orbit.alpha) for name in names if name in alone}
+    if not (others := [name for name in names if name not in beyond]):
+        return beyond
+    found = dict(zip(others, _formulas_at(machine, orbit, others, ()).values.tolist(), strict=False)) | beyond
+    return {name: found[name] for name in names}
 
 
 @exclusive
@@ -213,6 +217,11 @@ def values_at_orbits(machines: Sequence[Machine], orbits: Sequence[Orbit], names
     """Quantities (m, k) of these names at orbits of machines (m), NaN where an orbit does not have one."""
     found = np.full((len(orbits), len(names)), np.nan)
     for k, name in enumerate(names):
+        if name in beyond_model(machines[0]):
+            for i, (machine, orbit) in enumerate(zip(machines, orbits, strict=True)):
+                with suppress(NoOrbit):
+                    found[i, k] = beyond_model(machine)[name](orbit.alpha)
+            continue
         outputs, pairs = Outputs((parse(name),), ()), zip(machines, orbits, strict=True)
         points = design_points([Case(machine, orbit.dimensionless(), outputs, {}) for machine, orbit in pairs])
         found[:, k] = [np.nan if isinstance(point, OrbitsError) else point.values[0] for point in points]

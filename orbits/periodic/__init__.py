@@ -57,6 +57,7 @@ if TYPE_CHECKING:
         QUANTITIES,
         VARIATIONAL,
         absent_quantities,
+        beyond_model,
         dimension_of,
         motion_numbers,
         names_of_many,

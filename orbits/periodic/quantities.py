@@ -118,7 +118,7 @@ OF_LOSS = ("loss_coefficient", "robustness")
 VARIATIONAL = ("landing_sensitivity", *OF_LOSS)  # these need the variation of the flight with alpha
 FRICTION_LEFT = "friction_left"  # the stated friction less that which is needed
 ACCURACY = "it says how accurately an orbit is known, and is no property of its motion"
-OF_LOOP = "it is lost on the measured loop of a spring, which `orbit.loop_energy` computes for one orbit"
+OF_LOOP = "it is lost on the measured loop of which a spring is one branch: a column of sweeps and families, no design"
 NOT_BY_SPEED = "it is a slope by the launch speed alone, and a launch of this machine has several unknowns"
 # In the order of every table; there is one of the "rises", and one of the "apexes", for each height of the machine.
 QUANTITIES: dict[str, OrbitQuantity] = {
@@ -199,6 +199,12 @@ def absent_quantities(model: Model, p: Mapping) -> dict[str, str]:
         why[FRICTION_LEFT] = "the machine states no friction of the ground"
     why |= {} if model.moves_on else dict.fromkeys(OF_RUNS, f"a {model.name} does not move on along the ground")
     return why
+
+
+def beyond_model(machine: Any) -> dict[str, Callable[[float], float]]:
+    """The quantities that follow from more of a machine than its model has, by name, each of the launch speed of an
+    orbit; they are computed for one orbit after the other. They raise `NoOrbit` where the orbit has none."""
+    return {"loop_energy": lambda alpha: machine.on_loop(alpha).energy} if getattr(machine, "of_loop", False) else {}
 
 
 def quantity_names(model: Model, p: Mapping) -> list[str]:

@@ -12,7 +12,7 @@ from ..design import columns_of_tuned, formula_names, known_formula, names_toget
 from ..errors import InputError, list_of_names, range_of
 from ..io import Document
 from ..model import Machine, machine_in_words
-from ..periodic import Orbit, Tuning, check_start, family_number, find, start_in_file, unknowns_of_start
+from ..periodic import Orbit, Tuning, beyond_model, check_start, family_number, find, start_in_file, unknowns_of_start
 from ..running import exclusive
 from ..shooting import method_of
 from .designs import Axis, Members
@@ -216,7 +216,8 @@ def _tuning(machine: Machine, members: Members, outcome: str, tune: Any, at: Any
 
 def names_of_quantities(machine: Machine, tuning: Tuning | None) -> list[str]:
     """The names that formulas of quantities may use: of machines that go forward, what is computed for many orbits."""
-    return sorted(names_together(machine)) if tuning and machine.model.sticks else formula_names(machine)
+    known = sorted(names_together(machine)) if tuning and machine.model.sticks else formula_names(machine)
+    return [*known, *beyond_model(machine)]
 
 
 def _check_quantities(machine: Machine, quantities: Sequence[str], tuning: Tuning | None) -> None:

@@ -58,10 +58,15 @@ class TwoMasses(Stated):
         """Whether the machine loses energy otherwise than by impacts."""
         return self.damping > 0 or self.drag > 0
 
+    @property
+    def of_loop(self: Any) -> bool:
+        """Whether its spring is one branch of a measured loop."""
+        return self.spring is not None and self.spring.loop is not None
+
     def on_loop(self: Any, alpha: float) -> Any:
         """The `Upkeep` of a hop with a launch speed on the measured loop of which the machine's spring is one branch;
         None where the spring is no branch of a loop. Raises `NoOrbit` where the hop has no next launch."""
-        if self.spring is None or self.spring.loop is None:
+        if not self.of_loop:
             return None
         from orbits.returns import ReturnMap  # most machines need none
 

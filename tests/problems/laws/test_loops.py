@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from orbits import InputError, ReturnMap, find, simulate
+from orbits import InputError, ReturnMap, find, follow, optimize, quantities, simulate, sweep
 from problems import Hopper, hopper_in_si, springs
 from problems.machines import files
 
@@ -110,4 +110,17 @@ def test_an_orbit_of_one_branch_states_what_the_loop_loses():
     energy = ReturnMap(stated).upkeep(orbit.alpha).energy
     assert [orbit.loop_energy, found["loop_energy"]] == pytest.approx([energy, energy], rel=1e-6)
     assert orbit.document()["si"]["loop_energy_J"] == orbit.loop_energy
+    machine = orbit.source
+    assert quantities(machine, orbit, ["loop_energy", "stroke"])["loop_energy"] == orbit.loop_energy
+    swept = sweep(machine, {"body_mass": [3.0, 3.3]}, quantities=["loop_energy", "loop_energy/stroke"], progress=False)
+    heavier = machine.with_values(body_mass=3.3)
+    expected = [orbit.loop_energy, find(heavier).loop_energy]
+    assert swept["loop_energy"] == pytest.approx(expected, rel=1e-9)
+    assert swept["loop_energy/stroke"][0] == pytest.approx(orbit.loop_energy / orbit.stroke, rel=1e-9)
+    assert swept.unit_of("loop_energy") == "J"
+    family = follow(machine, "body_mass", 3.3, most=3)
+    last = find(machine.with_values(body_mass=family[-1].value)).loop_energy
+    assert family.column("loop_energy")[[0, -1]] == pytest.approx([orbit.loop_energy, last], rel=1e-9)
+    with pytest.raises(InputError, match="a column of sweeps and families, no design"):
+        optimize(machine, minimise="loop_energy", over={"body_mass": (3.0, 4.0)})
     assert "on the measured loop" not in str(find(hopper_in_si(3.0, 1.5, stiffness=1500.0, rest_length=0.3)))
