@@ -9,6 +9,7 @@ from itertools import cycle
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..model import Affine
 from ..result import Axes
@@ -247,13 +248,13 @@ def plot_design_curve(curve: "DesignCurve", axes: Axes | None = None) -> Axes:
     return finished(axes, xlabel=labels[0], ylabel=labels[1])
 
 
-def mark_events(axes: Axes, x: np.ndarray, y: np.ndarray, events: Iterable[Any]) -> None:
+def mark_events(axes: Axes, x: ArrayLike, y: ArrayLike, events: Iterable[Any]) -> None:
     """Mark events, which have a value of x and a kind, on a curve with points x and y (k,): a colour for each kind."""
     kinds: dict[str, list[float]] = {}
     for event in events:
         kinds.setdefault(event.kind, []).append(event.value)
     for colour, (kind, places) in zip(COLOURS[1:], kinds.items(), strict=False):
-        heights = np.interp(places, *np.array(sorted(zip(x, y, strict=True))).T)
+        heights = np.interp(places, *np.array(sorted(zip(np.asarray(x), np.asarray(y), strict=True))).T)
         axes.plot(places, heights, "o", color=colour, ms=6, label=plain(kind))
 
 
