@@ -137,7 +137,10 @@ def _question(
     sizes = sizes_of([each.values for each in samples])
     pairs = zip(samples, sizes, strict=True)
     samples = [each._replace(weights=each.weights / (FIT.first_deviation * size)) for each, size in pairs]
-    unknowns = Unknowns(machine, names, tuple(own.values()), tuple(biased), tuple(delayed), tuple(sizes.tolist()))
+    values = {**machine.values, RESTITUTION: machine.restitution}
+    scales = tuple(abs(values[name]) or 1.0 for name in names)
+    channels_of_record, ranges = tuple(own.values()), tuple(sizes.tolist())
+    unknowns = Unknowns(machine, names, channels_of_record, tuple(biased), tuple(delayed), ranges, scales)
     return Question(unknowns, tuple(samples), np.array(deviations))
 
 

@@ -93,6 +93,7 @@ class Unknowns(NamedTuple):
     biased : for each channel, whether its offset is unknown
     delayed : for each channel, whether its delay is unknown
     sizes : of each channel, the size of its values
+    scales : of each unknown parameter, its size
     """
 
     machine: Machine
@@ -101,6 +102,7 @@ class Unknowns(NamedTuple):
     biased: tuple[bool, ...]
     delayed: tuple[bool, ...]
     sizes: tuple[float, ...]
+    scales: tuple[float, ...]
 
     @property
     def values(self) -> dict[str, float]:
@@ -202,8 +204,8 @@ class HopProgram:
             np.abs(np.vstack(self._nodes(c) or [np.ones((1, 1))])).max(0) + PROGRAM.smallest for c in (False, True)
         ]
         values = unknowns.values
-        self.starts = np.array([values[name] for name in unknowns.names])
-        self.parameter_sizes = np.where(self.starts == 0, 1.0, np.abs(self.starts))
+        self.parameter_sizes = np.array(unknowns.scales)
+        self.starts = np.array([values[name] for name in unknowns.names]) / self.parameter_sizes
         self._build()
 
     def _are_events(self) -> list[bool]:
@@ -221,10 +223,9 @@ class HopProgram:
 
     def guess(self, bias: np.ndarray, delay: np.ndarray) -> np.ndarray:
         """The unknowns of the motions and of the machine, with these offsets and delays."""
-        own = self.starts / self.parameter_sizes
         edges = np.concatenate([motion.edges for motion in self.motions])[self.free_edges]
         nodes = [(each / size).ravel() for c, size in enumerate(self.sizes) for each in self._nodes(bool(c))]
-        return np.concatenate([own, bias, delay / self.time, edges / self.time, *nodes])
+        return np.concatenate([self.starts, bias, delay / self.time, edges / self.time, *nodes])
 
     def _build(self) -> None:
         """Build the program and the functions of its unknowns."""
@@ -253,7 +254,7 @@ class HopProgram:
             "gauss_newton", [z, weights, *multipliers], [ca.triu(multipliers[0] * share * (slopes.T @ slopes + held))],
             ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"],
         )  # fmt: skip
-        cost = 0.5 * share * (ca.sumsqr(weights * plain) + PROGRAM.held * ca.sumsqr(theta - np.sign(self.starts)))
+        cost = 0.5 * share * (ca.sumsqr(weights * plain) + PROGRAM.held * ca.sumsqr(theta - self.starts))
         self.minimiser = Minimiser(z, weights, cost, joined, {**_tolerances(), "hess_lag": hessian})
         self._plain = ca.Function("plain", [z], [plain])
         self._slopes = ca.Function("slopes", [z, weights], [slopes, ca.jacobian(joined, z)])

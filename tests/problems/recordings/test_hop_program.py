@@ -25,7 +25,15 @@ def program():
     sizes = sizes_of(values)
     zeros = np.zeros(inside.sum(), int)
     samples = [Samples(zeros, times[inside], own, zeros + 100 / size) for own, size in zip(values, sizes, strict=True)]
-    unknowns = Unknowns(TRUE, NAMES, CHANNELS, (True, False, False), (False, False, True), tuple(sizes.tolist()))
+    unknowns = Unknowns(
+        TRUE,
+        NAMES,
+        CHANNELS,
+        (True, False, False),
+        (False, False, True),
+        tuple(sizes.tolist()),
+        tuple(bench.TRUTH.values()),
+    )
     return HopProgram(unknowns, [motion], samples)
 
 
