@@ -31,9 +31,8 @@ class Layout(ConstrainedLayoutEngine):
 
     def execute(self, fig: Any) -> Any:
         """Lay the figure out, and again where what had to be fitted to the room that this left takes another one."""
-        drawn = [
-            axes for axes in fig.findobj(lambda artist: hasattr(artist, "axison")) if axes.get_visible() and axes.axison
-        ]
+        every = fig.findobj(lambda artist: hasattr(artist, "axison"))  # second axes and those within others too
+        drawn = [axes for axes in every if axes.get_visible() and axes.axison]
         for axes in drawn:
             _give_type(axes)
             self._fit_legend(axes)
@@ -101,16 +100,15 @@ class Layout(ConstrainedLayoutEngine):
         whole, before = self.whole.get(text, (shown, shown))
         if before != shown:  # it was set anew
             whole = shown
-        lines, letters = [], max(map(len, whole.split("\n")))
+        letters = max(map(len, whole.split("\n")))
         while True:
             lines = [part for line in whole.split("\n") for part in _broken(line, letters)]
             text.set_text("\n".join(lines))
             box = text.get_window_extent()
-            if (
-                box.width if text.get_rotation() == 0 else box.height
-            ) <= room - STYLE.margin or letters < STYLE.shortest:
+            length = (box.width if text.get_rotation() == 0 else box.height) + STYLE.margin
+            if length <= room or letters < STYLE.shortest:
                 break
-            letters -= 1
+            letters = min(letters - 1, int(letters * room / length) + 3)
         self.whole[text] = whole, text.get_text()
         return text.get_text() != shown
 

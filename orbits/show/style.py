@@ -34,6 +34,8 @@ class Style(NamedTuple):
     columns_apart: float = 1.4  # distance between the columns of a legend in its font sizes
     letter: float = 0.52  # width of a letter in a legend in its font sizes
     entry: float = 4.2  # width of a legend's entry without its letters in its font sizes
+    beside: float = 3.0  # what a legend leaves free of a figure's width in its font sizes
+    widened: float = 1.15  # width of a legend below axes that stand in no grid, in theirs
     tick: float = 1.4  # room that a number on an axis needs, in its own sizes
     ticks: int = 8  # on an axis, at most
     margin: float = 6.0  # beside a text in pixels
@@ -57,11 +59,8 @@ _GREEK = {
     **dict(zip(("tau", "phi", "chi", "psi", "omega"), "τφχψω", strict=True)),
 }
 _RAISED, _LOWERED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"), str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
-_WORDS = {
-    "alpha": "launch speed alpha",
-    "next": "next launch speed",
-    "inject": "injection",
-}  # quantities whose names say too little alone
+# Quantities whose names say too little alone.
+_WORDS = {"alpha": "launch speed alpha", "next": "next launch speed", "inject": "injection"}
 
 
 def small_type(axes: Axes) -> float:
@@ -108,9 +107,8 @@ def numbers_of(machine: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
 
 def value_of(name: str, value: float, unit: str = "") -> str:
     """A parameter's or quantity's value in a title or a legend, as "b = 0.3 N/m"."""
-    return f"{label_of(name).removeprefix('launch speed ')} = {value:.{STYLE.digits}g}" + (
-        unit and f" {label_of(unit)}"
-    )
+    short = label_of(name).removeprefix("launch speed ")
+    return f"{short} = {value:.{STYLE.digits}g}" + (unit and f" {label_of(unit)}")
 
 
 def is_laid_out(axes: Axes) -> bool:
@@ -135,7 +133,8 @@ def place_legend(axes: Axes, handles: list, names: list[str]) -> None:
 def columns_of_legend(axes: Axes, names: list[str]) -> int:
     """The number of columns of a legend for which there is room in the figure below axes."""
     _, columns, own = grid_of(axes)
-    room = 72 * axes.figure.get_figwidth() * own / columns / small_type(axes) - 3
+    width = axes.figure.bbox.width * own / columns if axes.get_subplotspec() else STYLE.widened * axes.bbox.width
+    room = 72 * width / axes.figure.dpi / small_type(axes) - STYLE.beside
     letters = [len(re.sub(r"[$^{}\\]", "", name)) for name in names]
     lengths = STYLE.letter * np.array(letters) + STYLE.entry
     counts = range(len(names), 1, -1)

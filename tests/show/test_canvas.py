@@ -26,6 +26,16 @@ def test_type_follows_that_of_the_axes():
     assert own.figure.get_layout_engine() is None
 
 
+def test_axes_of_any_figure_are_drawn_on():
+    """Those of a part of a figure, and those that stand in no grid, have a legend that fits below them."""
+    figure = Figure(figsize=(8, 4), layout="constrained")
+    left, _ = figure.subfigures(1, 2)
+    for axes in (left.add_subplot(), figure.add_axes((0.6, 0.4, 0.35, 0.5))):
+        find(Hopper()).plot(axes)
+        figure.draw_without_rendering()
+        assert axes.get_legend().get_window_extent().width < 0.5 * figure.bbox.width
+
+
 @pytest.mark.parametrize("width", [STYLE.column, STYLE.page])
 def test_a_figure_is_written_as_wide_as_a_journal_wants_it(width, tmp_path):
     path = save_figure(find(LEG).plot(), tmp_path / "hop.pdf", width)
