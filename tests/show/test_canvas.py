@@ -27,7 +27,7 @@ def test_type_follows_that_of_the_axes():
 
 
 def test_axes_of_any_figure_are_drawn_on():
-    """Those of a part of a figure, and those that stand in no grid, have a legend that fits below them."""
+    """A part of a figure, and axes that stand in no grid, have legends that fit below them."""
     figure = Figure(figsize=(8, 4), layout="constrained")
     left, _ = figure.subfigures(1, 2)
     for axes in (left.add_subplot(), figure.add_axes((0.6, 0.4, 0.35, 0.5))):
