@@ -7,7 +7,9 @@ from docutils import nodes
 from sphinx.writers.html5 import HTML5Translator
 
 PRINTED = ("output", "text")
-FULL = 80  # columns: a printed line that is shorter ends its paragraph
+# Columns of a printed line; one that is shorter than the second number, and had room for the first word of the next
+# line, ends its paragraph.
+FULL, NEARLY = 80, 60
 # A row of a table has a gap between its columns, or stands far to the right, below the last column of another row.
 ROW = re.compile(r" *\S.* {2,}\S| {8,}\S")
 
@@ -22,8 +24,9 @@ def joined(text: str) -> str:
     lines: list[str] = []
     above = ""
     for line in text.split("\n"):
-        same = 0 < indentation(line) == indentation(above) and len(above) > FULL
-        if lines and line.strip() and same and not ROW.match(line) and not ROW.match(above):
+        same = line.strip() and 0 < indentation(line) == indentation(above)
+        full = same and (len(above) > NEARLY or len(above) + 1 + len(line.split()[0]) > FULL)
+        if lines and full and not ROW.match(line) and not ROW.match(above):
             divided = re.search(r"\w-$", above)  # a word at its hyphen
             lines[-1] += ("" if divided else " ") + line.strip()
         else:
