@@ -370,7 +370,9 @@ class Result:
 
 def _place_of(value: object, name: str) -> str:
     """Where a public part of a value, or a part of that, has an attribute, as "certificate.clearance"; else ""."""
-    parts = {own: part for own, part in vars(value).items() if is_dataclass(part) and not own.startswith("_")}
+    public = (own for own in dir(value) if own in vars(value) and not own.startswith("_"))
+    parts = {own: vars(value)[own] for own in public}
+    parts = {own: part for own, part in parts.items() if is_dataclass(part) and not isinstance(part, type)}
     for own, part in parts.items():
         if name in vars(part) or hasattr(type(part), name):
             return f"{own}.{name}"

@@ -123,3 +123,7 @@ def test_what_is_missing_is_missing(names):
     assert (found.value.name, found.value.obj) == ("alhpa", names["orbit"])
     with pytest.raises(AttributeError, match=r"'Simulation' object has no attribute 'clearance'$"):
         names["run"].clearance  # noqa: B018
+    with pytest.raises(AttributeError, match=r"no attribute 'base'; take source.base$"):
+        orbits.find(problems.hopper_in_si(60.0, 3.0, stiffness=8000.0)).base  # noqa: B018
+    with pytest.raises(AttributeError, match=r"no attribute 'coefficients'$"):
+        names["orbit"].coefficients  # noqa: B018 -- of the internal flight
