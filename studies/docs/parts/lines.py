@@ -9,7 +9,7 @@ from sphinx.writers.html5 import HTML5Translator
 PRINTED = ("output", "text")
 # Columns of a printed line; one that is shorter than the second number, and had room for the first word of the next
 # line, ends its paragraph.
-FULL, NEARLY = 80, 60
+FULL, NEARLY = 80, 50
 # A row of a table has a gap between its columns, or stands far to the right, below the last column of another row.
 ROW = re.compile(r" *\S.* {2,}\S| {8,}\S")
 
