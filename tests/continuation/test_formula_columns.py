@@ -30,7 +30,7 @@ def test_formulas_of_parameters_and_quantities(family):
     assert family.column("beta*mass_ratio + rest_length") == pytest.approx(family.column("beta") + 30.0, rel=1e-15)
     assert family.column("rest_length").tolist() == [30.0] * len(family)
     axes = family.plot("frequency*period")
-    assert axes.get_ylabel() == "frequency*period"
+    assert axes.get_ylabel() == "frequency·period"
     assert np.concatenate([line.get_ydata() for line in axes.lines if len(line.get_xdata()) > 2]) == pytest.approx(1.0)
 
 

@@ -146,7 +146,7 @@ def test_what_cannot_be_searched():
     with pytest.raises(InputError, match="not both"):
         find_all(Hopper(), [], family=1)
     with pytest.raises(InputError, match="give family="):
-        find_all(Hopper(), 2)
+        find_all(Hopper(), {"alpha": 4.5})
     with pytest.raises(InputError, match=r"find_all\(machine, starts\(machine\)\) finds its hops"):
         find_all(Chain(masses=(1, 1, 1)), family=1)
     with pytest.raises(InputError, match="a family is a whole number"):
