@@ -102,6 +102,7 @@ def made(kind: str):
         "DrivenFamily": lambda: steering.keep_hopping(Hopper(damping=0.01), intervals=14).follow("damping", 0.02),
         "Basins": lambda: ReturnMap(Hopper(mass_ratio=0.05)).basins(4.4, 4.8, samples=100),
         "HeldLaunches": lambda: hold(find(Hopper()), "y1 - y2", force=1.0).launches([-0.02, 0.02], hops=3),
+        "LaunchIntervals": lambda: ReturnMap(Hopper(mass_ratio=0.05)).basin(4.4, 4.8, samples=100),
         "SpringFit": lambda: springs.fit(springs.SAMPLE, "k*r + b*r**3", in_si=True),
     }[kind]()
 
@@ -111,7 +112,16 @@ WHOLE = (
     *("Orbit", "Orbit in SI", "Family", "Sweep", "Existence", "Uncertainty", "Design", "Front", "Control"),
     "DesignCurve",
     *("Simulation", "Hops", "BifurcationDiagram", "Proof", "Checked", "Driven", "Disturbed", "SpringFit"),
-    *("Sensitivities", "Indices", "Basins", "BifurcationCurve", "PeriodDiagram", "OptimalFamily", "DrivenFamily"),
+    *(
+        "Sensitivities",
+        "Indices",
+        "Basins",
+        "LaunchIntervals",
+        "BifurcationCurve",
+        "PeriodDiagram",
+        "OptimalFamily",
+        "DrivenFamily",
+    ),
     *("LaunchHops", "ReturningHops", "PeriodicHops", "HopMultipliers"),
     "HeldLaunches",
 )

@@ -5,9 +5,11 @@ from typing import TYPE_CHECKING
 from ..public_names import public_names
 
 if TYPE_CHECKING:
+    from .basins import Basins as Basins
     from .bifurcation import WORDS_OF_STABILITY, Bifurcation as Bifurcation, name_of_hops
     from .bifurcation_curve import BifurcationCurve
     from .bifurcations import bifurcations
+    from .destinations import CHAOS, UNDECIDED
     from .diagram import BifurcationDiagram, Branch as Branch, BranchEnd
     from .hops import FixedPoint, Hops as Hops
     from .launch_cycles import DAMPERS_OF_HOPS, INJECT, RESTITUTION

@@ -10,7 +10,7 @@ interval is halved until the slope of f^n - x, by the chain rule, has one sign i
 its values and slopes.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -77,6 +77,14 @@ class MonotoneBranches:
         x = bounds.ravel()
         following = pieces.next(x, pieces.cell(x, *flat.T)).reshape(-1, 2) + inject
         return cls(pieces, inject, bounds, following, table, following[:, 1] > following[:, 0])
+
+    def only(self, which: np.ndarray, ends: np.ndarray | None = None) -> "MonotoneBranches":
+        """Some of the branches, in order, between other ends (k, 2) where these are given."""
+        cells, rising = self.cells[which], self.rising[which]
+        if ends is None:
+            return replace(self, ends=self.ends[which], following=self.following[which], cells=cells, rising=rising)
+        following = self.next(ends.ravel(), np.repeat(which, 2)).reshape(-1, 2)
+        return replace(self, ends=ends, following=following, cells=cells, rising=rising)
 
     def next(self, x: np.ndarray, branch: np.ndarray) -> np.ndarray:
         """The next launch speeds (k,) of launch speeds in branches (k,)."""

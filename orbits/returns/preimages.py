@@ -1,4 +1,4 @@
-"""Preimages of intervals of launch speeds, and basins, on the pieces of a return map near the ends of the intervals.
+"""Preimages of intervals of launch speeds, on the pieces of a return map near the ends of the intervals.
 
 The map is resolved only where it may pass such an end, and where that takes too long, by the launches of a grid. What
 the launches between two passages and borders do follows from one of them.
@@ -9,13 +9,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ..numerics import enclosed_sign_changes, resolved
-from ..result import Progress
 from .hops import Hops
-from .itineraries import ITINERARIES, MonotoneBranches
+from .itineraries import MonotoneBranches
 from .map_pieces import Intervals, within
 from .resolution import Resolving
-
-SETTLED = 1e-5  # a basin, maybe of infinitely many intervals, is complete when a hop adds a smaller share of the range
 
 
 class Passages:
@@ -75,27 +72,3 @@ class Passages:
         i, k = i[new], k[new]
         ends = x[i], x[i + 1], excess[i, k], excess[i + 1, k]
         return k, enclosed_sign_changes(lambda at, which: self._next(at) - levels[k[which]], *ends)[0]
-
-    def basin(
-        self, lossless: Sequence[float], hops: int, width: float, progress: Progress = None, only: int | None = None
-    ) -> Intervals:
-        """The intervals of launch speeds that come to one of the `lossless` ones, ascending, within `hops` hops, in a
-        range of this width; with `only` to the one with this index."""
-        self._resolve(lossless)
-        pairs = list(zip(lossless, [*lossless[1:], float(self._ends[1])], strict=True))
-        intervals = [(star, self._end_of_basin(star, end)) for star, end in (pairs if only is None else [pairs[only]])]
-        total = 0.0
-        for _ in range(hops):
-            intervals = self.preimages(intervals)
-            total, last = float(np.diff(intervals).sum()), total
-            if progress:
-                progress(min(total / width, 1.0))
-            if total - last <= SETTLED * width:
-                break
-        return intervals
-
-    def _end_of_basin(self, star: float, end: float) -> float:
-        """The launch speed, at most `end`, from which on the map falls below the lossless one, `star`."""
-        near = star * (1 + ITINERARIES.least_part)
-        ends = (min(b, end) for a, b in self.preimages([(star, np.inf)]) if a <= near < b)
-        return next(ends, star)

@@ -34,8 +34,10 @@ from ..result import Axes, Progress, cell, shown
 from ..running import TimeOver, exclusive, in_threads, time_limit
 from ..tables import number_text
 from ..units import ENERGY, LIFTOFF_SPEED, Message, Quantity, in_own_units, without_units
-from .basins import Basins
+from .basins import Basins, LaunchIntervals
+from .destinations import SLOWER, UNDECIDED, Destination, SettledMap, destinations
 from .hops import Hops, Upkeep
+from .itineraries import MonotoneBranches
 from .launch_hops import LaunchHops, hops_of_launches
 from .limited_hops import NEAR_LEVELS, PlainMap
 from .map_pieces import PIECES, Intervals, MapPieces
@@ -52,12 +54,20 @@ class ReturnMapOptions(NamedTuple):
     slowest_lossless: float = 1e-3  # below this, in the units of the machine, no lossless launch is searched for
     batch: int = 8192  # launch speeds: enough to pay for the calls, few enough for the processor's cache
     shown: int = 1000  # launches in the picture of a map
+    slowest_share: float = 1e-3  # launches below this share of the slowest one of a range are not followed
+    tops: int = 41  # numbers above a range of launches that are tried as a bound that none passes
+    below_top: int = 65  # launches below that are mapped
+    few: int = 64  # impacts in a hop from these
     highest: float = 9.0  # launch that is shown where there is no lossless one, in the units of the machine
 
 
 RETURN_MAP = ReturnMapOptions()
 DIMENSIONS_OF_UPKEEP = {**dict.fromkeys(("alpha", "inject"), LIFTOFF_SPEED), "energy": ENERGY}
-NO_BASIN = "with injection or damping, or on a slope, no hop is lossless, and none comes to one"
+
+
+def in_speeds(found: Any, step: "ReturnMap") -> Any:
+    """Intervals of launch speeds in the units of the map's machine."""
+    return found.in_units(step.units.of(LIFTOFF_SPEED), step._words)
 
 
 class ReturnMap:
@@ -302,8 +312,8 @@ class ReturnMap:
         return i[np.abs(np.nan_to_num(self(a).next) - np.nan_to_num(self(b).next)) > PIECES.jump * a]
 
     @exclusive
-    @in_own_units(LIFTOFF_SPEED, edges=LIFTOFF_SPEED, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
-    def preimages(self, edges: Intervals, low: float, high: float, samples: int = 2000) -> Intervals:
+    @in_own_units(in_speeds, edges=LIFTOFF_SPEED, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
+    def preimages(self, edges: Intervals, low: float, high: float, samples: int = 2000) -> LaunchIntervals:
         """The intervals of launch speeds between `low` and `high`, ascending, whose next launch speed lies in one of
         the intervals `edges`. They end where the map passes an edge, or jumps; `samples` is as in `fixed_points`, and
         the map is resolved near the edges, see `orbits.returns.preimages`."""
@@ -319,7 +329,8 @@ class ReturnMap:
                 ends = {name: Quantity(x, LIFTOFF_SPEED) for name, x in (("low", low_edge), ("high", high_edge))}
                 text = "edges = ({low:.17g}, {high:.17g}); the launch speeds of an interval are above 0 and ascend"
                 raise InputError(Message(text, **ends))
-        return self._passages(low, high, samples, lossless_speeds(self.machine, low, high)).preimages(edges)
+        found = self._passages(low, high, samples, lossless_speeds(self.machine, low, high)).preimages(edges)
+        return LaunchIntervals(self._words, low, high, tuple(found))
 
     @exclusive
     def upkeep(self, alpha: float) -> "Upkeep":
@@ -367,58 +378,73 @@ class ReturnMap:
     def plot_basin(
         self, low: float, high: float, axes: Axes | None = None, hops: int = 1000, samples: int = 2000
     ) -> Axes:
-        """Plot which launches between two speeds come to which lossless hop, with their share of the range;
-        returns the axes. The basin is that of `basin`."""
+        """Plot which launches between two speeds come to which hop, with their share of the range; returns the axes.
+        The intervals are those of `basins`."""
         self._check_one_speed("plot_basin")
         return shown("map_figures").plot_basin(self, low, high, axes, hops, samples)
 
     @exclusive
-    @in_own_units(
-        lambda found, step: found.in_units(step.units.of(LIFTOFF_SPEED), machine_in_words(step.machine)),
-        low=LIFTOFF_SPEED, high=LIFTOFF_SPEED,
-    )  # fmt: skip
-    def basins(self, low: float, high: float, hops: int = 1000, samples: int = 2000) -> Basins:
-        """The basin of each lossless launch speed below `high`, a mapping by launch speed, while `basin` returns their
-        union; those without launches between `low` and `high` are left out."""
+    @in_own_units(in_speeds, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
+    def basins(
+        self, low: float, high: float, hops: int = 1000, samples: int = 2000, progress: Progress = None
+    ) -> Basins:
+        """What the launches between two speeds come to: each lossless hop, or with injection or damping each hop or
+        cycle of hops that attracts, with its intervals of launches; launches that rest; chaotic motions; and those that
+        are undecided.
+
+        A launch comes to a hop where one of its next launches, within at most `hops` hops, lies in the immediate basin
+        of the hop: an interval around it in which all launches come to it. With injection, attracting hops of up to 16
+        launches are searched for from all extrema and borders of the map, also outside of the range. Their basins are
+        preimages of these intervals on the map's pieces, see `orbits.returns.destinations`; `samples` is as in
+        `fixed_points`. `progress` is called with the share of the range that is decided.
+
+        >>> from orbits import ReturnMap
+        >>> from problems import Hopper
+        >>> basins = ReturnMap(Hopper(), inject=0.03).basins(4.4, 5.0)
+        >>> [(round(alpha, 5), round(basins.share_of(alpha), 2)) for alpha in basins]
+        [(0.55092, 0.2), (4.51883, 0.11)]
+        """
         self._check_one_speed("basins")
         low, high, samples = _checked_grid(low, high, samples)
-        hops = whole_number("hops", hops, "hops", 0)
-        if self.inject != 0 or not self.impacts.model.conservative or self.impacts.descends:
-            raise InputError(NO_BASIN)
-        lossless = [star for star in lossless_speeds(self.machine, RETURN_MAP.slowest_lossless, high) if star < high]
-        words = machine_in_words(self.machine)
-        if not lossless:
-            return Basins(words, low, high, ())
-        passages = self._passages(lossless[0], high, samples, lossless)
-        found = {star: passages.basin(lossless, hops, high - low, only=k) for k, star in enumerate(lossless)}
-        inside = {star: tuple((max(a, low), min(b, high)) for a, b in own if b > low) for star, own in found.items()}
-        return Basins(words, low, high, tuple((star, own) for star, own in inside.items() if own))
+        hops, words = whole_number("hops", hops, "hops", 0), self._words
+        lossless = self.inject == 0 and self.impacts.model.conservative and not self.impacts.descends
+        stars = lossless_speeds(self.machine, RETURN_MAP.slowest_lossless, high) if lossless else []
+        stars = [star for star in stars if star < high and not self.only_gains]
+        if lossless and not stars:
+            return Basins(
+                words, low, high, 0.0, (Destination(UNDECIDED if self.only_gains else SLOWER, ((low, high),)),), 0
+            )
+        bottom = stars[0] if lossless else self.inject if self.inject > 0 else RETURN_MAP.slowest_share * low
+        top = high if lossless else self._top(high)
+        pieces = pieces_between(
+            self, min(bottom, low), top, samples, progress and (lambda share: progress(0.5 * share))
+        )
+        settling = SettledMap(MonotoneBranches.of(pieces, self.inject), self)
+        half = progress and (lambda share: progress(0.5 + 0.5 * share))
+        return Basins(words, low, high, self.inject, *destinations(settling, (low, high), stars, hops, half))
+
+    def _top(self, high: float) -> float:
+        """A launch speed from `high` on which no slower launch passes, as far as some launches below it show."""
+        least, step = (
+            max(self.inject, RETURN_MAP.slowest_share * high),
+            ReturnMap(self.machine, self.inject, RETURN_MAP.few),
+        )
+        for top in high + least * np.arange(1.0, RETURN_MAP.tops):
+            below = top - least * np.linspace(0.0, 1.0, RETURN_MAP.below_top)
+            if not (step(below).next > top).any():
+                break
+        return float(top)
 
     @exclusive
-    @in_own_units(LIFTOFF_SPEED, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
+    @in_own_units(in_speeds, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
     def basin(
         self, low: float, high: float, hops: int = 1000, samples: int = 2000,
         progress: Progress = None,
-    ) -> Intervals:  # fmt: skip
-        """The intervals of launch speeds between `low` and `high` that come to a lossless hop, ascending.
-
-        All launches above a lossless one come down to it, up to the speed where the map falls below it; all others
-        in the basin enter one of these intervals, within at most `hops` hops. Intervals that would add only some 1e-5
-        of the range are left out. `progress` is called after every hop with the share of the range that is found, and
-        with 0 while the grid is refined. Raises `InputError` with injection or damping.
-        """
-        self._check_one_speed("basin")
-        low, high, samples = _checked_grid(low, high, samples)
-        if self.inject != 0 or not self.impacts.model.conservative or self.impacts.descends:
-            raise InputError(NO_BASIN)
-        hops = whole_number("hops", hops, "hops", 0)
-        lossless = lossless_speeds(self.machine, RETURN_MAP.slowest_lossless, high)
-        if not lossless or lossless[0] >= high:
-            return []
-        if progress:
-            progress(0.0)
-        intervals = self._passages(lossless[0], high, samples, lossless).basin(lossless, hops, high - low, progress)
-        return [(max(a, low), min(b, high)) for a, b in intervals if b > low]
+    ) -> LaunchIntervals:  # fmt: skip
+        """The intervals of launch speeds between `low` and `high` that come to any hop that attracts, ascending: the
+        union of the `basins`, which say the rest."""
+        found = self.basins(low, high, hops, samples, progress)
+        return LaunchIntervals(found.machine, found.low, found.high, tuple(found.union))
 
 
 def pieces_between(

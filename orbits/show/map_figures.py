@@ -1,5 +1,6 @@
 """Figures of the return map: with a cobweb, of its basins, and of bifurcations; in SI where the machine is."""
 
+from collections.abc import Iterable, Sequence
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
@@ -7,7 +8,7 @@ import numpy as np
 
 from ..errors import InputError, finite_number, true_or_false
 from ..result import Axes
-from ..returns import WORDS_OF_STABILITY, name_of_hops
+from ..returns import CHAOS, UNDECIDED, WORDS_OF_STABILITY, name_of_hops
 from ..units import LIFTOFF_SPEED
 from .canvas import axes_or_new, entitled, finished, headline
 from .plot import DRAWN, cobweb, sampled_map
@@ -16,6 +17,7 @@ from .style import COLOURS, STYLE, label_of
 if TYPE_CHECKING:
     from ..returns import Hops, ReturningHops, ReturnMap
 
+COLOURS_OF_OTHERS = {CHAOS: "0.45", UNDECIDED: "0.15"}  # of what launches come to besides hops, in `Basins`
 IDENTITY: dict[str, object] = {"color": "0.6", "lw": 0.8, "zorder": 1}
 # Markers of fixed points: full where they attract, open where they do not, half where they attract from above only.
 STYLES_OF_POINTS: dict[str, dict[str, object]] = {
@@ -93,53 +95,93 @@ def _mark(axes: Axes, points: list[tuple[float, str]]) -> None:
 
 
 def plot_basin(step: "ReturnMap", low: float, high: float, axes: Axes | None, hops: int, samples: int) -> Axes:
-    """Plot which launches between two speeds come to which lossless hop, as a bar below the map; the legend states what
-    share of the range comes to each, and the title what share comes to any; return the axes.
+    """Plot which launches between two speeds come to which hop, as a bar below the map; the legend states what share of
+    the range comes to each, and the title what share comes to any; return the axes.
 
-    step : a `ReturnMap` without injection and damping
-    hops, samples : as in `ReturnMap.basin`
+    step : a `ReturnMap`
+    hops, samples : as in `ReturnMap.basins`
     """
     basins, width = step.basins(low, high, hops, samples), high - low
     unit = f" {step.machine.units.text(LIFTOFF_SPEED)}" if step.machine.units else ""
     axes = _drawn_map(step, low, high, axes_or_new(axes, 0.82), 4000)
-    inside = axes.get_xaxis_transform()
-    total = 0.0
-    for (star, intervals), colour in zip(basins.items(), cycle(COLOURS[1:])):
-        spans = [(a, b - a) for a, b in intervals]
-        length = sum(span for _, span in spans)
-        total, share = total + length, length / width
-        text = f"to {star:.6g}{unit}: {100 * share:.3g}%"
-        axes.broken_barh(
-            spans, (0, DRAWN.destinations), fc=colour, ec=colour, lw=0.4, transform=inside, label=text, zorder=3
-        )
-        axes.broken_barh(
-            spans,
-            (DRAWN.destinations, 1 - DRAWN.destinations),
-            fc=colour,
-            ec="none",
-            transform=inside,
-            alpha=0.12,
-            zorder=0,
-        )
-        if low <= star <= high:
-            axes.plot(star, star, "o", color=colour, mec="0.15", ms=6, zorder=4)
-    words = f"{100 * total / width:.3g}% of the launches come to a lossless hop: {total:.6g} of {width:.6g}{unit}"
-    entitled(axes, words if basins else "no launch here comes to a lossless hop")
+    inside, below = axes.get_xaxis_transform(), np.zeros(DRAWN.bins + 1)
+    few = _are_few(each.intervals for each in basins.attracting)
+    for each, colour in zip(basins.destinations, _colours(basins), strict=True):
+        share = basins.share_of(each.launches[0] if each.is_hop else each.kind)
+        if not each.is_hop and (each.kind not in COLOURS_OF_OTHERS or share < DRAWN.least_share):
+            continue
+        name = f"to {', '.join(f'{alpha:.6g}' for alpha in each.launches)}{unit}" if each.is_hop else each.words
+        options = {"transform": inside, "label": f"{name}: {100 * share:.3g}%"}
+        below = _spans(axes, each.intervals, basins, below, DRAWN.destinations, colour, few, **options)
+        if each.is_hop and few:
+            spans = [(a, b - a) for a, b in each.intervals]
+            span = DRAWN.destinations, 1 - DRAWN.destinations
+            axes.broken_barh(spans, span, fc=colour, ec="none", transform=inside, alpha=0.12, zorder=0)
+        for alpha in (alpha for alpha in each.launches if each.is_hop and low <= alpha <= high):
+            following = float(step(alpha).next) if each.kind == "stable" else alpha
+            axes.plot(alpha, following, "o", color=colour, mec="0.15", ms=6, zorder=4)
+    total = basins.share * width
+    words = f"{100 * total / width:.3g}% of the launches come to {basins.goal}: {total:.6g} of {width:.6g}{unit}"
+    entitled(axes, words if basins else f"no launch here comes to {basins.goal}")
     return _labelled_map(axes, step, low, high)
 
 
 def plot_basins(basins: Any, axes: Axes | None = None) -> Axes:
-    """Plot `Basins` as bars over the launch speeds, a row for each lossless hop; return the axes."""
-    axes = axes_or_new(axes, 0.25 + 0.08 * max(1, len(basins)))
-    for i, ((star, intervals), colour) in enumerate(zip(basins.items(), cycle(COLOURS[1:]))):
-        axes.broken_barh([(a, b - a) for a, b in intervals], (i - 0.35, 0.7), fc=colour, ec=colour, lw=0.4)
-        if basins.low <= star <= basins.high:
-            axes.plot(star, i, "o", color=colour, mec="0.15", ms=6, zorder=4)
-    axes.set_yticks(range(len(basins)), [f"{star:.6g}" for star in basins])
-    entitled(axes, f"{basins.share:.3%} of the launches come to a lossless hop")
+    """Plot `Basins` as bars over the launch speeds, a row for each hop and for each other end of launches; return the
+    axes. Of very many intervals the height shows their share."""
+    rows = basins.destinations
+    axes = axes_or_new(axes, 0.25 + 0.08 * max(1, len(rows)))
+    for i, (each, colour) in enumerate(zip(rows, _colours(basins), strict=True)):
+        _spans(axes, each.intervals, basins, i - 0.35, 0.7, colour, _are_few([each.intervals]))
+        for alpha in (alpha for alpha in each.launches if each.is_hop and basins.low <= alpha <= basins.high):
+            axes.plot(alpha, i, "o", color=colour, mec="0.15", ms=6, zorder=4)
+    axes.set_yticks(range(len(rows)), [f"{each.launches[0]:.6g}" if each.is_hop else each.kind for each in rows])
+    entitled(axes, f"{basins.share:.3%} of the launches come to {basins.goal}")
     label = label_of("alpha", basins.unit_of("alpha"))
-    axes.set(xlim=(basins.low, basins.high), ylim=(-0.6, max(1, len(basins)) - 0.4), xlabel=label, ylabel="comes to")
+    axes.set(xlim=(basins.low, basins.high), ylim=(-0.6, max(1, len(rows)) - 0.4), xlabel=label, ylabel="comes to")
+    axes.spines[["top", "right"]].set_visible(False)
     return axes
+
+
+def plot_intervals(found: Any, axes: Axes | None = None) -> Axes:
+    """Plot `LaunchIntervals` as bars over the launch speeds; return the axes."""
+    axes = axes_or_new(axes, 0.3)
+    _spans(axes, found.intervals, found, 0.0, 1.0, COLOURS[1], _are_few([found.intervals]))
+    entitled(axes, f"{found.share:.3%} of the launches")
+    axes.set(xlim=(found.low, found.high), ylim=(0, 1.2), xlabel=label_of("alpha", found.unit_of("alpha")))
+    axes.set_yticks([])
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    return axes
+
+
+def _colours(basins: Any) -> list[Any]:
+    """The colour of each destination of `Basins`."""
+    hops = cycle(COLOURS[1:])
+    return [next(hops) if each.is_hop else COLOURS_OF_OTHERS.get(each.kind, "0.8") for each in basins.destinations]
+
+
+def _are_few(parts: Iterable[Sequence[tuple[float, float]]]) -> bool:
+    """Whether intervals are so few that each is drawn."""
+    return sum(map(len, parts)) <= DRAWN.most_bars
+
+
+def _spans(
+    axes: Axes, intervals: Sequence[tuple[float, float]], within: Any, bottom: Any, height: float, colour: Any,
+    few: bool, **options: Any,
+) -> Any:  # fmt: skip
+    """Draw intervals as bars from a bottom, or unless they are few their share of narrow bins of the range as a height;
+    return the bottom of bars that lie above these."""
+    style = {"fc": colour, "ec": colour, "lw": 0.4, "zorder": 3, **options}
+    if few:
+        axes.broken_barh([(a, b - a) for a, b in intervals], (float(np.max(bottom)), height), **style)
+        return bottom
+    edges, ends = np.linspace(within.low, within.high, DRAWN.bins + 1), np.ravel(intervals)
+    below = np.repeat(np.cumsum(np.diff(np.reshape(ends, (-1, 2)))[:, 0]), 2)
+    below[::2] -= np.diff(np.reshape(ends, (-1, 2)))[:, 0]
+    share = np.diff(np.interp(edges, ends, below)) / np.diff(edges)
+    top = bottom + height * np.append(share, share[-1])
+    axes.fill_between(edges, bottom, top, step="post", **{**style, "lw": 0})
+    return top
 
 
 def plot_periodic_hops(hops: Any, axes: Axes | None = None) -> Axes:

@@ -45,6 +45,9 @@ class Drawn(NamedTuple):
     stage_samples: int = 401  # times of a stage at which its curves are drawn
     cycles_of_map: int = 12  # that are drawn in a map: more would not be distinguished
     destinations: float = 0.05  # height of the bar that shows them, as a share of the axes
+    most_bars: int = 300  # intervals of launches that are drawn as bars; of more, their share in bins is drawn
+    bins: int = 1000
+    least_share: float = 1e-4  # of launches that are chaotic or undecided, below which they are left out beside a map
     # Dashes of curves of bifurcations, one for each doubling of the period.
     dashes_at_borders: tuple = ((0, (1, 1.3)), (0, (1, 2)), (0, (1, 3)), (0, (1, 4)))
     contours: int = 8  # of a map of results

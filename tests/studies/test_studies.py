@@ -23,6 +23,7 @@ from studies import (
     air_track,
     asteroid,
     attraction,
+    basins,
     bifurcations,
     chain,
     chain_hand,
@@ -69,9 +70,9 @@ from studies.paper import printed
 STUDIES = {
     study.__name__.rpartition(".")[2]: study
     for study in (
-        *(asteroid, attraction, bifurcations, chain, chain_hand, damped_hopper, design, existence, figure_5, figure_8),
-        *(gravity_families, inerter, knee, period_four, plate, robot_leg, rocker, runner, series, spring_families),
-        *(held_hops, start_up, theorems, tolerances, tutorial, walker),
+        *(asteroid, attraction, basins, bifurcations, chain, chain_hand, damped_hopper, design, existence, figure_5),
+        *(figure_8, gravity_families, inerter, knee, period_four, plate, robot_leg, rocker, runner, series),
+        *(held_hops, spring_families, start_up, theorems, tolerances, tutorial, walker),
     )
 }
 # Those that have no quick mode.
@@ -399,6 +400,12 @@ def test_design(tmp_path):
     assert numbers["curve"].slopes[0] == pytest.approx(-1.547845583, rel=1e-8)
     heights = -numbers["fronts"][2].values[:, 0]
     assert heights.max() == pytest.approx(0.206531, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_basins(tmp_path):
+    """Shares by pieces of the map are those of simulated launches, up to the number of these."""
+    assert all(off < 0.06 for off in basins.main(tmp_path, quick=True).values())
 
 
 @pytest.mark.slow
