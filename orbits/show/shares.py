@@ -62,7 +62,7 @@ def plot_indices(found: Any, quantity: str | None = None, axes: Axes | None = No
         )
     axes.set_xticks(range(len(each)), [label_of(name) for name in each])
     axes.axhline(0, color="0.4", lw=0.8)
-    headline(axes, found.machine)
+    headline(axes, found.machine, without=each)
     return finished(axes, xlabel="parameter", ylabel=f"share of the variance of {label_of(quantity)}")
 
 
@@ -84,5 +84,5 @@ def plot_uncertainty(found: Any, quantity: str | None = None, axes: Axes | None 
     for i, share in enumerate(("5%", "95%")):
         place = found.quantiles[quantity][share]
         axes.axvline(place, color="0.3", lw=1, ls="--", label=None if i else "5 % and 95 %")
-    headline(axes, found.machine)
+    headline(axes, found.machine, without=sweep.parameters)
     return finished(axes, xlabel=label_of(quantity, sweep.unit_of(quantity)), ylabel="density")
