@@ -32,17 +32,16 @@ class HeldLimits:
     speed_force: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        for name, bound in asdict(self).items():
-            for number in np.atleast_1d(bound).tolist() if isinstance(bound, tuple | list) else [bound]:
-                if number is None or (isinstance(number, Real) and number == np.inf):
-                    continue
-                if not finite_number(name, number) > 0:
-                    raise InputError(f"{name} = {number:g}: a bound of what acts is above 0")
         if self.speed_force is not None and np.shape(self.speed_force) != (2,):
             raise InputError(
                 f"speed_force = {self.speed_force!r}; it is two numbers, the speed at which no force is left to drive, "
                 "and the force at rest"
             )
+        numbers = [(name, getattr(self, name)) for name in ("rate", "stroke", "force", "power")]
+        numbers = [each for each in numbers if not (isinstance(each[1], Real) and each[1] == np.inf)]
+        for name, number in (*numbers, *(("speed_force", each) for each in self.speed_force or ())):
+            if not finite_number(name, number) > 0:
+                raise InputError(f"{name} = {number:g}: a bound of what acts is above 0")
 
     def stated(self) -> dict[str, Any]:
         """The bounds that there are."""

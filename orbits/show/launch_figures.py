@@ -53,7 +53,7 @@ def plot_held_launches(found: "HeldLaunches", axes: Axes | None = None) -> Axes:
     axes = axes_or_new(axes)
     for error, off, back in zip(found.errors, found.off, found.returned, strict=True):
         style = {"ls": "-" if back else ":", "marker": "o", "ms": 4}
-        axes.semilogy(np.arange(len(off)), np.maximum(off, 1e-16), label=f"{100 * error:+.3g} %", **style)
+        axes.semilogy(np.arange(len(off)), np.maximum(off, 1e-16), label=f"speed {100 * error:+.3g} %", **style)
     axes.axhline(found.within, color="0.5", lw=0.8)
     axes.set_ylim(bottom=max(1e-12, 0.3 * float(np.nanmin(found.off))))
     return finished(axes, xlabel="hop", ylabel="change of the launch, as a share")
