@@ -9,6 +9,7 @@ import numpy as np
 from orbits.errors import InputError
 from orbits.model import Machine
 from orbits.result import Axes, Result, Row
+from orbits.tables import digits_within
 from orbits.units import TIME
 
 from .channels import channels_of
@@ -136,8 +137,8 @@ class HopFit(Result, what="hop fit", in_line=("values", "source_name"), printed_
             if not np.isfinite(deviation):
                 found.append(Row(name, {name: "not separated"}))
                 continue
-            digits = max(1, int(np.ceil(np.log10(abs(value) / deviation + 1e-300))) + 2) if value else 3
-            cell = f"{{:.{min(digits, 12)}g}} +- {{:.2g}} {unit}".rstrip()
+            digits = digits_within(value, 0.05 * deviation, self.printed_digits)
+            cell = f"{{:.{digits}g}} +- {{:.2g}} {unit}".rstrip()
             found.append(Row(name, {name: value, f"deviation of {name}": deviation}, (cell,)))
         for name, value in self.noise.items():
             unit, spikes = self.unit_of(name), int((self.samples[name][4] == 0).sum())
