@@ -161,7 +161,7 @@ def complaint_of(run, most: float = LONGEST) -> str:
         signal.signal(signal.SIGPROF, before)
     if code not in (0, 1, 2) or "internal error" in message or "Traceback" in message or "Warning" in message:
         return f"code {code}: {message[:200]}"
-    if len(message) > MESSAGES.longest + len("orbits: \n"):
+    if len(" ".join(message.split())) > MESSAGES.longest + len("orbits: \n"):
         return f"a message of {len(message)} characters: {message[:100]}"
     used = time.process_time() - began
     return f"takes {used:.1f} s" if used > most else ""
@@ -251,9 +251,9 @@ def test_deep_nesting_and_large_files_are_refused(tmp_path):
     path = tmp_path / "deep.toml"
     path.write_text(f"a = {NESTED[2]}")
     code, message = by_command(["find", "--machine", str(path)])
-    assert (code, "nested too deeply" in message) == (2, True)
+    assert (code, "nested too deeply" in " ".join(message.split())) == (2, True)
     path.write_text("#" * 100_000)
-    assert "at most 16384 are read" in by_command(["find", "--machine", str(path)])[1]
+    assert "at most 16384 are read" in " ".join(by_command(["find", "--machine", str(path)])[1].split())
 
 
 def test_every_public_name_is_among_the_calls():
