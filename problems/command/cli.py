@@ -383,6 +383,7 @@ def follow_command(
 @options.json_option
 @options.file_option("--plot", "figure", "Write a figure of the map from A to B (.png, .pdf, .svg).")
 @click.option("--cobweb", type=float, metavar="A0", help="Draw the hops from this launch speed into the figure.")
+@click.option("--basins", is_flag=True, help="Find what the launches from A to B come to, and how many of them.")
 @click.option("--all", "whole", is_flag=True, help=f"Print every launch, even more than {LONGEST_TABLE}.")
 @click.option("--cap", type=click.IntRange(1), default=2000, show_default=True, help="Most impacts in one hop.")
 @click.option(
@@ -396,12 +397,12 @@ def follow_command(
 @options.file_option("--save", "result", "Save the diagram: .json, or its points as .csv.")
 def return_map(
     alpha: str | None, hop: str | None, inject: float, as_json: bool, plot: str | None, cobweb: float | None,
-    whole: bool, cap: int, along: str | None, start: float | None, stop: float | None, attractor: int | None,
+    whole: bool, basins: bool, cap: int, along: str | None, start: float | None, stop: float | None, attractor: int | None,
     save: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Map launch speeds to the next ones, with the losses and impacts in between. With --along, follow the fixed points
-    of the map and its hops of period two along a parameter instead, with their folds and flips. A launch of several
-    numbers is that of the saved orbit of --start, which is mapped with its multipliers; with --alpha it has these
+    of the map and its hops of period two along a parameter instead, with their folds and flips; with --basins, find
+    what share of the launches comes to each hop that attracts. A launch of several numbers is that of the saved orbit of --start, which is mapped with its multipliers; with --alpha it has these
     speeds instead of its own."""
     from orbits.errors import InputError
     from orbits.io import to_json
@@ -410,15 +411,24 @@ def return_map(
 
     speeds = None if alpha is None else options.launch_speeds(alpha)
     if along is not None:
-        if cobweb is not None or whole or start is None or stop is None or speeds is None or len(speeds) < 2:
-            raise InputError("--along needs --from V, --to W and a range --alpha A:B:N, and has no --cobweb or --all")
+        if cobweb is not None or whole or basins or start is None or stop is None or speeds is None or len(speeds) < 2:
+            raise InputError(
+                "--along needs --from V, --to W and a range --alpha A:B:N, and has no --cobweb or --all or --basins"
+            )
         settings = {"inject": inject, "cap": cap, "attractor": attractor}
         diagram = options.diagram_of(along, (start, stop), speeds, hop, stated, settings)
         options.write(diagram, as_json, plot, save=save)
         return
-    if any(each is not None for each in (start, stop, attractor, save)):
-        raise InputError("--from, --to, --attractor and --save go with --along NAME")
+    if any(each is not None for each in (start, stop, attractor)) or (save is not None and not basins):
+        raise InputError("--from, --to, --attractor and --save go with --along NAME, and --save with --basins too")
     machine = options.machine_of(**stated)
+    if basins:
+        if cobweb is not None or whole or hop is not None or speeds is None or len(speeds) < 2:
+            raise InputError("--basins needs a range --alpha A:B:N, and has no --cobweb, --all or --start")
+        with options.progress() as report:
+            found = ReturnMap(machine, inject, cap).basins(float(speeds[0]), float(speeds[-1]), progress=report)
+        options.write(found, as_json, plot, save=save)
+        return
     launches = options.launches_of(machine, hop, speeds)
     if not machine.model.one_speed:
         if cobweb is not None or whole:

@@ -4,6 +4,8 @@ import json
 
 import pytest
 
+from orbits.returns import Basins
+
 ALONG = "map --alpha 4.5:4.6:40 --along inject --from 0.06 --to 0.075"
 
 
@@ -38,6 +40,9 @@ def test_a_branch_in_words_and_in_a_file(orbits, tmp_path):
         ("map --alpha 4:5:9 --along inject --from 0 --to 1 --all", "has no --cobweb or --all"),
         ("map --alpha 4:5:9 --from 0", "go with --along"),
         ("map --alpha 4:5:9 --save x.json", "go with --along"),
+        ("map --alpha 4 --basins", "--basins needs a range --alpha A:B:N"),
+        ("map --alpha 4:5:9 --basins --cobweb 4.5", "has no --cobweb, --all or --start"),
+        ("map --alpha 4:5:9 --basins --along inject --from 0 --to 1", "or --basins"),
         ("map --alpha 4:5:9 --along speed --from 0 --to 1", "has a parameter 'speed'"),
         ("map --alpha 4:5:9 --along mass_ratio --from 1 --to 2", "every fixed point is a lossless hop"),
         ("map --alpha 4:5:9 --along inject --from 1 --to 0", "a range goes up"),
@@ -47,6 +52,18 @@ def test_bad_input_is_named(line, words, orbits):
     done = orbits(line)
     assert (done.code, done.out) == (2, "")
     assert words in done.err
+
+
+def test_basins_are_printed_and_saved(orbits, tmp_path):
+    """The shares of two attracting hops are those that the map itself has."""
+    line = "map --mass-ratio 0.2 --alpha 3:6:100 --inject 0.1 --basins"
+    done = orbits(f"{line} --plot {tmp_path / 'basins.png'} --save {tmp_path / 'basins.json'}")
+    assert done.code == 0
+    assert "100.000% come to an attracting" in done.out
+    assert (tmp_path / "basins.png").exists()
+    found = Basins.load(tmp_path / "basins.json")
+    assert [found.share_of(alpha) for alpha in found] == pytest.approx([0.89324, 0.10676], abs=2e-5)
+    assert orbits(f"{line} --json").document["hops"] == found.hops
 
 
 @pytest.mark.parametrize("line", ["map --alpha 1e15 --json", "map --alpha 1e-300:1e300:5 --json"])
