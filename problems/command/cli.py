@@ -397,13 +397,13 @@ def follow_command(
 @options.file_option("--save", "result", "Save the diagram: .json, or its points as .csv.")
 def return_map(
     alpha: str | None, hop: str | None, inject: float, as_json: bool, plot: str | None, cobweb: float | None,
-    whole: bool, basins: bool, cap: int, along: str | None, start: float | None, stop: float | None, attractor: int | None,
-    save: str | None, **stated: Any,
+    whole: bool, basins: bool, cap: int, along: str | None, start: float | None, stop: float | None,
+    attractor: int | None, save: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Map launch speeds to the next ones, with the losses and impacts in between. With --along, follow the fixed points
     of the map and its hops of period two along a parameter instead, with their folds and flips; with --basins, find
-    what share of the launches comes to each hop that attracts. A launch of several numbers is that of the saved orbit of --start, which is mapped with its multipliers; with --alpha it has these
-    speeds instead of its own."""
+    what share of the launches comes to each hop that attracts. A launch of several numbers is that of the saved orbit
+    of --start, which is mapped with its multipliers; with --alpha it has these speeds instead of its own."""
     from orbits.errors import InputError
     from orbits.io import to_json
     from orbits.returns import ReturnMap
@@ -423,11 +423,8 @@ def return_map(
         raise InputError("--from, --to, --attractor and --save go with --along NAME, and --save with --basins too")
     machine = options.machine_of(**stated)
     if basins:
-        if cobweb is not None or whole or hop is not None or speeds is None or len(speeds) < 2:
-            raise InputError("--basins needs a range --alpha A:B:N, and has no --cobweb, --all or --start")
-        with options.progress() as report:
-            found = ReturnMap(machine, inject, cap).basins(float(speeds[0]), float(speeds[-1]), progress=report)
-        options.write(found, as_json, plot, save=save)
+        others = cobweb is not None or whole or hop is not None
+        options.write(_basins(ReturnMap(machine, inject, cap), speeds, others), as_json, plot, save=save)
         return
     launches = options.launches_of(machine, hop, speeds)
     if not machine.model.one_speed:
@@ -456,6 +453,16 @@ def return_map(
         click.echo(f"{hops}\n  --all prints each, --json all as one document")
     else:
         _print_hops(step, hops)
+
+
+def _basins(step: "ReturnMap", speeds: Any, others: bool) -> Any:
+    """The basins between the first and the last of some launch speeds; raises `InputError` with other options."""
+    from orbits.errors import InputError
+
+    if others or speeds is None or len(speeds) < 2:
+        raise InputError("--basins needs a range --alpha A:B:N, and has no --cobweb, --all or --start")
+    with options.progress() as report:
+        return step.basins(float(speeds[0]), float(speeds[-1]), progress=report)
 
 
 def _print_hops(step: "ReturnMap", hops: "Hops") -> None:
