@@ -98,7 +98,7 @@ class TestStatement:
             orbit = find(stated, start=in_si)
             assert orbit.alpha == pytest.approx(hop.alpha * speed, rel=1e-13)
             assert orbit.flight_time == pytest.approx(hop.flight_time * units.time, rel=1e-13)
-        assert "ground_stiffness = 2000 N/m, ground_mass = 2 kg" in str(find(machine, start=in_si))
+        assert "ground_stiffness = 2000 N/m, ground_mass = 2 kg" in dict(find(machine, start=in_si).rows())["machine"]
         assert machine.units_of_parameters()["ground_mass"] == "kg"
         assert machine.units_of_parameters()["ground_stiffness"] == "N/m"
         check(bare, start=hop)

@@ -192,7 +192,7 @@ class TestHandOverFactors:
         )
         orbit = find(wheel())
         reach = (early * 14.158298218435913) ** -3
-        assert f"attracts launches within {reach:.2g} above, to leading order" in str(orbit)
+        assert f"up to {reach:.2g} above alpha, to leading order" in str(orbit)
         beside = ReturnMap(orbit.source)(orbit.alpha + reach * np.array([0.7, 1.5]))
         assert (beside.next > orbit.alpha).tolist() == [True, False]
         assert orbit.document()["bounce_factor"] == c.bounce_factor
