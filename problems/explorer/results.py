@@ -1,6 +1,6 @@
 """What a worker computes for the page: the hop of a scene, its family piece by piece, the return map around it."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 from typing import Any, NamedTuple
@@ -258,7 +258,7 @@ def map_results(python_machine: object, scene: Scene) -> Iterator[MapData]:
 
 
 # The basin found last and its scene: another cobweb in the same map needs no new basin.
-_last_basin: list[tuple[Scene, list[tuple[float, float]]]] = []
+_last_basin: list[tuple[Scene, Sequence[tuple[float, float]]]] = []
 
 
 def _map_of_steps(step: ReturnMap, orbit: Orbit, launch: float | None, samples: int) -> MapData:
