@@ -24,7 +24,7 @@ import problems
 from orbits import Family, Mechanism, Orbit, ReturnMap, follow
 from orbits.control import Guess, Input, Stage
 from orbits.model import Phase
-from problems import Hopper, gravity, springs, steering
+from problems import Hopper, gravity, recordings, springs, steering
 
 
 def _machines() -> dict[str, Callable[[], Any]]:
@@ -219,6 +219,7 @@ def calls(name: str, rng: random.Random) -> dict[str, Callable[[], tuple[Callabl
         "family.at": lambda: (family().at, {"value": -0.005}),
         "table": lambda: (springs.table, {"source": ([-9.0, -4.0, 0.0, 4.0, 9.0], [-9.0, -4.0, 0.0, 4.0, 9.0])}),
         "fit": lambda: (springs.fit, {"table": (np.arange(-9.0, 10.0), np.arange(-9.0, 10.0)), "formula": "k*r"}),
+        "recordings.fit": lambda: (recordings.fit, record()),
         "export": lambda: (exported, {"t": [0.0, 1.0]}),
         "from_lagrangian": lambda: (lambda **a: orbits.find(Mechanism.from_lagrangian(**a), limit=5.0), energies()),
         "formula": lambda: (springs.formula, {"text": "r + beta*r**3"}),
@@ -258,6 +259,19 @@ def calls(name: str, rng: random.Random) -> dict[str, Callable[[], tuple[Callabl
     }  # fmt: skip
 
 
+@cache
+def _two_hops() -> dict[str, np.ndarray]:
+    """Two recorded hops of a damped hopper."""
+    run, t = orbits.simulate(Hopper(mass_ratio=0.4, damping=0.05), 6.0, hops=2), np.linspace(0.0, 20.0, 100)
+    return {"time": t, "body height": run(t)[:, 0], "foot height": run(t)[:, 2]}
+
+
+def record() -> dict[str, Any]:
+    """The arguments of a fit of recorded hops."""
+    start = Hopper(mass_ratio=0.5, damping=0.04)
+    return {"machine": start, "source": dict(_two_hops()), "unknown": ("mass_ratio", "damping")}
+
+
 # ---- methods of results
 
 RESULTS: dict[str, Callable[[], Any]] = {
@@ -291,6 +305,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "basins": lambda: ReturnMap(Hopper()).basins(4.0, 5.0, samples=50),
     "proof": lambda: orbits.prove(orbit("hopper")),
     "fit": lambda: springs.fit((np.arange(-9.0, 10.0), np.arange(-9.0, 10.0)), "k*r"),
+    "hop fit": lambda: recordings.fit(**record()),
     "checked": lambda: orbits.check(Hopper()),
     "mechanism": lambda: machine("inerter"),
 }  # fmt: skip
