@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from orbits.errors import InputError, NoOrbit, OrbitsError
+from orbits.errors import InputError, NoOrbit, OrbitsError, list_of_names
 from orbits.laws import number
 from orbits.model import Machine, check_machine, free_parameters, refuse_hysteresis, refuse_steps
 from orbits.running import exclusive
@@ -95,7 +95,7 @@ def _checked_names(machine: Machine, unknown: str | Sequence[str]) -> tuple[str,
         raise InputError(
             f"a {machine.model.name} has launches of several numbers; a fit takes two masses on rigid ground"
         )
-    names = (unknown,) if isinstance(unknown, str) else tuple(unknown)
+    names = tuple(list_of_names("unknown", unknown))
     known = [*free_parameters(machine), *(each for each in DAMPERS if hasattr(machine, each)), RESTITUTION]
     known = [*dict.fromkeys(known)]
     if not names:
@@ -121,7 +121,10 @@ def _question(
 ) -> Question:  # fmt: skip
     """What is fitted; raises `InputError` for channels that the record does not have, and too few samples."""
     own = {name: channels[name] for name in channels if any(name in record.values for record in records)}
-    stated = noise or {}
+    if not isinstance(noise, Mapping | None):
+        raise InputError(f"noise = {noise!r}; it maps channels to deviations, as {{'ground force': 5.0}}")
+    stated, delays = noise or {}, list_of_names("delays", delays)
+    offsets = None if offsets is None else list_of_names("offsets", offsets)
     for what, names_of in (("noise", stated), ("offsets", offsets or ()), ("delays", delays)):
         if wrong := [each for each in names_of if each not in own]:
             raise InputError(f"{what}: the record has no channel {wrong[0]!r}; it has {', '.join(own)}")
@@ -134,6 +137,9 @@ def _question(
     count, needed = sum(len(each.values) for each in samples), FIT.fewest * (len(names) + 4 * len(records))
     if count < needed:
         raise InputError(f"{count} samples for {len(names)} parameters: at least {needed} are needed")
+    for name, each in zip(own, samples, strict=True):
+        if not len(each.values) or not np.ptp(each.values) > 0:
+            raise InputError(f"the {name} is the same in all rows: it shows no hop")
     sizes = sizes_of([each.values for each in samples])
     pairs = zip(samples, sizes, strict=True)
     samples = [each._replace(weights=each.weights / (FIT.first_deviation * size)) for each, size in pairs]

@@ -31,6 +31,15 @@ OTHER_NAMES = ({"body", "trunk", "torso", "hip", "pelvis", "ball"}, {"foot", "to
 CENTRE = {"com", "centre", "center"}
 
 
+class RecordOptions(NamedTuple):
+    """The numbers of a record."""
+
+    largest: float = 1e12  # in SI, beyond which squares and differences mean nothing
+
+
+RECORD = RecordOptions()
+
+
 def _units() -> dict[str, tuple[Dimension, float]]:
     """The dimension and the size in SI of each unit, by its text without blanks and signs."""
     found = {unit: (TIME, size) for unit, size in TIMES.items()}
@@ -253,6 +262,9 @@ def _records(
         raise InputError(f"{name} has no column of times, as 'time [s]': without it no hop can be followed")
     if (times := found.pop("time")).size and not np.isfinite(times).all():
         raise InputError(f"{name}: the time of row {int(np.argmin(np.isfinite(times))) + 1} is missing")
+    for meaning, own in (("time", times), *found.items()):
+        if np.abs(own[np.isfinite(own)]).max(initial=0.0) > RECORD.largest:
+            raise InputError(f"{name}: the {meaning} is larger than {RECORD.largest:g}: check its unit")
     if not found:
         raise InputError(f"{name} has no channel of this machine, which are {', '.join(stated.channels)}")
     cuts = [0, *(np.flatnonzero(np.diff(times) < 0) + 1).tolist(), len(times)]

@@ -121,3 +121,13 @@ def test_refuses_a_record_of_another_machine():
     record["foot height [m]"] *= 1000
     with pytest.raises(NoOrbit, match="check the units and the signs"):
         recordings.fit(START, record, ("k", "b"))
+
+
+@pytest.mark.parametrize(
+    ("value", "message"), [(0.5, "the same in all rows"), (np.nan, "the same in all rows"), (1e13, "check its unit")]
+)
+def test_refuses_a_channel_that_shows_no_hop(value, message):
+    record = bench.record(*three_hops(), ("body height", "foot height"), 0.01)
+    record["foot height [m]"][:] = value
+    with pytest.raises(InputError, match=message):
+        recordings.fit(START, record, ("k", "b"))
