@@ -369,8 +369,9 @@ def follow_command(
         small = [(point, orbit_at(machine, point, along, method)) for point in spread(followed, THUMBNAILS)]
         save_figure(thumbnails(plot_family(followed), followed, small), plot)
     options.write(followed, as_json, save=save)
-    ends = [each.end.kind for each in (followed.families.values() if several else [followed])]
-    if {"stuck", "interrupted"} & {*ends}:
+    curves = [*followed.families.values()] if several else [followed]
+    ends = {end.kind for each in curves for end in (each.beginning, each.end) if end}
+    if {"stuck", "interrupted"} & ends or (several and followed.missing):
         raise click.exceptions.Exit(1)
 
 

@@ -2,13 +2,15 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from conftest import Result, slow_after
 
-from orbits import Orbit
+from orbits import Orbit, follow
 from orbits.io import to_json
+from problems import Hopper
 from problems.command.cli import orbits as main_group
 from tests.browser import PATIENCE
 
@@ -618,6 +620,18 @@ def test_several_families_are_followed_together(orbits, tmp_path, monkeypatch):
     assert document["families"][1]["points"][0]["alpha"] == pytest.approx(10.904121659428899, rel=1e-13)
     for other in ("--family 2", "--output x.jsonl", "--save x.jsonl", "--event fold --second rest_length=8"):
         assert "are of one family" in " ".join(orbits(f"{line} {other}").err.split())
+
+
+def test_a_way_back_that_is_lost_and_a_family_that_is_missing_end_in_code_1(orbits, tmp_path):
+    family = follow(Hopper("cubic", parameters={"beta": 0.2}), "beta", (0.1, 0.3), longest=0.5)
+    for kind, code in (("reached", 0), ("stuck", 1)):
+        lost = replace(family, settings=family.settings | {"beginning": {"kind": kind, "reason": "beta = 0.1"}})
+        path = lost.save(tmp_path / f"{kind}.jsonl")
+        assert orbits(f"follow --spring cubic --along beta --to 0.1:0.3 --longest 0.5 --resume {path}").code == code
+    line = "follow --spring tanh --rest-length 20 --set b=0.18 --along b --to 0.19 --longest 0.5 --families"
+    assert orbits(f"{line} 1,2").code == 0
+    done = orbits(f"{line} 2,3")  # family n ends at b = 1/(2 n + 1)
+    assert (done.code, "no lossless orbit of family 3" in " ".join(done.out.split())) == (1, True)
 
 
 def test_a_family_goes_along_a_quantity(orbits):
