@@ -115,8 +115,8 @@ def _by_relative_motion(relative: Relative, family: int, p: Mapping[str, np.ndar
     if count > 1:
         single = relative.single(p)
     else:
-        own = {name: float(values[0]) for name, values in p.items()}
-        single = np.array([known[0] and relative.search(own).single])
+        alone = {name: float(values[0]) for name, values in p.items()}
+        single = np.array([known[0] and relative.search(alone).single])
     if len(rows := known.nonzero()[0]):
         these, places = {name: values[rows] for name, values in p.items()}, (liftoffs[rows], rests[rows])
         alphas[rows], none = lowest_launch_speeds(relative, these, *places, family, single[rows])

@@ -49,6 +49,11 @@ def test_long_hops_are_found_together():
     assert together.alphas == pytest.approx(alone, rel=1e-11)
 
 
+def test_one_machine_is_left_to_find():
+    machine = Hopper("cubic", parameters={"beta": 0.1})
+    assert lowest_orbits(machine.model, tuple(machine.values), np.array([[*machine.values.values()]]), 1) == ([], {})
+
+
 def test_each_orbit_near_is_of_its_own_family():
     machine = Hopper("r + b*r**3", parameters={"b": 0.1}, rest_length=20.0)
     orbits = [find(machine, family) for family in (1, 2)]
