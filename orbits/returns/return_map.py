@@ -67,6 +67,7 @@ DIMENSIONS_OF_UPKEEP = {**dict.fromkeys(("alpha", "inject"), LIFTOFF_SPEED), "en
 
 def in_speeds(found: Any, step: "ReturnMap") -> Any:
     """Intervals of launch speeds in the units of the map's machine."""
+    assert step.units is not None
     return found.in_units(step.units.of(LIFTOFF_SPEED), step._words)
 
 
