@@ -64,6 +64,7 @@ def made(kind: str):
         "Certificate": lambda: find(cubic).certificate,
         "Trajectory": lambda: find(cubic).flight,
         "Family": family,
+        "Families": lambda: follow(cubic, "beta", 0.35, families=(1, 2)),
         "Point": lambda: family()[0],
         "Event": lambda: family().events[0],
         "End": lambda: family().end,
@@ -109,7 +110,7 @@ def made(kind: str):
 
 # The results that are more than part of another one, and what each does with nothing but itself.
 WHOLE = (
-    *("Orbit", "Orbit in SI", "Family", "Sweep", "Existence", "Uncertainty", "Design", "Front", "Control"),
+    *("Orbit", "Orbit in SI", "Family", "Families", "Sweep", "Existence", "Uncertainty", "Design", "Front", "Control"),
     "DesignCurve",
     *("Simulation", "Hops", "BifurcationDiagram", "Proof", "Checked", "Driven", "Disturbed", "SpringFit"),
     *(

@@ -70,7 +70,7 @@ def test_logarithmic_rows():
 
 def test_plot(diagram):
     axes = diagram.plot()
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("beta", "delta")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("β", "δ")
     shown = {"motions", "no motions", "no orbits", "edge of the motions", "edge of the orbits"}
     assert {text.get_text() for text in axes.get_legend().get_texts()} == shown
     coloured = diagram.plot("stroke")
