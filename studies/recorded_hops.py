@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from orbits import NoOrbit, simulate
+from orbits import OrbitsError, simulate
 from orbits.show import COLOURS, new_axes, save_figure
 from orbits.units import LIFTOFF_SPEED
 from problems import hopper_in_si
@@ -73,9 +73,10 @@ def fit_of(rng: np.random.Generator) -> Fit:
     samples, began = sum(map(len, [*record.values()][1:])), process_time()
     try:
         found = fit(start, record, NAMES)
-    except NoOrbit as error:
+    except OrbitsError as error:
         return Fit({}, samples, process_time() - began, str(error))
-    off = {name: (found.values[name] - leg.values[name]) / found.deviations[name] for name in NAMES}
+    sizes = {name: size if np.isfinite(size) else 0.0 for name, size in found.deviations.items()}
+    off = {name: (found.values[name] - leg.values[name]) / (sizes[name] or np.nan) for name in NAMES}
     return Fit(
         off, samples, process_time() - began, "; ".join(filter(None, [found.lack, str(found.inseparable or "")]))
     )
@@ -92,7 +93,12 @@ def plot(off: np.ndarray, path: Path) -> Path:
     """Draw how many fits are off by less than some deviations."""
     axes, levels = new_axes(), np.linspace(0, 4, 200)
     for i, (name, colour) in enumerate(zip(NAMES, COLOURS, strict=False)):
-        axes.plot(np.sort(np.abs(off[:, i])), (np.arange(len(off)) + 1) / len(off), color=colour, label=name)
+        axes.plot(
+            np.sort(np.nan_to_num(np.abs(off[:, i]), nan=np.inf)),
+            (np.arange(len(off)) + 1) / len(off),
+            color=colour,
+            label=name,
+        )
     normal = np.mean(np.abs(np.random.default_rng(0).standard_normal(20_000))[:, None] < levels, axis=0)
     axes.plot(levels, normal, color="0.4", ls="--", label="normal distribution")
     axes.set(xlabel="error / stated deviation", ylabel="share of fits below", xlim=(0, 4), ylim=(0, 1.02))
@@ -113,10 +119,14 @@ def main(argv: list[str] | None = None) -> np.ndarray:
     for i, each in enumerate(fits):
         if each.reason:
             print(f"record {i}: {each.reason}")
-    off = np.array([[*each.off.values()] for each in fits if each.off])
-    print(f"{len(off)} of {len(fits)} records are fitted, of {np.median([each.samples for each in fits]):.0f} samples")
+    # A parameter that is refused or not separated is not within any deviations.
+    off = np.array([[*each.off.values()] or [np.nan] * len(NAMES) for each in fits])
+    whole = np.isfinite(off).all(1).sum()
+    print(f"{whole} of {len(fits)} records are fitted, of {np.median([each.samples for each in fits]):.0f} samples")
     for name, own in zip(NAMES, off.T, strict=True):
-        print(f"  {name}: {np.mean(np.abs(own) < 3):.1%} within three deviations, rms {np.sqrt(np.mean(own**2)):.2f}")
+        print(
+            f"  {name}: {np.mean(np.abs(own) < 3):.1%} within three deviations, rms {np.sqrt(np.nanmean(own**2)):.2f}"
+        )
     seconds = np.array([each.seconds for each in fits])
     print(f"seconds for a fit: median {np.median(seconds):.2f}, largest {seconds.max():.2f}")
     options.output.mkdir(parents=True, exist_ok=True)

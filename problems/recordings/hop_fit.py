@@ -63,10 +63,12 @@ def fit(
     records = read_hops(source, channels, machine.units is not None, columns, units)
     question = _question(_with_dampers(machine, names), names, records, channels, noise, offsets, delays)
     best: Fitted | None = None
+    reason = ""
     for starts in _starts(question, records):
         try:
             fitted = Fitting(question, records, starts).fitted()
-        except (OrbitsError, np.linalg.LinAlgError):
+        except (OrbitsError, np.linalg.LinAlgError) as error:
+            reason = f" ({error})"
             continue
         # A machine that lacks something leaves the same residuals from every start.
         again = best is not None and fitted.whole and best.whole and abs(fitted.misfit / best.misfit - 1) < FIT.again
@@ -75,7 +77,7 @@ def fit(
         if again or (best.whole and not best.lack):
             break
     if best is None or not best.misfit <= FIT.unlike:
-        off = "" if best is None else f" (the nearest one is off by {best.misfit:.0%} of its range)"
+        off = reason if best is None else f" (the nearest one is off by {best.misfit:.0%} of its range)"
         raise NoOrbit(
             f"no motion of the machine is like the record{off}: state values that are nearer to the machine's, within "
             "a third of them, and check the units and the signs of the columns"
@@ -168,6 +170,9 @@ def _starts(question: Question, records: Sequence[HopRecord]) -> list[list[Start
     for record in records:
         pairs = zip(unknowns.channels, unknowns.biased, strict=True)
         own = [(channel, biased) for channel, biased in pairs if channel.name in record.values]
+        own = [(channel, biased) for channel, biased in own if np.isfinite(record.values[channel.name]).any()]
+        if not own:
+            raise InputError(f"{record.name} has no sample of any channel")
         values = [record.values[channel.name].copy() for channel, _ in own]
         for each in values:
             here = np.isfinite(each)

@@ -212,7 +212,6 @@ def motion_of(
             and (last - start) / factor < GUESS.shortest_bounce * time
             and kind in (IMPACT, LANDING)
         ):
-            kind = LANDING if kind == LANDING else IMPACT
             continue
         count = max(1, ceil((b - a) / factor / time / GUESS.interval))
         since = ((a - start) + (b - a) * np.arange(count) / count) / factor

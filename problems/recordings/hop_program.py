@@ -29,8 +29,8 @@ class ProgramOptions(NamedTuple):
 
     tolerance: float = 1e-8  # the mean square is of order one: its minimum is met to a small share of a deviation
     iterations: int = 60
-    # The weight of a change of a parameter by its own size, beside samples whose weight is the inverse of their
-    # deviation. Each round holds on to the values of the last, so that what is determined goes where it is.
+    # The weight of a change of a parameter by its own size, where samples have the inverse of their deviations. Each
+    # round starts from the values of the last, so that parameters that the record determines still converge.
     held: float = 1.0
     smallest: float = 1e-3  # size of a state, without dimensions
 
@@ -85,7 +85,7 @@ class Samples(NamedTuple):
 
 
 class Unknowns(NamedTuple):
-    """What a program is about, beside its motions.
+    """What a program is about, in addition to its motions.
 
     machine : with values of all parameters
     names : of the unknown parameters, "restitution" among them
@@ -188,10 +188,15 @@ class HopProgram:
     unknowns : what is fitted
     motions : near the solution; samples belong to the parts and intervals in which they lie there
     samples : of each channel
+    delay : of the channels that have unknown ones, near the solution
     """
 
-    def __init__(self, unknowns: Unknowns, motions: Sequence[Motion], samples: Sequence[Samples]):
+    def __init__(
+        self, unknowns: Unknowns, motions: Sequence[Motion], samples: Sequence[Samples], delay: np.ndarray | None = None
+    ):
         self.unknowns, self.motions, self.samples = unknowns, motions, samples
+        self.late = np.zeros(len(samples))
+        self.late[[*unknowns.delayed]] = 0.0 if delay is None else delay
         machine = unknowns.machine
         self.model, self.names = machine.model, tuple(machine.values)
         self.phases = series_of_phases(self.model, self.names)
@@ -315,14 +320,14 @@ class HopProgram:
             offset = bias[sum(self.unknowns.biased[:i])] * self.unknowns.sizes[i] if self.unknowns.biased[i] else 0.0
             late = delay[sum(self.unknowns.delayed[:i])] * self.time if self.unknowns.delayed[i] else 0.0
             unit = force if channel.quantity == GROUND_FORCE else length / time**channel.order
-            for own, shown in self._shown(channel, samples, late, time):
+            for own, shown in self._shown(i, late, time):
                 found.append(ca.DM(samples.values[own]) - shown.T * unit - offset)
                 self.order.append((i, own))
         return ca.vertcat(*found)
 
-    def _shown(self, channel: Channel, samples: Samples, late: Any, time: Any) -> Iterator[tuple[np.ndarray, ca.MX]]:
-        """The samples in flight and in contact, and what the motion shows there, (1, n), without dimensions."""
-        part, interval = self._places(samples)
+    def _shown(self, i: int, late: Any, time: Any) -> Iterator[tuple[np.ndarray, ca.MX]]:
+        """The samples of a channel in flight and in contact, and what the motion shows there (1, n), dimensionless."""
+        channel, samples, (part, interval) = self.unknowns.channels[i], self.samples[i], self._places(i)
         contact = np.array([each.contact for each in self.parts])[part]
         for c, intervals in self.intervals.items():
             own = np.flatnonzero((contact == c) & (part >= 0))
@@ -341,8 +346,9 @@ class HopProgram:
                 value = value * since + float(np.prod(range(k - channel.order + 1, k + 1))) * terms[k, :]
             yield own, value
 
-    def _places(self, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
-        """The part (n,) in which each sample lies, -1 after the end of its motion, and the interval (n,) of that."""
+    def _places(self, i: int) -> tuple[np.ndarray, np.ndarray]:
+        """The part (n,) of each sample of a channel, -1 after the end of its motion, and the interval (n,) of that."""
+        samples = self.samples[i]._replace(times=self.samples[i].times - self.late[i])
         part, interval, first = np.full(len(samples.times), -1), np.zeros(len(samples.times), int), 0
         for k, motion in enumerate(self.motions):
             own = (samples.motion == k) & (samples.times <= motion.edges[-1])
@@ -386,7 +392,7 @@ class HopProgram:
         for i, own in self.order:
             found[i][own] = plain[first : first + len(own)]
             first += len(own)
-        return found, [self._places(each)[0] for each in self.samples]
+        return found, [self._places(i)[0] for i in range(len(self.samples))]
 
     def slopes(self, z: np.ndarray, samples: Sequence[Samples]) -> tuple[np.ndarray, np.ndarray]:
         """The derivatives (r, d) of the weighted residuals, and those (edges, d) of the edges of all motions, by the d
@@ -408,13 +414,16 @@ class HopProgram:
         edges[self.free_edges] = self.time * moved[first : first + len(self.free_edges)]
         return slopes @ moved, edges
 
-    def errors_of_edges(self, z: np.ndarray, samples: Sequence[Samples]) -> list[np.ndarray]:
-        """The standard deviations of the edges of each motion, for samples whose weights are inverse deviations."""
+    def errors(self, z: np.ndarray, samples: Sequence[Samples]) -> tuple[np.ndarray, list[np.ndarray]]:
+        """The standard deviations of the unknown parameters, and of the edges of each motion, for samples whose weights
+        are inverse deviations."""
         slopes, edges = self.slopes(z, samples)
-        held = np.diag(np.where(np.arange(slopes.shape[1]) < len(self.unknowns.names), PROGRAM.held, 0.0))
+        count = len(self.unknowns.names)
+        held = np.diag(np.where(np.arange(slopes.shape[1]) < count, PROGRAM.held, 0.0))
         covariance = np.linalg.pinv(slopes.T @ slopes + held, hermitian=True)
         errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", edges, covariance, edges), 0.0))
-        return np.split(errors, np.cumsum([len(motion.edges) for motion in self.motions])[:-1])
+        of_motions = np.split(errors, np.cumsum([len(motion.edges) for motion in self.motions])[:-1])
+        return np.sqrt(np.diag(covariance)[:count]) * self.parameter_sizes, of_motions
 
     def _free(self) -> list[int]:
         """The numbers of the free unknowns: the first states of free motions, the instants and speeds of launches."""

@@ -92,22 +92,24 @@ def read_hops(
         return [record for each in source for record in read_hops(each, channels, in_si, columns, units)]
     stated = _Stated(channels, in_si, _by_channel("columns", columns, channels), _by_channel("units", units, channels))
     if isinstance(source, Mapping):
-        columns_of = {str(name): stated.column(str(name)) for name in source}
-        known = [i for i, column in enumerate(columns_of.values()) if column.meaning]
-        unused = tuple(name for name, column in columns_of.items() if not column.meaning)
-        return _records(
-            "record",
-            [column for column in columns_of.values() if column.meaning],
-            _numbers(source)[known],
-            stated,
-            unused,
-        )
+        _check_columns(stated, [str(name) for name in source], "the record")
+        columns_of = {name: stated.column(str(name)) for name in source}
+        known = {name: column for name, column in columns_of.items() if column.meaning}
+        unused = tuple(short(name) for name, column in columns_of.items() if not column.meaning)
+        return _records("record", [*known.values()], _numbers([source[name] for name in known]), stated, unused)
     if isinstance(source, str | Path):
         path = Path(source)
         return _of_text(f"the record {short(path)}", short(path.name), text_of(path), stated)
     if hasattr(source, "to_csv"):
         return _of_text("the record of a DataFrame", "DataFrame", source.to_csv(index=False), stated)
     raise InputError(f"source = {short(source)}; a record is a file, a data frame, a mapping of columns, or a list")
+
+
+def _check_columns(stated: "_Stated", titles: Sequence[str], where: str) -> None:
+    """Raise `InputError` where a stated column is missing."""
+    known = [title.strip() for title in titles]
+    if missing := [title for title in stated.columns.values() if str(title).strip() not in known]:
+        raise InputError(f"{where} has no column {short(missing[0])!r}{suggest(str(missing[0]), known)}")
 
 
 class _Stated(NamedTuple):
@@ -197,8 +199,8 @@ def _meaning(cell: str, unit: str, channels: Collection[str]) -> str:
         return SPRING_LENGTH if order in (None, 0) else ""
     if not named:
         return ""
-    told = [k for k, each in enumerate(WORDS_OF_KINDS) if words & set(each)]
-    kind = order if order is not None else told[-1] if told else 0
+    named_kinds = [k for k, each in enumerate(WORDS_OF_KINDS) if words & set(each)]
+    kind = order if order is not None else named_kinds[-1] if named_kinds else 0
     return f"{named[0]} {KINDS[kind]}"
 
 
@@ -211,6 +213,7 @@ def _of_text(where: str, name: str, text: str, stated: _Stated) -> list[HopRecor
     under, first = (below, line + 2) if has_units else ([""] * len(cells), line + 1)
     if all(is_empty(each, delimiter) for each in lines[first:]):
         raise InputError(f"{where} has a header and no rows")
+    _check_columns(stated, cells, where)
     columns = [stated.column(cell, unit) for cell, unit in zip(cells, under, strict=True)]
     known = [place for place, column in enumerate(columns) if column.meaning]
     values = numbers_below(where, lines, first, delimiter, len(cells), known, missing=True)
@@ -240,10 +243,10 @@ def _header(where: str, lines: list[str], stated: _Stated) -> tuple[int, str | N
     raise InputError(f"{where} has no header with a time and a channel, as {example}; or state columns=")
 
 
-def _numbers(source: Mapping) -> np.ndarray:
+def _numbers(columns: Sequence[Any]) -> np.ndarray:
     """The columns (columns, n) of a mapping; raises `InputError` for anything but numbers of one length."""
     try:
-        return np.array([np.asarray(column, dtype=float).ravel() for column in source.values()], dtype=float)
+        return np.array([np.asarray(column, dtype=float).ravel() for column in columns], dtype=float)
     except (TypeError, ValueError, OverflowError):
         raise InputError("a record is a mapping of columns of numbers, all of one length") from None
 

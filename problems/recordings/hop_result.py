@@ -40,7 +40,7 @@ class HopFit(Result, what="hop fit", in_line=("values", "source_name"), printed_
     """The parameters of a machine fitted to recorded hops.
 
     source, machine : the machine with these values
-    values : of the unknown parameters
+    values : of the unknown parameters. Errors may put a damper below 0, which the machine has then almost none of
     covariance : (k, k), of these in their order; infinite for those that the record does not separate
     offsets, delays : of the channels that have unknown ones, by name
     noise : the standard deviation of a sample of each channel, by name: the stated one, or that of the residuals
@@ -49,7 +49,7 @@ class HopFit(Result, what="hop fit", in_line=("values", "source_name"), printed_
     lack : why the machine does not fit, in words; "" where nothing says so
     parts : the flights and contacts of the motion, with their residuals
     samples : of each channel (5, n): the number of its record, from 0, its times, what was recorded, what the motion
-        shows, and 1 where it is used, 0 for a spike
+        shows, NaN after its end, and 1 where it is used, 0 for a spike and beside an impact
     followed : the time up to which each record is followed
     source_name : of the records
     unused : columns of the record that are no channel
@@ -113,8 +113,12 @@ class HopFit(Result, what="hop fit", in_line=("values", "source_name"), printed_
         return {**self.machine.describe().get("units", {}), **channels, **second}
 
     def title(self) -> str:
-        count = sum(int(each[4].sum()) for each in self.samples.values())
+        count = sum(int(self._used(name).sum()) for name in self.samples)
         return f"{self.machine.model.name} fitted to {count} samples of {self.source_name}"
+
+    def _used(self, name: str) -> np.ndarray:
+        """Whether each sample of a channel counts."""
+        return (self.samples[name][4] > 0) & np.isfinite(self.samples[name][3])
 
     def table(self) -> dict[str, Any]:
         """The parts of the motion as columns: record, phase, how it begins, start, end, and of each channel the rms of
@@ -138,11 +142,19 @@ class HopFit(Result, what="hop fit", in_line=("values", "source_name"), printed_
                 found.append(Row(name, {name: "not separated"}))
                 continue
             digits = digits_within(value, 0.05 * deviation, self.printed_digits)
-            cell = f"{{:.{digits}g}} +- {{:.2g}} {unit}".rstrip()
-            found.append(Row(name, {name: value, f"deviation of {name}": deviation}, (cell,)))
+            plain = f".{max(digits - 1 - int(np.floor(np.log10(abs(value) or 1.0))), 0)}f"
+            style = plain if abs(value) < 1e6 else f".{digits}g"
+            found.append(
+                Row(
+                    name,
+                    {name: value, f"deviation of {name}": deviation},
+                    (f"{{:{style}}} +- {{:.2g}} {unit}".rstrip(),),
+                )
+            )
         for name, value in self.noise.items():
-            unit, spikes = self.unit_of(name), int((self.samples[name][4] == 0).sum())
-            after = f" a sample of {len(self.samples[name][4])}" + (f", {spikes} left out" if spikes else "")
+            unit, count = self.unit_of(name), int(np.isfinite(self.samples[name][3]).sum())
+            spikes = count - int(self._used(name).sum())
+            after = f" a sample of {count}" + (f", {spikes} left out" if spikes else "")
             found.append(Row(f"noise of {name}", {f"noise of {name}": value}, (f"{{:.2g}} {unit}".rstrip() + after,)))
         offsets = [(f"offset of {name}", value, self.unit_of(name)) for name, value in self.offsets.items()]
         offsets += [(f"delay of {name}", value, self.unit_of("start")) for name, value in self.delays.items()]
@@ -151,6 +163,8 @@ class HopFit(Result, what="hop fit", in_line=("values", "source_name"), printed_
     def _notes(self) -> list[str]:
         hops = sum(each.begins == "lift-off" for each in self.parts)
         notes = [f"{len(self.parts)} flights and contacts, {hops} lift-offs"]
+        if low := [name for name in DAMPERS if self.values.get(name, 0.0) < 0]:
+            notes.append(f"{' and '.join(low)} below 0 by the errors: the machine has almost none")
         if self.inseparable:
             notes.append(f"the record does not separate {self._together()}: {self.remedy}; or state one of them")
         for k, end in enumerate(self.followed):

@@ -52,9 +52,12 @@ class HopFitOptions(NamedTuple):
     spike_of_window: float = 10.0  # median differences from their median by which it does
     median: float = 1.4826  # deviations of a normal distribution in its median absolute difference
     beside: float = 4.0  # deviations of the instant of an impact within which a sample lies on no side of it
+    moved: float = 0.2  # deviations by which a parameter may change in the last round
     settled: float = 0.02  # change of the deviations after which they are final
     least_noise: float = 1e-7  # in sizes: the error of the motion is smaller
-    correlated: float = 5.0  # standard errors of the correlation of neighbouring residuals of a machine that lacks
+    correlated: float = (
+        5.0  # standard errors of the correlation of neighbouring residuals, above which something is missing
+    )
     few: int = 20  # samples whose correlation says nothing
     unlike: float = 0.1  # rms of all residuals, in sizes, above which the record is of another machine
     fewest: int = 3  # samples for each unknown
@@ -84,6 +87,7 @@ class Round(NamedTuple):
     program : with its unknowns z
     solution : what these mean
     machine : with the fitted values
+    deviations : of the unknown parameters
     errors : the standard deviations of the edges of each motion
     off : the residuals of each channel, NaN where the motion has ended
     places : the parts in which the samples of each channel lie
@@ -93,9 +97,17 @@ class Round(NamedTuple):
     z: np.ndarray
     solution: Solution
     machine: Machine
+    deviations: np.ndarray
     errors: list[np.ndarray]
     off: list[np.ndarray]
     places: list[np.ndarray]
+
+    @property
+    def moved(self) -> float:
+        """The largest change of a parameter in this round, in its deviations."""
+        program = self.program
+        values = np.array([*self.solution.values.values()])
+        return float(np.max(np.abs(values - program.starts * program.parameter_sizes) / self.deviations))
 
     def used(self) -> list[np.ndarray]:
         """Whether each sample counts."""
@@ -155,8 +167,8 @@ class Fitting:
 
     def fitted(self) -> Fitted:
         """The last round; raises `NoOrbit` where a round has no solution."""
-        stays, sigma, last, whole = 0, np.full(len(self.samples), np.nan), self._round(), False
-        solved = list[list[tuple[Part, ...]]]()  # a motion beside a graze may have one bounce more or less
+        stays, sigma, last, whole, settled = 0, np.full(len(self.samples), np.nan), self._round(), False, False
+        solved = list[list[tuple[Part, ...]]]()  # a motion near a graze may have one bounce more or less
         for _ in range(FIT.rounds):
             solved.append([each.parts for each in last.solution.motions])
             ended, stayed = self._grow(last), _stays(last.solution.motions, self.motions)
@@ -167,26 +179,29 @@ class Fitting:
                     break
             before, sigma = sigma, self._deviations(last)
             same = self._reweigh(last, before, whole) and [each.parts for each in self.motions] in solved
-            if whole and same and (np.abs(sigma / before - 1) < FIT.settled).all():
+            settled = whole and same and bool((np.abs(sigma / before - 1) < FIT.settled).all())
+            if settled and last.moved <= FIT.moved:
                 break
             last = self._round()
         sigma = self._deviations(last)
         pairs = zip(last.off, last.used(), self.question.unknowns.sizes, strict=True)
         squares = [np.mean((off[own] / size) ** 2) for off, own, size in pairs if own.any()]
-        lack = self._lack(last, sigma) if whole else "the machine does not fit: its motion leaves the record"
+        ends = "" if settled else "the fit did not settle: its samples near impacts, or its noise, still change"
+        lack = (self._lack(last, sigma) or ends) if whole else "the machine does not fit: its motion leaves the record"
         return Fitted(last, sigma, whole, float(np.sqrt(np.mean(squares))) if squares else np.inf, lack)
 
     def _round(self) -> Round:
         """The solution near the present machine and motions."""
-        program = HopProgram(self.question.unknowns._replace(machine=self.machine), self.motions, self.samples)
+        unknowns = self.question.unknowns._replace(machine=self.machine)
+        program = HopProgram(unknowns, self.motions, self.samples, self.delay)
         minimum = program.solve(program.guess(self.bias, self.delay), self.samples)
         if minimum.kind != "minimum" and not minimum.feasible:
             raise NoOrbit(minimum.reason)
         solution = program.solution(minimum.x)
         self.bias, self.delay = solution.bias, solution.delay
         self.machine = _with_values(self.machine, solution.values)
-        errors = program.errors_of_edges(minimum.x, self.samples)
-        return Round(program, minimum.x, solution, self.machine, errors, *program.residuals(minimum.x))
+        errors = program.errors(minimum.x, self.samples)
+        return Round(program, minimum.x, solution, self.machine, *errors, *program.residuals(minimum.x))
 
     def _grow(self, last: Round) -> bool:
         """Replace the motions by simulations from their starts, as far as these follow the record; whether that is to
@@ -228,16 +243,19 @@ class Fitting:
         spikes; whether the deviations were known and the same samples count as before."""
         samples = list[Samples]()
         sigmas, channels = self._deviations(last), self.question.unknowns.channels
-        for channel, each, off, sigma in zip(channels, self.question.samples, last.off, sigmas, strict=True):
+        delay = _spread(self.delay, self.question.unknowns.delayed)
+        for channel, each, off, sigma, late in zip(
+            channels, self.question.samples, last.off, sigmas, delay, strict=True
+        ):
             most = FIT.spike * max(sigma, _robust(off))
             weights = np.where(np.abs(off) <= most, 1 / sigma, 0.0) if whole else each.weights
-            beside = self._beside_impact(last, each) if channel.jumps else np.zeros(len(weights), bool)
+            beside = self._beside_impact(last, each, late) if channel.jumps else np.zeros(len(weights), bool)
             samples.append(each._replace(weights=np.where(beside, 0.0, weights)))
         same = all(np.array_equal(a.weights > 0, b.weights > 0) for a, b in zip(samples, self.samples, strict=True))
         self.samples = samples
         return same and bool(np.isfinite(before).all())
 
-    def _beside_impact(self, last: Round, samples: Samples) -> np.ndarray:
+    def _beside_impact(self, last: Round, samples: Samples, late: float) -> np.ndarray:
         """Whether samples (n,) are so near to an impact that its error decides on which side of it they lie."""
         found = np.zeros(len(samples.times), bool)
         for k, (motion, old, errors) in enumerate(zip(self.motions, last.solution.motions, last.errors, strict=True)):
@@ -245,7 +263,7 @@ class Fitting:
             for edge, part in zip(motion.edges, motion.parts, strict=False):
                 if part.begins in (IMPACT, LANDING):
                     error = errors[np.argmin(np.abs(old.edges - edge))]
-                    found |= own & (np.abs(samples.times - edge) <= FIT.beside * error)
+                    found |= own & (np.abs(samples.times - late - edge) <= FIT.beside * error)
         return found
 
     def _deviations(self, last: Round) -> np.ndarray:
@@ -279,8 +297,8 @@ class Fitting:
         if not worst[0]:
             return ""
         return (
-            f"the machine does not fit: neighbouring residuals of the {worst[0]} are alike (correlation "
-            f"{worst[1]:.2f}), so they are no noise; the deviations do not contain what the machine lacks"
+            f"the machine, or a filter of the sensor, does not fit: neighbouring residuals of the {worst[0]} are alike "
+            f"(correlation {worst[1]:.2f}), so they are no noise; the deviations do not contain what is missing"
         )
 
 

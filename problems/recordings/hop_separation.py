@@ -14,7 +14,7 @@ class SeparationOptions(NamedTuple):
 
     same: float = 1e-6  # share of the largest singular value below which a direction is not seen
     seen: float = 1e-4  # the share that another channel has to lift it to
-    involved: float = 0.02  # share of a direction from which on a parameter is in it
+    involved: float = 1e-3  # share of a direction from which on a parameter is in it
     noise: float = 0.01  # of another channel, in sizes
 
 

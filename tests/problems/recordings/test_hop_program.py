@@ -65,9 +65,10 @@ def test_slopes_are_differences_of_simulations(program):
 
 def test_errors_of_edges_follow_the_noise(program):
     z = program.guess(np.zeros(1), np.zeros(1))
-    (errors,) = program.errors_of_edges(z, program.samples)
-    (less,) = program.errors_of_edges(z, [each._replace(weights=10 * each.weights) for each in program.samples])
+    parameters, (errors,) = program.errors(z, program.samples)
+    fewer, (less,) = program.errors(z, [each._replace(weights=10 * each.weights) for each in program.samples])
     events = slice(1, -1)
     assert (errors[events] > 0).all()
     assert less[events] == pytest.approx(errors[events] / 10, rel=0.05)
     assert errors[-1] == 0.0  # the end of the record
+    assert fewer == pytest.approx(parameters / 10, rel=0.05)

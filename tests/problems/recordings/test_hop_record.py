@@ -105,3 +105,14 @@ def test_refuses_a_file(text, message, tmp_path):
 def test_a_machine_without_units_takes_none():
     with pytest.raises(InputError, match="has a unit, but this machine has none"):
         read_hops({"time": [0, 1], "foot height [m]": [1, 2]}, CHANNELS, False)
+
+
+def test_refuses_a_stated_column_that_is_missing():
+    with pytest.raises(InputError, match="no column 'Z9'"):
+        read_hops({"time [s]": [0, 1], "foot height [m]": [1, 2]}, CHANNELS, True, {"foot height": "Z9"})
+
+
+def test_columns_of_text_are_not_used():
+    source = {"time [s]": [0, 1], "foot height [m]": [1, 2], "remark": ["a", "b"]}
+    (record,) = read_hops(source, CHANNELS, True)
+    assert record.unused == ("remark",)

@@ -21,8 +21,8 @@ def test_a_machine_that_lacks_something_is_told():
     """The leg has a damper, and the machine none."""
     record = bench.record(*three_hops(), ("body height", "foot height"), 0.002)
     found = recordings.fit(START.with_values(damping=0.0), record, ("foot_mass", "k", "b"))
-    assert found.lack.startswith("the machine does not fit")
-    assert "the machine does not fit" in str(found)
+    assert found.lack.startswith("the machine, or a filter of the sensor, does not fit: neighbouring residuals")
+    assert "the machine, or a filter of the sensor, does not fit" in str(found)
 
 
 def test_stated_noise_is_compared_with_the_residuals():
