@@ -17,22 +17,23 @@ def too_much_damping(
     why, elements = str(reason).rpartition("; ")[0], machine.stated().elements
     named = dict.fromkeys(str(each.coefficient) for each in elements if isinstance(each, Damper))
     dampers = {name: machine.values[name] for name in named if machine.values.get(name, 0.0) > 0}
-    low, high = 0.0, 1.0
+    low, high, works = 0.0, 1.0, dict[str, float]()
     for _ in range(most if dampers else 0):
         share = 0.5 * (low + high)
+        tried = {name: float(f"{share * x:.3g}") for name, x in dampers.items()}  # as it would be printed
         try:
-            steered(machine.with_values(**{name: share * x for name, x in dampers.items()}))
+            steered(machine.with_values(**tried))
         except NoOrbit:
             high = share
         else:
-            low = share
+            low, works = share, tried
         if low and high - low < apart * high:
             break
     if not low:
         return f"{why}; no such motion is near the lossless hop: ask for a slower launch, or widen the limits"
     units = machine.units_of_parameters() if machine.units else {}
-    much, works = (
-        ", ".join(f"{name} = {share * x:.3g} {units.get(name, '')}".rstrip() for name, x in dampers.items())
-        for share in (1.0, 0.99 * low)  # rounded up it is not above what works
+    much, found = (
+        ", ".join(f"{name} = {x:.3g} {units.get(name, '')}".rstrip() for name, x in each.items())
+        for each in (dampers, works)
     )
-    return f"{why}: {much} is too much; take at most {works}, with which it is found"
+    return f"{why}: {much} is too much; take at most {found}, with which it is found"
