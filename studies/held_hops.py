@@ -4,9 +4,9 @@ Without feedback a hop is lost: launches with less energy than a lossless hop lo
 machine that is driven open loop drift away. Each machine here has an actuator between two of its masses, a force or a
 spring's end that moves, with stated limits. Launches are too fast or too slow by 1 and 5 %. All come back within the
 limits, and the printed multipliers are those of the simulated cycle. On the left is by how much the worst launch of
-each machine is off, hop after hop; on the right the actuator's positive work per hop over the first twelve hops, as a
-share of the most of these launches: what holds a lossless hop costs nothing once it has come back, while a damped one
-always needs some.
+each machine is off, hop after hop, up to where one is lost; on the right the actuator's positive work per hop over the
+first twelve hops, as a share of the most of these launches: what holds a lossless hop costs nothing once it has come
+back, while a damped one always needs some.
 Run: python studies/held_hops.py [--output FOLDER] [--quick]
 """
 
@@ -79,12 +79,12 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         printed, simulated = (np.abs(each) for each in (held.held_multipliers, held.simulated_multipliers()))
         worst = max(worst, float(np.abs(simulated - printed).max()))
         back, launches = back + int(found.returned.sum()), launches + len(ERRORS)
-        row = int(found.returned.sum()), np.nanmax(found.hops), printed[0], simulated[0]
+        row = int(found.returned.sum()), found.hops.max(), printed[0], simulated[0]
         most = found.force.max(), found.power.max(), found.work.max()
         print(f"  {name:<20}{row[0]:>3} of{len(ERRORS):>2}{row[1]:>6.0f}{row[2]:>10.5f}{row[3]:>11.5f}", end="")
         print("".join(f"{each:>10.4g}" for each in most))
         style = "o-" if len(left.lines) < len(COLOURS) else "s--"
-        left.semilogy(np.nanmax(found.off, axis=0).clip(1e-9), style, ms=3, label=name)
+        left.semilogy(found.off.max(axis=0).clip(1e-9), style, ms=3, label=name)
         right.plot(100 * found.errors, found.work / found.work.max(), style, ms=3)
     print(f"\n  {back} of {launches} launches come back; multipliers differ by {worst:.1e} at most")
     left.set(xlabel="hop", ylabel="change of the launch", title="worst launch")

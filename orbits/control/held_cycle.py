@@ -18,7 +18,7 @@ from ..running import interrupts
 from ..units import TIME, Message, Quantity, Units
 from .regulator import Piece
 
-# (flight states (k, n), inputs (k,)) -> the force and the speed (k,) of what acts, whose product is its power.
+# (flight states (k, n), inputs (k,)) -> the force and the speed (k,) of the actuator, whose product is its power.
 Effects: TypeAlias = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
@@ -26,7 +26,7 @@ class CycleOptions(NamedTuple):
     """The tolerances of a cycle, and the samples along it."""
 
     together: float = 1e-9  # instants closer than this share of the period are one, as in a simulation
-    samples: int = 33  # of a piece, of which the largest force and speed are taken
+    samples: int = 33  # of a piece, at which its force and speed are taken
     tangential: float = 1e-6  # a landing slower than this share of the fastest state is tangential
     ahead: float = 0.1  # of a period, for which motions are expanded in time
     newton: int = 8  # steps to where the gap does not accelerate
@@ -46,7 +46,7 @@ class Cycle:
     times, inputs : (k + 1,) since lift-off and (k,), the input along the cycle
     kind : "force", that is the input; or "force's rate" or "displacement's rate", of the last state of an actuator
     units, unit : sizes of the cycle, and that of the input
-    effects : (states (k, n), inputs (k,)) -> the force and the speed (k,) of what acts
+    effects : (states (k, n), inputs (k,)) -> the force and the speed (k,) of the actuator
     """
 
     machine: Any
@@ -112,15 +112,17 @@ def planned(cycle: Cycle, when: str, parts: int, delay: float, share: tuple[floa
     begins, closes = np.concatenate([e[:-1] for e in ends]), np.concatenate([e[1:] for e in ends])
     measured = {"continuous": begins - delay, "lift-off": 0.0 * begins, "apex": 0.0 * begins + 0.5 * flight}[when]
     longest = {"continuous": begins[0], "lift-off": begins[0], "apex": (last - 0.5) * flight}[when]
-    if not 0 <= delay <= longest * (1 - CYCLE.together) and delay != 0:
+    if delay < 0:
+        raise InputError(Message("delay = {delay:g}: it is at least 0", delay=Quantity(delay, TIME)))
+    if delay > longest * (1 - CYCLE.together) and delay > 0:
         text = "delay = {delay:g}: the first input follows its measurement after {longest:g}, and no delay is longer"
         raise InputError(Message(text, delay=Quantity(delay, TIME), longest=Quantity(float(longest), TIME)))
     wanted = np.sort(np.concatenate([[0.0, flight, cycle.period], cycle.times, begins, closes, measured]))
-    kept, least = [0.0, flight, cycle.period], CYCLE.together * cycle.period
+    apart, least = [0.0, flight, cycle.period], CYCLE.together * cycle.period
     for time in wanted.tolist():
-        if 0 <= time <= cycle.period and min(abs(time - each) for each in kept) > least:
-            kept.append(time)
-    times = np.array(sorted(kept))
+        if 0 <= time <= cycle.period and min(abs(time - each) for each in apart) > least:
+            apart.append(time)
+    times = np.array(sorted(apart))
     places = (np.abs(times - each[:, None]).argmin(1) for each in (np.array([flight]), measured, begins, closes))
     landing, *own = places
     return Plan(times, int(landing[0]), *own)
@@ -134,7 +136,7 @@ class Linearised(NamedTuple):
     states : (k + 1, n), flight states at the instants of the plan
     series : (k, n, K + 1), their Taylor coefficients from each of these on
     steps : (k,), the times up to which these are accurate
-    force, speed : (k,), the largest of what acts between two instants
+    force, speed : (k, m), those of the actuator at m samples between each two instants
     flown : arrays (n, n + 1), of each piece of the flight, the derivatives of its end by the state and by the input
     """
 
@@ -194,7 +196,7 @@ def linearised(cycle: Cycle, plan: Plan) -> Linearised:
     y = first.onto_contact @ x
     tangent = launches.tangent(first.force_gradient(y))
     pieces, states = [Piece(model.embed @ tangent)], [x]
-    series, steps, largest, flown = list[np.ndarray](), list[float](), list[np.ndarray](), list[np.ndarray]()
+    series, steps, sampled, flown = list[np.ndarray](), list[float](), list[np.ndarray](), list[np.ndarray]()
     decided = [tuple(np.flatnonzero(plan.measured == j).tolist()) for j in range(len(plan.times))]
     for j in range(len(plan.times) - 1):
         interrupts.heed()
@@ -206,7 +208,7 @@ def linearised(cycle: Cycle, plan: Plan) -> Linearised:
         series.append(model.embed @ begun if down else begun)
         steps.append(size)
         path, found, effect = runs.through(flow, impacts, here, b - a)
-        largest.append(runs.largest(model.embed if down else np.eye(len(x)), path, b - a, cycle.input_after(a)))
+        sampled.append(runs.effects(model.embed if down else np.eye(len(x)), path, b - a, cycle.input_after(a)))
         end = path.end[: flow.size]
         if not down:
             flown.append(np.column_stack([found, effect]))
@@ -221,7 +223,7 @@ def linearised(cycle: Cycle, plan: Plan) -> Linearised:
         states.append(model.embed @ y if down or j + 1 == plan.landing else x)
         pieces.append(Piece(step, effect if acts >= 0 else None, acts, decided[j], gap))
     states.append(model.embed @ y)
-    force, speed = np.array(largest).T
+    force, speed = np.swapaxes(np.array(sampled), 0, 1)
     return Linearised(launches.names, pieces, np.array(states), series, np.array(steps), force, speed, flown)
 
 
@@ -259,8 +261,8 @@ class Runs:
         return x
 
     def closing(self, x: np.ndarray) -> np.ndarray:
-        """The gap and its speed (2,) where its acceleration vanishes, in the units of the cycle: near a flight state
-        beside a tangential landing, which they are 0 at."""
+        """The gap and its speed (2,) where its acceleration vanishes, in the units of the cycle: from a flight state
+        near a tangential landing, where both are 0."""
         impacts, units = self.impacts(self.cycle.flight), self.cycle.units
         path, _ = impacts.flight.run(x, impacts.p, CYCLE.ahead * self.cycle.period)
         gap = impacts.gap.series(path.coefficients)[0]
@@ -274,11 +276,10 @@ class Runs:
         first = (orders * gap) @ time ** np.maximum(orders - 1, 0)
         return np.array([gap @ time**orders, first * units.time]) / units.of("gap")
 
-    def largest(self, embed: np.ndarray, path: Trajectory, time: float, value: float) -> np.ndarray:
-        """The largest force and speed (2,) of what acts along a motion with an input."""
+    def effects(self, embed: np.ndarray, path: Trajectory, time: float, value: float) -> np.ndarray:
+        """Samples of the force and the speed (2, m) of the actuator along a motion with an input."""
         rows = path(np.linspace(0.0, time, CYCLE.samples))[:, : embed.shape[1]] @ embed.T
-        force, speed = self.cycle.effects(rows, np.full(CYCLE.samples, value))
-        return np.array([np.abs(force).max(), np.abs(speed).max()])
+        return np.array(self.cycle.effects(rows, np.full(CYCLE.samples, value)))
 
     def landed(
         self, impacts: Impacts, x: np.ndarray, time: float, end: np.ndarray, change: np.ndarray

@@ -17,6 +17,7 @@ from ..result import Axes, Progress, Result, Row, reported, shown
 from ..running import interrupts
 from ..units import LIFTOFF_SPEED
 from .held_cycle import Launches
+from .held_limits import Demand
 
 if TYPE_CHECKING:
     from .holding import Hold
@@ -34,7 +35,7 @@ class HeldLaunches(Result, what="held launches", dimension="launch", in_line=("s
     statuses : how the simulations ended
     speeds : (m, hops + 1), the launch speeds, NaN after the end
     off : (m, hops + 1), the largest change of a launch, as a share of the launch speed in the sizes of the cycle
-    work : (m,), the positive work of what acts per hop
+    work : (m,), the positive work of the actuator per hop
     force, power : (m,), the largest ones
     exceeded : the limits that were exceeded, "" for none
     moduli, held_moduli : (d,), of the multipliers without and with the feedback
@@ -67,10 +68,10 @@ class HeldLaunches(Result, what="held launches", dimension="launch", in_line=("s
 
     @property
     def returned(self) -> np.ndarray:
-        """Whether (m,) each comes back and stays, within the limits."""
+        """Whether (m,) each has come back as the last hop ends, within the limits all along."""
         done = np.array([status == "done" for status in self.statuses])
-        kept = np.array([not names for names in self.exceeded])
-        return done & kept & (self.off[:, -1] <= self.within)
+        obeyed = np.array([not names for names in self.exceeded])
+        return done & obeyed & (self.off[:, -1] <= self.within)
 
     @property
     def share(self) -> float:
@@ -150,7 +151,7 @@ def held_launches(
         launch[section.names.index("alpha")] *= 1 + error
         y = section.states(launch[None], own[[section.places[section.dependent]]])[0]
         if not np.isfinite(y).all():
-            raise NoOrbit(f"a launch that is off by {error:g} is none: the contact force vanishes nowhere near")
+            raise NoOrbit(f"no launch exists with the speed changed by {error:g}; choose a smaller error")
         motion = simulate(held.cycle.machine, section.unknowns_of(y), hops=hops, feedback=_Noisy(held, deviations, rng))
         rows.append(_measured(held, section, own, y, motion, hops))
     speed, force, energy, power = _sizes(held, units)
@@ -175,7 +176,7 @@ def simulated_multipliers(held: "Hold", step: float) -> np.ndarray:
         start = impacts.model.embed @ launches.moved(impacts, own, change)
         motion = simulate(held.cycle.machine, state=start, hops=1, feedback=held)
         if motion.status != "done":
-            raise NoOrbit(f"the cycle beside that which is held ends with '{motion.status}'")
+            raise NoOrbit(f"the simulation of a launch near the cycle ends with '{motion.status}'")
         return (impacts.onto_contact @ motion.events[-1].after)[launches.free] / launches.unit
 
     def slopes(h: float) -> np.ndarray:
@@ -212,22 +213,31 @@ def _measured(
     speeds, off = np.full((2, hops + 1), np.nan)
     off[: len(far)], speeds[: len(launches)] = far, launches[:, section.places["alpha"]]
     force, speed, weights = effects_along(held, motion)
-    power = force * speed
+    power, (times, inputs) = force * speed, _schedule(held, motion)
+    asked = Demand.of(held.cycle.kind, force, speed, inputs, motion(np.clip(times, 0.0, motion.end)))
     return {
         "status": motion.status, "speeds": speeds, "off": off, "force": np.abs(force).max(),
         "power": np.abs(power).max(), "work": float(weights @ np.maximum(power, 0.0)) / max(len(lifted), 1),
-        "exceeded": ", ".join(held.bare_limits.exceeded(force, speed)),
+        "exceeded": ", ".join(held.bare_limits.exceeded(asked)),
     }  # fmt: skip
 
 
-def effects_along(held: "Hold", motion: Simulation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The force and the speed (k,) of what acts along a motion, with the weights (k,) of a quadrature in time."""
+def _schedule(held: "Hold", motion: Simulation) -> tuple[np.ndarray, np.ndarray]:
+    """The times (k + 1,) between which the inputs (k,) of a motion are constant."""
     times, inputs = motion.schedule or (np.array([0.0, motion.end]), {held.name: np.zeros(1)})
+    return times, inputs[held.name]
+
+
+def effects_along(held: "Hold", motion: Simulation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The force and the speed (k,) of the actuator along a motion, with the weights (k,) of a quadrature in time, which
+    are 0 at the ends of its intervals."""
+    times, inputs = _schedule(held, motion)
     starts = [leg.start for leg in motion.legs]
     marks = np.unique(np.concatenate([times, starts, np.linspace(0.0, motion.end, 20 * len(starts) + 1)]))
     marks = marks[(marks >= 0) & (marks <= motion.end)]
     widths = np.diff(marks)
-    t = (marks[:-1, None] + widths[:, None] * GAUSS_PLACES).ravel()
-    places = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
-    force, speed = held.cycle.effects(motion(t), inputs[held.name][places])
-    return force, speed, (widths[:, None] * GAUSS_WEIGHTS).ravel()
+    t = np.minimum(marks[:-1, None] + widths[:, None] * np.array([0.0, *GAUSS_PLACES, 1.0]), motion.end)
+    within = np.clip(np.searchsorted(times, marks[:-1] + 0.5 * widths, side="right") - 1, 0, len(times) - 2)
+    acting = np.repeat(inputs[within], t.shape[1])
+    force, speed = held.cycle.effects(motion(t.ravel()), acting)
+    return force, speed, (widths[:, None] * np.array([0.0, *GAUSS_WEIGHTS, 0.0])).ravel()

@@ -40,7 +40,7 @@ from ..symbolic import suggest
 from ..units import LENGTH, TIME, Units
 from .held_cycle import DECISIONS, Cycle, Effects, Linearised, Plan, Runs, linearised, planned
 from .held_launches import HeldLaunches, by_modulus, held_launches, simulated_multipliers
-from .held_limits import HeldLimits, Room, room_of
+from .held_limits import HeldLimits, Room, refuse_what_the_cycle_exceeds, room_of
 from .regulator import cycle_with, landing_softly, regulator
 
 INPUT = "hold"  # the parameter of the force that holds an orbit
@@ -144,12 +144,18 @@ class Hold:
         for i in range(last + 1):
             off, shift, rate = self.off(int(self.plan.measured[i]), states)
             change = -self.gains[i] @ (off + shift * rate) - self.mixed[i] @ found
-            begin = int(self.plan.begins[i])
-            before = float(states[begin][-1] - self.states[begin, -1]) if self.cycle.kind != "force" else 0.0
-            found[i] = self.room.cut(i, float(change), self.plan, self.states[:, -1], before)
+            found[i] = self._cut(i, float(change), states)
         if self.slopes is None or last + 1 < self.slopes.shape[1]:
             return found
-        return _landed_softly(self, found.tobytes(), states[int(self.plan.measured[0])].tobytes())
+        found = _landed_softly(self, found.tobytes(), states[int(self.plan.measured[0])].tobytes()).copy()
+        found[last] = self._cut(last, float(found[last]), states)
+        return found
+
+    def _cut(self, i: int, change: float, states: Mapping[int, np.ndarray]) -> float:
+        """A change of an input within the limits, by the state measured as it begins."""
+        begin = int(self.plan.begins[i])
+        off = float(states[begin][-1] - self.states[begin, -1]) if self.cycle.kind != "force" else 0.0
+        return self.room.cut(i, change, self.plan, self.states[:, -1], off)
 
     def off(self, instant: int, states: Mapping[int, np.ndarray]) -> tuple[np.ndarray, float, np.ndarray]:
         """By how much a state is off the nearest one of the cycle (n,), how much later that is than the instant, and
@@ -300,9 +306,15 @@ def hold_cycle(
         raise InputError(f"when = {when!r}; inputs are decided {', '.join(map(repr, DECISIONS))}")
     plan = planned(cycle, when, parts, delay, (HOLDING.begins, HOLDING.ends))
     found, count = linearised(cycle, plan), len(plan.begins)
+    refuse_what_the_cycle_exceeds(cycle, found, limits, bare)
     gains, held = regulator(found.pieces, count, effort, landing)
     slopes = None
     if when != "continuous":
+        if not cast(np.ndarray, found.pieces[plan.landing].gap).size:
+            raise InputError(
+                f"when = {when!r}: inputs that are decided once in a hop are chosen so that it lands without a loss, "
+                "and this one lands with an impact; pass when='continuous'"
+            )
         by_state, slopes = _effects_on_landing(plan, found)
         gains = landing_softly(gains, by_state, slopes)
         held = cycle_with(found.pieces, gains)

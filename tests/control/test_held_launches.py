@@ -8,6 +8,7 @@ from orbits.control import HeldLaunches, hold
 from orbits.control.held_launches import effects_along
 from orbits.hops import Impacts
 from problems import Actuator, Hopper, hopper_in_si, steering
+from problems.steering.actuated_launch import launched_at
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +39,16 @@ def test_the_work_is_what_the_energy_gains(held):
         lost = sum(event.loss for event in motion.events if event.kind != "lift-off")
         # The energy of the model is in units of the foot's weight over the mass ratio, 1 here.
         assert weights @ (force * speed) == pytest.approx(gained + lost, rel=1e-6, abs=1e-9)
+
+
+def test_the_largest_force_is_that_at_the_ends_of_ramps():
+    """A force that is a state changes linearly: its largest is at one of its corners, and was measured between."""
+    kept = steering.keep_hopping(Hopper(damping=0.02), actuator=Actuator("y1 - y2", kind="force"), intervals=20)
+    held = kept.hold()
+    launch = launched_at(kept.actuated, (like := kept.actuated.model.launch_at(kept(0.0))), like["alpha"])
+    motion = simulate(kept.actuated, launch, hops=3, feedback=held)
+    corners = motion(np.clip(motion.schedule[0], 0.0, motion.end))[:, 4]
+    assert np.abs(effects_along(held, motion)[0]).max() == pytest.approx(np.abs(corners).max(), rel=1e-12)
 
 
 def test_noise_leaves_launches_near(held):

@@ -5,9 +5,10 @@ import pytest
 
 from orbits import find
 from orbits.control import hold
-from orbits.control.held_limits import HeldLimits, limits_in
+from orbits.control.held_cycle import Plan
+from orbits.control.held_limits import Demand, HeldLimits, Room, limits_in
 from orbits.errors import InputError
-from problems import Hopper
+from problems import Actuator, Hopper, steering
 
 
 def test_forces_at_speeds():
@@ -33,7 +34,42 @@ def test_speeds_at_forces():
 )
 def test_what_is_exceeded(force, speed, names):
     limits = HeldLimits(force=3.0, power=4.0, speed_force=(2.0, 5.0))
-    assert limits.exceeded(np.array([0.0, force]), np.array([0.0, speed])) == names
+    assert limits.exceeded(Demand(np.array([0.0, force]), np.array([0.0, speed]))) == names
+
+
+def test_rates_and_displacements_that_are_exceeded():
+    limits, none = HeldLimits(rate=2.0, stroke=1.0), np.zeros(1)
+    assert limits.exceeded(Demand(none, none, np.array([-2.0, 2.0]), np.array([-1.0]))) == []
+    assert limits.exceeded(Demand(none, none, np.array([-2.1, 1.0]), np.array([0.0]))) == ["rate"]
+    assert limits.exceeded(Demand(none, none, none, np.array([0.5, -1.1]))) == ["stroke"]
+
+
+def test_a_state_out_of_reach_is_brought_back_within_the_room():
+    """A state of 3 beyond a reach of 1 needs a change of -4 within the time 0.5: it is cut to the room of 0.5."""
+    room = Room(np.full(2, -0.5), np.full(2, 0.5), np.ones(5))
+    plan = Plan(np.linspace(0.0, 2.0, 5), 2, np.array([0, 2]), np.array([0, 2]), np.array([1, 3]))
+    for off, wanted in ((3.0, -0.5), (-3.0, 0.5)):
+        assert room.cut(0, 0.1, plan, np.zeros(5), off) == wanted
+    assert room.cut(0, 0.1, plan, np.zeros(5), 0.0) == 0.1
+
+
+def test_limits_that_the_hop_itself_exceeds():
+    """The message says what the hop needs, by the actuator's largest rate, displacement, force and power."""
+    moved = steering.keep_hopping(Hopper(damping=0.01), intervals=20)
+    needs = {"rate": np.abs(moved.schedule(moved.actuator.rate)[1][moved.actuator.rate]).max()}
+    needs["stroke"] = np.abs(moved(np.linspace(0.0, moved.end, 20001))[:, -1]).max()
+    pushed = steering.keep_hopping(Hopper(damping=0.02), actuator=Actuator("y1 - y2", kind="force"), intervals=20)
+    named = [(moved, *each) for each in needs.items()]
+    named += [(pushed, *each) for each in zip(("force", "power"), pushed.largest, strict=True)]
+    for kept, name, need in named:
+        with pytest.raises(InputError, match=rf"{name} = 0\.01: .* widen the bound") as found:
+            kept.hold(**{name: 0.01})
+        assert float(str(found.value).split("needs ")[1].split(";")[0]) == pytest.approx(need, rel=1e-3)
+        kept.hold(**{name: 1.001 * need})
+    with pytest.raises(InputError, match=r"speed_force = \(8\.0, 0\.01\): the hop itself needs \d+\.\d+ times this"):
+        pushed.hold(speed_force=(8.0, 0.01))
+    with pytest.raises(InputError, match=r"stroke = 1: .* and the actuator is a force; leave it out"):
+        pushed.hold(stroke=1.0)
 
 
 def test_limits_in_other_units():
@@ -44,7 +80,7 @@ def test_limits_in_other_units():
 
 
 def test_invalid_limits():
-    with pytest.raises(InputError, match="force = 0: a bound of what acts is above 0"):
+    with pytest.raises(InputError, match="force = 0: a bound of the actuator is above 0"):
         HeldLimits(force=0.0)
     with pytest.raises(InputError, match=r"speed_force = 3\.0; it is two numbers"):
         HeldLimits(speed_force=3.0)

@@ -47,6 +47,23 @@ def test_limits_of_a_displacement():
     assert np.abs(motion.schedule[1]["w"]).max() <= 0.3 + 1e-12
 
 
+@pytest.mark.parametrize("when", ["lift-off", "apex"])
+def test_limits_of_what_is_decided_once(when):
+    """On a fine grid of motions: the force and the displacement are states, and stay within their limits."""
+    pushed = steering.keep_hopping(Hopper(damping=0.02), actuator=FORCE, intervals=20)
+    moved = steering.keep_hopping(Hopper(damping=0.01), intervals=20)
+    for kept, bound, limits in ((pushed, 0.2, {"force": 0.2}), (moved, 0.32, {"stroke": 0.32})):
+        motion, alpha = disturbed(kept, kept.hold(when=when, **limits), 0.01)
+        assert np.abs(motion(np.linspace(0.0, motion.end, 50_001))[:, 4]).max() <= bound + 1e-9
+        assert abs(motion.launches[-1] / alpha - 1) < 1e-4
+
+
+def test_a_landing_with_an_impact_is_not_decided_once():
+    kept = steering.keep_hopping(Hopper(damping=0.02), actuator=FORCE, intervals=20, lossless=False)
+    with pytest.raises(InputError, match="this one lands with an impact; pass when='continuous'"):
+        kept.hold(when="lift-off")
+
+
 @pytest.mark.slow
 def test_a_hopper_of_14_kg_with_a_motor():
     """In SI, with a motor of 400 N and 300 W: launches off by 5 % come back within its limits."""
@@ -86,5 +103,5 @@ def test_a_chain_is_held_by_a_spring_whose_end_moves():
 def test_what_is_not_held():
     with pytest.raises(InputError, match="hold takes a hop that repeats itself, as keep_hopping returns it"):
         steering.recover(Hopper(), 0.1, intervals=14).hold()
-    with pytest.raises(InputError, match="stroke = -1: a bound of what acts is above 0"):
+    with pytest.raises(InputError, match="stroke = -1: a bound of the actuator is above 0"):
         steering.keep_hopping(Hopper(), intervals=14).hold(stroke=-1.0)
