@@ -97,7 +97,7 @@ def test_a_number_that_does_not_matter_is_not_tuned():
 )
 def test_numbers_that_the_vertical_hop_does_not_determine_are_not_tuned(along, start, tuned, monkeypatch):
     """Without lateral motion the hip's spring stays unstretched, whatever its stiffness; no step is taken."""
-    monkeypatch.delattr(import_module("orbits.continuation.follow"), "FamilyRun")
+    monkeypatch.setattr(import_module("orbits.continuation.follow"), "FamilyRun", None)
     with pytest.raises(
         NoOrbit, match=r"does not determine .*hip_stiffness = .* tune another number; or prescribe a speed"
     ):

@@ -228,9 +228,10 @@ def interrupted(options: list[str], begun: Callable[[], bool]) -> str:
             os.killpg(running.pid, signal.SIGKILL)
             raise
     assert (running.returncode, out) == (130, "")
-    (line,) = lines_of(err)
-    assert line.startswith("orbits: interrupted: ")
-    return line
+    first, *others = lines_of(err)
+    assert first.startswith("orbits: interrupted: ")
+    assert all(line.startswith("  ") for line in others)  # those of one message
+    return " ".join(" ".join([first, *others]).split())
 
 
 @pytest.mark.slow

@@ -27,7 +27,7 @@ def test_indices_files_and_figures(orbits, tmp_path):
         f"{COMMAND} {over} --samples 70 --quantities stroke,alpha/2 --indices --output {table} --plot {figure}"
     )
     assert (done.code, done.err) == (0, "")
-    assert "95 % confidence intervals" in done.out
+    assert "with 95 % confidence intervals" in " ".join(done.out.split())
     assert "from 64 samples" in done.out
     with open(table, newline="") as file:
         rows = [*csv.DictReader(file)]
