@@ -6,10 +6,11 @@ from functools import cached_property
 from typing import Any, Self, overload
 
 from ..errors import InputError
+from ..hops import STATUSES
 from ..result import Axes, Result, Row, shown
 from ..tables import number_text
 from ..units import UNIT_TEXTS
-from .destinations import CHAOS, DESTINATIONS, UNDECIDED, Destination, length_of
+from .destinations import CHAOS, DESTINATIONS, KINDS, UNDECIDED, Destination, length_of
 from .map_pieces import Intervals
 
 LISTED = 3  # launch speeds of a hop that its row names
@@ -108,9 +109,9 @@ class Basins(
 
     machine : in words and numbers
     low, high, inject : the range of the launch speeds, and the injection of the map
-    destinations : hops that attract, and what else launches come to: each with its intervals, those without any left
-        out
-    hops : the largest number of hops after which one of these launches is in the immediate basin of its hop, the
+    destinations : hops that attract, and what else launches come to: each with its intervals; those that have
+        none are left out
+    hops : the largest number of hops after which a launch that comes to a hop is in its immediate basin, the
         interval around that in which all launches come to it; those that need more than are allowed are undecided
     """
 
@@ -143,8 +144,10 @@ class Basins(
 
     def share_of(self, alpha: float | str) -> float:
         """The share of the range that comes to a hop with this (smallest) launch speed, or to what is not a hop, by its
-        kind as "undecided"; raises `InputError` for the speed of no attracting hop."""
+        kind as "undecided", 0 where none do; raises `InputError` for another speed or kind."""
         if isinstance(alpha, str):
+            if alpha not in {*KINDS, *STATUSES, *(here := sorted({each.kind for each in self.destinations}))}:
+                raise InputError(f"'{alpha}' is nothing that launches come to; here they come to {', '.join(here)}")
             return sum(self._share(each.intervals) for each in self.destinations if each.kind == alpha)
         if alpha not in self:
             raise InputError(f"alpha = {alpha!r} is none of the launch speeds of attracting hops, which are {[*self]}")
@@ -163,7 +166,12 @@ class Basins(
     def title(self) -> str:
         unit = f" {self.units['alpha']}" if self.units else ""
         added = f" with an injection of {self.inject:.6g}{unit}" if self.inject else ""
-        return f"{self._range()}{added}: {self.share:.3%} come to {self.goal}"
+        return f"{self._range()}{added}: {self.at_least}{self.share:.3%} come to {self.goal}"
+
+    @property
+    def at_least(self) -> str:
+        """The words before a share that is a lower bound, as launches are undecided; else empty."""
+        return "at least " if any(each.kind == UNDECIDED for each in self.destinations) else ""
 
     @property
     def goal(self) -> str:
@@ -194,12 +202,13 @@ class Basins(
         ] if self.attracting else []  # fmt: skip
         if CHAOS in kinds:
             notes.append(
-                f"chaotic: launches stay between two speeds, and have no period of up to {DESTINATIONS.longest} hops"
+                "chaotic: launches stay between two speeds, and no attracting cycle of up to "
+                f"{DESTINATIONS.longest} launches was found there"
             )
         if UNDECIDED in kinds:
             a, b = max(kinds[UNDECIDED].intervals, key=lambda pair: pair[1] - pair[0])
             text = f"undecided: the longest interval is {a:.9g} to {b:.9g}, of the length {b - a:.2g}"
-            notes.append(f"{text}; fewer launches are undecided in a narrower range")
+            notes.append(text + ("; fewer launches are undecided in a narrower range" if len(kinds) > 1 else ""))
         return notes
 
     def table(self) -> dict[str, list[Any]]:

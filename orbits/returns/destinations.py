@@ -24,21 +24,23 @@ from .periodic_hop import PERIODIC
 from .periodic_hops import cycles_of, polished_cycles
 from .settling import CHAOTIC, HAS_PERIOD, PERIODS, UNSETTLED, SettlingMap, settled
 
-UNDECIDED, CHAOS, SLOWER, FASTER = "undecided", "chaotic", "slower", "faster"
+UNDECIDED, CHAOS, SLOWER, FASTER, ITSELF = "undecided", "chaotic", "slower", "faster", "itself"
 WORDS_OF_ENDS = {
     UNDECIDED: UNDECIDED,
     CHAOS: "chaotic motion",
     SLOWER: "launches that are too slow",
     FASTER: "launches that are too fast",
+    ITSELF: "their own launch speed",
 }
+KINDS = ("lossless", "stable", *WORDS_OF_ENDS)  # of destinations, besides the statuses of launches
 UNKNOWN_ENDS = ("cap", "lost", "undecided", "unfinished")  # statuses of launches whose next one is not known
 
 
 class DestinationOptions(NamedTuple):
     """How attracting motions are searched for, and how far preimages go.
 
-    longest, hops, starts : the longest period that is searched for, by this number of hops from so many launches on a
-        grid, and from all extrema and borders of the map
+    longest, hops, starts : the longest period that is searched for, by this number of hops from this number of launches
+        on a grid, and from all extrema and borders of the map
     neutral : an attracting hop has a multiplier that is farther from 1 in size
     samples, widest, shrink : a trap contracts at this number of launches; the first one that is tried is this share of
         the launch speed wide to either side, and each other one by this factor narrower
@@ -73,9 +75,10 @@ DESTINATIONS = DestinationOptions()
 class Destination:
     """What launches come to.
 
-    kind : "lossless" or "stable", a hop; "chaotic", or a period longer than those that were searched for; "slower" or
-        "faster" than the speeds at which the map is known; "undecided"; or the statuses of launches that have no next
-        one, as "rests"
+    kind : "lossless" or "stable", a hop; "chaotic", or a period longer than those that were searched for; "slower"
+        than all lossless hops in the range, or than the speeds at which the map is known; "faster" than these, also
+        where hops lose nothing and only gain; "itself" where they do neither, so that each launch comes back;
+        "undecided"; or the statuses of launches that have no next one, as "rests"
     intervals : of the launch speeds that come to it, ascending
     launches : the launch speeds of a hop, the smallest first; the lowest and highest one of a chaotic motion
     multiplier : of a stable hop, else None
@@ -120,7 +123,7 @@ def destinations(
     settling: SettledMap, between: tuple[float, float], lossless: Sequence[float], hops: int, progress: Progress = None
 ) -> tuple[tuple[Destination, ...], int]:
     """What the launches between two speeds come to within a number of hops, in the range of the map's pieces, and the
-    largest number of hops that was needed.
+    largest number of hops after which a launch is in the trap of a hop.
 
     lossless : the lossless launch speeds of a map without injection, which are its only attracting hops; of another one
         attracting hops are searched for
@@ -129,7 +132,8 @@ def destinations(
     traps = lossless_traps(branches, lossless) if lossless else [*hop_traps(settling)]
     traps += [Destination(SLOWER, ((-np.inf, pieces.low),)), Destination(FASTER, ((pieces.high, np.inf),))]
     traps += ends_of_map(settling)
-    parts, needed = preimages_of_traps(branches, [[*each.intervals] for each in traps], between, hops, progress)
+    parts, depths = preimages_of_traps(branches, [[*each.intervals] for each in traps], between, hops, progress)
+    needed = max((depth for trap, depth in zip(traps, depths, strict=True) if trap.is_hop), default=0)
     found = [replace(trap, intervals=tuple(own)) for trap, own in zip(traps, parts, strict=True) if own]
     known = without_seams([pair for each in found for pair in each.intervals])
     gaps = pairwise([between[0], *(end for pair in known for end in pair), between[1]])
@@ -178,7 +182,10 @@ def hop_traps(settling: SettledMap) -> Iterable[Destination]:
         if abs(multiplier) < 1 - options.neutral and (width := _half_trap(branches, launches, words, multiplier)):
             trap = [np.array([launches[0] - width, launches[0] + width])]
             for word in words[:0:-1].tolist():
-                trap.append(_before(branches.only(np.array([word])), trap[-1][None])[0][0])
+                before, _ = _before(branches.only(np.array([word])), trap[-1][None])
+                if not len(before):  # too short to be followed, and so are those before
+                    break
+                trap.append(before[0])
             own = tuple(sorted((a, b) for a, b in map(np.ndarray.tolist, trap)))
             traps.append(Destination("stable", own, tuple(launches.tolist()), multiplier))
     yield from traps
@@ -280,9 +287,9 @@ def ends_of_map(settling: SettledMap) -> list[Destination]:
 def preimages_of_traps(
     branches: MonotoneBranches, traps: Sequence[Intervals], between: tuple[float, float], hops: int,
     progress: Progress = None,
-) -> tuple[list[Intervals], int]:  # fmt: skip
+) -> tuple[list[Intervals], list[int]]:  # fmt: skip
     """The intervals of launches between two speeds that enter each of the traps within a number of hops, ascending, and
-    the largest number of hops that was needed."""
+    the largest number of hops that was needed for each."""
     options, width = DESTINATIONS, between[1] - between[0]
     grown = [_grown(branches, own, hops) for own in traps]
     traps, first = [own for own, _ in grown], np.array([count for _, count in grown])
@@ -314,7 +321,7 @@ def preimages_of_traps(
     ends, trap, depth = (np.concatenate([each[k] for each in known]) for k in range(3))
     inside = ends[:, 1] > ends[:, 0]
     parts = [without_seams(ends[inside & (trap == i)].tolist()) for i in range(len(traps))]
-    return parts, int(depth[inside].max(initial=0))
+    return parts, [int(depth[inside & (trap == i)].max(initial=0)) for i in range(len(traps))]
 
 
 def _before(branches: MonotoneBranches, intervals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

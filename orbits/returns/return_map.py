@@ -35,7 +35,7 @@ from ..running import TimeOver, exclusive, in_threads, time_limit
 from ..tables import number_text
 from ..units import ENERGY, LIFTOFF_SPEED, Message, Quantity, in_own_units, without_units
 from .basins import Basins, LaunchIntervals
-from .destinations import SLOWER, UNDECIDED, Destination, SettledMap, destinations
+from .destinations import FASTER, ITSELF, SLOWER, Destination, SettledMap, destinations
 from .hops import Hops, Upkeep
 from .itineraries import MonotoneBranches
 from .launch_hops import LaunchHops, hops_of_launches
@@ -410,11 +410,10 @@ class ReturnMap:
         hops, words = whole_number("hops", hops, "hops", 0), self._words
         lossless = self.inject == 0 and self.impacts.model.conservative and not self.impacts.descends
         stars = lossless_speeds(self.machine, RETURN_MAP.slowest_lossless, high) if lossless else []
-        stars = [star for star in stars if star < high and not self.only_gains]
-        if lossless and not stars:
-            return Basins(
-                words, low, high, 0.0, (Destination(UNDECIDED if self.only_gains else SLOWER, ((low, high),)),), 0
-            )
+        stars = [star for star in stars if star < high]
+        if self.only_gains or (lossless and not stars):
+            kind = SLOWER if self.inject < 0 or not self.only_gains else FASTER if self.inject else ITSELF
+            return Basins(words, low, high, self.inject, (Destination(kind, ((low, high),)),), 0)
         bottom = stars[0] if lossless else self.inject if self.inject > 0 else RETURN_MAP.slowest_share * low
         top = high if lossless else self._top(high)
         pieces = pieces_between(

@@ -107,7 +107,7 @@ def plot_basin(step: "ReturnMap", low: float, high: float, axes: Axes | None, ho
     inside, below = axes.get_xaxis_transform(), np.zeros(DRAWN.bins + 1)
     few = _are_few(each.intervals for each in basins.attracting)
     for each, colour in zip(basins.destinations, _colours(basins), strict=True):
-        share = basins.share_of(each.launches[0] if each.is_hop else each.kind)
+        share = sum(b - a for a, b in each.intervals) / width
         if not each.is_hop and (each.kind not in COLOURS_OF_OTHERS or share < DRAWN.least_share):
             continue
         name = f"to {', '.join(f'{alpha:.6g}' for alpha in each.launches)}{unit}" if each.is_hop else each.words
@@ -121,7 +121,8 @@ def plot_basin(step: "ReturnMap", low: float, high: float, axes: Axes | None, ho
             following = float(step(alpha).next) if each.kind == "stable" else alpha
             axes.plot(alpha, following, "o", color=colour, mec="0.15", ms=6, zorder=4)
     total = basins.share * width
-    words = f"{100 * total / width:.3g}% of the launches come to {basins.goal}: {total:.6g} of {width:.6g}{unit}"
+    part = f"{basins.at_least}{100 * total / width:.3g}%"
+    words = f"{part} come to {basins.goal}: {total:.6g} of {width:.6g}{unit}"
     entitled(axes, words if basins else f"no launch here comes to {basins.goal}")
     return _labelled_map(axes, step, low, high)
 
@@ -136,7 +137,7 @@ def plot_basins(basins: Any, axes: Axes | None = None) -> Axes:
         for alpha in (alpha for alpha in each.launches if each.is_hop and basins.low <= alpha <= basins.high):
             axes.plot(alpha, i, "o", color=colour, mec="0.15", ms=6, zorder=4)
     axes.set_yticks(range(len(rows)), [f"{each.launches[0]:.6g}" if each.is_hop else each.kind for each in rows])
-    entitled(axes, f"{basins.share:.3%} of the launches come to {basins.goal}")
+    entitled(axes, f"{basins.at_least}{basins.share:.3%} of the launches come to {basins.goal}")
     label = label_of("alpha", basins.unit_of("alpha"))
     axes.set(xlim=(basins.low, basins.high), ylim=(-0.6, max(1, len(rows)) - 0.4), xlabel=label, ylabel="comes to")
     axes.spines[["top", "right"]].set_visible(False)

@@ -7,7 +7,7 @@ from legibility import faults
 from orbits import InputError, ReturnMap, find
 from orbits.returns.basins import Basins, LaunchIntervals
 from orbits.returns.destinations import Destination
-from problems import Hopper, hopper_in_si
+from problems import HeavyHand, Hopper, hopper_in_si
 
 LEG = hopper_in_si(60.0, 3.0, stiffness=8000.0, rest_length=0.8)
 
@@ -44,6 +44,20 @@ def test_the_table_and_the_share(of_leg, tmp_path):
     assert sum(basins.share_of(kind) for kind in ("slower", "rests", "undecided")) + basins.share == pytest.approx(1)
     with pytest.raises(InputError, match="none of the launch speeds of attracting hops"):
         basins.share_of(1.0)
+    with pytest.raises(InputError, match=r"'undecidd' is nothing that launches come to; here they come to .*lossless"):
+        basins.share_of("undecidd")
+    assert basins.share_of("chaotic") == 0.0
+
+
+def test_a_share_is_a_lower_bound_where_launches_are_undecided():
+    ends = {"lossless": (4.0, 4.5), "undecided": (4.5, 5.0), "rests": (4.5, 5.0)}
+    parts = {kind: Destination(kind, (pair,), (4.0,) if kind == "lossless" else ()) for kind, pair in ends.items()}
+    some, all_known = (
+        Basins({}, 4.0, 5.0, 0.0, (parts["lossless"], parts[other]), 3) for other in ("undecided", "rests")
+    )
+    assert some.title().endswith(": at least 50.000% come to a lossless hop")
+    assert all_known.title().endswith(": 50.000% come to a lossless hop")
+    assert some.plot().get_title() == "at least 50.000% of the launches come to a lossless hop"
 
 
 def test_where_nothing_comes_to_a_lossless_hop():
@@ -78,8 +92,19 @@ def test_no_hop_attracts_where_all_lose_or_none_does(restitution, inject):
     """A damper without injection lets all launches rest; impacts that lose nothing take no launch to a hop."""
     machine = Hopper(damping=0.0 if restitution else 0.1, restitution=restitution)
     basins = ReturnMap(machine, inject=inject).basins(3.0, 5.0, samples=100)
-    assert (len(basins), basins.share) == (0, 0.0)
+    assert (len(basins), basins.share, basins.hops) == (0, 0.0, 0)  # hops to rest do not count
     assert basins.share_of("undecided" if restitution else "rests") == 1.0
+    assert "narrower range" not in str(basins)
+
+
+@pytest.mark.parametrize(("inject", "kind"), [(0.0, "itself"), (0.1, "faster"), (-0.1, "slower")])
+def test_impacts_on_an_infinite_mass_lose_nothing(inject, kind):
+    step = ReturnMap(HeavyHand(), inject=inject)
+    assert step.only_gains
+    basins = step.basins(3.0, 5.0)
+    assert (len(basins), basins.share_of(kind)) == (0, 1.0)
+    assert float(step(4.0).next) == pytest.approx(4.0 + inject, rel=1e-12)
+    assert "undecided" not in str(basins)
 
 
 def test_very_many_intervals_are_drawn_as_shares():

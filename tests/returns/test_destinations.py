@@ -6,8 +6,8 @@ from linear_hops import next_launches
 
 from orbits import ReturnMap, simulate
 from orbits.hops import STATUS
-from orbits.returns import Hops
-from orbits.returns.destinations import CHAOS, FASTER, SLOWER, UNDECIDED, SettledMap, destinations
+from orbits.returns import Hops, destinations as module
+from orbits.returns.destinations import CHAOS, FASTER, SLOWER, UNDECIDED, SettledMap, destinations, length_of
 from orbits.returns.itineraries import MonotoneBranches
 from orbits.returns.limited_hops import PlainMap
 from orbits.returns.map_pieces import within
@@ -122,6 +122,18 @@ class TestMapsInClosedForm:
         assert sum(lengths) == pytest.approx(0.98, rel=1e-9)
         assert lengths[0] > 0.3
 
+    def test_a_cycle_beside_intervals_too_short_to_be_followed(self, monkeypatch):
+        """The hop is kept with the part of its trap that is long enough."""
+        settled = self.settled(lambda x: 2.5 - 0.5 * np.tanh(6 * (x - 2.5)) / np.tanh(3))
+        found, _ = self.of(settled, 1.0, 4.0)
+        assert found["stable"].launches == pytest.approx((2.0, 3.0), rel=1e-12)
+        assert length_of(found["stable"].intervals) == pytest.approx(3.0, rel=1e-4)  # all but the fixed point 2.5
+        monkeypatch.setattr(module, "DESTINATIONS", module.DESTINATIONS._replace(shortest=0.5))
+        found, _ = self.of(settled, 1.0, 4.0)
+        assert found["stable"].launches == pytest.approx((2.0, 3.0), rel=1e-12)
+        ((low, high),) = found["stable"].intervals
+        assert 1.0 <= low < 2.0 < high < 2.5
+
     def test_launches_that_leave_the_range(self):
         """Launches above 3 rise beyond all bounds, those below fall."""
         found, needed = self.of(self.settled(lambda x: x + 0.5 * (x - 3)), 1.5, 3.8, 60)
@@ -132,7 +144,7 @@ class TestMapsInClosedForm:
         edges = [1.5, 3 - 2 / 1.5**2, 3 + 1 / 1.5**2, 3.8]
         assert [few[SLOWER].intervals[0][1], few[FASTER].intervals[0][0]] == pytest.approx(edges[1:3], rel=1e-9)
         assert np.ravel(few[UNDECIDED].intervals) == pytest.approx(edges[1:3], rel=1e-9)
-        assert needed > 2
+        assert needed == 0  # no hop, so that no launch needs hops to one
 
     def test_a_basin_grows_backward_until_it_is_complete(self):
         """From 1 to 2 a launch comes down to 1, from 2 to 3 to nothing, and a faster one loses 2 in each hop."""
