@@ -7,7 +7,7 @@ columns, with its first column again. No number is ever cut.
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import zip_longest
-from math import ceil, floor, log10
+from math import ceil, floor, isfinite, log10
 from typing import Any, NamedTuple
 
 # Rows of this name say in words what makes an orbit no motion.
@@ -47,8 +47,10 @@ NUMBER_CELL = f"{VALUE_CELL};white-space:nowrap;font-variant-numeric:tabular-num
 
 
 def number_text(value: object, unit: str = "", digits: int = DIGITS, zeros: bool = False) -> str:
-    """A number with `digits` digits, of which the last are left out where they are `zeros`, or not, and its unit; "-"
-    for None, and anything else as it is, without a unit."""
+    """A number with `digits` digits and its unit; "-" for None, and anything else as it is, without a unit.
+
+    zeros : whether zeros at the end are shown
+    """
     if value is None:
         return "-"
     if isinstance(value, bool) or not isinstance(value, int | float):
@@ -59,8 +61,13 @@ def number_text(value: object, unit: str = "", digits: int = DIGITS, zeros: bool
 
 
 def digits_within(value: float, error: float, most: int) -> int:
-    """The number of significant digits of a value with an error of which the last one is off by at most one, from 1 to
-    `most`."""
+    """How many significant digits of a value its error allows, from 1 to `most`: the last one is off by at most one.
+
+    A value within its error has one digit, though none of them is known, and so has one whose error is not a number.
+    All have `most` that are infinite or no number, and are printed as such.
+    """
+    if not isfinite(value):
+        return most
     if not (0 < error < abs(value)):
         return 1 if error else most
     return max(1, min(most, floor(log10(abs(value))) - ceil(log10(error)) + 1))

@@ -36,11 +36,18 @@ def test_numbers_have_their_unit(value, unit, text):
 FORMULA = "+".join(f"{n}.5*sin({n}*r)" for n in range(1, 40))
 
 
+@pytest.mark.parametrize(("value", "text"), [(np.inf, "inf"), (-np.inf, "-inf"), (np.nan, "nan")])
+@pytest.mark.parametrize("error", [1e-3, 0.0, np.inf, np.nan])
+def test_what_is_no_finite_number_is_a_word(value, error, text):
+    assert number_text(value, digits=digits_within(value, error, 15)) == text
+
+
 @pytest.mark.parametrize(
     ("value", "error", "digits"),
     [
         (4.493409457909064, 9.1e-16, 15), (2.936, 1.3e-15, 15), (-1.5114, 2.9e-14, 14), (1284.6491965, 8.9e-7, 10),
         (0.7336, 4.8e-4, 3), (9.99, 1e-3, 4), (1.0, 0.0, 15), (3.0, 7.0, 1), (0.0, 1e-9, 1),
+        (2.5, np.nan, 1), (2.5, np.inf, 1),
     ],
 )  # fmt: skip
 def test_the_last_digit_is_off_by_at_most_one(value, error, digits):

@@ -1,12 +1,13 @@
 """Formulas of quantities and parameters along a family, from what its points store and from their motions."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
 from ..design import Outputs, known_formula, names_along, values_at_orbits
-from ..errors import InputError
+from ..errors import InputError, NoOrbit
 from ..model import Machine
 from ..periodic import FRICTION_LEFT, beyond_model, orbit_from
 from .motion_columns import names_of_motions, numbers_of_motions
@@ -45,9 +46,12 @@ def formula_along(
 
 def _numbers_alone(machines: Sequence[Machine], method: str, points: Sequence[Any], names: Sequence[str]) -> np.ndarray:
     """Quantities (m, k) of these names at points of a family that are computed as those of designs are, from whole
-    orbits."""
-    orbits = list[Any]()
-    for machine, point in zip(machines, points, strict=True):
+    orbits, NaN where a point has none."""
+    orbits, found = dict[int, Any](), np.full((len(points), len(names)), np.nan)
+    for i, (machine, point) in enumerate(zip(machines, points, strict=True)):
         bare = point_in_units(point, machine.units and machine.units.inverse())
-        orbits.append(orbit_from(machine, method, point.u, bare.error))
-    return values_at_orbits(machines, orbits, names)
+        with suppress(NoOrbit):
+            orbits[i] = orbit_from(machine, method, point.u, bare.error)
+    if orbits:
+        found[[*orbits]] = values_at_orbits([machines[i] for i in orbits], [*orbits.values()], names)
+    return found

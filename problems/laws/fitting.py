@@ -158,8 +158,8 @@ def fit(
 
     Returns a `SpringFit`, whose `law` is a spring like any other, and whose parameters, which are correlated, are those
     of `uncertainty(machine, fit)`. It says where the residuals are far larger than the noise of the rows. Raises
-    `InputError` where the rows do not determine all parameters, of which one may be as well a thousand times as large,
-    and where no start leads to a minimum.
+    `InputError` where the rows do not determine all parameters, as where a value a thousand times as large fits them as
+    well, and where no start leads to a minimum.
 
     >>> r = [-2.0, -1.0, 0.0, 1.0, 2.0]
     >>> found = fit((r, [-4.4, -1.3, 0.0, 1.3, 4.4]), "k*r + b*r**3")
@@ -337,7 +337,7 @@ class _Model:
         rounding = np.finfo(float).eps * float(np.linalg.norm(self.root * self.rows.forces))
         most = self._squares(values) + FITS.as_well**2 * max(deviation, rounding) ** 2
         covariance, found = self.inverse(self.at(values)[1]), dict[str, float]()
-        for i in (~self.are_linear).nonzero()[0].tolist():
+        for i in (~self.are_linear & (values != 0)).nonzero()[0].tolist():
             larger, free = FITS.farther * values[i], np.arange(len(values)) != i
             along = values + covariance[i] / covariance[i, i] * (larger - values[i])
             for start in (along, np.where(free, values, larger)):

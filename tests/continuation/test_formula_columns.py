@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from orbits import InputError, find, follow, orbit_at, quantities
+from orbits import InputError, NoOrbit, find, follow, orbit_at, quantities
+from orbits.continuation import formula_columns
 from problems import Hopper, hopper_in_si, rimless_wheel
 
 CUBIC = Hopper("cubic", rest_length=30.0)
@@ -48,6 +49,21 @@ def test_what_is_left_of_friction_along_a_family():
     wheel = rimless_wheel(angle=0.3, spring="r + b*r**3", parameters={"b": 1.0}, friction=0.6)
     walks = follow(wheel, "b", 1.01, longest=1.0)
     assert walks.column("friction_left") == pytest.approx(0.6 - walks.column("friction_needed"), rel=1e-14)
+
+
+def test_a_point_without_a_whole_orbit_has_no_value(family, monkeypatch):
+    whole, last = formula_columns.orbit_from, family[-1].u
+
+    def some(machine, method, u, error):
+        if u == last:
+            raise NoOrbit("no whole orbit")
+        return whole(machine, method, u, error)
+
+    expected = family.column("landing_sensitivity")
+    monkeypatch.setattr(formula_columns, "orbit_from", some)
+    found = family.column("3*landing_sensitivity")
+    assert np.isnan(found[-1])
+    assert found[:-1] == pytest.approx(3 * expected[:-1], rel=1e-14)
 
 
 def test_a_wrong_name_is_refused_with_the_reason(family):

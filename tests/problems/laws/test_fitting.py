@@ -222,3 +222,9 @@ def test_few_rows():
     with pytest.raises(InputError, match="4 rows for 4 parameters"):
         springs.fit((R[:4], CUBIC[:4]), "a + b*r + c*r**2 + d*r**3")
     assert springs.fit((R[:4], CUBIC[:4]), "a + b*r + c*r**2 + d*r**3", noise=0.1).noise == 0.1
+
+
+def test_a_parameter_that_is_found_to_be_zero_is_determined():
+    r = np.linspace(-2.0, 2.0, 9)
+    found = springs.fit((r, r), "k*r*exp(b*r)", start={"b": 0.0})
+    assert found.parameters == pytest.approx({"b": 0.0, "k": 1.0}, abs=1e-12)
