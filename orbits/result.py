@@ -104,7 +104,7 @@ class Row(NamedTuple):
     heading : its first cell, a text or a number
     values : the numbers and texts that the row is about, by name
     cells : its other cells, patterns as for `str.format`, with a pair of braces for each of the values in their order
-    errors : of values by name, of which no more digits are shown
+    errors : of values, by name; each value is shown with the digits that its error allows
     """
 
     heading: Any

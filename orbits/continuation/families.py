@@ -120,7 +120,7 @@ class Families(Result, what="families", dimension="point"):
 
 
 def numbers_of_families(families: object) -> tuple[int, ...]:
-    """The numbers of families that are asked for; raises `InputError` for anything but different ones."""
+    """The stated numbers of families; raises `InputError` for anything but different ones."""
     numbers = tuple(map(family_number, families)) if is_list(families) else ()
     if not numbers or len({*numbers}) < len(numbers):
         raise InputError(f"families = {families!r}; they are different numbers of families, as (1, 2, 3)")

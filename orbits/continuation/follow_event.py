@@ -52,8 +52,8 @@ def follow_event(
     family : as `follow` returns it, or as it is loaded with its machine
     event : one of `family.events` or its kind: "fold", "grazing", "masses touch", "contact pulls", "landing jerk",
         "collapse", "foot lifts", "foot slides", "multiplier 1", "flip", "Neimark-Sacker"; or a formula of quantities
-        and parameters with its value, as {"clearance": 0.1}; or where a formula is stationary along the family, as
-        "extremum of alpha"
+        and parameters with its value, as {"clearance": 0.1}; or "extremum of" a formula, where it is stationary along
+        the family, as "extremum of alpha"
     second : name of the second parameter, which begins at the machine's own value
     stop : its last value, or a range around it, as in `follow`
     number : of the event among those of its kind, from 0 in order along the family

@@ -72,8 +72,8 @@ class Certificate:
     friction_error, friction_time : an estimate of its error, and the time in the cycle at which it is needed first
     smallest_stance_force : the least force across the ground on what stands in flight, None where nothing does
     stance_judged : whether it is a violation that this force is not positive, None where nothing stands in flight
-    robustness : how far above alpha launches come to the orbit where landings are plastic, to leading order: the
-        `attraction_width()`; None where nothing is known to attract
+    robustness : how far above alpha launches come to the orbit where landings are plastic, restitution 0, to leading
+        order: the `attraction_width()`, an estimate up to some 5 % of alpha; None where nothing is known to attract
     """
 
     family: int

@@ -115,7 +115,7 @@ def find_all(
     """
     if starts is None or isinstance(starts, int | np.integer):
         if None not in (starts, family):
-            raise InputError(f"find_all is asked for two families, {starts} and {family}: leave one of them out")
+            raise InputError(f"find_all got two families, {starts} and {family}: leave one out")
         check_machine(machine)
         refuse_hysteresis(machine.model)
         if fastest is not None and not finite_number("fastest", fastest) > 0:

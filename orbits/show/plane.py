@@ -257,7 +257,7 @@ def animate_in_plane(
 
 
 def write_frames(path: Path, axes: Axes, draw: Callable, count: int, progress: Progress) -> Path:
-    """Write an animation of so many frames, each of which `draw` draws on axes by its number."""
+    """Write an animation of `count` frames; `draw` draws each of them on axes by its number."""
     from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 
     writer = (FFMpegWriter if path.suffix.lower() == ".mp4" else PillowWriter)(fps=30)

@@ -18,7 +18,7 @@ class Style(NamedTuple):
     """The sizes of figures and of what is in them. Widths are in mm, and sizes of type in points."""
 
     column: float = 85.0  # width of a column of a journal
-    screen: float = 120.0  # width of a figure with one panel, unless another is asked for
+    screen: float = 120.0  # width of a figure with one panel, unless another is stated
     page: float = 174.0  # width of two columns, and of a figure with several panels
     panel: float = 55.0  # narrower panels stand below each other
     type: float = 8.0  # of titles and of names of axes

@@ -83,5 +83,6 @@ def _checked(law: Law) -> Law:
 
 def _no_ratio(stated: str, ground: float) -> str:
     """The message about a law that has this value at the ground."""
-    in_si = f"of a machine in SI is surface_gravity={ground:g}" if ground > 0 else "is surface_gravity, above 0"
-    return f"{stated}; it is a ratio and must be 1 at z = 0: an acceleration in m/s^2 {in_si}"
+    in_si = f"for {ground:g} m/s^2" if ground > 0 else "for an acceleration above 0 in m/s^2"
+    value = f"{ground:g}" if ground > 0 else "..."
+    return f"{stated}; it is a ratio and must be 1 at z = 0: {in_si} use hopper_in_si(..., surface_gravity={value})"
