@@ -139,13 +139,16 @@ class Hold:
         return here + float(self.decided(acts, {self._needed[i]: state for i, state in states.items()})[acts])
 
     def decided(self, last: int, states: Mapping[int, np.ndarray]) -> np.ndarray:
-        """The changes (N,) of inputs up to the last of these numbers, by the states measured."""
-        found = np.zeros(len(self.gains))
-        for i in range(last + 1):
+        """The changes (N,) of inputs up to the last of these numbers, by the states measured.
+
+        Those of a flight that are decided at once are found together.
+        """
+        found, together = np.zeros(len(self.gains)), 0 if self.slopes is None else self.slopes.shape[1]
+        for i in range(max(last + 1, together)):
             off, shift, rate = self.off(int(self.plan.measured[i]), states)
             change = -self.gains[i] @ (off + shift * rate) - self.mixed[i] @ found
-            found[i] = self._cut(i, float(change), states)
-        if self.slopes is None or last + 1 < self.slopes.shape[1]:
+            found[i] = self._cut(i, float(change), states) if i <= last else float(change)
+        if self.slopes is None:
             return found
         found = _landed_softly(self, found.tobytes(), states[int(self.plan.measured[0])].tobytes()).copy()
         found[last] = self._cut(last, float(found[last]), states)

@@ -130,6 +130,14 @@ def test_launches_off_by_five_percent_come_back(machine, when):
         assert abs(motion.launches[-1] / orbit.alpha - 1) < 1e-4
 
 
+@pytest.mark.parametrize("when", ["lift-off", "apex"])
+def test_a_flight_that_is_decided_at_once_ends_at_rest(when):
+    """All its inputs are those found together: the landing of a launch 2 % too slow loses no energy."""
+    orbit = find(Hopper())
+    motion = from_launch(hold(orbit, "y1 - y2", when=when, force=2.0), orbit, -0.02)
+    assert sum(event.loss for event in motion.events if event.time < orbit.period) < 1e-6
+
+
 def test_limits_are_respected():
     """On a fine grid of a motion that is far off: the force, the power, and the line of a motor."""
     orbit, v0, f0 = find(Hopper()), 8.0, 0.6
