@@ -149,7 +149,9 @@ def _compared(
         inside = since <= run.end
         total, count = np.zeros(len(launched)), np.zeros(len(launched))
         for i, own in enumerate(values):
-            guess = np.interp(since, grid, shown[i]) * factor ** powers[i]
+            # Lengths grow from those at lift-off, where the spring is almost as long as at rest.
+            still = shown[i][0] if powers[i] == _power(LENGTH) else 0.0
+            guess = still + np.interp(since, grid, shown[i] - still) * factor ** powers[i]
             used = inside & np.isfinite(own)
             off = np.where(used, np.nan_to_num(own) - guess, 0.0)
             if biased[i]:
