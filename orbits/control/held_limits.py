@@ -33,14 +33,11 @@ class HeldLimits:
     speed_force: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        if self.speed_force is not None and np.shape(self.speed_force) != (2,):
-            raise InputError(
-                f"speed_force = {self.speed_force!r}; it is two numbers, the speed at which no force is left to drive, "
-                "and the force at rest"
-            )
+        if self.speed_force is not None:
+            object.__setattr__(self, "speed_force", _speed_and_force(self.speed_force))
         numbers = [(name, getattr(self, name)) for name in ("rate", "stroke", "force", "power")]
         numbers = [each for each in numbers if not (isinstance(each[1], Real) and each[1] == np.inf)]
-        for name, number in (*numbers, *(("speed_force", each) for each in self.speed_force or ())):
+        for name, number in numbers:
             if not finite_number(name, number) > 0:
                 raise InputError(f"{name} = {number:g}: a bound of the actuator is above 0")
 
@@ -83,6 +80,17 @@ class HeldLimits:
     def exceeded(self, of: "Demand", share: float = 1e-6) -> list[str]:
         """The names of the bounds that a motion exceeds by more than a share."""
         return [name for name, taken in self.shares(of).items() if taken > 1 + share]
+
+
+def _speed_and_force(stated: Any) -> tuple[float, float]:
+    """The bound of the force by the speed; raises `InputError` for an invalid one."""
+    if not isinstance(stated, tuple | list) or len(stated) != 2:
+        text = "the speed at which no force is left to drive, and the force at rest"
+        raise InputError(f"speed_force = {stated!r}; it is two numbers, {text}")
+    speed, force = (finite_number("speed_force", each) for each in stated)
+    if not (speed > 0 and force > 0):
+        raise InputError(f"speed_force = ({speed:g}, {force:g}): both numbers of the actuator's bound are above 0")
+    return speed, force
 
 
 class Demand(NamedTuple):

@@ -91,19 +91,6 @@ def dimensions_of_limits(driven: Actuated) -> dict[str, Dimension]:
     return {"rate": rate, "stroke": stroke, "force": force, "power": POWER}
 
 
-def parsed_speed_force(stated: Any) -> SpeedForce:
-    """The bound of the force by the speed; raises `InputError` for an invalid one."""
-    if stated is None:
-        return None
-    if not isinstance(stated, tuple | list) or len(stated) != 2:
-        text = "the speed at which no force is left to drive, and the force at rest"
-        raise InputError(f"speed_force = {stated!r}; it is two numbers, {text}")
-    speed, force = (finite_number("speed_force", each) for each in stated)
-    if not (speed > 0 and force > 0):
-        raise InputError(f"speed_force = ({speed:g}, {force:g}): both numbers of the actuator's bound are above 0")
-    return speed, force
-
-
 def bare_speed_force(driven: Actuated) -> Callable[[SpeedForce, Any], SpeedForce]:
     """What makes the bound of the force by the speed dimensionless, as `in_own_units` takes it."""
     own, units = driven.dimensions, driven.units

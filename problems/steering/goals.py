@@ -17,7 +17,7 @@ from typing import Any, ParamSpec, cast
 import numpy as np
 
 from orbits import Control, InputError, Machine, NoOrbit, Orbit, Simulation, find, simulate, steer
-from orbits.control import CollapsedStage, control_in_units
+from orbits.control import CollapsedStage, HeldLimits, control_in_units
 from orbits.errors import finite_number, whole_number
 from orbits.hops import run_in_units
 from orbits.periodic import StartLike
@@ -34,7 +34,6 @@ from .actuator_bounds import (
     bare_speed_force,
     dimensions_of_limits,
     dimensions_of_rows,
-    parsed_speed_force,
 )
 from .corners import steer_across
 from .damping_limit import too_much_damping
@@ -110,7 +109,7 @@ def in_units_of_the_machine(function: Callable[_P, Control]) -> Callable[_P, Dri
         }
         own: Callable[..., Control] = function
         with_units = in_own_units(in_si, **bounds, short=LIFTOFF_SPEED, start=(), guess=(), aim=())(own)
-        options["speed_force"] = parsed_speed_force(options.get("speed_force"))
+        options["speed_force"] = HeldLimits(speed_force=options.get("speed_force")).speed_force
         control = with_units(machine, *arguments, actuator=driven.actuator, **options)
         return Driven.of(machine, control, driven.actuator)
 

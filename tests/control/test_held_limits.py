@@ -84,7 +84,7 @@ def test_invalid_limits():
         HeldLimits(force=0.0)
     with pytest.raises(InputError, match=r"speed_force = 3\.0; it is two numbers"):
         HeldLimits(speed_force=3.0)
-    with pytest.raises(InputError, match="speed_force = -1"):
+    with pytest.raises(InputError, match=r"speed_force = \(1, -1\): both numbers of the actuator's bound are above 0"):
         HeldLimits(speed_force=(1.0, -1.0))
 
 
