@@ -14,8 +14,8 @@ leaves out the square of the shift.
 
 A landing loses the power 4/3 of the gap that is left, which is more than a linear feedback gives back where that is
 large. Inputs that are decided once for a whole flight are chosen so that the flight ends in a tangential landing of its
-own, whatever its launch: by Newton's method on the flight itself, from the inputs of the regulator (`landing_softly`).
-What the launch lacks is then added in contact.
+own, where the launch is not too far off: by Newton's method on the flight itself, from the inputs of the regulator
+(`landing_softly`). What the launch lacks is then added in contact.
 
 What is decided is cut to what the actuator can do. On the cycle itself u = 0: the feedback costs nothing there.
 """
