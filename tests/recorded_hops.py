@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from functools import cache
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 from problems import hopper_in_si
-from problems.recordings import HopFit, fit
+from problems.recordings import SAMPLE, HopFit, fit
 
 GRAVITY = 9.80665
 BODY, FOOT, STIFFNESS, CUBIC, LENGTH, DAMPING = 12.0, 2.0, 15000.0, 2e6, 0.6, 30.0
@@ -112,3 +113,8 @@ def fit_of_heights() -> HopFit:
 def deviations_from_truth(found: HopFit, truth: Mapping[str, float] = TRUTH) -> dict[str, float]:
     """By how many stated deviations each value is off."""
     return {name: (found.values[name] - truth[name]) / found.deviations[name] for name in found.values}
+
+
+def sample() -> dict[str, Any]:
+    """The arguments of a fit of the sample record."""
+    return {"machine": START, "source": SAMPLE, "unknown": ("foot_mass", "k")}

@@ -45,7 +45,8 @@ from orbits.io import to_json
 from orbits.laws import HystereticLaw
 from orbits.result import Result
 from orbits.sweeps.indices import Indices
-from problems import HeavyHand, Hopper, gravity, hopper_in_si, springs, steering
+from problems import HeavyHand, Hopper, gravity, hopper_in_si, recordings, springs, steering
+from tests import recorded_hops
 
 
 @cache
@@ -104,6 +105,7 @@ def made(kind: str):
         "Basins": lambda: ReturnMap(Hopper(mass_ratio=0.05)).basins(4.4, 4.8, samples=100),
         "HeldLaunches": lambda: hold(find(Hopper()), "y1 - y2", force=1.0).launches([-0.02, 0.02], hops=3),
         "LaunchIntervals": lambda: ReturnMap(Hopper(mass_ratio=0.05)).basin(4.4, 4.8, samples=100),
+        "HopFit": lambda: recordings.fit(**recorded_hops.sample()),
         "SpringFit": lambda: springs.fit(springs.SAMPLE, "k*r + b*r**3", in_si=True),
     }[kind]()
 
@@ -112,7 +114,7 @@ def made(kind: str):
 WHOLE = (
     *("Orbit", "Orbit in SI", "Family", "Families", "Sweep", "Existence", "Uncertainty", "Design", "Front", "Control"),
     "DesignCurve",
-    *("Simulation", "Hops", "BifurcationDiagram", "Proof", "Checked", "Driven", "Disturbed", "SpringFit"),
+    *("Simulation", "Hops", "BifurcationDiagram", "Proof", "Checked", "Driven", "Disturbed", "SpringFit", "HopFit"),
     *(
         "Sensitivities",
         "Indices",
@@ -152,13 +154,14 @@ WITHOUT = {
     ("Control", "machine"): "a motion is of stages, and of no machine",
     ("OptimalFamily", "machine"): "motions are of stages, and of no machine",
     ("SpringFit", "machine"): "a spring may be that of any machine",
+    ("HopFit", "machine"): "it is the machine itself",
     ("Proof", "plot"): "a theorem has nothing to draw",
     ("Checked", "plot"): "relations that hold have nothing to draw",
 }
 # The machines that files do not hold.
 OF_FILES = {
     **dict.fromkeys(("Design", "DesignCurve", "Front"), lambda result: getattr(result, "designs", (result,))[0].source),
-    **dict.fromkeys(("Simulation", "DrivenFamily", "HeldLaunches"), lambda result: result.source),
+    **dict.fromkeys(("Simulation", "DrivenFamily", "HeldLaunches", "HopFit"), lambda result: result.source),
     "Disturbed": lambda result: made("Driven").source,
 }
 
@@ -210,7 +213,7 @@ def test_the_table_of_results_has_all():
     for name in orbits.__all__:
         getattr(orbits, name)  # modules are loaded when their names are used
     found = {each.__name__ for each in (*Result.__subclasses__(), *SeveralDesigns.__subclasses__())}
-    found = found - {"SeveralDesigns"} | {"Driven", "DrivenFamily"}
+    found = found - {"SeveralDesigns"} | {"Driven", "DrivenFamily", "HopFit"}
     assert found == {kind.removesuffix(" in SI") for kind in WHOLE}
 
 
