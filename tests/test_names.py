@@ -27,6 +27,7 @@ from orbits import (
 )
 from orbits.model import free_parameters
 from orbits.periodic import OF_RUNS, QUANTITIES, absent_quantities, quantity_names
+from orbits.show.canvas import off_screen
 from problems import Chain, Hopper, Juggler, hopper_in_si, rimless_wheel, runner
 from problems.explorer import beginning
 from problems.explorer.dials import dials_of
@@ -226,7 +227,9 @@ def _spread(case: Case, name: str) -> float:
 
 
 def _drawn(case: Case, name: str) -> float:
-    axes, value = family_of(case.name).plot(name), float(family_of(case.name).column(name)[0])
+    with off_screen():  # pyplot, where another test has loaded it, would keep all figures
+        axes = family_of(case.name).plot(name)
+    value = float(family_of(case.name).column(name)[0])
     drawn = [line.get_ydata()[0] for line in axes.lines if len(line.get_xdata()) > 1]
     assert np.isnan(value) or value in drawn
     return value

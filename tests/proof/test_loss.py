@@ -59,5 +59,7 @@ def test_a_parameter_in_an_interval(monkeypatch):
     monkeypatch.setattr(intervals, "HALVINGS_OF_INTERVALS", 1)
     wide = prove(find(hopper), loss=True, parameters={"beta": ("0.2999", "0.3001")})
     assert not wide.proved
-    assert all(each.startswith("the loss coefficient: ") for each in wide.reasons), wide.reasons
+    reason, remedy = wide.reasons
+    assert reason.startswith("the loss coefficient: ")
+    assert remedy.startswith("the intervals as a whole, but smaller ones are: beta in [0.29999")
     assert "loss_coefficient" not in wide.enclosures

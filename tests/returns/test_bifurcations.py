@@ -246,7 +246,7 @@ def test_in_si_as_without_units():
     assert "m/s" in str(diagram)
     reasons = {end.reason for branch in diagram.branches for end in branch.ends if end.kind == "reached"}
     assert reasons == {f"inject = {0.1 * speed:g} m/s is reached"}
-    assert diagram.plot().get_ylabel() == "launch speed (m/s)"
+    assert diagram.plot().get_ylabel() == "launch speed α (m/s)"
 
 
 @pytest.mark.parametrize(
