@@ -179,7 +179,7 @@ def _starts(question: Question, records: Sequence[HopRecord]) -> list[list[Start
             each[here] = np.where(usual(each[here]), each[here], np.nan)
         channels = {channel.name: channel for channel, _ in own}
         found.append(starts_of(unknowns.machine, channels, record.times, values, [biased for _, biased in own]))
-    return [[each[min(i, len(each) - 1)] for each in found] for i in range(FIT.starts)]
+    return [[each[min(i, len(each) - 1)] for each in found] for i in range(max(map(len, found)))]
 
 
 def _result(fitted: Fitted, records: Sequence[HopRecord]) -> HopFit:

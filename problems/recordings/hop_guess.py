@@ -35,7 +35,7 @@ class GuessOptions(NamedTuple):
     points: int = 400  # of a simulated motion, between which it is a straight line
     window: float = 1.3  # hops that are compared
     same: float = 0.1  # share of a hop by which its time and its launch differ less in motions that are alike
-    best: int = 6  # motions that are returned
+    best: int = 4  # motions that are returned
     interval: float = 0.5  # the longest one, without dimensions
     launch: float = 0.03  # share of a hop after a launch within which a record begins with that
     shortest_bounce: float = 0.002  # a shorter flight, without dimensions, is left out
@@ -218,8 +218,7 @@ def motion_of(
         count = max(1, ceil((b - a) / factor / time / GUESS.interval))
         since = ((a - start) + (b - a) * np.arange(count) / count) / factor
         rows = leg.path(since)
-        states = rows[:, : (2 if contact else len(machine.model.embed))]
-        states = states[:, : machine.model.embed.shape[1]] if contact else states
+        states = rows[:, : machine.model.embed.shape[int(contact)]]
         bare = size if np.isscalar(size) else size @ np.abs(onto) if contact else size
         parts.append(Part(contact, begins if parts else first, count))
         edges.append(a)

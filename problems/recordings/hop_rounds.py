@@ -41,7 +41,6 @@ from .hop_result import PartOfHop
 class HopFitOptions(NamedTuple):
     """How the motion grows over the record, which samples are spikes, and when a fit is a good one."""
 
-    starts: int = 4  # that are tried
     again: float = 0.1  # difference of misfits, relative to them, of fits that end in the same way
     rounds: int = 14
     stays: int = 3  # rounds after which a motion that grows no further is given up
