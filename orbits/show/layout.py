@@ -89,7 +89,7 @@ class Layout(ConstrainedLayoutEngine):
             cell = figure.bbox.width / place.get_gridspec().ncols
             left, right = cell * place.colspan.start, cell * place.colspan.stop
         across = 2 * min(middle - left, right - middle)
-        texts = ((axes.title, right - left), (axes.xaxis.label, across), (axes.yaxis.label, 1.1 * box.height))
+        texts = ((axes.title, right - left), (axes.xaxis.label, across), (axes.yaxis.label, box.height + STYLE.margin))
         axes.title.set_x((0.5 * (left + right) - box.x0) / box.width)
         changed = [self._fit(text, room) for text, room in texts if text.get_text()]
         return any(changed)
