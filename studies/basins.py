@@ -62,7 +62,7 @@ def main(folder: Path, quick: bool = False, launches: int = 3000) -> dict[str, f
     off, found = dict[str, float](), dict[str, Basins]()
     for name, (machine, inject, low, high) in list(CASES.items())[-2 if quick else 0 :]:
         basins = found[name] = ReturnMap(machine, inject=inject).basins(low, high)
-        shares, counted = compared(basins, machine, 120 if quick else launches)
+        shares, counted = compared(basins, machine, 60 if quick else launches)
         off[name] = float(np.abs(shares - counted).max())
         print(f"{name}: {basins}")
         print(

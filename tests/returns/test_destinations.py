@@ -21,8 +21,8 @@ MOST = 400  # hops
     ("mass_ratio", "inject", "low", "high", "launches"),
     [
         (5.0, 0.05, 3.0, 6.0, 4000),
-        pytest.param(1.0, 0.03, 3.0, 8.0, 100_000, marks=pytest.mark.slow),
-        pytest.param(2.0, 0.05, 3.0, 8.0, 100_000, marks=pytest.mark.slow),
+        pytest.param(1.0, 0.03, 3.0, 8.0, 20_000, marks=pytest.mark.slow),
+        pytest.param(2.0, 0.05, 3.0, 8.0, 40_000, marks=pytest.mark.slow),
     ],
 )  # fmt: skip
 def test_shares_are_those_of_launches_in_closed_form(mass_ratio, inject, low, high, launches):
@@ -63,9 +63,9 @@ def test_simulated_launches_end_as_their_interval_says(machine, inject, low, hig
     basins = ReturnMap(machine, inject=inject).basins(low, high)
     assert basins.share > 0
     for each in basins.destinations:
-        starts = np.random.default_rng(5).permutation([0.4 * a + 0.6 * b for a, b in each.intervals])[:5]
+        starts = np.random.default_rng(5).permutation([0.4 * a + 0.6 * b for a, b in each.intervals])[:2]
         for start in starts.tolist() if each.is_hop or each.kind == "rests" else []:
-            run = simulate(machine, start, hops=150, inject=inject)
+            run = simulate(machine, start, hops=120, inject=inject)
             assert (run.status == "done") == each.is_hop
             if each.is_hop:
                 assert np.abs(run.launches[-1] / np.array(each.launches) - 1).min() < 1e-3
