@@ -212,6 +212,11 @@ def errata() -> Iterator[tuple]:
     length = 0.2657 * 9.81 * 1.1 / np.hypot(1.1, 60) / 8.8
     yield "10", "unit of length (m) from the stated data", length, air_track.amplitudes()[0].scales.length, 1e-12
     yield "10", "it is the printed 5.431e-3 m", False, abs(length - 5.431e-3) < 5e-7, 0
+    heavy, light = (ReturnMap(Hopper(mass_ratio=M))([*np.arange(0.5, 30, 0.05), 22.8899]) for M in (1.5, 1 / 1.5))
+    differ, once = np.abs(heavy.next - light.next), (heavy.impacts == 1) & (light.impacts == 1)
+    yield "R&P", "M and 1/M, hops of one impact: largest difference", 0.0, np.nanmax(differ[once]), 1e-12
+    yield "R&P", "next launch from 22.8899, M = 1.5", 1.218, heavy.next[-1], 5e-4
+    yield "R&P", "the same, M = 1/1.5", 8.992, light.next[-1], 5e-4
 
 
 def beyond() -> Iterator[tuple]:

@@ -91,7 +91,8 @@ PARTS = (
         "hand's acceleration, where a speed is printed; bouncing reaches beyond the 3.59 of Fig. 5(d)'s caption, since "
         "bouncing of period two goes on; and the slope of the map does not jump at a lossless launch: to its left it "
         "is above one, but it tends to one there too, as 1 + (40/3) C d^(1/3). Section 10: the unit of length is "
-        "5.429 mm.",
+        "5.429 mm. R&P, Reddy and Pratap (Phys. Rev. E 68, 2003): the map does not change with the inversion of the "
+        "mass ratio for hops of one impact only.",
         claims.errata,
     ),
     Part(
