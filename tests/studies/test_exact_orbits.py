@@ -1,0 +1,100 @@
+"""The benchmark set of exact orbits: its files, its reader, and the two programs that agree on every number."""
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from studies.exact_orbits.check import check
+from studies.exact_orbits.motion import Problem
+from studies.exact_orbits.series import CaseError, read
+
+FOLDER = Path(__file__).parents[2] / "studies" / "exact_orbits"
+CASES = sorted((FOLDER / "cases").glob("*.json"))
+
+
+@pytest.mark.extra("jsonschema")
+def test_files_are_of_the_schema_and_have_names_titles_and_tables():
+    import jsonschema
+
+    schema = json.loads((FOLDER / "schema.json").read_text())
+    validator = jsonschema.Draft202012Validator(schema)
+    assert CASES
+    for path in CASES:
+        case = json.loads(path.read_text())
+        assert not [f"{path.name}: {error.message}" for error in validator.iter_errors(case)]
+        assert case["name"] == path.stem
+        rows = path.with_suffix(".csv").read_text().splitlines()
+        assert len(rows) == 2 + len(case["samples"]) + 2 * len(case["events"])
+    validator.check_schema(schema)
+
+
+def test_the_reader_is_short_and_needs_no_package(tmp_path):
+    """By a step of Runge-Kutta's method, in a bare interpreter."""
+    reader = tmp_path / "reader.py"
+    reader.write_text((FOLDER / "reader.py").read_text())
+    assert len(reader.read_text().splitlines()) <= 40
+    code = f"""
+from reader import Case
+case = Case({str(FOLDER / "cases" / "linear_hop.json")!r})
+x, t, mode = case.at(case["start"]["state"]), 0.0, case["start"]["mode"]
+slopes = case["modes"][mode]["derivatives"]
+def field(t, x): return case.at(slopes, t, x)
+def moved(x, v, h): return {{name: x[name] + h * v[name] for name in x}}
+h = case["samples"][0]["time"] / 1000
+for k in range(1000):
+    a = field(t, x)
+    b = field(t + h/2, moved(x, a, h/2))
+    c = field(t + h/2, moved(x, b, h/2))
+    d = field(t + h, moved(x, c, h))
+    x, t = {{n: x[n] + h * (a[n] + 2*b[n] + 2*c[n] + d[n]) / 6 for n in x}}, t + h
+print(max(abs(x[n] - value) for n, value in case["samples"][0]["state"].items()))
+landing, = case["modes"][mode]["events"]
+print(case.at(landing["guard"], t, x) > 0, case.at(landing["reset"], t, x), case.at(case["end"]))
+"""
+    run = subprocess.run(
+        [sys.executable, "-I", "-S", "-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r}){code}"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    error, rest = run.stdout.split("\n", 1)
+    assert float(error) < 1e-12
+    assert rest == "True {'y2': 0, 'v2': 0} 25\n"
+
+
+def disagreements(paths):
+    """What two programs do not agree on, of the files of some cases."""
+    return [f"{path.stem}: {each}" for path in paths for both in check(path) for each in both if not each.agrees]
+
+
+def test_programs_agree_on_a_lossless_hop_and_on_a_bouncing_ball():
+    assert not disagreements([FOLDER / "cases" / f"{name}.json" for name in ("linear_hop", "bouncing_ball")])
+    ball = json.loads((FOLDER / "cases" / "bouncing_ball.json").read_text())
+    first = math.sqrt(2.0)
+    for n, each in enumerate(ball["events"]):
+        assert each["time"] == pytest.approx(first * (1 + 2 * sum(0.8**k for k in range(1, n + 1))), rel=4e-16)
+        assert each["after"]["v"] == pytest.approx(first * 0.8 ** (n + 1), rel=4e-16)
+
+
+@pytest.mark.slow
+def test_programs_agree_on_every_case():
+    assert not disagreements(CASES)
+
+
+def test_a_wrong_digit_is_found(tmp_path):
+    """In the 17th place of a time, and in the motion."""
+    text = (FOLDER / "cases" / "linear_hop.json").read_text()
+    (path := tmp_path / "linear_hop.json").write_text(text.replace("14.292133819968978472", "14.292133819968978572"))
+    assert [each[:40] for each in disagreements([path])] == ["linear_hop: Comparison(what='time of even"]
+    path.write_text(text.replace('"v2": "(force - 1)/(1 + M)"', '"v2": "(force - 1.001)/(1 + M)"', 1))
+    assert len(disagreements([path])) > 50
+
+
+def test_formulas_are_not_programs():
+    document = read(FOLDER / "cases" / "linear_hop.json")
+    for text, words in (("open(1)", "'open.1.' in"), ("v1.real", "in 'v1.real'"), ("beta*y1", "'beta'")):
+        problem = Problem(document | {"end": text})
+        with pytest.raises(CaseError, match=words):
+            problem.motion()
