@@ -26,6 +26,7 @@ TESTED_WITH = {
     "checks/at_states": "test_checks",
     "checks/checked": "test_checks",
     "checks/relation": "test_checks",
+    "show/springs_for_drake": "show/test_simulators",
     "sweeps/diagram_grid": "sweeps/test_boundaries",
     "continuation/curve": "continuation/test_family_problem",
     "continuation/event_place": "continuation/test_follow_event",

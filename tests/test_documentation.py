@@ -49,7 +49,7 @@ PYTHON = ("python", "{drawn}")
 NOT_RUN = ("orbits explore",)
 # The package that a block needs beside the required ones and those of the tests.
 NEEDED = {"dataframe": "pandas", "dataset": "xarray", ".page(": "bokeh", "explore": "bokeh"}
-NEEDED |= {"mujoco": "mujoco", "sympy": "sympy"}
+NEEDED |= {"mujoco": "mujoco", "pydrake": "pydrake", "sympy": "sympy"}
 
 
 def name_of(path: Path) -> str:

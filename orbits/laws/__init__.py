@@ -35,7 +35,7 @@ if TYPE_CHECKING:
         positive,
         values_and_slopes,
     )
-    from .law_expressions import UNIT_FORCE, UNIT_LENGTH, Expression
+    from .law_expressions import UNIT_FORCE, UNIT_LENGTH, Expression, symbols_of
     from .law_statement import LawLike, from_formula, key_of
 
 __all__ = [*public_names(__name__)]

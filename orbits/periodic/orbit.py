@@ -430,8 +430,9 @@ class Orbit(
         """Write the motion for simulators of robots to a folder, which is made where it is missing; returns its path.
 
         "motion.csv" has the places and then the speeds of the joints at times `t`, by default over a cycle, or some of
-        a machine that moves on; "model.xml" is the machine's model for MuJoCo, whose joints have the same order. The
-        model has no ground that touches, and no springs that are not straight; it says what is left out.
+        a machine that moves on; "model.xml" is the machine's model for MuJoCo, whose joints have the same order, and
+        "springs_for_drake.py" adds its springs to a plant in Drake. The model has no ground that touches; it names what
+        is left out, and the error of springs that are no cubics.
 
         Raises `InputError` for a machine that is not a column of masses and states no `bodies`, for an orbit without
         its machine, and where the folder cannot be written to.

@@ -1,11 +1,11 @@
 """Motions for simulators of robots: a table of the places and speeds of joints, and a model in MuJoCo's MJCF.
 
-The model has the machine's bodies, its gravity, and those springs and dampers that are straight lines in the places of
-the joints. It has no ground that touches: a simulator replays the table, or integrates a phase without contact.
+The model has the machine's bodies, its gravity, and the springs and dampers along sums of the places of the joints. It
+has no ground that touches: a simulator replays the table, or integrates a phase without contact.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import LARGEST_NUMBER, InputError, as_array_or_nan
 from ..io import refusing, write_table, writing
-from ..laws import from_key
+from ..laws import Law, from_key
 from ..mechanics import (
     AXES,
     LANDINGS,
@@ -37,13 +37,14 @@ from ..mechanics import (
 from ..result import TABLE_ROWS
 from ..running import exclusive
 from ..symbolic import MappedFunction
+from .cubic_springs import Cubic, cubic_sum
 from .plane import cycles_shown, drawing_of, labelled
 
 if TYPE_CHECKING:
     from ..hops import Simulation
     from ..periodic import Orbit
 
-MOTION_FILE, MODEL_FILE = "motion.csv", "model.xml"
+MOTION_FILE, MODEL_FILE, SPRINGS_FILE = "motion.csv", "model.xml", "springs_for_drake.py"
 
 
 class SimulatorOptions(NamedTuple):
@@ -57,6 +58,8 @@ class SimulatorOptions(NamedTuple):
     same_shifts: float = 1e-9  # shifts of extensions that differ by less are equal
     # Share by which the inertia and the weight of the bodies differ from those of the machine at most.
     same_masses: float = 1e-9
+    far: float = 1e10  # a length that no tendon reaches
+    finer: int = 20  # times of a simulation that its springs cover for one row of its table
 
 
 SIMULATORS = SimulatorOptions()
@@ -67,19 +70,19 @@ def export_orbit(orbit: "Orbit", folder: str | Path, t: ArrayLike | None = None)
     """Write an orbit's table and model to a folder; see `Orbit.export`."""
     if orbit.source is None:
         raise InputError("an export needs the orbit's machine: name it, Orbit.load(path, machine)")
-    if t is None:
-        cycles = cycles_shown(orbit)
-        end = orbit.flight_time if orbit.contact_time is None else cycles * orbit.period
-        t = np.linspace(0.0, end, cycles * (TABLE_ROWS - 1) + 1)
-    t = _checked_times(t)
+    cycles = cycles_shown(orbit)
+    end = orbit.flight_time if orbit.contact_time is None else cycles * orbit.period
+    whole = np.linspace(0.0, end, cycles * (TABLE_ROWS - 1) + 1)
+    t = whole if t is None else _checked_times(t)
     flying = t <= orbit.flight_time if orbit.contact_time is None else np.mod(t, orbit.period) <= orbit.flight_time
-    return _export(orbit, t, np.where(flying, "flight", "contact"), folder)
+    return _export(orbit, t, np.where(flying, "flight", "contact"), folder, whole)
 
 
 def export_simulation(run: "Simulation", folder: str | Path, t: ArrayLike | None = None) -> Path:
     """Write the table and the model of a simulation to a folder; see `Simulation.export`."""
-    t = _checked_times(np.linspace(0.0, run.end, TABLE_ROWS) if t is None else t)
-    return _export(run, t, np.where(run.in_contact(t), "contact", "flight"), folder)
+    whole = np.linspace(0.0, run.end, SIMULATORS.finer * (TABLE_ROWS - 1) + 1)
+    t = whole[:: SIMULATORS.finer] if t is None else _checked_times(t)
+    return _export(run, t, np.where(run.in_contact(t), "contact", "flight"), folder, whole)
 
 
 def check_folder(folder: str | Path) -> Path:
@@ -102,32 +105,54 @@ def _checked_times(t: ArrayLike) -> np.ndarray:
     return times
 
 
-def _export(result: "Orbit | Simulation", t: np.ndarray, phases: np.ndarray, folder: str | Path) -> Path:
+def _export(
+    result: "Orbit | Simulation", t: np.ndarray, phases: np.ndarray, folder: str | Path, whole: np.ndarray
+) -> Path:
+    """Write the rows at times `t`, and the model whose springs cover the motion at the times `whole`."""
     path, machine = check_folder(folder), result.source
     if not hasattr(machine, "stated"):
         raise InputError(f"{machine!r} states no mechanics, from which its bodies follow: state an orbits.Mechanism")
     jointed = _Jointed.of(machine)
     places, speeds = jointed.motion(*labelled(result, t))
     rows = np.column_stack([t, places, speeds]).tolist()
-    model = jointed.model(places)
+    model = jointed.model(jointed.motion(*labelled(result, whole))[0])
     with refusing("motion", path):
         path.mkdir(exist_ok=True)
     lines = ([row[0], phase, *row[1:]] for row, phase in zip(rows, phases, strict=True))
     write_table(jointed.heads, lines, path / MOTION_FILE, "motion")
     with writing("model", path / MODEL_FILE) as target:
         target.write_text(model + "\n", encoding="utf-8")
+    with writing("springs", path / SPRINGS_FILE) as target:
+        target.write_bytes(Path(__file__).with_name(SPRINGS_FILE).read_bytes())
     return path
 
 
 class Pull(NamedTuple):
-    """A straight spring or damper.
+    """A damper, or a spring that is a cubic of its extension.
 
-    weights : (m,) of the joints in its extension
-    options : "stiffness" and "rest", the sum of the joints where it is unloaded, or "damping"
+    weights : (m,) of the joints in the extension
+    kind : "stiffness" or "damping"
+    force : of the sum of the joints, or of its rate
     """
 
     weights: np.ndarray
-    options: dict[str, float]
+    kind: str
+    force: Cubic
+
+    def turned(self) -> "Pull":
+        """This pull, along the negative of the sum."""
+        place, (a, b, c), side = self.force
+        return Pull(-self.weights, self.kind, Cubic(-place, (a, -b, c), -side))
+
+    @property
+    def coefficients(self) -> str:
+        """The coefficients of the powers from 1 on, up to the last one that is not 0."""
+        return _in_text(*np.trim_zeros(self.force.coefficients, "b"))
+
+    @property
+    def is_alone(self) -> bool:
+        """Whether a joint can have it: the extension is its place, or the negative, up to what does not change."""
+        return bool(np.count_nonzero(self.weights) == 1 and abs(self.weights).max() == 1 and not self.force.side)
 
 
 @dataclass(frozen=True)
@@ -266,29 +291,51 @@ class _Jointed:
         )
         return (first, shift) if alike else None
 
-    def pulls(self) -> tuple[list[Pull], list[str]]:
-        """The straight springs and dampers, and, in words, what else of the machine has no place in the model."""
-        found, left = list[Pull](), list[str]()
+    def pulls(self, places: np.ndarray) -> tuple[list[Pull], list[str], list[str]]:
+        """The springs and dampers on a motion through places (k, m) of the joints; and in words what else of the
+        machine has no place in the model, and what is there with an error."""
+        found, left, near = list[Pull](), list[str](), list[str]()
+
+        def pull_by(law: Law, extension: Any, words: str) -> None:
+            known = self.weights(extension)
+            along = places @ known[0] + known[1] if known else np.zeros(1)
+            fitted = cubic_sum(law, float(along.min()), float(along.max())) if known else None
+            if known is None or fitted is None:
+                left.append(words)
+                return
+            moved = (cubic._replace(place=cubic.place - known[1]) for cubic in fitted.cubics)
+            found.extend(Pull(known[0], "stiffness", cubic) for cubic in moved)
+            near.extend([f"{words} is {fitted.words}"] if fitted.words else [])
+
         for each in self.mechanism.elements:
             words = f"the {type(each).__name__.lower()}"
             if isinstance(each, Potential | Force):
                 left.append(words)
-            elif isinstance(each, Damper) and (known := self.weights(each.extension)):
-                found.append(Pull(known[0], {"damping": self.number(each.coefficient)}))
-            elif isinstance(each, Spring) and each.force.degree() == 1 and (known := self.weights(each.extension)):
-                force, stiffness = (float(value) for value in from_key(each.force, self.p).with_slope(0.0))
-                found.append(Pull(known[0], {"stiffness": stiffness, "rest": -force / stiffness - known[1]}))
-            elif isinstance(each, Spring | Damper):
-                law = f" with the force {each.force.text}" if isinstance(each, Spring) else ""
-                left.append(f"{words} along {each.extension}{law}")
-        key = self.mechanism.gravity
+            elif isinstance(each, Damper):
+                if known := self.weights(each.extension):
+                    found.append(Pull(known[0], "damping", Cubic(0.0, (self.number(each.coefficient), 0.0, 0.0))))
+                else:
+                    left.append(f"{words} along {each.extension}")
+            elif isinstance(each, Spring):
+                words += f" along {each.extension} with the force {each.force.text}"
+                pull_by(from_key(each.force, self.p), each.extension, words)
+                left += [f"the loop of {words}, but its mean is"] if each.force.branches else []
+            elif isinstance(each, Mass | Weight) and self.mechanism.gravity.degree():
+                law = self._change_of_gravity(each.mass)
+                pull_by(law, each.height, f"the change of gravity {law.text} with the height {each.height}")
         left += [f"the displacement of the actuator '{name}'" for name in self.mechanism.actuators]
-        left += [f"the change of gravity {key.text} with height"] if key.degree() else []
-        return found, [*left, *self.weight_beside()]
+        return found, [*left, *self.weight_beside()], near
+
+    def _change_of_gravity(self, mass: Any) -> Law:
+        """The weight of a mass at a height, less that at the ground."""
+        law, ground = from_key(self.mechanism.gravity, self.p), self.number(self.mechanism.surface_gravity)
+        size, ratio = self.number(mass) * ground, law.expression
+        return replace(law, expression=lambda z, p, q: size * (ratio(z, p, q) - ratio(0.0, p, q)))
 
     def model(self, places: np.ndarray) -> str:
-        """The model as MJCF; `places` (k, m) of the joints say how large it is where nothing is shown of its bodies."""
-        pulls, left = self.pulls()
+        """The model as MJCF for a motion through places (k, m) of the joints, which say how large it is where nothing
+        is shown of its bodies."""
+        pulls, left, near = self.pulls(places)
         root = ElementTree.Element("mujoco", model=self.mechanism.name.replace(" ", "_"))
         units = "kg, m, s and rad" if self.mechanism.in_si else "units of the machine, without dimensions"
         notes = [
@@ -297,6 +344,7 @@ class _Jointed:
             "The ground touches nothing.",
         ]
         notes += [f"Not in this model: {each}." for each in left]
+        notes += [f"Approximate: {each}." for each in near]
         root.append(ElementTree.Comment(f" {' '.join(notes)} ".replace("--", "- -")))
         _node(root, "compiler", angle="radian", inertiafromgeom="false")
         gravity = self.number(self.mechanism.surface_gravity) * float(from_key(self.mechanism.gravity, self.p)(0.0))
@@ -307,11 +355,11 @@ class _Jointed:
         _node(world, "geom", name="ground", type="plane", size=ground, rgba="0.8 0.8 0.8 1", **UNTOUCHED)
         nodes: dict[str | None, ElementTree.Element] = {None: world}
         alone, tendons = dict[tuple, Pull](), list[Pull]()
-        for pull in pulls:  # a joint has one spring and one damper
-            where = (*np.flatnonzero(pull.weights), *pull.options)
-            if _is_alone(pull) and where not in alone:
+        for pull in pulls:  # a joint has one spring and one damper, and none of 0
+            where = (*np.flatnonzero(pull.weights), pull.kind)
+            if pull.is_alone and where not in alone and pull.coefficients:
                 alone[where] = pull
-            else:
+            elif pull.coefficients:
                 tendons.append(pull)
         for body in self.bodies:
             nodes[body.name] = self._body(nodes[body.carrier], body, [*alone.values()], size)
@@ -337,9 +385,9 @@ class _Jointed:
             place, own = self.joints.index(joint), dict[str, str]()
             for pull in pulls:
                 if sign := pull.weights[place]:
-                    rest = pull.options.get("rest", 0.0) * sign
-                    own |= {name: _in_text(rest if name == "rest" else x) for name, x in pull.options.items()}
-            own |= {"springref": own.pop("rest")} if "rest" in own else {}
+                    along = pull if sign > 0 else pull.turned()
+                    own[along.kind] = along.coefficients
+                    own |= {"springref": _in_text(along.force.place)} if along.kind == "stiffness" else {}
             kind = "hinge" if joint.axis == "turn" else "slide"
             _node(node, "joint", name=joint.name, type=kind, axis=_in_text(*AXES[joint.axis]), **own)
         for a, b in lines:
@@ -358,15 +406,16 @@ class _Jointed:
         return node
 
     def _tendon(self, parent: ElementTree.Element, pull: Pull) -> None:
-        """A spring or a damper of several joints. A length below 0 would stand for that at the start, so that then all
-        signs are turned over."""
-        sign = -1.0 if pull.options.get("rest", 0.0) < 0 else 1.0
-        own = {name: _in_text(sign * x if name == "rest" else x) for name, x in pull.options.items()}
-        own |= {"springlength": own.pop("rest")} if "rest" in own else {}
-        node = _node(parent, "fixed", **own)
+        """A spring or a damper of several joints, or one that acts on one side of a place. A length of -1 would stand
+        for that at the start, so that signs are turned over where it is below 0."""
+        pull = pull.turned() if pull.force.place < 0 else pull
+        place, _, side = pull.force
+        rest = {0: [place], 1: [-SIMULATORS.far, place], -1: [place, SIMULATORS.far]}[side]
+        own = {"springlength": _in_text(*rest)} if pull.kind == "stiffness" else {}
+        node = _node(parent, "fixed", **{pull.kind: pull.coefficients}, **own)
         for joint, weight in zip(self.joints, pull.weights, strict=True):
             if weight:
-                _node(node, "joint", joint=joint.name, coef=_in_text(sign * weight))
+                _node(node, "joint", joint=joint.name, coef=_in_text(weight))
 
     def _lines(self, body: Body) -> list[tuple[list[float], list[float]]]:
         """The lines that are shown of a body, in its frame."""
@@ -388,11 +437,6 @@ class _Jointed:
 def _turned_by(angle: ca.SX, across: Any, up: Any) -> ca.SX:
     """A vector (2,), across and up, turned clockwise."""
     return ca.vertcat(ca.cos(angle) * across + ca.sin(angle) * up, ca.cos(angle) * up - ca.sin(angle) * across)
-
-
-def _is_alone(pull: Pull) -> bool:
-    """Whether an extension is the place of one joint, or its negative, up to what does not change."""
-    return bool(np.count_nonzero(pull.weights) == 1 and abs(pull.weights).max() == 1)
 
 
 def _node(parent: ElementTree.Element, tag: str, **attributes: str) -> ElementTree.Element:

@@ -1,6 +1,7 @@
 """Motions exported for simulators: the files, and what MuJoCo and Drake make of them."""
 
 import csv
+import importlib
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -8,9 +9,9 @@ import numpy as np
 import pytest
 
 from orbits import InputError, Mechanism, Orbit, find, simulate
-from orbits.mechanics import Body, Inerter, Joint, Mass, Spring, Weight, bodies_of
+from orbits.mechanics import Body, Inerter, Joint, Mass, Potential, Spring, Weight, bodies_of
 from orbits.show.plane import labelled
-from problems import Chain, Hopper, Juggler, hopper_in_si, knee_hopper, rimless_wheel, rocking_block, runner
+from problems import Chain, Hopper, Juggler, hopper_in_si, knee_hopper, rimless_wheel, rocking_block, runner, springs
 
 
 def read(folder):
@@ -37,9 +38,12 @@ def hopping(*elements, **stated):
     return simulate(machine, state=[2.0, 0.0, 1.0, 0.0, *(0.0 for _ in machine.actuators)], time=0.5)
 
 
+CUBIC = hopper_in_si(60.0, 3.0, force=springs.formula("1500*r + 2e6*r**3"), rest_length=0.8)
 MOTIONS = {
     "hung": lambda: hopping(Spring("body", "0.2*r"), Spring("-body", "0.1*r + 0.1")),
     "hopper": lambda: find(Hopper(rest_length=10)),
+    "cubic": lambda: find(CUBIC),
+    "bilinear": lambda: find(Hopper("bilinear", rest_length=10)),
     "leg": lambda: find(hopper_in_si(60.0, 3.0, stiffness=8000.0, rest_length=0.8)),
     "chain": lambda: simulate(Chain((1, 2, 3)).mechanism, state=[2.0, 0, 1.0, 0, 0.5, 0], time=1.0),
     "juggler": lambda: find(Juggler(mass_ratio=0.7)),
@@ -65,15 +69,35 @@ def test_the_table_and_the_model_of_a_leg(tmp_path):
     assert model.findall(".//body")[0].get("pos").split()[2] == "0.80000000000000004"
 
 
+def attributes(folder, name):
+    """The attribute of all tendons of a model."""
+    return [each.get(name) for each in ElementTree.parse(folder / "model.xml").findall("tendon/fixed")]
+
+
+def test_springs_are_cubics_of_the_extension(tmp_path):
+    folder = MOTIONS["cubic"]().export(tmp_path / "cubic")
+    assert attributes(folder, "stiffness") == ["1500 0 2000000"]
+    assert attributes(folder, "springlength") == ["0"]
+    folder = hopping(Spring("body", "0.5*r**2")).export(tmp_path / "hop")
+    joint = ElementTree.parse(folder / "model.xml").find(".//joint")
+    assert (joint.get("stiffness"), joint.get("springref")) == ("0 0.5", "0")
+    folder = hopping(Spring("-body", "0.5*r**2")).export(tmp_path / "hop")  # the same force, the other way round
+    assert ElementTree.parse(folder / "model.xml").find(".//joint").get("stiffness") == "0 -0.5"
+
+
 def test_what_the_model_does_not_have_is_said(tmp_path):
-    machine = Hopper(
-        "cubic", gravity="1/(1 + z/R)**2", rest_length=9, damping=0.1, parameters={"beta": 0.3, "R": 200.0}
-    )
+    machine = Hopper("tanh", gravity="1/(1 + z/R)**2", rest_length=9, damping=0.1, parameters={"b": 0.3, "R": 200.0})
     folder = simulate(machine, 4.0, hops=1).export(tmp_path / "hop")
     text = (folder / "model.xml").read_text(encoding="utf-8")
-    assert "Not in this model: the spring along y1 - y2 with the force r + beta*r**3." in text
-    assert "Not in this model: the change of gravity 1/(1 + z/R)**2 with height." in text
-    assert 'fixed damping="0.1' in text
+    assert "Approximate: the spring along y1 - y2 with the force tanh(b*r)/b is " in text
+    assert "Approximate: the change of gravity 1/(1 + z/R)**2 with the height y2 is " in text
+    assert "Not in this model" not in text
+    assert "0.1" in [(each or "")[:3] for each in attributes(folder, "damping")]
+    folder = hopping(Spring("body*foot"), Spring("body", "r + sign(r - 1)"), Potential("body")).export(tmp_path / "hop")
+    text = (folder / "model.xml").read_text(encoding="utf-8")
+    assert "Not in this model: the spring along body*foot with the force r." in text
+    assert "Not in this model: the spring along body with the force r + sign(r - 1)." in text
+    assert "Not in this model: the potential." in text
 
 
 UPRIGHT = [Body("top", [Joint("up", "up", "body")], 1.0), Body("toe", [Joint("toe_up", "up", "foot")], 1.0)]
@@ -138,7 +162,11 @@ def test_the_command(tmp_path, orbits):
     for command in ("find", "simulate --alpha 4.6 --hops 1"):
         done = orbits(f"{command} --export", tmp_path / "motion")
         assert done.code == 0
-        assert sorted(each.name for each in (tmp_path / "motion").iterdir()) == ["model.xml", "motion.csv"]
+        assert sorted(each.name for each in (tmp_path / "motion").iterdir()) == [
+            "model.xml",
+            "motion.csv",
+            "springs_for_drake.py",
+        ]
 
 
 def places_of_masses(result, t):
@@ -214,10 +242,61 @@ def test_mujoco_flies_as_we_do(name, tmp_path):
     assert errors[1] / errors[2] == pytest.approx(16, rel=0.15)
 
 
+@pytest.mark.extra("mujoco")
+def test_mujoco_has_the_springs(tmp_path):
+    """Its energy is constant over a lossless motion up to rounding for a cubic spring, and near it for others."""
+    mujoco, spread = pytest.importorskip("mujoco"), list[float]()
+    varying = Hopper("cubic", gravity="1/(1 + z/R)**2", rest_length=9, parameters={"R": 200.0})
+    for machine in (CUBIC, Hopper("air", rest_length=10), varying):
+        folder = find(machine).export(tmp_path / "hop")
+        *_, places, speeds = read(folder)
+        model = mujoco.MjModel.from_xml_path(str(folder / "model.xml"))
+        model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+        data, energies = mujoco.MjData(model), []
+        for data.qpos[:], data.qvel[:] in zip(places, speeds, strict=True):
+            mujoco.mj_forward(model, data)
+            energies.append(data.energy.sum())
+        spread.append(np.ptp(energies) / max(np.abs(energies)))
+    cubic, air, gravity = spread
+    assert cubic < 1e-14
+    assert air < 2e-7
+    assert gravity < 2e-9
+
+
+@pytest.mark.extra("pydrake")
+def test_drake_flies_with_the_springs(tmp_path, monkeypatch):
+    """Over nine tenths of a flight, and its energy is constant."""
+    analysis = pytest.importorskip("pydrake.systems.analysis")
+    config = analysis.SimulatorConfig(integration_scheme="runge_kutta5", accuracy=1e-12, max_step_size=0.05)
+    for machine, close in ((Hopper("cubic", rest_length=10), 1e-8), (Hopper("bilinear", rest_length=10), 1e-8)):
+        orbit = find(machine)
+        end = 0.9 * orbit.flight_time
+        folder = orbit.export(tmp_path / "hop", t=[0.0, end])
+        *_, places, speeds = read(folder)
+        monkeypatch.syspath_prepend(str(folder))
+        module = importlib.import_module("springs_for_drake")
+        diagram, plant = module.plant_with_springs(folder / "model.xml")
+        simulator = analysis.Simulator(diagram)
+        analysis.ApplySimulatorConfig(config, simulator)
+        context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+        plant.SetPositionsAndVelocities(context, [*places[0], *speeds[0]])
+        simulator.AdvanceTo(end)
+        flown = plant.GetPositionsAndVelocities(context)
+        assert flown == pytest.approx(np.append(places[1], speeds[1]), abs=close)
+        springs = module.Springs(plant, folder / "model.xml")
+        plant.SetPositionsAndVelocities(context, [*places[0], *speeds[0]])
+        kinetic = [plant.EvalKineticEnergy(context)]
+        weights = [plant.EvalPotentialEnergy(context) + springs.energy(places[0])]
+        plant.SetPositionsAndVelocities(context, flown)
+        kinetic.append(plant.EvalKineticEnergy(context))
+        weights.append(plant.EvalPotentialEnergy(context) + springs.energy(flown[:2]))
+        assert np.ptp(np.add(kinetic, weights)) < close
+
+
 @pytest.mark.extra("pydrake")
 @pytest.mark.parametrize("name", ["hopper", "wheel", "runner"])
 def test_drake_replays(name, tmp_path):
-    """Drake reads the bodies and joints of the same model, and not its springs."""
+    """Drake reads the bodies and joints of the same model."""
     parsing, plants = pytest.importorskip("pydrake.multibody.parsing"), pytest.importorskip("pydrake.multibody.plant")
     result = MOTIONS[name]()
     folder = result.export(tmp_path / name)
