@@ -87,7 +87,8 @@ def test_a_wrong_digit_is_found(tmp_path):
     """In the 17th place of a time, and in the motion."""
     text = (FOLDER / "cases" / "linear_hop.json").read_text()
     (path := tmp_path / "linear_hop.json").write_text(text.replace("14.292133819968978472", "14.292133819968978572"))
-    assert [each[:40] for each in disagreements([path])] == ["linear_hop: Comparison(what='time of even"]
+    (wrong,) = disagreements([path])
+    assert "time of event 2" in wrong
     path.write_text(text.replace('"v2": "(force - 1)/(1 + M)"', '"v2": "(force - 1.001)/(1 + M)"', 1))
     assert len(disagreements([path])) > 50
 
