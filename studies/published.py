@@ -1,0 +1,81 @@
+"""Published cases: numbers from papers, books, course notes and issues beside those of the toolkit, in one table.
+
+Each case states where its number is printed, or which closed form it is, and computes it anew. The cases are in
+`published_cases`, by subject; what the toolkit cannot state is listed with the missing idea.
+Run: python studies/published.py [--quick] [--write]
+"""
+
+import argparse
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the cases
+
+from studies.published_cases import bounces
+from studies.published_cases.case import Case, Computed, Missing, computed, first_and_count, our_text, published_text
+
+SUBJECTS: Mapping[str, Sequence[Case]] = {"Bouncing": bounces.CASES}
+CANNOT: Sequence[Missing] = ()
+PAGE = Path(__file__).parent / "docs" / "published.md"
+HEADS = ("case", "published", "ours", "within", "source")
+
+
+def cells(found: Computed) -> tuple[str, ...]:
+    """The cells of a case in the table of the page, with its first number."""
+    case = found.case
+    published, ours = published_text(case.published[0]), our_text(found.ours[0], case.published[0])
+    within = f"{case.allowed[0]:.0e}".replace("e-0", "e-")
+    words = f"**{case.name}**: {case.quantity}"
+    return words, first_and_count([published] * len(case.published)), ours, within, case.source
+
+
+def page(found: Mapping[str, Sequence[Computed]]) -> str:
+    """The page: what stands above its tables, and the tables."""
+    lines = [PAGE.read_text(encoding="utf-8").partition("\n## ")[0].rstrip()]
+    for subject, own in found.items():
+        rows = [HEADS, ("---",) * len(HEADS), *map(cells, own)]
+        lines += [f"\n## {subject}\n", *(f"| {' | '.join(row)} |" for row in rows)]
+    lines += ["\n## What cannot be stated\n", "| case | missing idea | source |", "| --- | --- | --- |"]
+    lines += [f"| {each.name} | {each.idea} | {each.source} |" for each in CANNOT]
+    return "\n".join(lines) + "\n"
+
+
+def print_case(found: Computed) -> None:
+    """Print the number of a case that is farthest off."""
+    case, at = found.case, found.worst
+    published, ours = published_text(case.published[at]), our_text(found.ours[at], case.published[at])
+    count = f", worst of {len(case.published)}" if len(case.published) > 1 else ""
+    print(f"{'  ok ' if found.right else 'WRONG'} {case.name}: {case.quantity}")
+    print(f"        published {published}, ours {ours}{count}; off by {found.differences[at]:.1e} of", end=" ")
+    print(f"{case.allowed[at]:.0e}\n        {case.source}")
+
+
+def main(quick: bool = False, write: bool = False) -> list[Computed]:
+    """Compute and print all cases, or those of the quick mode; returns them."""
+    found: dict[str, list[Computed]] = {}
+    for subject, cases in SUBJECTS.items():
+        print(f"\n{subject}\n")
+        found[subject] = []
+        for case in cases:
+            if not (quick and case.slow):
+                found[subject].append(computed(case))
+                print_case(found[subject][-1])
+    print("\nCannot be stated\n")
+    for missing in CANNOT:
+        print(f"        {missing.name}: {missing.idea}\n        {missing.source}")
+    every = [each for own in found.values() for each in own]
+    print(f"\n{sum(each.right for each in every)} of {len(every)} cases are right")
+    if write:
+        PAGE.write_text(page(found), encoding="utf-8")
+    return every
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--quick", action="store_true", help="without the cases that take seconds")
+    parser.add_argument("--write", action="store_true", help="write the tables of the page; not in the quick mode")
+    arguments = parser.parse_args()
+    if arguments.quick and arguments.write:
+        parser.error("--write needs all cases: leave out --quick")
+    sys.exit(0 if all(each.right for each in main(arguments.quick, arguments.write)) else 1)

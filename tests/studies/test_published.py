@@ -1,0 +1,88 @@
+"""Published cases: each is right, has its source, and stands on the page; a wrong one is said to be wrong."""
+
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from studies import published
+from studies.published_cases.case import Case, Computed, computed, half_a_unit, our_text
+
+CASES = [case for cases in published.SUBJECTS.values() for case in cases]
+
+
+def rows():
+    """The rows of the page, without heads and rules, as cells."""
+    lines = published.PAGE.read_text(encoding="utf-8").splitlines()
+    return [line.strip("| ").split(" | ") for line in lines if line.startswith("| ") and not line.startswith("| ---")]
+
+
+def test_quick_cases_are_right(capsys):
+    found = published.main(quick=True)
+    assert len(found) == sum(not case.slow for case in CASES)
+    assert [each.case for each in found if not each.right] == []
+    assert f"{len(found)} of {len(found)} cases are right" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_all_cases_are_right_and_the_page_has_their_numbers():
+    found = [computed(case) for case in CASES]
+    assert [each.case for each in found if not each.right] == []
+    on_page = {row[0]: row[2] for row in rows() if len(row) == 5}
+    for each in found:
+        words, _, ours, *_ = published.cells(each)
+        assert float(on_page[words]) == pytest.approx(float(ours), rel=1e-8, abs=1e-12)
+
+
+def test_the_page_says_what_the_cases_say():
+    """All but our own numbers."""
+    found = {
+        subject: [Computed(case, case.expected) for case in cases] for subject, cases in published.SUBJECTS.items()
+    }
+    without_ours = [row[:2] + row[3:] if len(row) == 5 else row for row in rows()]
+    said = published.page(found).splitlines()
+    said = [line.strip("| ").split(" | ") for line in said if line.startswith("| ") and not line.startswith("| ---")]
+    assert without_ours == [row[:2] + row[3:] if len(row) == 5 else row for row in said]
+
+
+def test_each_case_has_its_source():
+    """An author or a project, and a year or a number of an issue or a problem."""
+    keys = [(case.name, case.quantity) for case in CASES]
+    assert len(set(keys)) == len(keys)
+    for case in (*CASES, *published.CANNOT):
+        assert re.search(r"[A-Z][a-z]+", case.source), case
+        assert re.search(r"\d", case.source), case
+
+
+def test_what_differs_is_wrong(monkeypatch, capsys):
+    right = Case("a", "b", "c", ["1.52", "3"], lambda: [1.5249, 3.4])
+    assert computed(right).right
+    for numbers in ([1.526, 3.0], [1.52, 3.6], [np.nan, 3.0]):
+        wrong = Case("a", "b", "c", ["1.52", "3"], lambda numbers=numbers: numbers)
+        assert not computed(wrong).right
+    monkeypatch.setattr(published, "SUBJECTS", {"Wrong": [wrong]})
+    assert not published.main()[0].right
+    assert "WRONG a: b\n        published 1.52, ours nan, worst of 2" in capsys.readouterr().out
+    with pytest.raises(ValueError, match="1 numbers are computed, 2 are published"):
+        computed(Case("a", "b", "c", ["1.52", "3"], lambda: [1.5]))
+    with pytest.raises(ValueError, match="needs within="):
+        Case("a", "b", "c", [1.52], lambda: [1.5])
+
+
+def test_numbers_are_printed_with_their_digits():
+    assert [half_a_unit(text) for text in ("1.52", "3", "1.5e-3", "120")] == [0.005, 0.5, 5e-5, 0.5]
+    assert [our_text(2 / 3, each) for each in ("0.7", "1", 0.5)] == ["0.67", "0.7", "0.6666666667"]
+
+
+def test_the_command_ends_with_1_where_one_is_wrong(monkeypatch):
+    source = Path(published.__file__).read_text(encoding="utf-8").partition("if __name__")
+    names = {**vars(published), "main": lambda *_: [Computed(CASES[0], CASES[0].expected + 1)]}
+    monkeypatch.setattr(sys, "argv", ["published.py", "--quick"])
+    with pytest.raises(SystemExit) as ended:
+        exec("if True" + source[2].partition(":")[1] + source[2].partition(":")[2], names)
+    assert ended.value.code == 1
+    monkeypatch.setattr(sys, "argv", ["published.py", "--quick", "--write"])
+    with pytest.raises(SystemExit, match="2"):
+        exec("if True" + source[2].partition(":")[1] + source[2].partition(":")[2], names)
