@@ -75,6 +75,7 @@ if TYPE_CHECKING:
     from .model import (
         Affine as Affine,
         Arc as Arc,
+        CasadiMachine as CasadiMachine,
         Machine,
         Modes as Modes,
         Phase as Phase,

@@ -48,6 +48,7 @@ TESTED_WITH = {
     "flow/taylor_step": "flow/test_taylor",
     "mechanics/coordinates": "mechanics/test_coefficients",
     "mechanics/kinetics": "mechanics/test_coefficients",
+    "model/casadi_functions": "model/test_casadi_machine",
     "model/model": "test_checks",
     "model/phase": "flow/test_phase_field",
     "numerics/quadrature": "shooting/test_error_bound",

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from ..public_names import public_names
 
 if TYPE_CHECKING:
+    from .casadi_machine import CasadiMachine as CasadiMachine
     from .liftoff import Liftoff
     from .linear_guess import linear_guess, search_of_steps
     from .machine import (

@@ -3,12 +3,16 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from types import MappingProxyType
-from typing import Any, Protocol, Self, cast, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, Self, cast, runtime_checkable
 
 from ..errors import InputError, refuse_machine
+from ..running import exclusive
 from ..symbolic import suggest
 from ..units import DIMENSIONS, Units
 from .model import Model
+
+if TYPE_CHECKING:
+    from .casadi_machine import CasadiMachine
 
 # Numbers of machines that lossless orbits do not depend on, and what refuses them as parameters of these.
 LOSSES = ("restitution", "damping", "drag")
@@ -62,6 +66,24 @@ class Machine(Protocol):
 
 class Stated:
     """A machine that is printed and pickled as it was stated, without the model that is built from that."""
+
+    @exclusive
+    def casadi(self) -> "CasadiMachine":
+        """The machine as CasADi functions: vector fields, guards, resets, energy, forces and heights; see
+        `orbits.model.CasadiMachine`.
+
+        Raises `InputError` for a spring with hysteresis, which no vector field states.
+
+        >>> from problems import Hopper
+        >>> hopper = Hopper("r + 0.3*r**3").casadi()
+        >>> hopper.flight
+        Function(flight:(x[4],p)->(rates[4]) SXFunction)
+        >>> hopper.flight([1.0, 0.5, 0.0, 0.0], hopper.values)
+        DM([0.5, -1.15, 0, 0.15])
+        """
+        from .casadi_machine import casadi_machine  # most machines are never asked for it
+
+        return casadi_machine(self)
 
     def __getstate__(self) -> dict[str, Any]:
         """The fields of the machine; its laws are pickled as the statements that they were made from."""

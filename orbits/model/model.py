@@ -310,10 +310,12 @@ class Model:
         own = [x[self.flight.states.index(f"{name}'")] for name in self.sticks]
         return [weighted_sum(self._gap_speed(p), x), *own]
 
-    def landed(self, x: Scalars, p: Parameters) -> list[Algebraic]:
-        """The flight state after a plastic landing in the flight state x, in the labels of before."""
+    def landed(self, x: Scalars, p: Parameters, restitution: Algebraic = 0.0) -> list[Algebraic]:
+        """The flight state after a landing in the flight state x, plastic or with a restitution of the gap, in the
+        labels of before."""
         directions = [self.impact(x, p), *(self.sticking(x, p)[0] if self.sticking else ())]
-        speeds = self.speeds_of_landing(x, p)
+        first, *others = self.speeds_of_landing(x, p)
+        speeds = [(1 + restitution) * first, *others]
         return [value - weighted_sum(each, speeds) for value, *each in zip(x, *directions, strict=True)]
 
     def lost_at(self, x: Scalars, p: Parameters) -> Algebraic:

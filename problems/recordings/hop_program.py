@@ -142,11 +142,10 @@ def events_of(model: Model, names: tuple[str, ...]) -> dict[str, ca.Function]:
         ca.SX.sym("y", contact.size),
     )
     state = ca.vertsplit(x)
-    gap, landed = model.gap(named).at(state), ca.vertcat(*model.landed(state, named))
-    speed = model.speeds_of_landing(state, named)[0]
-    bounced = landed - e * speed * ca.vertcat(*model.impact(state, named))
+    gap, speed = model.gap(named).at(state), model.speeds_of_landing(state, named)[0]
+    landed, bounced = ca.vertcat(*model.landed(state, named)), ca.vertcat(*model.landed(state, named, e))
     force = contact.values(y, p)[[*contact.rows].index(GROUND_FORCE)]
-    results = {
+    results: dict[str, tuple[Any, ...]] = {
         LIFTOFF: (y, force, ca.DM(model.embed) @ y),
         IMPACT: (x, gap, bounced),
         LANDING: (x, gap, ca.DM(np.linalg.pinv(model.embed)) @ landed),
