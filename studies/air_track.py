@@ -1,7 +1,8 @@
 """The paper's table-top experiment (section 10) from its SI data: predicted and measured amplitudes side by side.
 
-A juggler lying on an air track tipped by 1.1 inch over five feet; gravity along the track is g sin(theta). The ball m1
-is caught by the hand m2 after one oscillation of the hand. Run: python studies/air_track.py [--output FOLDER]
+A juggler lies on an air track that is tipped by 1.1 inch over five feet; gravity along the track is g sin(theta). The
+hand catches the ball m1 after one oscillation of the hand m2.
+Run: python studies/air_track.py [--output FOLDER]
 """
 
 import argparse

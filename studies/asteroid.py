@@ -1,8 +1,8 @@
 """A hopping rover on a small asteroid: which lossless hops are near 10 m, and how far off is constant gravity?
 
-A 3 kg rover, body 2.5 kg and foot 0.5 kg, on a sphere of radius 250 m with surface gravity 1e-4 m/s^2. Its leg spring
-is the kind of soft coil a designer would take: 50 mN/m, hardening with stroke, 0.6 m long. One oscillation takes 18 s
-and a hop a quarter of an hour, so the hops are of families near 50, and gravity falls by 8 % on the way up.
+A 3 kg rover, body 2.5 kg and foot 0.5 kg, hops on a sphere of radius 250 m with surface gravity 1e-4 m/s^2. Its leg
+spring is a soft coil: 50 mN/m, hardening with stroke, 0.6 m long. One oscillation takes 18 s and a hop takes a quarter
+of an hour. So the hops belong to families near 50, and gravity decreases by 8 % on the way up.
 Run: python studies/asteroid.py [--output FOLDER] [--quick]
 """
 

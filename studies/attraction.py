@@ -1,10 +1,10 @@
-"""Which launches come to a lossless hop by themselves, for mass ratios from 1e-3 to 1e3; and how good a hand must be.
+"""Which launches converge to a lossless hop, for mass ratios from 1e-3 to 1e3; and how accurate must a hand be?
 
-A launch is attracted when one of its hops starts in an interval [alpha*, beta] above a lossless launch speed in which
-every launch maps closer to alpha* from above: beta is where the map comes back to alpha*. At M = 1 these intervals are
-narrow and most launches come to rest; for very light and very heavy feet nearly all launches beyond the first lossless
-one end in one. The second question is that of the table-top experiment: with energy given by hand at every hop, to
-within an error, how large may that error be for eight smooth catches in a row?
+A launch is attracted if one of its hops starts in an interval [alpha*, beta] above a lossless launch speed in which
+every launch maps closer to alpha* from above; beta is the launch that maps back to alpha*. At M = 1 these intervals are
+narrow and most launches come to rest. For very light and very heavy feet nearly all launches beyond the first lossless
+one end in one of these intervals. The second question is that of the table-top experiment. A hand gives energy at every
+hop, with an error: how large may this error be for eight smooth catches in a row?
 Run: python studies/attraction.py [--output FOLDER] [--quick]
 """
 

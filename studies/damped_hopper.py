@@ -1,13 +1,13 @@
-"""What it takes to keep a damped hopper on its lossless hop, as the damping c goes to 0: by an actuator at the spring's
-end, and by the paper's injection at lift-off (sections 9 and 10).
+"""What it takes to keep a damped hopper on its lossless hop, as the damping c tends to 0: by an actuator at the
+spring's end, and by the paper's injection at lift-off (sections 9 and 10).
 
-Whatever keeps it going does the work of the dissipation, in proportion to c. The least effort, the integral of the
-squared rate of the spring's end, goes with c^2. At M = 1, with a rate that is constant on 40 intervals of a hop, it is
-125.81 c^2 for a lossless landing (124.65 c^2 in the limit of many intervals), and 111.9 c^2 where the foot may land
-with a speed, which is 3.06 c. Energy alone needs less: Schwarz's inequality for the work, the integral of M phi w,
-gives the bound in the figure; the rest of the effort brings the foot down. The injection that just lets it hop on does
-the same work to leading order, all of it at once, at the edge of losing its hop. On the left of the figure is the
-motion for c = 0.01.
+Any actuation does the work of the dissipation, which is proportional to c. The least effort, the integral of the
+squared rate of the spring's end, is proportional to c^2. At M = 1, with a rate that is constant on 40 intervals of a
+hop, it is 125.81 c^2 for a lossless landing (124.65 c^2 in the limit of many intervals). It is 111.9 c^2 if the foot
+may land with a speed, which is 3.06 c. The energy alone needs less: Schwarz's inequality for the work, the integral of
+M phi w, gives the bound in the figure. The rest of the effort brings the foot down. The smallest injection with which
+the machine continues to hop does the same work to leading order, all at once, and the hop is then on the verge of being
+lost. The left panel shows the motion for c = 0.01.
 Run: python studies/damped_hopper.py [--output FOLDER] [--quick]
 """
 

@@ -1,10 +1,10 @@
 """A leg of 60 kg of body and 3 kg of foot: which spring makes it hop 0.2 m high without loss, and most forgivingly?
 
-The spring is k r + b r^3, its stroke at most 0.25 m, and the hop the rise of the centre of mass. Designed are stiffness
-k and hardening b, for the smallest loss coefficient C: what a launch that is off by d loses is C d^(4/3). For each
-family of orbits there is an answer or the reason why there is none. The best of them is followed as the height changes,
-which takes less time than a search at each height. Then, whatever C is: what a higher hop costs in peak force, as the
-Pareto front of each family.
+The spring is k r + b r^3, its stroke at most 0.25 m, and the hop is the rise of the centre of mass. The design
+variables are the stiffness k and the hardening b, and the objective is the smallest loss coefficient C: a launch at the
+distance d from the lossless one loses C d^(4/3). For each family of orbits the study has a design or the reason why
+there is none. It follows the best design as the height changes, which takes less time than a search at each height.
+Then it computes, for any C, the peak force that a higher hop costs, as the Pareto front of each family.
 Run: python studies/design.py [--output FOLDER] [--quick]
 """
 

@@ -1,9 +1,10 @@
-"""Fig. 4 of the paper: what the foot's path may look like where it meets the ground, and which ways lose nothing.
+"""Fig. 4 of the paper: possible paths of the foot where it meets the ground, and which of them lose nothing.
 
-(a) an impact with a speed; (b) no speed but an acceleration upwards: it would bounce off again; (c) no speed but an
-acceleration downwards: it has come from below the ground; (d) neither, but a jerk upwards: it has come from below too,
-and leaves; (e) neither, with a jerk downwards: the lossless landing. Each is a flight of the linear hopper, integrated
-backwards from its landing. Run: python studies/figure_4.py [--output FOLDER]
+(a) An impact with a speed. (b) No speed, but an upward acceleration: the foot would bounce off again. (c) No speed, but
+a downward acceleration: the foot has come from below the ground. (d) Neither speed nor acceleration, but an upward
+jerk: the foot has come from below too, and leaves. (e) Neither, with a downward jerk: the lossless landing. Each path
+is a flight of the linear hopper, integrated backwards from its landing.
+Run: python studies/figure_4.py [--output FOLDER]
 """
 
 import argparse

@@ -1,11 +1,11 @@
 """Fig. 5 of the paper: the return map of the linear hopper for mass ratios from light to heavy feet.
 
-(a) M = 1; (b) its first fixed point, enlarged: attracting from above only, with ten times the loss below; (c) a light
-foot, whose map is close to the identity; (d) a heavy one, close to it too but for throws from pi on, which end in long
-bouncing: the second curve counts its impacts, up to 102 for M = 1000, and their number grows without bound with M. On a
-hand of infinite mass bouncing with one period is stable up to throws of sqrt(pi^2 + 3) = 3.587; then every other bounce
-is higher, up to throws of 3.72496, where the lower one comes at the hand's downward acceleration g and the ball is
-caught.
+(a) M = 1. (b) Its first fixed point, enlarged: it attracts from above only, and the loss below is ten times as large.
+(c) A light foot, whose map is close to the identity. (d) A heavy foot, whose map is close to the identity too, except
+for throws from pi on, which end in long bouncing. The second curve counts the impacts of these throws, up to 102 for M
+= 1000; their number grows without bound with M. On a hand of infinite mass, bouncing with one period is stable for
+throws up to sqrt(pi^2 + 3) = 3.587. For larger throws every other bounce is higher, up to throws of 3.72496. There the
+lower bounce comes when the hand accelerates downwards at g, and the hand catches the ball.
 Run: python studies/figure_5.py [--output FOLDER] [--quick]
 """
 

@@ -1,7 +1,7 @@
-"""Fig. 6 of the paper: the foot's path with an impact at landing, and the symmetric one without.
+"""Fig. 6 of the paper: the foot's path with an impact at landing, and the symmetric path without one.
 
-Played backwards, the first would need an impulse at lift-off, which the ground does not exert; the second is its own
-mirror image, in flight and in contact.
+Played backwards, the first path would need an impulse at lift-off, which the ground does not exert. The second path is
+its own mirror image, in flight and in contact.
 Run: python studies/figure_6.py [--output FOLDER]
 """
 

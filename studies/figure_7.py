@@ -1,9 +1,9 @@
 """Fig. 7 of the paper made numeric: why lossless hops exist for nonlinear springs and varying gravity.
 
-Let go at rest in mid-flight with the centre of mass at height h and the spring compressed by a. For a small a the foot
-falls without a turn; as a grows, extrema of its path appear in pairs, where it has an inflection with y2' = y2'' = 0.
-One compression a(h) does that for each height; the height at which the inflection lies on the ground is that of the
-lossless hop.
+The machine starts at rest in mid-flight, with the centre of mass at height h and the spring compressed by a. For a
+small a the foot falls without turning. As a grows, extrema of its path appear in pairs, at an inflection with y2' =
+y2'' = 0. For each height one compression a(h) has such an inflection. The lossless hop has the height at which the
+inflection lies on the ground.
 Run: python studies/figure_7.py [--output FOLDER]
 """
 

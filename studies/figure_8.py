@@ -1,14 +1,16 @@
-"""Fig. 8 of the paper: energy added or taken at every hop, M = 1; and what comes after the fixed point loses stability.
+"""Fig. 8 of the paper: energy added or taken at every hop, M = 1; and what happens after the fixed point loses
+stability.
 
-An injection eps lifts the map through the identity line: a stable fixed point above the lossless launch speed, an
-unstable one below. The upper one loses its stability where the map's slope is -1, curve (d). Its basin, from the
-unstable fixed point to the other launch that maps onto that, grows with eps to both sides: of all injections at which
-the fixed point is stable, up to (d), it is widest at (d). The paper leaves open what follows. On the
-right: hops that repeat every second time, stable up to eps = 0.113429. They do not go on doubling as smooth maps have
-it: the map's tip at the lossless launch has no bounded curvature, and from eps = 0.11155 on hops of period four stand
-beside them, double in turn, become chaotic and vanish at 0.11295. From 0.113429 on the hops are chaotic, with windows,
-up to eps = 0.138812, where the highest launch falls onto the unstable fixed point: beyond it none stays above that, and
-launches come to rest or to slow hops.
+An injection eps lifts the map through the identity line: there is a stable fixed point above the lossless launch speed,
+and an unstable one below it. The upper fixed point loses its stability when the map's slope is -1, curve (d). Its basin
+reaches from the unstable fixed point to the other launch that maps onto that point. This basin grows with eps to both
+sides; among the injections with a stable fixed point it is widest at (d).
+
+The paper does not study larger injections. The right panel shows hops that repeat every second time, stable up to eps =
+0.113429. Their further doubling differs from that of smooth maps, because the map's tip at the lossless launch has
+unbounded curvature. From eps = 0.11155 on hops of period four coexist with them, double in turn, become chaotic and
+vanish at 0.11295. From 0.113429 on the hops are chaotic, with windows, up to eps = 0.138812. There the highest launch
+falls onto the unstable fixed point. Beyond it no launch stays above this point: launches come to rest or to slow hops.
 Run: python studies/figure_8.py [--output FOLDER] [--quick]
 """
 

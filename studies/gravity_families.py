@@ -1,10 +1,10 @@
 """Lossless hops against the variation of gravity: on ever smaller bodies, and in a linear gradient.
 
-Gravity falls off with the radius R of the body as 1/(1 + z/R)^2; followed along 1/R, from a plane on. Hopper and
-juggler are one machine under constant gravity (1/R = 0) and two on a small body: the hopper hops on the smallest, the
-juggler's hand is carried up by its spring into ever weaker gravity and its throws shrink with it. In a linear gradient
-the hopper ends where the tide alone stretches the spring to lift-off, k = (1 + M)/(rest length + rho), and the juggler
-where gravity has gone at the height of the hand, k = 1/(rest length).
+Gravity decreases with the radius R of the body as 1/(1 + z/R)^2; the families are followed along 1/R, starting from a
+plane. Hopper and juggler are one machine under constant gravity (1/R = 0) and two machines on a small body. The hopper
+hops on the smallest bodies. The juggler's spring carries its hand up into ever weaker gravity, and its throws shrink.
+In a linear gradient the hopper ends where the tide alone stretches the spring to lift-off, k = (1 + M)/(rest length +
+rho), and the juggler ends where gravity vanishes at the height of the hand, k = 1/(rest length).
 Run: python studies/gravity_families.py [--output FOLDER] [--quick]
 """
 

@@ -1,12 +1,12 @@
-"""Twelve hoppers, jugglers and chains held by feedback: which launches come back, within which limits, at what cost.
+"""Twelve hoppers, jugglers and chains held by feedback: which launches return, within which limits, at what cost.
 
-Without feedback a hop is lost: launches with less energy than a lossless hop lose more and more, and those of a damped
-machine that is driven open loop drift away. Each machine here has an actuator between two of its masses, a force or a
-spring's end that moves, with stated limits. Launches are too fast or too slow by 1 and 5 %. All come back within the
-limits, and the printed multipliers are those of the simulated cycle. On the left is by how much the worst launch of
-each machine is off, hop after hop, up to where one is lost; on the right the actuator's positive work per hop over the
-first twelve hops, as a share of the most of these launches: what holds a lossless hop costs nothing once it has come
-back, while a damped one always needs some.
+Without feedback a hop is lost: launches with less energy than a lossless hop lose more and more, and launches of a
+damped machine that is driven open loop drift away. Each machine here has an actuator between two of its masses, a force
+or a moving spring's end, with stated limits. Launches are too fast or too slow by 1 and 5 %. All return within the
+limits, and the printed multipliers agree with those of the simulated cycle. The left panel shows the error of the worst
+launch of each machine, hop after hop, until a launch is lost. The right panel shows the
+actuator's positive work per hop over the first twelve hops, as a fraction of the largest value of these launches.
+Holding a lossless hop costs nothing once it has returned, while a damped hop always needs some work.
 Run: python studies/held_hops.py [--output FOLDER] [--quick]
 """
 

@@ -1,10 +1,11 @@
-"""A leg of 60 kg with an inerter beside its spring: how high does it hop without loss, with what stroke and force?
+"""A leg of 60 kg with an inerter parallel to its spring: how high does it hop without loss, with what stroke and force?
 
-The lossless hop of a leg with a light foot is low, since foot and body swing fast against each other. An inerter b
-slows that down as a heavy foot would, without its weight: with a linear spring the rise grows in proportion to mu + b,
-mu the reduced mass of body and foot. The leg could be softened instead, which slows the contact down as well: the same
-rise then takes a longer stroke, though less force. The inerter's price is a less forgiving hop: with a large one a
-launch that is 1 % too fast loses more than that. A hardening spring gains less height by it, with a shorter stroke.
+The lossless hop of a leg with a light foot is low, because foot and body oscillate fast against each other. An inerter
+b slows this oscillation as a heavy foot would, without its weight. With a linear spring the rise grows in proportion to
+mu + b, where mu is the reduced mass of body and foot. A softer leg would slow the contact down as well: the same rise
+then takes a longer stroke, though less force. The disadvantage of the inerter is a less forgiving hop: with a large
+inerter a launch that is 1 % too fast loses more than this 1 %. With a hardening spring the inerter gains less height,
+with a shorter stroke.
 Run: python studies/inerter.py [--output FOLDER] [--quick]
 """
 

@@ -50,11 +50,12 @@ TABLE = Path(__file__).parent / "docs" / "machines_and_verbs.md"
 REASONS = ("an infinitely heavy hand is the limit of mechanisms",)
 HEAD = """# Which function takes which machine
 
-A cell names the springs with which a function works for a machine: the result was compared with an independent one,
+A cell names the springs with which a function works for a machine. Each result was compared with an independent one,
 such as the orbit by another integrator, or with neighbouring orbits. The springs are two formulas (one of them linear),
-a potential, a measured table, and a piecewise law with a corner. With a spring that is missing the function refuses the
-machine, finds no motion, or takes more than a minute of processor time; the reasons of refusals are among the
-[limitations](limits.md). `python studies/matrix.py --write` tries all cells, in half an hour, and writes this table.
+a potential, a measured table, and a piecewise law with a corner. If a cell does not name a spring, the function refuses
+the machine with this spring, finds no motion, or takes more than a minute of processor time; the
+[limitations](limits.md) give the reasons. `python studies/matrix.py --write` tries all cells, in half an hour, and
+writes this table.
 """
 # The rows of the measured spring, which has the law of the cubic one.
 EXTENSIONS = np.linspace(-12.0, 12.0, 25)

@@ -1,11 +1,11 @@
 """Beyond curve (d) of the paper's Fig. 8: hops of period two and four, a cascade, the crisis, and what attracts where.
 
-The paper leaves open what follows where its upper fixed point loses stability (M = 1, injection eps = 0.0716). Hops of
-period two follow, stable up to 0.113429, where their flip is subcritical: hops of period four that are unstable end
-there. Those begin with stable ones in a fold at 0.111550, so that both periods attract for a while. The stable hops of
-period four double in turn, by Feigenbaum's ratio, since the map's maximum is smooth: it lies above the lossless launch,
-the tip with unbounded curvature. All of it ends in a crisis at eps = 0.138812, where the maximum c of the map comes to
-the unstable fixed point u in two hops:
+The paper does not study what follows when its upper fixed point loses stability (M = 1, injection eps = 0.0716). Hops
+of period two follow, stable up to 0.113429. Their flip there is subcritical: unstable hops of period four end at it.
+These hops begin together with stable ones in a fold at 0.111550, so both periods attract over some range. The stable
+hops of period four double in turn, by Feigenbaum's ratio, because the map's maximum is smooth: it lies above the
+lossless launch, the tip with unbounded curvature. The cascade ends in a crisis at eps = 0.138812. There the maximum c
+of the map reaches the unstable fixed point u in two hops:
 
     f'(c) = 0,    f(f(c) + eps) + eps = u,    f(u) + eps = u.
 

@@ -1,10 +1,10 @@
 """A leg of about 60 kg in SI: of 20,000 designs, which hop 0.2 m high without loss, and how sure is the best of them?
 
-Body and foot mass, stiffness k and hardening b of the spring k r + b r^3 are swept together. Of the designs whose
-lossless hop of the second family lifts the centre of mass by 0.2 m, to 2 %, within a stroke of 0.25 m, the most
-forgiving has the smallest loss coefficient C (a launch that is off by d loses C d^(4/3)); beside it lies the front of C
-against the peak force on the foot. Then the spring is known to 3 % and the masses to 2 %: how high does that leg hop,
-and which of the four is to blame?
+Body and foot mass, stiffness k and hardening b of the spring k r + b r^3 are swept together. The candidates are the
+designs whose lossless hop of the second family lifts the centre of mass by 0.2 m, to 2 %, within a stroke of 0.25 m.
+The most forgiving of them has the smallest loss coefficient C (a launch at the distance d from the lossless one loses C
+d^(4/3)). The figure also has the front of C against the peak force on the foot. Then the spring is known to 3 % and the
+masses to 2 %: how high does that leg hop, and which of the four causes most of the spread?
 Run: python studies/robot_leg.py [--output FOLDER] [--quick] [--workers N] [--store FILE]
 """
 

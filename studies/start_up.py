@@ -1,10 +1,11 @@
 """From rest onto a lossless hop by pumping the spring's end in contact, and back onto it from a launch that is short.
 
-On the left a start in two pumps and the hops that follow by themselves. In the middle the least effort against the
-number of pumps, for actuators of different strokes: pumping longer hardly helps, since the foot may not leave the
-ground before it is time, which bounds every swing but the last. On the right the least effort to bring back a launch
-speed d short of the lossless one in one hop: it goes with d^2, where such a launch by itself loses 10 C d^(4/3). Too
-fast by a small d it takes a few hundredths of that if it may land as it likes: the impact does the rest.
+The left panel shows a start in two pumps and the free hops that follow. The middle panel shows the least effort against
+the number of pumps, for actuators of different strokes. More pumps hardly help, because the foot must not leave the
+ground early, which bounds every swing but the last. The right panel shows the least effort to bring back, in one hop, a
+launch speed d below the lossless one. It is proportional to d^2, while such a launch without control loses 10 C
+d^(4/3). A launch that is too fast by a small d takes a few hundredths of this effort if it may land freely, because the
+impact does the rest.
 Run: python studies/start_up.py [--output FOLDER] [--quick]
 """
 

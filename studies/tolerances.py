@@ -1,9 +1,9 @@
-"""The paper's air-track juggler with the tolerances of its numbers: does the model agree with what was measured?
+"""The paper's air-track juggler with the tolerances of its numbers: does the model agree with the measurement?
 
-The amplitudes A1 of the ball and A2 of the hand follow from masses, stiffness and slope (section 10, eq. 14). Here each
+Masses, stiffness and slope determine the amplitudes A1 of the ball and A2 of the hand (section 10, eq. 14). Here each
 of these varies over its own bounds: the masses by 1 %, the stiffness by 3 %, the height of the track's block by 0.05 of
-1.1 inch. Together they reach the bound of 9 % that the authors give for A1. They measured A1/A2 = 1.523 to 3 % and
-A1 = 0.099 m to 1 %.
+1.1 inch. Together they reach the bound of 9 % that the authors give for A1. They measured A1/A2 = 1.523 to 3 % and A1 =
+0.099 m to 1 %.
 Run: python studies/tolerances.py [--output FOLDER] [--quick]
 """
 

@@ -1,9 +1,9 @@
 """A machine of one's own, from nothing: the hopper with an inerter, its hops, their family, its map, its best design.
 
-An inerter resists the acceleration of its ends, as a spring resists their distance: two terminals, a flywheel between
-them (Smith 2002). Does one between body and foot make a leg lose less, or hop higher?
+An inerter resists the relative acceleration of its ends, as a spring resists their displacement: it is a flywheel
+between two terminals (Smith 2002). Does an inerter between body and foot make a leg lose less, or hop higher?
 
-Every step prints what it finds; the figures and an animation of the best leg are drawn at the end.
+Every step prints its result; the figures and an animation of the best leg are drawn at the end.
 Run: python studies/tutorial.py [--output FOLDER] [--quick]
 """
 
