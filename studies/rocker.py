@@ -1,4 +1,4 @@
-"""A block that rocks from edge to edge for ever: how far it tilts, beside Housner's block, and what injections do.
+"""A block that rocks from edge to edge forever: how far it tilts, beside Housner's block, and what injections do.
 
 A solid block of 3 kg, 0.1 m wide and 0.4 m high, has a body on a torsion spring inside. Its lossless rocking is
 followed in the inertia of that body. Housner's block, the same one without the spring, has rho = 1 - 3/2 sin(a)^2 of

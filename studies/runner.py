@@ -1,6 +1,6 @@
 """Runs over level ground that cost nothing: for which designs, how fast, and on how little friction.
 
-A body on a sprung leg with a hip spring and a massive foot hops on the spot for any inertia and hip stiffness. At
+A body on a sprung leg with a hip spring and a massive foot hops in place for any inertia and hip stiffness. At
 single points in the plane of these two, runs branch off the hop, and along a curve from there they go faster. The units
 are those of the body's mass, the leg's stiffness and gravity, so that lengths are in m g/k and speeds in g sqrt(m/k).
 Run: python studies/runner.py [--output FOLDER] [--quick]

@@ -106,7 +106,7 @@ def zeno_sum(height: float, speed: float, restitution: float) -> float:
 
 
 def throws_that_bounce() -> list[float]:
-    """The slowest throws, near n pi, after which a ball bounces on a heavy hand for ever."""
+    """The slowest throws, near n pi, after which a ball bounces on a heavy hand forever."""
     step, found = ReturnMap(HeavyHand(), cap=40), []
     for n in CYCLES:
         low, high = n * pi - 0.1, n * pi + 0.1
@@ -200,7 +200,7 @@ CASES = (
         lambda: [edge(e, n, -1) for e in RESTITUTIONS for n in CYCLES], within=1e-8, slow=True,
     ),
     Case(
-        "Ball on a heavy hand", "slowest throw after which it bounces for ever, n pi; n = 1, 2, 3", INELASTIC,
+        "Ball on a heavy hand", "slowest throw after which it bounces forever, n pi; n = 1, 2, 3", INELASTIC,
         [n * pi for n in CYCLES], throws_that_bounce, within=1e-8,
     ),
     Case(
