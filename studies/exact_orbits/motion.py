@@ -71,9 +71,11 @@ class Problem(Formulas):
 
     def advance(self, motion: Motion, mode: str, until: arb) -> Names:
         """Add a piece of a motion up to a time or the end of one step; returns its series."""
-        states = [*self.document["modes"][mode]["derivatives"]]
+        stated = self.document["modes"][mode]
+        states, guards = [*stated["derivatives"]], [each["guard"] for each in stated["events"]]
         series = self.series(mode, motion.time, motion.state)
-        length, left = self.step(series, states), middle(until - motion.time)
+        length = self.step(series, [*states, *guards, *stated.get("kinks", ())])
+        left = middle(until - motion.time)
         length = left if length >= abs(float(left)) else middle(arb(length) * sign(left))
         polynomials = {name: arb_poly(series[name].coeffs()) for name in states}
         self._end_with(motion, Piece(mode, motion.time, length, polynomials), length)
@@ -148,6 +150,8 @@ class Problem(Formulas):
         for leg in self.document["orbit"]["legs"]:
             if "event" in leg:
                 motion = self.motion(last=(leg["event"], int(leg.get("number", 1))))
+            elif "mode" not in leg:
+                motion = self.motion(middle(self.start().time + self.value(leg["time"])))
             else:
                 motion, until = self.start(), self.value(leg["time"])
                 states = self.document["modes"][leg["mode"]]["states"]
@@ -208,8 +212,8 @@ def conserved(problem: Problem, motion: Motion) -> Iterator[tuple[str, arb]]:
         for piece in motion.pieces:
             while change is not None and piece.start >= change:
                 values, change = [], next(changes, None)
-            text = stated["text"] if isinstance(stated["text"], str) else stated["text"][piece.mode]
-            for t in (piece.start, piece.start + piece.length):
+            text = stated["text"] if isinstance(stated["text"], str) else stated["text"].get(piece.mode)
+            for t in (piece.start, piece.start + piece.length) if text else ():
                 values.append(problem.value(text, problem.names({"t": t, **piece.at(middle(t))})))
-            largest = max(largest, max(values) - min(values))
+            largest = max(largest, max(values) - min(values)) if values else largest
         yield name, middle(largest)

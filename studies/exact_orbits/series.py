@@ -169,11 +169,11 @@ class Formulas:
         exact = {name: arb_series([middle(c) for c in each.coeffs()]) for name, each in found.items()}
         return self.names({"t": clock, **exact})
 
-    def step(self, series: Names, states: list[str]) -> float:
-        """The length at which the last terms of the series are negligible."""
+    def step(self, series: Names, texts: list[str]) -> float:
+        """The length at which the last terms of the series of all these formulas are negligible."""
         tiny, length = 10.0**-self.options.digits, math.inf
-        for name in states:
-            c = [abs(float(each)) for each in series[name].coeffs()]
+        for text in texts:
+            c = [abs(float(each)) for each in arb_series(self.parsed(text)(series)).coeffs()]
             for k in range(self.options.order - 2, len(c)):
                 if c[k] > 0:
                     length = min(length, (max(1.0, c[0]) * tiny / c[k]) ** (1 / k))
