@@ -12,7 +12,7 @@ from ..errors import InconsistentModel, InputError, NoOrbit, finite_number
 from ..hops import Simulation, simulate
 from ..laws import coefficient_of_restitution
 from ..mechanics import Damper, Force, Mechanism
-from ..model import CONTACT_FORCE, Machine, dimensionless, machine_in_words
+from ..model import CONTACT_FORCE, Machine, check_machine, dimensionless, machine_in_words
 from ..periodic import Orbit, StartLike, find, start_in_file
 from ..result import Result
 from ..returns import ReturnMap
@@ -81,6 +81,7 @@ def check(machine: Machine, *, start: StartLike | None = None) -> Checked:
     if not hasattr(machine, "stated"):
         kind = type(machine).__name__
         raise InputError(f"a {kind} is not stated, so there is nothing to check it against: state an orbits.Mechanism")
+    check_machine(machine)
     _refuse_numbers(machine)
     stated: Mechanism = machine.stated()
     launch = start_in_file(start) if isinstance(start, str | Path) else start

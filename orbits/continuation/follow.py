@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from numbers import Real
 from pathlib import Path
-from typing import Any, TypeGuard, overload
+from typing import Any, Literal, TypeGuard, overload
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from ..model import Machine, machine_in_words
 from ..periodic import (
     METHOD,
     Orbit,
+    OscillationFamily,
     Solved,
     StartLike,
     another_family,
@@ -21,6 +22,7 @@ from ..periodic import (
     check_start,
     family_number,
     first_tuned,
+    follow_energy,
     is_quantity,
     lowest_of_family,
     solve_family,
@@ -30,7 +32,7 @@ from ..periodic import (
 )
 from ..result import Progress
 from ..running import LOCK, TimeOver, exclusive, interrupts, running, time_limit
-from ..shooting import iterative, method_of
+from ..shooting import ENERGY_OF_CYCLE, iterative, method_of
 from ..units import without_units
 from .both_ways import both_ways
 from .checkpoint import check_output, collect_family
@@ -49,6 +51,14 @@ Stop = float | tuple[float, float]
 SHORTEST_CURVE = 1e-150
 # The first point of the other curve may lie this many steps away, since the curves need not meet at a right angle.
 LONGEST_FIRST_STEP = 10.0
+
+
+@overload
+def follow(  # type: ignore[overload-overlap]
+    machine: Machine, along: Literal["energy"], stop: Stop, start: Mapping[str, float] | float | None = None,
+    family: int = 1, *, at: Sequence[float] = Options.at, longest: float = Options.longest, most: int = Options.most,
+    step_control: StepControl = Options.step_control, progress: Progress = None,
+) -> OscillationFamily: ...  # fmt: skip
 
 
 @overload
@@ -93,12 +103,14 @@ def follow(
     output: str | Path | None = None,
     resume: Family | None = None,
     progress: Progress = None,
-) -> Family | Families:
+) -> Family | Families | OscillationFamily:
     """Follow a family of lossless orbits as a parameter goes from a first value to `stop`, past folds, to its end.
 
     machine : as in `find`
     along : name of the parameter: "mass_ratio", "rest_length", or one of the spring's or gravity's; or, with `tune`, a
-        quantity of the orbits, such as "period", "frequency" or "alpha"
+        quantity of the orbits, such as "period", "frequency" or "alpha"; or "energy", for an `OscillationFamily`: the
+        periodic motions of a machine without a gap, or of one that stands, from the normal mode of the number `family`
+        on, or through the motion in `start`, see `Oscillation`
     stop : its last value, in the machine's units; or a range (first, last) around its start, which the family goes
         through both ways: from the first value, or from where the curve ends before it, to the last one
     start : its first value, by default the machine's own; or, as in `find`, the first orbit or one near it, instead of
@@ -139,6 +151,15 @@ def follow(
     """
     options = checked_options(at, watch, longest, most, stop_inadmissible, step_control, multipliers)
     check_output(output)
+    if along == ENERGY_OF_CYCLE and tune is None and along not in machine.values:
+        others = {"families": families, "watch": watch, "stop_inadmissible": stop_inadmissible or None,
+                  "method": method, "output": output, "resume": resume}  # fmt: skip
+        if stated := [name for name, value in others.items() if value is not None]:
+            raise InputError(f"a family along its energy is followed without {stated[0]}=")
+        if not (start is None or isinstance(start, Real | Mapping)):
+            raise InputError("a family along its energy starts at an energy, or at numbers of a motion by name")
+        steps = options.steps(step_control.largest_batch)
+        return follow_energy(machine, stop, start, family, options.at, steps, progress)
 
     def followed(number: int, progress: Progress) -> Family:
         def begun(stop: Stop, resume: Family | None) -> FamilyRun:

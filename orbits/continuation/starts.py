@@ -12,7 +12,7 @@ from ..errors import LARGEST_SEED, FlowError, InputError, NoOrbit, finite_number
 from ..flow import flow_of
 from ..laws import Algebraic, Key, Law, Parameters, from_formula, from_key
 from ..mechanics import Damper, Force, Mechanism, Spring
-from ..model import Machine, refuse_hysteresis
+from ..model import Machine, check_machine, refuse_hysteresis
 from ..periodic import LinearSearch
 from ..result import Progress
 from ..running import LOGGER, TimeOver, exclusive, interrupts, time_left, time_limit
@@ -143,6 +143,7 @@ def starts(
     2402.16010.
     """
     machine = machine.stated() if hasattr(machine, "stated") else machine
+    check_machine(machine)
     springs = _springs_of(machine)
     laws = [from_key(spring.force, machine.values) for spring in springs]
     if not finite_number("slope", slope) > 0:

@@ -370,6 +370,7 @@ def _of_mechanism(mechanism: Mechanism, values: Mapping[str, Bounds], restitutio
             case _:
                 raise InputError(f"{type(element).__name__} does not conserve energy: it has no lossless orbit")
     gravity, structure = mechanism.gravity, mechanism.structure
+    assert mechanism.gap is not None  # a machine without one has no orbit that is proved
     if gravity.written is None or gravity.written.potential:
         raise Unproved(f"gravity '{gravity.text}' is no formula that a theorem could state")
     separation = mechanism.separation

@@ -107,7 +107,9 @@ class Balance:
         }
 
     def _geometry(self) -> dict[str, ca.SX]:
-        m, opens = self.stated, self._at(self.stated.gap)
+        m = self.stated
+        assert m.gap is not None  # a machine without one is refused
+        opens = self._at(m.gap)
         back, forward = self._image(m.reversor or {}, -1.0), self._image(m.symmetry, 1.0)
         lands = self._at([*m.gaps.values()][1]) if len(m.gaps) > 1 else ca.substitute(opens, self.q, self._places(back))
         gaps = {"gap": opens, "landing_gap": lands}

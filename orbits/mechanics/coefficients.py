@@ -58,7 +58,7 @@ class Coefficients:
 
     def __init__(self, matrix: Sequence[Sequence[ExactExpression]], place: Sequence[ExactExpression]):
         """The rows of the matrix, and the coordinates; all other symbols are parameters."""
-        self.shape, self._place = (len(matrix), len(matrix[0])), list(place)
+        self.shape, self._place = (len(matrix), len(matrix[0]) if matrix else 0), list(place)
         self._entries = [each for column in zip(*matrix, strict=True) for each in column]
 
     @cached_property

@@ -50,6 +50,7 @@ def derived_model(structure: Structure) -> Model:
         extension=parts.extension,
         extension_offset=parts.extension_offset,
         gap=lambda p: gap,
+        lands=s.gap is not None,
         relative=launch.relative if launch and moves_alone else None,
         separation=parts.separation,
         heights=parts.heights,

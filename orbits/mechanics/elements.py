@@ -151,8 +151,8 @@ def expressions_of(stated: Any) -> list[Any]:
     """The expressions of a `Mechanism`, or of its structure, that may contain parameters, without the laws."""
     elements = [value for element in stated.elements for value in fields_of(element)]
     forces = [element.force for element in stated.elements if isinstance(element, Force)]
-    whole = [stated.gap, stated.surface_gravity, stated.energy_unit]
-    optional = [each for each in (stated.counts, stated.separation, stated.friction) if each is not None]
+    whole = [stated.surface_gravity, stated.energy_unit]
+    optional = [each for each in (stated.gap, stated.counts, stated.separation, stated.friction) if each is not None]
     by_name = [*dict(stated.heights or {}).values(), *dict(stated.rest).values()]
     rows = [value for row in stated.inertia for value in row]
     lengths = [length for *_, length in stated.knees]

@@ -221,7 +221,8 @@ class Kinetics:
 class ClosedGap:
     """The gap as a sum of coordinates, and the coordinates that remain while it is closed.
 
-    weights : (n,), the largest being 1: the contact force is the force on its coordinate, which is eliminated
+    weights : (n,), the largest being 1: the contact force is the force on its coordinate, which is eliminated; all 0
+        without a gap
     sticks : the places of the coordinates that stick while it is closed
     y, v : the symbols (n + k,) of all places and rates
     """
@@ -232,19 +233,19 @@ class ClosedGap:
     v: Column
 
     @property
-    def eliminated(self) -> int:
-        """The place of the coordinate that is eliminated."""
-        return self.weights.index(Fraction(1))
+    def eliminated(self) -> list[int]:
+        """The place of the coordinate that is eliminated; none without a gap."""
+        return [self.weights.index(Fraction(1))] if any(self.weights) else []
 
     @cached_property
     def left(self) -> list[int]:
         """The places of the remaining ones among the coordinates and displacements."""
-        return [i for i in range(len(self.y)) if i not in (self.eliminated, *self.sticks)]
+        return [i for i in range(len(self.y)) if i not in (*self.eliminated, *self.sticks)]
 
     @property
     def own(self) -> int:
         """The number of coordinates that remain."""
-        return len(self.weights) - 1 - len(self.sticks)
+        return len(self.weights) - len(self.eliminated) - len(self.sticks)
 
     @property
     def s(self) -> Column:
@@ -261,7 +262,7 @@ class ClosedGap:
         """The gradients (1 + sticks, n) of the gap and of what sticks."""
         size = len(self.weights)
         return [
-            list(map(exact_number, self.weights)),
+            *(list(map(exact_number, self.weights)) for _ in self.eliminated),
             *([ONE if j == i else ZERO for j in range(size)] for i in self.sticks),
         ]
 
@@ -275,7 +276,8 @@ class ClosedGap:
         """The matrix (n + k, own + k) from the remaining coordinates and displacements to all of them."""
         gap = [*self.weights, *(Fraction(0) for _ in self.y[len(self.weights) :])]
         rows = [[Fraction(i == j) for j in self.left] for i in range(len(self.y))]
-        rows[self.eliminated] = [-gap[j] for j in self.left]
+        for i in self.eliminated:
+            rows[i] = [-gap[j] for j in self.left]
         return rows
 
     @cached_property
@@ -286,7 +288,7 @@ class ClosedGap:
     @cached_property
     def _places(self) -> dict[ExactExpression, ExactExpression]:
         """The coordinates that do not remain, and their rates, by the remaining ones."""
-        lost = [self.eliminated, *self.sticks]
+        lost = [*self.eliminated, *self.sticks]
         pairs = (
             (symbols[i], own, self.exact_embed[i])
             for i in lost
@@ -300,7 +302,7 @@ class ClosedGap:
 
     def weights_inside(self, weights: Sequence[Fraction]) -> list[Fraction]:
         """The weights of the remaining ones in a sum of all coordinates and displacements."""
-        lost = weights[self.eliminated]
+        lost = sum(weights[i] for i in self.eliminated)
         gap = [*self.weights, *(Fraction(0) for _ in range(len(weights) - len(self.weights)))]
         return [weights[i] - lost * gap[i] for i in self.left]
 
@@ -318,7 +320,8 @@ class Closed:
         self._held, self._inside = gap.held, gap.inside
         embed = [row[: gap.own] for row in gap.exact_embed[: kinetics.size]]
         self._embed = [list(map(exact_number, column)) for column in zip(*embed, strict=True)]
-        self.kick = kinetics.per_force(rows_of(gap.held, kinetics.size))
+        # Without a gap nothing is held.
+        self.kick = kinetics.per_force(rows_of(gap.held, kinetics.size)) if gap.held else [[]] * kinetics.size
         self.masses = _inverse(
             [[inner_product(row, kick) for kick in zip(*self.kick, strict=True)] for row in gap.held]
         )

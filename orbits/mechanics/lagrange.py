@@ -18,6 +18,7 @@ rounded while they are derived on exact expressions, and whatever the structure 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import cache, cached_property
 from typing import NamedTuple
 
@@ -120,7 +121,8 @@ class Mechanics:
     @property
     def names_of_forces(self) -> tuple[str, ...]:
         """The names of the contact force and of the forces on what sticks."""
-        return CONTACT_FORCE, *names_of_holding(self.coordinates.names[i] for i in self.gap.sticks)
+        force = [CONTACT_FORCE] if self.gap.eliminated else []
+        return *force, *names_of_holding(self.coordinates.names[i] for i in self.gap.sticks)
 
     def with_laws(self, laws: Sequence[Key]) -> "Mechanics":
         """These mechanics with the keys of the springs' laws."""
@@ -210,12 +212,13 @@ def _with_bent(
 
 
 def mechanics_of(
-    c: Coordinates, elements: Sequence[Element], inertia: Sequence[Sequence[Scalar]], gap: Scalar, gravity: Gravity,
-    sticks: Sequence[str] = (),
+    c: Coordinates, elements: Sequence[Element], inertia: Sequence[Sequence[Scalar]], gap: Scalar | None,
+    gravity: Gravity, sticks: Sequence[str] = (),
 ) -> Mechanics:  # fmt: skip
     """The mechanics of elements whose springs have no laws yet; the force of each `Spring` is its place among the laws.
 
     inertia : (n, n) beside that of the elements
+    gap : None for a machine without one
     sticks : the coordinates that stick while the gap is closed
 
     Raises `InputError` for an inertia that is singular, and for a gap that no coordinate closes.
@@ -236,9 +239,11 @@ def forces_of(
     return [term.force(*place, p, q) if use else 0.0 for term, use in zip(terms, used, strict=True)]
 
 
-def closed_gap(c: Coordinates, expression: Scalar, sticks: Sequence[str] = ()) -> ClosedGap:
-    """The gap that an expression states, with the coordinates that stick; raises `InputError` for one that is no sum of
-    coordinates."""
+def closed_gap(c: Coordinates, expression: Scalar | None, sticks: Sequence[str] = ()) -> ClosedGap:
+    """The gap that an expression states, None for no gap, with the coordinates that stick; raises `InputError` for one
+    that is no sum of coordinates."""
+    if expression is None:
+        return ClosedGap([Fraction(0)] * c.size, (), c.y, c.v)
     weights, at_closed = c.weights(expression), c.at_zero(expression)
     sums = weights is not None and vanishes(at_closed) and not any(weights[c.size :])
     if weights is None or not sums or max(weights) <= 0:

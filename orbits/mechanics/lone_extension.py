@@ -50,13 +50,13 @@ class Launch(NamedTuple):
 
 
 def launch_of(mechanics: Mechanics, alone: "Alone | None", level: str, rest: Scalar) -> Launch | None:
-    """The launches of a machine, None where its contact has several coordinates.
+    """The launches of a machine, None where its contact has several coordinates, or it has no gap.
 
     alone : the extension that moves alone, None where none does
     level : the value of the springs' force at lift-off, in words
     rest : where the coordinate that is launched rests
     """
-    if mechanics.size != 2:
+    if mechanics.size != 2 or not mechanics.gap.eliminated:
         return None
     return alone.launch(mechanics, level) if alone and rest == 0.0 else _held(mechanics, rest)
 
@@ -108,6 +108,7 @@ class Alone:
         unusual = any(isinstance(element, Potential | Force) for element in mechanics.elements)
         if (
             mechanics.size != 2
+            or not mechanics.gap.eliminated
             or not springs
             or unusual
             or mechanics.in_flight.coefficients.by_coordinates

@@ -60,7 +60,7 @@ class Mechanism(Stated):
     elements : `Mass`, `Spring`, `Damper`, `Weight`, `Inerter`, `Potential` and `Force`, whose extensions and heights
         are formulas of the coordinates and parameters
     gap : the distance that opens in flight and lands plastically, a linear combination of coordinates with constant
-        coefficients, which is 0 where all coordinates are
+        coefficients, which is 0 where all coordinates are; None for a machine that never lands and only oscillates
     parameters : values of the names in all formulas and laws; the parameters of the laws are added to these
     gravity : the acceleration as a number, or as a formula or law of the height z. Where it varies, `find` first solves
         for constant gravity with the value at z = 0, and continues from there to the law in steps
@@ -116,7 +116,7 @@ class Mechanism(Stated):
 
     coordinates: Sequence[str]
     elements: Sequence[Element]
-    gap: Scalar = ""
+    gap: Scalar | None = ""
     parameters: Mapping[str, float] = field(default_factory=dict)
     gravity: Any = "1"
     surface_gravity: Scalar = 1.0
@@ -154,7 +154,7 @@ class Mechanism(Stated):
             bodies=listed("bodies", self.bodies), in_si=true_or_false("in_si", self.in_si),
         )  # fmt: skip
         first = next(iter(self.gaps.values()), "") if isinstance(self.gaps, Mapping) else ""
-        refuse_expressions("the mechanism", (first, self.gap))
+        refuse_expressions("the mechanism", (first, *([] if self.gap is None else [self.gap])))
         if (first != self.gap and "" not in (first, self.gap)) or first == self.gap == "":
             raise InputError(
                 f"gap = {self.gap!r}, gaps = {self.gaps!r}: state gap=, or gaps= with names, the first opening"
@@ -300,6 +300,8 @@ class Mechanism(Stated):
         elements, gravity = self.elements, self.gravity
         springs = [element for element in elements if isinstance(element, Spring)]
         counts = springs[0].extension if self.counts is None and springs else self.counts
+        if counts is None and self.gap is None:
+            counts = self.coordinates[0]
         if counts is None:
             raise InputError("a mechanism without a spring says what its families are counted by: counts=")
         names = self.names if gravity.degree() == 0 else (*self.names, GRAVITY_SHARE)

@@ -122,10 +122,10 @@ def _taken_over(label: SignedShift, speeds: Coefficients) -> Callable:
 def reactions_of(
     m: Mechanics, inertia: Sequence[Sequence[Scalar]], friction: Scalar | None, steps: Stepping | None
 ) -> Reactions | None:
-    """The reactions of a mechanism, None where no mass states where it is across; raises `InputError` where the maps
-    of its steps do not turn its places across."""
+    """The reactions of a mechanism, None without a gap and where no mass states where it is across; raises `InputError`
+    where the maps of its steps do not turn its places across."""
     masses = [each for each in m.elements if isinstance(each, Mass)]
-    if all(each.across is None for each in masses):
+    if not m.gap.eliminated or all(each.across is None for each in masses):
         return None
     c, flight, contact, gap, n = m.coordinates, m.in_flight, m.in_contact, m.gap, m.size
     sums, bends = [ZERO, ZERO], [ZERO, ZERO]

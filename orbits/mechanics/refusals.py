@@ -32,8 +32,10 @@ def refuse_misstated(mechanism: Any) -> None:
             continue
         if not isinstance(getattr(m, name), Mapping):
             raise InputError(f"{name} = {getattr(m, name)!r}; it is a mapping of names")
-    if len(m.coordinates) < 2:
+    if len(m.coordinates) < 2 and (m.gap is not None or not m.coordinates):
         raise InputError(f"coordinates = {m.coordinates!r}: a gap opens between at least two, as ('body', 'foot')")
+    if m.gap is None:
+        _refuse_contact(m)
     _refuse_names([*m.coordinates, *m.actuators, *m.actuators.values()])
     if odd := [knee for knee in m.knees if len(knee) != 3]:
         raise InputError(f"knees: {odd[0]!r} is no tuple (lower, upper, length)")
@@ -58,6 +60,13 @@ def refuse_misstated(mechanism: Any) -> None:
             f"friction = {m.friction!r}: the force along the ground follows from the horizontal places of the masses; "
             "state Mass(height, mass, across=...)"
         )
+
+
+def _refuse_contact(m: Any) -> None:
+    """Refuse what belongs to a contact, or moves it, of a mechanism without a gap."""
+    for name in ("gaps", "sticks", "symmetry", "friction", "restitution", "ground", "launch", "actuators"):
+        if getattr(m, name):
+            raise InputError(f"gap = None, {name} = {getattr(m, name)!r}: a machine without a gap has no {name}")
 
 
 def _refuse_sticks(m: Any) -> None:

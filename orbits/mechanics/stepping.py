@@ -141,7 +141,7 @@ def steps_of(c: Coordinates, s: Structure, m: Mechanics) -> Stepping | None:
     )
     gap, landing = m.gap.weights, _image_of_gap((m.gap.weights, ZERO), back)
     if len(s.gaps) == 2:
-        largest, (name, expression) = max(c.weights(s.gap) or [Fraction(1)]), s.gaps[1]
+        largest, (name, expression) = max(c.weights(s.gaps[0][1]) or [Fraction(1)]), s.gaps[1]
         offset = c.at_zero(expression) / largest
         stated = [weight / largest for weight in c.weights(expression) or []], offset
         if s.reversor is not None and not (stated[0] == landing[0] and vanishes(offset - landing[1])):

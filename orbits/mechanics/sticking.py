@@ -33,6 +33,7 @@ def refuse_places(c: Coordinates, s: Structure, m: Mechanics) -> None:
 
 def _free_of_places(c: Coordinates, s: Structure, m: Mechanics) -> Iterator[tuple[str, Column]]:
     """What may not depend on a place, in words with its expressions."""
+    assert s.gap is not None  # what sticks belongs to a gap
     yield f"gap '{s.gap}'", [c.scalar(s.gap)]
     yield f"counts = '{s.counts}'", [c.scalar(s.counts)]
     yield from ((f"the height '{height}'", [c.scalar(height)]) for _, height in s.heights)

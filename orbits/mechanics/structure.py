@@ -35,7 +35,7 @@ class Structure(NamedTuple):
     name: str
     coordinates: tuple[str, ...]
     elements: tuple[Element, ...]
-    gap: Scalar
+    gap: Scalar | None
     inertia: tuple[tuple[Scalar, ...], ...]
     gravity: Key
     surface_gravity: Scalar

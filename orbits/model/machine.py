@@ -72,7 +72,7 @@ class Stated:
         """The machine as CasADi functions: vector fields, guards, resets, energy, forces and heights; see
         `orbits.model.CasadiMachine`.
 
-        Raises `InputError` for a spring with hysteresis, which no vector field states.
+        Raises `InputError` for a spring with hysteresis, which no vector field states, and for a machine without a gap.
 
         >>> from problems import Hopper
         >>> hopper = Hopper("r + 0.3*r**3").casadi()
@@ -83,6 +83,7 @@ class Stated:
         """
         from .casadi_machine import casadi_machine  # most machines are never asked for it
 
+        check_machine(cast(Machine, self))
         return casadi_machine(self)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -108,8 +109,9 @@ def machine_in_words(machine: Machine) -> dict[str, Any]:
 
 def title_of_machine(words: Mapping[str, Any]) -> str:
     """A machine in words as a title: its name and its laws, but not constant gravity."""
+    spring = f", spring {words['spring']}" if words["spring"] else ""
     gravity = "" if words["gravity"] == "1" else f", gravity {words['gravity']}"
-    return f"{words['machine']}, spring {words['spring']}{gravity}"
+    return f"{words['machine']}{spring}{gravity}"
 
 
 def dimensionless(machine: Any) -> Any:
@@ -123,13 +125,16 @@ def free_parameters(machine: Machine) -> list[str]:
     return [name for name in machine.values if name not in fixed]
 
 
-def check_machine(machine: Machine, *also: str) -> None:
+def check_machine(machine: Machine, *also: str, lands: bool = True) -> None:
     """Raise `InputError` where something is no machine, naming the parts that are missing; `also` names further parts
-    needed."""
+    needed, and where it `lands` it needs a gap."""
     wrong = {name: "" for name in ("model", "values", "units", "describe", *also) if not hasattr(machine, name)}
     if "model" not in wrong and not isinstance(machine.model, Model):
         wrong["model"] = f"it is a {type(machine.model).__name__}, not a Model"
     refuse_machine(machine, wrong)
+    if lands and not machine.model.lands:
+        own = "find(machine, at={'energy': 1.0}) and follow(machine, 'energy', (0.1, 1.0))"
+        raise InputError(f"a {machine.model.name} has no gap (gap=None), so it never lands; it oscillates: {own}")
 
 
 def check_parameters(machine: Machine, *names: str) -> None:

@@ -60,6 +60,7 @@ class Model:
     extension_offset : p -> what has to be added to `extension`, so that it is 0 where the spring is unloaded; None for
         nothing
     gap : p -> height of the contact point above what it lands on, a sum of coordinates of the flight state
+    lands : whether there is such a gap. Without one the two phases are the same, and all motions are oscillations
     separation : p -> smallest distance within the machine, which must stay positive, a function of the flight state,
         `Affine` or a `StateFormula`; None where it is not stated
     heights : p -> such functions by name, for plots and rises; first the masses, the upper before the lower. Gap and
@@ -154,6 +155,7 @@ class Model:
     sticks: tuple[str, ...] = ()
     sticking: Callable | None = None
     weight: Callable = lambda p: None
+    lands: bool = True
 
     def __repr__(self) -> str:
         return fields_in_line(self, "name")

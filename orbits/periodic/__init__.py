@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from ..public_names import public_names
 
 if TYPE_CHECKING:
+    from .along_energy import follow_energy
     from .branch_points import BranchPoint, Lateral, branch_point, find_branch_points
     from .certificate import Certificate as Certificate, mass_of_landing
     from .certification import (
@@ -46,6 +47,11 @@ if TYPE_CHECKING:
     from .orbit import OTHER_EQUATIONS, Orbit, certificate_in_units, is_orbit_of, orbit_of, start_in_file
     from .orbit_found import solve_near, unknowns_of_hop
     from .orbits_at_once import certified_near, lowest_orbits, motions_together, orbits_near
+    from .oscillations import (
+        Oscillation as Oscillation,
+        OscillationEvent as OscillationEvent,
+        OscillationFamily as OscillationFamily,
+    )
     from .parameter_paths import along_ways
     from .quantities import (
         CERTIFIED,

@@ -26,10 +26,10 @@ def energy_changes(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray
     """The largest changes of energy on each half of a flight and on its contact, (m, halves + 1); the part of them that
     the errors of the states explain, of the same shape; and the energy's gradients (m, n) at launch."""
     changes, floors = np.zeros((2, len(cycles), cycles.halves_per_flight + 1))
-    *flown, starts = _work(model.flight, model.flight_gradient, cycles.halves, cycles.p_of_halves)
+    *flown, starts = work_along(model.flight, model.flight_gradient, cycles.halves, cycles.p_of_halves)
     changes[:, :-1], floors[:, :-1] = (values.reshape(len(cycles), -1) for values in flown)
     if cycles.contacts:
-        stood = _work(model.contact, model.contact_gradient, cycles.contacts, cycles.p_of_contacts)
+        stood = work_along(model.contact, model.contact_gradient, cycles.contacts, cycles.p_of_contacts)
         changes[cycles.with_contact, -1], floors[cycles.with_contact, -1], _ = stood
     launches = (values[:: cycles.halves_per_flight] for values in starts)
     return changes, floors, gradients(model.flight, model.flight_gradient, tuple(cycles.p))(*launches)[0]
@@ -49,7 +49,7 @@ def _works(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> Ele
     return repeated(step, [0.0] * before.numel(), np.column_stack([GAUSS_PLACES, GAUSS_WEIGHTS]))
 
 
-def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -> tuple[Any, ...]:
+def work_along(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -> tuple[Any, ...]:
     """The largest work (m,) of the gradient along each motion, on the straight lines between the ends of its steps; the
     part of it that rounding and the truncation of series explain (m,); and the arguments of the gradient at its start,
     the state (m, n) and the parameters with the data of the piece."""

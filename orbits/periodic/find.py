@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any, Literal, overload
 
 import numpy as np
 
@@ -9,11 +10,28 @@ from ..errors import InputError, NoOrbit, finite_number
 from ..model import Machine, check_machine, refuse_hysteresis
 from ..result import Progress
 from ..running import exclusive, interrupts, time_limit
-from ..shooting import method_of
+from ..shooting import ENERGY_OF_CYCLE, method_of
+from .along_energy import find_oscillation
 from .family_orbits import family_number, orbits_of_family, same_orbit
 from .orbit import Orbit, start_in_file
 from .orbit_found import found_from
+from .oscillations import Oscillation
 from .start import StartLike
+
+
+@overload
+def find(  # type: ignore[overload-overlap]
+    machine: Machine, family: int | None = None, *, at: Mapping[Literal["energy"], float],
+    start: Mapping[str, float] | None = None, progress: Progress = None, limit: float | None = None,
+) -> Oscillation: ...  # fmt: skip
+
+
+@overload
+def find(
+    machine: Machine, family: int | None = None, *, start: StartLike | None = None, method: str | None = None,
+    tune: str | Iterable[str] | None = None, at: Mapping[str, float] | None = None, progress: Progress = None,
+    limit: float | None = None,
+) -> Orbit: ...  # fmt: skip
 
 
 @exclusive
@@ -24,10 +42,10 @@ def find(
     start: StartLike | None = None,
     method: str | None = None,
     tune: str | Iterable[str] | None = None,
-    at: Mapping[str, float] | None = None,
+    at: Mapping[Any, float] | None = None,
     progress: Progress = None,
     limit: float | None = None,
-) -> Orbit:
+) -> Orbit | Oscillation:
     """Find the lossless orbit of a family, with its certificate.
 
     machine : a `problems.Hopper`, a `problems.Juggler`, a `Mechanism`, or another `Machine` with `model`, `values`,
@@ -42,7 +60,9 @@ def find(
     tune : names of parameters that are unknowns too, one for each quantity in `at`; the search begins at their values
         in the machine, whose own orbit leads to the one that is returned
     at : values of quantities of the orbit by name, in the machine's units, such as "period", "frequency", "alpha",
-        "clearance" or the rise of a height
+        "clearance" or the rise of a height. With "energy" and no `tune` it is an `Oscillation` of this energy that is
+        found, see `follow`: of the normal mode of the number `family`, near the equilibrium at places in `start`, or in
+        the family through the motion that `start` states, as `Oscillation.start`
     progress : called with the completed share of the homotopy, where there is one
     limit : time limit in seconds; None for 30 s of processor time, or for the limit of a `time_limit` around it
 
@@ -60,6 +80,11 @@ def find(
     >>> round(orbit.alpha, 9), orbit.admissible
     (2.936459188, True)
     """
+    if tune is None and at is not None and [*at] == [ENERGY_OF_CYCLE]:
+        if method is not None or not (start is None or isinstance(start, Mapping)):
+            raise InputError("an oscillation is found without a method=, and from a start= of numbers by name")
+        with time_limit(limit):
+            return find_oscillation(machine, at[ENERGY_OF_CYCLE], start, family_number(family or 1))
     check_machine(machine)
     number = None if family is None else family_number(family)
     if isinstance(start, str | Path):

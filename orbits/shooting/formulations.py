@@ -26,6 +26,7 @@ from ..model import (
 from ..numerics import solve
 from ..records import NONE
 from ..units import Message
+from .cycle_statement import unfolded
 from .single_shooting import Evaluation, Shooting, relative, shooting_equations
 
 METHODS = ("closed form", "relative", "half orbit", "shooting")  # the simplest first
@@ -126,17 +127,8 @@ def whole_flight(model: Model) -> Statement:
             f"a {model.name} has no reversor, as no machine with a damper has: where a launch is more than a speed, "
             "only orbits whose halves are mirror images of each other are found"
         )
-    flight = model.flight
-
-    def field(x, p, q):
-        *state, unfolding = x
-        gradient = model.flight_gradient(state, p, q)
-        rates = [f + unfolding * g for f, g in zip(flight.field(state, p, q), gradient, strict=True)]
-        return [*rates, 0 * unfolding]
-
-    pieces = flight.pieces and replace(flight.pieces, coordinate=(*flight.pieces.coordinate, 0.0))
     arc = Arc(
-        Phase(flight.name, (*flight.states, "unfolding"), field, pieces=pieces),
+        unfolded(replace(model.flight, watch={}), model.flight_gradient),
         start=lambda u, before, p: [*model.launch(u, p), u["unfolding"]],
         duration=lambda u, p: u["duration"],
         conditions=lambda u, x, p: model.landing(u, x[:-1], p),

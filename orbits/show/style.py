@@ -52,6 +52,7 @@ SHADE = "#e8e4d8"
 PALE = "#cfdbe6"
 MARKERS = {"fold": "o", "branch point": "s", "grazing": "v", "masses touch": "X", "contact pulls": "^"}
 MARKERS |= {"landing jerk": "<", "collapse": "D", "law ends": "d", "family": "*", "corner": "P"}
+MARKERS |= {"Krein collision": "h", "turn of the period": "|"}
 MOTIONS, NO_MOTIONS, NO_ORBITS = "motions", "no motions", "no orbits"  # entries of legends
 _GREEK = {
     **dict(zip(("alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta"), "αβγδεζηθ", strict=True)),
@@ -90,12 +91,13 @@ def label_of(name: str, unit: str = "") -> str:
 
 def machine_title(machine: Mapping[str, Any], first: str = "", without: Collection[str] = ()) -> str:
     """The lines of `headline`: the machine, its laws but not constant gravity, and its numbers."""
-    texts = {"spring": machine["spring"]} | ({} if machine["gravity"] == "1" else {"gravity": machine["gravity"]})
+    texts = {name: machine[name] for name in ("spring", "gravity") if machine[name] not in ("", "1")}
     # The text of a table names its file.
     laws = ", ".join(f"{name} {plain(text) if ':' in text else label_of(text)}" for name, text in texts.items())
     shown = {name: value for name, value in numbers_of(machine).items() if value[0] or name in str(texts)}
     values = [value_of(name, *value) for name, value in shown.items() if name not in without]
-    return plain(machine["machine"]) + first + ("\n" if first else ", ") + ", ".join([laws, *values])
+    words = ", ".join(filter(None, [laws, *values]))
+    return plain(machine["machine"]) + first + (("\n" if first else ", ") + words if words else "")
 
 
 def numbers_of(machine: Mapping[str, Any]) -> dict[str, tuple[float, str]]:

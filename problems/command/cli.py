@@ -128,7 +128,8 @@ def find_command(
     save: str | None, export: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Find one lossless orbit and certify it. With --tune and --at, numbers of the machine are found too."""
-    from orbits.periodic import find
+    from orbits.errors import InputError
+    from orbits.periodic import Oscillation, find
 
     from ..machines import build, search
 
@@ -143,6 +144,8 @@ def find_command(
             start=options.started(machine, hop) or own.get("start"), tune=tuned or own.get("tune"),
             at=options.named_values(prescribed, "--at") or own.get("at"),
         )  # fmt: skip
+    if isinstance(orbit, Oscillation) and (animate or export or explain):
+        raise InputError("--animate, --export and --explain are of hops, not of oscillations")
     options.write(orbit, as_json, plot, animate, save, export)
     if explain and not as_json:
         from orbits.tables import wrapped
@@ -296,7 +299,7 @@ COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
     required=True,
     metavar="NAME",
     help="The parameter: a law's, mass_ratio or rest_length; in SI also a mass, stiffness or surface_gravity. With "
-    "--tune a quantity of the orbits: period, frequency, alpha, ...",
+    "--tune a quantity of the orbits: period, frequency, alpha, ...; or energy, of oscillations on the standing foot.",
 )
 @click.option("--from", "start", type=float, metavar="A", help="Its first value; default: that of --set.")
 @click.option(
@@ -332,12 +335,14 @@ def follow_command(
     """Follow a family of orbits along a parameter, past folds, to its end; or an event of it in two parameters; or
     several families."""
     from orbits.continuation import Family, follow
-    from orbits.periodic import QUANTITIES_ALONG
+    from orbits.periodic import QUANTITIES_ALONG, OscillationFamily
+    from orbits.shooting import ENERGY_OF_CYCLE
 
     values = options.numbers("--at", at, float) if at else []
     before = None if resume is None else Family.load(resume)
     stated, tuned = options.with_tuned(stated, tune)
-    known = start is None or (tuned and along in QUANTITIES_ALONG)  # a quantity is no parameter of the machine
+    # A quantity is no parameter of the machine.
+    known = start is None or (along == ENERGY_OF_CYCLE if not tuned else along in QUANTITIES_ALONG)
     machine = options.machine_of(**stated, first=None if known else (along, start))
     first = options.started(machine, hop) if before is None else None
     of_event = options.event_of(event, second)
@@ -361,6 +366,11 @@ def follow_command(
             from orbits.show import plot_family, save_figure
 
             save_figure(plot_family(followed, quantity=along), plot)
+    elif isinstance(followed, OscillationFamily):
+        if plot is not None:
+            from orbits.show import save_figure
+
+            save_figure(followed.plot(), plot)
     elif plot is not None:
         from orbits.continuation import orbit_at
         from orbits.show import plot_family, save_figure, spread, thumbnails

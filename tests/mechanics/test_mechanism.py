@@ -1,6 +1,7 @@
 """Machines stated by their mechanics, against closed forms and other statements of the same machine."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -120,3 +121,29 @@ class TestWhatItIs:
     def test_what_is_no_mechanism_is_refused(self, change, telling):
         with pytest.raises(InputError, match=telling):
             find(leg(Spring("body - foot", "k*r"), **change))
+
+
+def test_a_machine_without_a_gap_never_lands():
+    """It moves as one that stands on a gap of its own, beside which a weight lies."""
+    from orbits import ReturnMap, check, follow, simulate, starts
+
+    free = Mechanism(("u", "v"), [Spring("u", "r + r**3"), Spring("v - u")], gap=None, inertia={"u": 1.0, "v": 2.0})
+    elements = [*free.elements, Mass("weight", 1.0)]
+    inertia = {"u": 1.0, "v": 2.0}
+    held = Mechanism(("u", "v", "weight"), elements, gap="weight", inertia=inertia)
+    x = [0.3, -0.2, 0.7, 0.1]
+    for model in (free.model, held.model):
+        assert model.contact.states == ("u", "u'", "v", "v'")
+        rates = model.contact.field(x, {}, [])
+        assert np.abs(np.array(rates, dtype=float) - [-0.2, 0.4 - 0.3 - 0.027, 0.1, -0.2]).max() < 1e-15
+        assert np.abs(np.array(model.contact_gradient(x, {}, []), dtype=float) - [-0.073, -0.2, 0.4, 0.2]).max() < 1e-15
+    assert free.model.flight.field(x, {}, []) == free.model.contact.field(x, {}, [])
+    assert not free.model.lands
+    others = lambda m: simulate(m, 1.0), lambda m: follow(m, "b", 1.0), lambda m: m.casadi()
+    for verb in (find, ReturnMap, check, starts, *others):
+        with pytest.raises(InputError, match=r"has no gap \(gap=None\), so it never lands"):
+            verb(free)
+    with pytest.raises(InputError, match="a machine without a gap has no restitution"):
+        replace(free, restitution=0.5)
+    with pytest.raises(InputError, match="a gap opens between at least two"):
+        Mechanism(("u",), [Spring("u")], gap="u", inertia={"u": 1.0})

@@ -73,7 +73,7 @@ def test_names_that_coordinates_cannot_have(name, telling):
         ({"elements": [Mass("body", None)]}, "None in Mass.* is neither a formula, nor a number or a function"),
         ({"elements": [Force("body", "k*r")]}, "'k\\*r' in Force.* is no Python function"),
         ({"gap": "foott"}, "gap 'foott' is no sum of coordinates: it has 'foott'; did you mean 'foot'"),
-        ({"gap": None}, "None in the mechanism"),
+        ({"gap": [1.0]}, r"\[1.0\] in the mechanism"),
         ({"gravity": springs.formula("1 + r")}, "'1 \\+ r' is a law of r; one of z stands here"),
         ({"inertia": [["a"]]}, "2 coordinates have 2 rows of 2 entries"),
         ({"inertia": [[1.0, 0.2], [0.1, 1.0]]}, "not symmetric: 0.1 in row 2 and 0.2 in row 1"),

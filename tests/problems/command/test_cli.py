@@ -661,3 +661,20 @@ def test_an_event_is_followed_in_a_second_parameter(orbits):
     assert (document["along"], document["settings"]["event"]) == ("mass_ratio", "alpha = 3.2")
     assert document["points"][-1]["alpha"] == pytest.approx(3.2, abs=1e-12)
     assert "with --second NAME=STOP" in orbits(f"{family} --event fold").err
+
+
+class TestEnergy:
+    """Oscillations on the standing foot."""
+
+    def test_a_family_and_its_figure(self, orbits, tmp_path):
+        figure = tmp_path / "standing.png"
+        found = orbits(f"follow --along energy --from 0.1 --to 2.5 --longest 0.5 --plot {figure}")
+        assert "contact pulls       2  8.88576587632" in found.out
+        assert figure.read_bytes().startswith(b"\x89PNG")
+
+    def test_one_oscillation(self, orbits):
+        found = orbits("find --at energy=1 --json").document
+        assert abs(found["period"] - 8.885765876316732) < 1e-13
+        refused = orbits("find --at energy=1 --animate hop.gif")
+        assert refused.code == 2
+        assert "--animate, --export and --explain are of hops, not of oscillations" in refused.err

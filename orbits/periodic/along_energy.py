@@ -1,0 +1,184 @@
+"""Oscillations found and followed along their energy, in the units of a machine."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..curves import End, Event, Points, Run, Steps, started
+from ..errors import InputError, NoOrbit, finite_number
+from ..flow import Trajectory
+from ..model import Machine, machine_in_words
+from ..result import Progress
+from ..running import TimeOver, interrupts
+from ..symbolic import suggest
+from ..units import ENERGY, FORCE as OF_FORCE, FREQUENCY, TIME, in_units, without_units
+from .oscillations import Oscillation, OscillationEvent, OscillationFamily
+from .oscillator import (
+    DRIFT,
+    DURATION,
+    ERROR,
+    FORCE,
+    MULTIPLIERS,
+    RESIDUAL,
+    OscillationCurve,
+    Oscillator,
+    refuse_oscillator,
+)
+
+# The quantities of oscillations that are no states, with their dimensions.
+DIMENSIONS_OF_OSCILLATIONS = {
+    **{"energy": ENERGY, "frequency": FREQUENCY, "smallest_contact_force": OF_FORCE},
+    **dict.fromkeys(("period", "error", "time", DURATION), TIME),
+}
+
+
+def follow_energy(
+    machine: Machine, stop: float | tuple[float, float], start: float | Mapping[str, float] | None = None,
+    family: int = 1, at: Sequence[float] = (), steps: Steps | None = None, progress: Progress = None,
+) -> OscillationFamily:  # fmt: skip
+    """The family of oscillations that leads from a normal mode of this number, or from a motion, along its energy.
+
+    stop : the last energy, or the range of energies
+    start : the first energy, for the first of the range; states and "duration" of a motion by name, at any energy,
+        which is counted from the minimum of the potential energy below its places; or places near the equilibrium, for
+        another one than that near the rest of the machine
+    family : the number of the normal mode, by rising frequency
+    at : energies to hit exactly
+    steps : along the curve
+    """
+    return _Followed(machine, start).family(stop, family, at, steps or Steps(apart=np.inf), progress)
+
+
+def find_oscillation(
+    machine: Machine, energy: float, start: Mapping[str, float] | None = None, family: int = 1
+) -> Oscillation:
+    """The oscillation of an energy in the family of a normal mode or through a motion, as by `follow_energy`."""
+    return _Followed(machine, start).oscillation(energy, family)
+
+
+class _Followed:
+    """A machine whose oscillations are found, in its units, from a `start` of `follow_energy`."""
+
+    def __init__(self, machine: Machine, start: float | Mapping[str, float] | None):
+        refuse_oscillator(machine)
+        self.machine, self.units, self.states = machine, machine.units, machine.model.contact.states
+        if self.units and self.units.energy is None:
+            raise InputError(f"the unit of energy of a {machine.model.name} is not known")
+        self.first = None if isinstance(start, Mapping) else start
+        self.near = {} if not isinstance(start, Mapping) else self._checked(start)
+
+    def _checked(self, start: Mapping[str, float]) -> dict[str, float]:
+        """A start without units."""
+        known, found = (*self.states, DURATION), dict[str, float]()
+        for name, value in start.items():
+            if name not in known:
+                raise InputError(f"start has no '{name}'{suggest(str(name), known)}; it has {', '.join(known)}")
+            found[name] = finite_number(f"start '{name}'", value) / self._unit(TIME if name == DURATION else name)
+        if not found.get(DURATION, 1.0) > 0:
+            raise InputError(f"start 'duration' = {start[DURATION]:g}; it is above 0, about a period")
+        if DURATION not in found and (moving := [name for name in found if name.endswith("'")]):
+            raise InputError(f"start has the speed {moving[0]} and no 'duration': state both for a motion")
+        return found
+
+    def _unit(self, dimension: Any) -> float:
+        return float(self.units.of(dimension)) if self.units else 1.0
+
+    def _texts(self) -> dict[str, str]:
+        """The units of the quantities by name."""
+        if self.units is None:
+            return {}
+        own = DIMENSIONS_OF_OSCILLATIONS | {name: name for name in self.states}
+        return {name: self.units.text(dimension) for name, dimension in own.items()}
+
+    def _energy(self, name: str, value: object) -> float:
+        """An energy without units; raises `InputError` for one that is not above 0."""
+        if not (found := finite_number(name, value)) > 0:
+            raise InputError(f"{name} = {found:g}: an energy is above that at the equilibrium, 0")
+        return found / self._unit(ENERGY)
+
+    def _point(self, family: int, energy: float, steps: Steps) -> tuple[OscillationCurve, Points]:
+        """The curve of a family and its point (1) at an energy, to which it is followed from its first one; raises
+        `NoOrbit` where it does not come there."""
+        oscillator = Oscillator(self.machine, self.near, below=DURATION in self.near)
+        curve = oscillator.near_motion(self.near) if DURATION in self.near else oscillator.near_mode(family, energy)
+        first = float(curve.first[-1])
+        point = started(curve, curve.first[None], steps, 1.0 if energy >= first else -1.0)
+        if not len(point):
+            raise NoOrbit("the first oscillation of the family cannot be certified")
+        if energy != first:
+            way = Run(curve, point, energy, options=steps)
+            end = next(item for item in way if isinstance(item, End))
+            point = way.passed(0)[-1][-1:]
+            if point.values[0] != energy:
+                raise NoOrbit(f"the family does not come to the energy {energy:.6g}: {end.kind}, {end.reason}")
+            point = started(curve, point.xs, steps)
+        return curve, point
+
+    def oscillation(self, energy: float, family: int) -> Oscillation:
+        """The oscillation of an energy."""
+        wanted, unit = self._energy("energy", energy), self._unit
+        with without_units(self.units), interrupts.deferred():
+            _, point = self._point(family, wanted, Steps(apart=np.inf))
+        x, own, motion = point.xs[0], point.own[0], point.evaluation[point.places].trajectories[1]
+        path = motion.only(self.states)[0]
+        path = Trajectory(path.times, path.coefficients, path.names)
+        return Oscillation(
+            machine_in_words(self.machine), float(x[-1] * unit(ENERGY)), float(x[-3] * unit(TIME)),
+            float(own[ERROR] * unit(TIME)), float(own[DRIFT]), float(own[RESIDUAL]), float(x[-2]),
+            self.units.convert_motion(path) if self.units else path, _multipliers(point.own)[0],
+            float(own[FORCE] * unit(OF_FORCE)) if np.isfinite(own[FORCE]) else None, self._texts(),
+        )  # fmt: skip
+
+    def family(
+        self, stop: Any, number: int, at: Sequence[float], steps: Steps, progress: Progress
+    ) -> OscillationFamily:
+        """The family between two energies."""
+        low, high = self._range(stop)
+        requested, points, events = [self._energy("at", each) for each in at], list[Points](), list[Event]()
+        with without_units(self.units), interrupts.deferred():
+            curve, point = self._point(number, low, steps)
+            try:
+                for item in Run(curve, point, high, behind=low, at=requested, options=steps):
+                    if isinstance(item, End):
+                        end = item
+                    elif isinstance(item, Event):
+                        events.append(item)
+                    else:
+                        points.append(item)
+                        if progress:
+                            progress(min(max(float(item.values[-1] - low) / (high - low), 0.0), 1.0))
+            except TimeOver as over:
+                end = End("interrupted", str(over))
+        xs, own, unit = (
+            np.concatenate([each.xs for each in points]),
+            np.concatenate([each.own for each in points]),
+            self._unit,
+        )
+        sizes = np.array([*map(unit, self.states), unit(TIME), 1.0, unit(ENERGY)])
+        xs, n = xs * sizes, len(self.states)
+        if end.kind == "reached":
+            end = End("reached", f"{xs[-1, -1]:g} {self._texts().get('energy', '')}".rstrip())
+        return OscillationFamily(
+            machine_in_words(self.machine), None if DURATION in self.near else number, self.states, xs[:, :n],
+            xs[:, -1], xs[:, -3], own[:, ERROR] * unit(TIME), own[:, DRIFT],
+            np.where(np.isfinite(own[:, FORCE]), own[:, FORCE], np.nan) * unit(OF_FORCE),
+            tuple(OscillationEvent.of(event.kind, event.after, event.point.xs[0] * sizes) for event in events),
+            End(end.kind, str(in_units(end.reason, self.units))), _multipliers(own), self._texts(),
+        )  # fmt: skip
+
+    def _range(self, stop: Any) -> tuple[float, float]:
+        """The bounds of the energy."""
+        ends = stop if isinstance(stop, tuple | list) and len(stop) == 2 else (self.first, stop)
+        if (ends is stop) == (self.first is not None):
+            wanted = "a family along its energy has a range (first, last), or a last energy and a first one"
+            raise InputError(f"stop = {stop!r}, start = {self.first!r}: {wanted}")
+        low, high = sorted(self._energy("stop", each) for each in ends)
+        if low == high:
+            raise InputError(f"the energy goes from {ends[0]:g} to {ends[1]:g}: there is no way between")
+        return low, high
+
+
+def _multipliers(own: np.ndarray) -> np.ndarray:
+    """The real and the imaginary parts (m, 2n - 2, 2) of the multipliers."""
+    return np.stack(np.split(own[:, MULTIPLIERS:], 2, axis=1), axis=2)
