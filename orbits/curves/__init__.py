@@ -1,4 +1,4 @@
-"""Curves F(X) = 0 of n equations in n + 1 numbers, the last of which is the parameter.
+"""Curves F(X) = 0 of n equations in n + 1 numbers; the last number is the parameter.
 
 A problem states its equations, how lengths are measured, and what may happen on its curves. The room follows one curve
 or many at once, past folds, with events, exact values of the parameter, changes of the problem, and ends.
