@@ -1,8 +1,6 @@
 """The answers of this toolkit to the cases, to compare with those of the second program."""
 
-import json
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,26 +8,10 @@ import numpy as np
 
 from orbits import find
 from problems import Hopper
-
-BOUND = 1e-12  # of differences, in units of the largest number of a motion
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """A number of a case, as computed again, against the one in its file.
-
-    what : which number
-    difference, bound : between the two, and what it may be
-    """
-
-    what: str
-    difference: float
-    bound: float
-
-    @property
-    def agrees(self) -> bool:
-        """Whether the difference is within its bound."""
-        return self.difference <= self.bound
+from studies.exact_orbits.closed_forms import CLOSED_FORMS
+from studies.exact_orbits.comparison import BOUND, Comparison
+from studies.exact_orbits.machines import MACHINES as OTHERS
+from studies.exact_orbits.reader import Case
 
 
 def lossless(machine: Any, names: tuple[str, ...], **how: Any) -> Callable[[Mapping[str, Any]], Iterator[Comparison]]:
@@ -55,12 +37,12 @@ def lossless(machine: Any, names: tuple[str, ...], **how: Any) -> Callable[[Mapp
 
 
 HOPPER = ("y1", "v1", "y2", "v2")
-MACHINES: dict[str, Callable[[], Any]] = {
-    "linear_hop": lambda: lossless(Hopper(), HOPPER),
-}
+HOPPERS = {"linear_hop": lambda: lossless(Hopper(), HOPPER)}
 
 
 def compared(path: Path) -> Iterator[Comparison]:
-    """Compare the numbers of a case with the toolkit's; none where it cannot state the machine."""
-    if path.stem in MACHINES:
-        yield from MACHINES[path.stem]()(json.loads(path.read_text(encoding="utf-8")))
+    """Compare the numbers of a case with the toolkit's, or with a closed form where it cannot state the machine."""
+    if path.stem in HOPPERS:
+        yield from HOPPERS[path.stem]()(Case(path))
+    elif path.stem in OTHERS | CLOSED_FORMS:
+        yield from (OTHERS | CLOSED_FORMS)[path.stem](Case(path))

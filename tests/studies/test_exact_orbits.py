@@ -11,6 +11,7 @@ import pytest
 from studies.exact_orbits.check import check
 from studies.exact_orbits.motion import Problem
 from studies.exact_orbits.series import CaseError, read
+from studies.exact_orbits.toolkit import compared
 
 FOLDER = Path(__file__).parents[2] / "studies" / "exact_orbits"
 CASES = sorted((FOLDER / "cases").glob("*.json"))
@@ -76,6 +77,18 @@ def test_programs_agree_on_a_lossless_hop_and_on_a_bouncing_ball():
     for n, each in enumerate(ball["events"]):
         assert each["time"] == pytest.approx(first * (1 + 2 * sum(0.8**k for k in range(1, n + 1))), rel=4e-16)
         assert each["after"]["v"] == pytest.approx(first * 0.8 ** (n + 1), rel=4e-16)
+
+
+@pytest.mark.parametrize("name", ["wheel", "housner", "impact_graze", "table_chaos"])
+def test_machines_and_closed_forms_move_as_cases_say(name):
+    """Without the second program: machines from masses, springs and gaps, against equations by hand."""
+    assert not [each for each in compared(FOLDER / "cases" / f"{name}.json") if not each.agrees]
+
+
+def test_a_machine_with_another_number_is_found_out(tmp_path):
+    text = (FOLDER / "cases" / "table_period_one.json").read_text()
+    (path := tmp_path / "table_period_one.json").write_text(text.replace('"b": 0.7', '"b": 0.7000001'))
+    assert sum(not each.agrees for each in compared(path)) > 15
 
 
 @pytest.mark.slow

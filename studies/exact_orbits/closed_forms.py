@@ -1,0 +1,92 @@
+"""Cases of machines that this toolkit does not state, against closed forms of their motion between two events."""
+
+from collections.abc import Callable, Iterator, Mapping
+from math import acosh, cos, cosh, exp, pi, sin, sinh, sqrt
+
+from studies.exact_orbits.comparison import BOUND, Comparison, compared_motion
+from studies.exact_orbits.reader import Case
+
+State = Mapping[str, float]
+
+
+def between_events(flow: Callable[[Case, str, float, State, float], State]) -> Callable[[Case], Iterator[Comparison]]:
+    """The comparison of each state with the motion in closed form since the event before.
+
+    flow : the states of a mode at a time, of the states at an earlier time
+    """
+
+    def compared(case: Case) -> Iterator[Comparison]:
+        start = {"time": case["start"]["time"], "mode": case["start"]["mode"]}
+        arcs = [start | {"after": case.at(case["start"]["state"])}, *case["events"]]
+        size = max(1.0, *(abs(x) for each in case["samples"] for x in each["state"].values()))
+        for k, each in enumerate(case["events"], 1):
+            found, last = case.at(each["before"]), arcs[k - 1]
+            reached = flow(case, last["mode"], last["time"], last["after"], each["time"])
+            difference = max(abs(reached[name] - x) for name, x in found.items())
+            yield Comparison(f"before event {k}", difference, BOUND * size)
+
+        def states_at(time: float) -> State:
+            last = [arc for arc in arcs if arc["time"] <= time][-1]
+            return flow(case, last["mode"], last["time"], last["after"], time)
+
+        yield from compared_motion({"events": [], "samples": case["samples"]}, [], states_at)
+
+    return compared
+
+
+def _oscillates(case: Case, mode: str, since: float, x: State, time: float) -> State:
+    """A forced oscillator: the steady response, and a damped vibration."""
+    damping, frequency = case.at("damping_ratio"), case.at("frequency")
+    force = case.at(case["modes"][mode]["derivatives"]["speed"], 0.0, {"place": 0.0, "speed": 0.0})
+    stiff, viscous = 1 - frequency**2, 2 * damping * frequency
+    share = force / (stiff**2 + viscous**2)
+
+    def steady(t: float) -> tuple[float, float]:
+        c, s = cos(frequency * t), sin(frequency * t)
+        return share * (stiff * c + viscous * s), share * frequency * (viscous * c - stiff * s)
+
+    (place, speed), (later_place, later_speed) = steady(since), steady(time)
+    a, u, own, t = x["place"] - place, x["speed"] - speed, sqrt(1 - damping**2), time - since
+    b, c, s, left = (u + damping * a) / own, cos(own * t), sin(own * t), exp(-damping * t)
+    return {
+        "place": later_place + left * (a * c + b * s),
+        "speed": later_speed + left * ((own * b - damping * a) * c - (own * a + damping * b) * s),
+    }
+
+
+def _slender(case: Case, mode: str, since: float, x: State, time: float) -> State:
+    """A slender block: from the angle at which it topples its distance grows as a hyperbolic cosine."""
+    top, t = 1.0 if mode == "right_edge" else -1.0, time - since
+    a, b = x["tilt"] - top, x["tilt_rate"]
+    return {"tilt": top + a * cosh(t) + b * sinh(t), "tilt_rate": a * sinh(t) + b * cosh(t)}
+
+
+def _housner_slender(case: Case) -> Iterator[Comparison]:
+    """Also the times of the landings, by Housner's formulas."""
+    yield from between_events(_slender)(case)
+    tilt, left, time, found = case.at("released"), case.at("rate_left"), 0.0, []
+    for _ in case["events"]:
+        time += acosh(1 / (1 - tilt))
+        found.append(time)
+        tilt = 1 - sqrt(1 - left**2 * (1 - (1 - tilt) ** 2))
+        time += acosh(1 / (1 - tilt))
+    for k, (each, known) in enumerate(zip(case["events"], found, strict=True), 1):
+        yield Comparison(f"time of event {k}", abs(each["time"] - known), BOUND * known)
+
+
+def _in_a_box(case: Case) -> Iterator[Comparison]:
+    """Impacts at the odd multiples of pi/2, and a triangular wave between them."""
+
+    def states_at(time: float) -> State:
+        phase = (time + pi / 2) % (2 * pi)
+        return {"place": pi / 2 - phase if phase < pi else phase - 3 * pi / 2, "velocity": -1.0 if phase < pi else 1.0}
+
+    return compared_motion(case, [pi / 2 + k * pi for k in range(len(case["events"]))], states_at)
+
+
+CLOSED_FORMS: dict[str, Callable[[Case], Iterator[Comparison]]] = {
+    "impact_oscillator": between_events(_oscillates),
+    "impact_graze": between_events(_oscillates),
+    "housner_slender": _housner_slender,
+    "body_in_a_box": _in_a_box,
+}
