@@ -169,7 +169,7 @@ def flows_of(machine, orbit, seconds: float, tolerances) -> list[dict]:
         along = peers.flow_by_heyoka(machine)
         took, (end, _) = timed(lambda: along(start, half), seconds)
         rows.append({"way": "heyoka", "seconds": took, "error": float(np.abs(end[1:4:2]).max())})
-    field = peers.numeric_field(machine)
+    field, p = peers.flight_of(machine)
     x, q = ca.SX.sym("x", 4), ca.SX.sym("p", len(p))
     slope = ca.Function("slope", [x, q], [ca.jacobian(field(x, q), x)])
 

@@ -27,11 +27,10 @@ IPOPT = {
 }
 
 
-def numeric_field(machine) -> ca.Function:
-    """The flight's rates, (states (4,), parameters) -> (4,)."""
-    x, p = ca.SX.sym("x", 4), ca.SX.sym("p", len(machine.values))
-    named = dict(zip(machine.values, ca.vertsplit(p), strict=True))
-    return ca.Function("f", [x, p], [ca.vertcat(*machine.model.flight.field(ca.vertsplit(x), named, []))])
+def flight_of(machine) -> tuple[ca.Function, list[float]]:
+    """The flight's rates, (states (4,), parameters) -> (4,), and the parameters."""
+    own = machine.casadi()
+    return own.flight, own.values.tolist()
 
 
 def rates_of(force: Callable, weight: Callable | None = None, length: float = 0.0) -> Callable:
@@ -65,14 +64,14 @@ def by_scipy(rates: Callable, extension: float, tolerance: float) -> Callable:
 
 def guess_on(machine, start, half: float, steps: int) -> np.ndarray:
     """The flight (4, steps + 1) from a guess, to a few digits."""
-    field, p = numeric_field(machine), list(machine.values.values())
+    field, p = flight_of(machine)
     rates = lambda t, x: field(x, p).full().ravel()  # noqa: E731
     return solve_ivp(rates, (0, half), start, rtol=1e-6, t_eval=np.linspace(0, half, steps + 1)).y
 
 
 def by_opti(machine, extension: float, steps: int) -> Callable:
     """(alpha, half time) -> launch speed, by multiple shooting with so many RK4 steps, written with CasADi's Opti."""
-    field, p = numeric_field(machine), list(machine.values.values())
+    field, p = flight_of(machine)
     problem = ca.Opti()
     x, alpha, duration = problem.variable(4, steps + 1), problem.variable(), problem.variable()
     a, b = ca.MX.sym("a", 4), ca.MX.sym("b")
@@ -100,7 +99,7 @@ def by_rockit(machine, extension: float, steps: int) -> Callable:
     without rockit."""
     from rockit import FreeTime, MultipleShooting, Ocp
 
-    field, p = numeric_field(machine), list(machine.values.values())
+    field, p = flight_of(machine)
 
     def solve(speed, half):
         problem = Ocp(T=FreeTime(half))
@@ -127,10 +126,10 @@ def _heyoka_system(machine):
     unary |= {ca.OP_SIN: hy.sin, ca.OP_COS: hy.cos, ca.OP_SINH: hy.sinh, ca.OP_COSH: hy.cosh}
     binary = {ca.OP_ADD: operator.add, ca.OP_SUB: operator.sub, ca.OP_MUL: operator.mul, ca.OP_DIV: operator.truediv}
     binary |= {ca.OP_POW: operator.pow, ca.OP_CONSTPOW: operator.pow}
-    states, p = hy.make_vars(*"abcd"), list(machine.values.values())
+    states, (field, p) = hy.make_vars(*"abcd"), flight_of(machine)
     values: list = []
     rates: dict = {}
-    for op, places, constant in single_assignment(numeric_field(machine)):
+    for op, places, constant in single_assignment(field):
         if op == ca.OP_OUTPUT:
             rates[places[2]] = values[places[0]]
         elif op == ca.OP_INPUT:
@@ -185,7 +184,7 @@ def flows_by_heyoka(machine, record: bool = False, **options: bool) -> Callable:
 
 def by_heyoka(machine, extension: float, _=None) -> Callable:
     """(alpha, half time) -> launch speed, by Newton's method on heyoka's flow; raises `ImportError` without heyoka."""
-    flow, field, p = flow_by_heyoka(machine), numeric_field(machine), list(machine.values.values())
+    flow, (field, p) = flow_by_heyoka(machine), flight_of(machine)
 
     def solve(*start):
         u = np.array(start)
