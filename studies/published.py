@@ -12,11 +12,16 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the cases
 
-from studies.published_cases import bounces
+from studies.published_cases import bounces, cannot, hops, rocking, walkers
 from studies.published_cases.case import Case, Computed, Missing, computed, first_and_count, our_text, published_text
 
-SUBJECTS: Mapping[str, Sequence[Case]] = {"Bouncing": bounces.CASES}
-CANNOT: Sequence[Missing] = ()
+SUBJECTS: Mapping[str, Sequence[Case]] = {
+    "Bouncing": bounces.CASES,
+    "Rocking": rocking.CASES,
+    "Walking": walkers.CASES,
+    "Hopping": hops.CASES,
+}
+CANNOT: Sequence[Missing] = cannot.MISSING
 PAGE = Path(__file__).parent / "docs" / "published.md"
 HEADS = ("case", "published", "ours", "within", "source")
 

@@ -17,7 +17,7 @@ shuttle  U = M g l cos(theta - a): a pendulum upside down shuttles between two w
 
 In units of the time sqrt(J/k), with the stiffness k at rest, the numbers that are left are the inertia ratio mu = J/A
 and the gravity ratio kappa = M g l/k, or M g h/k of the rocker. For small angles, in units of a, or of b/h,
-U = -kappa (theta - 1)^2/2 in units of k. See Gomes and Ruina, Phys. Rev. E 83 (2011) 016610, for a machine that was
+U = -kappa (theta - 1)^2/2 in units of k. See Gomes and Ruina, Phys. Rev. E 83 (2011) 032901, for a machine that was
 built, and Pankov, arXiv 2402.16010.
 """
 

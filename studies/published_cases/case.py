@@ -27,7 +27,7 @@ class Case:
     quantity: str
     source: str
     published: Sequence[str | float]
-    compute: Callable[[], Sequence[float]]
+    compute: Callable[[], Sequence[float] | np.ndarray]
     within: float | None = None
     slow: bool = False
 
