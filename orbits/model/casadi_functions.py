@@ -5,6 +5,7 @@ integral of its gradient, since a law of a spring need not have a potential in c
 """
 
 from collections.abc import Mapping
+from functools import cached_property
 from itertools import pairwise
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -23,8 +24,8 @@ class FunctionOptions(NamedTuple):
     """The quadrature of the energy, and where a law in pieces counts as smooth."""
 
     panels: int = 32  # of ten Gauss points each, on the straight way from rest
-    derivatives: int = 5  # so many of the vector field are compared on both sides of a breakpoint
-    same: float = 1e-7  # derivatives that differ by a smaller share are equal, up to the rounding of a table
+    derivatives: int = 5  # order of the highest derivative that is compared on both sides of a breakpoint
+    same: float = 1e-7  # the coefficients of a table's polynomials are rounded by a smaller share than this
 
 
 def dimension_of_watched(name: str) -> Dimension | str:
@@ -55,8 +56,11 @@ class Symbols:
             for key, sizes in self.sizes.items()
         }
         self.data = {key: phase.data(self.states[key], self.named) for key, phase in self.phases.items()}
-        rows = model.embed.tolist()
-        self.embedded = [weighted_sum(row, self.states["y"]) for row in rows]
+        self.embedded = self.onto_flight(self.states["y"])
+
+    def onto_flight(self, y: Scalars) -> list[Algebraic]:
+        """A contact state as a flight state."""
+        return [weighted_sum(row, y) for row in self.model.embed.tolist()]
 
     def unit(self, dimension: Dimension | str) -> Algebraic:
         """The unit of a dimension, or of a state of this name."""
@@ -85,8 +89,13 @@ class Symbols:
     def in_contact(self, name: str, function: ca.Function) -> ca.Function:
         """A function of the flight state as one of the contact state."""
         y, p = ca.MX.sym("y", len(self.sizes["y"])), ca.MX.sym("p", len(self.names))
-        x = self.state("embedded", self.embedded, "yp")(y, p)
-        return ca.Function(name, [y, p], [function(x, p)], ["y", "p"], function.name_out())
+        return ca.Function(name, [y, p], [function(self.embedding(y), p)], ["y", "p"], function.name_out())
+
+    @cached_property
+    def embedding(self) -> ca.Function:
+        """The embedding of contact states into flight states, whose entries have the same units."""
+        y = self.vectors["y"]
+        return self.function("onto_flight", self.onto_flight(ca.vertsplit(y)), "y", "x_after")
 
     def flight_guards(self) -> Mapping[str, ca.Function]:
         """What is above 0 during a flight."""
@@ -139,7 +148,7 @@ class Symbols:
         found = {"landing": self.state("landing", self.landed(standing), "xpe")}
         if model.landing_gap is not None:
             found["fall back"] = self.state("fall_back", self.landed(x), "xpe")
-        found["lift-off"] = self.state("lift_off", self.embedded, "yp")
+        found["lift-off"] = self.function("lift_off", self.embedding(self.vectors["y"]), "yp", "x_after")
         if model.changes_contact:
             back = label.inverse.image(self.embedded, self.named)
             found["step back"] = self.state("step_back", back, "yp")
@@ -150,7 +159,7 @@ class Symbols:
     def maps(self) -> dict[str, Any]:
         """The maps between states, and what else is no phase, guard or reset."""
         model, named, x = self.model, self.named, self.states["x"]
-        onto = [x[model.flight.states.index(name)] for name in model.contact.states]
+        onto = [self.vectors["x"][model.flight.states.index(name)] for name in model.contact.states]
         gradient = model.flight_gradient(x, named, self.data["x"])
         by_energy = [part * self.unit(ENERGY) / size for part, size in zip(gradient, self.sizes["x"], strict=True)]
         standing = model.relabelling.image(x, named)
@@ -158,8 +167,8 @@ class Symbols:
         heights = enumerate(model.heights(named).items())
         height = self.unit(LENGTH)
         found: dict[str, Any] = {
-            "onto_flight": self.state("onto_flight", self.embedded, "y"),
-            "onto_contact": self.state("onto_contact", onto, "x", "y"),
+            "onto_flight": self.embedding,
+            "onto_contact": self.function("onto_contact", onto, "x", "y_after"),
             "energy_gradient": self.function("energy_gradient", by_energy),
             "landing_loss": self.function("landing_loss", lost),
             "heights": MappingProxyType(
@@ -213,9 +222,8 @@ class Symbols:
             # The outermost pieces go on beyond the ends of the range.
             low, high = levels[i] if i else -ca.inf, levels[i + 1] if i + 1 < len(rows) else ca.inf
             a, b = (ca.fmin(ca.fmax(place, low), high) for place in (first, last))
-            found += straight(rest + (a - first) * along, rest + (b - first) * along, each, ca.SX(ca.vertcat(*row)))
-        turned = rest + (last - first) * along
-        return found + straight(turned, x, panels, ca.SX(ca.vertcat(*self.data["x"])))
+            found += straight(rest + (a - first) * along, rest + (b - first) * along, each, row)
+        return found + straight(rest + (last - first) * along, x, panels, self.data["x"])
 
     def smoothness(self, values: Mapping[str, float], options: FunctionOptions) -> int:
         """The number of continuous derivatives at the breakpoints."""
@@ -240,8 +248,8 @@ class Symbols:
         return found
 
 
-def straight(start: ca.SX, end: ca.SX, panels: int, data: ca.SX | None = None) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
+def straight(start: ca.SX, end: ca.SX, panels: int, data: Scalars = ()) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
     """A straight way in panels, each a start, an end and the data of a piece."""
     places = [start + (i / panels) * (end - start) for i in range(panels)] + [end]
-    own = ca.SX(0, 1) if data is None else data
+    own = ca.SX(ca.vertcat(*data)) if len(data) else ca.SX(0, 1)
     return [(a, b, own) for a, b in pairwise(places)]

@@ -316,6 +316,8 @@ def test_a_force_that_jumps_is_not_continuous():
     assert found.smoothness == -1
     values = [float(found.flight_forces["spring force"]([r, 0.0, 0.0, 0.0], found.values)) for r in (0.4, 0.6)]
     assert values == pytest.approx([0.4, 0.7], rel=1e-14)
+    energy = 0.8**2 / 2 + 0.1 * 0.3 + 0.8  # of the spring and of the body's weight
+    assert float(found.energy([0.8, 0.0, 0.0, 0.0], found.values)) == pytest.approx(energy, rel=1e-14)
 
 
 def test_all_rows_of_a_table_are_there():
