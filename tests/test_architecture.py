@@ -61,6 +61,7 @@ TESTED_WITH = {
     "periodic/energy_changes": "periodic/test_certificate",
     "periodic/motion_conditions": "periodic/test_certificate",
     "periodic/orbit_found": "periodic/test_find",
+    "periodic/oscillation_curve": "periodic/test_oscillator",
     "periodic/oscillations": "periodic/test_along_energy",
     "periodic/quantities": "continuation/test_motion_columns",
     "periodic/tuned_extremes": "periodic/test_tuned_orbits",

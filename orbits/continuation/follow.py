@@ -109,8 +109,8 @@ def follow(
     machine : as in `find`
     along : name of the parameter: "mass_ratio", "rest_length", or one of the spring's or gravity's; or, with `tune`, a
         quantity of the orbits, such as "period", "frequency" or "alpha"; or "energy", for an `OscillationFamily`: the
-        periodic motions of a machine without a gap, or of one that stands, from the normal mode of the number `family`
-        on, or through the motion in `start`, see `Oscillation`
+        periodic motions of a machine without a gap, of one that stands, or of one that bounces with a restitution of 1,
+        from the normal mode of the number `family` on, or through the motion in `start`, see `Oscillation`
     stop : its last value, in the machine's units; or a range (first, last) around its start, which the family goes
         through both ways: from the first value, or from where the curve ends before it, to the last one
     start : its first value, by default the machine's own; or, as in `find`, the first orbit or one near it, instead of

@@ -9,28 +9,23 @@ from ..curves import End, Event, Points, Run, Steps, started
 from ..errors import InputError, NoOrbit, finite_number
 from ..flow import Trajectory
 from ..model import Machine, machine_in_words
+from ..records import NONE
 from ..result import Progress
 from ..running import TimeOver, interrupts
 from ..symbolic import suggest
-from ..units import ENERGY, FORCE as OF_FORCE, FREQUENCY, TIME, in_units, without_units
+from ..units import ENERGY, FREQUENCY, TIME, in_units, without_units
+from .oscillation_curve import DRIFT, ERROR, MARGIN, MULTIPLIERS, RESIDUAL, OscillationCurve, near_motion, near_rest
 from .oscillations import Oscillation, OscillationEvent, OscillationFamily
-from .oscillator import (
-    DRIFT,
-    DURATION,
-    ERROR,
-    FORCE,
-    MULTIPLIERS,
-    RESIDUAL,
-    OscillationCurve,
-    Oscillator,
-    refuse_oscillator,
-)
+from .oscillator import DURATION, Oscillator, is_elastic, refuse_oscillator
 
 # The quantities of oscillations that are no states, with their dimensions.
 DIMENSIONS_OF_OSCILLATIONS = {
-    **{"energy": ENERGY, "frequency": FREQUENCY, "smallest_contact_force": OF_FORCE},
+    **{"energy": ENERGY, "frequency": FREQUENCY},
     **dict.fromkeys(("period", "error", "time", DURATION), TIME),
 }
+
+
+MARGINS = ("smallest_contact_force", "clearance")
 
 
 def follow_energy(
@@ -39,7 +34,8 @@ def follow_energy(
 ) -> OscillationFamily:  # fmt: skip
     """The family of oscillations that leads from a normal mode of this number, or from a motion, along its energy.
 
-    stop : the last energy, or the range of energies
+    stop : the last energy, or the first and the last one; the family goes past folds, and ends where it comes back to
+        the first one
     start : the first energy, for the first of the range; states and "duration" of a motion by name, at any energy,
         which is counted from the minimum of the potential energy below its places; or places near the equilibrium, for
         another one than that near the rest of the machine
@@ -62,7 +58,8 @@ class _Followed:
 
     def __init__(self, machine: Machine, start: float | Mapping[str, float] | None):
         refuse_oscillator(machine)
-        self.machine, self.units, self.states = machine, machine.units, machine.model.contact.states
+        self.machine, self.units, self.bounces = machine, machine.units, is_elastic(machine)
+        self.states = (machine.model.flight if self.bounces else machine.model.contact).states
         if self.units and self.units.energy is None:
             raise InputError(f"the unit of energy of a {machine.model.name} is not known")
         self.first = None if isinstance(start, Mapping) else start
@@ -88,8 +85,9 @@ class _Followed:
         """The units of the quantities by name."""
         if self.units is None:
             return {}
-        own = DIMENSIONS_OF_OSCILLATIONS | {name: name for name in self.states}
-        return {name: self.units.text(dimension) for name, dimension in own.items()}
+        own: dict[str, Any] = {name: name for name in self.states}
+        texts = {name: self.units.text(dimension) for name, dimension in (DIMENSIONS_OF_OSCILLATIONS | own).items()}
+        return {name: text for name, text in self.units.texts().items() if name in MARGINS} | texts
 
     def _energy(self, name: str, value: object) -> float:
         """An energy without units; raises `InputError` for one that is not above 0."""
@@ -97,22 +95,23 @@ class _Followed:
             raise InputError(f"{name} = {found:g}: an energy is above that at the equilibrium, 0")
         return found / self._unit(ENERGY)
 
-    def _point(self, family: int, energy: float, steps: Steps) -> tuple[OscillationCurve, Points]:
-        """The curve of a family and its point (1) at an energy, to which it is followed from its first one; raises
-        `NoOrbit` where it does not come there."""
+    def _point(self, family: int, energy: float, steps: Steps, way: float = 1.0) -> tuple[OscillationCurve, Points]:
+        """The curve of a family and its point (1) at an energy, to which it is followed from its first one, and from
+        which it goes on to larger energies, or for a `way` below 0 to smaller ones; raises `NoOrbit` where it does not
+        come there."""
         oscillator = Oscillator(self.machine, self.near, below=DURATION in self.near)
-        curve = oscillator.near_motion(self.near) if DURATION in self.near else oscillator.near_mode(family, energy)
+        curve = near_motion(oscillator, self.near) if DURATION in self.near else near_rest(oscillator, family, energy)
         first = float(curve.first[-1])
-        point = started(curve, curve.first[None], steps, 1.0 if energy >= first else -1.0)
+        point = started(curve, curve.first[None], steps, np.sign(energy - first) or way)
         if not len(point):
             raise NoOrbit("the first oscillation of the family cannot be certified")
         if energy != first:
-            way = Run(curve, point, energy, options=steps)
-            end = next(item for item in way if isinstance(item, End))
-            point = way.passed(0)[-1][-1:]
+            run = Run(curve, point, energy, options=steps)
+            end = next(item for item in run if isinstance(item, End))
+            point = run.passed(0)[-1][-1:]
             if point.values[0] != energy:
                 raise NoOrbit(f"the family does not come to the energy {energy:.6g}: {end.kind}, {end.reason}")
-            point = started(curve, point.xs, steps)
+            point = started(curve, point.xs, steps, way)
         return curve, point
 
     def oscillation(self, energy: float, family: int) -> Oscillation:
@@ -127,19 +126,26 @@ class _Followed:
             machine_in_words(self.machine), float(x[-1] * unit(ENERGY)), float(x[-3] * unit(TIME)),
             float(own[ERROR] * unit(TIME)), float(own[DRIFT]), float(own[RESIDUAL]), float(x[-2]),
             self.units.convert_motion(path) if self.units else path, _multipliers(point.own)[0],
-            float(own[FORCE] * unit(OF_FORCE)) if np.isfinite(own[FORCE]) else None, self._texts(),
+            **{name: float(each[0]) for name, each in self._margins(point.own).items()},
+            bounces=self.bounces, units=self._texts(),
         )  # fmt: skip
+
+    def _margins(self, own: np.ndarray) -> dict[str, np.ndarray]:
+        """What may not become negative (m,), by name, where there is something."""
+        margins, name = own[:, MARGIN], "clearance" if self.bounces else "smallest_contact_force"
+        known = np.where(margins == NONE, np.nan, margins) * self._unit(name)
+        return {name: known} if np.isfinite(known).any() else {}
 
     def family(
         self, stop: Any, number: int, at: Sequence[float], steps: Steps, progress: Progress
     ) -> OscillationFamily:
         """The family between two energies."""
-        low, high = self._range(stop)
+        begin, last = self._range(stop)
         requested, points, events = [self._energy("at", each) for each in at], list[Points](), list[Event]()
         with without_units(self.units), interrupts.deferred():
-            curve, point = self._point(number, low, steps)
+            curve, point = self._point(number, begin, steps, 1.0 if last > begin else -1.0)
             try:
-                for item in Run(curve, point, high, behind=low, at=requested, options=steps):
+                for item in Run(curve, point, last, behind=begin, at=requested, options=steps):
                     if isinstance(item, End):
                         end = item
                     elif isinstance(item, Event):
@@ -147,7 +153,7 @@ class _Followed:
                     else:
                         points.append(item)
                         if progress:
-                            progress(min(max(float(item.values[-1] - low) / (high - low), 0.0), 1.0))
+                            progress(min(max(float(item.values[-1] - begin) / (last - begin), 0.0), 1.0))
             except TimeOver as over:
                 end = End("interrupted", str(over))
         xs, own, unit = (
@@ -162,9 +168,9 @@ class _Followed:
         return OscillationFamily(
             machine_in_words(self.machine), None if DURATION in self.near else number, self.states, xs[:, :n],
             xs[:, -1], xs[:, -3], own[:, ERROR] * unit(TIME), own[:, DRIFT],
-            np.where(np.isfinite(own[:, FORCE]), own[:, FORCE], np.nan) * unit(OF_FORCE),
             tuple(OscillationEvent.of(event.kind, event.after, event.point.xs[0] * sizes) for event in events),
-            End(end.kind, str(in_units(end.reason, self.units))), _multipliers(own), self._texts(),
+            End(end.kind, str(in_units(end.reason, self.units))), _multipliers(own), self._margins(own), self.bounces,
+            self._texts(),
         )  # fmt: skip
 
     def _range(self, stop: Any) -> tuple[float, float]:
@@ -173,10 +179,10 @@ class _Followed:
         if (ends is stop) == (self.first is not None):
             wanted = "a family along its energy has a range (first, last), or a last energy and a first one"
             raise InputError(f"stop = {stop!r}, start = {self.first!r}: {wanted}")
-        low, high = sorted(self._energy("stop", each) for each in ends)
-        if low == high:
+        begin, last = (self._energy("stop", each) for each in ends)
+        if begin == last:
             raise InputError(f"the energy goes from {ends[0]:g} to {ends[1]:g}: there is no way between")
-        return low, high
+        return begin, last
 
 
 def _multipliers(own: np.ndarray) -> np.ndarray:

@@ -18,10 +18,11 @@ from .oscillator import DURATION, OSCILLATOR
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Oscillation(Result, what="oscillation", in_line=("energy", "period", "stable"), document_is_whole=True):
-    """A periodic motion of a conservative machine within one phase, as `find` returns it for an energy.
+    """A periodic motion of a conservative machine, of one arc, as `find` returns it for an energy.
 
-    The phase is that in which the gap is closed, or the whole motion of a machine without a gap. The period is
-    certified by the defects of the integration steps, and the energy by the work along the motion.
+    It is a motion with a closed gap, the motion of a machine without a gap, or where the restitution is 1, the flight
+    from one elastic impact to the next. The period is certified by the defects of the integration steps, and the energy
+    by the work along the motion.
 
     machine : in words and numbers
     energy : above the energy at the equilibrium
@@ -31,7 +32,9 @@ class Oscillation(Result, what="oscillation", in_line=("energy", "period", "stab
     unfolding : multiple of the energy's gradient added to the equations of motion, which vanishes up to rounding
     multipliers : (2n - 2, 2), the real and the imaginary parts of the multipliers without the two of the time and of
         the energy, which are 1; empty for one coordinate
-    smallest_contact_force : over the motion; None for a machine without a gap
+    smallest_contact_force : over the motion; None where no gap is closed
+    bounces : whether it is a flight from one elastic impact to the next
+    clearance : the least height of the gap within a bounce that dips; None for others
     motion : of the states over a period, in the machine's units
     units : of the quantities by name; empty for a dimensionless machine
 
@@ -52,6 +55,8 @@ class Oscillation(Result, what="oscillation", in_line=("energy", "period", "stab
     motion: Trajectory
     multipliers: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     smallest_contact_force: float | None = None
+    clearance: float | None = None
+    bounces: bool = False
     units: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -67,8 +72,8 @@ class Oscillation(Result, what="oscillation", in_line=("energy", "period", "stab
 
     @property
     def admissible(self) -> bool:
-        """Whether the oscillation is a motion: whether the ground would never have to pull."""
-        return self.smallest_contact_force is None or self.smallest_contact_force >= 0
+        """Whether the oscillation is a motion: the ground never pulls, and the gap never closes within a bounce."""
+        return all(each is None or each >= 0 for each in (self.smallest_contact_force, self.clearance))
 
     @property
     def start(self) -> dict[str, float]:
@@ -81,8 +86,9 @@ class Oscillation(Result, what="oscillation", in_line=("energy", "period", "stab
         return self.motion(np.mod(np.asarray(t, dtype=float), self.period))
 
     def title(self) -> str:
+        what = "bounce" if self.bounces else "oscillation"
         energy = f"energy {self.energy:.6g} {self.unit_of('energy')}".rstrip()
-        return f"oscillation of {title_of_machine(self.machine)}, {energy}"
+        return f"{what} of {title_of_machine(self.machine)}, {energy}"
 
     def table(self, times: ArrayLike | None = None) -> dict[str, np.ndarray]:
         """The columns "time" and the states, at times (k,), or at 201 times over a period."""
@@ -105,8 +111,9 @@ class Oscillation(Result, what="oscillation", in_line=("energy", "period", "stab
                 f"{z.real:.6g}" + (f"{z.imag:+.6g}i" if abs(z.imag) > OSCILLATOR.on_circle else "") for z in values
             )
             yield Row.of("multipliers", ", ".join(texts), after=", stable" if self.stable else ", unstable")
-        if self.smallest_contact_force is not None:
-            yield Row.of("smallest_contact_force", self.smallest_contact_force, self.unit_of("smallest_contact_force"))
+        for name in ("smallest_contact_force", "clearance"):
+            if (value := getattr(self, name)) is not None:
+                yield Row.of(name, value, self.unit_of(name))
         yield Row.of("error bound", self.error, self.unit_of("period"), pattern="{:.1e}")
         yield Row.of("energy_drift", self.energy_drift, pattern="{:.1e}")
         yield Row.of("residual", self.residual, pattern="{:.1e}")
@@ -123,7 +130,7 @@ class OscillationEvent:
     kind : "fold" (the energy turns round), "branch point" (another family crosses), "turn of the period" (it is longest
         or shortest there), "flip" (two multipliers pass -1: a family of twice the period begins), "Krein collision"
         (two pairs of multipliers meet, and leave the unit circle or come to it), "contact pulls" (beyond it the ground
-        would have to pull), or "value" (a requested energy)
+        would have to pull), "grazing" (beyond it the gap closes within a bounce), or "value" (a requested energy)
     after : index of the point before it
     energy, period : there
     states : (2n,) at the beginning of the cycle
@@ -152,7 +159,9 @@ class OscillationFamily(Result, what="family of oscillations", dimension="point"
     energies, periods, errors : (m,), with bounds on the errors of the periods
     energy_drifts : (m,), largest changes of the energies along the motions, as shares of them
     multipliers : (m, 2n - 2, 2), as those of an `Oscillation`
-    forces : (m,), the least contact forces, NaN for a machine without a gap
+    bounces : whether the motions are flights from one elastic impact to the next
+    margins : what may not become negative (m,), by name: "smallest_contact_force", or "clearance" of bounces that dip,
+        NaN for others
     events : between the points, in order
     end : how it ends
     units : of the columns by name; empty for a dimensionless machine
@@ -173,10 +182,11 @@ class OscillationFamily(Result, what="family of oscillations", dimension="point"
     periods: np.ndarray
     errors: np.ndarray
     energy_drifts: np.ndarray
-    forces: np.ndarray
     events: tuple[OscillationEvent, ...]
     end: End
     multipliers: np.ndarray = field(default_factory=lambda: np.zeros((0, 0, 2)))  # of one coordinate
+    margins: Mapping[str, np.ndarray] = field(default_factory=dict)
+    bounces: bool = False
     units: Mapping[str, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -190,6 +200,11 @@ class OscillationFamily(Result, what="family of oscillations", dimension="point"
         return np.hypot(*np.moveaxis(self.multipliers, 2, 0)).max(1)
 
     @property
+    def admissible(self) -> np.ndarray:
+        """Whether the oscillations (m,) are motions, as of an `Oscillation`."""
+        return np.all([np.ones(len(self), bool), *(~(each < 0) for each in self.margins.values())], axis=0)
+
+    @property
     def unstable(self) -> np.ndarray:
         """Whether small changes of the oscillations (m,) grow exponentially."""
         return self.largest_multipliers > 1 + OSCILLATOR.on_circle
@@ -200,9 +215,7 @@ class OscillationFamily(Result, what="family of oscillations", dimension="point"
         found |= dict(zip(self.names, self.states.T, strict=True))
         if self.multipliers.size:
             found["largest_multiplier"] = self.largest_multipliers
-        if np.isfinite(self.forces).any():
-            found["smallest_contact_force"] = self.forces
-        return found | {"error": self.errors, "energy_drift": self.energy_drifts}
+        return found | dict(self.margins) | {"error": self.errors, "energy_drift": self.energy_drifts}
 
     def column(self, name: str) -> np.ndarray:
         """A column (m,) of the `table`; raises `InputError` for a name without one."""
@@ -223,8 +236,9 @@ class OscillationFamily(Result, what="family of oscillations", dimension="point"
         return {"number": self.number, "oscillations": len(self), "end": self.end.kind}
 
     def title(self) -> str:
-        mode = "" if self.number is None else f" of normal mode {self.number}"
-        return f"oscillations{mode} of {title_of_machine(self.machine)}, along energy: {len(self)}"
+        mode = "" if self.number is None or self.bounces else f" of normal mode {self.number}"
+        what = f"{'bounces' if self.bounces else 'oscillations'}{mode}"
+        return f"{what} of {title_of_machine(self.machine)}, along energy: {len(self)}"
 
     def heads(self) -> list[str]:
         return ["", self.heading("energy"), self.heading("period")]

@@ -6,7 +6,7 @@ from ..public_names import public_names
 
 if TYPE_CHECKING:
     from .arc_functions import boundary_functions
-    from .cycle_statement import ENERGY_OF_CYCLE, parameters_of_cycle, whole_cycle
+    from .cycle_statement import ENERGY_OF_CYCLE, elastic, moving_phase, parameters_of_cycle, whole_cycle
     from .division import (
         Division,
         NodedSolution,

@@ -1,9 +1,11 @@
-"""The equations of a periodic motion within one phase, at an energy: a whole cycle, without any mirror image.
+"""The equations of a periodic motion of one arc, at an energy: a whole cycle, without any mirror image.
 
 A conservative machine has such motions in families along the energy E, without a change of the machine: x(T) = x(0) for
 a state x (2n,) leaves E free, and holds for one equation less than it has, since energy is conserved. So E is the
 parameter, a section fixes the instant at which the cycle begins, and a multiple of the energy's gradient is added to
 the field. This unfolding is a further unknown, which vanishes on a cycle (Munoz-Almaraz et al. 2003, Physica D 181).
+
+Where the machine bounces, the cycle begins after an elastic impact, and the section is the closed gap.
 
 The energy at the beginning is the work from the equilibrium on a straight way to the place there, integrated as a
 motion is, so that laws of any form and tables have it, and the kinetic energy.
@@ -13,8 +15,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 
-from ..laws import Algebraic, Scalars
-from ..model import Arc, Phase, Statement
+from ..laws import Algebraic, Parameters, Scalars
+from ..model import Arc, Model, Phase, Statement
 
 # The parameter of the equations besides those of the machine.
 ENERGY_OF_CYCLE = "energy"
@@ -34,6 +36,16 @@ def unfolded(phase: Phase, gradient: Callable) -> Phase:
     return Phase(phase.name, (*phase.states, "unfolding"), field, watch, pieces)
 
 
+def moving_phase(model: Model, bounces: bool) -> tuple[Phase, Callable]:
+    """The phase of the cycles of a model, and the gradient of its energy."""
+    return (model.flight, model.flight_gradient) if bounces else (model.contact, model.contact_gradient)
+
+
+def elastic(model: Model, x: Scalars, p: Parameters) -> list[Algebraic]:
+    """The flight state after an elastic impact in the flight state x: the gap's speed changes its sign."""
+    return [2 * landed - before for landed, before in zip(model.landed(x, p), x, strict=True)]
+
+
 def parameters_of_cycle(states: tuple[str, ...]) -> tuple[str, ...]:
     """The names of the further parameters: the places of the equilibrium, the weights of the speeds whose sum vanishes
     at the beginning, and the energy."""
@@ -42,12 +54,10 @@ def parameters_of_cycle(states: tuple[str, ...]) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=64)
-def whole_cycle(phase: Phase, gradient: Callable) -> Statement:
-    """The statement of a periodic motion, whose unknowns are the state at its beginning, its time and the unfolding.
-
-    phase : of the motion, with states that are places and speeds by turns
-    gradient : (x, p, q) -> the gradient of the energy there
-    """
+def whole_cycle(model: Model, bounces: bool = False) -> Statement:
+    """The statement of a periodic motion, whose unknowns are the state at its beginning, its time and the unfolding: in
+    contact, or where it `bounces`, in flight from one elastic impact to the next."""
+    phase, gradient = moving_phase(model, bounces)
     states = phase.states
     rest, weights, energy = _split(parameters_of_cycle(states), len(states) // 2)
 
@@ -76,8 +86,10 @@ def whole_cycle(phase: Phase, gradient: Callable) -> Statement:
         start=lambda u, before, p: [u[name] for name in (*states, "unfolding")],
         duration=lambda u, p: u["duration"],
         conditions=lambda u, x, p: [
-            *(end - u[name] for end, name in zip(x, states, strict=False)),
-            sum(p[weight] * u[v] for weight, v in zip(weights, states[1::2], strict=True)),
+            *(end - u[name] for end, name in zip(elastic(model, x[:-1], p) if bounces else x, states, strict=False)),
+            model.gap(p).at([u[name] for name in states])
+            if bounces
+            else sum(p[weight] * u[v] for weight, v in zip(weights, states[1::2], strict=True)),
         ],
     )
     return Statement("whole cycle", (*states, "duration", "unfolding"), (way, cycle), ("duration",))

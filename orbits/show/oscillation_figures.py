@@ -31,8 +31,8 @@ def plot_oscillations(family: Any, quantity: str, axes: Axes | None = None, alon
     """
     first, axes = axes is None, axes_or_new(axes, 0.75)
     x, y = family.column(along), family.column(quantity)
-    pulls, unstable = family.forces < 0, family.unstable
-    name = "oscillations" if family.number is None else f"mode {family.number}"
+    pulls, unstable = ~family.admissible, family.unstable
+    name = f"mode {family.number}" if family.number and not family.bounces else family.title().split()[0]
     (line,) = axes.plot(x, np.where(unstable | pulls, np.nan, y), lw=STYLE.line, label=name)
     known = set(axes.get_legend_handles_labels()[1])
     for name, chosen in (("unstable", unstable & ~pulls), (NO_MOTIONS, pulls)):

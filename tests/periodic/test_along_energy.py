@@ -184,3 +184,78 @@ def test_results_are_saved_printed_and_tabulated(tmp_path):
 def test_refusals(stop, options, text):
     with pytest.raises(InputError, match=text):
         follow(duffing(), "energy", stop, **options)
+
+
+def bounce(period, ratio=1.0):
+    """The first state of a bounce of the linear hopper with this mass ratio, and its energy above that at rest: the
+    centre of mass is thrown up, the spring vibrates as A cos(t - T/2), and the body's speed is continuous."""
+    amplitude = -period / (2 * ratio * np.sin(period / 2))
+    r, rate = amplitude * np.cos(period / 2), amplitude * np.sin(period / 2)
+    body = (period / 2 + ratio * rate) / (1 + ratio)
+    energy = (1 + ratio) / 2 * (body**2 + ratio * (body - rate) ** 2) + ratio * r**2 / 2 + r + 1 / (2 * ratio)
+    return np.array([r, body, 0 * r, body - rate]), energy
+
+
+def elastic(**options):
+    """A linear hopper whose impacts lose nothing."""
+    return Hopper("r", rest_length=60, restitution=1.0, **options)
+
+
+def test_elastic_bounces_of_a_hopper():
+    """From the smallest bounce of the foot on, with one impact a cycle."""
+    family = follow(elastic(mass_ratio=0.5), "energy", (1e-2, 20.0), **WIDE)
+    states, energies = bounce(family.periods, 0.5)
+    assert np.abs(family.states.T - states).max() < 1e-13
+    assert np.abs(energies / family.energies - 1).max() < 1e-12
+    assert family.title().startswith("bounces of hopper")
+    assert np.abs(np.prod(family.multipliers @ [1, 1j], axis=1) - 1).max() < 1e-10  # reciprocal pairs
+    (flip,) = family.events
+    assert flip.kind == "flip"
+
+    def following(y, v):
+        """The place and the speed of the body after the next impact of this energy, by DOP853."""
+        m = 0.5
+        foot = np.sqrt((2 * (flip.energy - (m * y * y / 2 + y + 1 / (2 * m))) / (1 + m) - v * v) / m)
+
+        def field(t, z):
+            r = z[0] - z[2]
+            return [z[1], (-m * r - 1) / (1 + m), z[3], (r - 1) / (1 + m)]
+
+        lands = lambda t, z: z[2]  # noqa: E731
+        lands.terminal, lands.direction = True, -1
+        start = [y, v, 1e-300, foot]
+        return solve_ivp(field, (0, 20), start, "DOP853", events=lands, rtol=1e-12, atol=1e-12).y_events[0][0, :2]
+
+    y, v, h = *flip.states[:2], 1e-5
+    slopes = [
+        (following(y + h, v) - following(y - h, v)) / (2 * h),
+        (following(y, v + h) - following(y, v - h)) / (2 * h),
+    ]
+    assert abs(np.trace(slopes) + 2) < 1e-6
+
+
+def test_a_family_of_bounces_past_a_fold():
+    """Bounces with a second vibration of the spring have a least energy; beyond it the foot dips through the ground."""
+    state, energy = bounce(11.0)
+    start = dict(zip(("y1", "y1'", "y2", "y2'"), state, strict=True)) | {"duration": 11.0}
+    family = follow(elastic(), "energy", (energy, 15.0), start=start, **WIDE)
+    assert family.number is None
+    assert family.end.kind == "reached"
+    assert abs(family.energies[-1] - energy) < 1e-12
+    assert family.periods[-1] < 8.0
+    fold = next(event for event in family.events if event.kind == "fold")
+    assert abs(bounce(fold.period)[1] - fold.energy) < 1e-12
+    assert min(bounce(fold.period + h)[1] for h in (-1e-3, 1e-3)) > fold.energy
+    graze = next(event for event in family.events if event.kind == "grazing")
+    t = graze.period * np.linspace(0.02, 0.98, 200_001)
+    amplitude = -graze.period / (2 * np.sin(graze.period / 2))
+    first = graze.states[0]
+    height = (first + t * (graze.period - t) / 2 - amplitude * np.cos(t - graze.period / 2)) / 2
+    assert abs(height.min()) < 1e-8
+    assert family.admissible[0]
+    assert not family.admissible[-1]
+
+
+def test_refusals_of_bounces():
+    with pytest.raises(InputError, match="family = 2: one family of bounces begins at the equilibrium"):
+        follow(elastic(), "energy", (0.1, 1.0), family=2)

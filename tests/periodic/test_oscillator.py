@@ -8,8 +8,9 @@ import pytest
 from orbits import InputError, Mechanism, NoOrbit, find
 from orbits.curves import started
 from orbits.mechanics import Damper, Potential, Spring
-from orbits.periodic import oscillator
-from orbits.periodic.oscillator import ERROR, MULTIPLIERS, Oscillator
+from orbits.periodic import oscillation_curve
+from orbits.periodic.oscillation_curve import ERROR, MULTIPLIERS, near_rest
+from orbits.periodic.oscillator import Oscillator
 from problems import Hopper, springs
 from tests.free_machines import chain_of_carts, double_pendulum, henon_heiles, pendulum
 
@@ -34,7 +35,7 @@ def test_equilibria_of_a_machine_that_stands():
 
 def test_the_multipliers_of_a_chain_are_those_of_its_other_modes():
     """exp(i w_j T) of three carts, whose frequencies are known from the eigenvalues of the stiffness."""
-    curve = Oscillator(chain_of_carts(1.0, 0.7, 0.4, 0.9)).near_mode(1, 1.0)
+    curve = near_rest(Oscillator(chain_of_carts(1.0, 0.7, 0.4, 0.9)), 1, 1.0)
     (own,) = started(curve, curve.first[None]).own
     frequencies = np.sqrt(np.linalg.eigvalsh([[1.7, -0.7, 0], [-0.7, 1.1, -0.4], [0, -0.4, 1.3]]))
     expected = np.exp(1j * frequencies[1:] * 2 * np.pi / frequencies[0])
@@ -52,7 +53,7 @@ def test_collisions_of_multipliers(angles, sign):
     matrix = np.block([[blocks[0], np.zeros((2, 2))], [np.zeros((2, 2)), blocks[1]]])
     base = np.random.default_rng(3).normal(size=(4, 4))
     problem = SimpleNamespace(n=3, others=lambda points: np.array([base @ matrix @ np.linalg.inv(base)]))
-    (found,) = oscillator._collisions(problem, [None])
+    (found,) = oscillation_curve._collisions(problem, [None])
     first, second = values + 1 / values
     assert abs(found - ((first - second) ** 2).real) < 1e-10
     assert sign == 0 or np.sign(found) == sign

@@ -10,10 +10,8 @@ from tests.free_machines import duffing
 def equations():
     """The equations of the Duffing oscillator, and its parameters at the energy 0.5."""
     machine = duffing()
-    phase = machine.model.contact
-    statement = whole_cycle(phase, machine.model.contact_gradient)
-    names = (*machine.values, *parameters_of_cycle(phase.states))
-    return shooting_equations(statement, names), np.array([1.0, 0.0, 1.0, 0.5])
+    names = (*machine.values, *parameters_of_cycle(machine.model.contact.states))
+    return shooting_equations(whole_cycle(machine.model), names), np.array([1.0, 0.0, 1.0, 0.5])
 
 
 def test_a_cycle_of_an_energy_is_a_regular_solution():
