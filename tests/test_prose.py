@@ -16,7 +16,7 @@ GITHUB = [path for path in sorted((ROOT / ".github").glob("*.md")) if path.name 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "studies" / "docs").rglob("*.md")), *GITHUB]
 PAGES += [ROOT / "studies" / "paper" / "paper.md", *sorted((ROOT / "studies" / "notebooks").glob("*.ipynb"))]
 # Packages whose docstrings and messages are read too.
-PACKAGES: tuple[str, ...] = ()
+PACKAGES: tuple[str, ...] = ("problems",)
 CODE = re.compile(r"^ *```.*?^ *```$|^\$\$.*?^\$\$|`[^`\n]*`", flags=re.MULTILINE | re.DOTALL)
 
 # What is never right, and what to write instead.

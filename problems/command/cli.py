@@ -264,7 +264,7 @@ def check_proof_command(file: str, limit: float | None, as_json: bool) -> None:
     from orbits.check_statement import LIMIT, OutOfTime, statement_of
     from orbits.tables import wrapped
 
-    document = read_file(file, f"'{file}' is no saved proof", read_sealed)
+    document = read_file(file, f"'{file}' is not a saved proof", read_sealed)
     began = time.perf_counter()
     try:
         reasons = check_saved(document, limit or LIMIT)

@@ -1,4 +1,4 @@
-"""The options that the commands share: those that describe a machine, its losses and the files to write."""
+"""The options that the commands share: the description of a machine, its losses and the files to write."""
 
 import logging
 import math
@@ -205,7 +205,7 @@ def one_number(option: str, text: str) -> float:
 
 
 def several_families(text: str | None, save: str | None, other: object) -> dict[str, Any]:
-    """The argument of `follow` for the numbers of --families; raises `InputError` beside options of one family."""
+    """The argument of `follow` for the numbers of --families; raises `InputError` with options of one family."""
     from orbits.errors import InputError
 
     if text is None:
@@ -387,8 +387,8 @@ NEEDED = {"recover": ("short", "how much slower than lossless the launch is"), "
 
 
 def steering_arguments(goal: str, stated: dict[str, Any]) -> dict[str, Any]:
-    """The arguments of a function of `problems.steering` in the options of `orbits control`, which are taken out of
-    those that state the machine; raises `InputError` for one of another goal, and where one is missing."""
+    """The arguments of a function of `problems.steering` in the options of `orbits control`, which are removed from the
+    options that state the machine; raises `InputError` for an option of another goal, and for a missing one."""
     from orbits.errors import InputError
 
     from ..steering import Actuator
@@ -430,7 +430,7 @@ def followed_number(goal: str, text: str | None, animate: str | None) -> tuple[s
         raise InputError("--animate draws one motion, not a family: leave out --follow, or --animate")
     name, colon, to = text.partition(":")
     if not colon:
-        raise InputError(f"--follow {text!r} is no number of the machine and its last value, as damping:0.2")
+        raise InputError(f"--follow {text!r} is not a number of the machine with its last value, such as damping:0.2")
     return name, one_number("--follow", to)
 
 
@@ -553,7 +553,7 @@ def statement_of(
 
 
 def first_scene(family: int = 1, **stated: Any) -> "Scene":
-    """The scene of the command line's options, of a hopper with a cubic spring where they say nothing; raises
+    """The scene of the command line's options; their default is a hopper with a cubic spring. Raises
     `InputError` for a machine that cannot be."""
     from ..explorer import beginning, scene_of_statement
     from ..machines import build

@@ -78,7 +78,7 @@ def scene_of_link(query: Mapping[str, list[bytes]]) -> Scene:
         try:
             args[name] = values[0].decode("utf-8")
         except UnicodeDecodeError:
-            raise InputError(f"'{name[:40]}' of the link is no text") from None
+            raise InputError(f"'{name[:40]}' of the link is not text") from None
     numbers = {
         name.removeprefix(NUMBER): _number_in_link(name, text) for name, text in args.items() if name.startswith(NUMBER)
     }

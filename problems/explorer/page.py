@@ -135,8 +135,8 @@ class Explorer:
     # ---- requests
 
     def _receive(self, text: str) -> None:
-        """A field was changed: {"n": number of the change, "act": name, ...}, none of which is trusted. What the page
-        never sends ends the computations of the tab for good."""
+        """A field was changed: {"n": number of the change, "act": name, ...}. The message is not trusted: one that the
+        page never sends ends the computations of the tab for good."""
         if self._closed:
             return
         try:

@@ -58,7 +58,7 @@ class HopResult:
     data, law : what the figures show; law is None for a machine whose spring's force is not known on its own
     rows : the certificate, as names and texts
     alpha : launch speed
-    violations : why the hop is no motion, in words; none where it is one
+    violations : why the hop is not a motion, in words; empty if it is one
     """
 
     scene: Scene
@@ -262,7 +262,7 @@ _last_basin: list[tuple[Scene, Sequence[tuple[float, float]]]] = []
 
 
 def _map_of_steps(step: ReturnMap, orbit: Orbit, launch: float | None, samples: int) -> MapData:
-    """The return map of a machine that steps beside its lossless step, as far as launches lead back to that.
+    """The return map of a machine that steps, near its lossless step, in the range of launches that lead back to it.
 
     A launch that is faster by d loses K C d^(4/3), or C d^(4/3), and so comes to the lossless step from d <= (K C)^-3;
     launches that are farther away end in many ways within a small range.

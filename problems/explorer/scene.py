@@ -1,8 +1,8 @@
 """The scene that the page shows, as one frozen object, and the machine that it describes.
 
-A scene comes from a link, from fields of the page or from a dropped file, none of which is trusted: its names,
-numbers and texts are bounded here, its formulas are read by the project's parser alone, and no formula can name a file.
-The rows of a measured spring are part of the scene.
+A scene comes from a link, from fields of the page or from a dropped file. None of them is trusted: names, numbers and
+texts are bounded here, its formulas are read by the project's parser alone, and no formula can name a file. The rows of
+a measured spring are part of the scene.
 """
 
 import re
@@ -154,7 +154,7 @@ class DroppedRows:
         return f"table:{self.name}" + (f"?{options}" if options else "")
 
     def law(self, in_si: bool) -> Law:
-        """The law of the rows; raises `InputError` for a text that is no table."""
+        """The law of the rows; raises `InputError` for a text that is not a table."""
         return _law_of_rows(self, in_si)
 
 
@@ -209,14 +209,14 @@ class Scene:
         whole_number("family", self.family, most=LARGEST.family)
 
     def _check_numbers(self) -> None:
-        """Convert the numbers to floats; raises `InputError` for values that are no numbers, and for too many."""
+        """Convert the numbers to floats; raises `InputError` for values that are not numbers, and for too many."""
         if len(self.numbers) > LARGEST.numbers:
             raise InputError(
                 f"{len(self.numbers)} parameters are more than the page has sliders for, {LARGEST.numbers}"
             )
         for name in (*self.numbers, *([self.along] if self.along else [])):
             if not isinstance(name, str) or not NAME.fullmatch(name):
-                raise InputError(f"{str(name)[:40]!r} is no name of a parameter")
+                raise InputError(f"{str(name)[:40]!r} is not a name of a parameter")
         numbers = {name: finite_number(name, value) for name, value in self.numbers.items()}
         object.__setattr__(self, "numbers", numbers)
         if self.start is not None:
@@ -374,7 +374,7 @@ def with_surroundings(scene: Scene) -> Scene:
 def scene_of_machine(machine: Machine) -> Scene:
     """The scene of any machine: a statement where that makes the same machine, else the machine itself.
 
-    Raises `InputError` for a machine that sticks and is no runner with plain springs: its numbers have to be tuned.
+    Raises `InputError` for a machine that sticks, except a runner with plain springs: its numbers have to be tuned.
     """
     if machine.model.sticks:
         return _scene_of_runner(machine)
@@ -405,7 +405,7 @@ def _scene_of_runner(machine: Machine) -> Scene:
 
 
 def _own_numbers(scene: Scene) -> dict[str, float]:
-    """The parameters that a machine has beside those of its laws, with their default values."""
+    """The parameters of a machine without those of its laws, with their default values."""
     begun = BEGINNINGS[scene.machine, scene.si]["numbers"]
     varying = scene.gravity.strip() not in ("1", "constant")
     names = (*MASSES[scene.machine], "surface_gravity") if scene.si else ("mass_ratio",)

@@ -8,7 +8,7 @@ from .dials import UNITS_OF_RUNNERS
 from .results import HopResult
 from .scene import Scene
 
-# What a machine does for ever without losing energy, by its kind, and why nothing is lost; those that were made in
+# What a machine does forever without losing energy, by its kind, and why nothing is lost; those that were made in
 # Python are known by what moves: others that turn step, and the rest hop.
 DOES = {
     "juggler": ("the ball is thrown and caught", "ball and hand meet at the same speed, without a blow"),
@@ -42,9 +42,9 @@ ON_MAP = (
 )
 ON_FAMILY = (
     "Each point is the motion of a machine with another {}, at its launch speed alpha. The ring marks the one shown; "
-    "dashed parts are no motions. Click on the curve to go there, or move the slider."
+    "dashed parts are not motions. Click on the curve to go there, or move the slider."
 )
-CHOOSE_PARAMETER = "Choose a parameter to see the machines beside this one."
+CHOOSE_PARAMETER = "Choose a parameter to see neighbouring machines."
 ON_FORCES = (
     "The forces while both points touch. On the one that landed the force begins at 0, as nothing is lost; on the "
     "other it falls to 0, and that point opens. Neither may fall below 0, as a contact cannot pull."
@@ -71,7 +71,7 @@ def verdict(scene: Scene, hop: HopResult | None, failed: Mapping[str, str]) -> t
     values = {name: number_text(scene.numbers[name], units.get(name, ""), 6) for name in scene.tuned}
     tuned = " and ".join(f"{name.replace('_', ' ')} = {value}" for name, value in values.items())
     needs = f" It needs {tuned}, which are tuned to its speed." if tuned else ""
-    return "yes", f"A motion without loss: {does} for ever, since {why}.{needs}"
+    return "yes", f"A motion without loss: {does} forever, because {why}.{needs}"
 
 
 def captions(scene: Scene, hop: HopResult | None) -> dict[str, str]:

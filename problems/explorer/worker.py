@@ -140,7 +140,7 @@ class Pool:
 
 
 class Pools(NamedTuple):
-    """The processes that compute hops, and those that compute families and maps in the background."""
+    """The processes that compute hops, and the processes that compute families and maps in the background."""
 
     urgent: Pool
     calm: Pool

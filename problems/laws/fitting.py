@@ -86,7 +86,7 @@ class SpringFit(Result, what="spring fit", in_line=("formula", "parameters", "no
         return dict(zip(self.parameters, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
     def distributions(self) -> dict[tuple[str, ...], Any]:
-        """The joint normal distribution of the parameters, as `uncertainty` takes it: beside others in
+        """The joint normal distribution of the parameters, as `uncertainty` takes it, together with others in
         ``{**fit.distributions(), "mass_ratio": norm(0.5, 0.01)}``."""
         from scipy.stats import multivariate_normal  # slow to import
 
@@ -218,7 +218,7 @@ def _formula_of(formula: str | Law) -> tuple[str, dict[str, float]]:
         return formula, {}
     written = formula.written
     if written is None or written.potential or written.rows or len(written.formulas) != 1:
-        raise InputError(f"'{formula.text}' is no formula of the force; state one, as 'k*r + b*r**3'")
+        raise InputError(f"'{formula.text}' is not a formula of the force; state one, such as 'k*r + b*r**3'")
     return written.formulas[0], dict(formula.parameters)
 
 
@@ -285,7 +285,7 @@ class _Model:
         return values
 
     def _minimum(self, start: np.ndarray, free: np.ndarray, sides: np.ndarray) -> np.ndarray | None:
-        """The parameters (k,) at the minimum from a start (k,) over those that are free (k,), each on its side (k,) of
+        """The parameters (k,) at the minimum from a start (k,) over the free ones (k,), each on its side (k,) of
         0; None where formula or derivatives have no finite values."""
         from scipy.optimize import least_squares  # slow to import
 
@@ -332,8 +332,8 @@ class _Model:
         return np.sign(found) * kept
 
     def refuse_open(self, values: np.ndarray, deviation: float) -> None:
-        """Raise `InputError` that names the parameters of which a far larger value fits the rows as well, with the
-        others as they are best then."""
+        """Raise `InputError` that names each parameter for which a far larger value fits the rows as well, with the
+        best values of the others."""
         rounding = np.finfo(float).eps * float(np.linalg.norm(self.root * self.rows.forces))
         most = self._squares(values) + FITS.as_well**2 * max(deviation, rounding) ** 2
         covariance, found = self.inverse(self.at(values)[1]), dict[str, float]()

@@ -429,7 +429,7 @@ def as_spring(
 
     parameters : their values by name
     in_si : as in `table`
-    shared : whether the parameters are another law's too; this law then takes those that it has, while otherwise one
+    shared : whether the parameters are another law's too; this law then takes its own ones, while otherwise a parameter
         that it does not have is an `InputError`
     """
     kind, colon, rest = law.partition(":") if isinstance(law, str) else ("", "", "")
@@ -582,8 +582,8 @@ def _whole_number(text: str) -> int | str:
 
 
 def _nodes_of_table(x: np.ndarray, y: np.ndarray, slope: np.ndarray | None, curvature: np.ndarray | None) -> np.ndarray:
-    """Nodes (n, 4) of the interpolant of y (n,) at x (n,): x, y, and these slopes and curvatures, or those that `table`
-    describes."""
+    """Nodes (n, 4) of the interpolant of y (n,) at x (n,): x, y, and these slopes and curvatures, or the ones that
+    `table` describes."""
     from scipy.interpolate import CubicSpline  # only a table needs it, and it takes half a second to import
 
     if slope is None or curvature is None:
@@ -609,7 +609,7 @@ def _quintic_pieces(nodes: np.ndarray) -> np.ndarray:
 
 
 def _limited_slopes(slope: np.ndarray, secant: np.ndarray) -> np.ndarray:
-    """Slopes (n,) that let the interpolant be monotone beside secants (n - 1,): 0 at an extremum of the rows."""
+    """Slopes (n,) that let the interpolant be monotone between the secants (n - 1,): 0 at an extremum of the rows."""
     sides = np.column_stack([np.r_[secant[0], secant], np.r_[secant, secant[-1]]])
     sign = np.where((sides > 0).all(1), 1.0, np.where((sides < 0).all(1), -1.0, 0.0))
     # 1.25 times the smaller secant keeps the middle control points of a quintic without curvature in order.

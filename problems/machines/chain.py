@@ -44,8 +44,8 @@ class Chain(Stated):
     """N masses in a column joined by N - 1 springs.
 
     masses : (N,), from the top, N from 2 to 12
-    springs : a smooth spring as in `TwoMassMachine`, for all, or (N - 1,) of them, from the top, of which one may be a
-        table or another law in pieces; parameters of the same name are the same parameter
+    springs : a smooth spring as in `TwoMassMachine`, for all, or (N - 1,) of them, from the top; one may be a table or
+        another law in pieces; parameters of the same name are the same parameter
     restitution : of the impacts of the lowest mass, 0 <= e <= 1
     parameters : values of the formulas' names
 

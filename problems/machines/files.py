@@ -26,7 +26,7 @@ angle = 0.3                     inertia = 0.5
 beta = 1.0                      body_inertia = 0.5
                                 stiffness = 20.0
 
-how `orbits find` finds a hop of a machine of which numbers are tuned, unless its options say otherwise:
+how `orbits find` finds a hop of a machine with tuned numbers, unless its options say otherwise:
 
 [find]
 tune = ["inertia", "hip_stiffness"]
@@ -190,7 +190,7 @@ def _build(statement: dict[str, Any]) -> MachineOfFile:
     _check_keys("[si]", si, si_keys_of(statement))
     for name in ("mass_ratio", "rest_length"):
         if name in statement:
-            raise InputError(f"'{name}' beside [si]; state lengths and masses in [si], or not at all in SI")
+            raise InputError(f"'{name}' together with [si]; state lengths and masses in [si], or leave [si] out")
     for name in MASSES[kind]:
         if name not in si:
             raise InputError(f"[si] needs {name} (kg)")

@@ -18,7 +18,7 @@ class HeavyHand(TwoMassMachine):
     mass ratio, damping and drag, which it does not take.
 
     The energy of the hand alone is conserved, from lift-off to lift-off and through every impact. So every launch that
-    ends in sustained contact is followed by a launch at the same speed; the others bounce for ever. For a linear
+    ends in sustained contact is followed by a launch at the same speed; the others bounce forever. For a linear
     spring, bouncing with one impact in each cycle is stable for pi < alpha < sqrt(pi^2 + 3) (Schaal and Atkeson 1993,
     with e = 0).
 
@@ -41,7 +41,7 @@ class HeavyHand(TwoMassMachine):
         return {**super().describe(), "mass_ratio": None}
 
     def stated(self) -> Mechanism:
-        """Raises `InputError`: the limit of an infinite mass is no mechanism."""
+        """Raises `InputError`: the limit of an infinite mass is not a mechanism."""
         raise InputError("an infinitely heavy hand is the limit of mechanisms: state a Juggler with a large mass_ratio")
 
     @classmethod

@@ -200,7 +200,7 @@ class MachineInSI(TwoMasses):
 
     @property
     def scheduled(self) -> dict[str, float]:
-        """The units of the parameters that a simulation may vary in time, which are not those that define the units."""
+        """The units of the parameters that a simulation may vary in time, except the ones that define the units."""
         return {name: 1.0 for name in self.parameters if name != "stiffness" or self.spring is not None}
 
     @property
@@ -247,7 +247,7 @@ class MachineInSI(TwoMasses):
 
     @property
     def following(self) -> dict[str, str]:
-        """Why numbers of the machine are no parameters: they follow from others; by name."""
+        """Why numbers of the machine are not parameters: they follow from others; by name."""
         why = {"mass_ratio": f"in SI it follows from the masses: set {' or '.join(self.masses)}"}
         by_law = dict.fromkeys(("stiffness", GAUGE), "it follows from the law of the spring")
         return why if self.spring is None else why | by_law

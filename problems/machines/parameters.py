@@ -1,4 +1,4 @@
-"""The parameters of a machine's formulas, beside those that the machine itself has names for."""
+"""The parameters of a machine's formulas, without the names of the machine itself."""
 
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any

@@ -71,8 +71,8 @@ def runner(
     parameters : values of the names in both springs' laws
 
     The launch speed is that at which the leg extends at lift-off. An orbit is one up to a move along the ground, and
-    goes on by its `step`. Raises `InputError` for numbers that no runner has, for those that are missing in SI, and for
-    a hip whose spring is not odd.
+    goes on by its `step`. Raises `InputError` for numbers that no runner has, for missing numbers in SI, and for a hip
+    whose spring is not odd.
 
     >>> from problems import runner
     >>> machine = runner(foot_mass=0.1, rest_length=3.7)

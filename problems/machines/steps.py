@@ -94,9 +94,9 @@ def rimless_wheel(
         default 1 and 0.5
     angle : a, half the angle between two spokes, in rad, of a wheel without units, at most pi/3; None for small angles,
         in units of a
-    share : mass * length**2/A, above 0 and at most 1, of a wheel without units, on which its lossless steps do not
-        depend, but friction and landings with a speed. By default 1, all mass at the hub, where a standing foot that
-        lifts is no violation, since it does not in a wheel of a small share
+    share : mass * length**2/A, above 0 and at most 1, of a wheel without units. Friction and landings with a speed
+        depend on it, lossless steps do not. By default it is 1, all mass at the hub; a standing foot that lifts is then
+        not a violation, because the foot does not lift in a wheel of a small share
     friction : the coefficient of friction, where one that is needed above it violates an orbit; None for any. Of a
         wheel without units and small angles that which is needed is in units of a
     surface_gravity : of a wheel in SI, in m/s^2; None for 9.80665
@@ -268,7 +268,7 @@ def _refuse_below(inertia: float, point: str, least: float, words: str) -> None:
 
 
 def _shared(own: Mapping[str, float], nearly: str) -> list[Element]:
-    """The mass in the plane of a machine without units; for small angles beside its potential energy."""
+    """The mass in the plane of a machine without units; for small angles together with its potential energy."""
     if "angle" in own:
         return [Mass("cos(theta - angle)", SHARED_MASS, across="sin(theta - angle)")]
     return [Potential(nearly), Mass("0", SHARED_MASS, across="theta")]

@@ -64,8 +64,8 @@ class TwoMasses(Stated):
         return self.spring is not None and self.spring.loop is not None
 
     def on_loop(self: Any, alpha: float) -> Any:
-        """The `Upkeep` of a hop with a launch speed on the measured loop of which the machine's spring is one branch;
-        None where the spring is no branch of a loop. Raises `NoOrbit` where the hop has no next launch."""
+        """The `Upkeep` of a hop with a launch speed on the measured loop that has the machine's spring as a branch;
+        None if the spring is not a branch of a loop. Raises `NoOrbit` if the hop has no next launch."""
         if not self.of_loop:
             return None
         from orbits.returns import ReturnMap  # most machines need none

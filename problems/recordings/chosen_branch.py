@@ -1,4 +1,4 @@
-"""The rows of a record of which a law is made: one branch, or the mean, of one cycle, with the drift between cycles."""
+"""The rows of a record for a law: one branch, or the mean, of one cycle, with the drift between cycles."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -242,8 +242,8 @@ class _Cycles:
     def drift(self, sides: Sequence[int], used: Sequence[HalfCycle]) -> tuple[float, str]:
         """The drift of the force for each row, as one standard deviation, and what it is in a cycle, in words.
 
-        It is the larger one of those over all cycles and beside the cycle that is used, with its error; of a single
-        cycle half the gap between its ends, which may have other reasons.
+        It is the larger of the drift over all cycles and the drift next to the used cycle, with its error; for a single
+        cycle it is half the gap between its ends, which may have other reasons.
         """
         rates, errors = list[float](), list[float]()
         unit = f" {self.record.units[1]}" if self.record.units[1] else ""
@@ -365,7 +365,7 @@ def _refuse_loop(record: BenchRecord, up: np.ndarray, down: np.ndarray) -> None:
 
 
 def _loop_width(up: tuple[np.ndarray, np.ndarray], down: tuple[np.ndarray, np.ndarray]) -> float:
-    """The mean force of rows on the way up less that on the way down at the same extension; 0 where it is none."""
+    """The mean force of rows on the way up less that on the way down at the same extension; 0 if they share none."""
 
     def above(branch, other):
         order = np.argsort(branch[0], kind="stable")

@@ -16,19 +16,20 @@ class Splitting:
     noisy_turn, largest_turn : or by this many standard deviations of its noise, at most by this share of its range
     near_end : a half cycle is whole where its end is this near, as a share of the range of the neighbouring one, to the
         end of that
-    parts, rows_of_part : half cycles are compared in at most so many parts of the range in common, of at least so many
-        rows of each
+    parts, rows_of_part : the most parts of the common range in which half cycles are compared, and the fewest rows of
+        each half cycle in a part
     significance, tails, tail_power : offsets differ from 0 where they are `significance` standard errors, times
         1 + tails/freedom**tail_power, which is the 1e-4 quantile of Student's distribution to 10 %
-    rows_apart, apart : so many rows in succession that are so many standard deviations of the noise apart differ too
-    joint_share, fewest_at_joint, first_rows : where a record closes, this share of the rows of the last half cycle, and
-        at least so many, are compared with so many first rows
-    largest_spread : with more of them where their variance by the last rows is at most so many times that of a row
-    skipped_share, stays : of the first half cycle at most this share may be before a branch; it then has to stay on it
-        for so many times the rows up to the end of that share
-    open_loop : a loop is open where its width is so many times what the noise explains
-    without_force, slipping : a force below this share of the width of a loop is none; that of friction which begins to
-        slip is between these shares
+    rows_apart, apart : offsets also differ if this number of rows in succession are `apart` standard deviations of the
+        noise apart
+    joint_share, fewest_at_joint, first_rows : where a record closes, this share of the rows of the last half cycle, at
+        least `fewest_at_joint`, are compared with `first_rows` first rows
+    largest_spread : with more first rows if their variance by the last rows is at most this multiple of a row's
+    skipped_share, stays : at most this share of the first half cycle may be before a branch; it then has to stay on the
+        branch for `stays` times the rows up to the end of that share
+    open_loop : a loop is open if its width is at least this multiple of the noise's effect
+    without_force, slipping : a force below this share of the width of a loop counts as 0; the force of friction that
+        begins to slip is between the shares `slipping`
     jump : ideal friction jumps at every turn; jumps at two turns agree to this factor
     rounding : differences below this share of the range of force are rounding
     """
@@ -190,7 +191,7 @@ def offset_between(r: np.ndarray, force: np.ndarray, first: HalfCycle, second: H
     """The force on the second half cycle above that on the first, where both have been measured.
 
     noise : standard deviation of a row's force, the least one in each part
-    In each part of their common range one parabola fits both, but for the offset.
+    In each part of their common range one parabola fits both, except for the offset.
     """
     low, high = max(first.low, second.low), min(first.high, second.high)
     inside = [np.flatnonzero((r[half.rows] >= low) & (r[half.rows] <= high)) + half.start for half in (first, second)]
@@ -246,15 +247,15 @@ def _offset_in_part(
 
 
 def significant(freedom: float) -> float:
-    """The number of standard errors from which a difference with these degrees of freedom is no chance."""
+    """The number of standard errors from which a difference with these degrees of freedom is significant."""
     return SPLITTING.significance * (1 + SPLITTING.tails / freedom**SPLITTING.tail_power)
 
 
 def joint(r: np.ndarray, force: np.ndarray, halves: Sequence[HalfCycle], noise: float) -> Closure:
     """How the beginning of a record is joined to its last half cycle where that passes the same extension.
 
-    The first rows are held against the line or parabola through the last ones near them. Some of them may be on the way
-    from rest to a branch, as those of dry friction are. A jump of the size of that at the first turn is no gap: ideal
+    The first rows are compared with the line or parabola through the last rows near them. Some of them may be on the
+    way from rest to a branch, as with dry friction. A jump of the size of that at the first turn is not a gap: ideal
     friction jumps at every turn.
     """
     first, last = halves[0], halves[-1]

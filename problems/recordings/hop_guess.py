@@ -61,7 +61,7 @@ class Start(NamedTuple):
 
 
 def sizes_of(values: Sequence[np.ndarray]) -> np.ndarray:
-    """The size (c,) of what channels recorded: how far it ranges, but for a few samples."""
+    """The size (c,) of the recorded values of channels: their range, except for a few samples."""
     found = [np.subtract(*np.percentile(each[np.isfinite(each)], GUESS.edges[::-1])) for each in values]
     return np.array([size or 1.0 for size in found])
 
@@ -172,7 +172,7 @@ def _power(dimension: Dimension) -> float:
 
 
 def _different(starts: list[Start]) -> list[Start]:
-    """The best starts, without those that are much like a better one."""
+    """The best starts, without any that resemble a better one."""
     found = list[Start]()
     for start in starts:
         hop = hop_time(start.run) * start.factor

@@ -60,7 +60,7 @@ class HopRecord(NamedTuple):
     name : of the file, or what stands for it
     times : (n,), increasing
     values : (n,) of each channel by name, NaN where a sample is missing
-    unused : the names of columns that are no channel
+    unused : the names of columns that are not channels
     """
 
     name: str
@@ -140,7 +140,7 @@ class _Stated(NamedTuple):
         dimension, scale = UNITS_OF_HOPS.get(_spelled(unit), ((), 0.0))
         if dimension != (needed := _dimension(meaning)):
             known = ", ".join(name for name, (own, _) in UNITS_OF_HOPS.items() if own == needed)
-            raise InputError(f"{short(cell)!r}: '{unit}' is no unit of a {meaning}; known are {known}")
+            raise InputError(f"{short(cell)!r}: '{unit}' is not a unit of a {meaning}; known are {known}")
         return _Column(meaning, scale * _sign(cell))
 
 
@@ -180,7 +180,7 @@ def _sign(cell: str) -> float:
 
 
 def _meaning(cell: str, unit: str, channels: Collection[str]) -> str:
-    """The channel that a column is, by its words and its unit; "" where it is none."""
+    """The channel that a column is, by its words and its unit; "" if it is not a channel."""
     words = set(words_of(re.sub(r"[\[(][^\])]*[\])]", " ", cell)))
     dimension = UNITS_OF_HOPS.get(_spelled(unit), (None,))[0]
     heights = [name.rpartition(" ")[0] for name in channels if name.endswith(f" {KINDS[0]}")]

@@ -41,7 +41,7 @@ class HopFit(Result, what="hop fit", in_line=("values", "source_name"), printed_
 
     source, machine : the machine with these values
     values : of the unknown parameters. Errors may put a damper below 0, which the machine has then almost none of
-    covariance : (k, k), of these in their order; infinite for those that the record does not separate
+    covariance : (k, k), of these in their order; infinite for values that the record does not separate
     offsets, delays : of the channels that have unknown ones, by name
     noise : the standard deviation of a sample of each channel, by name: the stated one, or that of the residuals
     inseparable : groups of parameters that the record does not separate
@@ -49,10 +49,10 @@ class HopFit(Result, what="hop fit", in_line=("values", "source_name"), printed_
     lack : why the machine does not fit, in words; "" where nothing says so
     parts : the flights and contacts of the motion, with their residuals
     samples : of each channel (5, n): the number of its record, from 0, its times, what was recorded, what the motion
-        shows, NaN after its end, and 1 where it is used, 0 for a spike and beside an impact
+        shows, NaN after its end, and 1 where it is used, 0 for a spike and near an impact
     followed : the time up to which each record is followed
     source_name : of the records
-    unused : columns of the record that are no channel
+    unused : columns of the record that are not channels
     """
 
     source: Machine
@@ -80,15 +80,15 @@ class HopFit(Result, what="hop fit", in_line=("values", "source_name"), printed_
 
     @property
     def deviations(self) -> dict[str, float]:
-        """The standard deviations of the values; infinite for those that the record does not separate."""
+        """The standard deviations of the values; infinite for values that the record does not separate."""
         variances = np.diag(self.covariance)
         return dict(
             zip(self.values, np.sqrt(np.where(np.isfinite(variances), variances, np.inf)).tolist(), strict=True)
         )
 
     def distributions(self) -> dict[tuple[str, ...], Any]:
-        """The joint normal distribution of the parameters, as `uncertainty(fit.lossless, fit)` takes it, without those
-        on which no lossless orbit depends: dampers and restitution. Raises `InputError` where some are not separated.
+        """The joint normal distribution of the parameters, as `uncertainty(fit.lossless, fit)` takes it, without
+        dampers and restitution, which do not affect lossless orbits. Raises `InputError` if some are not separated.
         """
         from scipy.stats import multivariate_normal  # slow to import
 

@@ -238,7 +238,7 @@ class Fitting:
         return float(hops[bad[0]] if len(bad) else full.edges[-1])
 
     def _reweigh(self, last: Round, before: np.ndarray, whole: bool) -> bool:
-        """Leave out samples beside impacts, and once the motion is whole weigh them by their deviations and leave out
+        """Leave out samples near impacts, and once the motion is whole weigh them by their deviations and leave out
         spikes; whether the deviations were known and the same samples count as before."""
         samples = list[Samples]()
         sigmas, channels = self._deviations(last), self.question.unknowns.channels
@@ -297,12 +297,12 @@ class Fitting:
             return ""
         return (
             f"the machine, or a filter of the sensor, does not fit: neighbouring residuals of the {worst[0]} are alike "
-            f"(correlation {worst[1]:.2f}), so they are no noise; the deviations do not contain what is missing"
+            f"(correlation {worst[1]:.2f}), so they are not noise; the deviations do not include the missing part"
         )
 
 
 def _robust(off: np.ndarray) -> float:
-    """The deviation of residuals (n,), some of which may be spikes or missing."""
+    """The deviation of residuals (n,); some may be spikes or missing."""
     here = off[np.isfinite(off)]
     return FIT.median * float(np.median(np.abs(here))) if len(here) else 0.0
 
@@ -331,7 +331,7 @@ def _first(start: Start, record: HopRecord) -> Motion:
 
 
 def _stays(motions: Sequence[Motion], others: Sequence[Motion]) -> bool:
-    """Whether motions end when others do, but for rounding."""
+    """Whether motions end when others do, up to rounding."""
     ends = [
         (motion.edges[-1], other.edges[-1], np.ptp(other.edges)) for motion, other in zip(motions, others, strict=True)
     ]

@@ -24,7 +24,7 @@ SEPARATION = SeparationOptions()
 class Separation(NamedTuple):
     """What a record says about the unknown parameters.
 
-    covariance : (k, k), infinite for those that are not separated
+    covariance : (k, k), infinite for parameters that are not separated
     together : groups of names that the record does not separate
     remedy : which further channels would separate them, in words
     """
@@ -75,7 +75,7 @@ def _groups(directions: np.ndarray, names: Sequence[str]) -> tuple[tuple[str, ..
 
 
 def _remedy(program: HopProgram, z: np.ndarray, slopes: np.ndarray) -> str:
-    """The channels each of which would separate the parameters, at the times of the first one that is recorded."""
+    """The channels that would each separate the parameters, at the times of the first recorded channel."""
     recorded = {each.name for each in program.unknowns.channels}
     others = [each for name, each in channels_of(program.unknowns.machine).items() if name not in recorded]
     k, found = len(program.unknowns.names), []

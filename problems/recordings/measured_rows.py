@@ -26,7 +26,7 @@ class MeasuredRows(NamedTuple):
 
     weights : (n,), of how many different rows each force is the mean; copies of a row count as one
     squares : sum of the squared differences of rows from the mean at their extension
-    spare : how many differences of these are independent, the number of repeated rows that are no copies
+    spare : how many differences of these are independent, the number of repeated rows that are not copies
     """
 
     extensions: np.ndarray
@@ -57,8 +57,8 @@ def rows_at(r: np.ndarray, force: np.ndarray, label: str) -> MeasuredRows:
 
 
 def _middles_of_steps(r: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of rows whose forces are the stairs of a coarse rounding, the middle of each step: the force is there what the
-    step says, while along it the error of rounding is no noise that differs from row to row. Other rows as they are."""
+    """The middle of each step, if the forces of rows are the stairs of a coarse rounding: the force there is that of
+    the step, while the error of rounding along a step does not differ from row to row. Other rows are unchanged."""
     if len(r) < ROWS.steps or not np.ptp(r) > 0:
         return r, force
     begins = np.flatnonzero(np.diff(force, prepend=np.nan) != 0)

@@ -113,7 +113,7 @@ def _through(
 
 
 def _are_exact(rows: MeasuredRows, exact: float) -> bool:
-    """Whether most rows lie on polynomials through their neighbours but for rounding, of low order where a law has
+    """Whether most rows lie on polynomials through their neighbours up to rounding, of low order where a law has
     kinks: the pseudo-residuals of Gasser, Sroka and Jennen-Steinmetz (1986), whose deviation is that of a row."""
     r, count = rows.extensions / np.ptp(rows.extensions), len(rows.extensions)
     for order in (each for each in SMOOTHING.exact_orders if each < count):
@@ -132,7 +132,7 @@ class SmoothCurves:
 
     The mean for one order m and amplitude is the smoothing spline of degree 2 m - 1. Orders and amplitudes have the
     weights of their restricted likelihood, which are those of the rows' deviations from all polynomials; amplitudes are
-    uniform in their logarithm. The spread of the curves so has the noise, the law's change between and beside the
+    uniform in their logarithm. So the spread of the curves includes the noise, the law's change between and next to the
     rows, and the choice of the penalty.
 
     sigma : root of the mean square of a row's noise, or what was stated

@@ -26,10 +26,10 @@ MOST_BYTES = 32_000_000
 
 
 def text_of(path: Path) -> str:
-    """The text of a file of bounded size; raises `InputError` where it is no regular file or no text."""
+    """The text of a file of bounded size; raises `InputError` if it is not a regular file or not text."""
     try:
         if path.exists() and not path.is_file():
-            raise InputError(f"the table {short(path)} cannot be read: it is no regular file")
+            raise InputError(f"the table {short(path)} cannot be read: it is not a regular file")
         with open(path, "rb") as file:
             data = file.read(MOST_BYTES + 1)
         if len(data) > MOST_BYTES:
@@ -137,7 +137,7 @@ def _wrong_row(where: str, lines: list[str], line: int, problem: str) -> InputEr
 
 
 def _decimal_mark(cells: Iterable[str]) -> str | None:
-    """The decimal mark of numbers of which some also have marks of thousands, as 1.234,5; None where none has."""
+    """The decimal mark of numbers, if some also have marks of thousands, as in 1.234,5; None if no number has."""
     for cell in cells:
         if "," in cell and "." in cell and (found := BOTH_MARKS.fullmatch(cell)):
             return found[1] or found[2]

@@ -1,8 +1,8 @@
 """A machine with an actuator, which moves the end of a spring, as on the paper's air track (section 10), or is a force.
 
 An actuator has one state more than the machine, whose rate is the input. The spring acts by phi(r - u), u the
-displacement of its end, r the extension, with the rate w = u'; the damper beside the spring works on r' alone. A force
-f, with the rate f_rate, acts along a distance d: it pushes apart where it is above 0. The actuator's power on the
+displacement of its end, r the extension, with the rate w = u'; the damper parallel to the spring works on r' alone. A
+force f, with the rate f_rate, acts along a distance d: it pushes apart where it is above 0. The actuator's power on the
 machine is its force times the speed at which it moves: -phi(r - u) w or f d', in the units of the machine's energy.
 Lift-off is where the contact force vanishes, landing where the gap does.
 """
@@ -32,7 +32,7 @@ STATES_OF_ACTUATORS = {"displacement": ("u", "w"), "force": ("f", "f_rate")}
 
 @dataclass(frozen=True)
 class Actuator:
-    """What drives a machine of which nothing else is driven.
+    """The only actuator of a machine.
 
     along : the extension of the spring whose end is moved, as the machine states it, or the distance along which a
         force acts: a formula of the coordinates, "body - foot". None is the extension of the only spring
@@ -93,7 +93,7 @@ class Actuated(Stated):
             raise InputError(f"actuator = {self.actuator!r}; it is an Actuator(along, kind), or None")
         if not hasattr(self.machine, "stated"):
             kind = type(self.machine).__name__
-            raise InputError(f"a {kind} is no machine whose spring can be moved: state it as an orbits.Mechanism(...)")
+            raise InputError(f"a {kind} has no spring whose end can be moved: state it as an orbits.Mechanism(...)")
         stated = self.machine.stated()  # raises for a machine that is no mechanism
         if stated.actuators:
             names = ", ".join(stated.actuators)
@@ -111,7 +111,7 @@ class Actuated(Stated):
 
     @property
     def _is_default(self) -> bool:
-        """Whether the actuator is that of a machine of which none is named."""
+        """Whether the actuator is the default one of the machine."""
         springs = springs_of_mechanism(self.machine.stated())
         return len(springs) == 1 and self.actuator == Actuator(cast(str, springs[0].extension))
 
@@ -293,7 +293,7 @@ def refuse_springs_with_loops(stated: Mechanism) -> None:
     """Raise `InputError` where the law of a spring has hysteresis."""
     for spring in springs_of_mechanism(stated):
         if spring.force.branches:
-            remedy = "its spring has hysteresis, which no schedule takes; give it the law's `.mean`"
+            remedy = "its spring has hysteresis, which schedules do not support; give it the law's `.mean`"
             raise InputError(f"the {stated.name} cannot be steered: {remedy}")
 
 

@@ -104,7 +104,7 @@ def bare_speed_force(driven: Actuated) -> Callable[[SpeedForce, Any], SpeedForce
 
 
 def dimensions_of_rows(driven: Actuated) -> dict[str, Dimension]:
-    """The dimensions of the rows of the legs that are no lengths or speeds, by name."""
+    """The dimensions of the rows of the legs that are not lengths or speeds, by name."""
     bounds = dimensions_of_limits(driven)
     bounds["speed_force"] = bounds["force"]
     sides = {side: bounds[name] for name, both in SIDES_OF_BOUNDS.items() for side in both}

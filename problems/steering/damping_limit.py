@@ -12,8 +12,8 @@ from .driven import Driven
 def too_much_damping(
     steered: Callable[[Any], Driven], machine: Any, reason: NoOrbit, most: int = 8, apart: float = 0.03
 ) -> str:
-    """The message about a stage that collapses, with a damping that this goal has a motion for: the largest one, by at
-    most so many bisections, or until it is this share apart from one that is too large."""
+    """The message about a stage that collapses, with the largest damping for which this goal has a motion: by `most`
+    bisections at most, or until it is the share `apart` from a damping that is too large."""
     why, elements = str(reason).rpartition("; ")[0], machine.stated().elements
     named = dict.fromkeys(str(each.coefficient) for each in elements if isinstance(each, Damper))
     dampers = {name: machine.values[name] for name in named if machine.values.get(name, 0.0) > 0}

@@ -281,7 +281,7 @@ class Driven(Control, what="motion of a driven machine"):
         for leg in control.legs:
             states = model.flight.states if leg.phase == "flight" else model.contact.states
             if leg.states != states or leg.inputs.names != (actuated.actuator.rate,):
-                raise ValueError(f"its stage '{leg.phase}' is none of its machine's")
+                raise ValueError(f"its stage '{leg.phase}' is not a stage of its machine")
         if not is_driven_motion_of(control, actuated):
             raise ValueError(OF_OTHER_EQUATIONS)
         return cls.of(machine, control, actuated.actuator)
@@ -301,7 +301,7 @@ def is_driven_motion_of(control: Control, actuated: Actuated) -> bool:
 
 def largest_effects(driven: Actuated, control: Control) -> tuple[float, float]:
     """The largest size of an actuator's force and of its power, both without units: over each control interval with
-    both of its ends, by Brent's method beside the samples that may be the largest."""
+    both of its ends, by Brent's method near the samples that may be the largest."""
     from scipy.optimize import minimize_scalar  # takes long to import
 
     largest, shares = [0.0, 0.0], 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, POWER_SAMPLES + 1))
@@ -397,7 +397,7 @@ class WithMovedEnd(DrivenMotion):
 
 
 class _SavedDriven(TypedDict):
-    """The entries of a file of a `Driven` beside its `Control`."""
+    """The entries of a file of a `Driven` in addition to its `Control`."""
 
     machine: Mapping[str, Any]
     statement: Mapping[str, Any] | None

@@ -111,7 +111,7 @@ def _check_number(
     if name not in list(numbers):
         if name in list(LAUNCH_CONDITIONS):
             raise InputError(f"the {name} is not prescribed: take keep_hopping(machine, {name}=...)")
-        raise InputError(f"'{name}' is no number of the motion; there are: {', '.join(numbers)}")
+        raise InputError(f"'{name}' is not a number of the motion; there are: {', '.join(numbers)}")
     if driven.actuated.has_corners:
         raise InputError(
             "the law of the spring has corners, which the motion would pass in another order: find each hop"

@@ -145,8 +145,8 @@ def keep_hopping(
     speed, height : prescribe the launch, by its speed or by the rise of the centre of mass in flight above its place at
         lift-off; both are left free by default
     period : prescribe the duration of flight and contact together; free by default
-    intervals : of flight and contact together, on each of which the actuator's rate is constant; with few, about 12,
-        the contact force after a lossless landing may be too small for a solution to be found
+    intervals : number of intervals of flight and contact together; the actuator's rate is constant on each. With
+        few, about 12, the contact force after a lossless landing may be too small for a solution to be found
     rate : bound of the rate of the actuator's state, of the end of a spring or of a force; no least work exists without
     stroke : bound of its displacement, in both directions: from the one at lift-off, or for a force, of the distance
         along which it acts, from where the machine rests with its springs unloaded
@@ -496,5 +496,5 @@ def _aim(driven: Actuated, orbit: Orbit, aim: Driven | None) -> dict[str, float]
 
 
 def _named(kind: str, unknowns: Mapping[str, float]) -> dict[str, float]:
-    """The unknowns of a launch beside its speed and its "liftoff", as parameters of a kind of launch."""
+    """The unknowns of a launch without its speed and its "liftoff", as parameters of a kind of launch."""
     return {f"{kind} {name}": x for name, x in unknowns.items() if name not in ("alpha", "liftoff")}

@@ -248,7 +248,7 @@ MACHINES = {
     "parameter_text.toml": ('spring = "cubic"\n[parameters]\nbeta = "big"\n', 2, "beta = 'big'"),
     "parameter_unknown.toml": ('spring = "cubic"\n[parameters]\nbetta = 1\n', 2, "did you mean 'beta'?"),
     "si_number.toml": ("si = 3\n", 2, "[si]"),
-    "si_ratio.toml": ("mass_ratio = 1\n" + SI + "stiffness = 1\n", 2, "'mass_ratio' beside [si]"),
+    "si_ratio.toml": ("mass_ratio = 1\n" + SI + "stiffness = 1\n", 2, "'mass_ratio' together with [si]"),
     "si_massless.toml": ("[si]\nbody_mass = 1\nstiffness = 1\n", 2, "needs foot_mass (kg)"),
     "si_juggler.toml": ('machine = "juggler"\n' + SI + "stiffness = 1\n", 2, "body_mass"),
     "si_springless.toml": (SI, 2, "stiffness (N/m)"),
@@ -270,7 +270,7 @@ FILES = [
     ("find --spring 'r + c*v' --set c=1", 2, "damping"),
     ("find --machine none.toml", 2, "none.toml"),
     ("find --machine folder.toml", 2, "folder.toml"),
-    ("find --machine si_good.toml --mass-ratio 2", 2, "'mass_ratio' beside [si]"),
+    ("find --machine si_good.toml --mass-ratio 2", 2, "'mass_ratio' together with [si]"),
     ("find --machine si_good.toml --set b=2", 2, "'b'"),
 ]
 OUTPUTS = [

@@ -69,7 +69,11 @@ def test_start_up(orbits):
         ("keep-hopping --save hold.txt", 2, "needs an ending"),
         ("keep-hopping --follow damping", 2, "as damping:0.2"),
         ("keep-hopping --follow damping:much", 2, "--follow 'much' is not a number"),
-        ("keep-hopping --follow zeta:1", 2, "'zeta' is no number of the motion; there are: mass_ratio, damping, drag"),
+        (
+            "keep-hopping --follow zeta:1",
+            2,
+            "'zeta' is not a number of the motion; there are: mass_ratio, damping, drag",
+        ),
         ("keep-hopping --follow damping:0.1 --animate hop.gif", 2, "draws one motion"),
         ("recover --short 0.1 --follow damping:0.1", 2, "--follow belongs to keep-hopping"),
         ("keep-hopping --damping 0.01 --rate 1e-6", 1, ""),

@@ -28,7 +28,7 @@ def test_the_verdict_says_whether_there_is_a_motion_and_why_not():
     scene = beginning("hopper")
     assert verdict(scene, None, {}) == ("", "The first motion is being found.")
     assert verdict(scene, hop(), {})[0] == "yes"
-    assert verdict(scene, hop(), {})[1].startswith("A motion without loss: it hops for ever")
+    assert verdict(scene, hop(), {})[1].startswith("A motion without loss: it hops forever")
     kind, text = verdict(scene, hop("foot below ground at t = 1", "the ground would have to pull"), {})
     assert (kind, text.startswith("No motion: foot below ground at t = 1; the ground")) == ("no", True)
     assert verdict(scene, None, {"page": "no"}) == ("no", "No motion is found for these numbers.")

@@ -197,7 +197,7 @@ def test_a_branch_of_a_loop():
         (("k*r + b*sqrt(r)",), "not finite at some rows"),
         (("k*r + 0*b",), "do not depend on the parameter 'b'"),
         ((5,), "it is a text"),
-        ((springs.bilinear(),), "is no formula of the force"),
+        ((springs.bilinear(),), "is not a formula of the force"),
     ],
 )
 def test_what_cannot_be_fitted(arguments, message):

@@ -75,7 +75,7 @@ def test_a_force_does_work_along_its_way():
         (Chain(), Actuator("y1 - y4", kind="force"), "there is no coordinate 'y4'; known: y1, y2, y3"),
         (Chain(), Actuator("2", kind="force"), "has no coordinate; there are y1, y2, y3"),
         (Chain(), "y1 - y2", "it is an Actuator"),
-        (Hopper(springs.lossy("r", loss_factor=0.1)), Actuator(), "has hysteresis, which no schedule takes"),
+        (Hopper(springs.lossy("r", loss_factor=0.1)), Actuator(), "has hysteresis, which schedules do not support"),
         (restated(as_spring("r + f*r**3", {"f": 0.1})), Actuator(kind="force"), "actuator's own name"),
         (
             Mechanism(("body", "foot"), [*MASSES, Spring("body - foot - e")], actuators={"e": "v"}, **TWO),

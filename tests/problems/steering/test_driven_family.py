@@ -81,7 +81,7 @@ def test_recoveries_are_what_independent_solves_find():
 @pytest.mark.parametrize(
     ("follow", "words"),
     [
-        (lambda: steering.keep_hopping(Hopper()).follow("zeta", 1.0), "'zeta' is no number of the motion"),
+        (lambda: steering.keep_hopping(Hopper()).follow("zeta", 1.0), "'zeta' is not a number of the motion"),
         (lambda: steering.recover(Hopper(), short=0.1).follow("mass_ratio", 0.9), "changes that is aimed at"),
         (lambda: steering.recover(Hopper(), short=0.1).follow("short", 5.0), "some of it is to be left"),
         (

@@ -229,7 +229,7 @@ def test_a_short_launch_is_brought_back(lossless):
         (lambda: steering.recover(Hopper(), None), "short = None"),
         (lambda: steering.recover(Hopper(), 5.0), "some of it is to be left"),
         (lambda: steering.start_up(HeavyHand(), 2), "limit of mechanisms"),
-        (lambda: Actuated(3), "whose spring can be moved"),
+        (lambda: Actuated(3), "whose end can be moved"),
         (lambda: Actuated(Hopper("r + u*r**3", parameters={"u": 1.0})), "actuator's own name"),
     ],
 )
