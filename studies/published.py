@@ -12,7 +12,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the cases
 
-from studies.published_cases import bounces, cannot, hops, rocking, walkers
+from studies.published_cases import bounces, cannot, control, hops, oscillators, rocking, walkers
 from studies.published_cases.case import Case, Computed, Missing, computed, first_and_count, our_text, published_text
 
 SUBJECTS: Mapping[str, Sequence[Case]] = {
@@ -20,6 +20,8 @@ SUBJECTS: Mapping[str, Sequence[Case]] = {
     "Rocking": rocking.CASES,
     "Walking": walkers.CASES,
     "Hopping": hops.CASES,
+    "Oscillating": oscillators.CASES,
+    "Optimal control": control.CASES,
 }
 CANNOT: Sequence[Missing] = cannot.MISSING
 PAGE = Path(__file__).parent / "docs" / "published.md"
