@@ -2,6 +2,7 @@
 
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -13,8 +14,24 @@ from runners import energy_by_hand, fast_runner, rates_by_hand
 from orbits import InputError, find, find_all, simulate
 from orbits.flow import flow_of
 from orbits.mechanics import Mass, Mechanism, Spring
-from problems import Chain, HeavyHand, Hopper, Juggler, hopper_in_si, juggler_in_si, rimless_wheel, runner
+from problems import (
+    Chain,
+    HeavyHand,
+    Hopper,
+    Juggler,
+    chain_hand,
+    hopper_in_si,
+    inerter_hopper,
+    juggler_in_si,
+    knee_hopper,
+    plate_hopper,
+    rimless_wheel,
+    rocking_block,
+    runner,
+    shuttle,
+)
 from problems.laws import springs
+from studies.exact_orbits.reader import Case
 
 REFUSED = {"lossy": "hysteresis", "actuated in SI": "have no units"}
 MEASURED = springs.table(springs.SAMPLE, in_si=True)
@@ -210,6 +227,57 @@ def test_functions_are_the_equations_of_a_textbook(machine, flight, contact, ene
         ]
         for value, known in pairs:
             assert value == pytest.approx(known, rel=1e-12, abs=1e-11 * np.abs(known).max())
+
+
+EXACT = Path(__file__).parents[2] / "studies" / "exact_orbits" / "cases"
+WRITTEN = {
+    "linear_hop": Hopper(), "juggler_cubic": Juggler("r + 0.1*r**3", mass_ratio=0.5), "heavy_hand": HeavyHand(),
+    "chain_three": Chain(), "chain_hand": chain_hand(), "inerter": inerter_hopper(), "knee": knee_hopper(),
+    "plate": plate_hopper(parameters={"plate_stiffness": 10.0}), "wheel_small": rimless_wheel(),
+    "wheel": rimless_wheel(angle=0.3), "rocker": rocking_block(angle=0.3), "shuttle": shuttle(angle=0.3),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_functions_are_the_equations_of_the_exact_orbits(name):
+    """Derivatives, guards, resets and energies of a case in plain text; guards and energies may have other units."""
+    case, machine, found = Case(EXACT / f"{name}.json"), WRITTEN[name], WRITTEN[name].casadi()
+    events = {each["event"]: (mode, each) for mode, own in case["modes"].items() for each in own["events"]}
+    (contact, lifts), (flight, lands) = events["lift-off"], events["landing"]
+    in_flight, in_contact = (case["modes"][mode]["states"] for mode in (flight, contact))
+    energy = next(iter(case["conserved"].values()))["text"]
+    sample, rng, p = (
+        next(each for each in case["samples"] if each["mode"] == flight),
+        np.random.default_rng(5),
+        found.values,
+    )
+    values = []
+    for _ in range(3):
+        x = np.array([sample["state"][each] for each in in_flight]) + 0.2 * rng.normal(size=len(in_flight))
+        y = column(found.onto_contact, x)
+        flies = dict(zip(in_flight, x, strict=True))
+        stands = dict.fromkeys(in_contact, 0.0) | dict(zip(in_contact, y, strict=False))  # some cases have the foot too
+        for mode, state, field, at in ((flight, flies, found.flight, x), (contact, stands, found.contact, y)):
+            rates = dict.fromkeys(state, 0.0) | case.at(case["modes"][mode]["derivatives"], 0.0, state)
+            assert column(field, at, p) == pytest.approx([*rates.values()][: len(at)], rel=1e-12, abs=1e-12)
+        opened = stands | case.at(lifts["reset"], 0.0, stands)
+        assert column(found.resets["lift-off"], y, p) == pytest.approx([opened[each] for each in in_flight], abs=1e-13)
+        closed = np.where([each.endswith("'") for each in found.states], x, standing(found, x))
+        closed = np.array(machine.model.relabelling.inverse(closed, machine.values))
+        state = dict(zip(in_flight, closed, strict=True))
+        landed = state | case.at(lands["reset"], 0.0, state)
+        after = column(found.onto_contact, found.resets["landing"](closed, p, 0.0))
+        assert after == pytest.approx([landed[each] for each in in_contact][: len(after)], rel=1e-12, abs=1e-12)
+        pairs = [
+            (found.contact_guards["lift-off"](y, p), case.at(lifts["guard"], 0.0, stands)),
+            (found.flight_guards["landing"](x, p), case.at(lands["guard"], 0.0, flies)),
+            (found.energy(x, p), case.at(energy if isinstance(energy, str) else energy[flight], 0.0, flies)),
+        ]
+        values.append([tuple(map(float, pair)) for pair in pairs])
+    ours, theirs = np.moveaxis(np.array(values), -1, 0)
+    ours[:, 2], theirs[:, 2] = (each - each.mean() for each in (ours[:, 2], theirs[:, 2]))  # from another rest
+    assert (ours[0] / theirs[0] > 0).all()
+    assert ours == pytest.approx(theirs * ours[0] / theirs[0], rel=1e-10, abs=1e-12)
 
 
 def test_bounces_and_hand_overs_are_those_of_simulations():
