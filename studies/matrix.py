@@ -18,6 +18,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
@@ -377,6 +378,17 @@ def _simulates(case: Case) -> Iterator[Held]:
         yield Held(f"{name} in mid-flight", value, also, 1e-7)
 
 
+def _is_stated_in_casadi(case: Case) -> Iterator[Held]:
+    own, half = case.machine.casadi(), case.orbit.flight_time / 2
+    x, accurate = ca.MX.sym("x", len(own.states)), {"abstol": 1e-12, "reltol": 1e-12}
+    problem = {"x": x, "ode": own.flight(x, own.values)}
+    end = ca.integrator("flight", "cvodes", problem, 0.0, half, accurate)(x0=case.orbit(0.0))["xf"]
+    for name, value, other in zip(own.states, end.full().ravel(), case.orbit(half), strict=True):
+        yield Held(f"{name} in mid-flight", float(value), float(other), 1e-7)
+    energies = [float(own.energy(state, own.values)) for state in (case.orbit(0.0), case.orbit(half))]
+    yield Held("energy in mid-flight", *energies)
+
+
 def _is_held(case: Case) -> Iterator[Held]:
     machine = case.damped
     kept = steering.keep_hopping(machine, actuator=case.actuator, **case.start)
@@ -440,6 +452,7 @@ VERBS: dict[str, Callable[[Case], Iterator[Held]]] = {
     "multipliers": _has_multipliers,
     "bifurcations": _bifurcates,
     "simulate": _simulates,
+    "casadi": _is_stated_in_casadi,
     "prove": _is_proved,
     "save, page": _is_exported,
 }
