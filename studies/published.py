@@ -13,7 +13,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the cases
 
 from studies.published_cases import bounces, cannot, control, hops, oscillators, rocking, walkers
-from studies.published_cases.case import Case, Computed, Missing, computed, first_and_count, our_text, published_text
+from studies.published_cases.case import Case, Computed, Missing, computed, our_text, published_text
 
 SUBJECTS: Mapping[str, Sequence[Case]] = {
     "Bouncing": bounces.CASES,
@@ -28,23 +28,26 @@ PAGE = Path(__file__).parent / "docs" / "published.md"
 HEADS = ("case", "published", "ours", "within", "source")
 
 
-def cells(found: Computed) -> tuple[str, ...]:
-    """The cells of a case in the table of the page, with its first number."""
+def cells(found: Computed, number: int) -> tuple[str, ...]:
+    """The cells of a case in the table of the page, with its first number and the number of its source."""
     case = found.case
     published, ours = published_text(case.published[0]), our_text(found.ours[0], case.published[0])
+    count = f" ({len(case.published)} numbers)" if len(case.published) > 1 else ""
     within = f"{case.allowed[0]:.0e}".replace("e-0", "e-")
-    words = f"**{case.name}**: {case.quantity}"
-    return words, first_and_count([published] * len(case.published)), ours, within, case.source
+    return f"**{case.name}**: {case.quantity}", published + count, ours, within, f"[{number}] {case.place}"
 
 
 def page(found: Mapping[str, Sequence[Computed]]) -> str:
-    """The page: what stands above its tables, and the tables."""
+    """The page: what stands above its tables, the tables, and the sources in the order of their first case."""
+    cases = [each.case for own in found.values() for each in own]
+    sources = list(dict.fromkeys(each.source for each in (*cases, *CANNOT)))
     lines = [PAGE.read_text(encoding="utf-8").partition("\n## ")[0].rstrip()]
     for subject, own in found.items():
-        rows = [HEADS, ("---",) * len(HEADS), *map(cells, own)]
+        rows = [HEADS, ("---",) * len(HEADS), *(cells(each, 1 + sources.index(each.case.source)) for each in own)]
         lines += [f"\n## {subject}\n", *(f"| {' | '.join(row)} |" for row in rows)]
     lines += ["\n## What cannot be stated\n", "| case | missing idea | source |", "| --- | --- | --- |"]
-    lines += [f"| {each.name} | {each.idea} | {each.source} |" for each in CANNOT]
+    lines += [f"| {each.name} | {each.idea} | [{1 + sources.index(each.source)}] |" for each in CANNOT]
+    lines += ["\n## Sources\n", *(f"{number}. {source}" for number, source in enumerate(sources, start=1))]
     return "\n".join(lines) + "\n"
 
 
@@ -55,7 +58,7 @@ def print_case(found: Computed) -> None:
     count = f", worst of {len(case.published)}" if len(case.published) > 1 else ""
     print(f"{'  ok ' if found.right else 'WRONG'} {case.name}: {case.quantity}")
     print(f"        published {published}, ours {ours}{count}; off by {found.differences[at]:.1e} of", end=" ")
-    print(f"{case.allowed[at]:.0e}\n        {case.source}")
+    print(f"{case.allowed[at]:.0e}\n        {case.source}\n        {case.place}")
 
 
 def main(quick: bool = False, write: bool = False) -> list[Computed]:

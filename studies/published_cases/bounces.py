@@ -10,35 +10,8 @@ from orbits.mechanics import Mass, Spring
 from problems import HeavyHand, Hopper
 
 from .case import Case
+from .sources import CHATTERJEE, HOLMES, IRODOV, MODELING_TOOLKIT, TUFILLARO
 
-TUFILLARO = (
-    "N. B. Tufillaro, T. Abbott and J. Reilly, An Experimental Approach to Nonlinear Dynamics and Chaos (1992), "
-)
-SERIES = (
-    "sum of a geometric series, as in " + TUFILLARO + "chapter 1, Equilibrium solutions; the numbers are those of the "
-    "examples of Simulink (Simulation of a Bouncing Ball), OpenModelica (BouncingBall.mo) and the Modelica Association "
-    "(Reference FMUs, BouncingBall)"
-)
-STICKING = (
-    TUFILLARO + "chapter 1, Sticking solutions: it comes off where the table falls with the acceleration of gravity"
-)
-HOLMES = (
-    "P. J. Holmes, The dynamics of repeated impacts with a sinusoidally vibrating table, J. Sound Vib. 84 (1982) "
-    "173-189: gamma_n = 2 n pi (1 - e), gamma = 2 (1 + e) Gamma"
-)
-EXACT_EDGE = (
-    "closed form, derived here for the exact flights of the problem of Holmes (1982), who neglects how far the table "
-    "moves: Gamma^2 = (n pi (1 - e)/(1 + e))^2 + (2 (1 + e^2)/(1 + e)^2)^2; for e = 0 that of S. Schaal and "
-    "C. G. Atkeson, Open loop stable control strategies for robot juggling, IEEE ICRA (1993)"
-)
-INELASTIC = (
-    "closed form: a throw at n pi comes back after n periods; the limit of a heavy hand in section 9 of Chatterjee, "
-    "Pratap, Reddy and Ruina, Int. J. Robotics Research 21 (2002) 621-634"
-)
-FLEXIBLE = (
-    "GitHub, SciML/ModelingToolkit.jl issue 4822 (2026): a ball of 5 kg on a mass of 1 kg with a spring of 10 N/m; "
-)
-IRODOV = "I. E. Irodov, Problems in General Physics, problem 1.153 (answers)"
 RESTITUTIONS, CYCLES, LEVELS = (0.2, 0.5, 0.8), (1, 2, 3), (1.01, 1.5, 2.0, 5.0)
 
 
@@ -170,58 +143,111 @@ def risen_cubes() -> list[float]:
 OMEGA = sqrt(10.0)
 CASES = (
     Case(
-        "Bouncing ball", "time (s) until it rests; height 10, 1, 1 m, speed 15, 0, 0 m/s, restitution 0.8, 0.8, 0.7",
-        SERIES, [zeno_sum(10.0, 15.0, 0.8), zeno_sum(1.0, 0.0, 0.8), zeno_sum(1.0, 0.0, 0.7)], zeno_sums, within=1e-12,
-    ),
-    Case(
-        "Ball on a vibrating table", "phase at which it comes off, arcsin(1/Gamma); Gamma = 1.01, 1.5, 2, 5", STICKING,
-        [asin(1 / level) for level in LEVELS], lambda: [on_table(level, hops=1).end for level in LEVELS],
+        "Bouncing ball",
+        "time (s) until it rests; height 10, 1, 1 m, speed 15, 0, 0 m/s, restitution 0.8, 0.8, 0.7",
+        TUFILLARO,
+        "Equilibrium Solutions: the sum of a geometric series, for the examples of Simulink (Simulation of a Bouncing "
+        "Ball), OpenModelica (BouncingBall.mo) and the Modelica Association (Reference FMUs)",
+        [zeno_sum(10.0, 15.0, 0.8), zeno_sum(1.0, 0.0, 0.8), zeno_sum(1.0, 0.0, 0.7)],
+        zeno_sums,
         within=1e-12,
-    ),
-    Case(
-        "Ball on a vibrating table", "its speed there, sqrt(Gamma^2 - 1); Gamma = 1.01, 1.5, 2, 5", STICKING,
-        [sqrt(level**2 - 1) for level in LEVELS],
-        lambda: [on_table(level, hops=1).launches[-1] for level in LEVELS], within=1e-12,
-    ),
-    Case(
-        "Ball on a vibrating table", "speed at the second launch, after it has stuck again; e = 0.3, Gamma = 2",
-        STICKING, [sqrt(3.0)], lambda: on_table(2.0, 0.3, hops=2).launches[-1:], within=1e-12,
     ),
     Case(
         "Ball on a vibrating table",
-        "Gamma at which bouncing with one impact in n periods begins; e = 0.2, 0.5, 0.8, n = 1, 2, 3", HOLMES,
-        [n * pi * (1 - e) / (1 + e) for e in RESTITUTIONS for n in CYCLES],
-        lambda: [edge(e, n, 1) for e in RESTITUTIONS for n in CYCLES], within=1e-8, slow=True,
-    ),
-    Case(
-        "Ball on a vibrating table", "Gamma at which it loses stability; e = 0.2, 0.5, 0.8, n = 1, 2, 3", EXACT_EDGE,
-        [
-            np.hypot(n * pi * (1 - e) / (1 + e), 2 * (1 + e**2) / (1 + e) ** 2).item()
-            for e in RESTITUTIONS for n in CYCLES
-        ],
-        lambda: [edge(e, n, -1) for e in RESTITUTIONS for n in CYCLES], within=1e-8, slow=True,
-    ),
-    Case(
-        "Ball on a heavy hand", "slowest throw after which it bounces forever, n pi; n = 1, 2, 3", INELASTIC,
-        [n * pi for n in CYCLES], throws_that_bounce, within=1e-8, slow=True,
-    ),
-    Case(
-        "Ball on flexible ground", "time in contact, speed after it, energy lost; plastic, 1 m/s",
-        FLEXIBLE + "closed form: both swing half a period at the rate sqrt(10/6)",
-        [pi * sqrt(0.6), 5 / 6, 5 / 12], plastic_impact, within=1e-12,
-    ),
-    Case(
-        "Ball on flexible ground", "time between two impacts, change of energy over all impacts; elastic, 1 m/s",
-        FLEXIBLE + "closed form: 2 t/5 = sin(w t)/w with w = sqrt(10), and the energy is constant",
-        [brentq(lambda t: 0.4 * t - sin(OMEGA * t) / OMEGA, 0.1, 0.9, xtol=1e-15), 0.0], elastic_impacts,
+        "phase at which it comes off, arcsin(1/Gamma); Gamma = 1.01, 1.5, 2, 5",
+        TUFILLARO,
+        "Sticking Solutions: it comes off where the table falls with the acceleration of gravity",
+        [asin(1 / level) for level in LEVELS],
+        lambda: [on_table(level, hops=1).end for level in LEVELS],
         within=1e-12,
     ),
     Case(
-        "Two cubes joined by a spring", "compression from which the lower one leaves the ground (m g/k)", IRODOV,
-        ["3"], jumping_cubes, within=1e-9,
+        "Ball on a vibrating table",
+        "its speed there, sqrt(Gamma^2 - 1); Gamma = 1.01, 1.5, 2, 5",
+        TUFILLARO,
+        "Sticking Solutions, closed form",
+        [sqrt(level**2 - 1) for level in LEVELS],
+        lambda: [on_table(level, hops=1).launches[-1] for level in LEVELS],
+        within=1e-12,
     ),
     Case(
-        "Two cubes joined by a spring", "rise of the centre of gravity from a compression of 7 (m g/k)", IRODOV, ["8"],
-        risen_cubes, within=1e-12,
+        "Ball on a vibrating table",
+        "speed at the second launch, after it has stuck again; e = 0.3, Gamma = 2",
+        TUFILLARO,
+        "Sticking Solutions: it repeats the pattern",
+        [sqrt(3.0)],
+        lambda: on_table(2.0, 0.3, hops=2).launches[-1:],
+        within=1e-12,
     ),
-)  # fmt: skip
+    Case(
+        "Ball on a vibrating table",
+        "Gamma at which bouncing with one impact in n periods begins; e = 0.2, 0.5, 0.8, n = 1, 2, 3",
+        HOLMES,
+        "gamma_n = 2 n pi (1 - e), with gamma = 2 (1 + e) Gamma",
+        [n * pi * (1 - e) / (1 + e) for e in RESTITUTIONS for n in CYCLES],
+        lambda: [edge(e, n, 1) for e in RESTITUTIONS for n in CYCLES],
+        within=1e-8,
+        slow=True,
+    ),
+    Case(
+        "Ball on a vibrating table",
+        "Gamma at which it loses stability; e = 0.2, 0.5, 0.8, n = 1, 2, 3",
+        HOLMES,
+        "closed form for exact flights, derived here, as the source neglects how far the table moves: "
+        "Gamma^2 = (n pi (1 - e)/(1 + e))^2 + (2 (1 + e^2)/(1 + e)^2)^2",
+        [
+            np.hypot(n * pi * (1 - e) / (1 + e), 2 * (1 + e**2) / (1 + e) ** 2).item()
+            for e in RESTITUTIONS
+            for n in CYCLES
+        ],
+        lambda: [edge(e, n, -1) for e in RESTITUTIONS for n in CYCLES],
+        within=1e-8,
+        slow=True,
+    ),
+    Case(
+        "Ball on a heavy hand",
+        "slowest throw after which it bounces forever, n pi; n = 1, 2, 3",
+        CHATTERJEE,
+        "section 9, the limit of a heavy hand; closed form: a throw at n pi comes back after n periods",
+        [n * pi for n in CYCLES],
+        throws_that_bounce,
+        within=1e-8,
+        slow=True,
+    ),
+    Case(
+        "Ball on flexible ground",
+        "time in contact, speed after it, energy lost; plastic, 1 m/s",
+        MODELING_TOOLKIT,
+        "5 kg on 1 kg and 10 N/m; closed form: both swing half a period at the rate sqrt(10/6)",
+        [pi * sqrt(0.6), 5 / 6, 5 / 12],
+        plastic_impact,
+        within=1e-12,
+    ),
+    Case(
+        "Ball on flexible ground",
+        "time between two impacts, change of energy over all impacts; elastic, 1 m/s",
+        MODELING_TOOLKIT,
+        "5 kg on 1 kg and 10 N/m; closed form: 2 t/5 = sin(w t)/w, w = sqrt(10), and a constant energy",
+        [brentq(lambda t: 0.4 * t - sin(OMEGA * t) / OMEGA, 0.1, 0.9, xtol=1e-15), 0.0],
+        elastic_impacts,
+        within=1e-12,
+    ),
+    Case(
+        "Two cubes joined by a spring",
+        "compression from which the lower one leaves the ground (m g/k)",
+        IRODOV,
+        "problem 1.153 (a), answer",
+        ["3"],
+        jumping_cubes,
+        within=1e-9,
+    ),
+    Case(
+        "Two cubes joined by a spring",
+        "rise of the centre of gravity from a compression of 7 (m g/k)",
+        IRODOV,
+        "problem 1.153 (b), answer",
+        ["8"],
+        risen_cubes,
+        within=1e-12,
+    ),
+)

@@ -16,7 +16,8 @@ class Case:
 
     name : of the machine or the problem
     quantity : the numbers, with the values of the parameters
-    source : authors, title, journal, year, and the place in it
+    source : authors, title, journal and year
+    place : where it is in the source, and the closed form
     published : the numbers: as text where the source prints them, as floats where it states a closed form
     compute : computes the same numbers with the toolkit
     within : the largest difference, absolute; None for half a unit of the last printed digit
@@ -26,6 +27,7 @@ class Case:
     name: str
     quantity: str
     source: str
+    place: str
     published: Sequence[str | float]
     compute: Callable[[], Sequence[float] | np.ndarray]
     within: float | None = None
@@ -98,11 +100,6 @@ def half_a_unit(printed: str) -> float:
     """Half a unit of the last digit of a number as it is printed, as 0.005 of "1.52"; 1e-15 where that is more."""
     exponent = Decimal(printed).as_tuple().exponent
     return max(0.5 * 10.0 ** float(exponent), 1e-15)
-
-
-def first_and_count(texts: Sequence[str], at: int = 0) -> str:
-    """One of several numbers, and how many there are."""
-    return texts[at] if len(texts) == 1 else f"{texts[at]} ({len(texts)} numbers)"
 
 
 def published_text(each: str | float) -> str:

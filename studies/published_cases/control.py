@@ -11,10 +11,8 @@ from orbits.control import Guess, Input, Stage
 from orbits.model import Phase
 
 from .case import Case
+from .sources import BERNOULLI, BIFURCATION_KIT, BRYSON, DYMOS, OPTIMAL_CONTROL, ROCKIT
 
-BRYSON = "A. E. Bryson and Y. C. Ho, Applied Optimal Control (1975), section 3.11: "
-DYMOS = "GitHub, OpenMDAO/dymos, joss/test/test_brachistochrone_for_joss.py (2021), as asserted there"
-ROCKIT = "GitHub, meco-group/rockit, examples/bounce.py (2019), restitution 0.9; closed form: "
 CART = Phase("cart", ("x", "v"), lambda x, p, q: [x[1], p["f"]])
 FREE = Phase("ball", ("z", "v"), lambda x, p, q: [x[1], -9.81])
 THROWN = Phase("thrown ball", ("x", "z", "u", "v"), lambda x, p, q: [x[2], x[3], 0.0, -9.81])
@@ -121,37 +119,65 @@ def slowest_throw() -> list[float]:
 SPEED = sqrt(2 * 9.81 * 0.5) / RESTITUTION**2
 CASES = (
     Case(
-        "Bryson and Denham", "least integral of f^2/2; wall at 1/9, 1/5, 1/3",
-        BRYSON + "4/(9 l) for l <= 1/6, 2 + 6 (1 - 4 l)^2 for 1/6 <= l <= 1/4, 2 beyond", [4.0, 2.24, 2.0],
-        bryson_denham, within=1e-9,
-    ),
-    Case(
-        "Cart from rest to rest", "least integral of f^2/2 in the time 1; least time with f of at most 1; distance 1",
-        "closed form, 6 and 2 sqrt(distance); the second is use case 1 of GitHub, bifurcationkit/BifurcationKit.jl "
-        "issue 274 (2025)", [6.0, 2.0], rest_to_rest, within=1e-9,
-    ),
-    Case(
-        "Scalar turnpike", "least integral of x^2 over the time 2, from 1 to 1/2 with a rate of at most 1",
-        "GitHub, control-toolbox/OptimalControl.jl pull request 937 (2026): 3/8, bang, singular, bang", [0.375],
-        turnpike, within=1e-9,
-    ),
-    Case(
-        "Brachistochrone", "least time (s) from (0, 10) to (10, 5) m; g = 9.80665", DYMOS, ["1.8016"],
-        brachistochrone,
-    ),
-    Case(
-        "Brachistochrone", "least time (s) from (0, 10) to (10, 5) m; g = 9.80665, to all digits",
-        "closed form: a cycloid, Johann Bernoulli, Acta Eruditorum (1697)", [cycloid(10.0, 5.0)], brachistochrone,
+        "Bryson and Denham",
+        "least integral of f^2/2; wall at 1/9, 1/5, 1/3",
+        BRYSON,
+        "section 3.11: 4/(9 l) for l <= 1/6, 2 + 6 (1 - 4 l)^2 for 1/6 <= l <= 1/4, 2 beyond",
+        [4.0, 2.24, 2.0],
+        bryson_denham,
         within=1e-9,
     ),
     Case(
-        "Ball shot up to 0.5 m after two bounces", "its first speed (m/s) and the time of all flights (s)",
-        ROCKIT + "sqrt(2 g h)/e^2 and (2 (1 + e) + e^2) times that speed over g",
-        [SPEED, (2 * (1 + RESTITUTION) + RESTITUTION**2) * SPEED / 9.81], bounces_to_a_height, within=1e-9,
+        "Cart from rest to rest",
+        "least integral of f^2/2 in the time 1; least time with f of at most 1; distance 1",
+        BIFURCATION_KIT,
+        "issue 274, use case 1 for the time; closed form: 6 and 2 sqrt(distance)",
+        [6.0, 2.0],
+        rest_to_rest,
+        within=1e-9,
     ),
     Case(
-        "Ball thrown to 10 m in two bounces", "least speed (m/s) and its angle (degrees); e = 0.9",
-        "closed form, derived here from the range of a throw (Galilei 1638): sqrt(g d/(1 + e + e^2)) and 45",
-        [sqrt(9.81 * DISTANCE / (1 + RESTITUTION + RESTITUTION**2)), 45.0], slowest_throw, within=1e-7,
+        "Scalar turnpike",
+        "least integral of x^2 over the time 2, from 1 to 1/2 with a rate of at most 1",
+        OPTIMAL_CONTROL,
+        "3/8, bang, singular, bang",
+        [0.375],
+        turnpike,
+        within=1e-9,
     ),
-)  # fmt: skip
+    Case(
+        "Brachistochrone",
+        "least time (s) from (0, 10) to (10, 5) m; g = 9.80665",
+        DYMOS,
+        "asserted there",
+        ["1.8016"],
+        brachistochrone,
+    ),
+    Case(
+        "Brachistochrone",
+        "least time (s) from (0, 10) to (10, 5) m; g = 9.80665, to all digits",
+        BERNOULLI,
+        "closed form: a cycloid",
+        [cycloid(10.0, 5.0)],
+        brachistochrone,
+        within=1e-9,
+    ),
+    Case(
+        "Ball shot up to 0.5 m after two bounces",
+        "its first speed (m/s) and the time of all flights (s)",
+        ROCKIT,
+        "restitution 0.9; closed form: sqrt(2 g h)/e^2 and (2 (1 + e) + e^2) times that speed over g",
+        [SPEED, (2 * (1 + RESTITUTION) + RESTITUTION**2) * SPEED / 9.81],
+        bounces_to_a_height,
+        within=1e-9,
+    ),
+    Case(
+        "Ball thrown to 10 m in two bounces",
+        "least speed (m/s) and its angle (degrees); e = 0.9",
+        ROCKIT,
+        "variation of its problem; closed form, derived here: sqrt(g d/(1 + e + e^2)) and 45",
+        [sqrt(9.81 * DISTANCE / (1 + RESTITUTION + RESTITUTION**2)), 45.0],
+        slowest_throw,
+        within=1e-7,
+    ),
+)

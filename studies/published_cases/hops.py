@@ -10,22 +10,8 @@ from orbits.mechanics import Mass, Spring
 from problems import Chain, Hopper, Juggler, hopper_in_si, springs
 
 from .case import Case
+from .sources import ABRAMOWITZ, BLICKHAN, CHATTERJEE, LANDAU, PANKOV, REDDY
 
-TABLE_OF_ROOTS = (
-    "M. Abramowitz and I. A. Stegun, Handbook of Mathematical Functions (1964), table 4.19, roots of tan x = x"
-)
-PAPER = (
-    "A. Chatterjee, R. Pratap, C. K. Reddy and A. Ruina, Persistent passive hopping and juggling is possible even with "
-    "plastic collisions, Int. J. Robotics Research 21 (2002) 621-634, "
-)
-REDDY = (
-    "C. K. Reddy and R. Pratap, Multimodal map and complex basin of attraction of a simple hopper, Phys. Rev. E 68 "
-    "(2003), abstract: the map is invariant under inversion of the mass ratio, which holds for hops of one impact"
-)
-PANKOV = (
-    "S. Pankov, Energy-conserving intermittent-contact motion in complex models, arXiv 2402.16010 (2024): the two "
-    "equations in the two phase times of N coordinates, evaluated here with the modes of flight and contact"
-)
 ROUNDED_TIMES = ((1.07, 4.45), (3.01, 4.45), (3.1, 4.49), (3.22, 2.46), (4.22, 3.26), (4.95, 4.45))
 
 
@@ -131,43 +117,77 @@ def time_of_fall(height: float) -> float:
 ROOTS = ("4.49341", "7.72525", "10.90412", "14.06619", "17.22076", "20.37130", "23.51945", "26.66605")
 CASES = (
     Case(
-        "Hopper with a linear spring", "launch speeds of lossless hops, families 1 to 8", TABLE_OF_ROOTS, ROOTS,
+        "Hopper with a linear spring",
+        "launch speeds of lossless hops, families 1 to 8",
+        ABRAMOWITZ,
+        "table 4.19, roots of tan x = x",
+        ROOTS,
         lambda: [find(Hopper(), family).alpha for family in range(1, 9)],
     ),
     Case(
-        "Hopper with a linear spring", "launch speeds of families 1 to 3, proved in intervals", TABLE_OF_ROOTS,
-        ROOTS[:3], proved_roots, slow=True,
+        "Hopper with a linear spring",
+        "launch speeds of families 1 to 3, proved in intervals",
+        ABRAMOWITZ,
+        "table 4.19, roots of tan x = x",
+        ROOTS[:3],
+        proved_roots,
+        slow=True,
     ),
     Case(
-        "Hopper with a linear spring", "launch speed (m/s) of 3 kg on 2 kg and 500 N/m; flight time over alpha",
-        PAPER + "eqs. (13) and (11): alpha g sqrt(M (m1 + m2)/k) and 2",
+        "Hopper with a linear spring",
+        "launch speed (m/s) of 3 kg on 2 kg and 500 N/m; flight time over alpha",
+        CHATTERJEE,
+        "eqs. (13) and (11): alpha g sqrt(M (m1 + m2)/k) and 2",
         [4.493409457909064 * 9.80665 * sqrt(2 / 3 * 5.0 / 500.0), 2.0],
         lambda: [
-            find(hopper_in_si(3.0, 2.0, stiffness=500.0)).alpha, find(Hopper()).flight_time / find(Hopper()).alpha
+            find(hopper_in_si(3.0, 2.0, stiffness=500.0)).alpha,
+            find(Hopper()).flight_time / find(Hopper()).alpha,
         ],
         within=1e-12,
     ),
     Case(
-        "Juggler on an air track", "h, h1, h2, A1, A2 and A1/A2; M = 0.909", PAPER + "section 10, eqs. (14)",
-        ["10.095", "3.603", "8.942", "19.037", "12.545", "1.517"], amplitudes_on_the_track,
+        "Juggler on an air track",
+        "h, h1, h2, A1, A2 and A1/A2; M = 0.909",
+        CHATTERJEE,
+        "section 10, eqs. (14)",
+        ["10.095", "3.603", "8.942", "19.037", "12.545", "1.517"],
+        amplitudes_on_the_track,
     ),
     Case(
-        "Hoppers of M and 1/M", "largest difference of their return maps, hops of one impact; M = 1.5", REDDY, [0.0],
-        inverted_masses, within=1e-12,
+        "Hoppers of M and 1/M",
+        "largest difference of their return maps, hops of one impact; M = 1.5",
+        REDDY,
+        "abstract: the map is invariant under inversion of the mass ratio, which holds for hops of one impact",
+        [0.0],
+        inverted_masses,
+        within=1e-12,
     ),
     Case(
-        "Chain of three equal masses", "half contact and half flight of its 6 lossless hops up to 5", PANKOV,
-        phase_times_by_modes(), phase_times, within=1e-11, slow=True,
+        "Chain of three equal masses",
+        "half contact and half flight of its 6 lossless hops up to 5",
+        PANKOV,
+        "the two equations in the two phase times, evaluated here with the modes of flight and contact",
+        phase_times_by_modes(),
+        phase_times,
+        within=1e-11,
+        slow=True,
     ),
     Case(
-        "Mass on a massless spring", "time in contact, hopping in place with speeds 0.5, 2, 10 (omega = g = 1)",
-        "R. Blickhan, The spring-mass model for running and hopping, J. Biomechanics 22 (1989) 1217-1227; closed form: "
-        "2 (pi - arctan(v omega/g))/omega",
-        [2 * (pi - atan(speed)) for speed in (0.5, 2.0, 10.0)], hopping_in_place, within=1e-11,
+        "Mass on a massless spring",
+        "time in contact, hopping in place with speeds 0.5, 2, 10 (omega = g = 1)",
+        BLICKHAN,
+        "closed form: 2 (pi - arctan(v omega/g))/omega",
+        [2 * (pi - atan(speed)) for speed in (0.5, 2.0, 10.0)],
+        hopping_in_place,
+        within=1e-11,
     ),
     Case(
-        "Body over a planet", "time of the fall from rest at height 0.1, 3, 20 (R = 2, g = 1)",
-        "closed form of the radial Kepler problem, L. D. Landau and E. M. Lifshitz, Mechanics (1976), section 15",
-        [time_of_fall(height) for height in (0.1, 3.0, 20.0)], fall_to_a_planet, within=1e-11,
+        "Body over a planet",
+        "time of the fall from rest at height 0.1, 3, 20 (R = 2, g = 1)",
+        LANDAU,
+        "section 15, closed form of the radial motion",
+        [time_of_fall(height) for height in (0.1, 3.0, 20.0)],
+        fall_to_a_planet,
+        within=1e-11,
     ),
-)  # fmt: skip
+)

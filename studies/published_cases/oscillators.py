@@ -10,19 +10,8 @@ from orbits import Mechanism, Oscillation, find, follow, simulate
 from orbits.mechanics import Force, Mass, Potential, Spring
 
 from .case import Case
+from .sources import BIFURCATION_KIT, BRACK, JOHNSON, LANDAU, SHAW
 
-LANDAU = "L. D. Landau and E. M. Lifshitz, Mechanics (1976), "
-DUFFING = "GitHub, bifurcationkit/BifurcationKit.jl issue 232 (2025): u'' + u + u^3 = 0 along its period; closed form: "
-BRACK = (
-    "M. Brack, Bifurcation cascades and self-similarity of periodic orbits with analytical scaling constants in "
-    "Henon-Heiles type potentials, Foundations of Physics 31 (2001) 209-232"
-)
-JOHNSON = "K. L. Johnson, Contact Mechanics (1985), section 11.4: T = 2.94 delta/V = 2.87 (m^2/(R E^2 V))^(1/5)"
-IMPACTS = (
-    "closed form of motions with one impact in n periods, derived here; the problem is that of S. W. Shaw and P. J. "
-    "Holmes, A periodically forced piecewise linear oscillator, J. Sound Vib. 90 (1983) 129-155, and J. M. T. Thompson "
-    "and R. Ghaffari, Chaotic dynamics of an impact oscillator, Phys. Rev. A 27 (1983) 1741-1743"
-)
 AMPLITUDES, ANGLES = (0.5, 1.0, 2.0), (30, 60, 90, 150)
 FORCED = ((2.6, 1), (4.7, 2), (2.8, 1))  # frequency, and periods of the force in one cycle
 RESTITUTION = 0.8
@@ -144,57 +133,105 @@ def potential_of_power(n: int) -> float:
 
 CASES = (
     Case(
-        "Duffing oscillator", "period at the amplitudes 0.5, 1, 2",
-        DUFFING + "4 K(m)/sqrt(1 + A^2), m = A^2/(2 (1 + A^2))",
-        [4 * ellipk(a**2 / (2 * (1 + a**2))) / sqrt(1 + a**2) for a in AMPLITUDES], periods_of_duffing, within=1e-13,
+        "Duffing oscillator",
+        "period at the amplitudes 0.5, 1, 2",
+        BIFURCATION_KIT,
+        "issue 232, u'' + u + u^3 = 0; closed form: 4 K(m)/sqrt(1 + A^2), m = A^2/(2 (1 + A^2))",
+        [4 * ellipk(a**2 / (2 * (1 + a**2))) / sqrt(1 + a**2) for a in AMPLITUDES],
+        periods_of_duffing,
+        within=1e-13,
     ),
     Case(
-        "Pendulum", "period over that of small swings, at 30, 60, 90, 150 degrees",
-        LANDAU + "section 11, problem 1: 2/pi K(sin(phi_0/2)), modulus sin(phi_0/2)",
-        [2 / pi * ellipk(sin(radians(angle) / 2) ** 2) for angle in ANGLES], periods_of_a_pendulum,
-        within=1e-12, slow=True,
+        "Pendulum",
+        "period over that of small swings, at 30, 60, 90, 150 degrees",
+        LANDAU,
+        "section 11, problem 1: 2/pi K(sin(phi_0/2)), modulus sin(phi_0/2)",
+        [2 / pi * ellipk(sin(radians(angle) / 2) ** 2) for angle in ANGLES],
+        periods_of_a_pendulum,
+        within=1e-12,
+        slow=True,
     ),
     Case(
-        "Potentials x^4 and x^6", "period at the energy 1", LANDAU + "section 11, problem 2 (a)",
+        "Potentials x^4 and x^6",
+        "period at the energy 1",
+        LANDAU,
+        "section 11, problem 2 (a)",
         [potential_of_power(4), potential_of_power(6)],
-        lambda: [4 * half_swing("4*r**3", 1.0)[0], 4 * half_swing("6*r**5", 1.0)[0]], within=1e-12,
+        lambda: [4 * half_swing("4*r**3", 1.0)[0], 4 * half_swing("6*r**5", 1.0)[0]],
+        within=1e-12,
     ),
     Case(
-        "Potential -U/cosh(a x)^2", "period at the energy -0.8; U = 2, a = 0.7",
-        LANDAU + "section 11, problem 2 (b): pi/a sqrt(2/abs(E))", [pi / 0.7 * sqrt(2 / 0.8)],
-        lambda: [period(free("-2/cosh(0.7*x)**2"), 1.2)], within=1e-12, slow=True,
+        "Potential -U/cosh(a x)^2",
+        "period at the energy -0.8; U = 2, a = 0.7",
+        LANDAU,
+        "section 11, problem 2 (b): pi/a sqrt(2/abs(E))",
+        [pi / 0.7 * sqrt(2 / 0.8)],
+        lambda: [period(free("-2/cosh(0.7*x)**2"), 1.2)],
+        within=1e-12,
+        slow=True,
     ),
     Case(
-        "Potential U tan(a x)^2", "period at the energy 1.2; U = 2, a = 0.7",
-        LANDAU + "section 11, problem 2 (c): pi/a sqrt(2/(E + U))", [pi / 0.7 * sqrt(2 / 3.2)],
-        lambda: [period(free("2*tan(0.7*x)**2"), 1.2)], within=1e-12, slow=True,
+        "Potential U tan(a x)^2",
+        "period at the energy 1.2; U = 2, a = 0.7",
+        LANDAU,
+        "section 11, problem 2 (c): pi/a sqrt(2/(E + U))",
+        [pi / 0.7 * sqrt(2 / 3.2)],
+        lambda: [period(free("2*tan(0.7*x)**2"), 1.2)],
+        within=1e-12,
+        slow=True,
     ),
     Case(
-        "Radial Kepler motion", "period at the energy -0.3, angular momentum 1",
-        LANDAU + "section 15: pi sqrt(1/(2 abs(E)^3))", [pi * sqrt(1 / (2 * 0.3**3))],
-        lambda: [period(free("1/(2*x**2) - 1/x"), 0.2, x=1.0)], within=1e-12, slow=True,
+        "Radial Kepler motion",
+        "period at the energy -0.3, angular momentum 1",
+        LANDAU,
+        "section 15: pi sqrt(1/(2 abs(E)^3))",
+        [pi * sqrt(1 / (2 * 0.3**3))],
+        lambda: [period(free("1/(2*x**2) - 1/x"), 0.2, x=1.0)],
+        within=1e-12,
+        slow=True,
     ),
     Case(
-        "Double pendulum", "squared circular frequencies of small swings; equal masses and lengths, g = l = 1",
-        LANDAU + "section 23, problem 2: 2 -+ sqrt(2)", [2 - sqrt(2), 2 + sqrt(2)], modes_of_a_double_pendulum,
+        "Double pendulum",
+        "squared circular frequencies of small swings; equal masses and lengths, g = l = 1",
+        LANDAU,
+        "section 23, problem 2: 2 -+ sqrt(2)",
+        [2 - sqrt(2), 2 + sqrt(2)],
+        modes_of_a_double_pendulum,
         within=1e-7,
     ),
     Case(
-        "Henon-Heiles", "energies at which the straight orbit branches, over that of the saddle", BRACK,
-        ["0.969309", "0.986709"], branch_points_of_henon_and_heiles, slow=True,
+        "Henon-Heiles",
+        "energies at which the straight orbit branches, over that of the saddle",
+        BRACK,
+        "first two pitchforks of the orbit A",
+        ["0.969309", "0.986709"],
+        branch_points_of_henon_and_heiles,
+        slow=True,
     ),
     Case(
-        "Elastic impact of a sphere (Hertz)", "T over delta/V, and T; m = R = E = V = 1", JOHNSON, ["2.94", "2.87"],
+        "Elastic impact of a sphere (Hertz)",
+        "T over delta/V, and T; m = R = E = V = 1",
+        JOHNSON,
+        "section 11.4: T = 2.94 delta/V = 2.87 (m^2/(R E^2 V))^(1/5)",
+        ["2.94", "2.87"],
         impact_of_spheres,
     ),
     Case(
-        "Forced impact oscillator", "speed of impact and time between impacts; e = 0.8, three cycles at 2.6, 4.7, 2.8",
-        IMPACTS, [each for w, n in FORCED for each in (one_impact(w, n)[1], 2 * pi * n / w)], impacts, within=1e-12,
+        "Forced impact oscillator",
+        "speed of impact and time between impacts; e = 0.8, three cycles at 2.6, 4.7, 2.8",
+        SHAW,
+        "limit of a rigid stop; closed form with one impact in n periods, derived here",
+        [each for w, n in FORCED for each in (one_impact(w, n)[1], 2 * pi * n / w)],
+        impacts,
+        within=1e-12,
     ),
     Case(
-        "Forced impact oscillator", "determinant of the map of impacts, e^2; three cycles at 2.6, 4.7, 2.8",
-        "closed form: flights without damping keep areas, and an impact shrinks them by e twice; "
-        "S. W. Shaw and P. J. Holmes, A periodically forced impact oscillator with large dissipation, J. Appl. Mech. "
-        "50 (1983) 849-857", [RESTITUTION**2] * 3, areas, within=1e-7,
+        "Forced impact oscillator",
+        "determinant of the map of impacts, e^2; three cycles at 2.6, 4.7, 2.8",
+        SHAW,
+        "limit of a rigid stop; closed form: a flight keeps areas, and an impact shrinks them by e twice",
+        [RESTITUTION**2] * 3,
+        areas,
+        within=1e-7,
     ),
-)  # fmt: skip
+)

@@ -10,16 +10,8 @@ from orbits.mechanics import Mass, Potential, Spring
 from problems import rimless_wheel, rocking_block
 
 from .case import Case
+from .sources import HOUSNER, PANKOV
 
-HOUSNER = (
-    "G. W. Housner, The behavior of inverted pendulum structures during earthquakes, Bull. Seism. Soc. Am. 53 (1963) "
-    "403-417; "
-)
-TWO_TIMES = (
-    "closed form of the two phase times of two coordinates, derived here after S. Pankov, Energy-conserving "
-    "intermittent-contact motion in complex models, arXiv 2402.16010 (2024), and M. Gomes and A. Ruina, Walking model "
-    "with no energy cost, Phys. Rev. E 83 (2011) 032901"
-)
 SLENDER, TILT, PULSES = (
     0.2,
     0.15,
@@ -128,18 +120,28 @@ def lossless_steps(kind: str) -> list[float]:
 
 CASES = (
     Case(
-        "Housner's block", "share of the energy left at an impact; angle 0.1, 0.2, 0.3",
-        HOUSNER + "eq. for r of a rectangular block: (1 - 3/2 sin(alpha)^2)^2",
-        [share_left(angle) ** 2 for angle in (0.1, 0.2, 0.3)], shares_left, within=1e-12,
+        "Housner's block",
+        "share of the energy left at an impact; angle 0.1, 0.2, 0.3",
+        HOUSNER,
+        "r of a rectangular block: (1 - 3/2 sin(alpha)^2)^2",
+        [share_left(angle) ** 2 for angle in (0.1, 0.2, 0.3)],
+        shares_left,
+        within=1e-12,
     ),
     Case(
-        "Housner's block", "rates before 78 impacts; angle 0.2, released at 0.15",
-        HOUSNER + "closed form: r^n of the energy is left after n impacts",
-        [rate_of_impact(n) for n in range(78)], rates_of_impacts, within=1e-10,
+        "Housner's block",
+        "rates before 78 impacts; angle 0.2, released at 0.15",
+        HOUSNER,
+        "closed form: r^n of the energy is left after n impacts",
+        [rate_of_impact(n) for n in range(78)],
+        rates_of_impacts,
+        within=1e-10,
     ),
     Case(
-        "Housner's block", "first impact after the release at 0.1, 0.5, 0.9 of the angle, times 4: the period (1/p)",
-        HOUSNER + "period of a slender block: 4 arcosh(1/(1 - theta_0/alpha))",
+        "Housner's block",
+        "first impact after the release at 0.1, 0.5, 0.9 of the angle, times 4: the period (1/p)",
+        HOUSNER,
+        "period of a slender block: 4 arcosh(1/(1 - theta_0/alpha))",
         [4 * acosh(1 / (1 - tilt)) for tilt in (0.1, 0.5, 0.9)],
         lambda: [
             4 * simulate(slender_block(), state=[0.0, 0.0, tilt, 0.0], time=9.0, cap=1).events[0].time
@@ -148,18 +150,31 @@ CASES = (
         within=1e-12,
     ),
     Case(
-        "Housner's block", "shortest rectangular pulse that overturns it (1/p); 1.5, 2, 4 times the least acceleration",
-        HOUSNER + "condition of a slender block: cosh(p t) = 1 + 1/(2 x (x - 1)), x the acceleration over g alpha",
-        [acosh(1 + 1 / (2 * x * (x - 1))) for x in PULSES], overturning_pulses, within=1e-6, slow=True,
+        "Housner's block",
+        "shortest rectangular pulse that overturns it (1/p); 1.5, 2, 4 times the least acceleration",
+        HOUSNER,
+        "condition of a slender block: cosh(p t) = 1 + 1/(2 x (x - 1)), x the acceleration over g alpha",
+        [acosh(1 + 1 / (2 * x * (x - 1))) for x in PULSES],
+        overturning_pulses,
+        within=1e-6,
+        slow=True,
     ),
     Case(
-        "Small rocking block with a sprung body", "half flight, launch speed, contact of three lossless orbits",
-        TWO_TIMES, [number for each in STEPS for number in step_in_closed_form("block", *each)],
-        lambda: lossless_steps("block"), within=1e-12,
+        "Small rocking block with a sprung body",
+        "half flight, launch speed, contact of three lossless orbits",
+        PANKOV,
+        "closed form of the two phase times of two coordinates, derived here",
+        [number for each in STEPS for number in step_in_closed_form("block", *each)],
+        lambda: lossless_steps("block"),
+        within=1e-12,
     ),
     Case(
-        "Small rimless wheel with a sprung body", "half flight, launch speed, contact of three lossless orbits",
-        TWO_TIMES, [number for each in STEPS for number in step_in_closed_form("wheel", *each)],
-        lambda: lossless_steps("wheel"), within=1e-12,
+        "Small rimless wheel with a sprung body",
+        "half flight, launch speed, contact of three lossless orbits",
+        PANKOV,
+        "closed form of the two phase times of two coordinates, derived here",
+        [number for each in STEPS for number in step_in_closed_form("wheel", *each)],
+        lambda: lossless_steps("wheel"),
+        within=1e-12,
     ),
-)  # fmt: skip
+)

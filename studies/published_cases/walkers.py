@@ -15,17 +15,8 @@ from orbits import Mechanism, Simulation, simulate
 from orbits.mechanics import Mass, Spring
 
 from .case import Case
+from .sources import BHOUNSULE, GARCIA, PASSIVE_WALKER, TEDRAKE
 
-TEDRAKE = "R. Tedrake, Underactuated Robotics (course notes, MIT, 2023), chapter Simple Models of Walking and Running, "
-BHOUNSULE = (
-    "P. A. Bhounsule, Numerical accuracy of two benchmark models of walking, Dynamics of Continuous, Discrete and "
-    "Impulsive Systems B 21 (2014) 137-148; printed in the program simplestwalker.m that belongs to it (2013)"
-)
-PASSIVE = "P. A. Bhounsule, program passivewalker.m (Cornell University, 2009), case 1: hip 1000, feet 1"
-GARCIA = (
-    "M. Garcia, A. Chatterjee, A. Ruina and M. Coleman, The simplest walking model: stability, complexity, and "
-    "scaling, J. Biomech. Eng. 120 (1998) 281-288; "
-)
 ALPHA, GRAVITY, SLOPES = pi / 8, 9.8, (0.08, 0.15)
 HEAVY = 1e6  # mass of the hip over that of a foot, which is infinite in the simplest model
 STEP = 1e-5  # of differences
@@ -179,55 +170,96 @@ def last_stable_slope() -> list[float]:
 
 CASES = (
     Case(
-        "Rimless wheel", "rolling rate after a step (rad/s); slope 0.08, 0.15",
-        TEDRAKE + "Fixed points: cot(2 alpha) sqrt(4 g/l sin(alpha) sin(gamma)), m = l = 1, g = 9.8, alpha = pi/8",
-        [sqrt(4 * GRAVITY * sin(ALPHA) * sin(slope)) / tan(2 * ALPHA) for slope in SLOPES], rolling_speeds,
+        "Rimless wheel",
+        "rolling rate after a step (rad/s); slope 0.08, 0.15",
+        TEDRAKE,
+        "Fixed points: cot(2 alpha) sqrt(4 g/l sin(alpha) sin(gamma)), m = l = 1, g = 9.8, alpha = pi/8",
+        [sqrt(4 * GRAVITY * sin(ALPHA) * sin(slope)) / tan(2 * ALPHA) for slope in SLOPES],
+        rolling_speeds,
         within=1e-10,
     ),
     Case(
-        "Rimless wheel", "rate after a step from 1, 1.5, 2.5 rad/s; slope 0.08",
-        TEDRAKE + "Poincare map: cos(2 alpha) sqrt(rate^2 + 4 g/l sin(alpha) sin(gamma))",
+        "Rimless wheel",
+        "rate after a step from 1, 1.5, 2.5 rad/s; slope 0.08",
+        TEDRAKE,
+        "Poincare map: cos(2 alpha) sqrt(rate^2 + 4 g/l sin(alpha) sin(gamma))",
         [cos(2 * ALPHA) * sqrt(rate**2 + 4 * GRAVITY * sin(ALPHA) * sin(0.08)) for rate in (1.0, 1.5, 2.5)],
-        lambda: [following(0.08, rate) for rate in (1.0, 1.5, 2.5)], within=1e-12,
+        lambda: [following(0.08, rate) for rate in (1.0, 1.5, 2.5)],
+        within=1e-12,
     ),
     Case(
-        "Rimless wheel", "least rates to pass a spoke, downhill and uphill (rad/s); slope 0.08",
-        TEDRAKE + "Stance dynamics, omega_1 and -omega_2: sqrt(2 g/l (1 - cos(alpha -+ gamma)))",
-        [sqrt(2 * GRAVITY * (1 - cos(ALPHA - 0.08))), sqrt(2 * GRAVITY * (1 - cos(ALPHA + 0.08)))], thresholds,
+        "Rimless wheel",
+        "least rates to pass a spoke, downhill and uphill (rad/s); slope 0.08",
+        TEDRAKE,
+        "Stance dynamics, omega_1 and -omega_2: sqrt(2 g/l (1 - cos(alpha -+ gamma)))",
+        [sqrt(2 * GRAVITY * (1 - cos(ALPHA - 0.08))), sqrt(2 * GRAVITY * (1 - cos(ALPHA + 0.08)))],
+        thresholds,
         within=1e-8,
     ),
     Case(
-        "Rimless wheel", "multiplier of the rolling; slope 0.08, 0.15",
-        TEDRAKE + "derivative of the Poincare map at its fixed point: cos(2 alpha)^2",
-        [cos(2 * ALPHA) ** 2] * 2, slopes_of_map, within=1e-8,
+        "Rimless wheel",
+        "multiplier of the rolling; slope 0.08, 0.15",
+        TEDRAKE,
+        "derivative of the Poincare map at its fixed point: cos(2 alpha)^2",
+        [cos(2 * ALPHA) ** 2] * 2,
+        slopes_of_map,
+        within=1e-8,
     ),
     Case(
-        "Simplest walker", "theta, theta', phi' after heel strike, feet of mass 1/1000; slope 0.009", PASSIVE,
+        "Simplest walker",
+        "theta, theta', phi' after heel strike, feet of mass 1/1000; slope 0.009",
+        PASSIVE_WALKER,
+        "case 1, hip 1000 and feet 1; printed with 15 digits, of which the last three are rounding",
         ["0.200161072169750", "-0.199906060087682", "-0.015805473227965"],
-        lambda: gait(np.array(GUESSES["long"]), 0.009, 1000.0), within=2e-12,
+        lambda: gait(np.array(GUESSES["long"]), 0.009, 1000.0),
+        within=2e-12,
     ),
     Case(
-        "Simplest walker", "theta, theta', phi' after heel strike, long step; slope 0.009", BHOUNSULE,
-        ["0.200310900563820", "-0.199832473025474", "-0.015822999949030"], lambda: massless("long")[:3], within=1e-9,
+        "Simplest walker",
+        "theta, theta', phi' after heel strike, long step; slope 0.009",
+        BHOUNSULE,
+        "printed in its program simplestwalker.m (2013); programs differ from the tenth digit on",
+        ["0.200310900563820", "-0.199832473025474", "-0.015822999949030"],
+        lambda: massless("long")[:3],
+        within=1e-9,
         slow=True,
     ),
     Case(
-        "Simplest walker", "theta, theta', phi' after heel strike, short step; slope 0.009", BHOUNSULE,
-        ["0.193937369810188", "-0.203866927442012", "-0.015144260853193"], lambda: massless("short")[:3], within=1e-9,
+        "Simplest walker",
+        "theta, theta', phi' after heel strike, short step; slope 0.009",
+        BHOUNSULE,
+        "printed in its program simplestwalker.m (2013); programs differ from the tenth digit on",
+        ["0.193937369810188", "-0.203866927442012", "-0.015144260853193"],
+        lambda: massless("short")[:3],
+        within=1e-9,
         slow=True,
     ),
     Case(
-        "Simplest walker", "time of the long and of the short step; slope 0.009", BHOUNSULE, ["3.882", "3.096"],
-        lambda: [massless("long")[3], massless("short")[3]], slow=True,
+        "Simplest walker",
+        "time of the long and of the short step; slope 0.009",
+        BHOUNSULE,
+        "printed in its program simplestwalker.m (2013)",
+        ["3.882", "3.096"],
+        lambda: [massless("long")[3], massless("short")[3]],
+        slow=True,
     ),
     Case(
-        "Simplest walker", "multipliers: long step (real and imaginary part), short step; slope 0.009",
-        GARCIA + "printed in the authors' program for point feet, by coarse differences: hence the stated bound",
+        "Simplest walker",
+        "multipliers: long step (real and imaginary part), short step; slope 0.009",
+        GARCIA,
+        "printed in a program for it, by coarse differences: another integration has -0.19010 and 0.55760",
         ["-0.19121", "0.55633", "4.000", "0.459"],
-        multipliers_of_gaits, within=5e-3, slow=True,
+        multipliers_of_gaits,
+        within=5e-3,
+        slow=True,
     ),
     Case(
-        "Simplest walker", "largest slope at which the long step is stable (rad)",
-        GARCIA + "abstract: stable for 0 < gamma < 0.015", ["0.015"], last_stable_slope, slow=True,
+        "Simplest walker",
+        "largest slope at which the long step is stable (rad)",
+        GARCIA,
+        "abstract: stable for 0 < gamma < 0.015",
+        ["0.015"],
+        last_stable_slope,
+        slow=True,
     ),
-)  # fmt: skip
+)
