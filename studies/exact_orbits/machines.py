@@ -22,6 +22,7 @@ from problems import (
     plate_hopper,
     rimless_wheel,
     rocking_block,
+    runner,
     shuttle,
 )
 from studies.exact_orbits.comparison import BOUND, Comparison, compared_motion
@@ -66,6 +67,18 @@ ARMS = Mechanism(
     ],
     inertia={"held": "m/12", "free": "m/12"}, gravity=1.0, angles=("held", "free"), gap="far", parameters={"m": 0.25},
     name="two arms",
+)  # fmt: skip
+
+
+WALKER = Mechanism(
+    ("stance", "swing", "torso", "far"),
+    [
+        Mass("far", 1.0), Mass("cos(stance)", "1 - 2*m", across="sin(stance)"),
+        Mass("cos(stance) - cos(swing)", "m", across="sin(stance) - sin(swing)"),
+        Spring("torso - stance", "k*r"), Spring("torso - swing", "k*r"), Spring("far - 2*torso", "0*r"),
+    ],
+    inertia={"torso": "inertia"}, gravity=1.0, angles=("stance", "swing", "torso"), gap="far",
+    parameters={"m": 0.1, "inertia": 0.41824193818688386, "k": 0.39402694221511943}, name="two legs",
 )  # fmt: skip
 
 
@@ -192,6 +205,14 @@ MACHINES: dict[str, Callable[[Case], Iterator[Comparison]]] = {
     ),
     "brachiator": simulated(
         ARMS, ("held", "held_rate", "free", "free_rate", "100", "0"), same("held", "free"), first=True
+    ),
+    "runner": from_mid_contact(
+        lambda: find(runner(), tune=("inertia", "hip_stiffness"), at={"speed": 0.4}),
+        {"height": {"z": 1.0}, "leg": {"l": 1.0}, "angle": {"theta": 1.0}, "pitch": {"phi": 1.0}},
+    ),
+    "walker": simulated(
+        WALKER, ("stance", "stance_rate", "swing", "swing_rate", "torso", "torso_rate", "100", "0"),
+        same("stance", "swing", "torso"), first=True,
     ),
     "table_period_one": on_table(0.8),
     "table_period_two": on_table(0.8),
