@@ -39,23 +39,27 @@ class Symbols:
     names : of the parameters that are arguments; a parameter that changes no motion, or that leads to the machine from
         a simpler one, is a number
     named : the parameters by name
+    vectors : the symbols "x", "y", "p" and "e", in the units of the machine
+    sizes, states, data : of "x" and "y": the units of their entries, these without units, and the data of the piece of
+        a law on which they are
+    embedded : the contact state as a flight state, without units
     """
 
     def __init__(self, machine: Any):
         model: Model = machine.model
         fixed = {name: machine.values[name] for name in (model.homotopy, model.gauge) if name}
         self.model, self.names = model, tuple(name for name in machine.values if name not in fixed)
-        self.phases = {"x": model.flight, "y": model.contact}
-        self.vectors = {key: ca.SX.sym(key, len(phase.states)) for key, phase in self.phases.items()}
+        phases = {"x": model.flight, "y": model.contact}
+        self.vectors = {key: ca.SX.sym(key, len(phase.states)) for key, phase in phases.items()}
         self.vectors |= {"p": ca.SX.sym("p", len(self.names)), "e": ca.SX.sym("e")}
         self.named: dict[str, Any] = dict(zip(self.names, ca.vertsplit(self.vectors["p"]), strict=True)) | fixed
         self.units: Units | None = model.units(self.named) if model.units else None
-        self.sizes = {key: [self.unit(name) for name in phase.states] for key, phase in self.phases.items()}
+        self.sizes = {key: [self.unit(name) for name in phase.states] for key, phase in phases.items()}
         self.states = {
             key: [part / size for part, size in zip(ca.vertsplit(self.vectors[key]), sizes, strict=True)]
             for key, sizes in self.sizes.items()
         }
-        self.data = {key: phase.data(self.states[key], self.named) for key, phase in self.phases.items()}
+        self.data = {key: phase.data(self.states[key], self.named) for key, phase in phases.items()}
         self.embedded = self.onto_flight(self.states["y"])
 
     def onto_flight(self, y: Scalars) -> list[Algebraic]:

@@ -45,7 +45,7 @@ class CasadiMachine:
         of the point that then stands, see `relabelling`
     onto_flight, onto_contact : y -> x and x -> y, the embedding of contact states into flight states and its inverse
     energy, contact_energy : (x, p) and (y, p) -> the energy, counted from rest with the springs unloaded; Gauss
-        quadrature along the straight way from there, exact to rounding for polynomial laws
+        quadrature along straight ways from there, exact to rounding for laws that are polynomials, also in pieces
     energy_gradient : (x, p) -> its gradient (n,), without quadrature
     landing_loss : (x, p) -> the energy that a plastic landing in the flight state x loses
     flight_forces, contact_forces : by name, (x, p) and (y, p) -> the forces of the springs, tension positive. In
