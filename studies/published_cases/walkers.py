@@ -209,7 +209,7 @@ CASES = (
         "Simplest walker",
         "theta, theta', phi' after heel strike, feet of mass 1/1000; slope 0.009",
         PASSIVE_WALKER,
-        "case 1, hip 1000 and feet 1; printed with 15 digits, of which the last three are rounding",
+        "case 1, hip 1000 and feet 1; it prints 15 digits, and the last three are rounding",
         ["0.200161072169750", "-0.199906060087682", "-0.015805473227965"],
         lambda: gait(np.array(GUESSES["long"]), 0.009, 1000.0),
         within=2e-12,
