@@ -1,8 +1,8 @@
-"""Fill in the answers of the cases: python studies/exact_orbits/build.py [NAME ...]
+"""Fill in the answers of the cases: python studies/exact_orbits/build.py [NAME ...] [--prove]
 
 A case's file states its equations, written by hand. This program adds the unknowns, the events, twenty states and the
-numbers, computed with sixty digits, and writes the motion as CSV. Errors are bounds: the difference from a computation
-with 75 digits plus the rounding of what is written. `check.py` checks the result.
+numbers, computed with 56 digits, and writes the motion as CSV. Errors are bounds: the difference from a computation
+with 66 digits plus the rounding of what is written. `check.py` checks the result.
 """
 
 import argparse
@@ -20,8 +20,10 @@ from flint import arb
 
 from studies.exact_orbits.motion import Motion, Problem
 from studies.exact_orbits.series import CaseError, Number, Options, State, read
+from studies.exact_orbits.toolkit import proved
 
 CASES = Path(__file__).parent / "cases"
+DIGITS = (56, 66)  # of the two computations
 SAMPLES, LONG, SHORT = 20, 40, 20  # samples, digits of the unknowns, digits of all else
 WIDEST = 180  # characters of a line that has a whole sample
 ORDER = (
@@ -82,9 +84,9 @@ def written(state: State) -> dict[str, Number]:
 def filled(document: dict[str, Any]) -> dict[str, Any]:
     """The document of a case with its answers."""
     document = {name: each for name, each in document.items() if name != "unknowns"}
-    (problem, motion), (finer, fine) = (solved(document, Options(digits=n)) for n in (60, 75))
+    (problem, motion), (finer, fine) = (solved(document, Options(digits=n)) for n in DIGITS)
     if [(e.name, e.mode) for e in motion.events] != [(e.name, e.mode) for e in fine.events]:
-        raise CaseError(f"{document['name']}: the events differ between 60 and 75 digits")
+        raise CaseError(f"{document['name']}: the events differ between {DIGITS[0]} and {DIGITS[1]} digits")
     unknowns = {
         name: {"value": digits(x, LONG), "error": bound([(x, finer.unknowns[name])], LONG)}
         for name, x in problem.unknowns.items()
@@ -148,10 +150,12 @@ def write_table(path: Path, document: Mapping[str, Any]) -> None:
             table.writerow([time, mode, event, *(state.get(name, "") for name in names)])
 
 
-def main(names: list[str]) -> None:
+def main(names: list[str], prove: bool) -> None:
     """Fill in the named cases, or all."""
     for path in [CASES / f"{name}.json" for name in names] or sorted(CASES.glob("*.json")):
         document = filled(read(path))
+        if prove and (statements := proved(path.stem)) is not None:
+            document["proved"] = statements
         path.write_text(f"{text_of(document)}\n", encoding="utf-8")
         write_table(path.with_suffix(".csv"), document)
         print(f"{document['name']}: {len(document['events'])} events, error {document['error']}")
@@ -160,4 +164,6 @@ def main(names: list[str]) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("names", nargs="*", help="of cases; all by default")
-    main(parser.parse_args().names)
+    parser.add_argument("--prove", action="store_true", help="prove with the toolkit what the cases state as proved")
+    arguments = parser.parse_args()
+    main(arguments.names, arguments.prove)

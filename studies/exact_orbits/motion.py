@@ -1,8 +1,8 @@
-"""The motion of a case through its modes and events, and the start of an orbit, to sixty digits."""
+"""The motion of a case through its modes and events, and the start of an orbit, to some sixty digits."""
 
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from flint import arb, arb_mat, arb_poly, arb_series
@@ -17,16 +17,16 @@ TIMES = re.compile(r"event(?P<number>\d+)_time")
 
 @dataclass(frozen=True)
 class Piece:
-    """From `start` for `length` the states are polynomials of the time since `start`."""
+    """From `start` for `length` the states are polynomials of the time since then."""
 
     mode: str
     start: arb
     length: arb
     states: dict[str, arb_poly]
 
-    def at(self, t: arb) -> State:
-        """The states at a time."""
-        return {name: middle(p(middle(t - self.start))) for name, p in self.states.items()}
+    def after(self, duration: arb) -> State:
+        """The states a while after the start."""
+        return {name: middle(p(duration)) for name, p in self.states.items()}
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Motion:
     def at(self, t: arb) -> tuple[str, State]:
         """The mode and the states at a time; just after an event where there is one."""
         piece = next((p for p in reversed(self.pieces) if p.start <= t), self.pieces[0])
-        return piece.mode, piece.at(t)
+        return piece.mode, piece.after(middle(t - piece.start))
 
 
 class Problem(Formulas):
@@ -69,24 +69,6 @@ class Problem(Formulas):
         state = {name: self.value(text) for name, text in start["state"].items()}
         return Motion(self.value(start["time"]), start["mode"], state)
 
-    def advance(self, motion: Motion, mode: str, until: arb) -> Names:
-        """Add a piece of a motion up to a time or the end of one step; returns its series."""
-        stated = self.document["modes"][mode]
-        states, guards = [*stated["derivatives"]], [each["guard"] for each in stated["events"]]
-        series = self.series(mode, motion.time, motion.state)
-        length = self.step(series, [*states, *guards, *stated.get("kinks", ())])
-        left = middle(until - motion.time)
-        length = left if length >= abs(float(left)) else middle(arb(length) * sign(left))
-        polynomials = {name: arb_poly(series[name].coeffs()) for name in states}
-        self._end_with(motion, Piece(mode, motion.time, length, polynomials), length)
-        return series
-
-    def _end_with(self, motion: Motion, piece: Piece, length: arb) -> None:
-        """Let a piece be the motion's last one, and end after some length."""
-        end = middle(piece.start + length)
-        motion.pieces.append(Piece(piece.mode, piece.start, length, piece.states))
-        motion.time, motion.state = end, motion.state | piece.at(end)
-
     def motion(self, until: arb | None = None, last: tuple[str, int] | None = None) -> Motion:
         """The motion from the start to a time, by default to the end of the case, or to the `last` of events: to the
         n-th of that name."""
@@ -94,7 +76,8 @@ class Problem(Formulas):
         motion, new = self.start(), True
         until = self.value(self.document["end"]) if until is None else until
         while motion.time < until:
-            event = self._next(motion, until, new)
+            mode = self.document["modes"][motion.mode]
+            event = self._advance(motion, until, mode["events"], new)
             new = event is not None
             if event is not None:
                 self._happen(motion, event)
@@ -104,28 +87,45 @@ class Problem(Formulas):
             raise CaseError(f"there is no event {last[0]!r} number {last[1]} before the end")
         return motion
 
-    def _next(self, motion: Motion, until: arb, new: bool) -> Mapping[str, Any] | None:
-        """Carry a motion on to the end of a step, to a kink, or to an event, which is returned.
+    def in_one_mode(self, mode: str, duration: arb) -> Motion:
+        """The motion from the start in one mode, without its events; backward in time for a duration below 0."""
+        motion = self.start()
+        motion.mode, until = mode, middle(motion.time + duration)
+        motion.state = {name: motion.state[name] for name in self.document["modes"][mode]["states"]}
+        while motion.time != until:
+            self._advance(motion, until)
+        return motion
+
+    def _advance(
+        self, motion: Motion, until: arb, events: Sequence[Mapping[str, Any]] = (), new: bool = False
+    ) -> Mapping[str, Any] | None:
+        """Add a piece to a motion: up to a time, the end of one step, a kink, or one of the events, which is returned.
 
         new : the mode begins here: an event whose guard is past its zero takes place at once
         """
-        mode, begin = self.document["modes"][motion.mode], motion.state
-        series = self.advance(motion, motion.mode, until)
-        piece = motion.pieces.pop()
-        watched = [(self._guard(each["guard"], series), DIRECTIONS[each["direction"]], each) for each in mode["events"]]
+        left = middle(until - motion.time)
+        forward, left = sign(left), abs(float(left))
+        series, mode = self.series(motion.mode, motion.time, motion.state, forward), self.document["modes"][motion.mode]
+        guards = [self._guard(each["guard"], series) for each in events]
+        directions = [DIRECTIONS[each["direction"]] for each in events]
         if new:
-            for guard, direction, event in watched:
+            for guard, direction, event in zip(guards, directions, events, strict=True):
                 if guard.coeffs() and sign(middle(guard.coeffs()[0])) == direction:
-                    motion.time, motion.state = piece.start, begin
                     return event
-        watched += [(self._guard(text, series), 0, None) for text in mode.get("kinks", ())]
-        first, found = piece.length, None
+        kinks, found = mode.get("kinks", ()), None
+        length = self.step(series, [*mode["states"], *kinks, *(each["guard"] for each in events)])
+        end = until if length >= left else middle(motion.time + forward * arb(length))
+        length = middle(abs(end - motion.time))
+        watched = [*zip(guards, directions, events, strict=True)]
+        watched += [(self._guard(text, series), 0, None) for text in kinks]
         for guard, direction, event in watched:
-            place = first_crossing(guard, first, direction, self.options.cluster)
+            place = first_crossing(guard, length, direction, self.options.cluster)
             if place is not None:
-                first, found = place, event
-        motion.state = begin
-        self._end_with(motion, piece, first)
+                length, found, end = place, event, middle(motion.time + forward * place)
+        states = {name: arb_poly(series[name].coeffs()) for name in mode["states"]}
+        piece = Piece(motion.mode, motion.time, length, states)
+        motion.pieces.append(piece)
+        motion.time, motion.state = end, piece.after(length)
         return found
 
     def _guard(self, text: str, series: Names) -> arb_poly:
@@ -146,44 +146,49 @@ class Problem(Formulas):
 
     def residuals(self) -> list[arb]:
         """What the conditions of the orbit leave, for the unknowns as they are."""
+        self.set_digits()
         found = []
-        for leg in self.document["orbit"]["legs"]:
+        for leg in self.document.get("orbit", {}).get("legs", ()):
             if "event" in leg:
                 motion = self.motion(last=(leg["event"], int(leg.get("number", 1))))
             elif "mode" not in leg:
                 motion = self.motion(middle(self.start().time + self.value(leg["time"])))
             else:
-                motion, until = self.start(), self.value(leg["time"])
-                states = self.document["modes"][leg["mode"]]["states"]
-                motion.state = {name: motion.state[name] for name in states}
-                until = middle(motion.time + until)
-                while motion.time != until:
-                    self.advance(motion, leg["mode"], until)
+                motion = self.in_one_mode(leg["mode"], self.value(leg["time"]))
             names = self.names({"t": motion.time, **motion.state})
             found += [self.value(text, names) for text in leg["conditions"]]
         return found
 
+    def slopes(self) -> arb_mat:
+        """The derivatives of the residuals by the unknowns, to half of the digits."""
+        start, value, columns = dict(self.unknowns), self.residuals(), []
+        small = arb(10) ** (-self.options.digits // 2)
+        for name, x in start.items():
+            self.unknowns = start | {name: x + small}
+            columns.append([middle((a - b) / small) for a, b in zip(self.residuals(), value, strict=True)])
+        self.unknowns = start
+        return arb_mat([[*row] for row in zip(*columns, strict=True)])
+
     def solve(self, most_steps: int = 30) -> None:
-        """Improve the unknowns of the orbit to all digits, by Newton's method with slopes taken once."""
+        """Improve the unknowns of the orbit to all digits, by Newton's method, whose slopes are those to few digits."""
         if not self.unknowns:
             return
-        self.set_digits()
-        names, digits = [*self.unknowns], self.options.digits
-        start, small = dict(self.unknowns), arb(10) ** (-digits // 2)
-        value, columns = self.residuals(), []
-        for name in names:
-            self.unknowns = start | {name: start[name] + small}
-            columns.append([middle((a - b) / small) for a, b in zip(self.residuals(), value, strict=True)])
-        self.unknowns, slopes = start, arb_mat([[*row] for row in zip(*columns, strict=True)])
+        digits, rough, slopes = self.options.digits, self, None
+        if digits > self.options.rough_digits:
+            rough = Problem(self.document, replace(self.options, digits=self.options.rough_digits))
+            rough.unknowns = self.unknowns
+            rough.solve()
+            self.unknowns = rough.unknowns
+        slopes = rough.slopes()
         for _ in range(most_steps):
-            change = slopes.solve(arb_mat([[each] for each in value])).table()
+            value = arb_mat([[each] for each in self.residuals()])
+            change = [row[0].mid() for row in slopes.solve(value).table()]
             self.unknowns = {
-                name: middle(self.unknowns[name] - step[0]) for name, step in zip(names, change, strict=True)
+                name: middle(x - step) for (name, x), step in zip(self.unknowns.items(), change, strict=True)
             }
-            if all(abs(float(step[0])) < 10.0 ** (8 - digits) for step in change):
+            if all(abs(float(step)) < 10.0 ** (self.options.spare_digits - digits) for step in change):
                 return
-            value = self.residuals()
-        raise CaseError(f"the conditions of the orbit are not met from {start}")
+        raise CaseError(f"the conditions of the orbit are not met: the last step is {max(map(abs, change))}")
 
     def numbers(self, motion: Motion) -> dict[str, arb]:
         """The numbers that the case names, from its motion."""
@@ -213,7 +218,8 @@ def conserved(problem: Problem, motion: Motion) -> Iterator[tuple[str, arb]]:
             while change is not None and piece.start >= change:
                 values, change = [], next(changes, None)
             text = stated["text"] if isinstance(stated["text"], str) else stated["text"].get(piece.mode)
-            for t in (piece.start, piece.start + piece.length) if text else ():
-                values.append(problem.value(text, problem.names({"t": t, **piece.at(middle(t))})))
+            for duration in (arb(0), piece.length) if text else ():
+                names = {"t": middle(piece.start + duration), **piece.after(duration)}
+                values.append(problem.value(text, problem.names(names)))
             largest = max(largest, max(values) - min(values)) if values else largest
         yield name, middle(largest)

@@ -1,4 +1,4 @@
-"""Formulas of a case as Taylor series with sixty digits: the second program, which knows the text of a case alone.
+"""Formulas of a case as Taylor series with some sixty digits: the second program, which knows the text of a case alone.
 
 It shares nothing with the toolkit whose answers it checks, and needs python-flint only. `motion.py` strings the series
 together, and `zeros.py` finds events.
@@ -34,11 +34,15 @@ class Options:
 
     digits : of all numbers
     orders_per_digit : of the series; the least work is near log(10)/2
+    rough_digits : of the slopes of Newton's method, and of its first steps
+    spare_digits : by which Newton's last step may be larger than the last digit
     most_events : a motion of more fails
     """
 
     digits: int = 60
     orders_per_digit: float = 1.15
+    rough_digits: int = 24
+    spare_digits: int = 10
     most_events: int = 1000
 
     @property
@@ -75,7 +79,12 @@ def _functions(negligible: float) -> dict[str, Callable[..., Any]]:
 
     def power(base: Any, exponent: Any) -> Any:
         whole = exponent.unique_fmpz() if isinstance(exponent, arb) else None
-        return base**exponent if whole is None else base ** int(whole)
+        if whole is None or not isinstance(base, arb_series):
+            return base**exponent
+        n, product = abs(int(whole)), arb_series([1])
+        for bit in f"{n:b}":  # flint's own power needs a first coefficient that is not 0
+            product = product * product * base if bit == "1" else product * product
+        return product if whole >= 0 else 1 / product
 
     def larger(a: Any, b: Any) -> Any:
         return a if sign_at_start(a - b, negligible) >= 0 else b
@@ -157,15 +166,16 @@ class Formulas:
         """The number that a formula states."""
         return middle(arb(self.parsed(text)(self.names({}) if names is None else names)))
 
-    def series(self, mode: str, t: arb, x: State) -> Names:
-        """The Taylor series of the time and the states of a mode from a time on, and of formulas as they are used."""
+    def series(self, mode: str, t: arb, x: State, forward: int = 1) -> Names:
+        """The Taylor series of the time, of the states of a mode, and of formulas as they are used, in the time since
+        t, or in the time before it if `forward` is -1."""
         ctx.cap = self.options.order + 1
         right = {name: self.parsed(text) for name, text in self.document["modes"][mode]["derivatives"].items()}
-        clock, found = arb_series([t, 1]), {name: arb_series([x[name]], prec=1) for name in right}
+        clock, found = arb_series([t, forward]), {name: arb_series([x[name]], prec=1) for name in right}
         while min(each.prec for each in found.values()) < ctx.cap:
             names = self.names({"t": clock, **found})
-            for name, slope in right.items():
-                names[name] = found[name] = arb_series(slope(names)).integral() + x[name]
+            for name, slope in reversed(right.items()):  # speeds first, and then the places that they move
+                names[name] = found[name] = (forward * arb_series(slope(names))).integral() + x[name]
         exact = {name: arb_series([middle(c) for c in each.coeffs()]) for name, each in found.items()}
         return self.names({"t": clock, **exact})
 
