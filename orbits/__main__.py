@@ -1,4 +1,4 @@
-"""``python -m orbits`` is the command ``orbits``, found by its entry point since it knows the machines above."""
+"""``python -m orbits`` runs the command ``orbits``, found by its entry point, since the command knows the machines."""
 
 from importlib.metadata import distribution
 

@@ -143,7 +143,9 @@ def parse(text: str, names: Names, needed: list[Tree]) -> Tree:
             raise SyntaxError
         return tree_of(ast.parse(marked, mode="eval").body)
     except (SyntaxError, KeyError):
-        raise Unverified(f"'{text[:50]}' cannot be read, or has what is not stated, or is not smooth") from None
+        raise Unverified(
+            f"'{text[:50]}' cannot be read, or contains a name that is not stated, or is not smooth"
+        ) from None
 
 
 def in_pieces(pieces: Sequence[Tree]) -> Tree:
@@ -303,8 +305,8 @@ def quintic(row: Sequence[str], other: Sequence[str], r: Tree) -> Tree:
 
 def law_of(spring: Mapping[str, Any], known: Names, r: Tree, needed: list[Tree]) -> tuple[Tree, list[Tree]]:
     """The force of a spring at an extension, or its energy, and the edges of its pieces: piece k is where edge k is
-    positive and edge k + 1 negative. A table's is its formula times the polynomials between its rows, each of which
-    two of them share, and has no value beyond."""
+    positive and edge k + 1 negative. A table's is its formula times the polynomials between its rows, where two rows
+    share each polynomial, and has no value beyond."""
     rows, ends = spring.get("rows"), [parse(each, known, []) for each in spring["breaks"]]
 
     def law_on(piece: int, r: Tree, needed: list[Tree]) -> Tree:
@@ -335,7 +337,7 @@ class Turn:
         slopes = [[slope(image, name) for name in names] for image in images]
         self.signs, self.flips, n = [1 if row[i] is ONE else -1 for i, row in enumerate(slopes)], False, len(names)
         if slopes != [[number(sign * (i == j)) for j in range(n)] for i, sign in enumerate(self.signs)]:
-            raise Unverified("a coordinate is taken to neither itself nor its negative, up to an amount")
+            raise Unverified("a coordinate must be mapped to itself or its negative, plus an amount")
         self.shifts = [replaced(each, dict.fromkeys(names, ZERO)) for each in images]
         each = list(zip(self.signs, self.shifts, states[:n], states[n : 2 * n], strict=True))
         rates = [number(-sign) * v for sign, *_, v in each]
@@ -358,7 +360,7 @@ class Turn:
         zeros = [replaced(self.of(each) - number(sign) * each, closed) for sign, each in pairs]
         zeros += [self.shifts[i] for i in free if self.signs[i] > 0]
         if not any(same) or not all(is_zero(each, k) for each in zeros for k in range(len(m.edges) - 1)):
-            raise Unverified("the stated maps do not turn the equations of motion back")
+            raise Unverified("the stated maps do not reverse the equations of motion")
 
 
 class Machine:
@@ -372,7 +374,7 @@ class Machine:
         squares of speeds and M varies
     weights : of the coordinates in the gap
     unknowns : the names of the places and the rates at the launch of the contact's coordinates, by their numbers
-    out, sticks : the coordinate that the closed gap determines, and those that are 0 in contact too
+    out, sticks : the coordinate that the closed gap determines, and the coordinates that are 0 in contact too
     embedded : the matrix from the others to all
     launch : of all coordinates and of their rates at the launch, the weights of the unknowns
     edges : functions that end the pieces of a spring's law, see `law_of`
@@ -393,7 +395,7 @@ class Machine:
         one += ["r"] * bool(stated["springs"]) + re.findall(r"\bz\b", stated["gravity"])[:1]
         special = {stated["eliminated"], stated["launch"], *stated.get("sticks", ())}
         if len({*one}) < len(one) or not all(map(str.isidentifier, one)) or not special <= {*names}:
-            raise Unverified("a name stands for two things, or is none")
+            raise Unverified("a name stands for two things, or is not a name")
         known = {name: number((low + high) / 2) for name, (low, high) in bounds.items()}
         for name, place in zip(wide, self.places, strict=True):
             known[name] += number((bounds[name][1] - bounds[name][0]) / 2) * place
@@ -404,7 +406,7 @@ class Machine:
                                      for kind in ("masses", "weights", "inerters"))  # fmt: skip
         rows = [[parse(entry, both, needed) for entry in row] for row in stated["inertia"]] or [[ZERO] * n] * n
         if [*map(len, rows)] != [n] * n or any(rows[i][j] is not rows[j][i] for i, j in product(range(n), repeat=2)):
-            raise Unverified("the stated inertia is not plainly symmetric")
+            raise Unverified("the stated inertia is not shown to be symmetric")
 
         def rate(of: Tree) -> Tree:
             return dot([slope(of, name) for name in names], v)
@@ -440,13 +442,13 @@ class Machine:
         self.weights = [slope(self.gap, name) for name in names]
         at_zero = parse(stated["gap"], {**both, **dict.fromkeys(names, ZERO)}, [])
         if at_zero is not ZERO or any(each.kind != "number" for each in self.weights):
-            raise Unverified("the gap is no sum of coordinates with numbers before them")
+            raise Unverified("the gap is not a sum of coordinates with numbers before them")
         out, launch = names.index(stated["eliminated"]), names.index(stated["launch"])
         if self.weights[out] is ZERO or launch == out:
-            raise Unverified("the gap does not determine the coordinate that it is said to")
+            raise Unverified("the gap does not determine the coordinate that the file names")
         self.sticks = [names.index(name) for name in stated.get("sticks", ())]
         if out in self.sticks or launch in self.sticks or any(self.weights[i] is not ZERO for i in self.sticks):
-            raise Unverified("what sticks is the gap, or what is launched")
+            raise Unverified("the coordinate that sticks is the gap, or is launched")
         self.unknowns = {i: (name, f"{name}'") for i, name in enumerate(names) if i not in (out, *self.sticks)}
         self.unknowns[launch] = "liftoff", "alpha"
         embedded = [[Fraction(int(i == j)) for j in self.unknowns] for i in range(n)]
@@ -456,7 +458,7 @@ class Machine:
         self.out, self.embedded = out, [[number(each) for each in row] for row in embedded]
         maps = [dict(stated.get(kind, ())) for kind in MAPS[:2]]
         if not {*maps[0], *maps[1]} <= {*names}:
-            raise Unverified("a map is stated of what is no coordinate")
+            raise Unverified("a map is stated for something that is not a coordinate")
         first, then = ([parse(each.get(name, name), both, needed) for name in names] for each in maps)
         self.back, self.steps = Turn(names, self.states, first), any(kind in stated for kind in MAPS)
         self.again = Turn(names, self.states, [replaced(each, self.back.places) for each in then])
@@ -466,11 +468,11 @@ class Machine:
         self.above = [each for each in heights if not is_zero(each - self.gap)]
         moving = [*chain(*self.inertia), *self.forces, self.counts, self.separation, *heights]
         if any(not is_zero(slope(each, x), k) for each in moving for x in sticks for k in range(len(self.edges) - 1)):
-            raise Unverified("something depends on the place of what sticks")
+            raise Unverified("the machine depends on the place of the coordinate that sticks")
         self.prescribed = [self._off(name, number(decimal(value)), stated, both)
                            for name, value in stated.get("prescribed", ())]  # fmt: skip
         if self.sticks and not self.steps:
-            raise Unverified("no maps are stated of a machine that sticks")
+            raise Unverified("a machine that sticks states no maps")
         if self.steps:
             self._check_steps([parse(gap, both, needed) for _, gap in stated.get("gaps", ())])
 
@@ -512,15 +514,15 @@ class Machine:
         self.again.check(self, columns, [*self.unknowns], self.closed)
         zeros = [each - own for each, own in zip(gaps, (self.gap, self.landing), strict=False)]
         if len(gaps) > 2 or not all(map(is_zero, zeros)) or not any(map(is_zero, (again - self.gap, again + self.gap))):
-            raise Unverified("the gaps are not taken to one another")
+            raise Unverified("the gaps are not mapped to one another")
         if not all(is_zero(self.again.shifts[i]) for i in self.sticks):
-            raise Unverified("what sticks is not taken to where it sticks")
+            raise Unverified("the coordinate that sticks is not mapped to where it sticks")
 
 
 class Field:
     """The motion of the states in half a phase, with time scaled such that it lasts from 0 to 1; the first 2 n move.
-    `force` is the contact force that keeps the gap's acceleration 0, `held` are those that do so for what sticks, and
-    `slopes` the derivatives of `rates` by the states.
+    `force` is the contact force that keeps the gap's acceleration 0, `held` are the forces that do so for what sticks,
+    and `slopes` the derivatives of `rates` by the states.
     """
 
     def __init__(self, machine: Machine, contact: bool):
@@ -659,7 +661,7 @@ class Part:
                 for k, matrix in enumerate(slopes):
                     matrix[place] = coefficient(at[change], k)
         except (ZeroDivisionError, ValueError):
-            raise Unverified("the motion comes to where a formula has no value") from None
+            raise Unverified("the motion reaches a place where a formula has no value") from None
         finally:
             ctx.cap = cap
         for k in range(len(slopes)):
@@ -758,16 +760,16 @@ def signs(parts: Sequence[Part], of: Tree | None, orders: Callable[..., Sequence
             middle = (low + high) / 2
             waiting += [(part, middle, high, ends, left - 1), (part, low, middle, False, left - 1)]
         else:
-            raise Unverified("a sign along the motion is not decided")
+            raise Unverified("a sign along the motion cannot be decided")
     return found
 
 
 def check_positive(what: str, parts: Sequence[Part], of: Tree | None, at_start: int = 0, at_end: int = 0) -> None:
     """See that a function is positive inside the motion. At one end it may be known to have a zero of some order: it is
-    positive beside that by Taylor's formula where the derivative of that order has the fitting sign."""
+    positive near that zero by Taylor's formula where the derivative of that order has the fitting sign."""
     found = signs(parts, of, lambda begins, ends: [at_end if ends else 0, *([at_start] if begins and at_start else [])])
     if [sign for _, sign in found] != [1] * (len(found) - 1) + [(-1) ** at_end]:
-        raise Unverified(f"{what} is not so")
+        raise Unverified(f"it is false {what}")
 
 
 def turns(parts: Sequence[Part], of: Tree, at_end: bool) -> int:
@@ -780,7 +782,9 @@ def turns(parts: Sequence[Part], of: Tree, at_end: bool) -> int:
     if not at_end and found[-1][0] == 2 and (end > 0 or end < 0):
         found.append([1, 1 if end > 0 else -1])
     if not (start > 0 or start < 0) or (found[-1][0] == 1) == at_end or any(turned):
-        raise Unverified("turns of the extension are not told apart, or it hangs where the motion begins or ends")
+        raise Unverified(
+            "turns of the extension cannot be told apart, or it is stationary where the motion begins or ends"
+        )
     rates = [1 if start > 0 else -1, *(sign for order, sign in found if order == 1)]
     return sum(a != b for a, b in pairwise(rates))
 
@@ -803,7 +807,7 @@ class Contraction:
         names, reach = list(self.box), self.reach
         by_all, count = arb_mat([row for _, row in equations]), len(equations)
         if count != len(names) - len(self.machine.places):
-            raise Unverified("there are more or fewer equations than unknowns")
+            raise Unverified("the numbers of equations and unknowns differ")
         try:
             inverse = arb_mat([row[:count] for row in by_all.tolist()]).mid().inv().mid()
         except ZeroDivisionError:
@@ -873,7 +877,7 @@ def _check_orbit(document: Mapping[str, Any]) -> None:
     if not ("friction" in machine) == ("heights" in machine) == ("sticks" in machine) or ("centre" in machine) != (
         speed is not None
     ):
-        raise Unverified("the machine states friction of nothing that sticks, or a centre of mass without its speed")
+        raise Unverified("the machine states friction but nothing that sticks, or a centre of mass without its speed")
     if not 0 <= decimal(machine.get("restitution", "0")) <= 1:
         raise Unverified("the restitution does not lie between 0 and 1")
     whole, said = bounds_of(document["machine"]["parameters"]), bounds_of(document["enclosures"])
@@ -883,14 +887,16 @@ def _check_orbit(document: Mapping[str, Any]) -> None:
     conditions += ["heights", "friction"] if motion and document["machine"].get("sticks") else []
     main = "alpha", *PHASES, *document["machine"].get("tuned", ())
     if document["conditions"] != dict.fromkeys(conditions, "proved") or (document["family"] is not None) != motion:
-        raise Unverified("not all conditions of a motion are said to be proved, or others are")
+        raise Unverified("the file claims fewer conditions of a motion as proved, or others")
     for box, unknowns, _ in parts:
         same = {name: unknowns[name] for name in main if name in unknowns}
         if said.keys() != {*same, *(ENDS if motion else ())}:
-            raise Unverified(f"other quantities are enclosed than this program verifies: {', '.join(said)}")
+            raise Unverified(f"the file encloses quantities that this program does not verify: {', '.join(said)}")
         check_radius(document, said)
         if box.keys() != whole.keys() or not (within(box, whole) and within(same, said)):
-            raise Unverified("a part has other parameters than the machine, or unknowns outside those of the whole")
+            raise Unverified(
+                "a part has other parameters than the machine, or its unknowns lie outside those of the whole"
+            )
     cuts = [sorted({edge for box in (whole, *(box for box, *_ in parts)) for edge in box[name]}) for name in whole]
     for edges in product(*(list(pairwise(each)) or [(each[0], each[0])] for each in cuts)):
         heed()
@@ -933,7 +939,7 @@ def _check_cell(document: Mapping[str, Any], claims: Bounds, radius: Fraction, c
     both = len(machine.names) > 2 or document["motion"] or machine.tuned
     other = claims.keys() != {*names} or len(claims) != len(names) or (both and len(phases) < 2)
     if other or any(claims[name][0] <= 0 for name in ("alpha", *phases)):
-        raise Unverified("other unknowns are enclosed than the equations have, or the speed or a time is not positive")
+        raise Unverified("the enclosed unknowns are not those of the equations, or the speed or a time is not positive")
     stated, around = ({name: ball(claims[name][0] - more).union(ball(claims[name][1] + more)) for name in names}
                       | {place.value: arb(0, 1) for place in machine.places} for more in (0, radius))  # fmt: skip
     with ctx.workprec(CHECKS.bits_of_uniqueness):
@@ -960,7 +966,7 @@ def _check_motion(document: Mapping[str, Any], solution: Solution) -> None:
     flight, contact = (each.parts for each in passages)
     back, again, middle = machine.back, machine.again, machine.again.fixed[1 - machine.out]
     if str(document["family"]) != str(turns(flight, machine.counts, is_zero(back.of(machine.counts) - machine.counts))):
-        raise Unverified("the family is another one")
+        raise Unverified("the family is wrong")
     check_positive("that the gap stays open in flight", flight, machine.gap, at_start=3)
     landed = again.of(passages[1].field.force)
     if not machine.steps or machine.is_zero(landed - passages[1].field.force):
@@ -973,7 +979,9 @@ def _check_motion(document: Mapping[str, Any], solution: Solution) -> None:
         if not machine.is_zero(landed - force) or not any(map(machine.is_zero, images)):
             raise Unverified("the forces of the ground are not the same, or the negative, at the image of a state")
         for other in (each, LESS * each):
-            check_positive("that what sticks does not slide", contact, machine.friction * force + other, at_start=1)
+            check_positive(
+                "that the coordinate that sticks does not slide", contact, machine.friction * force + other, at_start=1
+            )
     for what, of in [("separation is", machine.separation), *(("height is", each) for each in machine.above)]:
         for each in {of, back.of(of)}:
             check_positive(f"that the {what} positive in flight", flight, each)

@@ -208,9 +208,11 @@ def _check_returns(document: Mapping[str, Any]) -> None:
     said, claims, bounds = (bounds_of(each) for each in (document["enclosures"], part["unknowns"], pairs))
     main = {name: claims[name] for name in (*word.unknowns, *(["inject"] if doubled else []))}
     if said.keys() != {*main, *further} or any(said[name] != each for name, each in main.items()):
-        raise Unverified("other quantities are enclosed than this program verifies")
+        raise Unverified("the file encloses quantities that this program does not verify")
     if bounds_of(part["parameters"]) != bounds or document["family"] is not None or not document["motion"]:
-        raise Unverified("the part has other parameters than the machine, or the hops are of a family, or no motion")
+        raise Unverified(
+            "the part has other parameters than the machine, or the hops have a family, or are not a motion"
+        )
     check_radius(document, said)
     conditions = [
         "clearance",
@@ -221,7 +223,7 @@ def _check_returns(document: Mapping[str, Any]) -> None:
     conditions += ["bounces"] * any(len(times) > 1 for _, times, _ in word.hops)
     conditions += ["least_period"] * (len(word.hops) > 1)
     if document["conditions"] != dict.fromkeys(conditions, "proved"):
-        raise Unverified("not all conditions of hops are said to be proved, or others are")
+        raise Unverified("the file claims fewer conditions of hops as proved, or others")
     radius = decimal(part["uniqueness_radius"])
     if radius <= 0 or any(claims[name][0] <= 0 for name in word.unknowns if name != "liftoff"):
         raise Unverified("the radius of uniqueness, a launch speed or a time is not positive")

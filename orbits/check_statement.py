@@ -1,8 +1,9 @@
 """The form of a saved proof, and the statement that follows from its data, for the program that verifies it.
 
-A number is text of decimal digits, never a number of JSON, which readers take as the nearest double. `check_form` sees
-that a file has the fields that are verified, each of its type, and no more. `statement_of` writes the theorem in words
-from the data alone, without the prover's own wording: it is what is verified, and the file's `statement` has to be it.
+A number is text of decimal digits, never a number of JSON, which readers take as the nearest double. `check_form`
+checks that a file has the fields that are verified, each of its type, and no more. `statement_of` writes the theorem in
+words from the data alone, without the prover's wording. This text is verified, and the file's `statement` must equal
+it.
 """
 
 import re
@@ -86,13 +87,13 @@ def decimal(text: object) -> Fraction:
     """The exact value of a decimal; raises `Unverified` for anything else, and for one that is too long."""
     match = DECIMAL.fullmatch(text) if isinstance(text, str) and len(text) <= CHECKS.decimal_length else None
     if match is None or abs(int(match[1] or 0)) > CHECKS.exponent:
-        raise Unverified(f"{text!r:.50} is no text of decimal digits, or of too many")
+        raise Unverified(f"{text!r:.50} is not a text of decimal digits, or of too many")
     return Fraction(match[0])
 
 
 # Shapes of values. A type stands for its values, `decimal` for decimals, and `object` for anything; a list for lists of
 # its one shape, a tuple for lists of these, or with None first for None too; a mapping with the key `str` for mappings
-# of names, and another one for its own names, where "?" marks those that may be missing.
+# of names, and another one for its own names, where "?" marks names that may be missing.
 PAIR, SIZED = (decimal, decimal), (str, str)
 SPRING = {"extension": str, "force": [str], "breaks": [str], "potential": bool, "rows?": [(decimal,) * 4]}
 MACHINE = {
@@ -251,7 +252,8 @@ def _names(m: Mapping[str, Any]) -> set[str]:
 
 
 def _machine(m: Mapping[str, Any]) -> str:
-    """The machine in words; raises `Unverified` for a parameter that is in no formula, of which nothing is proved."""
+    """The machine in words; raises `Unverified` for a parameter that is in no formula, about which nothing is
+    proved."""
     if unused := [name for name in m["parameters"] if name not in _names(m)]:
         raise Unverified(f"no formula has the parameter '{unused[0]:.40}'")
     steps, sticks, prescribed = any(m.get(kind) for kind in MAPS), m.get("sticks", ()), m.get("prescribed", ())
@@ -289,7 +291,7 @@ def _machine(m: Mapping[str, Any]) -> str:
 
 
 def _defined(m: Mapping[str, Any], prescribed: Sequence[tuple[str, str]]) -> str:
-    """The definitions of the quantities that are prescribed, but for alpha, the step and the times."""
+    """The definitions of the quantities that are prescribed, except for alpha, the step and the times."""
     cycle = "the sum of the flight time and the contact time"
     meanings = {
         "speed": f"the rate of {m.get('centre')} at lift-off", "liftoff_extension": f"{m['counts']} at lift-off",
@@ -337,7 +339,7 @@ def _orbit(document: Mapping[str, Any]) -> str:
     if not parts or any(part["unknowns"].keys() != parts[0]["unknowns"].keys() for part in parts):
         raise Unverified("there is no part, or parts have different unknowns")
     if other := [name for name in parts[0]["unknowns"] if order.count(name) != 1]:
-        raise Unverified(f"'{other[0]:.40}' is no unknown of the equations of an orbit")
+        raise Unverified(f"'{other[0]:.40}' is not an unknown of the equations of an orbit")
     unknowns = [(name, _hull([part["unknowns"][name] for part in parts]))
                 for name in order if name in parts[0]["unknowns"]]  # fmt: skip
     enclosed = "; ".join(f"{_words(name)} in {pair}" for name, pair in unknowns)
@@ -379,7 +381,7 @@ def _hull(pairs: Sequence[Sequence[str]]) -> str:
 class Word:
     """The arcs of hops that come back, by the names of their unknowns.
 
-    hops : for each the launch speed, the times of the flights, of which each ends in an impact, and that of the contact
+    hops : for each the launch speed, the times of the flights, each up to an impact, and the time of the contact
     """
 
     hops: tuple[tuple[str, tuple[str, ...], str], ...]

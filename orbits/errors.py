@@ -49,9 +49,9 @@ class InputError(OrbitsError, ValueError):
 
 
 class InconsistentModel(InputError):
-    """A machine does not move as it is stated.
+    """A machine does not move as its statement says.
 
-    relations : those of `check` that do not hold
+    relations : the relations of `check` that do not hold
     """
 
     def __init__(self, message: str, relations: tuple[Any, ...] = ()):
@@ -63,7 +63,7 @@ class InconsistentModel(InputError):
 
 
 class NoMachineCode(OrbitsError, RuntimeError):
-    """Machine code, by which motions are integrated as Taylor series, cannot be made here; the message says why."""
+    """The machine code that integrates motions by Taylor series cannot be made here; the message says why."""
 
 
 class NoOrbit(OrbitsError):
@@ -75,7 +75,7 @@ class NoStep(NoOrbit):
 
 
 class FlowError(NoOrbit):
-    """A trajectory cannot be integrated further: it grows without bound, or its state is no longer a number."""
+    """A trajectory cannot be integrated further: it grows without bound, or its state is no longer finite."""
 
 
 class OutOfRange(FlowError):
@@ -94,7 +94,7 @@ def refuse_machine(machine: object, wrong: Mapping[str, str]) -> None:
     """Raise `InputError` where parts of a machine are wrong, in words by name; no words say that a part is missing."""
     if wrong:
         parts = "; ".join(f"{name}: {text}" if text else f"it has no '{name}'" for name, text in wrong.items())
-        raise InputError(f"'{type(machine).__name__}' is no machine such as problems.Hopper(): {parts}")
+        raise InputError(f"'{type(machine).__name__}' is not a machine such as problems.Hopper(): {parts}")
 
 
 NUMBER_WITH_UNIT = re.compile(
@@ -115,7 +115,7 @@ def unit_stated(value: object) -> str:
         return ""
     factor = UNITS_IN_SI.get(found[2])
     own = "" if factor is None else f", {float(found[1]) * factor:g} for a machine in SI"
-    return f": it has the unit '{found[2]}'; state the number alone{own}"
+    return f": leave the unit '{found[2]}' out and state the number alone{own}"
 
 
 def finite_number(name: str, value: object) -> float:
@@ -136,10 +136,10 @@ def range_of(name: str, ends: Any) -> tuple[float, float]:
     try:
         low, high = ends if is_list(ends) else ()
     except ValueError:
-        raise InputError(f"{name} = {ends!r}; it is a pair (low, high)") from None
+        raise InputError(f"{name} = {ends!r}; it must be a pair (low, high)") from None
     low, high = finite_number(name, low), finite_number(name, high)
     if not low < high:
-        raise InputError(f"{name} = ({low:g}, {high:g}); a range goes up, low < high")
+        raise InputError(f"{name} = ({low:g}, {high:g}); low must be below high")
     return low, high
 
 
@@ -160,8 +160,8 @@ def finite_times(t: object) -> np.ndarray:
 
 
 def whole_number(name: str, value: object, what: str = "", least: int = 1, most: int | None = None) -> int:
-    """`value` as a whole number (of `what`) from `least` to `most`, by default to a `LARGEST_NUMBER`, which no memory
-    holds; raises `InputError` with the bounds."""
+    """`value` as a whole number (of `what`) from `least` to `most`, by default to a `LARGEST_NUMBER`, more than fits
+    into memory; raises `InputError` with the bounds."""
     number = least - 1
     if isinstance(value, int | np.integer) and not isinstance(value, bool):
         number = int(value)
@@ -169,21 +169,21 @@ def whole_number(name: str, value: object, what: str = "", least: int = 1, most:
     if not least <= number <= largest:
         bounds = "upwards" if most is None and number < least else f"to {largest}"
         kind = f"number of {what}," if what else "whole number"
-        raise InputError(f"{name} = {value!r}; it is a {kind} from {least} {bounds}")
+        raise InputError(f"{name} = {value!r}; it must be a {kind} from {least} {bounds}")
     return number
 
 
 def true_or_false(name: str, value: object) -> bool:
     """`value` as a truth value; raises `InputError` for anything else, as a number, text or an array."""
     if not isinstance(value, bool | np.bool_):
-        raise InputError(f"{name} = {value!r}; it is True or False")
+        raise InputError(f"{name} = {value!r}; it must be True or False")
     return bool(value)
 
 
 def one_of(name: str, value: object, known: Sequence[str]) -> str:
     """`value` as one of the known words; raises `InputError` with them."""
     if not isinstance(value, str) or value not in known:
-        raise InputError(f"{name} = {value!r}; it is one of {', '.join(known)}")
+        raise InputError(f"{name} = {value!r}; it must be one of {', '.join(known)}")
     return value
 
 
@@ -210,5 +210,5 @@ def list_of_names(what: str, names: object) -> list[str]:
     names = names.tolist() if isinstance(names, np.ndarray) else names
     found = [names] if isinstance(names, str) else list(names) if is_list(names) else [None]
     if not all(isinstance(name, str) for name in found):
-        raise InputError(f"{what} = {names!r}; it is a name, or a list of names")
+        raise InputError(f"{what} = {names!r}; it must be a name, or a list of names")
     return [str(name) for name in found]

@@ -62,8 +62,8 @@ def in_words(values: Mapping[str, object]) -> list[str]:
 
 
 def one_line(result: object, values: Mapping[str, object]) -> str:
-    """A result in one line of fewer than 200 characters: its type, and some of its values by name, the first as many
-    as there is room for, long ones without their middle."""
+    """A result in one line of fewer than 200 characters: its type, and some of its values by name, the first ones for
+    which there is room, long ones without their middle."""
     texts = [each if len(each) <= LONGEST_ENTRY else cut_in_the_middle(each, 70, 25) for each in in_words(values)]
     name, count = type(result).__name__, len(texts)
     while count > 1 and len(f"{name}({', '.join(texts[:count])}, ...)") > LONGEST_ONE_LINE:
@@ -85,7 +85,7 @@ def to_json(value: object) -> str:
     try:
         return json.dumps(value, allow_nan=False, ensure_ascii=True, default=_plain)
     except ValueError as error:
-        raise InputError(f"a number that is not finite has no place in a result: {error}") from None
+        raise InputError(f"a result cannot hold a number that is not finite: {error}") from None
 
 
 def _plain(value: object) -> object:
@@ -113,7 +113,7 @@ def parse_json(text: str | bytes) -> Any:
         found = dict(pairs)
         if len(found) < len(pairs):
             twice = Counter(name for name, _ in pairs).most_common(1)[0][0]
-            raise ValueError(f"it has '{twice}' twice in one object: leave one of the two")
+            raise ValueError(f"it has '{twice}' twice in one object: keep one of the two")
         return found
 
     return json.loads(text, object_pairs_hook=entries)
@@ -150,7 +150,7 @@ def unsealed(document: Any, before: str = "") -> Any:
     parts = document.items() if isinstance(document, Mapping) else ()
     content = {name: value for name, value in parts if name != DIGEST}
     if len(content) == len(parts) or document[DIGEST] != digest(content, before):
-        raise Changed("it was changed or cut after it was written: take a copy from before, or compute it anew")
+        raise Changed("it was changed or cut after it was written: restore an earlier copy, or compute it again")
     return content
 
 
@@ -164,7 +164,9 @@ def has_digest(document: object, path: str | Path) -> bool:
     "orbits" says that they are not checked."""
     if found := isinstance(document, Mapping) and DIGEST in document:
         return found
-    logging.getLogger("orbits").warning("%s has no digest, as files of version 0.1.0: its content is unchecked", path)
+    logging.getLogger("orbits").warning(
+        "%s has no digest, like all files of version 0.1.0: its content is not checked", path
+    )
     return False
 
 
@@ -206,16 +208,16 @@ def _is_full(path: Path) -> bool:
     import shutil
 
     with suppress(OSError):
-        disk = shutil.disk_usage(path.parent)  # what is no disk, as /proc, has a total of 0
+        disk = shutil.disk_usage(path.parent)  # a place without a disk, such as /proc, has a total of 0
         return disk.total > 0 and disk.free < 64 * 1024
     return False
 
 
 @contextmanager
 def writing(what: str, path: str | Path) -> Iterator[Path]:
-    """The path to write a file to: beside the file that it then replaces in one step with its mode, so that whatever
-    fails, the old file stays as it was. A link stays one, and a path that is no file, as a pipe, or is open already, as
-    /dev/stdout, is written to directly. Failures are as with `refusing`.
+    """The path to write a file to: next to the file that it then replaces in one step with its mode, so that whatever
+    fails, the old file stays as it was. A link stays one, and a path that is not a file, such as a pipe, or is open
+    already, as /dev/stdout, is written to directly. Failures are as with `refusing`.
     """
     with refusing(what, path):
         if (Path(path).exists() and not Path(path).is_file()) or _is_open_already(Path(path)):
@@ -248,15 +250,15 @@ def _is_open_already(path: Path) -> bool:
 
 
 def named_file(path: str | Path) -> Path:
-    """The path of a file; raises `InputError` for what is no name."""
+    """The path of a file; raises `InputError` for anything that is not a name."""
     try:
         return Path(path)
     except TypeError:
-        raise InputError(f"{path!r} is no name of a file") from None
+        raise InputError(f"{path!r} is not a file name") from None
 
 
 def check_ending(path: str | Path, endings: tuple[str, ...]) -> Path:
-    """The path of a file to write; raises `InputError` when it is no path, or its ending is none of these."""
+    """The path of a file to write; raises `InputError` when it is not a path, or has another ending than these."""
     path = named_file(path)
     if endings and path.suffix.lower() not in endings:
         raise InputError(f"'{path}' cannot be written: its name needs an ending, {' or '.join(endings)}")
@@ -342,23 +344,23 @@ def conform(value: Any, kind: Any, name: str = "it") -> Any:
     if kind is float and type(value) is int:
         value = float(value) if abs(value) < 2**1000 else np.inf
     if type(value) is not kind or (kind is float and not math.isfinite(value)):
-        raise InputError(f"{name} = {value!r}; it is {WORDS[kind]}")
+        raise InputError(f"{name} = {value!r}; it must be {WORDS[kind]}")
     return value
 
 
 def _mapping(value: object, name: str) -> Mapping[str, object]:
     if not isinstance(value, Mapping):
-        raise InputError(f"{name} = {value!r}; it is a table of names and values")
+        raise InputError(f"{name} = {value!r}; it must be a table of names and values")
     return value
 
 
 def _items(value: object, inner: tuple, name: str) -> list:
     """The items of a list, all of the first of the `inner` types, or each of its own."""
     if not isinstance(value, list | tuple):
-        raise InputError(f"{name} = {value!r}; it is a list")
+        raise InputError(f"{name} = {value!r}; it must be a list")
     same = len(inner) == 1 or inner[1] is Ellipsis
     if not same and len(value) != len(inner):
-        raise InputError(f"{name} = {value!r}; it is a list of {len(inner)}")
+        raise InputError(f"{name} = {value!r}; it must be a list of {len(inner)}")
     kinds = [inner[0]] * len(value) if same else inner
     return [conform(each, kind, f"{name}[{i}]") for i, (each, kind) in enumerate(zip(value, kinds, strict=True))]
 

@@ -1,7 +1,8 @@
-"""The public names of a package, each imported when it is first used: a command that finds an orbit needs half of them.
+"""The public names of a package, each imported when it is first used, since a command that finds an orbit needs only
+half of them.
 
 A package states them once, as imports from its modules below `if TYPE_CHECKING`, which type checkers read as they are.
-Those that users import are written `Name as Name`: strict type checkers refuse what a package does not export so.
+Names that users import are written `Name as Name`: strict type checkers refuse what a package does not export so.
 """
 
 import ast

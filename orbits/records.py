@@ -66,7 +66,7 @@ class Records(Sequence[Made], Generic[Made]):
 
     @classmethod
     def joined(cls, parts: Sequence["Records[Made]"]) -> "Records[Made]":
-        """The records of all parts, of which there is one at least."""
+        """The records of all parts; there is at least one."""
         columns = {name: _joined_columns([part.columns[name] for part in parts]) for name in parts[0].columns}
         return Records(parts[0].kind, columns) if len(parts) > 1 else parts[0]
 

@@ -127,19 +127,19 @@ class Row(NamedTuple):
 class Result:
     """The methods of all results. Each verb means one thing for all of them:
 
-    machine : the machine in words and numbers, as it describes itself; empty where the result has none. Where the
-        machine itself is at hand, it is `source`
+    machine : the machine in words and numbers, as it describes itself; empty if the result has none. `source` is the
+        machine itself, if it is known
     units : the unit of each quantity by name, "m/s"; empty for a dimensionless machine
-    summary : the numbers and texts that say what was found, by name; `rows()` is the table of their texts, which
-        `str(result)` prints and a notebook shows beside `plot()`
+    summary : the numbers and texts of the result, by name; `rows()` is the table of their texts, which `str(result)`
+        prints and a notebook shows next to `plot()`
     table : the data as columns of one length, by name, with the units of `units`; `dataframe()`, `dataset` and
         the files .csv, .nc and .parquet are made of it
     document : the result as JSON-ready data, as the command line prints it
     save : a file, whose ending says which; `load(path)` reads the .json again, to the last bit
     page : an HTML file that needs no network
 
-    A class of results says what it has: `what` such results are called in messages and files; the names `in_line`, the
-    `title`, and unless its `table` is short, its `_rows`; `document`, and `of_saved`, which makes it again of what
+    A class of results defines `what` its results are called in messages and files; the names `in_line`, the `title`
+    and, unless its `table` is short, its `_rows`; `document`, and `of_saved`, which restores the result from what
     `saved` put into a file. Names that only other modules use are `internal`: `dir` and completion leave them out, as
     well as fields that a result does not have.
     """
@@ -151,7 +151,7 @@ class Result:
     dimension: ClassVar[str] = "row"  # what the rows of the table are called in a dataset
     largest_file: ClassVar[int] = 32 * MEGABYTE
     document_is_whole: ClassVar[bool] = False  # whether `of_saved` needs no more than the document
-    undrawn: ClassVar[str] = ""  # why such results have no picture; "" for those that have a `plot` of their own
+    undrawn: ClassVar[str] = ""  # why such results have no picture; "" for results with a `plot` of their own
     internal: ClassVar[tuple[str, ...]] = (
         "dimension", "document_is_whole", "endings", "form", "heading", "heads", "in_line", "internal", "largest_file",
         "of_saved", "printed_digits", "rows", "saved", "title", "undrawn", "unit_of", "variable", "what",
@@ -224,7 +224,7 @@ class Result:
         return one_line(self, self._line())
 
     def summary(self) -> dict[str, Any]:
-        """The numbers and texts of the result by name; the second of a name is "name 2"."""
+        """The numbers and texts of the result by name; a second value of the same name is "name 2"."""
         found, count = dict[str, object](), Counter[str]()
         for name, value in (pair for row in self._rows() for pair in row.values.items()):
             count[name] += 1
@@ -281,8 +281,8 @@ class Result:
         return xarray.Dataset(columns, attrs={"title": self.title(), "machine": to_json(machine)})
 
     def variable(self, name: str, column: object, dims: object, shape: Sequence[int] = (-1,)) -> tuple[str, tuple]:
-        """A column by a name that NetCDF takes, as a variable of a dataset: of these dimensions, None as "", and with
-        its description."""
+        """A column as a variable of a dataset with these dimensions, under a name that NetCDF accepts, with its
+        description and "" for None."""
         values = np.asarray(column)
         if values.dtype == object:
             values = np.array(["" if each is None else str(each) for each in values.ravel()])
@@ -292,7 +292,7 @@ class Result:
         return plain, (dims, values.reshape(shape), {"long_name": name.replace("_", " "), **unit})
 
     def save(self, path: str | Path) -> Path:
-        """Write the result to a file and return its path: the whole of it to .json, to `load`, or its `table` to .csv
+        """Write the result to a file and return its path: the whole result to .json, for `load`, or its `table` to .csv
         or, with the extra `data`, to .nc (NetCDF) or .parquet. Floats have all their digits.
 
         Raises `InputError` when the file cannot be written.
@@ -322,8 +322,8 @@ class Result:
 
     @classmethod
     def of_saved(cls, document: object, machine: Machine | None = None) -> Any:
-        """The result of a document by `saved`; raises `ValueError` where parts of it do not fit each other, or it is
-        that of another machine."""
+        """The result in a document of `saved`; raises `ValueError` if its parts contradict each other, or if it belongs
+        to another machine."""
         whole = cls._conform(document, Mapping[str, Any])
         return cls(**cls._fields_in(whole.get("fields", whole), machine))
 
@@ -347,11 +347,11 @@ class Result:
     def load(cls, path: str | Path, machine: Machine | None = None) -> Self:
         """Read a result that `save` wrote to .json.
 
-        machine : that the result is of, needed where a file does not hold it: for designs, fronts and simulations, and
-            where a file cannot state it, as with a Python function as its spring. It becomes the `source` of the
-            result; results without one do not look at it
+        machine : the machine of the result, needed if the file does not hold it: for designs, fronts and simulations,
+            and if a file cannot state it, for example because its spring is a Python function. It becomes the `source`
+            of the result; results without a source ignore it
 
-        Raises `InputError` when the file is not one, was changed since, or is of another machine.
+        Raises `InputError` when the file is not such a result, was changed since, or belongs to another machine.
         """
         return read_file(path, f"{path} is not a saved {cls.what}", partial(cls._read, machine), cls.largest_file)
 
@@ -398,8 +398,8 @@ def _table_rows(columns: Sequence[Any]) -> Iterable[tuple]:
 
 
 def stored(value: Any) -> Any:
-    """A value as JSON-ready data: a dataclass by its fields without those that it does not have, such as NaN, a machine
-    in words and by its values, and a result within another one as its own file has it."""
+    """A value as JSON-ready data: a dataclass by its fields without the missing ones, such as NaN, a machine in words
+    and by its values, and a result within another one as its own file has it."""
     if isinstance(value, np.ndarray):
         return stored(value.tolist()) if value.size or value.ndim < 2 else None  # a list has but its first dimension
     if hasattr(value, "describe"):
@@ -424,11 +424,11 @@ def is_of(machine: Any, words: Mapping[str, object], values: Mapping[str, float]
     """The machine of a result that is read again, with these values of its parameters, which then describes itself in
     these words; raises `InputError` for none, and `ValueError` for another one."""
     if machine is None:
-        raise InputError("it does not hold its machine; name it: load(path, machine)")
+        raise InputError("the file does not hold its machine; pass it: load(path, machine)")
     if changed := {name: value for name, value in values.items() if machine.values.get(name) != value}:
         machine = machine.with_values(**changed)
     if json.loads(to_json(machine_in_words(machine))) != json.loads(to_json(words)):
-        raise ValueError(f"it is of another machine: {dict(words)}")
+        raise ValueError(f"it belongs to another machine: {dict(words)}")
     return machine
 
 

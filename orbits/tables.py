@@ -1,6 +1,6 @@
 """Tables of results as text and as HTML: names, numbers with their units, and words.
 
-A printed line has at most `LAYOUT.line` characters: a longer text goes on below, set in, and so does a table of more
+A printed line has at most `LAYOUT.line` characters: a longer text continues below, set in, and so does a table of more
 columns, with its first column again. No number is ever cut.
 """
 
@@ -31,7 +31,7 @@ class Layout(NamedTuple):
 
 
 LAYOUT = Layout()
-# Spaces at which no line ends: those around a sign of equality, before the unit of a number, and after +-.
+# Spaces at which a line never ends: those around a sign of equality, before the unit of a number, and after +-.
 TOGETHER = re.compile(r"(?<=[^ ]) (?== )|(?<= =) |(?<=\d) (?=[^\W\d_])|(?<=\+-) ")
 SHORT_BRACKETS = re.compile(r"\([^()]{1,24}\)")  # nor does one end within these
 HARD_SPACE = "\u00a0"
@@ -88,8 +88,8 @@ def wrapped(text: str, width: int | None = None, indent: str = "", onward: str |
 
     indent, onward : what the first line begins with, and all others, by default the same
 
-    Words longer than a line, as formulas, go on after a sign; what has none, as a number, stays whole. So do lines of
-    the text that are set in already.
+    Words longer than a line, as formulas, continue after a sign; what has none, as a number, stays whole. So do lines
+    of the text that are set in already.
     """
     width, onward = width or LAYOUT.line, indent if onward is None else onward
     lines = list[str]()

@@ -83,14 +83,14 @@ OF_ANGLES = OF_ANGULAR_GAPS.keys() | OF_ANGULAR_EXTENSIONS.keys()
 DIMENSIONS_OF_HOPS: dict[str, Dimension] = {
     **{"alpha": LIFTOFF_SPEED, "next": LIFTOFF_SPEED, "loss": LIFTOFF_SPEED_SQUARED}
 }
-# Dimensions of unknowns, beside the flight states, that determine a launch or half an orbit.
+# Dimensions of unknowns, in addition to the flight states, that determine a launch or half an orbit.
 UNKNOWNS: dict[str, Dimension] = {
     **dict.fromkeys(("duration", "contact_duration"), TIME),
     **{"alpha": LIFTOFF_SPEED, "liftoff": EXTENSION, "unfolding": ()},
 }
 LARGEST_DENOMINATOR = 12  # of a power that is written as a fraction
 SAME_POWER = 2e-9  # difference of a power from its fraction: powers in formulas have nine digits
-# The powers of a unit in a file, of which there are few, stay far from the bounds of numbers.
+# The powers of a unit in a file, are few and stay far from the bounds of numbers.
 SMALLEST_SAVED = 1e-50
 # Names of composed dimensions.
 _NAMES: dict[Dimension, str] = {(0, 0, 0, 0, 0): "", (*MASS, 0, 0): "kg", (*INERTIA, 0, 0): "kg m^2", (*ENERGY, 0): "J"}
@@ -100,12 +100,12 @@ _NAMES: dict[Dimension, str] = {(0, 0, 0, 0, 0): "", (*MASS, 0, 0): "kg", (*INER
 class Units:
     """The units of length, time, force and energy of a dimensionless machine, in SI.
 
-    length, time, force, energy : in m, s, N and J. The unit of energy need not be that of force times that of length;
-        None where it is not known
-    angles : names of the coordinates that are angles (rad) instead of lengths, with "liftoff" among them where the
-        extension at lift-off is an angle: the launch speed is then in rad/s; and "gap" where the gap is one, whose
+    length, time, force, energy : in m, s, N and J. The unit of energy may differ from force times length; None where it
+        is not known
+    angles : names of the coordinates that are angles (rad) instead of lengths; also "liftoff" if the extension at
+        lift-off is an angle, so that the launch speed is in rad/s, and "gap" if the gap is an angle, so that its
         contact force is a torque
-    own : the dimensions of states that are neither lengths nor angles nor speeds of these, by name
+    own : the dimensions by name of states that are neither lengths nor angles nor their speeds
 
     In `Model.units` the units are expressions of the machine's parameters.
     """
@@ -139,14 +139,14 @@ class Units:
         return {name: each for angle in own if angle in self.angles for name, each in own[angle].items()}
 
     def of(self, dimension: Dimension | str) -> Any:
-        """The unit of a dimension, or of the state or unknown of this name."""
+        """The unit of a dimension, or of the state or unknown with this name."""
         unit, powers = 1.0, self.resolved(dimension)
         for base, power in zip((self.length, self.time, self.force, self.energy), powers, strict=False):
             unit = unit if power == 0 else unit * base**power
         return unit
 
     def text(self, dimension: Dimension | str) -> str:
-        """The SI unit of a dimension, or of the state or unknown of this name, as text: "m/s"."""
+        """The SI unit of a dimension, or of the state or unknown with this name, as text such as "m/s"."""
         length, time, force, energy, angle = self.resolved(dimension)
         return unit_text((length, time, force, energy, 0, angle))
 
@@ -160,14 +160,14 @@ class Units:
         return {name: text for name, text in self.texts(known).items() if text != unit_text(known[name])}
 
     def of_states(self, names: Sequence[str], own: Mapping[str, Dimension] | None = None) -> np.ndarray:
-        """The units (n,) of states, lengths or speeds, by their names; `own` has the dimensions of other rows."""
+        """The units (n,) of states by name, which are lengths or speeds; `own` has the dimensions of other rows."""
         own = {name: FORCE for name in names if name.startswith(("contact force", "holding force"))} | {**(own or {})}
         return np.array([self.of(own.get(name) or name) for name in names])
 
     def dimensionless(self, name: str, argument: object, dimension: Dimension = ()) -> Any:
-        """An argument of this name and dimension in these units, made dimensionless; one without numbers stays, for the
-        function to refuse. A mapping has unknowns of a launch or half an orbit by name; raises `InputError` where one
-        is not a number."""
+        """The dimensionless value of an argument of this name and dimension in these units. An argument without numbers
+        is returned unchanged, for the function to refuse. A mapping has unknowns of a launch or half an orbit by name;
+        raises `InputError` if one is not a number."""
         if hasattr(argument, "dimensionless"):
             return argument.dimensionless()
         if hasattr(argument, "in_units"):
@@ -192,7 +192,7 @@ class Units:
         return several.replaced(**known) if several else replace(record, **known)  # type: ignore[type-var]
 
     def convert_motion(self, path: Any, own: Mapping[str, Dimension] | None = None) -> Any:
-        """A `Trajectory` in SI; `own` has the dimensions of rows that are no states."""
+        """A `Trajectory` in SI; `own` has the dimensions of rows that are not states."""
         with np.errstate(all="ignore"):
             powers = float(self.time) ** -np.arange(path.coefficients.shape[2])
             c = path.coefficients * (self.of_states(path.names, own)[:, None] * powers)
@@ -251,7 +251,7 @@ def saved_units(data: Mapping[str, object]) -> Units:
         unit = getattr(units, name)
         if unit is not None and not SMALLEST_SAVED < unit < 1 / SMALLEST_SAVED:
             bounds = f"{SMALLEST_SAVED:g} and {1 / SMALLEST_SAVED:g}"
-            raise InputError(f"its unit of {name} is {unit:g}; it lies between {bounds}")
+            raise InputError(f"its unit of {name} is {unit:g}; it must lie between {bounds}")
     return units
 
 

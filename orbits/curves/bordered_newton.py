@@ -15,7 +15,7 @@ from .step_options import Steps
 
 # A Newton step that no longer shrinks is rounding below this multiple of the rounding that the problem expects.
 LARGEST_ROUNDING = 4.0
-# Steps above this are no rounding, and no errors of equations that are not exact.
+# Steps above this are neither rounding nor errors of equations that are not exact.
 NO_ROUNDING = 1e-6
 
 

@@ -13,8 +13,8 @@ from .protocol import Array, Points, Problem
 from .step_options import Steps
 
 # Why points of a batch are rejected, which does not mean that the curve is hard to follow: those between the ends of
-# long steps are not solved, or they are no neighbours, which is approached by many shorter steps.
-UNSOLVED, ANOTHER = "the corrector does not converge", "the next point is one of another curve"
+# long steps are not solved, or they are not neighbours, which is approached by many shorter steps.
+UNSOLVED, ANOTHER = "the corrector does not converge", "the next point lies on another curve"
 
 
 @dataclass(eq=False)
@@ -36,7 +36,7 @@ class Group:
 
     @classmethod
     def of(cls, problem: Problem, blocks: Sequence[Points], memory: int, certified: bool = True) -> "Group":
-        """The curves that go on from the points (k) of the last block; in earlier blocks are points before these."""
+        """The curves that continue from the points (k) of the last block; in earlier blocks are points before these."""
         last = blocks[-1]
         values = values_of(problem, last)[1] if certified else np.empty((len(last), 0))
         return cls(problem, last.lanes, Tails.of(blocks, last.lanes, memory), values, certified)
@@ -46,7 +46,7 @@ class Group:
         return replace(self, lanes=self.lanes[which], tails=self.tails.of_lanes(which), values=self.values[which])
 
     def copy(self) -> "Group":
-        """A copy of these curves, to go on with apart from them."""
+        """A copy of these curves, to continue with apart from them."""
         return Group(**vars(self))
 
     def take(self, other: "Group") -> None:
@@ -92,7 +92,7 @@ class Progress:
         self.length[lane], self.batch[lane] = length, 1
 
     def begin(self, lane: int, options: Steps, anew: bool) -> None:
-        """Go on with a short step, where the problem changes or anew behind a corner."""
+        """Go on with a short step, where the problem changes or again behind a corner."""
         self.length[lane] = min(options.first, np.inf if anew else self.length[lane])
         self.batch[lane], self.passes[lane] = 1, False
         if anew:
@@ -125,7 +125,7 @@ class Limits(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """The steps of a batch in rounds, each of which is one step of some curves.
+    """The steps of a batch in rounds; each round is one step of some curves.
 
     ends, borders, parts : the ends of the steps, the rows and levels at which they were found, and the numbers of parts
     tails : those of the group with these ends
@@ -184,7 +184,7 @@ def steps_of(group: Group, progress: Progress, limits: Limits, options: Steps) -
 
 
 def _rescued(group: Group, batch: Batch, progress: Progress, late: Array, options: Steps) -> Batch:
-    """The batch with a step of each of some curves (j,) to which no step leads, where their problem knows one."""
+    """The batch with a step of each of some curves (j,) that no step reaches, where their problem knows one."""
     for k in late.tolist():
         lane, tails = group.lanes[k : k + 1], batch.tails.of_lanes(np.array([k]))
         if found := group.problem.rescued(lane, tails.xs[:, -1], tails.tangents[:, -1], options.first):
@@ -207,7 +207,7 @@ def points_of(
     options: Steps,
 ) -> tuple[Points, dict[int, object]]:  # fmt: skip
     """The certified points of a batch, of each lane up to the first that is rejected, and the reasons for these by
-    lane. The group goes on from the last points; `last` tells the last point (1) of a lane before the batch."""
+    lane. The group continues from the last points; `last` tells the last point (1) of a lane before the batch."""
     points, is_end, failed = _solved(group, batch, limits, options)
     why: dict[int, object] = dict.fromkeys(failed.tolist(), UNSOLVED)
     for judged in (certify, lambda group, points: (points, _others(group.problem, points, last))):
@@ -241,7 +241,7 @@ def points_of(
 
 
 def _others(problem: Problem, points: Points, last: Callable[[int], Points]) -> dict[int, str]:
-    """The certified points that are no neighbours of those before them, by index, with the reason."""
+    """The certified points that are not neighbours of the points before them, by index, with the reason."""
     if type(problem).accepts is Problem.accepts or not len(points):
         return {}
     first = is_first(points.lanes)

@@ -167,8 +167,8 @@ class _Search:
         return bool(np.isnan(self.share)) and not self.failed
 
     def near(self, share: float) -> Segments:
-        """The part of the segment between the two known points beside a share; beside close points it is the tangent at
-        the nearer one."""
+        """The part of the segment between the two known points on either side of a share; between close points it is
+        the tangent at the nearer one."""
         i = next((i for i, (other, *_) in enumerate(self.known) if other >= share and i), len(self.known) - 1)
         (low, a, t), (high, b, s) = self.known[i - 1 : i + 1]
         if high - low < CLOSE:
@@ -212,7 +212,7 @@ class _Search:
         return None if pole else (self.share, point)
 
     def _interpolated(self, problem: Problem, share: float, options: Steps) -> tuple[float, Points | None] | None:
-        """The share and the point at which the equations are singular, from points beside it, without the point where
+        """The share and the point at which the equations are singular, from points near it, without the point where
         some of these are not found; None where the function is not monotonic there, as at a pole or in noise."""
         segment, row = self.segment, self.segment.rows(problem)
         four = segment.only(np.zeros(4, int))

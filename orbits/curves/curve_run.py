@@ -1,7 +1,7 @@
 """A run along curves: batches of points, what happens between them, and the ends; it may pause after every batch.
 
 In a batch each curve takes several steps, all curves together. Then the points between the ends of the steps are solved
-and certified together. Where one is rejected, the curve goes on from the point before it with shorter steps.
+and certified together. Where one is rejected, the curve continues from the point before it with shorter steps.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -37,7 +37,9 @@ def started(problem: Problem, xs: Array, options: Steps = DEFAULT_STEPS, way: fl
     A lane without such a point is left out. Raises `InputError` for places that are not a matrix of finite numbers.
     """
     if np.ndim(xs) != 2 or not np.isfinite(xs).all():
-        raise InputError(f"the first places of curves have shape {np.shape(xs)}: they are finite numbers (m, n + 1)")
+        raise InputError(
+            f"the first places of curves have the shape {np.shape(xs)}; they must be finite numbers (m, n + 1)"
+        )
     m, n = xs.shape
     border = Border.of_component(n - 1, xs[:, -1], n)
     onward = np.tile(np.copysign(np.eye(1, n, n - 1), way), (m, 1))
@@ -85,9 +87,9 @@ class Run:
         before they are yielded
 
     It yields `Points`, in order along each lane; each `Event` after the points before it; and an `End` for each lane.
-    After each `advance` it can be pickled or copied, and goes on where it was. An error in `advance`, as an interrupt,
-    leaves the run as it was before. Raises `InputError` for lanes out of order, for requested values that are not
-    finite, and for bounds that are not two different numbers.
+    After each `advance` it can be pickled or copied, and continues where it was. An error in `advance`, as an
+    interrupt, leaves the run as it was before. Raises `InputError` for lanes out of order, for requested values that
+    are not finite, and for bounds that are not two different numbers.
     """
 
     def __init__(
@@ -115,7 +117,7 @@ class Run:
         ends = np.column_stack([np.broadcast_to(each, m) for each in (stop, starts if behind is None else behind)])
         if (wrong := ~(abs(ends[first.lanes, 0] - ends[first.lanes, 1]) > 0)).any():
             ahead, back = ends[first.lanes][wrong][0]
-            raise InputError(f"a curve goes from {back:g} to {ahead:g}: its bounds are two different numbers")
+            raise InputError(f"a curve goes from {back:g} to {ahead:g}: its bounds must differ")
         requested = np.array(sorted({finite_number("at", value) for value in at}))
         self.limits = Limits(np.sort(ends, axis=1), starts, requested)
         length = np.clip(options.first if lengths is None else lengths, options.shortest, options.longest)
@@ -220,7 +222,7 @@ class Run:
                 i = part.busy.pop(0)
                 ended = self._on_segment(group, part, i, segments.only([i]), found[i])
                 if part.unlocated:
-                    refused[lane] = OrbitsError(f"what happens next cannot be located ({part.unlocated})")
+                    refused[lane] = OrbitsError(f"the next event cannot be located ({part.unlocated})")
                     self._take_back(group, lane, part, i, tails, before[i])
                     ended = True
                 elif ended:  # a later point of its batch may have been refused
@@ -269,8 +271,8 @@ class Run:
         return passes
 
     def _on_segment(self, group: Group, part: Part, i: int, segment: Segments, found: list[Found]) -> bool:
-        """Add the items on a segment (1) that ends at point `i` to those of its lane, up to where this ends or goes on
-        as the curve of another problem; whether it does."""
+        """Add the items on a segment (1) that ends at point `i` to those of its lane, up to where this ends or
+        continues as the curve of another problem; whether it does."""
         lane, here, value = int(segment.lanes[0]), part.points[i : i + 1], float(part.points.values[i])
         low, high = self.limits.bounds[lane]
         own_places, missing = self._of_run(group.problem, segment, here)
@@ -326,7 +328,7 @@ class Run:
         return End("reached", f"{value:g}") if value in self.limits.bounds[lane] else None
 
     def _ends(self, group: Group, refused: dict[int, object]) -> list[Item]:
-        """The ends of curves at a bound or after the largest number of points, and what follows those that are lost."""
+        """The ends of curves at a bound or after the largest number of points, and what follows lost curves."""
         lanes, progress, options = group.lanes, self.progress, self._steps(group.problem)
         value, rate = group.tails.xs[:, -1, -1], group.tails.tangents[:, -1, -1]
         low, high = self.limits.bounds[lanes].T
@@ -360,7 +362,7 @@ class Run:
         first, options = self._first_of(onward, lane), self._steps(onward.problem)
         again = onward.problem is group.problem and self.progress.count[lane] == self.progress.begun[lane]
         if not len(first) or (is_new and again):
-            return [End("stuck", "the curve does not go on where its problem changes or behind its corner", lane)]
+            return [End("stuck", "the curve does not continue where its problem changes or beyond its corner", lane)]
         self.progress.begin(lane, options, is_new)
         begun = Group.of(onward.problem, [first], options.memory)
         if same := next((each for each in self.groups if each.problem is onward.problem), None):
@@ -373,7 +375,7 @@ class Run:
         return []
 
     def _first_of(self, start: Start, lane: int) -> Points:
-        """The first point (1) of a curve that goes on; none where there is no such point."""
+        """The first point (1) of a curve that continues; none where there is no such point."""
         if start.point is not None:
             return start.point.having(lanes=np.array([lane]), lengths=np.zeros(1))
         lanes, x, tangent, problem = np.array([lane]), start.x[None], start.tangent[None], start.problem

@@ -126,7 +126,8 @@ def step(problem: Problem, lanes: Array, tails: Tails, lengths: Array, bounds: A
     following = options.shorter * taken
     following[i[good]] = longer[good]
     reasons = {
-        k: f"no point is found in a step of {taken[k]:.1e}" for k in np.delete(np.arange(len(lanes)), i).tolist()
+        k: f"no point of the curve is found with a step of {taken[k]:.1e}"
+        for k in np.delete(np.arange(len(lanes)), i).tolist()
     }
     for j in np.flatnonzero(~good).tolist():
         what = f"the corrector moves {moved[j]:.1e} in a step of {taken[i[j]]:.1e}"
@@ -222,7 +223,7 @@ def between(problem: Problem, steps: Division, options: Steps) -> tuple[Points, 
     guesses[ahead] = steady.at(ends[of[ahead]], side, side, rows[ahead], levels[ahead])
     most = np.minimum(options.corrected * lengths, options.moved)[of]
     border, reach = Border(rows, levels), options.reach * most
-    rough = np.where(ahead, options.rough, np.inf) if options.rough else 0.0  # the ends are solved but for a step
+    rough = np.where(ahead, options.rough, np.inf) if options.rough else 0.0  # the ends are solved except for a step
     which, points = correct(problem, lanes[of], guesses, border, before[of], options, rough=rough, reach=reach)
     good, whole = np.zeros(len(of), bool), np.ones(len(ends), bool)
     if len(which):

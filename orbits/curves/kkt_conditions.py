@@ -95,7 +95,7 @@ class LinearisedConditions:
     options: KktOptions
 
     def solve(self, right: Array, held: int) -> Array:
-        """The solutions (n + |A| + 1, k) of the linear conditions with k right sides, the last entry of which is of the
+        """The solutions (n + |A| + 1, k) of the linear conditions with k right sides, whose last entry belongs to the
         equation that one unknown, number `held`, has a value; raises `SingularConditions`."""
         places, last, solution = self.places, len(self.slopes), np.empty(right.shape)
         slopes, ordered = self.slopes[places, None], right[np.append(places, last)]
@@ -172,8 +172,8 @@ def _negative_of(matrix: sp.csc_matrix, active: int) -> int:
 
 
 def _factorised(matrix: sp.csc_matrix, shifted: int) -> tuple[SuperLU | None, int]:
-    """The factors of S in its order, None where there are none, and the number of its negative eigenvalues beside those
-    of the shifted rows."""
+    """The factors of S in its order, None where there are none, and the number of its negative eigenvalues in addition
+    to those of the shifted rows."""
     try:
         factors = splu(matrix, options=SYMMETRIC, **IN_ORDER)
         if (factors.perm_r == factors.perm_c).all():

@@ -26,7 +26,7 @@ from .step_options import Steps
 
 # The events at which a curve ceases to be one of minima, and what they are.
 ENDS_OF_MINIMA = {
-    "fold": "the minimum meets a saddle: there is none near it beyond",
+    "fold": "the minimum meets a saddle: beyond it there is no minimum nearby",
     "bifurcation": "the minimum becomes a saddle: the second-order condition is lost at",
 }
 
@@ -73,7 +73,7 @@ class MinimumCurve:
             except (LostCurve, NoOrbit):
                 length *= steps.shorter
                 if length < steps.shortest:
-                    text = f"no point is found, or what happens is not located, beyond {last.value:.10g}"
+                    text = f"no point, or no place of the next event, is found beyond {last.value:.10g}"
                     yield End("stuck", text)
                     return
                 continue
@@ -92,7 +92,7 @@ class MinimumCurve:
             yield event.point
             yield event
             if after is None or crowd > self.options.crowd:
-                yield end or End("degenerate", f"limits enter and leave for ever at {event.point.value:.10g}")
+                yield end or End("degenerate", f"limits enter and leave without end at {event.point.value:.10g}")
                 return
             count += 1
             passed, length = [after], min(length, steps.first)
@@ -115,7 +115,7 @@ class MinimumCurve:
         try:
             return self.newton.at_parameter(z, near.sides, value, near.tangent)
         except (LostCurve, NoOrbit):
-            raise NoOrbit(f"no minimum is found at {value:.10g} from that at {near.value:.10g}") from None
+            raise NoOrbit(f"no minimum is found at {value:.10g}, starting from the one at {near.value:.10g}") from None
 
     def _next(self, passed: list[CriticalPoint], length: float, targets: list[float]):
         """The next point, the distance from its prediction to it, and the coordinate that is held with its level."""
@@ -153,7 +153,7 @@ class MinimumCurve:
         return rooms_at(point, self.newton.limits, self.newton.dual_size)
 
     def _event(self, a: CriticalPoint, b: CriticalPoint, held: int, after: int) -> Event | None:
-        """The first event between two points, the first of which is number `after` - 1, if there is one."""
+        """The first event between two points, if there is one; `after` - 1 is the number of the first point."""
         rooms = self._rooms(b)
         if (rooms < -self.options.tolerated).any():
             return self._change(a, b, held, rooms, after)
@@ -167,7 +167,7 @@ class MinimumCurve:
         return None
 
     def _change(self, a: CriticalPoint, b: CriticalPoint, held: int, behind: Array, after: int) -> Event:
-        """The first change of an active limit between two points, the second of which has these rooms (n + m,)."""
+        """The first change of an active limit between two points; the second one has these rooms (n + m,)."""
         before, tolerated = self._rooms(a), self.options.tolerated
         while True:
             changes = np.flatnonzero(behind < -tolerated)

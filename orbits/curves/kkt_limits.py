@@ -52,7 +52,7 @@ class CriticalPoint:
 
     @property
     def active(self) -> tuple[int, ...]:
-        """The indices of the active limits that are no equalities, of unknowns and then of constraints."""
+        """The indices of the active limits that are not equalities, of unknowns and then of constraints."""
         return tuple(np.flatnonzero(np.abs(self.sides) == 1).tolist())
 
 
@@ -62,7 +62,7 @@ class ExclusiveLimits(Exception):
 
 def rooms_at(point: CriticalPoint, limits: tuple[Array, Array], dual_size: float) -> Array:
     """Of each limit how far it is from changing, negative once it should have: the distance of a value to it, or the
-    size of its multiplier beside that of others."""
+    size of its multiplier compared with that of others."""
     values, size, (lower, upper) = point.values, point.sides * point.multipliers / dual_size, limits
     distance = np.minimum(values - lower, upper - values)
     return np.where(point.sides == EQUAL, np.inf, np.where(point.sides == FREE, distance, size))
@@ -101,7 +101,7 @@ def dependence(second: SecondDerivatives, sides: Array, i: int, dependent: float
 
 
 def projected(second: SecondDerivatives, sides: Array, gradient: Array) -> tuple[Array, Array]:
-    """What is left (n,) of a gradient beside the active gradients, and the nearest combination of these."""
+    """What is left (n,) of a gradient besides the active gradients, and the nearest combination of these."""
     jacobian, active = sparse_columns(second.jacobian), np.flatnonzero(sides)
     n = jacobian.shape[1]
     rows = sp.vstack([sp.identity(n), jacobian]).tocsr()[active]

@@ -20,7 +20,7 @@ class KktOptions(NamedTuple):
     exact : whether the tangent of each point is exact, for programs whose second derivatives come with the first
     steep : ratio of the parameter to the fastest unknown in a tangent below which that unknown is held in its place
     harmless : a correction of less than this many times the aim is accepted on steps of any length
-    crowd : number of events at one place after which limits enter and leave for ever
+    crowd : number of events at one place after which limits enter and leave without end
     last : Newton step, relative to the sizes of the unknowns, after which the next one is below rounding
     small : a Newton step below this that is not much shorter than the one before is rounding itself
     stale : contraction of Newton steps above which their matrix is renewed
@@ -32,8 +32,8 @@ class KktOptions(NamedTuple):
     changes_at_start : largest number of active limits that change at the first point
     dependent, nearly_dependent : a gradient depends on others if a smaller share of it is independent of them; and if
         no minimum is found otherwise
-    weights : of the active gradients in the shifted matrix, tried in turn: where one is too small, or too large beside
-        rounding, there seem to be more negative eigenvalues than there are
+    weights : of the active gradients in the shifted matrix, tried in turn: where one is too small, or too large
+        compared with rounding, there seem to be more negative eigenvalues than there are
     refined : a refinement of a solution is the last one if the next would change less than this share of it
     contracts, refinements : a refinement fails if it does not shrink by this factor, or after this number of steps
     """

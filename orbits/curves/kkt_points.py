@@ -43,7 +43,7 @@ class PointsOfCurve:
         return self.program.second(x, p, multipliers[self.n :])
 
     def size_of_duals(self, multipliers: Array, second: SecondDerivatives) -> float:
-        """The size of multipliers that matter beside these, as far as derivatives show it."""
+        """The size of multipliers that matter compared with these, as far as derivatives show it."""
         return max(float(np.abs(multipliers).max(initial=0.0)), self._needed(second), self.options.least_dual)
 
     def _needed(self, second: SecondDerivatives) -> float:

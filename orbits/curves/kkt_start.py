@@ -53,7 +53,7 @@ def first_minimum(points: PointsOfCurve, x: Array, multipliers: Array, start: fl
         if point.negative == 0 and not _leads_out(points, point, unsure, nearest):
             return point
     raise NoOrbit(
-        f"no minimum that can be followed is at {start:.10g}: the second-order condition or the independence of the "
+        f"there is no minimum to follow at {start:.10g}: the second-order condition or the independence of the "
         "active limits is lost there; begin at another value, or change the limits that coincide"
     )
 
@@ -80,8 +80,8 @@ def _independent(
 
 
 def _with_right_signs(points: PointsOfCurve, z: Array, sides: Array, along: Array) -> CriticalPoint:
-    """The first point with these active limits, of which those change that are passed or have multipliers of the wrong
-    sign."""
+    """The first point with these active limits, except that limits change if they are passed or have multipliers of the
+    wrong sign."""
     options = points.options
     for _ in range(options.changes_at_start):
         point = points.at_parameter(z, sides, z[-1], along)

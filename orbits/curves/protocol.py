@@ -1,6 +1,6 @@
-"""What a problem states about its curves, and what is found on them.
+"""What a problem states about its curves, and what a run finds on them.
 
-All is in arrays of m points X (m, n + 1), each on one of the curves of the problem, its lane.
+All quantities are arrays for m points X (m, n + 1), each on one of the curves of the problem, its lane.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -89,15 +89,15 @@ class Event:
     """An event on a curve.
 
     kind : of what happens there
-    after : the place in its lane of the last point up to it
+    after : the index of the last point up to the event, on its curve
     point : the point there: `Points` (1) while a curve is followed, a `CriticalPoint` on a curve of minima, a `Point`
         of a family, or a `PeriodicLaunch`; None on curves of designs and optimal motions, whose events have a value and
         a text
-    which : the number of the function, of a test with several, or that of a limit
-    value, cost : of the parameter, and the least cost; those of the point where it has them
+    which : the index of the function, for a test with several, or of the limit
+    value, cost : the value of the parameter and the least cost, if the point has them
     text : what happens, in words; `what` is another name of it
 
-    Raises `InputError` for a kind that is no text.
+    Raises `InputError` for a kind that is not text.
     """
 
     kind: str
@@ -112,7 +112,7 @@ class Event:
 
     def __post_init__(self) -> None:
         if not isinstance(self.kind, str):
-            raise InputError(f"an event cannot have the kind {self.kind!r}; it is a text, the first argument")
+            raise InputError(f"an event cannot have the kind {self.kind!r}; the kind must be text, the first argument")
         for name in ("value", "cost"):
             vars(self)[name] = getattr(self.point, name, getattr(self, name))
 
@@ -133,11 +133,11 @@ class End:
 
     kind : one of `KINDS_OF_END`
     reason : in words
-    limit, limit_error : the value that the parameter tends to, where it does not reach its bound, and an estimate of
-        its error; None where it tends to none
-    period_growth : what the period of an orbit that becomes homoclinic grows by as the distance of the parameter from
-        its limit falls by the factor e, measured along the family; None otherwise
-    lane : the lane of the curve
+    limit, limit_error : where the parameter tends to a value before its bound, this value and an estimate of its error;
+        else None
+    period_growth : for an orbit that becomes homoclinic, how much its period grows while the distance of the parameter
+        from its limit falls by the factor e, measured along the family; else None
+    lane : the index of the curve among those followed together
 
     Raises `InputError` for another kind.
     """
@@ -159,7 +159,7 @@ class End:
 
 
 class Start(NamedTuple):
-    """Where a curve goes on, as that of another problem or behind a corner: near x (n + 1,), with a tangent (n + 1,)
+    """Where a curve continues, as that of another problem or behind a corner: near x (n + 1,), with a tangent (n + 1,)
     that points onward. The certified point (1) there, where it is known; and what is passed on the way, as a corner,
     with its kind and its certified point (1)."""
 
@@ -199,7 +199,7 @@ class Test:
     confirmed : (problem, point (1), number) -> the kind of the event, or None where there is none
     bare : whether X and tangents suffice for the values, so that the points of the search need not be certified
     places : number of places at which the search cuts a segment at once; above 1 for values that are signs or other
-        labels, of which each change is an event
+        labels, since each change of a label is an event
     beside : share of the chord, above 0 where the equations are singular at the event: it is interpolated from points
         at one and two times this distance on either side
     """
@@ -216,7 +216,7 @@ class Test:
 
     def __post_init__(self) -> None:
         if self.does not in (HAPPENS, CHANGES, ASKS):
-            raise InputError(f"test '{self.kind}': does = {self.does!r}; it is {HAPPENS}, {CHANGES} or {ASKS}")
+            raise InputError(f"test '{self.kind}': does = {self.does!r}; it must be {HAPPENS}, {CHANGES} or {ASKS}")
 
 
 class Problem:
@@ -300,7 +300,8 @@ class Problem:
         raise NotImplementedError
 
     def lost(self, lane: int, passed: Sequence[Points], error: object) -> Start | End:
-        """The end of a curve that cannot be followed beyond its last point, or where it goes on, as behind a corner."""
+        """The end of a curve that cannot be followed beyond its last point, or where it continues, as behind a
+        corner."""
         return End("stuck", str(error), lane=lane)
 
 
@@ -312,7 +313,7 @@ def _turning(problem: Problem, points: Points) -> Array:
 def _bordered_determinants(problem: Problem, points: Points) -> Array:
     """The determinants (m,) of the Jacobians above the tangents, in the problem's units."""
     if points.evaluation is None:
-        raise InputError("branch points need the equations at the points: set `records = True` of the problem")
+        raise InputError("branch points need the equations at the points: set `records = True` in the problem")
     sizes = problem.size(points.lanes, points.xs)
     jacobians, tangents = points.evaluation.jacobian[points.places] * sizes[:, None], points.tangents / sizes
     with np.errstate(over="ignore"):  # of many unknowns, where the sign counts

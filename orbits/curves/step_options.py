@@ -24,7 +24,7 @@ def check_bounds(options: Any, called: str) -> None:
         if isinstance(each.default, int):
             whole_number(name, value, "points or steps", low, high)
         elif isinstance(value, bool) or not isinstance(value, float | Real) or not low <= value <= high:
-            raise InputError(f"{name} = {value!r}; it is a number from {low:g} to {high:g}")
+            raise InputError(f"{name} = {value!r}; it must be a number from {low:g} to {high:g}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,10 +96,10 @@ class Steps:
         check_bounds(self, "steps")
         if not 0 < self.shortest < self.longest or not self.apart > 0:
             lengths = f"shortest = {self.shortest:g}, longest = {self.longest:g}, apart = {self.apart:g}"
-            raise InputError(f"steps: {lengths}; lengths are above 0, and the longest step is above the shortest")
+            raise InputError(f"steps: {lengths}; lengths must be above 0, and the longest step above the shortest")
         if not self.shortest < self.first <= self.longest:
             bounds = f"above the shortest step, {self.shortest:g}, up to the longest one, {self.longest:g}"
-            raise InputError(f"steps.first = {self.first:g}; it is {bounds}")
+            raise InputError(f"steps.first = {self.first:g}; it must be {bounds}")
 
     def ratios(self, errors: Any, used: Any) -> Any:
         """The ratios (m,) of next steps to accepted ones, whose ends were predicted with these errors (m,), the

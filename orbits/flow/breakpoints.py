@@ -1,4 +1,5 @@
-"""The smooth piece of a vector field that a motion by Runge-Kutta steps is on, entered and left at breakpoints.
+"""The smooth piece of a vector field on which a motion by Runge-Kutta steps lies; it enters and leaves pieces at
+breakpoints.
 
 Taylor steps find these themselves, see `taylor.PieceRows`.
 """

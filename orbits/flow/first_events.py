@@ -311,7 +311,7 @@ class _Search:
 
     def _search_steps(self, lanes: Array, z: Array, found: Array, steps: Watched) -> Array:
         """Use the events in one step of each of the motions `found` with these z after it, searched by halving where
-        the kernel does not know them; returns which have none there and go on, with the z where they do."""
+        the kernel does not know them; returns which have none there and continue, with the z where they do."""
         at, lanes = self.flow.stepper(0).places, lanes[found]
         event, rows, signs = steps.events, steps.rows, z[found][:, at.signs][:, : len(self.watch.functions)]
         if (again := event[:, 2] > 0).any():

@@ -206,8 +206,8 @@ class Flow(PhaseField):
     def _run_together(
         self, stepper: TaylorStepper, starts: Array, ps: Array, durations: Array, seeds: Array, parameter_seeds: Array
     ) -> tuple[Array, Trajectories | None, Array]:
-        """Whether each of the motions (m,) can be followed in the steps of one call; those that can, None without any,
-        and the derivatives of their ends."""
+        """Whether each of the motions (m,) can be followed in the steps of one call; the motions that can, None without
+        any, and the derivatives of their ends."""
         on = self.on_pieces(starts, ps, parameter_seeds)
         found = stepper.advance_all(starts, ps, durations, seeds, parameter_seeds, self.control.together, on)
         c, counts, variations = found.coefficients, found.counts, found.variations
@@ -317,7 +317,7 @@ class Flow(PhaseField):
         """The message about what happens to a motion in a state at a time."""
         known = {"name": self.phase.name, "what": what, "time": Quantity(t, TIME)}
         if not np.isfinite(x).all():
-            text = "the {name} {what} at time {time:.6g}, where a law or the motion is no number"
+            text = "the {name} {what} at time {time:.6g}, where a law or the motion is not finite"
             return Message(text, **known)
         text = "the {name} {what} at time {time:.6g}, at {place}"
         return Message(text, **known, place=described(self.phase.states, x))

@@ -1,4 +1,4 @@
-"""Whether a motion is one of a machine, by the machine's equations and not by its name."""
+"""Whether a motion belongs to a machine, judged by the machine's equations and not by its name."""
 
 from collections.abc import Mapping
 

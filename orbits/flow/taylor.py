@@ -66,7 +66,7 @@ class OnPieces(NamedTuple):
 
 class Moved(NamedTuple):
     """A step of a motion in the code of a kernel: z after it, the coefficients of states and watched quantities, the
-    sensitivities before it, its length and piece, the length tried, whether it counts, and whether to go on."""
+    sensitivities before it, its length and piece, the length tried, whether it counts, and whether to continue."""
 
     after: list[str]
     rows: Block
@@ -107,7 +107,7 @@ class TaylorStepper:
     @exclusive_property
     def kernel(self) -> Kernel:
         """Takes the steps of motions: (z, data, row of the piece) -> (z after it, coefficients, the sensitivities
-        before it, the length and the piece, whether it counts, whether to go on)."""
+        before it, the length and the piece, whether it counts, whether to continue)."""
 
         def append(code: VectorCode, arguments: Sequence) -> list:
             moved = self.motion(code, *arguments)
@@ -129,15 +129,15 @@ class TaylorStepper:
         return room_of_series(self.rows, self.graph.order)
 
     def motion(self, code: VectorCode, z: Sequence[str], data: Sequence[str], row: Sequence[str] = ()) -> Moved:
-        """Append the code of a step of a motion, which goes on until no time is left, the state runs away or no step is
-        accepted."""
+        """Append the code of a step of a motion, which continues until no time is left, the state runs away or no step
+        is accepted."""
         at, step = self.places, self.step.append(code, z, data, row)
         states, left = [Number(code, each) for each in step.after[at.state]], Number(code, step.after[at.left])
         largest = abs(states[0]).largest(*map(abs, states[1:]))
         finite = step.finite & (abs(reduce(add, states)) < np.inf)
         inside = (largest < FLOW_CONTROL.runaway) & (step.tried > FLOW_CONTROL.shortest_step)
         counts = finite & (step.taken > 0.0)
-        # A motion whose last step is no number has not come to its end.
+        # A motion whose last step is not a number has not come to its end.
         left = ((step.taken > 0.0) & ~counts).choose(np.nan, left)
         after = [*step.after[: at.left], left.name, *step.after[at.longest :]]
         goes = finite & inside & (left > 0.0)
@@ -201,7 +201,7 @@ class TaylorMotion(NamedTuple):
         return found
 
     def after(self, found: Motions, count: int, h: float) -> "TaylorMotion":
-        """The motion after so many of the steps found, the last of them with the length h, not longer than found."""
+        """The motion after some of the steps found, the last of them with the length h, not longer than found."""
         if count == len(found.steps) and h >= found.steps[-1] * (1 - FLOW_CONTROL.rounding):
             x, variations, numbers = found.ends[0], found.variations[0], found.pieces
         else:

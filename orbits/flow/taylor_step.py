@@ -1,4 +1,4 @@
-"""One Taylor step of a flow with its sensitivities in machine code: its series, its length, and what comes after it.
+"""One Taylor step of a flow with its sensitivities in machine code: its series, its length, and its end.
 
 A step on a piece of a piecewise field ends where the piece ends. The coordinate of the pieces is either too near to its
 start in the whole step to reach an end, or monotone, so that it reaches one end once: other steps are shortened.
@@ -92,8 +92,8 @@ class Step(NamedTuple):
 
 
 class TaylorStep:
-    """The code of a step from z, the data (parameters, and seeds of those that vary, one column after the other) and
-    the row of the piece; z after a step that is rejected is that before it, with a shorter longest step."""
+    """The code of a step from z, the data (parameters, and seeds of the varied parameters, one column after the other)
+    and the row of the piece; z after a step that is rejected is that before it, with a shorter longest step."""
 
     def __init__(self, graph: VectorField, at: Places, columns: int, varied: tuple[int, ...], piece_rows: PieceRows):
         self.graph, self.at, self.columns, self.varied, self.piece_rows = graph, at, columns, varied, piece_rows
@@ -406,8 +406,8 @@ def _largest(code: VectorCode, values: Sequence[str]) -> Number:
 
 
 def _truncated_length(order: int, scale: Number, before: Number, last: Number) -> Number:
-    """The step at which the last two terms of series of these sizes vanish beside `scale`, by Jorba and Zou (2005), the
-    source of `taylor_series`."""
+    """The step at which the last two terms of series of these sizes vanish compared with `scale`, by Jorba and Zou
+    (2005), the source of `taylor_series`."""
     code, bound = scale.code, scale * TAYLOR.truncation
     sizes = ((bound / each, code.splat(1 / k)) for each, k in ((before, order - 1), (last, order)))
     one, other = (Number(code, code.rough_power(size.name, power)) for size, power in sizes)

@@ -163,7 +163,7 @@ class Trajectories:
         arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
         moving = [part.variations for part in parts if part.variations is not None]
         if len(moving) not in (0, len(parts)):
-            raise ValueError("some of the motions have variations and others none")
+            raise ValueError("some motions have variations and others do not")
         return cls(**arrays, names=parts[0].names, variations=np.concatenate(moving) if moving else None)
 
     def __iter__(self) -> Iterator[Trajectory]:

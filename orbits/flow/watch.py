@@ -1,4 +1,5 @@
-"""What motions are watched for: the zeros of affine functions of the rows, found in the kernel that takes the steps."""
+"""Watched quantities of motions: the zeros of affine functions of the rows, found in the kernel that takes the
+steps."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -74,7 +75,7 @@ class Watch:
             may be, and the first ends the motion
 
         Returns z when each has ended; the steps that are recorded; the number (m,) of these of each motion; and whether
-        it would go on (m,), after the last record or after the most steps.
+        it would continue (m,), after the last record or after the most steps.
         """
         kernel = _watching_kernel(stepper, self.used, self.opening, self.most_turns, self.rising)
         z, records, counts, going = kernel(z, data, *(() if tables is None else (tables,)), most=most)

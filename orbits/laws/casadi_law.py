@@ -11,7 +11,7 @@ from ..symbolic import ARITHMETIC, CONSTANTS, FUNCTION_NAMES, FUNCTIONS, MAX_LEN
 
 _OPERATION_NAMES = {getattr(ca, name): name.removeprefix("OP_").lower() for name in dir(ca) if name.startswith("OP_")}
 _BRANCHING = ("lt", "le", "eq", "ne", "not", "and", "or", "if_else_zero", "floor", "ceil", "fmin", "fmax")
-# Operations with kinks and jumps, beside those of formulas.
+# Operations with kinks and jumps, in addition to those of formulas.
 BRANCHES = {op for op, name in _OPERATION_NAMES.items() if name in (*_BRANCHING, "copysign", "fmod", "remainder")}
 # Operations that formulas have, on parts of these.
 _WRITTEN: dict[int, Callable] = {**ARITHMETIC, ca.OP_ASSIGN: lambda a: a}
@@ -36,13 +36,13 @@ class CasadiLaw:
         if not sizes or not all(size.is_scalar() and size.is_dense() for size in sizes):
             shapes = ", ".join(f"{function.name_in(i)} {size.dim()}" for i, size in enumerate(sizes))
             raise InputError(
-                f"{own} is a function of {shapes or 'nothing'}; its arguments are numbers, first the extension"
+                f"{own} is a function of {shapes or 'nothing'}; its arguments must be numbers, the extension first"
             )
         if function.n_out() != 1 or not function.sparsity_out(0).is_scalar():
             shapes = ", ".join(function.sparsity_out(i).dim() for i in range(function.n_out()))
-            raise InputError(f"{own} returns {shapes or 'nothing'}; a law returns one number")
+            raise InputError(f"{own} returns {shapes or 'nothing'}; a law must return one number")
         if not function.nnz_out(0):
-            raise InputError(f"{own} returns 0 whatever its arguments are, a result without entries")
+            raise InputError(f"{own} returns a result without entries, which is 0 for all arguments")
         if function.has_free():
             raise InputError(
                 f"{own} has free variables, {', '.join(map(str, function.get_free()))}: make them arguments"
@@ -50,12 +50,12 @@ class CasadiLaw:
         if bad := [name for name in self.parameters if name in FUNCTIONS or name in CONSTANTS]:
             raise InputError(f"{own} has an argument '{bad[0]}', which has a meaning in formulas; rename it")
         if missing := [name for name in self.parameters if name not in values]:
-            raise InputError(f"{own} needs a value of '{missing[0]}': parameters={{'{missing[0]}': ...}}")
+            raise InputError(f"{own} needs a value for '{missing[0]}': parameters={{'{missing[0]}': ...}}")
         self.function = self._expanded(function, own)
         operations = {op for op, *_ in self._tape}
         if not branches and (found := sorted(_OPERATION_NAMES[op] for op in operations & BRANCHES)):
             raise InputError(
-                f"{own} has branches ({', '.join(found)}): state where it has kinks or jumps, as "
+                f"{own} has branches ({', '.join(found)}): state where it has kinks or jumps, for example by "
                 f"springs.function({self.__name__}, breakpoints=(0.5,))"
             )
 
@@ -72,7 +72,7 @@ class CasadiLaw:
         if others := sorted(_OPERATION_NAMES[op] for op in operations - OPERATIONS):
             called = ", ".join(function.get_function()) if "call" in others else ""
             what = f"calls {called}" if called else f"has {', '.join(others)}"
-            raise InputError(f"{own} {what}, of which there are no scalar operations for motions: {remedy}")
+            raise InputError(f"{own} {what}, which cannot be written in scalar operations: {remedy}")
         return expanded
 
     @cached_property

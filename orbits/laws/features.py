@@ -1,7 +1,7 @@
 """How finely a law varies, determined before anything is integrated.
 
-A Taylor series at one extension does not see a bump at another, so that an integration step may leap over it; and where
-a law bends often, a family may have several orbits. Both show in the slopes of the law on a grid.
+A Taylor series at one extension does not see a bump at another, so an integration step may leap over it. Where a law
+bends often, a family may have several orbits. Both show in the slopes of the law on a grid.
 """
 
 import math
@@ -203,7 +203,7 @@ def sampled_closely(law: Law, places: np.ndarray) -> np.ndarray:
             break
         if len(found) > FEATURES.most_samples:
             fine = np.abs(np.diff(found)).min()
-            raise NoOrbit(f"'{law.text[:60]}' varies within {fine:.1g} of {law.variable} over a long way: smooth it")
+            raise NoOrbit(f"'{law.text[:60]}' varies within {fine:.1g} of {law.variable} over a long range: smooth it")
         places = found if places[-1] > places[0] else found[::-1]
     return places
 

@@ -6,8 +6,8 @@ The force is that of one of two branches, by the sign of the rate of extension r
 
 It is independent of the rate: a cycle between two extensions loses the area between the branches, however fast it is.
 At a reversal the force jumps from one branch to the other, unless these meet there; no path inside the loop is modelled
-(as Masing's rules or a Preisach model would). Where neither branch turns the extension round, the force takes the value
-between them at which it stays, as dry friction does.
+(as Masing's rules or a Preisach model would). Where neither branch reverses the extension, the force takes the value
+between them that keeps the extension, like dry friction.
 """
 
 import math
@@ -34,7 +34,7 @@ class HystereticLaw(Law):
     """Two branches of a spring, made by `hysteretic_law`; as a `Law` it has the values of its mean.
 
     extending, shortening : the laws while the extension grows and while it shrinks
-    mean : the law half way between them, a law like any other, whose hops are lossless
+    mean : the law midway between them, a law like any other, with lossless hops
     """
 
     extending: Any = None
@@ -85,7 +85,7 @@ def hysteretic_law(text: str, extending: Law, shortening: Law, mean: Law | None 
 
 
 def mean_of(extending: Law, shortening: Law) -> Law:
-    """The law half way between two, as a formula where both are formulas."""
+    """The law midway between two, as a formula if both are formulas."""
     values = {**extending.parameters, **shortening.parameters}
     if all(law.written and not law.pieces and not law.written.potential for law in (extending, shortening)):
         texts = [law.written.formulas[0] for law in (extending, shortening) if law.written]

@@ -1,8 +1,8 @@
 """Laws that jump or bend, stated in pieces: a breakpoint lies where the two sides of a comparison are equal.
 
-A series ends at a kink, and steps that need none resolve kinks slowly, and no jump: a polynomial across it oscillates,
-and sensitivities change there by the jump. On a piece the outcome of each comparison is a constant, so that the law is
-smooth there, and beyond the ends of the piece too.
+A series ends at a kink. Steps without series resolve kinks slowly and cannot resolve a jump: a polynomial across it
+oscillates, and sensitivities change there by the jump. On a piece the outcome of each comparison is constant, so that
+the law is smooth there and also beyond the ends of the piece.
 """
 
 from collections.abc import Callable, Sequence
@@ -61,7 +61,7 @@ class JumpOptions(NamedTuple):
     farther: float = 10.0  # how many times as far from the breakpoint the two sides are compared again
     least_ratio: float = 0.95  # of a jump to the difference of the sides farther away; of abs(r)**0.1 it is 0.8
     farthest: float = 1e12  # from rest at which the sides of a comparison meet: beyond it no motion leads
-    # Share by which parameters are moved, and those that are 0 by as much, to tell what holds whatever their values
+    # Share by which parameters are moved, and parameters 0 by as much, to tell what holds whatever their values
     # are: a jump of the size 0 is one.
     moved: float = 0.1
     halvings: int = 60  # that bracket a jump without a formula of its place
@@ -104,9 +104,9 @@ def in_pieces(law: Law, breakpoints: Sequence[float] = ()) -> Law:
         return plain
     places = ", ".join(f"{float(x):.6g}" for x in table(law.parameters)[0][1:-1])
     raise InputError(
-        f"the law '{law.text[:60]}' jumps, and beside one of its comparisons it has no derivatives, as sqrt(r) for "
-        "r > 0 has none, or a side has no value where the other one holds: round it there, or state all places where "
-        f"it jumps, as springs.function(force, breakpoints=({places},))"
+        f"the law '{law.text[:60]}' jumps. At one of its comparisons it has no derivative, as sqrt(r) for r > 0 at 0, "
+        "or the formula of one side has no value on the other side: round the law there, or state all its jumps, for "
+        f"example springs.function(force, breakpoints=({places},))"
     )
 
 
@@ -198,8 +198,8 @@ class _Parts:
         return found
 
     def breaks(self, values: Sequence[np.ndarray], stated: tuple[float, ...]) -> tuple[int | float, ...]:
-        """The breakpoints: whole numbers are those of `roots`, and those that are stated follow, unless they are roots
-        at the first of the values of the parameters; those alone where not all comparisons are of straight lines."""
+        """The breakpoints: whole numbers are those of `roots`, and the stated ones follow, unless they are roots at the
+        first of the values of the parameters; those alone where not all comparisons are of straight lines."""
         if self.roots is None:
             return stated
         function, found = ca.Function("roots", [self.p], [ca.vertcat(*self.roots)]), list[int]()
@@ -279,8 +279,8 @@ class _Parts:
             nearest = jumps[np.abs(high[jumps]).argmin()]
             raise InputError(
                 f"the law '{law.text[:60]}' jumps at {law.variable} = {high[nearest]:.6g}, from {below[nearest]:.4g} "
-                f"to {above[nearest]:.4g}, by no comparison of straight lines: state all places where it jumps, as "
-                f"springs.function(force, breakpoints=({high[nearest]:.6g},))"
+                f"to {above[nearest]:.4g}, and no comparison of straight lines shows where: state all its jumps, for "
+                f"example springs.function(force, breakpoints=({high[nearest]:.6g},))"
             )
 
 

@@ -30,8 +30,10 @@ Parameters: TypeAlias = Mapping[str, Algebraic]
 SIDE = 1e-6
 CORNER = 1e-4
 # The message about a spring whose force falls as it is stretched from rest.
-ONE_SIDED = "it was measured in compression alone, and the foot is lifted in tension: measure extensions above 0 too"
-WRONG_SIGN = "is tension positive? A force acts against the extension, as in k*r, and the sign is that of r"
+ONE_SIDED = (
+    "it was measured in compression alone, but the spring lifts the foot in tension: measure extensions above 0 too"
+)
+WRONG_SIGN = "is tension positive? The force must have the sign of the extension, as in k*r"
 
 
 class Written(NamedTuple):
@@ -128,9 +130,9 @@ class Law:
     parameters : values of the parameters
     pieces : `LawPieces`, or a tuple of the first of their entries; None for a smooth law
     written : the law in formulas; None where it cannot be written in formulas
-    in_si : whether its numbers are in m and N, or, if False, those of a machine without units, as of a law with the
-        slope 1 at rest; None where the machine decides
-    loop : of a branch of a measured loop, the function that returns the law of both branches; None for any other law
+    in_si : True for numbers in m and N, False for those of a machine without units, such as a law with the slope 1 at
+        rest; None if the machine decides
+    loop : for a branch of a measured loop, the function that returns the law of both branches; None for any other law
     """
 
     text: str
@@ -238,11 +240,11 @@ class Law:
         if self.in_si is None or self.in_si == in_si:
             return
         if self.in_si:
-            numbers = "is in m and N, and this machine has no units"
-            remedy = "state the machine in SI, as hopper_in_si(body_mass, foot_mass, force=law)"
+            numbers = "is in m and N, but this machine has no units"
+            remedy = "state the machine in SI, for example hopper_in_si(body_mass, foot_mass, force=law)"
         else:
-            numbers = "has the slope 1 at rest of a machine without units, and this machine is in SI"
-            remedy = "state its stiffness in N/m, as stiffness=8000.0, and its lengths in m"
+            numbers = "has the slope 1 at rest, as in a machine without units, but this machine is in SI"
+            remedy = "state its stiffness in N/m, for example stiffness=8000.0, and its lengths in m"
             remedy += "" if self.pieces else f"; as a formula it is 'stiffness*({self.text})'"
         raise InputError(f"the spring '{self.text}' {numbers}: {remedy}")
 
@@ -278,20 +280,18 @@ def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf
     try:
         result = float(value)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(
-            f"{name} = {str(value)[:40]!r} is not a number that can be computed with{unit_stated(value)}"
-        ) from None
+        raise InputError(f"{name} = {str(value)[:40]!r} is not a number{unit_stated(value)}") from None
     if isinstance(value, bool | str):
         raise InputError(f"{name} = {value!r} is not a number")
     if not math.isfinite(result):
         raise InputError(f"{name} = {value!r} is not a finite number")
     exact = type(value) is not float and isinstance(value, Decimal | Rational)
     if exact and Fraction(value) not in (Fraction(result), Fraction(repr(result))):
-        remedy = f"round it, as {result!r}; prove(..., parameters=...) takes exact decimals"
-        raise InputError(f"{name} = {value} has more digits than a number of a machine: {remedy}")
+        remedy = f"round it to {result!r}; prove(..., parameters=...) takes exact decimals"
+        raise InputError(f"{name} = {value} has more digits than a machine can use: {remedy}")
     if not low < result < high:
         bounds = f"above {low:g}" if high == math.inf else f"between {low:g} and {high:g}"
-        raise InputError(f"{name} = {result:g} is out of bounds; it lies {bounds}")
+        raise InputError(f"{name} = {result:g} is out of bounds; it must lie {bounds}")
     return result
 
 
@@ -306,7 +306,7 @@ def coefficient_of_restitution(value: object) -> float:
     """`value` as a coefficient of restitution, from 0 to 1; raises `InputError` for another."""
     result = number("restitution", value)
     if not 0 <= result <= 1:
-        raise InputError(f"restitution = {result:g} is out of bounds; it lies between 0 and 1")
+        raise InputError(f"restitution = {result:g} is out of bounds; it must lie between 0 and 1")
     return result
 
 

@@ -60,7 +60,8 @@ def derivative_expression(expression: Callable, variable: str) -> Callable:
 
 
 def function_expression(function: Callable, variable: str, names: tuple[str, ...]) -> Callable:
-    """The expression of a Python function, traced anew each time, since the variables that it uses may have changed."""
+    """The expression of a Python function, traced again each time, since the variables that it uses may have
+    changed."""
     (x, p), name = symbols_of(variable, names), getattr(function, "__name__", "function")
     mode = ca.GlobalOptions.getNumpyMode() if hasattr(ca.GlobalOptions, "getNumpyMode") else None
     try:

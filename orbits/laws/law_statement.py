@@ -33,7 +33,7 @@ COMES_TOGETHER = 0.2
 def from_any(law: LawLike, variable: str, parameters: Values, table: Named, what: str, shared: bool = True) -> Law:
     """A law from a law, a Python function, the name of one in `table`, a formula or "potential:FORMULA".
 
-    parameters : their values; if they are `shared` with another law, those that this law does not have are ignored
+    parameters : their values; if they are `shared` with another law, parameters that this law does not have are ignored
     what : "gravity" or "a spring", for the `InputError` that anything else raises
     """
 
@@ -69,7 +69,7 @@ def from_formula(text: str, variable: str, parameters: Values = None) -> Law:
     if missing := sorted(names - parameters.keys()):
         if variable == "r" and (speeds := [name for name in missing if name.lower() in SPEEDS]):
             alone = f"'{text[:60]}' uses '{speeds[0]}', but a spring's force depends on the extension r alone"
-            raise InputError(f"{alone}: for a force of its speed give damping; a constant needs its value")
+            raise InputError(f"{alone}: state a force that depends on its speed as damping; give a constant its value")
         raise InputError(f"'{text}' uses {', '.join(map(repr, missing))} without a value: set {missing[0]}=VALUE")
     if unused := sorted(parameters.keys() - names):
         hint = suggest(unused[0], sorted(names)) if names else ""
@@ -104,14 +104,14 @@ def from_function(function: Callable, variable: str, parameters: Values = None, 
         that it jumps
 
     Raises `InputError` for a function that cannot be evaluated with symbols, or that jumps elsewhere without a
-    breakpoint, and for a `casadi.Function` that is no scalar of scalars in scalar operations, or has branches and no
-    breakpoints.
+    breakpoint, and for a `casadi.Function` that is not a scalar function of scalars in scalar operations, or has
+    branches and no breakpoints.
     """
     if isinstance(function, ca.Function):
         function = CasadiLaw(function, parameters or {}, branches=bool(breakpoints))
     name = getattr(function, "__name__", "function")
     if not isinstance(breakpoints, list | tuple):
-        raise InputError(f"breakpoints = {breakpoints!r}; they are a tuple of extensions")
+        raise InputError(f"breakpoints = {breakpoints!r}; they must be a tuple of extensions")
     breaks = [number("breakpoint", b) for b in breakpoints]
     parameters = dict(parameters or {})
     text = None if breakpoints else traced(function, (variable,), tuple(parameters))
@@ -132,7 +132,7 @@ def key_of(law: LawLike | Key | float, variable: str, parameters: Values = None)
     if callable(law):
         return from_function(law, variable, {name: (parameters or {})[name] for name in _argument_names(law)}).key
     if not isinstance(law, str | float | int):
-        raise InputError(f"{law!r} is no law: it is a formula of {variable}, a law or a function")
+        raise InputError(f"{law!r} is not a law: it must be a formula of {variable}, a law or a function")
     text = str(law).removeprefix("potential:")
     expression = formula_expression(text, variable)
     if text != law and isinstance(law, str):

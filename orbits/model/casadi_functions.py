@@ -135,7 +135,7 @@ class Symbols:
             for name, force in model.spring_forces.items()
         }
         found |= {name: self.watched(phase, of, name) for name in phase.watch}
-        # A spring may be called by its extension, of which no function can be.
+        # A spring may be called by its extension, which cannot be a function's name.
         each = enumerate(found.items())
         return MappingProxyType({name: self.function(f"force_{i}", value, f"{of}p") for i, (name, value) in each})
 
@@ -161,7 +161,7 @@ class Symbols:
         return MappingProxyType(found)
 
     def maps(self) -> dict[str, Any]:
-        """The maps between states, and what else is no phase, guard or reset."""
+        """The maps between states, and everything else except phases, guards and resets."""
         model, named, x = self.model, self.named, self.states["x"]
         onto = [self.vectors["x"][model.flight.states.index(name)] for name in model.contact.states]
         gradient = model.flight_gradient(x, named, self.data["x"])
@@ -193,7 +193,7 @@ class Symbols:
         return found
 
     def levels(self, pieces: Pieces) -> list[Algebraic]:
-        """The extensions at which a law goes on to its next piece, and the ends of its range."""
+        """The extensions at which a law continues to its next piece, and the ends of its range."""
         unit, origin = pieces.unit(self.named), pieces.origin(self.named)
         return [(place + origin) / unit for place in pieces.table(self.named)[0]]
 

@@ -53,12 +53,12 @@ class CasadiMachine:
         with places across stands by those of the ground across and along itself
     heights : by name, (x, p) -> a height above the ground or, without a rest length, above its place at rest
     extension : (x, p) -> the extension that counts the families
-    reversor, contact_reversor : (x, p) -> x and (y, p) -> y, the maps that turn motions back in time; None where there
-        are none, as with a damper
-    relabelling : (x, p) -> x, the names that a machine that steps has after a landing, by which the next point that
-        opens is called the first; None where the same point lands and opens
-    breakpoints : (x, p) -> distances (k,) of the extension from the places where a law in pieces goes on to its next
-        piece; None for a smooth law. Beyond the first and the last row of a table its outermost pieces go on
+    reversor, contact_reversor : (x, p) -> x and (y, p) -> y, the maps that turn motions back in time; None if motions
+        cannot be turned back, for example with a damper
+    relabelling : (x, p) -> x, the relabelling of a machine that steps after a landing, which makes the next point that
+        opens the first one; None if the same point lands and opens
+    breakpoints : (x, p) -> distances (k,) of the extension from the places where a law in pieces continues to its next
+        piece; None for a smooth law. Beyond the first and the last row of a table its outermost pieces continue
     smoothness : the number of continuous derivatives of the vector fields at the breakpoints, -1 where they jump; None
         where they have all derivatives
     """

@@ -16,7 +16,7 @@ class LiftoffOptions(NamedTuple):
 
     # Below this slope, rounding cannot distinguish a force that passes the level from one that only touches it.
     flattest: float = 1e-14
-    jumps_over: float = 1e-6  # a force that differs from the level by more just beside the place jumps over it
+    jumps_over: float = 1e-6  # a force that differs from the level by more just next to the place jumps over it
     digits_beside: float = 4.0  # last digits of the extension from lift-off to there
     block: int = 256  # springs that are searched together, so that their sampled forces stay in the processor's cache
     bisections: int = 60  # of an interval, after which its ends are neighbouring numbers
@@ -34,7 +34,7 @@ FORCE_PER_EXTENSION = (0, 0, 1, 0, -1)
 class Liftoff(NamedTuple):
     """The condition force + load + damping * speed = 1 that ends sustained contact.
 
-    load : constant force beside the spring's, 0 for the hopper and the hand's weight 1 for the juggler
+    load : constant force in addition to the spring's, 0 for the hopper and the hand's weight 1 for the juggler
     name : the force that lift-off waits for, in words
     scale : p -> (unit, zero, place) for messages: a value phi of the law is the force unit * (phi - zero), and its
         extension is counted from that place
@@ -49,7 +49,7 @@ class Liftoff(NamedTuple):
     def extension(self, law: Law) -> float:
         """The extension at which force + load = 1 is first reached from rest, the force rising.
 
-        Raises `NoOrbit` where the force never passes that level, `InputError` for a law that is no spring.
+        Raises `NoOrbit` where the force never passes that level, `InputError` for a law that is not a spring.
         """
         if law.key.degree() == 0:
             raise InputError(
@@ -139,9 +139,9 @@ class Liftoff(NamedTuple):
             return
         unit, zero, place = self.scale(law.parameters)
         text = (
-            self.named + " jumps over {level} at extension {liftoff:.6g}, from {below:.4g} to {above:.4g}: hops that "
+            self.named + " jumps over {level} at extension {liftoff:.6g}, from {below:.4g} to {above:.4g}: a lossless "
         )
-        text += "lose nothing are found where it passes that level; state the jump as a steep slope"
+        text += "hop needs a force that passes through this level; replace the jump by a steep slope"
         below, above = (Quantity(float(unit * (x - zero)), "smallest_contact_force") for x in (below, above))
         numbers = {"liftoff": Quantity(place + liftoff, EXTENSION), "below": below, "above": above}
         raise NoOrbit(Message(text, law=law.text, level=self.name, **numbers))
@@ -153,8 +153,8 @@ class Liftoff(NamedTuple):
             return liftoff
         unit, _, place = self.scale(law.parameters)
         if np.isnan(slope):
-            text = self.named + " has no slope that is a number at extension {liftoff:.6g}, where it reaches {level}: "
-            text += "a part of it overflows, as exp(x) does for x > 709; 1/(1 + exp(x)) is (1 - tanh(x/2))/2"
+            text = self.named + " has no finite slope at extension {liftoff:.6g}, where it reaches {level}: "
+            text += "a part of it overflows, as exp(x) does for x > 709; write 1/(1 + exp(x)) as (1 - tanh(x/2))/2"
             at = Quantity(place + liftoff, EXTENSION)
             raise NoOrbit(Message(text, law=law.text, level=self.name, liftoff=at))
         reaches = self.named + " only just reaches {level} at extension {liftoff:.6g}, with slope {slope:.1e}"
@@ -177,7 +177,7 @@ def _sampled_from_rest(law: Law, rest: float, away: float, level: float) -> tupl
     forces, slopes = law.with_slope(extensions)
     count = int(np.argmin(np.append(np.isfinite(forces), False)))
     if count == 0:
-        raise InputError(f"no force at rest (r = {rest:g}): '{law.text}' is no number there")
+        raise InputError(f"no force at rest (r = {rest:g}): '{law.text}' is not a number there")
     ends = extensions[count - 1 : count + 1]
     extensions, forces, slopes = extensions[:count], forces[:count], slopes[:count]
     if len(ends) > 1 and not (away * (forces - level) >= 0).any():

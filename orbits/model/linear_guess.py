@@ -1,9 +1,9 @@
 """Guesses of orbits of machines of two coordinates that step, with forces along the tangents to their own.
 
-With such forces the half flight of a time S from a launch with the speed alpha ends in a state of which the places that
-the reversor turns over are c0(S) + alpha c1(S) away from their centres, or the speeds are that: two equations, so that
-the determinant of c0 and c1 vanishes. The mode of the highest frequency q swings once between two families: in family n
-of a machine whose extension keeps its sign under the reversor, n pi < q S < (n + 1/2) pi, and half an oscillation less
+With such forces the half flight of a time S from a launch with the speed alpha ends in a state whose places that the
+reversor turns over are c0(S) + alpha c1(S) away from their centres, or the speeds are that: two equations, so that the
+determinant of c0 and c1 vanishes. The mode of the highest frequency q swings once between two families: in family n of
+a machine whose extension keeps its sign under the reversor, n pi < q S < (n + 1/2) pi, and half an oscillation less
 where the extension changes it.
 """
 
@@ -72,13 +72,13 @@ def _guess(model: Model, family: int, numbers: tuple[tuple[str, float], ...]) ->
         late = a * d - b * c
         changes = np.flatnonzero(np.diff(late > 0))
         if not len(changes):
-            return f"with straight lines in place of its forces no orbit of family {family} is found"
+            return f"with its forces replaced by straight lines, it has no orbit of family {family}"
         (low, high), ends = times[changes[0] : changes[0] + 2], late[changes[0] : changes[0] + 2]
     half = low - (high - low) * ends[0] / (ends[1] - ends[0])
     rest, change = (each[:, 0] for each in apart(np.array([half])))
     alpha = -float(rest @ change / (change @ change))
     if not 0 < alpha < inf:
-        return f"with straight lines in place of its forces family {family} has the launch speed {alpha:.3g}"
+        return f"with its forces replaced by straight lines, family {family} has the launch speed {alpha:.3g}"
     return liftoff, alpha, float(half)
 
 
@@ -98,7 +98,7 @@ def _tangent_liftoff(model: Model, modes: Modes, p: Mapping[str, float]) -> floa
     places = (np.array(model.launch({"liftoff": at, "alpha": 0.0}, p), dtype=float)[::2] for at in (0.0, 1.0))
     none, one = (float(weights @ modes.shapes @ (modes.loads - modes.squares * (modes.apart @ y))) for y in places)
     if none == one:
-        raise NoOrbit(f"with straight lines in place of its forces a {model.name} never lifts off")
+        raise NoOrbit(f"with its forces replaced by straight lines, a {model.name} never lifts off")
     return none / (none - one)
 
 
@@ -111,8 +111,8 @@ def _tangent_modes(model: Model, p: Mapping[str, float]) -> Modes:
     at = _tangent_field(model, tuple(p))
     field, slopes = (np.array(each, dtype=float) for each in at(centre, list(p.values())))
     if not (np.isfinite(field).all() and np.isfinite(slopes).all()):
-        where = "where its motions are guessed from"
-        raise NoOrbit(f"the forces of a {model.name}, or their slopes, are no numbers {where}")
+        where = "at the place from which its motions are guessed"
+        raise NoOrbit(f"the forces of a {model.name}, or their slopes, are not finite {where}")
     springs = -slopes[1::2, ::2]
     squares, shapes = (np.real(each) for each in np.linalg.eig(springs))
     squares = np.where(np.abs(squares) > MODES.slowest_square * np.abs(squares).max(), squares, 0.0)
@@ -120,7 +120,7 @@ def _tangent_modes(model: Model, p: Mapping[str, float]) -> Modes:
     squares, shapes = squares[order], shapes[:, order]
     apart = np.linalg.inv(shapes)
     if not squares[-1] > 0:
-        raise NoOrbit(f"no mode of a {model.name} swings in flight")
+        raise NoOrbit(f"no mode of a {model.name} oscillates in flight")
     return Modes(squares, shapes, apart, apart @ (field[1::2, 0] + springs @ centre[::2]))
 
 

@@ -1,4 +1,4 @@
-"""What the engine requires of a machine, in one place."""
+"""The protocol of a machine: what the engine requires of it."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 # Numbers of machines that lossless orbits do not depend on, and what refuses them as parameters of these.
 LOSSES = ("restitution", "damping", "drag")
-LOSSLESS = "lossless orbits do not have it; it belongs to simulations, return maps and control"
+LOSSLESS = "lossless orbits do not depend on it; simulations, return maps and control do"
 # The keys that describe a machine in a document.
 MACHINE_FIELDS = ("machine", "spring", "gravity", "mass_ratio", "rest_length", "restitution", "parameters", "laws_in")
 
@@ -26,14 +26,14 @@ class Machine(Protocol):
     """A machine of some kind with the values of its parameters, for example a `problems.Hopper`.
 
     A machine does not change after its construction. `find` and `find_all` need its model, values, units and
-    description; functions that vary parameters (`follow`, `existence`, `sensitivities`, `optimize`, `pareto`) need
+    description. Functions that vary parameters (`follow`, `existence`, `sensitivities`, `optimize`, `pareto`) need
     `with_values` too; and `ReturnMap`, `simulate` and `multiplier` its restitution. `steer` takes phases instead of a
     machine.
     """
 
     @property
     def model(self) -> Model:
-        """The kind of machine: one object for all machines that differ only in numbers, which share its functions."""
+        """The model: one object for all machines that differ only in numbers, which share its functions."""
 
     @property
     def values(self) -> dict[str, float]:
@@ -41,10 +41,10 @@ class Machine(Protocol):
 
     @property
     def units(self) -> Units | None:
-        """The units of the engine's dimensionless numbers, for a machine that is stated in SI; else None.
+        """The units of the engine's dimensionless numbers, for a machine stated in SI; else None.
 
         The parameters of a machine with units are in SI, its model has `units`, and its results are converted to SI.
-        Its method `dimensionless` returns the same machine without units, and its `scheduled` are the units of the
+        Its method `dimensionless` returns the same machine without units, and `scheduled` has the units of the
         parameters that `simulate` may vary in time, by name.
         """
 
@@ -72,7 +72,7 @@ class Stated:
         """The machine as CasADi functions: vector fields, guards, resets, energy, forces and heights; see
         `orbits.model.CasadiMachine`.
 
-        Raises `InputError` for a spring with hysteresis, which no vector field states, and for a machine without a gap.
+        Raises `InputError` for a spring with hysteresis, which has no vector field, and for a machine without a gap.
 
         >>> from problems import Hopper
         >>> hopper = Hopper("r + 0.3*r**3").casadi()
@@ -126,8 +126,8 @@ def free_parameters(machine: Machine) -> list[str]:
 
 
 def check_machine(machine: Machine, *also: str, lands: bool = True) -> None:
-    """Raise `InputError` where something is no machine, naming the parts that are missing; `also` names further parts
-    needed, and where it `lands` it needs a gap."""
+    """Raise `InputError` where something is not a machine, naming the parts that are missing; `also` names further
+    parts needed, and where it `lands` it needs a gap."""
     wrong = {name: "" for name in ("model", "values", "units", "describe", *also) if not hasattr(machine, name)}
     if "model" not in wrong and not isinstance(machine.model, Model):
         wrong["model"] = f"it is a {type(machine.model).__name__}, not a Model"
@@ -138,14 +138,15 @@ def check_machine(machine: Machine, *also: str, lands: bool = True) -> None:
 
 
 def check_parameters(machine: Machine, *names: str) -> None:
-    """Raise `InputError` where something is no machine whose parameters can be changed, or lacks one of these names."""
+    """Raise `InputError` where something is not a machine whose parameters can be changed, or lacks one of these
+    names."""
     check_machine(machine, "with_values")
     refuse_others(machine, names, "to follow", free_parameters(machine))
 
 
 def refuse_others(machine: Machine, names: Iterable[str], act: str, known: Sequence[str]) -> None:
-    """Raise `InputError` where a name is none of the `known` parameters of a machine: that of a quantity of its orbits,
-    of a number that follows from others, of a loss, or of nothing."""
+    """Raise `InputError` where a name is not one of the `known` parameters of a machine: that of a quantity of its
+    orbits, of a number that follows from others, of a loss, or of nothing."""
     following = dict.fromkeys(LOSSES, LOSSLESS) | dict(getattr(machine, "following", {}))
     for name in names:
         if name in known:
@@ -155,7 +156,7 @@ def refuse_others(machine: Machine, names: Iterable[str], act: str, known: Seque
             raise InputError(f"{wrong}: {following[name]}")
         if name in DIMENSIONS or str(name).endswith("_rise"):
             at = f"find(machine, tune=..., at={{'{name}': ...}})"
-            raise InputError(f"{wrong}: it is a quantity of orbits, which {at} prescribes by another number")
+            raise InputError(f"{wrong}: it is a quantity of orbits; {at} prescribes it and tunes a parameter")
         near = suggest(name, known)
         named = f"{near} It" if near.endswith("?") else "; it"
         raise InputError(f"{wrong}{named} has {', '.join(known)}")

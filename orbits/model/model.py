@@ -75,8 +75,8 @@ class Model:
     knees : p -> (lower, upper, length) of pairs of such names between which a knee joins two links of this length, in
         the unit of the heights; None where there is none
     impact_mass : (x, p) -> twice the energy that a plastic impact in the flight state x loses, over the square of the
-        gap's speed: 1 / (dg M^-1 dg) for an inertia matrix M and the gap's gradient dg, both of which may vary with x.
-        Where coordinates stick, and here and in `impact`, it is that of an impact without speeds of these
+        gap's speed: 1 / (dg M^-1 dg) for an inertia matrix M and the gap's gradient dg; both may vary with x. Where
+        coordinates stick, and here and in `impact`, it is that of an impact without speeds of these
     impact : (x, p) -> direction, a list of n, in which an impact changes the flight state x: M^-1 dg on the speeds,
         scaled so that along it the gap's speed changes by 1
     relative : the relative motion under constant gravity, from which guesses of launches follow, with the parameter
@@ -90,7 +90,7 @@ class Model:
     reduction : the reduced statement that the machine allows; None where there is none
     tension : (x, p, q) -> force of the spring in a flight state; None where it is not stated
     spring_forces : by name, (x, p, q) -> the force of each spring in a flight state
-    spring_dimensions : the dimensions of those that are no forces, but torques or not known, by name
+    spring_dimensions : the dimensions of those "forces" that are torques, or whose dimension is not known, by name
     units : p -> `Units` of a machine that is stated in SI, whose parameters are in SI; None for a dimensionless one
     gauge : name of a parameter that only sets the units and changes no motion; None where there is none
     search : p -> `Search`; None for a model whose families are not searched for all of their orbits
@@ -382,7 +382,7 @@ class Model:
 
     @property
     def moves_on(self) -> bool:
-        """Whether each landing takes the machine on along the ground, by a foot that sticks or a next one that is no
+        """Whether each landing takes the machine on along the ground, by a foot that sticks or a next one that is not a
         mirror image of the last."""
         steps = self.planar is not None and not self.plain and min(self.relabelling.signs) > 0
         return bool(self.sticks) or steps
@@ -397,10 +397,10 @@ def names_of_holding(sticks: Iterable[str]) -> list[str]:
 def refuse_hysteresis(model: Model) -> None:
     """Raise `NoOrbit` for a model whose spring has hysteresis: its phases are those of the mean law."""
     if model.hysteretic:
-        instead = "a return map, whose `upkeep` says what keeps it hopping" if model.one_speed else "simulations"
+        instead = "`upkeep` of its return map says what keeps it hopping" if model.one_speed else "simulate it"
         raise NoOrbit(
-            f"a spring with hysteresis loses energy on every hop: it has no lossless orbit, but {instead}; the law "
-            "half way between its branches, its `.mean`, has"
+            "a spring with hysteresis loses energy on every hop and has no lossless orbit: "
+            f"{instead}, or use its `.mean`, the law midway between its branches"
         )
 
 
@@ -408,7 +408,7 @@ def refuse_one_way(model: Model) -> None:
     """Raise `NoOrbit` for a model that steps, and whose motions are not turned back."""
     if model.symmetry and model.reversor is None:
         why = model.violations.get("none") or "its motion is not turned back in time"
-        raise NoOrbit(f"no lossless step of a {model.name} is found: {why}; `simulate` takes it")
+        raise NoOrbit(f"no lossless step of a {model.name} is found: {why}; it can be simulated by `simulate`")
 
 
 def refuse_steps(model: Model, what: str) -> None:
@@ -416,17 +416,15 @@ def refuse_steps(model: Model, what: str) -> None:
     if not model.plain:
         steps = f"a {model.name} moves on with each landing" if model.sticks else ""
         steps = steps or f"a {model.name} steps from one point of contact to another"
-        raise InputError(
-            f"{steps}, but {what} follows one that opens again: its orbits are found, followed and certified"
-        )
+        raise InputError(f"{steps}, but {what} needs a contact that opens where it closed: use `find` and `follow`")
 
 
 def refuse_forward(model: Model) -> None:
     """Raise `InputError` for a model whose foot sticks, where parameters would be varied and none tuned."""
     if model.sticks:
         raise InputError(
-            f"a {model.name} has no orbits beside this one unless a number of it is tuned: "
-            "sweep(..., tune=..., at=...), follow(..., tune=...) and optimize(..., tune=..., at=...) do so for each"
+            f"a {model.name} has no orbits near this one unless a parameter is tuned: use "
+            "sweep(..., tune=..., at=...), follow(..., tune=...) or optimize(..., tune=..., at=...)"
         )
 
 
@@ -434,7 +432,7 @@ def reparametrised(model: Model, own: Callable[[Parameters], Parameters], **chan
     """A model whose parameters are functions `own`, p -> parameters of the model, of other parameters."""
 
     def of_own(function: object, data: int = 0) -> Any:
-        """A function whose last argument is the parameters, or the last but for the `data` of a piece."""
+        """A function whose last argument is the parameters, or the last except for the `data` of a piece."""
         if not callable(function):
             return function
 

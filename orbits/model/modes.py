@@ -39,12 +39,12 @@ MODES = ModeOptions()
 class Modes:
     """The flow of a linear mechanism as modes q, with y = shapes @ q and q'' = loads - squares * q.
 
-    squares : (n,) squared angular frequencies: first those that are exactly 0, of modes without a restoring force
-        ("thrown"), then the others, ascending; below 0 for modes that are pushed away
+    squares : (n,) squared angular frequencies: first the zeros, of modes without a restoring force ("thrown"), then the
+        others, ascending; below 0 for unstable modes
     shapes : (n, n), the modes as columns
-    apart : (n, n), the inverse of `shapes`, stated because a numerical inverse would have rounding errors
+    apart : (n, n), the inverse of `shapes`, given because a numerical inverse would have rounding errors
     loads : (n,) the accelerations of the modes at q = 0
-    watch : for each watched quantity, which is affine, the weights (2n,) of the states and the value where these are 0
+    watch : for each watched quantity, which is affine, the weights (2n,) of the states and its value where these are 0
     """
 
     squares: np.ndarray
@@ -68,12 +68,12 @@ class Modes:
 
     @cached_property
     def rates(self) -> np.ndarray:
-        """Rates of growth of the modes that are pushed away, then angular frequencies of those that swing."""
+        """Rates of growth of the unstable modes, then angular frequencies of the oscillating modes."""
         return np.sqrt(np.abs(self.squares[self.thrown :]))
 
     @cached_property
     def pushed(self) -> int:
-        """The number of modes that are pushed away."""
+        """The number of unstable modes."""
         return int(np.count_nonzero(self.squares < 0.0))
 
     def _circular(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -86,7 +86,7 @@ class Modes:
 
     @cached_property
     def centres(self) -> np.ndarray:
-        """Mode coordinates about which the modes swing, or from which they are pushed away."""
+        """Mode coordinates about which the modes oscillate, or from which they move away."""
         return self.loads[self.thrown :] / self.squares[self.thrown :]
 
     def state(self, start: ArrayLike, t: float | np.ndarray) -> np.ndarray:
@@ -143,8 +143,8 @@ class Modes:
 
     def positive_between(self, quantity: Any, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Times (m,) between which an affine quantity, of `weights` and `offset`, is positive on motions from `starts`
-        (2n, m), however the modes swing: the sum of their amplitudes is less than the height of the thrown part's
-        parabola. The times are infinity and 0 where nothing is known, as where a mode is pushed away."""
+        (2n, m), for any phases of the modes: the sum of their amplitudes is less than the height of the thrown part's
+        parabola. The times are infinity and 0 where nothing is known, for example with an unstable mode."""
         if self.pushed:
             return np.full(starts.shape[1], np.inf), np.zeros(starts.shape[1])
         output = self._output(quantity.weights, starts)
@@ -155,7 +155,7 @@ class Modes:
         has a zero of this order, from 1 to 3, and is positive at first; 0 where nothing is known.
 
         With d its derivative of this order at the start, and -bound a lower bound of the next one, the quantity is at
-        least t^order (d - bound t / (order + 1)) / order!. `positive_between` may go on from there.
+        least t^order (d - bound t / (order + 1)) / order!. `positive_between` may continue from there.
         """
         if self.pushed:
             return np.zeros(starts.shape[1])
@@ -261,7 +261,7 @@ class _Output(NamedTuple):
 def single_mode(square: float, load: float, watch: Mapping[str, tuple[ArrayLike, float]] | None = None) -> Modes:
     """The mode of y'' = load - square * y, with `watch` as in `Modes`; raises `InputError` where it does not swing."""
     if not square > 0:
-        raise InputError("the stiffness is nowhere positive: without a spring no mode swings")
+        raise InputError("the stiffness is positive in no direction: without a spring no mode oscillates")
     return Modes(np.array([square]), np.eye(1), np.eye(1), np.array([load]), watch or {})
 
 
@@ -278,8 +278,7 @@ def linear_modes(
     load : f (n,)
     watch : as in `Modes`
 
-    Modes that are pushed away are taken too. Raises `InputError` for matrices without these properties, and where no
-    mode oscillates.
+    Unstable modes are allowed. Raises `InputError` for matrices without these properties, and where no mode oscillates.
 
     >>> from orbits.model import linear_modes
     >>> modes = linear_modes([[1.0]], [[4.0]], [0.0])
@@ -289,7 +288,7 @@ def linear_modes(
     m, k, f = (np.array(values, dtype=float) for values in (inertia, stiffness, load))
     if f.ndim != 1 or not f.size or m.shape != k.shape or m.shape != 2 * f.shape:
         shapes = f"{m.shape}, {k.shape} and {f.shape}"
-        raise InputError(f"inertia, stiffness and load have shapes {shapes}; they are (n, n), (n, n) and (n,)")
+        raise InputError(f"inertia, stiffness and load have shapes {shapes}; they must be (n, n), (n, n) and (n,)")
     if not np.isfinite(f).all():
         raise InputError(f"the load is not finite: {f.tolist()}")
     for name, matrix in (("inertia", m), ("stiffness", k)):
@@ -305,7 +304,7 @@ def linear_modes(
     # SciPy solves the generalised problem in the same way, but takes long to import.
     squares, turned = np.linalg.eigh(inverse @ k @ inverse.T)
     if not squares[-1] > 0:
-        raise InputError("the stiffness is nowhere positive: without a spring no mode swings")
+        raise InputError("the stiffness is positive in no direction: without a spring no mode oscillates")
     squares = np.where(np.abs(squares) > MODES.slowest_square * np.abs(squares).max(), squares, 0.0)
     if squares[0] < 0:
         thrown_first = np.argsort(squares != 0.0, kind="stable")

@@ -73,14 +73,14 @@ class Pieces:
 
     coordinate : weights w (n,) of the coordinate w . x
     size : number of data values of a piece, the `q` of the vector field
-    table : parameters -> (breakpoints (m + 1,), data (m, size)), of the coordinate times its unit minus its origin; a
-        motion may not leave the interval that they span
+    table : parameters -> (breakpoints (m + 1,), data (m, size)), for the coordinate times its unit minus its origin; a
+        motion must stay in the interval that they span
     label : name of the coordinate in messages
     unit, origin : parameters -> the unit and the origin, where they are not 1 and 0; the table does not depend on
         parameters that change these alone
-    noise : that of the rows of a measured law
+    noise : of the rows of a measured law
     jumps : whether the field may jump from one piece to the next
-    exact : whether the data are exact, as outcomes of comparisons are
+    exact : whether the data are exact, like the outcomes of comparisons
     """
 
     coordinate: tuple[float, ...]
@@ -121,10 +121,10 @@ class Phase:
     field : (x, p, q) -> x', a list of n expressions of the states x, the parameters p by name, and the data q of a
         smooth piece
     watch : quantities whose Taylor series are computed with those of the states, by name, each (x, p, q) -> expression
-    pieces : where the vector field is smooth; None where it is smooth everywhere
-    closed_form : parameters -> the exact flow of the phase, which is then used instead of integration
+    pieces : where the vector field is smooth; None if it is smooth everywhere
+    closed_form : parameters -> the exact flow of the phase, used instead of integration
 
-    Phases and statements compare by identity, since objects built from them are stored as long as they exist.
+    Phases and statements compare by identity, since objects built from them are stored for as long as they exist.
     """
 
     name: str
@@ -138,8 +138,8 @@ class Phase:
         return fields_in_line(self, "name", "states")
 
     def data(self, x: Scalars, p: Parameters) -> list[Algebraic]:
-        """The data of the piece at a state as expressions, none for a smooth field; outside the range of the pieces
-        they are those of the nearest piece."""
+        """The data of the piece at a state as expressions, none for a smooth field; outside the range of the pieces,
+        the data of the nearest piece."""
         if self.pieces is None:
             return []
         place = weighted_sum(self.pieces.coordinate, x) * self.pieces.unit(p) - self.pieces.origin(p)

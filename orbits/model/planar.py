@@ -1,4 +1,4 @@
-"""What a model says of the ground under machines whose masses move along it too."""
+"""The forces of the ground in a model whose masses also move along the ground."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -44,7 +44,7 @@ class RelativeOptions(NamedTuple):
     spacings: tuple[float, float] = (0.02, 0.1)
     at_speed: float = 0.2
     # The fastest launch speed of a search, per family and in multiples of the machine's own scale of speed: a hop is
-    # then 5e7 lengths high and more, which is no machine.
+    # then 5e7 lengths high and more, which is not a machine.
     fastest: float = 1e4
     fastest_in_detail: float = 30.0  # where gravity or many bends make fast flights long to integrate
     # A spring that bends the other way more often may have several orbits in a family; a hardening spring that softens
@@ -65,7 +65,7 @@ class Search(NamedTuple):
     single : whether the laws bend so seldom that the orbit to which the guess leads is taken for the lowest
     pace : the scale of times over that of launch speeds
     by_speed : whether the extension at lift-off depends on the launch speed
-    turning : (fastest, most) -> the launch speeds that resolve the turning points of the extension, at most so many
+    turning : (fastest, most) -> the launch speeds that resolve the turning points of the extension, at most this number
         for each of two sides, and the speed up to which they do; None where these do not depend on the speed alone
     """
 
@@ -82,7 +82,8 @@ class Search(NamedTuple):
 class Reduction:
     """A smaller statement of the same orbit, in coordinates in which fewer states are integrated.
 
-    statement : of unknowns "liftoff" and "alpha", also its two states at lift-off, with one arc, the first half flight
+    statement : with the unknowns "liftoff" and "alpha", which are also its two states at lift-off, and one arc, the
+        first half of the flight
     reversor : sign of each of its states under time reversal
     complete : (times (N,), coefficients (N, n, K + 1), u, p) -> Taylor coefficients of all flight states; `u` and `p`
         hold one value for each of the N steps

@@ -1,4 +1,4 @@
-"""Smooth functions of the state that are no straight lines, as the height of a body above a bent knee."""
+"""Smooth nonlinear functions of the state, such as the height of a body above a bent knee."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,12 +17,12 @@ from .phase import Affine
 
 @dataclass(frozen=True)
 class StateFormula:
-    """A smooth function of the state, stated as a formula, so that it can be stored in files and pickles of orbits.
+    """A smooth function of the state, stated as a formula so that files and pickles of orbits can store it.
 
-    text : in the grammar of `orbits.symbolic.formula`, of the names of coordinates and of parameters, as
-        "h + 2*l*sin(theta/2)"
+    text : in the grammar of `orbits.symbolic.formula`, of the names of coordinates and of parameters, such as "h +
+        2*l*sin(theta/2)"
     states : names of the n states
-    values : of the parameters in it, numbers or expressions; for m trajectories together a value may be an array (m,)
+    values : of its parameters, numbers or expressions; for m trajectories together a value may be an array (m,)
     sizes, unit : the formula's units of the states (n,) and of the value, in the units of `x` and of the results; by
         default they are the same
 
@@ -38,9 +38,11 @@ class StateFormula:
     def __post_init__(self) -> None:
         formula, known = _parsed(self.text), {*self.states, *self.values}
         if unknown := sorted(formula.names - known):
-            raise InputError(f"the height '{self.text}' needs a value for '{unknown[0]}': it is no state or parameter")
+            raise InputError(
+                f"the height '{self.text}' needs a value for '{unknown[0]}': it is not a state or parameter"
+            )
         if formula.pieces:
-            raise InputError(f"the height '{self.text}' has a corner, by '{formula.pieces[0]}': heights are smooth")
+            raise InputError(f"'{formula.pieces[0]}' gives the height '{self.text}' a corner: heights must be smooth")
         used = {name: value for name, value in self.values.items() if name in formula.names - {*self.states}}
         object.__setattr__(self, "values", used)
 
@@ -61,7 +63,8 @@ class StateFormula:
         return self.unit * _parsed(self.text)(**{name: known[name] for name in self.coordinates}, **self.values)
 
     def of(self, owners: np.ndarray) -> "StateFormula":
-        """The function with the values of trajectories `owners` (N,) of many, where they differ."""
+        """The function with the parameter values of the trajectories `owners` (N,), where they differ between
+        trajectories."""
         return replace(
             self, values={name: value[owners] if np.ndim(value) else value for name, value in self.values.items()}
         )

@@ -35,7 +35,7 @@ class SignedShift:
     shift: Shift | None = None
 
     def shifts(self, p: Parameters) -> list[Algebraic]:
-        """The shifts (n,); those that vanish are the number 0."""
+        """The shifts (n,); shifts that vanish are the number 0."""
         return [0.0] * len(self.signs) if self.shift is None else list(self.shift(p))
 
     def __call__(self, states: np.ndarray, p: Parameters) -> np.ndarray:

@@ -104,7 +104,7 @@ def _speeds_of_side(
 def _speeds_at(
     force: Callable, places: np.ndarray, values: np.ndarray, slopes: np.ndarray, fastest: float
 ) -> np.ndarray:
-    """The launch speeds with a turning point at one of the places (n,), and those beside barriers between them."""
+    """The launch speeds with a turning point at one of the places (n,), and those near barriers between them."""
     lengths = np.diff(places)
     inside = places[:-1, None] + lengths[:, None] * GAUSS_PLACES
     with np.errstate(over="ignore"):

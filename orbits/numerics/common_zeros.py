@@ -19,8 +19,8 @@ CELLS = CellOptions()
 
 
 def near_common_zeros(values_of: Callable[[np.ndarray], np.ndarray], count: int) -> tuple[np.ndarray, int]:
-    """Places (m, 2) in the unit square, near each of which functions may vanish together, from a grid of `count` by
-    `count` places, and the number of these at which they have no value.
+    """Places (m, 2) in the unit square, near which functions may vanish together, from a grid of `count` by `count`
+    places, and the number of these at which they have no value.
 
     values_of : places (..., 2) -> values (..., k) of the functions, NaN where they have none
 

@@ -95,7 +95,8 @@ def _binomial(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def roots_within(coefficients: np.ndarray, h: float) -> list[float]:
-    """All roots in (0, h], ascending; 0 counts as positive, and a double root that rounding cannot separate is none."""
+    """All roots in (0, h], ascending; 0 counts as positive, and a double root that rounding cannot separate does not
+    count."""
     brackets = _brackets(bernstein(coefficients, powers(h, len(coefficients)))[None], np.array([False]))[1:]
     return [_refine(coefficients, h, *bracket) for bracket in zip(*brackets, strict=True)]
 

@@ -12,7 +12,7 @@ Array = np.ndarray
 class RootOptions(NamedTuple):
     """When searches for roots end, and where grids are refined."""
 
-    refinements: int = 2  # of a grid beside each extremum
+    refinements: int = 2  # of a grid near each extremum
     rounding: float = 1e-13  # smaller changes between neighbours are rounding and show no extremum
     unit: float = 2.3e-16  # rounding of a number, as a share of it, which a shorter step may not change
     closed: float = 4.5e-16  # share of its ends, two roundings, below which a bracket is closed
@@ -105,10 +105,10 @@ def root_search(
 
 
 def resolved(function: Callable[[Array], Array], grid: Array, toward_zero: bool) -> tuple[Array, Array]:
-    """A grid (n,) with more points beside the local extrema of a function of arrays, and the values there.
+    """A grid (n,) with more points near the local extrema of a function of arrays, and the values there.
 
-    function : may give NaN; no extremum is seen beside one
-    toward_zero : refine only where an extremum may cross zero unseen, that is where its value is no farther from zero
+    function : may give NaN; no extremum is seen next to one
+    toward_zero : refine only where an extremum may cross zero unseen, that is where its value is not farther from zero
         than from a neighbour's value
     """
     values = function(grid)

@@ -14,7 +14,7 @@ from .roots import Array
 
 BITS_OF_POINT = 30
 # For each dimension after the first the primitive polynomial modulo 2, its coefficients as bits, and the first
-# direction numbers, as many as its degree.
+# direction numbers, the number of which is its degree.
 DIRECTIONS = (
     (3, (1,)),
     (7, (1, 3)),

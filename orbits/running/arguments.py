@@ -1,5 +1,5 @@
 """Arguments of public functions, checked by their names and by what their annotations say, before anything is computed:
-an error in them inside would pass for one of the problem."""
+inside a computation, such an error would look like a failure of the problem."""
 
 from collections.abc import Callable, Mapping
 from inspect import unwrap
@@ -21,13 +21,13 @@ def check_text(name: str, value: object) -> None:
     """Raise `InputError` where an array stands for a text. A function names what it knows where something else does,
     but an array cannot be compared with that."""
     if hasattr(value, "__array__") and not isinstance(value, str):
-        raise InputError(f"{name} = {value!r}; it is a text")
+        raise InputError(f"{name} = {value!r}; it must be text")
 
 
 def check_report(name: str, value: object) -> None:
     """Raise `InputError` where something is neither None, False nor a function of one argument."""
     if not (value is None or value is False or takes(value, 1)):
-        raise InputError(f"{name} = {value!r}; it is a function that is called with the share that is done")
+        raise InputError(f"{name} = {value!r}; it must be a function of the share that is done")
 
 
 BY_NAME = {"machine": check_machine_parts, "progress": check_report}

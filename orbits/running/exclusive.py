@@ -96,7 +96,7 @@ def in_threads(function: Callable[[_T], _R], items: Sequence[_T]) -> list[_R]:
 @contextmanager
 def apart() -> Iterator[None]:
     """Let the other threads of `in_threads` have the lock, in a block of arithmetic; graphs are built in it under the
-    lock alone. Inside of functions that are `exclusive` once more, this thread goes on having the lock."""
+    lock alone. Inside of functions that are `exclusive` once more, this thread keeps the lock."""
     if not getattr(_sharing, "own", False) or getattr(_sharing, "apart", False):
         yield
         return
@@ -144,7 +144,7 @@ def _releasing(method: Callable[_P, _R]) -> Callable[_P, _R]:
 
 
 # The garbage collector ends objects in any thread, and drops an interrupt that is raised meanwhile in Python code. So
-# `__del__` is none: `property` makes of the object the method that appends it to those that wait for the lock.
+# `__del__` is not a method: `property` turns the object into the method that appends it to those waiting for the lock.
 for _kind in _KINDS:
     _kind.__del__ = property(partial(MethodType, _DYING.append))
     _kind.__init__ = _releasing(_kind.__init__)

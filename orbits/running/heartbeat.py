@@ -1,4 +1,5 @@
-"""A function that computes for long says so through the logger "orbits", so that it is never silent for ten seconds."""
+"""A function that computes for a long time logs this to the logger "orbits", so that it is never silent for ten
+seconds."""
 
 import logging
 import threading

@@ -1,8 +1,8 @@
 """Keyboard interrupts: noted while CasADi and Ipopt compute, which would swallow them, and raised where it is safe.
 
-CasADi calls Python also where it converts arrays. What is raised there it replaces by an error of its own, or drops: a
-conversion that is interrupted may return None. The garbage collector drops what is raised while it runs. So an
-interrupt is noted wherever a public function computes, and where it is raised and lost it is raised again.
+CasADi also calls Python where it converts arrays. It replaces an error raised there by an error of its own, or drops
+it: an interrupted conversion may return None. The garbage collector drops errors raised while it runs. So an interrupt
+is noted wherever a public function computes, and raised again if it was lost.
 """
 
 import signal
@@ -94,7 +94,7 @@ def not_for_children() -> Iterator[None]:
 
 def heed() -> None:
     """Raise the interrupt that was noted, if any, and `TimeOver` where the time is over. Long computations come here
-    often, and say here that they go on."""
+    often, and say here that they continue."""
     _raise_noted()
     check_time()
     heartbeat.beat()

@@ -1,7 +1,7 @@
-"""The time that a computation may take; results that would come later are not waited for.
+"""The time that a computation may take.
 
 A limit that the user states is wall time, which the user waits. The default limit counts the processor time of the
-computing thread: what else the machine or other threads of the process do does not decide what a search finds.
+computing thread, so that other work of the computer does not decide what a search finds.
 """
 
 import threading
@@ -59,10 +59,10 @@ def _now(clock: str) -> float:
 def time_limit(seconds: float | None) -> Iterator[None]:
     """Limit the time of all computations in the block to `seconds`, or to the limit of a block around it.
 
-    seconds : time limit; None for 30 s of processor time, or in another such block for the limit of that one
+    seconds : time limit; None for 30 s of processor time, or for the limit of a block around it
 
-    Raises `NoOrbit` when the limit is reached, except that `follow` returns its family as far as it was followed;
-    raises `InputError` for an invalid number of seconds.
+    When the limit is reached, `follow` returns its family so far; other functions raise `NoOrbit`. Raises `InputError`
+    for an invalid number of seconds.
 
     >>> from orbits import follow, time_limit
     >>> from problems import Hopper
@@ -74,7 +74,7 @@ def time_limit(seconds: float | None) -> Iterator[None]:
             yield
         return
     if isinstance(seconds, bool) or not isinstance(seconds, int | float) or not seconds > 0:
-        raise InputError(f"limit = {seconds!r}; it is a number of seconds above 0")
+        raise InputError(f"limit = {seconds!r}; it must be a number of seconds above 0")
     seconds = min(seconds, FOREVER)
     with _until(seconds, "monotonic", f"{seconds:g} s"):
         yield
@@ -123,8 +123,8 @@ def time_left() -> float:
 def check_time() -> None:
     """Raise `TimeOver` where the time is over; a computation that may be long comes here often."""
     if over := _first_over(_limits.deadlines):
-        more = "with time_limit(...), --limit in the command, or limit=... of the functions that have it"
-        raise TimeOver(f"it takes more than {over.text}: allow it more by its limit ({more})")
+        more = "with time_limit(...), --limit in the command, or limit=... where a function has it"
+        raise TimeOver(f"it takes more than {over.text}: raise the limit ({more})")
 
 
 def _first_over(deadlines: tuple[_Deadline, ...]) -> _Deadline | None:

@@ -65,7 +65,8 @@ def weigh(functions: Iterable[ca.Function], size: int = 0) -> None:
     """Count the memory of the functions and `size` bytes more; when that is too much, forget the least used, as if all
     results had equal shares of the memory.
 
-    Code that uses a cached result at the moment has a reference of its own and goes on; the next call builds it anew.
+    Code that uses a cached result at the moment has a reference of its own and continues; the next call builds it
+    again.
     """
     global _built
     parts = {part.__hash__(): part for function in functions for part in (function, *function.find_functions())}

@@ -106,7 +106,7 @@ class Formula:
 
     @property
     def terms(self) -> "list[Formula]":
-        """The terms of the formula as a sum, up to their signs; the formula itself where it is no sum."""
+        """The terms of the formula as a sum, up to their signs; the formula itself where it is not a sum."""
         terms, waiting = [], [self.tree]
         while waiting:
             if (tree := waiting.pop())[0] in ("+", "-"):
@@ -185,14 +185,15 @@ def _check_tokens(text: str, tokens: list[_Token]) -> None:
 
 
 def _is_call(text: str, token: _Token, following: _Token) -> bool:
-    """Whether a token where an operand must stand is a function, whose argument follows; raises if it is no operand."""
+    """Whether a token where an operand must stand is a function, whose argument follows; raises if it is not an
+    operand."""
     kind, word, position = token
     if kind not in ("number", "name"):
         raise _error(text, position, "a number, a name or '(' is missing here")
     if kind == "number" and not np.isfinite(float(word)):
         raise _error(text, position, f"the number {word} is too large")
     if kind == "name" and word.lower() in ("nan", "inf", "infinity"):
-        raise _error(text, position, f"'{word}' is no number and no name")
+        raise _error(text, position, f"'{word}' is neither a number nor a name")
     called = kind == "name" and following.word == "("
     if called and word not in FUNCTIONS:
         raise _error(text, position, f"unknown function '{word}'{suggest(word, FUNCTIONS)}")
@@ -217,7 +218,7 @@ def _as_tuples(node: ast.expr, tokens: list[_Token]) -> tuple:
             tree = _as_tuples(operand, tokens)
             tree = ("negative", tree) if isinstance(sign, ast.USub) else tree
         case _:
-            raise AssertionError(f"{type(node).__name__} is no part of a formula")
+            raise AssertionError(f"{type(node).__name__} cannot stand in a formula")
     for parent in reversed(chain):
         right = _as_tuples(parent.right, tokens)
         if isinstance(parent.op, ast.Pow) and right[0] == "number" and _is_whole(right):
@@ -248,7 +249,7 @@ def _tokens(text: str) -> list[_Token]:
         if (match := _TOKEN.match(text, position)) is None or match.lastgroup is None:
             position = len(text) - len(text[position:].lstrip(BLANKS))
             character = text[position] if text[position].isprintable() else f"\\x{ord(text[position]):02x}"
-            remedy = ": a power is written **" if character == "^" else ""
+            remedy = ": write a power as **" if character == "^" else ""
             raise _error(text, position, f"'{character}' is not allowed{remedy}")
         tokens.append(_Token(match.lastgroup, match[match.lastgroup], match.start(match.lastgroup)))
         position = match.end()

@@ -17,10 +17,10 @@ _S = TypeVar("_S", ca.SX, ca.MX)
 
 # The meaning of Ipopt's return statuses where the equations are not solved, and the remedy.
 REASONS = {
-    "Infeasible_Problem_Detected": "no solution of the equations near the starting guess; start from a nearer machine",
-    "Maximum_Iterations_Exceeded": "no convergence; start from a nearer machine",
-    "Restoration_Failed": "no convergence from the starting guess; start from a nearer machine",
-    "Invalid_Number_Detected": "the equations stop being numbers on the way; a formula has no value where it is needed",
+    "Infeasible_Problem_Detected": "no solution of the equations near the starting guess; start from a similar machine",
+    "Maximum_Iterations_Exceeded": "no convergence; start from a similar machine",
+    "Restoration_Failed": "no convergence from the starting guess; start from a similar machine",
+    "Invalid_Number_Detected": "the equations become infinite or undefined on the way; check the formulas",
     "Not_Enough_Degrees_Of_Freedom": "more equations than unknowns: the statement is not square",
     "Insufficient_Memory": "the memory ran out; use a smaller family number",
 }
@@ -42,7 +42,7 @@ class MinimumOptions(NamedTuple):
     """What is accepted as a minimum when its conditions are recomputed, whatever Ipopt's status is."""
 
     feasible: float = 1e-9  # violation of the constraints
-    stationary: float = 1e-7  # gradient of the Lagrangian beside the multipliers
+    stationary: float = 1e-7  # gradient of the Lagrangian compared with the multipliers
     # A smaller violation does not show that constraints are infeasible: iterations may end for other reasons.
     nearly: float = 1e-6
     bottomless: float = -1e8  # costs are of order one, so that a smaller one has no lower bound
@@ -56,7 +56,7 @@ ENDED = "Solve_Succeeded", "Search_Direction_Becomes_Too_Small", "Solved_To_Acce
 ENDS = {
     "infeasible": "no solution near the starting guess",
     "bottomless": "the cost has no lower bound",
-    "undefined": "the equations stop being numbers on the way",
+    "undefined": "the equations become infinite or undefined on the way",
     "overdetermined": "more conditions than unknowns",
     "stuck": "no convergence",
 }
@@ -105,7 +105,9 @@ class EquationSolver:
             with interrupts.deferred():
                 solution = self._solver(x0=guess / scale, p=np.concatenate([scale, p]), **bounds)
         except RuntimeError as error:
-            raise NoOrbit("multiple shooting cannot be evaluated; state the machine in units nearer to 1") from error
+            raise NoOrbit(
+                "multiple shooting cannot be evaluated; choose units that make the machine's numbers nearer to 1"
+            ) from error
         interrupts.heed()
         # Ipopt may report a failure when its step vanishes at rounding: the recomputed residual decides.
         violation = float(ca.norm_inf(solution["g"]))
@@ -124,7 +126,7 @@ class Minimum:
     multipliers: Pair  # of the bounds (n,) and of the constraints (m,)
     values: ndarray  # of the constraints, (m,)
     off: ndarray  # the violation of each constraint, (m,)
-    slope: float  # the largest entry of the gradient of the Lagrangian, beside the largest multiplier
+    slope: float  # the largest entry of the gradient of the Lagrangian, compared with the largest multiplier
     kind: str  # "minimum", "infeasible", "bottomless", "undefined", "overdetermined" or "stuck"
     iterations: int  # the number taken
 
@@ -135,7 +137,7 @@ class Minimum:
 
     @property
     def reason(self) -> str:
-        """Why it is no minimum; "" for one."""
+        """Why it is not a minimum; "" for one."""
         if self.kind == "minimum":
             return ""
         slope = f", the cost's slope is {self.slope:.1e}" if self.feasible else ""

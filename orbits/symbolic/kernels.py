@@ -62,7 +62,7 @@ def _contiguous(arguments: Sequence[np.ndarray], sizes: Sequence[int]) -> tuple[
     count = max(lengths)
     if shapes != [(size,) for size in sizes] or not {*lengths} <= {1, count} - {0}:
         found = ", ".join(str(array.shape) for array in inputs)
-        raise ValueError(f"arguments of shapes {found}; they are (m, size) or (1, size) of sizes {sizes}")
+        raise ValueError(f"arguments of shapes {found}; they must be (m, size) or (1, size) of sizes {sizes}")
     return inputs, count
 
 
@@ -102,10 +102,10 @@ def _threads(workers: int) -> AbstractContextManager[Any]:
 class Kernel:
     """A function of vectors iterated at several points, at each until it says that it is done.
 
-    The function takes (z, data, ...) to (z after it, records ..., whether to record them, whether to go on), all dense.
-    A `CodedFunction` is compiled when it is used first. The iterations of a graph are interpreted until that has taken
-    as long as compiling it, so that nothing is compiled for a few points; times are those of the processor, so that
-    other programs change nothing. Each number is the same either way, and with any number of threads.
+    The function takes (z, data, ...) to (z after it, records ..., whether to record them, whether to continue), all
+    dense. A `CodedFunction` is compiled when it is used first. The iterations of a graph are interpreted until that has
+    taken as long as compiling it, so that nothing is compiled for a few points; times are those of the processor, so
+    that other programs change nothing. Each number is the same either way, and with any number of threads.
 
     row_entry : an entry of z, a whole number, where the last argument of the function is that row of a table; a call
         then has tables (m, rows size), or (1, rows size) for all points, whose rows follow each other
@@ -170,9 +170,9 @@ class Kernel:
                 weigh([], 2 * len(self._code.compiled))
                 return
             except NotImplementedError as error:
-                reason = f"there is no machine code of a law: {error}"
+                reason = f"a law cannot be compiled: {error}"
             except RuntimeError as error:
-                reason = f"LLVM makes no machine code: {error}"
+                reason = f"LLVM cannot make machine code: {error}"
                 say_interpreted()
         if self.function is None:
             raise NoMachineCode(reason)

@@ -8,7 +8,7 @@ from .vector_code import VectorCode
 
 
 class Number:
-    """A value of a code with the operators of Python; a number beside it is the same in every lane."""
+    """A value of a code with the operators of Python; a number with it is the same in every lane."""
 
     __slots__ = ("code", "name")
 

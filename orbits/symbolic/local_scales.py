@@ -20,7 +20,7 @@ from .recursion import affine_degree, applied
 class ScaleOptions(NamedTuple):
     """How far the arguments of functions may go in a step."""
 
-    # An exponential of less than minus this, 9e-27, cannot be seen beside a force, even multiplied by 1e10, nor what is
+    # An exponential of less than minus this, 9e-27, is invisible next to a force, even multiplied by 1e10, nor what is
     # left of 1 in a saturated function. There the argument may go until the exponential is this large.
     hidden: float = 60.0
     # Where they can be seen, arguments of exponentials may change this much: more than series of order 28 ever allow,
@@ -257,7 +257,7 @@ def _through_power(a, varies, result, change):
 
 
 def _through_exponential(a, varies, result, change):
-    # Far below 0 the exponential of -a overflows; elsewhere a small change is lost beside it in the first logarithm.
+    # Far below 0 the exponential of -a overflows; elsewhere a small change is lost next to it in the first logarithm.
     return [ca.if_else(a[0] < -SCALES.hidden, ca.log(change + ca.exp(a[0])) - a[0], ca.log1p(change * ca.exp(-a[0])))]
 
 

@@ -54,13 +54,13 @@ def _features(llvm: Any) -> str:
     return llvm.get_host_cpu_features().flatten()
 
 
-WITHOUT_LLVM = "no machine code can be made here, which motions by Taylor series need: install llvmlite 0.45 or newer"
+WITHOUT_LLVM = "motions by Taylor series need machine code, which cannot be made here: install llvmlite 0.45 or newer"
 
 
 @cache
 def say_interpreted() -> None:
     """Warn, once in a process, that there is no machine code."""
-    warnings.warn(f"{WITHOUT_LLVM}; other functions are interpreted, which takes many times as long", RuntimeWarning, 3)
+    warnings.warn(f"{WITHOUT_LLVM}; other functions are interpreted, which is many times slower", RuntimeWarning, 3)
 
 
 @cache
@@ -181,7 +181,7 @@ class _Iteration(VectorCode):
         self.do(f"br i1 {self('icmp slt i64 %next, %count')}, label %block, label %leave", "leave:")
         self.do(*(["call void @free(ptr %memory)"] if self.reserved else []), "ret void")
         head = ["define void @run(ptr %arrays, ptr %strides, i64 %count) alignstack(64) {", "entry:"]
-        if self.reserved:  # of some hundred kilobytes and more, which no stack has to have
+        if self.reserved:  # of some hundred kilobytes and more, which may exceed a stack
             size = 8 * self.lanes
             self.declared |= {"declare ptr @malloc(i64)", "declare void @free(ptr)"}
             self.declared.add("declare ptr @llvm.ptrmask.p0.i64(ptr, i64)")

@@ -6,10 +6,10 @@ negative, so that only a denominator of several terms needs a quotient; it is di
 leaves no remainder.
 
 Every step is an identity between functions: what is found equal is equal, wherever both are defined. The converse holds
-for rational functions, and for those with roots and sines by the rules that are used, sqrt(a)^2 = a,
-cos(a)^2 = 1 - sin(a)^2 and tan(a) = sin(a)/cos(a); any other function is related to nothing but itself, and if it is
-odd or even to its value at the negative argument. An operation whose result would be larger than `Limits` allow is a
-generator too: what depends on it is never found to be constant unless it drops out.
+for rational functions, and for those with roots and sines by the rules that are used, sqrt(a)^2 = a, cos(a)^2 = 1 -
+sin(a)^2 and tan(a) = sin(a)/cos(a); any other function is related only to itself, and if it is odd or even to its value
+at the negative argument. An operation whose result would be larger than `Limits` allow is a generator too: what depends
+on it is never found to be constant unless it drops out.
 """
 
 from collections.abc import Collection, Iterable
@@ -60,7 +60,7 @@ class Ratio(NamedTuple):
 
     @property
     def operations(self) -> int:
-        """How many operations its expression has, about, beside those of its generators."""
+        """How many operations its expression has, about, in addition to those of its generators."""
         terms = [*self.above.items(), *self.below.items()]
         return sum(sum(abs(e) for _, e in monomial) + (abs(value) != 1) for monomial, value in terms)
 
@@ -85,7 +85,7 @@ def free_of(a: Ratio, symbols: Collection[ExactExpression]) -> Ratio | None:
 
 
 def constant(a: Ratio) -> Fraction | None:
-    """The number that a normal form is everywhere, None where it is none."""
+    """The number that a normal form is everywhere, None where it is not a number."""
     found = _free_of(a, _generators(a))
     return None if found is None else Fraction(found.above.get((), 0))
 
@@ -283,7 +283,7 @@ def _product(a: Polynomial, b: Polynomial) -> Polynomial:
                 result[monomial] = result.get(monomial, 0) + (d if c == 1 else c * d)
         result = {monomial: value for monomial, value in result.items() if value}
     squared = {atom for monomial in result for atom, e in monomial if e > 1 and atom.kind in ("cos", "sqrt")}
-    for generator in sorted(squared, reverse=True):  # those that contain others first
+    for generator in sorted(squared, reverse=True):  # the ones that contain others first
         if (square := _square_of(generator)) is not None:
             result = _with_square(result, generator, square)
     if len(result) > LIMITS.terms:

@@ -55,7 +55,7 @@ class Recursion:
         self._slopes: dict[tuple[int, int], int] = {}
 
     def graph(self, function: ca.Function) -> list[dict[int, int]]:
-        """Add an SX function; return the rows of its results, by output and element, without those that are 0."""
+        """Add an SX function; return the rows of its results, by output and element, without rows that are 0."""
         places, outputs = list[int](), [dict[int, int]() for _ in range(function.n_out())]
         for op, inputs, number in single_assignment(function):
             if op == ca.OP_OUTPUT:

@@ -22,8 +22,8 @@ LOOPS = LoopOptions()
 
 
 def room_of_series(count: int, order: int) -> int:
-    """The places of so many series up to an order, each with room for one coefficient more: a multiple of all numbers
-    of lanes."""
+    """The places of a number of series up to an order, each with room for one coefficient more: a multiple of all
+    numbers of lanes."""
     return -(-count * (order + 2) // VECTORS.lanes) * VECTORS.lanes
 
 
@@ -38,7 +38,7 @@ class LoopCode:
         orders = range(order + 2)
         self._orders = code.table([float(k) for k in orders])
         self._inverses = code.table([1 / max(k, 1) for k in orders])
-        # The pairs of series whose sums are needed, with those begun of two orders, of which the first is `_first`.
+        # The pairs of series whose sums are needed, with those begun of two orders; the first one is `_first`.
         self._pairs, self._first = dict[tuple[int | str, int | str], list[str]](), ""
 
     def number(self, value: float) -> str:

@@ -45,7 +45,7 @@ def name_of_parameter(symbol: Any) -> str:
     """The name of a symbol as that of a parameter; raises `InputError` for one that formulas do not take."""
     name = str(symbol.name)
     if not (name.isascii() and name.isidentifier()):
-        raise InputError(f"symbol '{name}' is no name of a parameter: those are of letters, digits and _, as 'm1'")
+        raise InputError(f"symbol '{name}' cannot name a parameter: use letters, digits and _, as in 'm1'")
     if name in CONSTANTS or name in FUNCTIONS:
         raise InputError(f"symbol '{name}' has a meaning in formulas; rename it")
     return name
@@ -67,7 +67,7 @@ class _Writer:
     def text(self, each: Any) -> Text:
         """The part of a formula that an expression is."""
         if not getattr(each, "is_commutative", False) or not hasattr(each, "is_Float"):
-            raise InputError(f"{self.what} is no scalar expression")
+            raise InputError(f"{self.what} is not a scalar expression")
         if each in self.names:
             return Text(self.names[each])
         if each.is_Symbol:
@@ -122,9 +122,9 @@ class _Writer:
         if each.is_Function:
             known = suggest(kind, FUNCTIONS)
             raise InputError(
-                f"{self.what}: formulas have no function '{kind}'{known}; rewrite it by those that they have"
+                f"{self.what}: formulas have no function '{kind}'{known}; rewrite it with functions that they have"
             )
-        raise InputError(f"{self.what}: '{abridged(each)}' ({kind}) has no place in a formula")
+        raise InputError(f"{self.what}: '{abridged(each)}' ({kind}) cannot stand in a formula")
 
 
 def _signed(number: str) -> Text:

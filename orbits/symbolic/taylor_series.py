@@ -53,11 +53,11 @@ class SeriesCode(Protocol):
 
 
 class Series:
-    """The series of the rows of a recursion that some rows `wanted` need, beside those of the `states`, which the
-    caller fills.
+    """The series of the rows of a recursion that some rows `wanted` need, in addition to those of the `states`, which
+    the caller fills.
 
     values : of each row its first coefficient
-    stored : the series by row, of the states, of rows that are `kept`, and of those that sums of products read
+    stored : the series by row, of the states, of rows that are `kept`, and of rows that sums of products read
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class Series:
         self.multiples = {row: code.series() for row in self.multiples}
 
     def _needed(self, wanted: Sequence[int]) -> list[int]:
-        """All rows that these need, each after those that its first coefficient needs."""
+        """All rows that these need, each after the rows that its first coefficient needs."""
         found, left = set[int](), [*wanted]
         while left:
             row = left.pop()
@@ -231,7 +231,7 @@ class GraphCode:
 
 
 def has_taylor_series(function: ca.Function) -> bool:
-    """Whether every operation of the SX function has a recurrence, as comparisons, switches and splines have not."""
+    """Whether every operation of the SX function has a recurrence, unlike comparisons, switches and splines."""
     return {function.instruction_id(i) for i in range(function.n_instructions())} <= WITH_SERIES
 
 

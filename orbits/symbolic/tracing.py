@@ -100,7 +100,7 @@ def _text(value: object) -> Text:
     if isinstance(value, Text):
         return value
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise TypeError(f"{value!r} is no number")
+        raise TypeError(f"{value!r} is not a number")
     text = str(value) if isinstance(value, int) else repr(float(value))
     return Text(text, SUM if text.startswith("-") else ATOM)
 
@@ -137,6 +137,6 @@ def _confirmed_formula(function: Callable[[list], Any], names: Sequence[str]) ->
                 expected = formula(**{name: named[name] for name in formula.names})
             if not np.isclose(found, expected, rtol=TRACED_TO, atol=TRACED_TO, equal_nan=True):
                 return None
-    except Exception:  # whatever a function of the user does with values that are no numbers
+    except Exception:  # whatever a function of the user does with values that are not numbers
         return None
     return text

@@ -191,7 +191,7 @@ def call(name: str, x: ExactExpression) -> ExactExpression:
 
 
 def power(base: ExactExpression, exponent: ExactExpression) -> ExactExpression:
-    """A power, by its logarithm where the exponent is no whole number."""
+    """A power, by its logarithm where the exponent is not a whole number."""
     if exponent.is_number and exponent.value.denominator == 1:
         return base ** int(exponent.value)
     if exponent.is_number and exponent.value == Fraction(1, 2):

@@ -61,7 +61,7 @@ class Operation:
 
 
 def lowered(outputs: Sequence[ExactExpression], symbols: Mapping[ExactExpression, ca.SX]) -> list[ca.SX]:
-    """Expressions as CasADi's, of which equal parts are one; raises `InputError` for a number without a double."""
+    """Expressions as CasADi's, where equal parts are one; raises `InputError` for a number without a double."""
     found = dict(symbols)
     for each in in_order(outputs):
         if each not in found:

@@ -20,7 +20,7 @@ def rows_of(columns: Sequence[Sequence[ExactExpression]], count: int) -> ExactRo
 
 
 def solved_by_parts(matrix: ExactRows, right: ExactRows) -> ExactRows | None:
-    """The solutions (n, k) of a linear system with right sides (n, k), of which entries that are numbers are eliminated
+    """The solutions (n, k) of a linear system with right sides (n, k), where entries that are numbers are eliminated
     first; None where more than two unknowns are left."""
     rows, known = [[*row, *each] for row, each in zip(matrix, right, strict=True)], list[tuple[int, Column]]()
     columns, n = list(range(len(rows))), len(matrix)

@@ -24,7 +24,7 @@ class VectorOptions(NamedTuple):
     lanes: int = 8  # numbers of a vector, at most
     # Instructions of a graph after which another block begins: the time to compile one grows with its square.
     block: int = 300
-    # Degree of the polynomials of a rough power: 1e-6 beside it, for lengths of steps.
+    # Degree of the polynomials of a rough power: 1e-6 relative to it, for lengths of steps.
     degree: int = 6
 
 
@@ -60,7 +60,7 @@ def _polynomial(function: Callable, low: float, high: float) -> list[float]:
 
 @dataclass(frozen=True)
 class Block:
-    """Vectors of the scratch memory that follow each other, as many as lanes or a multiple of it."""
+    """Vectors of the scratch memory that follow each other, in the number of lanes or a multiple of it."""
 
     place: int
     count: int
@@ -216,7 +216,8 @@ class VectorCode:
         return total
 
     def rough_power(self, x: str, exponent: str) -> str:
-        """A value that is not negative to a power, with an error of 1e-6 beside it; of infinity and NaN it is large."""
+        """A value that is not negative to a power, with an error of 1e-6 relative to it; of infinity and NaN it is
+        large."""
         bits = self(f"bitcast {self.vector} {x} to {self.indices}")
         shift, one = _BITS_OF_FRACTION, _EXPONENT_OF_ONE << _BITS_OF_FRACTION
         exponents = self(f"sub {self.indices} {self(f'lshr {self.indices} {bits}, splat (i64 {shift})')}, "
@@ -378,8 +379,8 @@ class VectorCode:
         self.loop(0, block.count // lanes - 1, part)
 
     def load_all(self, rows: str, count: int) -> list[str]:
-        """The vectors of the first elements of each lane's row: where there are as many as lanes, each lane loads its
-        numbers together, which is many times faster than one element of all lanes at a time."""
+        """The vectors of the first elements of each lane's row: where their number is that of the lanes, each lane
+        loads its numbers together, which is many times faster than one element of all lanes at a time."""
         lanes, vectors = self.lanes, list[str]()
         if count >= lanes:
             own = [self(f"extractelement {self.pointers} {rows}, i32 {lane}") for lane in range(lanes)]
@@ -411,7 +412,7 @@ class VectorCode:
         return block
 
     def _transposed(self, vectors: Sequence[str]) -> list[str]:
-        """The vectors, as many as lanes, with what each has in each lane exchanged."""
+        """The vectors, one for each lane, with what each has in each lane exchanged."""
         vectors, lanes, half = list(vectors), self.lanes, self.lanes // 2
         while half:
             for i in (i for i in range(lanes) if not i & half):

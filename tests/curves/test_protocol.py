@@ -24,7 +24,7 @@ def test_kinds_of_ends_and_purposes_of_tests_are_known():
     assert all(End(kind).kind == kind for kind in KINDS_OF_END)
     with pytest.raises(InputError, match="cannot end as 'gone'; the ends are reached, closed"):
         End("gone")
-    with pytest.raises(InputError, match="test 'top': does = 'asked'; it is happens, changes or asks"):
+    with pytest.raises(InputError, match="test 'top': does = 'asked'; it must be happens, changes or asks"):
         Test("top", FOLD.values, "asked")
 
 

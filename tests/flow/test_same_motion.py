@@ -37,7 +37,7 @@ def test_an_orbit_is_not_taken_for_that_of_another_machine(tmp_path, pair):
     assert Orbit.load(path, own).source is own
     with pytest.raises(InputError, match="another machine: its motion does not satisfy these equations"):
         Orbit.load(path, other)
-    with pytest.raises(InputError, match="another machine's: its motion does not satisfy these equations"):
+    with pytest.raises(InputError, match="another machine: its motion does not satisfy these equations"):
         sensitivities(other, orbit, quantities="alpha")
 
 

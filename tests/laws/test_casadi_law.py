@@ -96,16 +96,19 @@ class Wrapped(ca.Callback):
 def rejected():
     """Functions with what the message says of each."""
     pair, table = ca.SX.sym("pair", 2), ca.interpolant("table", "bspline", [[0.0, 1, 2, 3, 4]], [0.0, 1, 2, 4, 8])
-    yield ca.Function("f", [pair], [pair[0]]), "a function of i0 2x1; its arguments are numbers"
+    yield ca.Function("f", [pair], [pair[0]]), "a function of i0 2x1; its arguments must be numbers"
     yield ca.Function("f", [], [ca.SX(1)]), "a function of nothing"
-    yield ca.Function("f", [r], [r, r]), "returns 1x1, 1x1; a law returns one number"
+    yield ca.Function("f", [r], [r, r]), "returns 1x1, 1x1; a law must return one number"
     yield ca.Function("f", [r], [ca.vertcat(r, r)]), "returns 2x1"
-    yield ca.Function("f", [r], [ca.SX(1, 1)]), "returns 0 whatever its arguments are"
+    yield ca.Function("f", [r], [ca.SX(1, 1)]), "returns a result without entries"
     yield ca.Function("f", [r], [r * b], {"allow_free": True}), "has free variables, b"
     yield ca.Function("f", [r, b], [r * b], ["r", "exp"], ["force"]), "an argument 'exp', which has a meaning"
-    yield CUBIC, "needs a value of 'b'"
-    yield ca.Function("f", [x], [table(x)]), "calls table, of which there are no scalar operations .* springs.table"
-    yield Wrapped(), "has call, of which there are no scalar operations"
+    yield CUBIC, "needs a value for 'b'"
+    yield (
+        ca.Function("f", [x], [table(x)]),
+        "calls table, which cannot be written in scalar operations: .* springs.table",
+    )
+    yield Wrapped(), "has call, which cannot be written in scalar operations"
     yield ca.Function("f", [r], [ca.erfinv(r)]), "has erfinv"
     yield ca.Function("f", [r], [ca.sin(r) / r]), "0/0 at r = 0"
 

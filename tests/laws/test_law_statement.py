@@ -79,7 +79,7 @@ def test_laws_are_not_mixed_up():
         (lambda: springs.table(([], [])), "two finite lists of one length, with rows"),
         (lambda: Hopper(parameters=[1]), "mapping of names"),
         (lambda: Hopper(parameters=None), "mapping of names"),
-        (lambda: find(object()), "is no machine"),
+        (lambda: find(object()), "is not a machine"),
     ):
         with pytest.raises(InputError, match=message):
             make()
@@ -90,7 +90,7 @@ def test_what_has_no_limit_at_zero_is_no_removable_division(text):
     """A logarithm, and a pole on one side."""
     law = springs.formula(text)
     assert np.isnan(law(0.0)) or np.isinf(law(0.0))
-    with pytest.raises(InputError, match="jumps, and beside one of its comparisons it has no derivatives"):
+    with pytest.raises(InputError, match=r"jumps\. At one of its comparisons it has no derivative"):
         springs.formula("1e-3*abs(r)/r")  # a jump, however small
 
 

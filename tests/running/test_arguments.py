@@ -22,11 +22,11 @@ def test_only_the_outermost_call_is_checked():
     check((CUBIC, "x"), {"other": None, "flag": np.bool_(True), "progress": [].append})
     check((CUBIC,), {"name": "x", "progress": None})
     for arguments, options, message in (
-        ((3, "x"), {}, "'int' is no machine such as"),
-        ((CUBIC, EMPTY), {}, "name = array.* it is a text"),
-        ((CUBIC, "x", np.array("x")), {}, "other = .*; it is a text"),
-        ((CUBIC, "x"), {"flag": EMPTY}, "flag = array.* it is True or False"),
-        ((CUBIC, "x"), {"progress": lambda: 0}, "it is a function that is called with the share that is done"),
+        ((3, "x"), {}, "'int' is not a machine such as"),
+        ((CUBIC, EMPTY), {}, "name = array.* it must be text"),
+        ((CUBIC, "x", np.array("x")), {}, "other = .*; it must be text"),
+        ((CUBIC, "x"), {"flag": EMPTY}, "flag = array.* it must be True or False"),
+        ((CUBIC, "x"), {"progress": lambda: 0}, "it must be a function of the share that is done"),
     ):
         with pytest.raises(InputError, match=message):
             check(arguments, options)
@@ -72,10 +72,10 @@ CALLS = {
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: follow(CUBIC, 3, 0.4), "along = 3; it is the name of a parameter"),
-        (lambda: orbits.find(CUBIC, method=3), "method = 3; it is one of closed form"),
-        (lambda: orbits.optimize(CUBIC, minimise=[], over={"beta": (0.1, 0.2)}), "an objective is a formula"),
-        (lambda: orbits.orbit_at(CUBIC, None, "beta"), "where to begin is the `point`"),
+        (lambda: follow(CUBIC, 3, 0.4), "along = 3; it must be the name of a parameter"),
+        (lambda: orbits.find(CUBIC, method=3), "method = 3; it must be one of closed form"),
+        (lambda: orbits.optimize(CUBIC, minimise=[], over={"beta": (0.1, 0.2)}), "it must be a formula"),
+        (lambda: orbits.orbit_at(CUBIC, None, "beta"), "a branch must begin at the `point`"),
     ],
 )
 def test_what_is_no_array_is_refused_in_the_words_of_the_function(call, words):

@@ -46,7 +46,7 @@ def test_the_lock_is_held_in_a_call_and_not_between_orbits():
 
 @pytest.mark.parametrize("progress", [True, 3, "x"])
 def test_a_progress_that_is_no_function_is_refused(progress):
-    with pytest.raises(InputError, match="it is a function that is called with the share that is done"):
+    with pytest.raises(InputError, match="it must be a function of the share that is done"):
         find_all(Hopper("cubic", parameters={"beta": 0.3}), progress=progress)
 
 

@@ -24,7 +24,7 @@ class TestTimeLimit:
     @pytest.mark.parametrize("search", [find, find_all])
     def test_what_takes_longer_is_ended(self, search):
         began = time.process_time()
-        with pytest.raises(NoOrbit, match=r"more than 0.5 s: allow it more by its limit \(with time_limit"):
+        with pytest.raises(NoOrbit, match=r"more than 0.5 s: raise the limit \(with time_limit"):
             search(self.SLOW, limit=0.5)
         assert time.process_time() - began < 20
 
@@ -69,7 +69,7 @@ class TestTimeLimit:
         saved = Family.load(tmp_path / "family.jsonl", machine)
         assert saved[0].alpha == family[0].alpha == pytest.approx(find(family.source).alpha, abs=1e-12)
         assert follow(machine, "beta", 0.4, start=0.3, resume=saved).end.kind == "reached"
-        with pytest.raises(NoOrbit, match=r"more than 0.1 s.* the orbit to begin with is not found"), time_limit(0.1):
+        with pytest.raises(NoOrbit, match=r"more than 0.1 s.* the first orbit is not found"), time_limit(0.1):
             follow(Hopper("abs(r) + b*r + 1e-9*abs(r)**1.5", parameters={"b": 0.1}), "b", 0.2)
 
     def test_a_diagram_has_its_grid_at_least(self, monkeypatch):
@@ -104,7 +104,7 @@ class TestTimeLimit:
 
     @pytest.mark.parametrize("limit", [0, -1.0, True, "1", float("nan")])
     def test_no_time(self, limit):
-        with pytest.raises(InputError, match="it is a number of seconds above 0"):
+        with pytest.raises(InputError, match="it must be a number of seconds above 0"):
             find(self.SLOW, limit=limit)
 
 

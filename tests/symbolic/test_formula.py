@@ -174,7 +174,7 @@ BAD = [
     ("1e", f"{OPERATOR} 'e'"),
     ("0x10", f"{OPERATOR} 'x10'"),
     ("r if r else 1", f"{OPERATOR} 'if'"),
-    ("r^2", "a power is written **"),
+    ("r^2", "write a power as **"),
     ('__import__("os")', NOT_ALLOWED),
     ("__import__(os)", "unknown function '__import__'"),
     ("r.real", "'.' is not allowed"),

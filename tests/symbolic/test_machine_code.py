@@ -81,7 +81,7 @@ def test_without_machine_code_it_is_interpreted(monkeypatch, unsaid):
     monkeypatch.setitem(sys.modules, "llvmlite.binding", None)
     kernel = Kernel(countdown())
     kernel.interpretation_budget = -1.0
-    with pytest.warns(RuntimeWarning, match="no machine code can be made here"):
+    with pytest.warns(RuntimeWarning, match="machine code, which cannot be made here"):
         few = kernel(starts(5, 6), np.ones((1, 1)))
     assert (few.counts == starts(5, 6)[:, 1] // 2).all()
     assert not Kernel(countdown()).compile()  # without a second warning
@@ -106,14 +106,14 @@ def test_llvm_fails(monkeypatch, unsaid):
 
     monkeypatch.setattr("llvmlite.binding.Target.from_default_triple", failing)
     kernel = Kernel(countdown())
-    with pytest.warns(RuntimeWarning, match="no machine code can be made here") as said:
+    with pytest.warns(RuntimeWarning, match="machine code, which cannot be made here") as said:
         assert not kernel.compile()
     assert not Kernel(countdown()).compile()
     assert len(said) == 1
     assert_equal(kernel(starts(5, 6), np.ones((1, 1))), one)
     alone = Kernel(CodedFunction([1], [1, 1, 1], lambda code, arguments: [arguments[0]] * 3))
     for _ in range(2):
-        with pytest.raises(NoMachineCode, match="LLVM makes no machine code: LLVM says no"):
+        with pytest.raises(NoMachineCode, match="LLVM cannot make machine code: LLVM says no"):
             alone(np.zeros((1, 1)))
 
 

@@ -103,7 +103,7 @@ def test_a_folder_that_cannot_be_made(tmp_path, monkeypatch):
 
 
 def test_only_so_many_files_are_stored(folder, monkeypatch):
-    """The files written first are removed; one of another name stays."""
+    """The files written first are removed; one of name stays."""
     folder.mkdir(parents=True)
     (folder / "letter.txt").write_text("mine")
     monkeypatch.setattr(stored_code, "STORE", stored_code.STORE._replace(files=6))
