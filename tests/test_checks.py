@@ -24,7 +24,7 @@ OTHERS = (
     *("bent inerter", "inerter in SI", "soil in SI", "actuated in SI", "wheel in SI", "rocking block", "chain of 2"),
 )
 IN_FLIGHT, IN_CONTACT, IMPACTS = "in flight masses", "in contact the", "impacts change"
-LANDS, ENERGY, LENGTHS, HOPS = "it lands", "the energy", "gaps, distances", "hops are those"
+LANDS, ENERGY, LENGTHS, HOPS = "it lands", "the energy", "gaps, distances", "hops agree"
 REDUCED = "the reduced motion"
 
 
@@ -90,7 +90,7 @@ def posing(machine, model=None, stated=None, **numbers) -> SimpleNamespace:
 
 def broken(machine) -> list[str]:
     """The relations that do not hold for a machine, with few impacts: what is wrong at states needs no long hops."""
-    wrong = pytest.raises(InconsistentModel, match=r"does not move as it is stated: .*: off by")
+    wrong = pytest.raises(InconsistentModel, match=r"does not move as its statement says: .*: off by")
     with pytest.MonkeyPatch.context() as patch, wrong as error:
         patch.setattr(checked_module, "OPTIONS", replace(OPTIONS, impacts=3))
         check(machine)
@@ -234,7 +234,7 @@ def test_what_is_not_compared_is_said():
     elements = [Mass("a", 1.3), Mass("b", 0.7), Mass("b + 2*cos(t)", 1.3), Spring("a - b", "r"), Spring("t", "r")]
     left_out = check(Mechanism(("a", "b", "t"), elements, gap="b", angles=("t",), gravity=1.0)).left_out
     assert any("no hop: the inertia is singular at rest" in reason for reason in left_out)
-    for name, why in (("damped", "so that start= is not used"), ("runner", "it is no orbit of this machine")):
+    for name, why in (("damped", "and start= is not used"), ("runner", "it is not an orbit of this machine")):
         left_out = check(MACHINES[name], start={"alpha": 3.0}).left_out
         assert [why in reason for reason in left_out] == [True, False]
         assert "no lift-off" in left_out[1]
@@ -244,7 +244,7 @@ def test_what_is_not_compared_is_said():
 def test_numbers_out_of_bounds_are_refused():
     machine = MACHINES["cubic"]
     for numbers, message in (
-        ({"restitution": 2.0}, "restitution = 2 is out of bounds; it lies between 0 and 1"),
+        ({"restitution": 2.0}, "restitution = 2 is out of bounds; it must lie between 0 and 1"),
         ({"restitution": np.nan}, "restitution = nan is not a finite number"),
         ({"rest_length": np.nan}, "rest_length = nan is not a finite number"),
         ({"values": machine.values | {"mass_ratio": np.inf}}, "mass_ratio = inf is not a finite number"),
@@ -320,7 +320,7 @@ def test_a_force_without_numbers_is_found():
 
 
 def test_what_is_not_stated_is_refused():
-    with pytest.raises(InputError, match=r"a SimpleNamespace is not stated, .*: state an orbits\.Mechanism"):
+    with pytest.raises(InputError, match=r"a SimpleNamespace states no mechanics to check: state an orbits\.Mechanism"):
         check(SimpleNamespace(model=Hopper().model))
     with pytest.raises(InputError, match="an infinitely heavy hand is the limit of mechanisms: state a Juggler"):
         check(HeavyHand())

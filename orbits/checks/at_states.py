@@ -1,7 +1,7 @@
 """Comparisons of a machine with its statement at random states: lengths, maps, forces, impacts and energies.
 
-Nothing that is derived is compared with itself. With places q, speeds v and accelerations a of the model, the stated
-elements have to balance along every coordinate (d'Alembert's principle),
+Derived quantities are never compared with themselves. With places q, speeds v and accelerations a of the model, the
+stated elements must balance along every coordinate (d'Alembert's principle),
 
     sum of m h'' dh/dq  +  sum of forces on extensions r times dr/dq  =  F dg/dq,
 
@@ -32,7 +32,8 @@ from .relation import OPTIONS, Relation, share, share_of_each
 
 
 class AtStates:
-    """A machine beside its statement. All states are in the units of the statement; those of contact are y (N, m)."""
+    """A machine together with its statement. All states are in the units of the statement; those of contact are y (N,
+    m)."""
 
     def __init__(self, machine: Machine, stated: Mechanism):
         self.machine, self.model, self.stated = machine, machine.model, stated
@@ -60,7 +61,7 @@ class AtStates:
         x = rest + spreads * np.random.default_rng(1).standard_normal(spreads.shape)
         fine = [np.isfinite(self.balance(each)["terms"]).all((1, 2)) for each in (x, self._on_ground(x) @ self.embed.T)]
         if not (fine[0] & fine[1]).any():
-            raise InputError(f"the laws of the {self.stated.name} have no numbers near rest")
+            raise InputError(f"the laws of the {self.stated.name} have no finite values near rest")
         return x[fine[0] & fine[1]]
 
     def _on_ground(self, x: np.ndarray) -> np.ndarray:
@@ -92,7 +93,7 @@ class AtStates:
                 if own is not None:
                     seen = self._of_model(x, lambda x, p, q, own=own: [own(x, p)])[:, 0] * self.unit(unit)
                     off.append(share(seen - along, seen, 0.0 if unit is FORCE else x))
-        return Relation("gaps, distances, heights and maps are those that are stated", max(off))
+        return Relation("gaps, distances, heights and maps agree with the statement", max(off))
 
     def _flight(self, x: np.ndarray) -> Relation:
         """The balance in flight, and the forces of the springs."""
@@ -160,7 +161,7 @@ class AtStates:
         seen = self._of_model(x, lambda x, p, q: self.model.flight_gradient(x, p, q)) / self.sizes["flight"]
         stated = self.balance(x)["gradient"][..., 0]
         off = share_of_each(seen * self.unit(ENERGY) * self.energy_unit - stated, stated)
-        return Relation("the energy has the slopes of the masses, heights and laws", off)
+        return Relation("the energy's slopes agree with masses, heights and laws", off)
 
     def _impact(self, x: np.ndarray, run: Simulation | None) -> Relation:
         """A plastic impact changes the momentum along the gap and along what sticks alone, and stops these. With B the

@@ -1,4 +1,4 @@
-"""The check of a machine against its statement: at states, along an orbit, and along hops beside it."""
+"""The check of a machine against its statement: at states, along an orbit, and along hops near it."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from .relation import OPTIONS, Relation, share
 
 
 @dataclass(frozen=True, repr=False)
-class Checked(Result, what="check", printed_digits=2, undrawn="relations have nothing to draw: print them"):
+class Checked(Result, what="check", printed_digits=2, undrawn="relations cannot be drawn: print them"):
     """The relations that `check` found to hold for a machine; printed, a table of them with their largest deviations.
 
     machine : in words and numbers
@@ -60,18 +60,17 @@ class Checked(Result, what="check", printed_digits=2, undrawn="relations have no
 def check(machine: Machine, *, start: StartLike | None = None) -> Checked:
     """Check that a machine moves as it is stated.
 
-    machine : a `Mechanism`, or a machine that is stated as one, as those of `problems`
+    machine : a `Mechanism`, or a machine that is stated as one, such as those of `problems`
     start : an initial guess as in `find`, for a machine whose launch has several numbers. For a machine with a
-        coordinate that sticks it is an orbit of that machine, to which numbers of the machine are tuned
+        coordinate that sticks, an orbit of that machine, to which its parameters were tuned
 
-    The forces of the stated elements have to balance at random states, in flight and in contact, and so have impulses
-    at impacts and hand-overs; gaps, heights, extensions, spring forces and the maps of steps have to be those stated.
-    An orbit, and a hop beside it, are integrated again by SciPy's DOP853, along which the energy is summed from masses,
-    heights and laws. The orbit has to land in the mirror image of its launch, to lift off without a force, and to be
-    that of all equations where it is found by the reduced ones; the return map has to have the launches of the
-    simulation. What a machine does not have, or what is not found, is not compared: `left_out` says so.
-    Raises `InputError` for a machine that is not stated and for numbers out of their bounds, and `InconsistentModel`
-    with all relations that do not hold.
+    At random states, in flight and in contact, the forces of the stated elements must balance, and so must the impulses
+    at impacts and changes of foot. Gaps, heights, extensions, spring forces and the maps of steps must agree with the
+    statement. SciPy's DOP853 integrates an orbit and a hop near it again, and the energy along them is summed from
+    masses, heights and laws. The orbit must land in the mirror image of its launch and lift off at zero contact force.
+    Where reduced equations found it, it must satisfy all equations. The return map must give the launches of the
+    simulation. `left_out` lists what could not be compared. Raises `InputError` for a machine without stated mechanics
+    and for numbers out of their bounds, and `InconsistentModel` with all relations that do not hold.
 
     >>> from orbits import check
     >>> from problems import Hopper
@@ -80,7 +79,7 @@ def check(machine: Machine, *, start: StartLike | None = None) -> Checked:
     """
     if not hasattr(machine, "stated"):
         kind = type(machine).__name__
-        raise InputError(f"a {kind} is not stated, so there is nothing to check it against: state an orbits.Mechanism")
+        raise InputError(f"a {kind} states no mechanics to check: state an orbits.Mechanism")
     check_machine(machine)
     _refuse_numbers(machine)
     stated: Mechanism = machine.stated()
@@ -92,7 +91,7 @@ def check(machine: Machine, *, start: StartLike | None = None) -> Checked:
     relations = _Compared(bare, stated).relations(launch, left_out)
     if broken := [each for each in relations if not each.holds]:
         text = "; ".join(f"{each.words}: off by {each.deviation:.2g}" for each in broken)
-        raise InconsistentModel(f"the {stated.name} does not move as it is stated: {text}", tuple(broken))
+        raise InconsistentModel(f"the {stated.name} does not move as its statement says: {text}", tuple(broken))
     return Checked(machine_in_words(machine), tuple(relations), tuple(left_out))
 
 
@@ -118,7 +117,7 @@ class _Compared(AtStates):
         orbit = self._orbit(start, left_out)
         run = self._hop(orbit, left_out)
         x = self._states(orbit)
-        with np.errstate(all="ignore"):  # a deviation that is no number counts as unbounded
+        with np.errstate(all="ignore"):  # a deviation that is not a number counts as unbounded
             found = [self._lengths(x), self._flight(x), self._contact(x, run), self._gradient(x), self._impact(x, run)]
             found += [*self._conserves(), *self._reduced(orbit, start, left_out)]
             found += self._along_orbit(orbit) if orbit else ()
@@ -128,14 +127,14 @@ class _Compared(AtStates):
 
     def _orbit(self, start: Orbit | Mapping[str, float] | None, left_out: list[str]) -> Orbit | None:
         """An orbit of the machine; None where it has none, or none is found without a start."""
-        unused = "" if start is None else ", so that start= is not used"
+        unused = "" if start is None else ", and start= is not used"
         if self.model.hysteretic or not self.model.conservative:
             left_out.append(f"no orbit: the machine loses energy, or forces drive it{unused}")
         elif self.model.sticks:
             if isinstance(start, Orbit) and start.source is not None and start.source.values == self.machine.values:
                 return start
-            unused = unused and ", and start= is not used, since it is no orbit of this machine"
-            left_out.append(f"no orbit: its numbers are tuned; check(orbit.source, start=orbit) takes one{unused}")
+            unused = unused and ", and start= is not used, since it is not an orbit of this machine"
+            left_out.append(f"no orbit: its parameters must be tuned; use check(orbit.source, start=orbit){unused}")
         else:
             try:
                 return find(self.machine, start=start)
@@ -147,7 +146,7 @@ class _Compared(AtStates):
         """A model that loses energy has an element that does so: it would have no orbit to compare otherwise."""
         losing = any(isinstance(each, Damper | Force) for each in self.stated.elements) or self.stated.actuators
         if not (self.model.conservative or losing or self.model.hysteretic):
-            yield Relation("energy is conserved where nothing that is stated loses it", np.inf)
+            yield Relation("energy is conserved where no stated element loses it", np.inf)
 
     def _reduced(
         self, orbit: Orbit | None, start: Orbit | Mapping[str, float] | None, left_out: list[str]
@@ -170,9 +169,11 @@ class _Compared(AtStates):
         yield Relation(words, off, OPTIONS.same_motion)
 
     def _hop(self, orbit: Orbit | None, left_out: list[str]) -> Simulation | None:
-        """Hops that lose energy: beside an orbit, or of a machine that a kick along the gap lifts from rest."""
+        """Hops that lose energy: near an orbit, or of a machine that a kick along the gap lifts from rest."""
         if self.model.hysteretic:
-            left_out.append("no hop: the phases have the mean law of a spring with hysteresis, and hops its branches")
+            left_out.append(
+                "no hop: the phases use the mean law of a spring with hysteresis, but hops follow its branches"
+            )
             return None
         rest = self._rest()
         if orbit:
@@ -182,7 +183,7 @@ class _Compared(AtStates):
             try:
                 kick = np.linalg.solve(here["inertia"][0], here["along_gap"][0, :, 0])
             except np.linalg.LinAlgError:
-                left_out.append("no hop: the inertia is singular at rest, where a kick would lift the machine")
+                left_out.append("no hop: the inertia is singular at rest, so a kick cannot lift the machine")
                 return None
             rest[self.speeds] = OPTIONS.launch * kick / (kick @ here["along_gap"][0, :, 0])
         alpha = OPTIONS.beside * orbit.alpha if orbit else OPTIONS.launch * self.unit(LIFTOFF_SPEED)
@@ -214,8 +215,8 @@ class _Compared(AtStates):
             ends += [share(stood[-1] - launch, launch, stood), share(force[-1], force)]
             ends.append(share(np.minimum(force, 0.0), force) if orbit.admissible else 0.0)
         ends.append(self._slope_of_launch(orbit.alpha / self.unit(LIFTOFF_SPEED)))
-        yield Relation("the orbit is that integrated by DOP853", max(same), OPTIONS.same_motion)
-        words = "it lands in the mirror image of its launch, and lifts off without a force"
+        yield Relation("the orbit agrees with an integration by DOP853", max(same), OPTIONS.same_motion)
+        words = "it lands in the mirror image of its launch, and lifts off at zero contact force"
         yield Relation(words, max(ends), OPTIONS.same_motion)
 
     def _slope_of_launch(self, alpha: float) -> float:
@@ -241,7 +242,7 @@ class _Compared(AtStates):
                 share(path[-1] - event.before, event.before, path)
                 for path, (_, event) in zip(paths, pairs, strict=True)
             ]
-        words, launches = "hops are those integrated by DOP853", run.launches
+        words, launches = "hops agree with DOP853", run.launches
         known = np.isfinite(launches[:-1]) & np.isfinite(launches[1:])
         missing = [kind for kind in ("landing", "lift-off") if kind not in kinds]
         missing += ["return map"] if self.model.one_speed and not known.any() else []
@@ -249,7 +250,7 @@ class _Compared(AtStates):
             events = "1 event" if len(run.events) == 1 else f"{len(run.events)} events"
             left_out.append(f"no {' or '.join(missing)}: the hop ends after {events}, {run.status}")
         if self.model.one_speed and known.any():
-            words += " and of the return map"
+            words += " and the return map"
             hops = ReturnMap(self.machine)(launches[:-1][known])
             off.append(share(hops.next - launches[1:][known], launches[1:][known]))
         return Relation(words, max(off), OPTIONS.same_motion)

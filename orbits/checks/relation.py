@@ -1,4 +1,4 @@
-"""Relations between a machine and its statement, and the numbers by which they are judged."""
+"""Relations between a machine and its statement, and the tolerances of these relations."""
 
 from dataclasses import dataclass
 
@@ -55,7 +55,7 @@ class Relation:
 
 
 def share(residual: Algebraic, *magnitudes: Algebraic) -> float:
-    """The largest residual as a share of the largest of the magnitudes; infinite where one is no number."""
+    """The largest residual as a share of the largest of the magnitudes; infinite where one is not a number."""
     largest = float(np.max(np.abs(residual), initial=0.0))
     size = max((float(np.max(np.abs(each), initial=0.0)) for each in magnitudes), default=1.0)
     if largest == 0:

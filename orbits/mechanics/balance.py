@@ -1,6 +1,6 @@
 """What a mechanism states, evaluated element by element: forces, masses, energies, gaps and maps.
 
-Nothing here solves Lagrange's equations, so that it tells whether what is derived from them is right. Along each
+Nothing here solves Lagrange's equations, so it can show whether results derived from them are right. Along each
 coordinate the elements balance (d'Alembert's principle): with q the places, h a height, an extension or a place across,
 h'' its second derivative in a motion, m the mass that moves along it, and f a force along a function r,
 
@@ -34,7 +34,7 @@ class Balance:
         forces take from the motion
     gradient : (N, 2 n + k, 1), of the energy
     inertia : (N, n, n)
-    gap, landing_gap : (N, 1, 1), of which the first has the largest weight 1; along_gap, along_landing_gap : (N, n, 1)
+    gap, landing_gap : (N, 1, 1); the first has the largest weight 1; along_gap, along_landing_gap : (N, n, 1)
     lengths : (N, k, 1), the gap, the landing gap, the separation, 0 where none is stated, the extension that is
         counted, and the heights
     centre, places : (N, 1, 1) and (N, k, 1), the heights of the centre of mass, 0 without masses, and of each mass
@@ -205,7 +205,7 @@ class Balance:
                     yield self._at(each.along), -ca.SX(each.force(self.places, self.rates, self.p))
 
     def _stated_inertia(self) -> ca.SX:
-        """The inertia (n + k, n + k) beside that of the elements."""
+        """The inertia (n + k, n + k) in addition to that of the elements."""
         whole = ca.SX(self.q.numel(), self.q.numel())
         for i, row in enumerate(self.stated.inertia):
             for j, each in enumerate(row):

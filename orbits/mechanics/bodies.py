@@ -20,8 +20,8 @@ class Joint:
     """One freedom of a body.
 
     name : of the joint
-    axis : "across", "up" or "down", along which it slides, or "turn", clockwise as seen with across to the right, in
-        the body as the joints before it have moved it
+    axis : "across", "up" or "down", along which it slides, or "turn", clockwise where across points to the right; in
+        the frame that the earlier joints have moved
     place : a formula of the coordinates, the parameters and the number `steps` of landings so far
     """
 
@@ -35,12 +35,12 @@ class Body:
     """A rigid body in the plane, as `Mechanism(bodies=...)` states it; its numbers are formulas of the parameters.
 
     name : of the body
-    joints : from that of the carrier on
-    mass, inertia : the latter about its centre of mass, 0 for a point mass
-    centre : of its mass, across and up in its own frame
-    place : of its frame in that of its carrier where all joints are at 0, across and up
+    joints : in order from the carrier
+    mass, inertia : the inertia about its centre of mass, 0 for a point mass
+    centre : its centre of mass, across and up in its own frame
+    place : the origin of its frame in the carrier's frame where all joints are at 0, across and up
     carrier : the name of an earlier body; None for the ground
-    outlines : what is shown of it, lines in its own frame
+    outlines : the lines that show it, in its own frame
     """
 
     name: str
@@ -54,19 +54,19 @@ class Body:
 
 
 def refuse_misbuilt(bodies: Sequence[Any], known: set[str]) -> None:
-    """Raise `InputError` for what are no bodies of a machine with these names of coordinates and parameters."""
+    """Raise `InputError` for anything but bodies of a machine with these names of coordinates and parameters."""
     earlier = list[str]()
     for body in bodies:
         joints = listed("joints", body.joints) if isinstance(body, Body) else [None]
         if not all(isinstance(joint, Joint) for joint in joints):
-            raise InputError(f"bodies = {bodies!r}; they are a list of Body with lists of Joint")
+            raise InputError(f"bodies = {bodies!r}; they must be a list of Body with lists of Joint")
         if body.carrier is not None and body.carrier not in earlier:
-            raise InputError(f"body '{body.name}': its carrier {body.carrier!r} is no earlier body")
+            raise InputError(f"body '{body.name}': its carrier {body.carrier!r} is not in the list before it")
         if odd := [joint.axis for joint in body.joints if not isinstance(joint.axis, str) or joint.axis not in AXES]:
             raise InputError(f"body '{body.name}': a joint has no axis {odd[0]!r}{suggest(odd[0], AXES)}")
         if odd := [each for each in listed("outlines", body.outlines) if not isinstance(each, Outline)]:
             raise InputError(
-                f"body '{body.name}': {odd[0]!r} is no Outline, as Outline('leg', [('0', '0'), ('0', '1')])"
+                f"body '{body.name}': {odd[0]!r} is not an Outline, such as Outline('leg', [('0', '0'), ('0', '1')])"
             )
         earlier.append(body.name)
         pairs = [("centre", body.centre), ("place", body.place)]
@@ -75,7 +75,7 @@ def refuse_misbuilt(bodies: Sequence[Any], known: set[str]) -> None:
         ]
         for what, pair in pairs:
             if isinstance(pair, str) or not isinstance(pair, Sequence) or len(pair) != 2:
-                raise InputError(f"body '{body.name}': the {what} {pair!r} is no pair (across, up)")
+                raise InputError(f"body '{body.name}': the {what} {pair!r} is not a pair (across, up)")
         places = [(joint.place, {LANDINGS}) for joint in body.joints]
         own = [(value, set[str]()) for value in (body.mass, body.inertia, *body.centre, *body.place)]
         own += [(each.repeat, set[str]()) for each in body.outlines]
@@ -89,7 +89,8 @@ def refuse_misbuilt(bodies: Sequence[Any], known: set[str]) -> None:
     for what, names in (("bodies", earlier), ("joints", [joint.name for body in bodies for joint in body.joints])):
         if odd := [name for name in names if not _is_name(name) or names.count(name) > 1]:
             raise InputError(
-                f"bodies: {odd[0]!r} is no name, of letters, digits and _ and not world, of one of the {what} alone"
+                f"bodies: {odd[0]!r} cannot name one of the {what}: use letters, digits and _, each name once, and "
+                "not 'world'"
             )
 
 
@@ -99,7 +100,7 @@ def _is_name(name: object) -> bool:
 
 
 def bodies_of(mechanism: Any, p: Mapping[str, float]) -> Sequence[Body]:
-    """The bodies that a `Mechanism` states, or those of masses in a column, each of which moves up with one coordinate;
+    """The bodies that a `Mechanism` states, or those of masses in a column, where each moves up with one coordinate;
     raises `InputError` for another machine."""
     if mechanism.bodies:
         refuse_misbuilt(mechanism.bodies, {*mechanism.coordinates, *p})
@@ -117,12 +118,12 @@ def bodies_of(mechanism: Any, p: Mapping[str, float]) -> Sequence[Body]:
     others = mechanism.inertia or any(isinstance(each, Inerter) for each in mechanism.elements)
     if others or len(found) != len(masses) or not moved_once:
         why = (
-            "states its masses by an inertia, which does not say where they are"
+            "states an inertia, which does not say where its masses are"
             if mechanism.inertia
-            else "is no column of masses that move up with one coordinate each"
+            else "is not a column of masses that move up with one coordinate each"
         )
         raise InputError(
-            f"the {mechanism.name} {why}, and states no bodies with joints: give bodies=[Body(name, [Joint(name, 'up', "
+            f"the {mechanism.name} {why}: give its bodies and their joints, bodies=[Body(name, [Joint(name, 'up', "
             "coordinate)], mass), ...]"
         )
     return found

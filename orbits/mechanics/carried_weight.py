@@ -1,4 +1,5 @@
-"""The weight that a contact carries: that of all that rises with its gap while nothing is strained."""
+"""The weight that a contact carries: the weight of everything that rises with its gap while no spring changes its
+length."""
 
 from collections.abc import Callable
 from fractions import Fraction
@@ -18,9 +19,9 @@ LARGEST_DENOMINATOR = 60
 def carried_weight(mechanics: Mechanics, stepping: bool) -> Callable[[Parameters], Algebraic | None]:
     """p -> the weight, see `Model`; None where no such motion is known, or where two points take turns (`stepping`).
 
-    The rates (n,) of that motion open the gap with the speed 1, and are rational numbers with which no conservative
-    force but weights has power, as where all places rise together. By momentum the weight is the mean contact force of
-    a periodic motion under constant gravity.
+    The rates (n,) of that motion open the gap with the speed 1, and are rational numbers such that of the conservative
+    forces only weights have power, for example where all places rise together. By momentum the weight is the mean
+    contact force of a periodic motion under constant gravity.
     """
 
     @cache

@@ -68,7 +68,7 @@ class Coefficients:
 
     @cached_property
     def _varying(self) -> dict[int, ExactExpression]:
-        """The entries that are no rational numbers, by their places, written without coordinates where that is so."""
+        """The entries that are not rational numbers, by their places, written without coordinates where that is so."""
         with LOCK:
             left = [(i, each) for i, each in enumerate(self._entries) if self.exact[i] is None]
             return {i: simplified(without(each, self._place) or each) for i, each in left}
@@ -145,7 +145,7 @@ class Coefficients:
 
     @cached_property
     def _program(self) -> "Program | None":
-        """The operations one after the other, None where there are many, or some are no arithmetic."""
+        """The operations one after the other, None where there are many, or some are not arithmetic."""
         with LOCK:
             return program_of(self.function) if self.function.n_instructions() <= MOST_OPERATIONS else None
 
@@ -176,7 +176,7 @@ class Program:
 
 
 def program_of(function: ca.Function) -> Program | None:
-    """The operations of a function of vectors with one result; None where some are no arithmetic."""
+    """The operations of a function of vectors with one result; None where some are not arithmetic."""
     instructions = single_assignment(function)
     if not {operation for operation, *_ in instructions} <= {*ARITHMETIC, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}:
         return None

@@ -24,7 +24,7 @@ from .terms import GRAVITY_SHARE, Gravity
 @exclusive
 @lru_cache(maxsize=64)
 def derived_model(structure: Structure) -> Model:
-    """The model of a mechanism; raises `InputError` where it is no mechanism."""
+    """The model of a mechanism; raises `InputError` where it is not a mechanism."""
     s, parts = structure, _parts_of(structure)
     mechanics, gap, steps = parts.mechanics, parts.gap, parts.steps
     if mechanics.conservative:
@@ -95,8 +95,8 @@ def linear_equations(structure: Structure, p: Parameters) -> LinearEquations:
     """The matrices of a mechanism whose springs are straight lines; raises `InputError` for another."""
     linear = Linear.of(_parts_of(structure).mechanics)
     if linear is None:
-        needed = "straight springs along sums of coordinates, quadratic potentials, constant gravity and inertia"
-        raise InputError(f"the {structure.name} is not linear: that takes {needed}")
+        needed = "linear springs along sums of coordinates, quadratic potentials, constant gravity and inertia"
+        raise InputError(f"the {structure.name} is not linear: a linear machine needs {needed}")
     return linear.equations(p)
 
 
@@ -127,7 +127,7 @@ def _parts_of(structure: Structure) -> "Parts":
 
 
 def _names_beside_laws(s: Structure) -> set[str]:
-    """The names that a structure uses beside the laws of its springs."""
+    """The names that a structure uses in addition to the laws of its springs."""
     expressions = expressions_of(s)
     if any(map(callable, expressions)):
         return set(s.parameters)  # a function may use any of them

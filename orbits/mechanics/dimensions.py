@@ -18,7 +18,7 @@ from .elements import Damper, Inerter, Mass, Spring, Weight, names_in, paths_of,
 
 def dimensions_of_parameters(mechanism: Any) -> dict[str, Dimension]:
     """Dimensions of the parameters of a `Mechanism` that alone are a mass, an inertia, a length, an angle, a
-    coefficient or gravity, or that multiply a function of angles in a length, and of those that a spring's law
+    coefficient or gravity, or that multiply a function of angles in a length, and of parameters that a spring's law
     determines; none of a parameter with two different dimensions."""
     found = defaultdict[object, dict[str, Dimension]](dict)
     for name, dimension in _stated_dimensions(mechanism):
@@ -96,8 +96,8 @@ def _lengths(height: object, coordinates: set[str]) -> dict[str, Dimension]:
 @exclusive
 @lru_cache(maxsize=256)
 def _turned(place: object, angles: frozenset[str]) -> dict[str, Dimension]:
-    """The parameters in the formula of a length that are added to angles, and those that are lengths since a function
-    of angles alone multiplies them."""
+    """The parameters in the formula of a length that are added to angles, and the parameters that are lengths since a
+    function of angles alone multiplies them."""
     if not isinstance(place, str) or not names_in(place) & angles:
         return {}
     symbols = {name: ca.SX.sym(name) for name in sorted(names_in(place))}
@@ -133,7 +133,7 @@ def powers_in_law(law: Key) -> dict[str, tuple[float, float]]:
     """The powers of an extension and of a force that are the units of the parameters of a spring's law.
 
     A coefficient of a power of the extension is a force over that power. The units of the others follow where the law
-    is homogeneous; those that it leaves open, and those of numbers without a unit, are left out.
+    is homogeneous; units that it leaves open, and units of numbers without a unit, are left out.
     """
     x, p = ca.SX.sym("x"), {name: ca.SX.sym(name) for name in law.names}
     if law.pieces is None:

@@ -1,4 +1,4 @@
-"""How a machine looks in the plane: outlines as formulas of its coordinates, and where its steps lead it."""
+"""How a machine looks in the plane: outlines as formulas of its coordinates, and where its steps take it."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,16 +14,16 @@ LANDINGS, REPEATED = "steps", "i"
 
 @dataclass(frozen=True)
 class Outline:
-    """A line, or where it is closed a polygon, that moves with a machine.
+    """A line or, if it is closed, a polygon that moves with a machine.
 
-    name : of the part that it belongs to, for a legend; parts of one name have one colour
+    name : of the part that it belongs to, for a legend; outlines of one name have one colour
     points : pairs (across, height), each a formula of the coordinates and parameters, of the number `steps` of landings
         so far and of the number `i` of a repeated outline; in the labels of the present stance
     closed : whether it is a filled polygon
     ends : whether its ends are drawn as dots
     repeat : how many there are, a formula of the parameters, which is rounded
-    fixed : whether it stays where it is, as a wall
-    traced : whether the path that its first point has come along is drawn in its place
+    fixed : whether it stays where it is, like a wall
+    traced : whether to draw the path of its first point instead
     """
 
     name: str
@@ -37,13 +37,13 @@ class Outline:
 
 @dataclass(frozen=True)
 class Drawing:
-    """A machine in the plane, as `Mechanism(drawing=...)` states it for figures; no motion depends on it.
+    """A drawing of a machine in the plane, for figures, as `Mechanism(drawing=...)` states it; no motion depends on it.
 
     outlines : in the order in which they are drawn
-    onward : after a landing, the place in the labels of before of a point "x", "y" in the new labels, by "x" and "y":
-        each itself or its negative plus an amount of the parameters, as "x + 2*length*sin(angle)"; what is left out
-        stays
-    ground : whether there is ground below the height 0
+    onward : how a landing moves the labels: formulas by "x" and "y" that give the place, in the labels before the
+        landing, of a point "x", "y" in the new labels. Each is the name itself or its negative, plus an amount of the
+        parameters, such as "x + 2*length*sin(angle)"; a name that is left out stays
+    ground : whether to draw ground below the height 0
     tilt : the angle by which the ground falls, a formula of the parameters
     """
 
@@ -62,11 +62,11 @@ class Drawing:
 
 
 def refuse_misdrawn(drawing: object, known: set[str]) -> None:
-    """Raise `InputError` for what is no drawing of a machine with these names."""
+    """Raise `InputError` for anything but a drawing of a machine with these names."""
     if not isinstance(drawing, Drawing) or not all(isinstance(each, Outline) for each in drawing.outlines):
-        raise InputError(f"drawing = {drawing!r}; it is a Drawing of a list of Outlines")
+        raise InputError(f"drawing = {drawing!r}; it must be a Drawing of a list of Outlines")
     if other := sorted({*drawing.onward} - {"x", "y"}):
-        raise InputError(f"drawing: onward of '{other[0]}'; it has 'x' and 'y'")
+        raise InputError(f"drawing: onward has '{other[0]}'; it may only have 'x' and 'y'")
     for expression, own in drawing.expressions():
         if unknown := sorted(names_in(expression) - known - own):
             raise InputError(f"drawing: '{expression}' has '{unknown[0]}'{suggest(unknown[0], sorted(known | own))}")

@@ -22,9 +22,8 @@ class Mass:
     """A point mass at a height: it has inertia and weight.
 
     height : its height, a formula of the coordinates and parameters, a number, or a Python function (y, p)
-    mass : its mass, the same of the parameters alone; in kg for a mechanism in SI
-    across : its horizontal place, stated as the height is, along which it has inertia and no weight; None for a mass
-        that moves vertically
+    mass : its mass, an expression of the parameters alone; in kg for a mechanism in SI
+    across : its horizontal place, an expression like the height; None for a mass that moves only vertically
     """
 
     height: Scalar
@@ -45,10 +44,10 @@ class Weight:
 
 @dataclass(frozen=True)
 class Inerter:
-    """A force against the second derivative of an extension, as of a mass that moved along it (Smith 2002).
+    """A force against the second derivative of an extension, like that of a mass that moves along it (Smith 2002).
 
     extension : a formula of the coordinates and parameters, a number, or a Python function (y, p)
-    inertance : force over the second derivative, the same of the parameters alone; in kg for a length in SI
+    inertance : force over the second derivative, an expression of the parameters alone; in kg for a length in SI
     """
 
     extension: Scalar
@@ -76,10 +75,10 @@ class Spring:
 class Damper:
     """A force against the rate of an extension: coefficient times rate.
 
-    A machine with a damper loses energy in every hop, so that `find` refuses it; `simulate` and `ReturnMap` accept it.
+    A machine with a damper loses energy in every hop, so `find` refuses it; `simulate` and `ReturnMap` accept it.
 
     extension : a formula of the coordinates and parameters, a number, or a Python function (y, p)
-    coefficient : at least 0, the same of the parameters alone; in N s/m for a length in SI
+    coefficient : at least 0, an expression of the parameters alone; in N s/m for a length in SI
     """
 
     extension: Scalar
@@ -88,9 +87,9 @@ class Damper:
 
 @dataclass(frozen=True)
 class Potential:
-    """Any other conservative forces, by their potential energy as a function of the coordinates.
+    """Any other conservative forces, stated by their potential energy as a function of the coordinates.
 
-    `find` accepts a machine with a potential as it does one with springs; its energy is part of the machine's energy.
+    `find` accepts a machine with a potential; its energy is part of the machine's energy.
 
     energy : a formula of the coordinates and parameters, or a Python function (y, p); in J for a mechanism in SI
     """

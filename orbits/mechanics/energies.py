@@ -27,7 +27,7 @@ from .ground import Ground
 from .refusals import listed
 
 ALONG = "r"  # the variable of springs' laws
-# Names that formulas of these have beside those of coordinates and parameters.
+# Names that formulas of these have in addition to those of coordinates and parameters.
 NAMES_BESIDE: Mapping[type, tuple[str, ...]] = {
     Spring: (ALONG,), Ground: (ALONG,), Joint: (LANDINGS,), Outline: (LANDINGS, REPEATED),
 }  # fmt: skip
@@ -44,10 +44,10 @@ def stated_by_energies(
         raise InputError(f"{taken[0]} = {stated[taken[0]]!r}: that follows from T, V, gap and gravity; leave it out")
     for name, value in (("parameters", parameters), ("rest", stated.get("rest", {}))):
         if not isinstance(value, Mapping):
-            raise InputError(f"{name} = {value!r}; it is a mapping of names")
+            raise InputError(f"{name} = {value!r}; it must be a mapping of names")
     if along := [name for name in ("sticks", "friction") if stated.get(name)]:
         raise InputError(
-            f"{along[0]} = {stated[along[0]]!r}: the force along the ground follows from where the masses are, which T "
+            f"{along[0]} = {stated[along[0]]!r}: the force along the ground depends on where the masses are, which T "
             "does not say; state the machine by its elements, Mass(height, mass, across=...)"
         )
     energies = _Energies.of(coordinates)
@@ -56,7 +56,7 @@ def stated_by_energies(
     energy = energies.checked(V, "V")
     if not isinstance(gravity, energies.sympy.Symbol) and not (isinstance(gravity, str) and gravity.isidentifier()):
         raise InputError(
-            f"gravity = {gravity!r}; it is the symbol of the acceleration in V, or its name; its value stands in "
+            f"gravity = {gravity!r}; it must be the symbol of the acceleration in V, or its name; give its value in "
             "parameters"
         )
     if str(gravity) not in {"g", *map(str, energy.free_symbols - {*energies.places})}:
@@ -69,7 +69,7 @@ def stated_by_energies(
     values = dict[str, float]()
     for name, value in parameters.items():
         if str(name) in values:
-            raise InputError(f"parameters have '{name}' twice, by its symbol and by its name: leave out one")
+            raise InputError(f"parameters have '{name}' twice, by its symbol and by its name: leave one out")
         values[str(name)] = number(str(name), value)
     if missing := sorted(energies.found.keys() - values.keys()):
         raise InputError(f"'{missing[0]}' has no value: give parameters={{{missing[0]}: ...}}")
@@ -93,7 +93,7 @@ class _Energies:
     symbols : these by the functions of time that they stand for
     time : the symbol of time
     found : the symbols of parameters by name
-    used : the names of those that are in formulas; others, as of constant energies, vanish
+    used : the names of symbols in formulas; others, as of constant energies, vanish
     """
 
     sympy: Any
@@ -123,27 +123,31 @@ class _Energies:
         return cls(sympy, names, tuple(places), tuple(rates), symbols, time)
 
     def checked(self, expression: Any, what: str, speeds: bool = False, own: Collection[str] = ()) -> Any:
-        """An expression in the symbols of places and rates, with names of its `own` beside parameters; raises
+        """An expression in the symbols of places and rates, with names of its `own` in addition to parameters; raises
         `InputError` where it has anything else that depends on time, and speeds where it must not."""
         try:
             inner = self.sympy.sympify(expression, strict=True).doit().xreplace(self.symbols)
         except (AttributeError, TypeError, self.sympy.SympifyError):
-            raise InputError(f"{what} = {expression!r} is no expression of SymPy") from None
+            raise InputError(f"{what} = {expression!r} is not an expression of SymPy") from None
         if getattr(inner, "shape", None) == (1, 1):  # as of q.T * M * q
             inner = inner[0, 0]
         if not isinstance(inner, self.sympy.Expr) or inner.is_Matrix:
             text = " ".join(abridged(expression).split())
-            raise InputError(f"{what} = {text} is no scalar expression of SymPy")
+            raise InputError(f"{what} = {text} is not a scalar expression of SymPy")
         undefined = inner.atoms(self.sympy.Derivative, self.sympy.core.function.AppliedUndef)
         for each in sorted(undefined, key=self.sympy.default_sort_key):
             known, name = ", ".join(self.names), each.xreplace(self._named)
-            raise InputError(f"{what} has {name}, which is no coordinate or the speed of one; coordinates are {known}")
+            raise InputError(
+                f"{what} has {name}, which is not a coordinate or the speed of one; coordinates are {known}"
+            )
         if inner.has(self.sympy.nan, self.sympy.oo, self.sympy.zoo):
             raise InputError(f"{what} = {abridged(inner.xreplace(self._named))} is not finite")
         if self.time in inner.free_symbols:
-            raise InputError(f"{what} depends on time {self.time} itself: the machines here are autonomous")
+            raise InputError(f"{what} depends on time {self.time} itself, but a machine must be autonomous")
         if not speeds and (moving := [name for name, v in zip(self.names, self.rates, strict=True) if inner.has(v)]):
-            raise InputError(f"{what} depends on the speed of {moving[0]}: it is a function of the coordinates alone")
+            raise InputError(
+                f"{what} depends on the speed of {moving[0]}: it must be a function of the coordinates alone"
+            )
         for symbol in inner.free_symbols - {*self.places, *self.rates}:
             name = name_of_parameter(symbol)
             if name in own:
@@ -171,8 +175,8 @@ class _Energies:
         return formula_of(expression, names, what)
 
     def plain(self, value: Any, what: str, own: Collection[str] = ()) -> Any:
-        """A statement without SymPy: expressions as formulas, which may have names of their `own` beside parameters,
-        numbers as floats, symbols and coordinates in mappings by their names."""
+        """A statement without SymPy: expressions as formulas, which may have names of their `own` in addition to
+        parameters, numbers as floats, symbols and coordinates in mappings by their names."""
         if isinstance(value, Mapping):
             return {self.plain(name, what, own): self.plain(each, what, own) for name, each in value.items()}
         if isinstance(value, list | tuple):
@@ -196,7 +200,7 @@ class _Energies:
         for part in beside:
             if self._simple(part) != 0:
                 term = abridged(part.xreplace(self._named))
-                raise InputError(f"T has '{term}' beside terms quadratic in the speeds: {remedy}")
+                raise InputError(f"T must be quadratic in the speeds, but it has '{term}': {remedy}")
         for entry in (entry for row in rows for entry in row):
             if entry.has(*self.rates):
                 mass = abridged(entry.xreplace(self._named))
@@ -213,7 +217,7 @@ class _Energies:
             by_gravity = self.sympy.diff(V, g)
             if self._simple(self.sympy.diff(by_gravity, g)) != 0:
                 raise InputError(
-                    f"V is not linear in gravity '{gravity}': weights are {gravity} times masses and heights"
+                    f"V is not linear in gravity '{gravity}': a weight is {gravity} times a mass and a height"
                 )
             found += [self._weight(term) for term in self.sympy.Add.make_args(by_gravity) if term.has(*self.places)]
             V = V.subs(g, 0)
@@ -234,7 +238,7 @@ class _Energies:
     def _along_sums(self, energy: Any) -> tuple[dict[tuple, Any], Any]:
         """An energy as functions of sums of coordinates, by these, and the rest.
 
-        Its terms are taken as they are written. Where some are no such functions, products are multiplied out, and
+        Its terms are taken as they are written. Where some are not such functions, products are multiplied out, and
         those with one parameter before them are taken together, as k y1**2/2 - k y1 y2 + k y2**2/2.
         """
         terms = self.sympy.Add.make_args(energy)
@@ -256,8 +260,8 @@ class _Energies:
         return laws, left
 
     def _way(self, energy: Any) -> tuple | None:
-        """The numbers before the coordinates in the sum of which an energy is a function, the first being 1; None for
-        an energy that is no function of such a sum, zeros for one that does not vary."""
+        """The numbers before the coordinates in the sum on which an energy depends, the first being 1; None for an
+        energy that is not a function of such a sum, zeros for one that does not vary."""
         slopes = [self.sympy.diff(energy, y) for y in self.places]
         first = next((slope for slope in slopes if slope != 0), None)
         if first is None:
@@ -312,11 +316,11 @@ def _refuse_singular(
     matrix = np.array([[float(value_of(entry, at, p)) for entry in row] for row in rows])
     place = ", ".join(f"{name} = {value:g}" for name, value in at.items())
     if not np.isfinite(matrix).all():
-        raise InputError(f"T has no finite value where {place}: state rest= of the coordinates where the machine rests")
+        raise InputError(f"T has no finite value where {place}: state where the machine rests, rest=...")
     values, vectors = np.linalg.eigh(matrix)
     if not values[0] > REGULAR * values[-1]:
         name = names[int(np.argmax(abs(vectors[:, 0])))]
         raise InputError(
             f"the masses of T are not positive: the least eigenvalue of their matrix is {values[0]:.3g} where {place}; "
-            f"give {name} a mass above 0 in T" + ("" if rest else ", or state rest= of the coordinates")
+            f"give {name} a mass above 0 in T" + ("" if rest else ", or state where the machine rests, rest=...")
         )

@@ -1,4 +1,4 @@
-"""Compliant ground: what a machine lands on is a mass on a spring.
+"""Compliant ground: a machine lands on a mass on a spring.
 
 The foot lands on it plastically, and both move as one until the ground falls as fast as the foot: what was the gap to
 rigid ground is the gap to the ground's own coordinate. Its weight presses its spring as the machine's does.
@@ -19,13 +19,13 @@ from .refusals import listed
 class Ground:
     """The ground under a machine: a mass on a spring, which `Mechanism(ground=...)` adds as a coordinate.
 
-    mass : of the ground that moves with what stands on it, a formula of the parameters or a number
+    mass : of the moving ground, a formula of the parameters or a number
     spring : the law of its force, tension positive, by its height, which is 0 where it is unloaded; or its stiffness
     name : of its coordinate
 
-    The rigid ground is the limit of large masses, at any stiffness, in which the launch speed comes nearer like one
-    over the mass; and that of large stiffnesses K, in which the hops whose phases in the ground's own vibration stay
-    the same come nearer like 1/sqrt(K), see `problems.machines.plate`.
+    Rigid ground is the limit of a large mass, at any stiffness, where the difference of the launch speed falls like one
+    over the mass. It is also the limit of a large stiffness K: along hops with the same phase in the ground's own
+    vibration, the difference falls like 1/sqrt(K), see `problems.machines.plate`.
     """
 
     mass: Scalar
@@ -52,12 +52,12 @@ def on_ground(
     ground: object, coordinates: Sequence[str], elements: Sequence[Element], gap: object, launch: str | None,
     heights: Any, inertia: Any,
 ) -> dict[str, Any]:  # fmt: skip
-    """The statement of a mechanism with the ground's coordinate; raises `InputError` for what is no `Ground`, and for a
-    gap that is not the height of one coordinate above the ground."""
+    """The statement of a mechanism with the ground's coordinate; raises `InputError` for anything but a `Ground`, and
+    for a gap that is not the height of one coordinate above the ground."""
     if not isinstance(ground, Ground):
-        raise InputError(f"ground = {ground!r}; it is a Ground, as ground=Ground(mass=2.0, spring=100.0)")
+        raise InputError(f"ground = {ground!r}; it must be a Ground, for example ground=Ground(mass=2.0, spring=100.0)")
     if gap not in coordinates:
-        above = f"the gap '{gap}' is not one coordinate, the height of a foot above the ground"
+        above = f"the gap '{gap}' must be one coordinate, the height of a foot above the ground"
         raise InputError(f"ground={ground!r}: {above}; state a coordinate of the ground, with its Mass and its Spring")
     if ground.name in coordinates:
         raise InputError(f"'{ground.name}' is a coordinate; give the ground another name=")

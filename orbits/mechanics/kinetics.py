@@ -354,7 +354,7 @@ class Closed:
 
 
 def _inverse(matrix: ExactRows) -> ExactRows:
-    """The inverse of a symmetric positive definite matrix, of which entries that vanish are left out."""
+    """The inverse of a symmetric positive definite matrix; entries that vanish are left out."""
     size, factors = len(matrix), Factors([list(map(nonzero, row)) for row in matrix])
     return [factors.solve([ONE if j == i else ZERO for j in range(size)]) for i in range(size)]
 

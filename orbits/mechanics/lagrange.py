@@ -44,7 +44,7 @@ class InFlight(NamedTuple):
     accelerations : (n, terms) per force; `coefficients` of these
     bent : (n,), the accelerations by what is quadratic in the rates; `quadratic` of these, None where they vanish
     kick : (n, 1 + sticks), the change of the speeds per impulse of the contact and of what sticks
-    impact, impact_mass : (1 + sticks, n) the change of the speeds per change of the gap's speed and of those that
+    impact, impact_mass : (1 + sticks, n) the change of the speeds per change of the gap's speed and of the speeds that
         stick, and the masses (1 + sticks, 1 + sticks) that these speeds have
     moves_ends : whether a force depends on the rates of the actuators
     """
@@ -217,7 +217,7 @@ def mechanics_of(
 ) -> Mechanics:  # fmt: skip
     """The mechanics of elements whose springs have no laws yet; the force of each `Spring` is its place among the laws.
 
-    inertia : (n, n) beside that of the elements
+    inertia : (n, n) in addition to that of the elements
     gap : None for a machine without one
     sticks : the coordinates that stick while the gap is closed
 
@@ -240,23 +240,25 @@ def forces_of(
 
 
 def closed_gap(c: Coordinates, expression: Scalar | None, sticks: Sequence[str] = ()) -> ClosedGap:
-    """The gap that an expression states, None for no gap, with the coordinates that stick; raises `InputError` for one
-    that is no sum of coordinates."""
+    """The gap that an expression states, None for no gap, with the coordinates that stick; raises `InputError` for an
+    expression that is not a sum of coordinates."""
     if expression is None:
         return ClosedGap([Fraction(0)] * c.size, (), c.y, c.v)
     weights, at_closed = c.weights(expression), c.at_zero(expression)
     sums = weights is not None and vanishes(at_closed) and not any(weights[c.size :])
     if weights is None or not sums or max(weights) <= 0:
-        raise InputError(f"gap '{expression}' is no sum of coordinates with numbers before them, as \"foot - plate\"")
+        raise InputError(
+            f"gap '{expression}' is not a sum of coordinates with numbers before them, such as \"foot - plate\""
+        )
     weights = [weight / max(weights) for weight in weights[: c.size]]
     held = tuple(map(c.names.index, sticks))
     if any(weights[i] for i in held):
-        raise InputError(f"gap '{expression}' opens along the ground: what sticks ({sticks[0]}) is not in it")
+        raise InputError(f"gap '{expression}' depends on what sticks ({sticks[0]}): a gap must open upward")
     return ClosedGap(weights, held, c.y, c.v)
 
 
 def stated_inertia(c: Coordinates, stated: Sequence[Sequence[Scalar]]) -> ExactRows | None:
-    """The matrix (n, n) that is stated beside the elements; None without one."""
+    """The matrix (n, n) that is stated in addition to the elements; None without one."""
     return [list(map(c.scalar, row)) for row in stated] or None
 
 
@@ -273,7 +275,7 @@ def _kinetics_of(c: Coordinates, elements: Sequence[Element], stated: ExactRows 
         size = mass_of(c, mass)
         for place in places:
             if not all_vanish(c.gradient(place)[c.size :]):
-                raise InputError(f"'{place}' moves with an actuator: what has mass moves with coordinates alone")
+                raise InputError(f"'{place}' moves with an actuator, but a mass can move with coordinates only")
         paths.append([Square.of(size, c.scalar(place), y, v) for place in places])
     found = Kinetics.of(paths, stated, y, v)
     if still := [name for i, name in enumerate(c.names) if vanishes(found.matrix[i][i])]:

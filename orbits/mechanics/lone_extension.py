@@ -1,4 +1,5 @@
-"""Launches of machines of two coordinates: the law that holds the contact closed, and the extension that moves alone.
+"""Launches of machines of two coordinates: the law that holds the contact closed, and the extension that moves
+independently.
 
 Where all springs act along one extension r, and gravity is constant, that extension moves alone, and the momentum
 across it is thrown up. With (r, w) = apart y, w'' = -1 and y = mix (r, w), the gap's second derivative vanishes at
@@ -171,7 +172,9 @@ class Alone:
             return law, load
         if (piecewise := [law.text for law in laws if law.pieces]) and not plain:
             one = "state all springs along it as one law, springs.function(force, breakpoints=...), or fit a formula"
-            raise InputError(f"spring '{piecewise[0]}' is in pieces: it has to be alone, along what is launched; {one}")
+            raise InputError(
+                f"spring '{piecewise[0]}' is in pieces: it must act alone, along the launched coordinate; {one}"
+            )
         each = zip(laws, self.springs, self.shares, self.offsets, strict=True)
         parts = [(law.expression, float(factor), share, offset) for law, (_, factor, _), share, offset in each]
 
@@ -282,9 +285,9 @@ def _pieces_of_launch(m: Mechanics, start: Scalar) -> LawPieces | None:
         if (law := m.law_of(spring)).pieces:
             (extension,) = substitute(gap.inside([c.scalar(spring.extension)]), place)
             if pieces or not vanishes(extension - r):
-                where = "where its extension is what is launched, counted from its rest"
-                why = "as lift-off has no formula elsewhere; state a formula"
-                raise InputError(f"spring '{law.text}' is in pieces: such a law can be taken {where}, {why}")
+                where = "its extension must be the launched coordinate, counted from its rest"
+                why = "elsewhere lift-off has no formula; state a formula instead"
+                raise InputError(f"spring '{law.text}' is in pieces: {where}, since {why}")
             pieces = law.pieces
     return pieces
 
@@ -305,7 +308,7 @@ def _held(mechanics: Mechanics, rest: Scalar) -> Launch:
 
     law = Key("the contact force", "r", expression, (*c.p, SPEED_OF_LAUNCH), pieces)
     still = not _has_rates(m)
-    if still:  # A speed that makes no difference is no parameter.
+    if still:  # A speed that makes no difference is not a parameter.
         law = law._replace(expression=lambda r, p, q: expression(r, {**p, SPEED_OF_LAUNCH: 0.0}, q), names=tuple(c.p))
     gravity, by_speed = m.gravity.key if m.gravity.varies else None, None if still else SPEED_OF_LAUNCH
     rate, offset = (lambda p: numbers(p)[0][1]), (lambda p: numbers(p)[0][2])

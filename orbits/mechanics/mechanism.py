@@ -54,7 +54,7 @@ from .upright import upright
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Mechanism(Stated):
-    """A machine of coordinates and elements.
+    """A machine stated by coordinates and elements.
 
     coordinates : names (n,), from the top
     elements : `Mass`, `Spring`, `Damper`, `Weight`, `Inerter`, `Potential` and `Force`, whose extensions and heights
@@ -76,31 +76,33 @@ class Mechanism(Stated):
     in_si : whether all numbers are in SI; the results then have units
     name : of the kind of machine
     energy_unit : the unit of energy in units of force times length
-    rest : values of the coordinates that are not 0 where the machine rests with its springs unloaded
+    rest : values of those coordinates that are not 0 where the machine rests with its springs unloaded
     angles : names of the coordinates that are angles, in rad
-    knees : for figures, tuples (lower, upper, length): a leg of two links of this length with a knee between them is
-        drawn from the height of the name `lower`, None for the ground, to that of the name `upper`
-    actuators : names of displacements that may occur in extensions, each with the name of its rate, a parameter that
-        is 0 unless `parameters` has it
-    ground : a `Ground` that yields, under a gap that is one coordinate; the mechanism then has the ground's coordinate,
-        mass and spring among its own, and no `ground` any more. None for rigid ground
-    reversor : of the places in flight: formulas of those coordinates that time reversal does not leave as they are, by
-        coordinate, each the coordinate or its negative plus an amount, as "2*angle - theta"; None where motions are not
-        turned back, as on a slope, which leaves simulations alone
-    symmetry : such formulas for the relabelling after a landing, which makes that point the first that opens next
-    gaps : by name, instead of `gap`, the gap that opens and that which closes at landing, the image of the first under
-        the reversor
-    friction : the largest share of the force across the ground that the force along it may have, for masses that state
-        where they are across; an orbit that needs more violates it. A number, or a formula of parameters
-    bounds : the least and the largest value of parameters, by name, that such machines have
+    knees : for figures, tuples (lower, upper, length): a leg of two links of this length, with a knee between them, is
+        drawn from the height named `lower` (None for the ground) to the height named `upper`
+    actuators : names of displacements that may occur in extensions, each with the name of its rate, a parameter that is
+        0 by default
+    ground : a `Ground` that yields, under a gap that is one coordinate; the mechanism adds the ground's coordinate,
+        mass and spring to its own. None for rigid ground
+    reversor : how time reversal maps the places in flight: formulas, by coordinate, of the coordinates that it changes,
+        each the coordinate or its negative plus an amount, such as "2*angle - theta"; None where motions cannot be
+        reversed, for example on a slope. Such a machine can only be simulated
+    symmetry : such formulas for the relabelling after a landing, after which the point that landed is the one that
+        opens next
+    gaps : instead of `gap`, two gaps by name: the one that opens, and the one that closes at landing, which is the
+        image of the first under the reversor
+    friction : the coefficient of friction, for masses with horizontal places: the largest ratio of the force along the
+        ground to the force across it. An orbit that needs more is inadmissible. A number, or a formula of parameters
+    bounds : the least and the largest value of parameters, by name
     drawing : a `Drawing` of the machine in the plane, for figures; None for masses on one vertical line
     bodies : a list of `Body` with joints, for `export` to simulators; none for masses on one vertical line
-    sticks : coordinates along the ground that are at rest while the gap is closed, as that of a foot which does not
-        slide. Nothing depends on the place of such a coordinate; it is 0 in contact, and a step moves it on by the
-        amount "step", a number of each orbit that is not stated
-    words : the name of the "liftoff" force in messages, the texts of a violated "gap", "pull", "separation" and "end",
-        of a machine that steps also those of a violated "landing gap" in flight and "standing gap" in contact, "landed
-        pull" and "stance", "" for a "stance" that is not judged, and the text to look after where a search finds "none"
+    sticks : coordinates along the ground that are at rest while the gap is closed, such as that of a foot which does
+        not slide. Nothing may depend on the place of such a coordinate. It is 0 in contact, and a step moves it by
+        "step", a quantity of each orbit
+    words : for messages, by key: the name of the force at "liftoff"; the texts of a violated "gap", "pull",
+        "separation" and "end"; for a machine that steps also of a violated "landing gap" in flight, "standing gap" in
+        contact, "landed pull" and "stance" ("" for a "stance" that is not judged); and the advice where a search finds
+        "none"
 
     Raises `InputError` for an unknown name, for statements that do not describe a mechanism, and for masses, inertias,
     dampers and gravity of a wrong sign as soon as all parameters have values.
@@ -157,7 +159,8 @@ class Mechanism(Stated):
         refuse_expressions("the mechanism", (first, *([] if self.gap is None else [self.gap])))
         if (first != self.gap and "" not in (first, self.gap)) or first == self.gap == "":
             raise InputError(
-                f"gap = {self.gap!r}, gaps = {self.gaps!r}: state gap=, or gaps= with names, the first opening"
+                f"gap = {self.gap!r}, gaps = {self.gaps!r}: state either gap=, or gaps= by name, the one that opens "
+                "first"
             )
         self._store(gap=first if self.gap == "" else self.gap)
         if self.ground is not None:
@@ -180,7 +183,7 @@ class Mechanism(Stated):
                 element = replace(element, force=laws[-1][0])
             elements.append(element)
         if self.sticks and any(STEP_LENGTH in key.names for key, _ in laws):
-            raise InputError(f"'{STEP_LENGTH}' is a number of each orbit; call the law's parameter something else")
+            raise InputError(f"'{STEP_LENGTH}' is a quantity of orbits; rename the law's parameter")
         values = joined_values(((key.text, own) for key, own in laws), numbers)
         rates = {rate: 0.0 for rate in self.actuators.values() if rate not in values}
         self._store(
@@ -202,16 +205,16 @@ class Mechanism(Stated):
         cls, T: Any, V: Any, coordinates: Sequence[Any], gap: Any, parameters: Mapping[Any, float] | None = None,
         gravity: Any = "g", **stated: Any,
     ) -> "Mechanism":  # fmt: skip
-        """A machine from its energies as SymPy's expressions, with the extra `sympy`.
+        """A machine from its energies as SymPy expressions; needs the extra `sympy`.
 
         T : the kinetic energy, quadratic in the speeds y.diff(t); the masses in it may depend on the coordinates
         V : the potential energy, of the coordinates alone
         coordinates : functions of time, as of `dynamicsymbols`
-        gap : the distance that closes at landing, or, by name, that which opens and that which closes
+        gap : the distance that closes at landing, or two by name, the one that opens and the one that closes
         parameters : the values of all other symbols, by symbol or name
-        gravity : the symbol of the acceleration of gravity in V, or its name; what is proportional to it is weight
-        stated : other arguments of `Mechanism`, in which SymPy's expressions may stand for formulas and for names;
-            `elements` are added to those that follow from the energies, as a `Damper`
+        gravity : the symbol of the acceleration of gravity in V, or its name; the terms proportional to it are weights
+        stated : other arguments of `Mechanism`, in which SymPy expressions may stand for formulas and names;
+            `elements`, such as a `Damper`, are added to the elements that follow from the energies
 
         Raises `InputError` for energies that no such machine has, for a parameter without a value, for functions that
         formulas do not have, and for `sticks` and `friction`, which need the places of masses along the ground.
@@ -232,7 +235,7 @@ class Mechanism(Stated):
         """The key of a law, and the values that it brings for its parameters."""
         if isinstance(law, Law):
             if law.variable != variable:
-                raise InputError(f"'{law.text}' is a law of {law.variable}; one of {variable} stands here")
+                raise InputError(f"'{law.text}' is a law of {law.variable}, but a law of {variable} is needed here")
             return law.key, law.parameters
         try:
             return key_of(law, variable, parameters), {}
@@ -286,7 +289,7 @@ class Mechanism(Stated):
 
     @property
     def _stated_parameters(self) -> dict[str, float]:
-        """The parameters but for the step, which is a number of an orbit."""
+        """The parameters except the step, which is a number of an orbit."""
         return {name: value for name, value in self.parameters.items() if not (self.sticks and name == STEP_LENGTH)}
 
     @property
@@ -296,14 +299,14 @@ class Mechanism(Stated):
 
     @exclusive_property
     def structure(self) -> Structure:
-        """The mechanism without its numbers; mechanisms that differ in numbers only share objects built from it."""
+        """The mechanism without its numbers; mechanisms that differ only in numbers share the objects built from it."""
         elements, gravity = self.elements, self.gravity
         springs = [element for element in elements if isinstance(element, Spring)]
         counts = springs[0].extension if self.counts is None and springs else self.counts
         if counts is None and self.gap is None:
             counts = self.coordinates[0]
         if counts is None:
-            raise InputError("a mechanism without a spring says what its families are counted by: counts=")
+            raise InputError("a mechanism without a spring must say what counts its families: counts=")
         names = self.names if gravity.degree() == 0 else (*self.names, GRAVITY_SHARE)
         return Structure(
             self.name, tuple(self.coordinates), tuple(elements), self.gap, self.inertia, gravity, self.surface_gravity,
@@ -315,7 +318,7 @@ class Mechanism(Stated):
 
     @exclusive_property
     def model(self) -> Model:
-        """The model that follows; mechanisms that differ only in numbers share it."""
+        """The model derived from the mechanism; mechanisms that differ only in numbers share it."""
         try:
             model = derived_model(self.structure)
             if not model.plain:
@@ -367,8 +370,8 @@ class Mechanism(Stated):
         return replace(self, parameters={**self.parameters, **values})
 
     def upright(self) -> "Mechanism":
-        """The machine of the vertical hop beside which runs are found, with all lateral places at 0; raises `NoOrbit`
-        where it has none."""
+        """The machine of the vertical hop near which runs are found, with all lateral places at 0; raises `NoOrbit`
+        where there is none."""
         return upright(self)
 
     def with_springs(self, forces: Sequence[Any]) -> Self:
@@ -386,7 +389,7 @@ class Mechanism(Stated):
         return self.si_units if self.in_si else None
 
     def stated(self) -> Self:
-        """The mechanism itself, which a theorem states."""
+        """The mechanism itself, as theorems state it."""
         return self
 
     def dimensionless(self) -> Self:
@@ -400,8 +403,8 @@ class Mechanism(Stated):
 
     @property
     def rest_length(self) -> float | None:
-        """The distance that must stay positive, where the machine rests with its springs unloaded; None without one,
-        and of a machine that steps, where that is no length of a spring."""
+        """The value of the separation where the machine rests with its springs unloaded; None without a separation, and
+        for a machine that steps."""
         if self.separation is None or not self.model.plain:
             return None
         at_rest = self.model.rest(self.values) if self.model.rest else np.zeros(len(self.model.flight.states))

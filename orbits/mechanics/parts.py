@@ -64,7 +64,9 @@ class Parts:
         known = [c.names[i] for i in left]
         launched = s.launch or known[-1]
         if launched not in known:
-            raise InputError(f"launch '{launched}' is no coordinate of the contact; those are {', '.join(known)}")
+            raise InputError(
+                f"launch '{launched}' is not a coordinate of the contact; choose one of {', '.join(known)}"
+            )
         unit = c.scalar(s.energy_unit)
         over = [1 / unit if term.conservative else ZERO for term in flight.terms]
         of_forces = [[each * own for each, own in zip(row, over, strict=True)] for row in flight.gradients]
@@ -153,17 +155,20 @@ class Parts:
     @property
     def hysteretic(self) -> tuple[float, ...] | None:
         """The weights of the rate of the spring with hysteresis in the flight state, None without one; raises
-        `InputError` for several, and for an extension whose rate is no sum of speeds."""
+        `InputError` for several, and for an extension whose rate is not a sum of speeds."""
         springs = self.mechanics.hysteretic
         if not springs:
             return None
         weights, text = self.mechanics.coordinates.weights(springs[0].extension), springs[0].extension
         if len(springs) > 1:
-            several = "springs with hysteresis: one can be followed, since at rest their forces depend on one another"
+            several = (
+                "springs with hysteresis, but only one can be followed, since at rest their forces depend on "
+                "one another"
+            )
             raise InputError(f"the {self.structure.name} has {len(springs)} {several}; give the others their `.mean`")
         if weights is None or any(weights[self.mechanics.size :]):
-            rate = "its rate decides which branch holds, and is no sum of speeds"
-            raise InputError(f"the spring with hysteresis along '{text}': {rate}; give it its law's `.mean`")
+            rate = "the rate of its extension must be a sum of speeds, since it decides which branch holds"
+            raise InputError(f"the spring with hysteresis along '{text}': {rate}; use its law's `.mean`")
         return _interleaved(list(map(float, weights[: self.mechanics.size])), self._ends, 1)
 
     def _pieces(self, contact: bool) -> Pieces | None:
@@ -174,11 +179,11 @@ class Parts:
             law = mechanics.law_of(spring)
             if law.pieces and (pieces or weights is None):
                 why = (
-                    "since a motion is followed along the breakpoints of one extension; state springs along the same "
-                    "one as one law, springs.function(force, breakpoints=...), or fit a formula to the others"
+                    "since a motion is followed across the breakpoints of one extension; state springs along one "
+                    "extension as one law, springs.function(force, breakpoints=...), or fit a formula to the others"
                 )
                 raise InputError(
-                    f"spring '{law.text}': one law in pieces can be taken, along a sum of coordinates, {why}"
+                    f"spring '{law.text}': a machine may have one law in pieces, along a sum of coordinates, {why}"
                 )
             if weights:
                 pieces = pieces or pieces_along(law, weights, self._offset(spring.extension))
@@ -197,7 +202,7 @@ class Parts:
 
     def no_release(self, alpha: ArrayLike, p: Parameters) -> np.ndarray:
         """Refuses a launch that is more than a speed."""
-        raise InputError(f"a launch of a {self.structure.name} is more than a speed: give the flight state")
+        raise InputError(f"a launch of a {self.structure.name} has more numbers than a speed: give the flight state")
 
     def impact_mass(self, x: Scalars, p: Parameters) -> Algebraic:
         """Twice the energy that a plastic impact loses, over the square of the gap's speed."""
@@ -278,7 +283,7 @@ def springs_of(s: Structure) -> list[Spring]:
 
 def names_of_springs(springs: Sequence[Spring]) -> list[str]:
     """The names of the springs' forces: "spring force", of several springs with the extension of each, or with its
-    number where the extension is no formula or that of another spring too."""
+    number where the extension is not a formula, or also that of another spring."""
     if len(springs) == 1:
         return ["spring force"]
     texts = [spring.extension if isinstance(spring.extension, str) else "" for spring in springs]
@@ -296,7 +301,9 @@ def _height(c: Coordinates, expression: Scalar) -> Callable:
     found, ends = c.affine(expression), len(c.actuators)
     if found is None:
         if not isinstance(expression, str):
-            raise InputError("a height that is no sum of coordinates is a formula of coordinates and parameters")
+            raise InputError(
+                "a height that is not a sum of coordinates must be a formula of coordinates and parameters"
+            )
         text, names, states = expression, names_in(expression) & c.p.keys(), _states(c)
         return lambda p: StateFormula(text, states, {name: p[name] for name in names})
 
@@ -314,7 +321,9 @@ def _sum_of_coordinates(c: Coordinates, expression: Scalar, what: str) -> Affine
     """A sum of coordinates with numbers before them as a function of the flight state."""
     weights = c.weights(expression)
     if weights is None or not any(weights[: c.size]):
-        raise InputError(f'{what} = {expression!r} is no sum of coordinates with numbers before them, as "body - foot"')
+        raise InputError(
+            f'{what} = {expression!r} is not a sum of coordinates with numbers before them, such as "body - foot"'
+        )
     return Affine(_interleaved(list(map(float, weights)), len(c.actuators)))
 
 

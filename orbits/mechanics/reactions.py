@@ -59,7 +59,7 @@ class _Reaction(NamedTuple):
 class Reactions(NamedTuple):
     """The forces of the ground on a mechanism.
 
-    flight, contact : the forces in these phases, of which some springs have no laws yet
+    flight, contact : the forces in these phases, where some springs have no laws yet
     friction : as in `Mechanism`
     handed : the speeds after a step forward and after one back, per speed before; None without hand-overs
     travel : (1, n), the speed of the centre of mass along the ground per speed; None where nothing sticks
@@ -206,8 +206,8 @@ def _refuse_unturned(m: Mechanics, steps: Stepping, sums: Column) -> None:
             changes = ([derivative_by(at - sign * own, each) for each in place] for sign in signs)
             if not any(map(all_vanish, changes)):
                 raise InputError(
-                    "the reversor and the symmetry change the places of the masses, so that the ground's forces in one "
-                    "half of a motion are not those in the other: leave across= out"
+                    "the reversor and the symmetry change the places of the masses, so the ground's forces differ "
+                    "between the halves of a motion: leave across= out"
                 )
 
 

@@ -20,7 +20,7 @@ TAKEN_NAMES = {
     GRAVITY_SHARE: "the share of gravity that varies",
 }
 # A name without a value is taken for a misspelt coordinate from this share of equal letters on: "bdy" is one of "body"
-# (0.86), "foot_mass" is none of "foot" (0.62).
+# (0.86), "foot_mass" is not a variant of "foot" (0.62).
 NEARLY_THE_SAME = 0.75
 
 
@@ -31,25 +31,27 @@ def refuse_misstated(mechanism: Any) -> None:
         if name == "reversor" and m.reversor is None:
             continue
         if not isinstance(getattr(m, name), Mapping):
-            raise InputError(f"{name} = {getattr(m, name)!r}; it is a mapping of names")
+            raise InputError(f"{name} = {getattr(m, name)!r}; it must be a mapping of names")
     if len(m.coordinates) < 2 and (m.gap is not None or not m.coordinates):
-        raise InputError(f"coordinates = {m.coordinates!r}: a gap opens between at least two, as ('body', 'foot')")
+        raise InputError(
+            f"coordinates = {m.coordinates!r}: a machine with a gap needs at least two, such as ('body', 'foot')"
+        )
     if m.gap is None:
         _refuse_contact(m)
     _refuse_names([*m.coordinates, *m.actuators, *m.actuators.values()])
     if odd := [knee for knee in m.knees if len(knee) != 3]:
-        raise InputError(f"knees: {odd[0]!r} is no tuple (lower, upper, length)")
+        raise InputError(f"knees: {odd[0]!r} is not a tuple (lower, upper, length)")
     for element in m.elements:
         if not isinstance(element, Element):
             known = ", ".join(each.__name__ for each in get_args(Element))
-            raise InputError(f"{element!r} is no element; those are {known}, all in `orbits`")
+            raise InputError(f"{element!r} is not an element; elements are {known}, all in `orbits`")
         if isinstance(element, Force) and not callable(element.force):
-            raise InputError(f"{element.force!r} in {element} is no Python function (y, v, p)")
+            raise InputError(f"{element.force!r} in {element} is not a Python function (y, v, p)")
         refuse_expressions(element, fields_of(element))
     refuse_expressions("the mechanism", m.expressions)
     if unknown := sorted(names_in(m.gap) - {*m.coordinates}):
         hint = suggest(unknown[0], m.coordinates)
-        raise InputError(f"gap '{m.gap}' is no sum of coordinates: it has '{unknown[0]}'{hint}")
+        raise InputError(f"gap '{m.gap}' is not a sum of coordinates: it has '{unknown[0]}'{hint}")
     _refuse_rows(m.inertia, len(m.coordinates))
     _refuse_keys(m)
     _refuse_coordinates_in(m)
@@ -70,20 +72,24 @@ def _refuse_contact(m: Any) -> None:
 
 
 def _refuse_sticks(m: Any) -> None:
-    """Refuse coordinates that stick of a mechanism to which no motion along the ground can be stated."""
+    """Refuse coordinates that stick where the mechanism cannot have a motion along the ground."""
     if len(m.sticks) > 1:
-        raise InputError(f"sticks = {list(m.sticks)}: the plane has one direction along the ground, so one sticks")
+        raise InputError(
+            f"sticks = {list(m.sticks)}: the plane has one direction along the ground, so only one coordinate can stick"
+        )
     if STEP_LENGTH in m.places:
-        raise InputError(f"'{STEP_LENGTH}' is by how much {m.sticks[0]} moves on; call the coordinate something else")
+        raise InputError(f"'{STEP_LENGTH}' is the name of the step of {m.sticks[0]}; rename the coordinate")
     if len(m.gaps) > 1 or m.actuators:
-        raise InputError("what sticks belongs to one gap, which opens and lands again, and to no actuators")
+        raise InputError("a machine that sticks must have one gap, which opens and lands again, and no actuators")
     for stated, own in ((m.reversor or {}, maps_of_sticking(m.sticks)[0]), (m.symmetry, maps_of_sticking(m.sticks)[1])):
         if left := [name for name in m.sticks if stated.get(name, own[name]) != own[name]]:
-            raise InputError(f"'{left[0]}' sticks: its reversor and its symmetry follow from that; leave them out")
+            raise InputError(f"'{left[0]}' sticks, which determines its reversor and its symmetry; leave them out")
     if left := [each for each in m.elements if isinstance(each, Mass) and each.across is None]:
-        raise InputError(f"{left[0]} has no place along the ground, where {m.sticks[0]} sticks: state its across=")
+        raise InputError(
+            f"{left[0]} has no place along the ground, which is needed since {m.sticks[0]} sticks: state its across="
+        )
     if len(m.coordinates) < 2 + len(m.sticks):
-        raise InputError(f"sticks = {list(m.sticks)}: nothing is left that moves in contact")
+        raise InputError(f"sticks = {list(m.sticks)}: then nothing moves in contact")
 
 
 def maps_of_sticking(sticks: Sequence[str]) -> tuple[dict[str, str], dict[str, str]]:
@@ -94,17 +100,17 @@ def maps_of_sticking(sticks: Sequence[str]) -> tuple[dict[str, str], dict[str, s
 def listed(what: str, value: object) -> tuple:
     """Several things as a tuple; raises `InputError` for one alone."""
     if not is_list(value):
-        raise InputError(f"{what} = {value!r}; it is a list, as [{value!r}]")
+        raise InputError(f"{what} = {value!r}; it must be a list, such as [{value!r}]")
     return tuple(value)
 
 
 def _refuse_names(names: Sequence[object]) -> None:
-    """Refuse names of coordinates, actuators and rates that are none, have another meaning, or occur twice."""
+    """Refuse names of coordinates, actuators and rates that are invalid, have another meaning, or occur twice."""
     for i, name in enumerate(names):
         if not isinstance(name, str) or not (name.isascii() and name.isidentifier()):
-            raise InputError(f"{name!r} is no name for a coordinate: those are of letters, digits and _, as 'y1'")
+            raise InputError(f"{name!r} cannot name a coordinate: use letters, digits and _, as in 'y1'")
         if name in TAKEN_NAMES:
-            raise InputError(f"'{name}' is {TAKEN_NAMES[name]}; call the coordinate something else")
+            raise InputError(f"'{name}' is {TAKEN_NAMES[name]}; rename the coordinate")
         if name in names[:i]:
             raise InputError(f"'{name}' is the name of two coordinates or actuators; rename one")
 
@@ -113,15 +119,15 @@ def refuse_expressions(owner: object, expressions: Iterable[object]) -> None:
     """Refuse an expression that is neither formula, number nor function."""
     for each in expressions:
         if not (isinstance(each, str | Real) or takes(each, 2) or takes(each, 3)):
-            raise InputError(f"{each!r} in {owner} is neither a formula, nor a number or a function (y, p)")
+            raise InputError(f"{each!r} in {owner} must be a formula, a number or a function (y, p)")
         if isinstance(each, Real):
             finite_number(f"a number in {owner}", each)
 
 
 def _refuse_rows(rows: Sequence[Sequence[Scalar]], size: int) -> None:
-    """Refuse an inertia that is no symmetric matrix."""
+    """Refuse an inertia that is not a symmetric matrix."""
     if rows and (len(rows) != size or any(len(row) != size for row in rows)):
-        raise InputError(f"inertia = {rows!r}: {size} coordinates have {size} rows of {size} entries")
+        raise InputError(f"inertia = {rows!r}: {size} coordinates need {size} rows of {size} entries")
     for i, row in enumerate(rows):
         for j in range(i):
             if row[j] != rows[j][i]:
@@ -154,19 +160,19 @@ def _refuse_coordinates_in(m: Any) -> None:
     """Refuse coordinates in expressions of parameters alone, as far as formulas show them."""
     places = {*m.coordinates, *m.actuators}
     alone: list[tuple[str, object, str]] = [
-        *(("rest", place, "a place of rest is a number or a parameter") for place in m.rest.values()),
-        *(("the length of a knee", length, "links are rigid") for *_, length in m.knees),
-        ("surface_gravity", m.surface_gravity, "a law of gravity says how it varies with the height z"),
-        ("energy_unit", m.energy_unit, "it is one for all configurations"),
-        ("friction", m.friction, "it is one for all configurations"),
+        *(("rest", place, "a place of rest must be a number or a parameter") for place in m.rest.values()),
+        *(("the length of a knee", length, "a link must be rigid") for *_, length in m.knees),
+        ("surface_gravity", m.surface_gravity, "state how gravity varies by a law of the height z"),
+        ("energy_unit", m.energy_unit, "it must be the same in all configurations"),
+        ("friction", m.friction, "it must be the same in all configurations"),
     ]
     for element in m.elements:
         if isinstance(element, Mass | Weight):
-            alone.append(("the mass", element.mass, "state an inertia that varies by inertia="))
+            alone.append(("the mass", element.mass, "state an inertia that varies as inertia="))
         elif isinstance(element, Inerter):
-            alone.append(("the inertance", element.inertance, "state an inertia that varies by inertia="))
+            alone.append(("the inertance", element.inertance, "state an inertia that varies as inertia="))
         elif isinstance(element, Damper):
-            alone.append(("the coefficient", element.coefficient, "state a force of place and speed by a Force"))
+            alone.append(("the coefficient", element.coefficient, "state a force of place and speed as a Force"))
     for what, expression, remedy in alone:
         if found := sorted(names_in(expression) & places):
             raise InputError(f"{what} '{expression}' depends on the coordinate '{found[0]}': {remedy}")
@@ -190,9 +196,9 @@ def joined_values(brought: Iterable[tuple[str, Mapping[str, float]]], numbers: M
 def refuse_names_of_parameters(mechanism: Any, names: Iterable[str], used: Collection[str]) -> None:
     """Raise `InputError` for parameters whose names are those of coordinates, or that nothing uses."""
     if taken := sorted(mechanism.places & {*names}):
-        raise InputError(f"'{taken[0]}' is a coordinate; call the parameter something else")
+        raise InputError(f"'{taken[0]}' is a coordinate; rename the parameter")
     if GRAVITY_SHARE in used:
-        raise InputError(f"'{GRAVITY_SHARE}' is the mechanism's own name; call the parameter something else")
+        raise InputError(f"'{GRAVITY_SHARE}' has a meaning of its own; rename the parameter")
     if not mechanism.has_functions and (unused := [name for name in mechanism.parameters if name not in used]):
         raise InputError(f"no element has a parameter '{unused[0]}'{suggest(unused[0], used)}")
 
@@ -211,7 +217,7 @@ def refuse_values(mechanism: Any) -> None:
     m, p = mechanism, mechanism.parameters
     for name, (low, high) in m.bounds.items():
         if name in p and not low <= p[name] <= high:
-            raise InputError(f"{name} = {p[name]:g}; of a {m.name} it lies between {low:g} and {high:.6g}")
+            raise InputError(f"{name} = {p[name]:g}; for a {m.name} it must lie between {low:g} and {high:.6g}")
     moving, anything_moves = set[str](), False
     for element in m.elements:
         if isinstance(element, Mass | Weight):
@@ -236,7 +242,7 @@ def refuse_values(mechanism: Any) -> None:
         ground = surface * float(m.gravity.expression(0.0, p, []))
         if not 0 < ground < inf:
             law = f"'{m.gravity.text}'" if surface == 1 else f"'{m.gravity.text}' times {m.surface_gravity!r}"
-            raise InputError(f"gravity {law} is {ground:g} at z = 0, not above 0: it is counted downwards")
+            raise InputError(f"gravity {law} is {ground:g} at z = 0, not above 0: gravity is positive downwards")
 
 
 def _refuse_sign(expression: Scalar, m: Any, what: str, owner: Any, above: bool = False) -> float | None:

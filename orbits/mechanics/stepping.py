@@ -36,11 +36,11 @@ from .structure import Structure
 from .terms import Term
 
 # A law in pieces is odd where its breakpoints and forces at opposite extensions agree to this share. The forces are
-# compared at these shares of each piece, of which a polynomial has fewer coefficients.
+# compared at these shares of each piece; a polynomial has fewer coefficients.
 ODD_TO, COMPARED = 1e-12, np.linspace(0.05, 0.95, 12)
 REMEDY = (
-    "state an odd law for a spring whose extension changes its sign, as r + r**3; a `Mechanism` with reversor=None is "
-    "simulated alone"
+    "give a spring whose extension changes its sign an odd law, such as r + r**3; a `Mechanism` with reversor=None can "
+    "only be simulated"
 )
 StatedGap = tuple[list[Fraction], ExactExpression]  # weights of the coordinates, and the offset, of a sum of them
 
@@ -64,7 +64,7 @@ class Stepping(NamedTuple):
     quadratic: Coefficients | None = None
 
     def states(self, stated: SignedShift) -> SignedShift:
-        """The map of the flight states, of which the rates of a reversor have the other signs."""
+        """The map of the flight states; the rates of a reversor have the other signs."""
         turned = -1 if stated is self.reversor else 1
         signs = tuple(each for sign in stated.signs for each in (sign, turned * sign))
         if stated.shift is None:
@@ -134,7 +134,7 @@ def steps_of(c: Coordinates, s: Structure, m: Mechanics) -> Stepping | None:
     if s.reversor == () and not s.symmetry and len(s.gaps) < 2:
         return None
     if s.actuators or len(s.gaps) > 2:
-        raise InputError("a machine that steps has two gaps, that which opens and that which lands, and no actuators")
+        raise InputError("a machine that steps must have two gaps, one that opens and one that lands, and no actuators")
     back, label = (
         _own_inverse(c, _stated(c, dict(s.reversor or ()), "reversor")),
         _stated(c, dict(s.symmetry), "symmetry"),
@@ -150,7 +150,7 @@ def steps_of(c: Coordinates, s: Structure, m: Mechanics) -> Stepping | None:
     same = _side(gap, _image_of_gap(landing, label.inverse)) if len(landing[0]) == c.size else 0
     around = _image_of_gap((gap, ZERO), label.after(back))
     if not same or (s.reversor is not None and not _side(gap, around)):
-        raise InputError(f"the gap that lands is not gap '{s.gap}' after the symmetry: state one that makes it so")
+        raise InputError(f"the symmetry must take the gap that lands to gap '{s.gap}'")
     row, quadratic = _landed_rows(m, label, landing[0]) if same < 0 else (None, None)
     return Stepping(c, back, label, s.reversor is not None, landing, row, quadratic)
 
@@ -176,8 +176,8 @@ def _stated(c: Coordinates, stated: Mapping[str, Scalar], what: str) -> SignedSh
         weights, unit = c.weights(stated.get(name, name)), [Fraction(i == j) for j in range(c.size)]
         if weights != unit and weights != [-each for each in unit]:
             raise InputError(
-                f"{what} of '{name}': '{stated[name]}' is neither the coordinate nor its negative, with an amount of "
-                "parameters added; state a swap of two coordinates in their sum and their difference"
+                f"{what} of '{name}': '{stated[name]}' must be the coordinate or its negative, plus an amount; to "
+                "swap two coordinates, use their sum and their difference as coordinates"
             )
         signs.append(int(weights[i]))
         shifts.append(c.at_zero(stated.get(name, name)))
@@ -189,7 +189,7 @@ def _own_inverse(c: Coordinates, reversor: SignedShift) -> SignedShift:
     for name, sign, shift in zip(c.names, reversor.signs, reversor.shifts({}), strict=True):
         if sign > 0 and not vanishes(expression(shift)):
             raise InputError(
-                f"reversor of '{name}': done twice, it does not lead back to '{name}'; state '{name}' as it is, or its "
+                f"reversor of '{name}': applied twice, it must lead back to '{name}'; state '{name}' itself, or its "
                 "negative plus an amount"
             )
     return reversor
@@ -250,7 +250,7 @@ def _needs_odd(m: Mechanics, by: SignedShift, where: str) -> bool:
         return [slope * own for slope in term.gradient]
 
     maps = "the reversor" if where == "flight" else "the reversor and the symmetry"
-    refused = f"motions in {where} are not turned back by {maps}, for {{}}: {REMEDY}"
+    refused = f"the motions in {where} are not reversed by {maps}, because of {{}}: {REMEDY}"
     inertia = [left(column, sign) for sign, column in zip(by.signs, flight.kinetics.matrix, strict=True)]
     if not all_vanish(inner_product(each, row) for row in zip(*inertia, strict=True) for each in embed):
         raise InputError(refused.format("the inertia"))

@@ -1,4 +1,4 @@
-"""Coordinates along the ground that stick in contact: on their places nothing may depend, which is decided exactly.
+"""Coordinates along the ground that stick in contact: nothing may depend on their places, which is decided exactly.
 
 Then a motion that is moved along the ground is a motion too, the coordinate is 0 in contact in the labels of each
 stance, and an orbit is one up to such a move.
@@ -22,7 +22,7 @@ def refuse_places(c: Coordinates, s: Structure, m: Mechanics) -> None:
         for what, expressions in _free_of_places(c, s, m):
             if not all_vanish(derivative_by(each, place) for each in expressions):
                 raise InputError(
-                    f"{what} depends on the place of '{name}', which sticks: state it by places that are counted from "
+                    f"{what} depends on the place of '{name}', which sticks: state it by places counted from "
                     f"'{name}', so that nothing changes where all is moved along the ground"
                 )
         for each in s.elements:

@@ -79,7 +79,7 @@ def mass_of(c: Coordinates, expression: Scalar) -> ExactExpression:
     """A mass, which does not depend on the coordinates; raises `InputError` for one that does."""
     mass = c.scalar(expression)
     if depends_on([mass], c.y):
-        raise InputError(f"mass '{expression}' depends on coordinates: state such an inertia as inertia=")
+        raise InputError(f"mass '{expression}' depends on coordinates: state it as inertia=")
     return mass
 
 

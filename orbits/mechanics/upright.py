@@ -1,7 +1,7 @@
 """The vertical hop of a machine that moves along the ground: the same machine with all of its lateral places at 0.
 
-Lateral are the coordinate that sticks and those that the reversor turns over. A machine that is its own mirror image
-stays upright where it begins so, and hops as one of its other coordinates alone.
+Lateral are the coordinate that sticks and the coordinates that the reversor turns over. A machine that is its own
+mirror image stays upright where it begins so, and hops as one of its other coordinates alone.
 """
 
 import re
@@ -26,7 +26,10 @@ def upright(mechanism: Any) -> Any:
     lateral = lateral_coordinates(mechanism)
     left = [name for name in mechanism.coordinates if name not in lateral]
     if mechanism.has_functions:
-        raise NoOrbit(f"the {mechanism.name} is stated by Python functions, which have no vertical hop: give a start")
+        raise NoOrbit(
+            f"the {mechanism.name} is stated by Python functions, so no vertical hop is known to begin with: give a "
+            "start"
+        )
     pattern = re.compile(r"\b(" + "|".join(map(re.escape, lateral)) + r")\b")
 
     def at_zero(value: Any) -> Any:

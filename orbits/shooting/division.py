@@ -151,7 +151,7 @@ class Division:
 
     def nearest(self, x: Array, p: Array) -> Evaluation:
         """The undivided equations (1) at the solution nearest to unknowns (N,), which are those of a solution nearly:
-        those that the equations do not determine stay as they are. Raises `NoOrbit`."""
+        unknowns that the equations do not determine stay as they are. Raises `NoOrbit`."""
         xs, ps, last = x[None], p[None], np.inf
         for _ in range(DIVISION.steps_to_nearest):
             evaluation, sizes = self.equations.evaluate_all(xs, ps), np.maximum(np.abs(xs), 0.1 * np.abs(xs).max())
@@ -188,7 +188,7 @@ def division_at(
         if division.equations.evaluate(x, p).amplification < DIVISION.largest_part_growth:
             return division, x
     most = max(each.growths.max() for each in along)
-    raise NoOrbit(f"small changes grow {most:.0e}-fold, most of it within a short time")
+    raise NoOrbit(f"small changes grow {most:.0e}-fold, mostly within a short time")
 
 
 def growths_without_nodes(division: Division | None, evaluation: Evaluation) -> Array:
@@ -199,7 +199,7 @@ def growths_without_nodes(division: Division | None, evaluation: Evaluation) -> 
 
 def are_divided(growths: Array, errors: Array, alphas: Array) -> Array:
     """Whether motions with these growths (m,) over an arc, or between their nodes, and launch speeds (m,) with bounds
-    on their errors are divided, or divided anew."""
+    on their errors are divided, or divided again."""
     off = errors > DIVISION.error * np.maximum(np.abs(alphas), 1.0)
     return (growths > DIVISION.arc_growth) | (off & (growths > DIVISION.growth))
 
@@ -249,8 +249,8 @@ class NodedSolution:
         """This solution with the nodes that its motions need; raises `NoOrbit` if its launch does not determine it."""
         if self.division and (most := self.growths.max()) > DIVISION.most_growth:
             raise Undetermined(
-                f"it stays so long near an unstable equilibrium that small changes grow {most:.0e}-fold: its launch "
-                "does not determine it any more in 16 digits"
+                f"it stays near an unstable equilibrium for so long that small changes grow {most:.0e}-fold: 16 "
+                "digits of its launch do not determine it"
             )
         if (growth := float(growths_without_nodes(self.division, self.evaluation)[0])) > DIVISION.arc_growth:
             return self.with_nodes()

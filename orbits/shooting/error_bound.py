@@ -1,5 +1,5 @@
-"""The bound on the error of an unknown of a solved orbit, by default its launch speed; only the inverse Jacobian of its
-equations is reused."""
+"""The bound on the error of an unknown of a solved orbit, by default its launch speed. It reuses only the inverse
+Jacobian of the orbit's equations."""
 
 from typing import NamedTuple
 
@@ -34,7 +34,7 @@ ERRORS = ErrorOptions()
 EPS = float(np.finfo(float).eps)
 Rows = ndarray | None
 NARROW = (
-    ". Either it hangs at an unstable equilibrium, where rounding decides, or it crosses something narrower than an "
+    ". Either it stays at an unstable equilibrium, where rounding decides, or it crosses a feature narrower than an "
     "integration step: smooth the law, or give breakpoints to springs.function"
 )
 
@@ -211,8 +211,8 @@ def _carried_rounding(evaluation: Evaluation, weights: list[Rows]) -> ndarray:
 def _rounded_pieces(equations: Shooting, ps: ndarray, evaluation: Evaluation, weights: list[Rows]) -> ndarray:
     """Errors (m,) of the unknown by one unit in the last place of every coefficient of the pieces of a law, at worst.
 
-    Where a table is uneven the terms of a polynomial are some ten times its value, and so are their roundings, which
-    no integration can see. Against quadrature in long double of the exact polynomials, 6 of 199 tables of 10 to 28
+    Where a table is uneven the terms of a polynomial are some ten times its value, and so are their roundings, which an
+    integration cannot see. Against quadrature in long double of the exact polynomials, 6 of 199 tables of 10 to 28
     rows, without noise and as close as 0.02, had errors beyond a bound without this one, the largest 3.9 times that
     bound; with it the largest is 0.47 of the bound.
     """

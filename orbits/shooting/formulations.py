@@ -50,7 +50,7 @@ def method_of(model: Model, method: str | None = None) -> str:
     does not allow."""
     reduction = model.reduction
     needs = {
-        "closed form": ("a straight-line spring and constant gravity", reduction and reduction.exact),
+        "closed form": ("a linear spring and constant gravity", reduction and reduction.exact),
         "relative": ("two masses and constant gravity", reduction),
         "half orbit": ("a reversor", model.reversor),
         "shooting": ("", True),
@@ -58,7 +58,7 @@ def method_of(model: Model, method: str | None = None) -> str:
     if method is None:
         return next(name for name in METHODS if needs[name][1])
     if not needs[one_of("method", method, METHODS)][1]:
-        raise InputError(f"method '{method}' needs {needs[method][0]}; leave it out for the simplest way")
+        raise InputError(f"method '{method}' needs {needs[method][0]}; leave it out to use the simplest method")
     return method
 
 
@@ -124,8 +124,8 @@ def whole_flight(model: Model) -> Statement:
     refuse_one_way(model)
     if not model.one_speed:
         raise NoOrbit(
-            f"a {model.name} has no reversor, as no machine with a damper has: where a launch is more than a speed, "
-            "only orbits whose halves are mirror images of each other are found"
+            f"a {model.name} has no reversor, for example since it has a damper: where a launch has several numbers, "
+            "the search finds only orbits whose halves are mirror images of each other"
         )
     arc = Arc(
         unfolded(replace(model.flight, watch={}), model.flight_gradient),
@@ -243,8 +243,8 @@ def refused_by_unfolding(equations: Shooting, us: ndarray) -> dict[int, NoOrbit]
     u = dict(zip(equations.statement.unknowns, us.T, strict=True))
     pumped, refused = np.abs(u.get("unfolding", np.zeros(1))) * u.get("duration", 0.0), dict[int, NoOrbit]()
     for i in np.flatnonzero(pumped > LARGEST_UNFOLDING).tolist():
-        reason = f"with energy pumped at {pumped[i]:.1e} of it a flight: this model has no lossless orbit here"
-        refused[i] = NoOrbit(f"the landing conditions hold only {reason}")
+        reason = f"{pumped[i]:.1e} of the energy is supplied in the flight: there is no lossless orbit here"
+        refused[i] = NoOrbit(f"the landing conditions hold only if {reason}")
     return refused
 
 
@@ -293,9 +293,9 @@ def _landing_by(
 
 
 def through_mirror(evaluation: Evaluation, arc: int, change: ndarray, signs: tuple[int, ...]) -> ndarray:
-    """Changes (m, states, c) at the end of a motion of which an arc is the first half, from those (m, states + t, c) at
-    its start: the second half is the mirror image of the first, by a reversor of these signs, and so is its
-    transition matrix."""
+    """Changes (m, states, c) at the end of a motion whose first half is an arc, from those (m, states + t, c) at its
+    start: the second half is the mirror image of the first, by a reversor of these signs, and so is its transition
+    matrix."""
     first, mirror = evaluation.transitions[arc], np.array(signs)[:, None]
     change = mirror * (first[:, :, : change.shape[1]] @ change)
     parts = np.moveaxis(evaluation.parts[arc], 1, 0) if evaluation.parts else [first[:, :, : first.shape[1]]]

@@ -35,7 +35,7 @@ class Solutions(NamedTuple):
 
 
 class NewtonPlaces(NamedTuple):
-    """The places in z, the data of a lane between two steps of a motion, of the entries beside that motion."""
+    """The places in z, the data of a lane between two steps of a motion, of the entries in addition to that motion."""
 
     point: slice  # X = (u, value)
     direction: slice  # of the curve there
@@ -152,9 +152,9 @@ class NewtonKernel:
         return ca.vertcat(*(x[places[i]] if i in places else each for i, each in enumerate(own)))
 
     def _next_motion(self) -> ca.Function:
-        """(z, data, row of the piece, z of the motion after a step, whether this counts, whether it goes on) -> the new
-        z, whether the step is recorded, whether to go on and, on pieces, whether a motion begins, and the place of the
-        coordinate there, by which its piece is chosen."""
+        """(z, data, row of the piece, z of the motion after a step, whether this counts, whether it continues) -> the
+        new z, whether the step is recorded, whether to continue and, on pieces, whether a motion begins, and the place
+        of the coordinate there, by which its piece is chosen."""
         at, motion, stepper, shape = self.places, self.motion, self.stepper, self.seeds.shape
         z, data, after = ca.SX.sym("z", at.data.stop), ca.SX.sym("data", sum(self.sizes)), ca.SX.sym("m", motion.time)
         accepted, going = ca.SX.sym("counts"), ca.SX.sym("goes")

@@ -1,9 +1,9 @@
 """Where the nodes lie that divide motions near unstable equilibria.
 
-While a motion stays near an equilibrium a small change grows, and nodes in equal distances determine it. Where it goes
-on to a second equilibrium, as family 2 of a spring with a barrier, or family 1 of one with a barrier on either side,
-the change shrinks on the way there, and the time between both passages depends on the last digits of the energy alone.
-With states on that way as unknowns the equations would hardly change if all of these moved along the motion, and
+While a motion stays near an equilibrium a small change grows, and nodes in equal distances determine it. Where it
+continues to a second equilibrium, as family 2 of a spring with a barrier, or family 1 of one with a barrier on either
+side, the change shrinks on the way there, and the time between both passages depends on the last digits of the energy
+alone. With states on that way as unknowns the equations would hardly change if all of these moved along the motion, and
 Newton's method would converge only from within these last digits. So nodes lie where a change has grown no more than at
 any later time: on the way to the first equilibrium, and at the middle of each passage, where the state is nearest to
 the equilibrium and its distance from there, and so the energy, has most digits.

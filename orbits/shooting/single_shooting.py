@@ -43,7 +43,7 @@ class Evaluation:
     trajectories : one `Trajectory`, of m points one `Trajectories`, per arc, with its sensitivities to its start and to
         the varied parameters
     transitions : derivatives (states, states + t) of each arc's end at fixed duration, by its start and by t
-        parameters, the varied ones and those that are unknowns
+        parameters, the varied ones and the unknown ones
     starts : derivatives (states + t, n + k) of the same, by the unknowns and the varied parameters
     residual_by_end : derivatives (rows, states) of the residuals that belong to each arc by its end
     parts : derivatives (K, states, states) of the end of each of K parts of an arc by its start, where the arcs have
@@ -162,7 +162,7 @@ class Shooting:
         self.own, self.places = self.size - len(statement.tuned), list(map(self.parameters.index, statement.tuned))
 
     def with_tuned(self, us: np.ndarray, ps: np.ndarray) -> np.ndarray:
-        """The parameters (m, np) with the values of those that are unknowns (m, n)."""
+        """The parameters (m, np) with the values of the unknown ones (m, n)."""
         if self.places:
             ps = ps.copy()
             ps[:, self.places] = us[:, self.own : self.size]
@@ -213,7 +213,7 @@ class Shooting:
 
     def moving(self, vary: tuple[str, ...]) -> list[int]:
         """The places, among the unknowns and after them the varied parameters, of the parameters by which the motions
-        are differentiated; with tuned ones, those that a field depends on."""
+        are differentiated; with tuned ones, the parameters on which a field depends."""
         every = [*range(self.own, self.size + len(vary))]
         if not self.places:
             return every

@@ -41,10 +41,12 @@ def test_a_column_of_masses():
 )
 def test_what_is_no_column(elements):
     machine = Mechanism(("body", "foot"), [*elements, Spring("body - foot")], gap="foot")
-    with pytest.raises(InputError, match="mechanism is no column of masses"):
+    with pytest.raises(InputError, match="mechanism is not a column of masses"):
         bodies_of(machine, machine.values)
     plain = Mechanism(("body", "foot"), [Spring("body - foot")], gap="foot", inertia={"body": 1.0, "foot": 1.0})
-    with pytest.raises(InputError, match=r"mechanism states its masses by an inertia, .* give bodies=\[Body"):
+    with pytest.raises(
+        InputError, match=r"mechanism states an inertia, .* give its bodies and their joints, bodies=\[Body"
+    ):
         bodies_of(plain, plain.values)
 
 
@@ -56,23 +58,23 @@ def test_small_angles_have_no_bodies():
     ("bodies", "message"),
     [
         (["hip"], "list of Body with lists of Joint"),
-        ([Body("hip", UP, "m")], "joints = .* it is a list"),
-        ([Body("hip", [Joint(None, "up", "body")], -1.0), Body(3, [UP], 1.0)], "3 is no name"),
-        ([Body("hip", [UP], "m", carrier="trunk")], "its carrier 'trunk' is no earlier body"),
+        ([Body("hip", UP, "m")], "joints = .* it must be a list"),
+        ([Body("hip", [Joint(None, "up", "body")], -1.0), Body(3, [UP], 1.0)], "3 cannot name"),
+        ([Body("hip", [UP], "m", carrier="trunk")], "its carrier 'trunk' is not in the list before it"),
         ([Body("hip", [Joint("up", "sideways", "body")], "m")], "no axis 'sideways'; known: across"),
         ([Body("hip", [UP], "bdy")], "'bdy' has 'bdy'; did you mean 'body'"),
-        ([Body("hip", [UP], 1.0), Body("toe", [UP], 1.0)], "'up' is no name.* of one of the joints alone"),
-        ([Body("the hip", [UP], 1.0)], "'the hip' is no name"),
-        ([Body("world", [UP], 1.0)], "'world' is no name"),
-        ([Body(None, [UP], 1.0)], "bodies: None is no name"),
+        ([Body("hip", [UP], 1.0), Body("toe", [UP], 1.0)], "'up' cannot name.* one of the joints"),
+        ([Body("the hip", [UP], 1.0)], "'the hip' cannot name"),
+        ([Body("world", [UP], 1.0)], "'world' cannot name"),
+        ([Body(None, [UP], 1.0)], "bodies: None cannot name"),
         ([Body("hip", [Joint("up", [0, 0, 1], "body")], 1.0)], r"no axis \[0, 0, 1\]"),
-        ([Body("hip", [UP], 1.0, centre=0.5)], "the centre 0.5 is no pair"),
-        ([Body("hip", [UP], 1.0, centre=(0, 0, 1))], r"the centre \(0, 0, 1\) is no pair"),
-        ([Body("hip", [UP], 1.0, place="up")], "the place 'up' is no pair"),
-        ([Body("hip", [UP], None)], "None in body 'hip' is neither a formula"),
-        ([Body("hip", [Joint("up", "up", None)], 1.0)], "None in body 'hip' is neither a formula"),
-        ([Body("hip", [UP], 1.0, outlines=["x"])], "'x' is no Outline"),
-        ([Body("hip", [UP], 1.0, outlines=[Outline("leg", ["ab", 3])])], "the point of 'leg' 'ab' is no pair"),
+        ([Body("hip", [UP], 1.0, centre=0.5)], "the centre 0.5 is not a pair"),
+        ([Body("hip", [UP], 1.0, centre=(0, 0, 1))], r"the centre \(0, 0, 1\) is not a pair"),
+        ([Body("hip", [UP], 1.0, place="up")], "the place 'up' is not a pair"),
+        ([Body("hip", [UP], None)], "None in body 'hip' must be a formula"),
+        ([Body("hip", [Joint("up", "up", None)], 1.0)], "None in body 'hip' must be a formula"),
+        ([Body("hip", [UP], 1.0, outlines=["x"])], "'x' is not an Outline"),
+        ([Body("hip", [UP], 1.0, outlines=[Outline("leg", ["ab", 3])])], "the point of 'leg' 'ab' is not a pair"),
         ([Body("hip", [UP], 1.0, outlines=[Outline("leg", [(0, 1)], repeat="n")])], "'n' has 'n'"),
     ],
 )

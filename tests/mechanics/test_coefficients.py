@@ -106,7 +106,7 @@ class Draw:
         return text
 
     def bend(self) -> str:
-        """A height that is no sum of coordinates, as that of a knee."""
+        """A height that is not a sum of coordinates, as that of a knee."""
         a, b = self.random.permutation(self.n)[:2]
         return self.pick(
             f"{self.names[a]} + 2*{self.new()}*sin({self.names[b]}/2)",

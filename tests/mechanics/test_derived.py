@@ -24,35 +24,35 @@ LEGS = [Spring("body - foot", "r"), Spring("foot - toe", "r")]
                 "actuators": {"u": "w"},
                 "parameters": {},
             },
-            r"'foot \+ u' moves with an actuator: what has mass moves with coordinates alone",
+            r"'foot \+ u' moves with an actuator, but a mass can move with coordinates only",
         ),
         (
             {"heights": {"body": lambda y, p: y["body"] ** 2}},
-            "a height that is no sum of coordinates is a formula of coordinates and parameters",
+            "a height that is not a sum of coordinates must be a formula of coordinates and parameters",
         ),
         (
             {**THREE, "elements": [*MASSES_OF_THREE, Spring("body - foot", STEPS), Spring("foot - toe", STEPS)]},
-            "spring 'table.*': one law in pieces can be taken, along a sum of coordinates",
+            "spring 'table.*': a machine may have one law in pieces, along a sum of coordinates",
         ),
         (
             {**THREE, "elements": [*MASSES_OF_THREE, *LEGS, Spring("body*toe", STEPS)]},
-            "one law in pieces can be taken, along a sum of coordinates",
+            "a machine may have one law in pieces, along a sum of coordinates",
         ),
         (
             {"elements": [*MASSES, Spring("body - foot - 0.1", STEPS)], "parameters": {}},
-            "spring .* is in pieces: it has to be alone, along what is launched",
+            "spring .* is in pieces: it must act alone, along the launched coordinate",
         ),
         (
             {"elements": [*MASSES, Spring("body - foot", "r"), Spring("body - foot", STEPS)], "parameters": {}},
-            r"spring 'table.*: it has to be alone, .* as one law, springs.function\(force, breakpoints=...\)",
+            r"spring 'table.*: it must act alone, .* as one law, springs.function\(force, breakpoints=...\)",
         ),
         (
             {"elements": [*MASSES, Spring("body - foot - 0.1", STEPS), Potential("0*body")], "parameters": {}},
-            "is in pieces: such a law can be taken where its extension is what is launched, counted from its rest",
+            "is in pieces: its extension must be the launched coordinate, counted from its rest",
         ),
         (
             {"elements": MASSES, "parameters": {}},
-            "a mechanism without a spring says what its families are counted by: counts=",
+            "a mechanism without a spring must say what counts its families: counts=",
         ),
         (
             {"elements": MASSES, "parameters": {}, "counts": "body - foot"},
@@ -60,7 +60,7 @@ LEGS = [Spring("body - foot", "r"), Spring("foot - toe", "r")]
         ),
         (
             {**THREE, "elements": [*MASSES_OF_THREE, *LEGS, Potential("body*foot*toe")]},
-            "the model of a mechanism has no guess of its families: give `find` a start",
+            "no guess of the families of a mechanism is known: give `find` a start",
         ),
     ],
     ids=[

@@ -106,7 +106,7 @@ class TestStatement:
     @pytest.mark.parametrize(
         ("stated", "error", "message"),
         [
-            (lambda: Hopper(ground=3.0), InputError, "ground = 3.0; it is a Ground, as ground=Ground"),
+            (lambda: Hopper(ground=3.0), InputError, "ground = 3.0; it must be a Ground, for example ground=Ground"),
             (lambda: Hopper(ground=Ground(0.0, 1.0)), InputError, "ground's mass = 0 is out of bounds"),
             (lambda: Hopper(ground=Ground(1.0, 0.0)), InputError, "ground's spring = 0 is out of bounds"),
             (lambda: Hopper(ground=Ground(1.0, "k*r")), InputError, "uses 'k' without a value"),
@@ -115,11 +115,11 @@ class TestStatement:
             (lambda: Juggler(ground=Ground(1.0, 1.0)), InputError, "lands in a juggler does not land on the ground"),
             (lambda: juggler_in_si(1.0, 1.0, stiffness=1.0, ground=1.0), TypeError, "ground"),
             (lambda: ReturnMap(Hopper(ground=Ground(1.0, 1.0))).upkeep(4.0), InputError, "a launch has 3 numbers"),
-            (lambda: ReturnMap(Hopper(LOSSY, ground=Ground(1.0, 1.0))), InputError, "it is simulated, without a map"),
+            (lambda: ReturnMap(Hopper(LOSSY, ground=Ground(1.0, 1.0))), InputError, "use `simulate` instead of a map"),
             (lambda: find(Hopper(ground=Ground(1.0, 1.0))), NoOrbit, "give `find` a start"),
             (lambda: Actuated(Hopper(ground=Ground(1.0, 1.0))), InputError, "the hopper has 2 springs"),
-            (lambda: replace(chain_hand(), ground=Ground(1.0, 1.0)), InputError, "is not one coordinate, the height"),
-            (lambda: replace(inerter_hopper(), ground="soft"), InputError, "ground = 'soft'; it is a Ground"),
+            (lambda: replace(chain_hand(), ground=Ground(1.0, 1.0)), InputError, "one coordinate, the height"),
+            (lambda: replace(inerter_hopper(), ground="soft"), InputError, "ground = 'soft'; it must be a Ground"),
             (lambda: replace(inerter_hopper(), ground=Ground(1.0, 1.0, "foot")), InputError, "give the ground another"),
             (lambda: replace(inerter_hopper(), ground=Ground("foot", 1.0)), InputError, "depends on the coordinate"),
         ],

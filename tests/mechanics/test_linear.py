@@ -18,7 +18,7 @@ from orbits.mechanics import Damper, Potential, Spring
     ],
 )
 def test_linear_equations_of_what_is_not_linear(change):
-    with pytest.raises(InputError, match=r"is not linear: that takes straight springs.*constant gravity"):
+    with pytest.raises(InputError, match=r"is not linear: a linear machine needs linear springs.*constant gravity"):
         change().linear_equations()
 
 
@@ -39,5 +39,5 @@ def test_a_quadratic_potential_is_a_spring_and_a_load():
             ]
             assert flows[0].method == "closed form"
             np.testing.assert_allclose(paths[0](1.7), paths[1](1.7), atol=1e-14)
-    with pytest.raises(InputError, match=r"is not linear: that takes straight springs.*quadratic potentials"):
+    with pytest.raises(InputError, match=r"is not linear: a linear machine needs linear springs.*quadratic potentials"):
         leg(Potential("k*(body - foot)**4/2"), counts="body - foot").linear_equations()

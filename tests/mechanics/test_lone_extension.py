@@ -44,7 +44,7 @@ class TestForcesThatOpenNoContact:
                 bent_leg("-stiffness*r"),
                 r"^the contact force only just reaches 0 at extension 3\.14159 rad, with slope \S* N/rad",
             ),
-            (bent_leg("log(r)"), r"no force at rest \(r = 0\): 'the contact force' is no number there"),
+            (bent_leg("log(r)"), r"no force at rest \(r = 0\): 'the contact force' is not a number there"),
         ],
     )
     def test_are_told_in_si(self, stated, telling):

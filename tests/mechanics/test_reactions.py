@@ -89,9 +89,9 @@ def test_what_is_no_ground_is_refused():
     with pytest.raises(InputError, match=r"the friction of 'wheel' must be a finite number from 0"):
         wheel(friction=-0.1)
     askew = Mass("cos(theta - a)", "share/mu", across="sin(theta - a) + theta**2")
-    with pytest.raises(InputError, match="one half of a motion are not those in the other"):
+    with pytest.raises(InputError, match="the ground's forces differ between the halves of a motion"):
         _ = replace(wheel(), elements=[Spring("phi - theta"), askew]).model
     lean = Mass("cos(theta - a)", "share/mu", across="cos(theta - a)")  # is mirrored nowhere, but its inertia is
     leaning = replace(wheel(), elements=[Spring("phi - theta"), lean, Mass("0", 1.0, across="sin(theta - a)")])
-    with pytest.raises(InputError, match="one half of a motion are not those in the other"):
+    with pytest.raises(InputError, match="the ground's forces differ between the halves of a motion"):
         _ = leaning.model

@@ -134,20 +134,20 @@ def test_a_law_in_pieces_is_taken_where_it_is_odd(kind):
 @pytest.mark.parametrize(
     ("change", "telling"),
     [
-        ({"reversor": {"theta": "2*theta"}}, "reversor of 'theta': '2\\*theta' is neither the coordinate"),
-        ({"reversor": {"theta": "phi"}}, "state a swap of two coordinates in their sum and their difference"),
-        ({"reversor": {"phi": "phi + angle"}}, "reversor of 'phi': done twice, it does not lead back to 'phi'"),
+        ({"reversor": {"theta": "2*theta"}}, "reversor of 'theta': '2\\*theta' must be the coordinate"),
+        ({"reversor": {"theta": "phi"}}, "swap two coordinates, use their sum and their difference"),
+        ({"reversor": {"phi": "phi + angle"}}, "reversor of 'phi': applied twice, it must lead back to 'phi'"),
         ({"reversor": {"thet": "theta"}}, "reversor: there is no coordinate 'thet'; did you mean 'theta'"),
         ({"symmetry": {"theta": "theta - theta**2"}}, "symmetry of 'theta'"),
-        ({"symmetry": {"theta": "theta - angle"}}, "the gap that lands is not gap 'theta' after the symmetry"),
-        ({"symmetry": {"theta": "theta - 2*angle"}}, "motions in contact are not turned back by the reversor and the"),
+        ({"symmetry": {"theta": "theta - angle"}}, "the gap that lands to gap 'theta'"),
+        ({"symmetry": {"theta": "theta - 2*angle"}}, "motions in contact are not reversed by the reversor and the"),
         ({"gaps": {"rear": "theta", "front": "angle - theta"}}, "gap 'front' = 'angle - theta' is not the image of"),
         ({"gaps": {"rear": "theta", "front": "theta*phi"}}, "gap 'front' = 'theta\\*phi' is not the image of"),
-        ({"gaps": {**FEET, "third": "phi"}}, "a machine that steps has two gaps"),
-        ({"gaps": {}}, "gap = '', gaps = {}: state gap=, or gaps= with names"),
-        ({"gap": "phi"}, "gap = 'phi', gaps = .*: state gap=, or gaps="),
-        ({"reversor": {"theta": "2*angle - theta"}}, "not turned back by the reversor, for the spring 'r'"),
-        ({"inertia": [[1.0, "0.1*theta"], ["0.1*theta", 1.25]]}, "not turned back by the reversor, for the inertia"),
+        ({"gaps": {**FEET, "third": "phi"}}, "a machine that steps must have two gaps"),
+        ({"gaps": {}}, "gap = '', gaps = {}: state either gap=, or gaps= by name"),
+        ({"gap": "phi"}, "gap = 'phi', gaps = .*: state either gap=, or gaps="),
+        ({"reversor": {"theta": "2*angle - theta"}}, "not reversed by the reversor, because of the spring 'r'"),
+        ({"inertia": [[1.0, "0.1*theta"], ["0.1*theta", 1.25]]}, "by the reversor, because of the inertia"),
     ],
 )  # fmt: skip
 def test_what_does_not_step_is_refused(change, telling):
@@ -161,7 +161,7 @@ def test_what_does_not_step_is_refused(change, telling):
         ((Spring("phi - theta"), Potential("weight*cos(theta - angle) + 0.1*theta")), "Potential.*reversor=None"),
         (
             (Spring("phi - theta", "r + r**2"), Potential("weight*cos(theta - angle)")),
-            r"the spring 'r \+ r\*\*2' along 'phi - theta': state an odd law",
+            r"the spring 'r \+ r\*\*2' along 'phi - theta': give a spring whose extension changes its sign an odd law",
         ),
         (
             (Spring("phi - theta"), Spring("phi", "0.1*r"), Potential("weight*cos(theta - angle)")),

@@ -70,8 +70,8 @@ ELEMENTS = (
     [
         ({"sticks": ("y",)}, (), "there is no coordinate 'y'"),
         ({"sticks": ("x", "l")}, (), "the plane has one direction along the ground"),
-        ({"sticks": ("z",)}, (), "opens along the ground"),
-        ({"gap": "z + x"}, (), "opens along the ground"),
+        ({"sticks": ("z",)}, (), "depends on what sticks .*: a gap must open upward"),
+        ({"gap": "z + x"}, (), "depends on what sticks .*: a gap must open upward"),
         ({"heights": {"foot": "z + x**2"}}, (), "the height 'z . x..2' depends on the place of 'x'"),
         ({"separation": "l + x"}, (), "separation = 'l . x' depends on the place of 'x'"),
         ({"counts": "x"}, (), "counts = 'x' depends on the place of 'x'"),
@@ -81,8 +81,8 @@ ELEMENTS = (
         ({}, [Force("x", lambda y, v, p: -y["x"])], "the force along 'x' depends on the place of 'x'"),
         ({}, [Mass("l", 0.2)], "has no place along the ground"),
         ({}, [Mass("l", 0.2, across="2*x")], "does not move on with 'x'"),
-        ({"reversor": {"x": "-x", "theta": "-theta"}}, (), "'x' sticks: its reversor and its symmetry follow"),
-        ({"gap": "", "gaps": {"one": "z", "other": "l"}}, (), "what sticks belongs to one gap"),
+        ({"reversor": {"x": "-x", "theta": "-theta"}}, (), "'x' sticks, which determines its reversor"),
+        ({"gap": "", "gaps": {"one": "z", "other": "l"}}, (), "a machine that sticks must have one gap"),
         ({"reversor": {}}, (), "motions in flight are not turned back|the reversor"),
     ],
 )  # fmt: skip

@@ -102,7 +102,7 @@ def test_the_pendulum_has_its_elliptic_period(solver, amplitude):
 def test_no_solution_is_an_error_in_words():
     statement, parameters = bouncing_pendulum()
     equations = Shooting(statement, parameters)
-    with pytest.raises(NoOrbit, match=r"did not converge|stops being numbers|no convergence|no solution"):
+    with pytest.raises(NoOrbit, match=r"did not converge|becomes? infinite or undefined|no convergence|no solution"):
         equations.multiple_shooting([1.0, 1.0], np.array([40.0]))
     with pytest.raises(NoOrbit, match="did not converge"):
         equations.newton([1.0, 1.0], np.array([40.0]))
