@@ -1,4 +1,5 @@
-"""A curve in both directions from its start: the way to the first bound turned round, and then that to the second."""
+"""A curve in both directions from its start: the way to the first bound in reverse, and then the way to the second
+bound."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -26,13 +27,13 @@ def both_ways(
 ) -> Family:  # fmt: skip
     """The curve from the first bound to the second one through its start, or from the start where that is a bound.
 
-    resume : a curve that goes on at those of its ends where it was only stopped or interrupted
+    resume : a curve that continues at those of its ends where it was only stopped or interrupted
 
     A curve that closes, or that a time limit interrupts on its way ahead, does not go back. The `output` has the points
     of the way ahead until the whole curve is written to it.
     """
     ahead, halves = resume, [progress and (lambda share, of=of: progress((of + share) / 2)) for of in (0, 1)]
-    if not isinstance(resume, Family) or resume.end.kind in OPEN:  # what is no family is refused by `begin`
+    if resume is None or resume.end.kind in OPEN:
         run = begin(bounds, resume)
         if resume.beginning is None if resume else run.behind == run.start:
             return collect(run, resume, output, progress)

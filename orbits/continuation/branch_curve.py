@@ -12,13 +12,13 @@ from ..running import exclusive, interrupts
 
 @exclusive
 def follow_branch_points(point: BranchPoint, along: str, values: Sequence[float]) -> tuple[BranchPoint, ...]:
-    """The branch points to which one leads as a further number of its machine goes through some values.
+    """Continue a branch point as another parameter of its machine goes through some values.
 
-    along : the name of the number, which is none of those of the branch point
-    values : in the order in which they are gone through
+    point : from `find_branch_points` along : the name of the parameter, not one of the two of the branch point
+    values : of the parameter, in order
 
-    Returns the branch points as far as they exist: the curve ends before a value where it folds, or where the vertical
-    hop ends or is of another family. Raises `InputError` for an invalid name or value.
+    Returns a branch point for each value, as far as they exist: the curve ends where it folds, or where the vertical
+    hop ends or changes its family. Raises `InputError` for an invalid name or value.
 
     >>> from orbits import find_branch_points, follow_branch_points
     >>> from problems import runner
@@ -27,13 +27,13 @@ def follow_branch_points(point: BranchPoint, along: str, values: Sequence[float]
     [6.5445, 6.1238]
     """
     if not isinstance(point, BranchPoint):
-        raise InputError(f"point = {point!r}; it is one of find_branch_points")
+        raise InputError(f"point = {point!r}; it must be a point that find_branch_points returns")
     if not is_list(values):
-        raise InputError(f"values = {values!r}; it is a list of values")
+        raise InputError(f"values = {values!r}; it must be a list of values")
     machine, names = point.machine, tuple(point.values)
     check_parameters(machine, along)
     if along in names:
-        raise InputError(f"along = '{along}' is a number of the branch point already; name another one")
+        raise InputError(f"along = '{along}' is a parameter of the branch point already; name another one")
     lateral, found = Lateral(machine, names, point.hop.family), list[BranchPoint]()
     equations, place, p = lateral.branch, lateral.parameters.index(along), lateral.own.copy()
     size = float(np.linalg.norm([*point.direction.values()]))

@@ -1,4 +1,4 @@
-"""A family while it is followed, in memory and on disk: every point is in its file as soon as it is found."""
+"""A family while it is followed, in memory and on disk: its file has every point as soon as it is found."""
 
 import os
 import sys
@@ -33,7 +33,7 @@ def versions() -> dict[str, str]:
 
 
 def check_output(output: str | Path | None) -> None:
-    """Raise `InputError` where the file of a family cannot be written there; None is no file."""
+    """Raise `InputError` where the file of a family cannot be written there; None means no file."""
     if output is not None:
         check_path(output, FAMILY_ENDINGS[:1])
 
@@ -75,7 +75,7 @@ def _until_time_is_over(items: Iterable[_Item]) -> Iterator[_Item]:
             yield item
             interrupts.heed()
     except TimeOver as over:
-        yield End("interrupted", f"{over}; resume it to go on")
+        yield End("interrupted", f"{over}; resume it to continue")
 
 
 def begun(run: FamilyRun, resume: Family | None = None) -> Family:
@@ -101,7 +101,7 @@ def begun(run: FamilyRun, resume: Family | None = None) -> Family:
 class Lines:
     """The file of a family that grows, with the points found so far; it has no effect without an `output`.
 
-    Where the output exists and is not the file that is resumed, the lines are written beside it, to NAME.part.jsonl,
+    Where the output exists and is not the file that is resumed, the lines are written next to it, to NAME.part.jsonl,
     which replaces it once the family has ended: an interrupt or a full disk leaves both.
     """
 
@@ -140,8 +140,8 @@ class Lines:
                 with writing("family", self.whole) as target:
                     os.replace(self.path, target)
         if isinstance(error, KeyboardInterrupt) and self.path != self.whole:
-            found = f"what was found is in {self.path}, and {self.whole} is as it was"
-            raise KeyboardInterrupt(f"{found}: go on from there by resume, in the command with --resume") from None
+            found = f"what was found is in {self.path}, and {self.whole} is unchanged"
+            raise KeyboardInterrupt(f"{found}: continue from there with resume, or --resume in the command") from None
 
 
 def _is_in(resume: Family | None, path: Path) -> bool:

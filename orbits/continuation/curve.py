@@ -141,7 +141,7 @@ class Curve:
 
     def units_of_changes(self, sizes: np.ndarray, evaluation: Evaluation) -> np.ndarray:
         """The units (m, N + 1) of small changes at points (m, N + 1) of these sizes: where parameters determine the
-        motions more sharply than by their sizes, those that move them by their own size."""
+        motions more sharply than by their sizes, the values that move them by their own size."""
         units, places = sizes.copy(), self.equations.moving((self.along,))
         units[:, places] = np.minimum(units[:, places], evaluation.parameter_units)
         return units
@@ -178,7 +178,7 @@ class Curve:
         return points.evaluation.largest_growth[points.places] if self.division is None else self.growths(points)
 
     def asks_for_nodes(self, points: Points) -> np.ndarray:
-        """Whether the motions at certified points (m,) are divided at nodes, or divided anew, from there on."""
+        """Whether the motions at certified points (m,) are divided at nodes, or divided again, from there on."""
         growths = growths_without_nodes(self.division, points.evaluation)[points.places]
         if not (self.takes_nodes and self.takes_nodes_early):
             return growths > DIVISION.arc_growth
@@ -187,11 +187,11 @@ class Curve:
     def divided(
         self, x: np.ndarray, tangent: np.ndarray, evaluation: Evaluation
     ) -> tuple[Self, np.ndarray, np.ndarray]:
-        """This curve with motions that are divided at nodes, as many as they ask for at a point (n + 1,) with a
+        """This curve with motions that are divided at nodes, in the number that they need at a point (n + 1,) with a
         tangent, where the equations are the evaluation (1); and there both (N + 1,), the tangent with no share of the
         nodes. Raises `NoOrbit`."""
         if not self.takes_nodes:
-            raise NoOrbit("small changes grow too much for motions without nodes, which those of this curve are")
+            raise NoOrbit("small changes grow too much, since the motions of this curve have no nodes")
         curve, p = copy(self), self.parameters_at(x[None])[0]
         undivided = self.division.undivided if self.division else self.equations
         along = growths_along(evaluation, counts_of_parts(self.division, undivided))
@@ -227,7 +227,7 @@ class Curve:
 
     @cached_property
     def hops(self) -> LosslessHops:
-        """The map of launches beside the orbits; raises `InputError` where a launch is a speed alone."""
+        """The map of launches near the orbits; raises `InputError` where a launch is one speed."""
         return LosslessHops(self.machine)
 
     @property
@@ -367,11 +367,12 @@ class Curve:
 
 
 def check_followed(machine: Machine, *names: str) -> None:
-    """Raise `InputError` for a name that is no parameter of the machine, or that is a column of a table of orbits."""
+    """Raise `InputError` for a name that is not a parameter of the machine, or that is a column of a table of
+    orbits."""
     check_parameters(machine, *names)
     for name in names:
         if name in RESERVED_NAMES:
-            raise InputError(f"a parameter called '{name}' has the name of a number of orbits; give it another name")
+            raise InputError(f"a parameter called '{name}' has the name of a quantity of orbits; rename it")
 
 
 def tuned_at(machine: Machine, point: Point, along: str) -> tuple[str, ...]:
@@ -390,14 +391,16 @@ def values_at(machine: Machine, point: Point, along: str) -> dict[str, float]:
 def machine_at(machine: Machine, point: Point, along: str, method: str | None) -> tuple[Machine, str]:
     """The machine at a point of its family along a parameter, and the method: the simplest for None."""
     if not isinstance(point, Point):
-        raise InputError("where to begin is the `point` of a family's event")
+        raise InputError("a branch must begin at the `point` of a family's event")
     check_followed(machine, *(() if is_quantity(machine, along) else (along,)))
     machine = machine.with_values(**values_at(machine, point, along))
     if tuned_at(machine, point, along):
         return machine, METHOD
     if along not in machine.values:
-        raise InputError(f"along = {along!r} is no parameter of the machine: state the one along which the family goes")
+        raise InputError(
+            f"along = {along!r} is not a parameter of the machine: name the one along which the family goes"
+        )
     method = method or iterative(method_of(machine.model))
     if len(point.u) != equations_of(machine.model, method, tuple(machine.values)).size:
-        raise InputError("this point was found by another method; give that method")
+        raise InputError("this point was found by another method; pass that method")
     return machine, method

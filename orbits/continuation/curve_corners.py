@@ -1,7 +1,7 @@
 """Corners of a curve of orbits: where lift-off passes a place at which the slope of a law jumps.
 
-The equations are continuous there. Their derivatives jump, by the slope of the force at lift-off, so that the curve
-goes on with another tangent.
+The equations are continuous there. Their derivatives jump with the slope of the force at lift-off, so the curve
+continues with another tangent.
 """
 
 from collections.abc import Callable

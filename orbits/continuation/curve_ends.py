@@ -1,4 +1,4 @@
-"""How a curve of orbits ends: at a bound, closed, lost, or as its orbits tend to infinity or shrink to nothing."""
+"""How a curve of orbits ends: at a bound, closed, lost, or as its orbits tend to infinity or shrink to zero."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -25,7 +25,7 @@ SETTLED_SHARE = 1e-4
 # A flight shrinks to nothing with the launch speed if it lasts less than this share of its first time when the speed is
 # less than the reciprocal of `StepControl.escape_ratio` of its first value.
 SHRUNK = 0.3
-# The component of the tangent along the parameter, relative to its range, where it has settled but for rounding.
+# The component of the tangent along the parameter, relative to its range, where it has settled up to rounding.
 SETTLED_RATE = 1e-13
 
 
@@ -52,7 +52,7 @@ EXTRAPOLATION = Extrapolation()
 
 
 def _passed(passed: Sequence[Points], *names: str) -> list[np.ndarray]:
-    """Columns of the certified points passed, each point once: where the curve goes on with nodes or behind a corner,
+    """Columns of the certified points passed, each point once: where the curve continues with nodes or behind a corner,
     it begins again at the same place or just beyond it, with a length of 0."""
     once = [points.lengths > 0 for points in passed]
     once[0][0] = True
@@ -197,14 +197,14 @@ class Endings:
         return self.far(last, passed)
 
     def far(self, last: Points, passed: Sequence[Points]) -> End | None:
-        """The end of a curve that goes to infinity or to nothing before the parameter reaches a bound."""
+        """The end of a curve that goes to infinity or to zero before the parameter reaches a bound."""
         orbit, first, ratio, history = last.own[0], self.first, self.control.escape_ratio, _history(passed)
         place = f"near {self.curve.along} = {last.values[0]:.6g}"
         if (most := float(self.curve.growths(last)[0])) > self.control.largest_amplification:
             if orbit_at_rest := homoclinic(self.curve, last, *_way(passed)):
                 return self._homoclinic(orbit_at_rest, last)
             growth = f"{most:.0e}-fold"
-            return self.lost(f"small changes grow {growth} over the flight, and rounding decides", last, passed)
+            return self.lost(f"small changes grow {growth} over the flight, so rounding decides", last, passed)
         if self.curve.largest_growths(last)[0] > DIVISION.arc_growth and (end := self._hanging(last, passed)):
             return end
         if isinstance(self.curve, TunedCurve) and (away := self._tuned_away(self.curve, last)):
@@ -227,18 +227,18 @@ class Endings:
         ends = speed < 1 / ratio and (shrunk or self.curve.machine.model.one_speed)
         if ends and (found := limit(history, self.bounds, 1)):
             what = "flight shrinks" if shrunk else "launch speed falls"
-            return End("degenerate", f"the {what} to nothing {place}", *found)
+            return End("degenerate", f"the {what} to zero {place}", *found)
         return None
 
     @cached_property
     def _place_of_liftoff(self) -> int | None:
-        """The place of the extension at lift-off among the unknowns; None where it is none of them, and where a launch
-        has several unknowns, of which one is the place of a mass and grows as the speed does."""
+        """The place of the extension at lift-off among the unknowns; None where it is not one of them, and where a
+        launch has several unknowns, since then one is the place of a mass and grows as the speed does."""
         names = self.curve.equations_of_orbits.statement.unknowns
         return names.index("liftoff") if "liftoff" in names and self.curve.machine.model.one_speed else None
 
     def _reach(self, point: Point) -> float:
-        """The extension at lift-off, 0 where it is no unknown."""
+        """The extension at lift-off, 0 where it is not an unknown."""
         return 0.0 if self._place_of_liftoff is None else abs(point.u[self._place_of_liftoff])
 
     def _limit_by_reach(self, passed: Sequence[Points]) -> tuple[float, float] | None:
@@ -284,12 +284,12 @@ class Endings:
         if not isinstance(error, NoStep | RunsAway | BreaksDown):
             return error
         growth = float(self.curve.largest_growths(last)[0])
-        text = "no orbit is found beside it" if isinstance(error, NoStep) else "the motion beside it does not come back"
+        text = "no orbit is found near it" if isinstance(error, NoStep) else "the motion near it does not come back"
         text += " ({error}): "
         if growth > DIVISION.growth:
-            text += "as near an unstable equilibrium, small changes grow {growth:.0e}-fold. Follow another parameter"
+            text += "small changes grow {growth:.0e}-fold, as near an unstable equilibrium. Follow another parameter"
         else:
-            text += "allow steps shorter than {step:.0e} by `shortest_step` of `StepControl`"
+            text += "allow steps shorter than {step:.0e} with `shortest_step` of `StepControl`"
         return Message(text, error=error, growth=growth, step=self.control.shortest_step)
 
     def lost(self, error: OrbitsError | str, last: Points, passed: Sequence[Points]) -> End:
@@ -303,7 +303,7 @@ class Endings:
             return End("escaped", f"the launch speed grows without bound, and was followed to {where}", *found)
         reason = in_units(self._in_words(error, last), units)
         if isinstance(error, InputError):
-            return End("degenerate", f"there is no such machine any more at {where}: {reason}")
+            return End("degenerate", f"the machine ceases to exist at {where}: {reason}")
         if abs(value - self.start) < self.control.least_progress * self.curve.span:
-            reason += "; a parameter over decades is followed by its inverse or its logarithm"
+            reason += "; over several decades, follow the inverse or the logarithm of the parameter"
         return End("stuck", f"at {where}: {reason}")

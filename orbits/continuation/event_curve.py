@@ -210,7 +210,7 @@ class EventCurve(Curve):
         return None
 
     def rescued(self, x: np.ndarray) -> np.ndarray:
-        raise NoOrbit("the orbits at an event are found by Newton's method alone")
+        raise NoOrbit("only Newton's method finds the orbits at an event")
 
     def evaluate(self, xs: np.ndarray) -> Evaluation:
         return self._evaluated(xs, None)
@@ -222,7 +222,7 @@ class EventCurve(Curve):
         which, _ = super().evaluate_lanes(xs)
         try:
             return which, self.evaluate(xs[which]) if len(which) else None
-        except FlowError:  # at a place beside a point
+        except FlowError:  # at a place near a point
             return which[:0], None
 
     def _evaluated(self, xs: np.ndarray, slopes_of_last: np.ndarray | None) -> Evaluation:

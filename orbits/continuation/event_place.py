@@ -1,4 +1,4 @@
-"""Where an event lies on a family: among those that are located, where a formula has a value, or is stationary."""
+"""The place of an event on a family: a located event, or where a formula has a value or is stationary."""
 
 from collections import Counter
 
@@ -25,7 +25,9 @@ def located_event(family: Family, event: Event | str, number: int) -> Event:
         place = event.kind, event.value, getattr(event.point, "u", None)
         if all((each.kind, each.value, each.point.u) != place for each in family.events):
             where = "" if event.value is None else f" at {family.name} = {event.value:.10g}"
-            raise InputError(f"the event '{event.kind}'{where} is none of this family: take one of family.events")
+            raise InputError(
+                f"the event '{event.kind}'{where} does not belong to this family: use one of family.events"
+            )
         return event
     found = [each for each in family.events if each.kind == event]
     if number < len(found):
@@ -33,14 +35,14 @@ def located_event(family: Family, event: Event | str, number: int) -> Event:
     counts = Counter(each.kind for each in family.events)
     here = ", ".join(f"{count} '{kind}'" for kind, count in counts.items()) or "none"
     if found:
-        raise NoOrbit(f"number = {number}: the family has {here}, and the first is number 0")
+        raise NoOrbit(f"number = {number}: the family has {here}, counted from 0")
     machine, known = family.source, [*TEST_FUNCTIONS, *OTHER_EVENTS, *counts]
     if event in CROSSINGS and "multipliers" not in family.settings:
-        here += f"; a '{event}' is located by follow(..., multipliers=True)"
+        here += f"; follow(..., multipliers=True) locates a '{event}'"
     elif event not in known:
         if machine and event in names_along(machine):
-            text = f"'{event}' is no event: a quantity is followed at a value, as {{'{event}': 0.1}}, or where it is"
-            raise InputError(f"{text} stationary along the family, as '{EXTREMUM}{event}'")
+            text = f"'{event}' is not an event: follow the quantity at a value, {{'{event}': 0.1}}, or where it is"
+            raise InputError(f"{text} stationary along the family, '{EXTREMUM}{event}'")
         near = suggest(event, known)
         raise InputError(f"there is no event '{event}'{near}{'' if near.endswith('?') else '.'} The family has {here}")
     raise NoOrbit(f"the family has no event '{event}'; it has {here}")
@@ -50,7 +52,7 @@ def crossing_of(machine: Machine, family: Family, formula: Formula, level: float
     """A dimensionless point of a family next to where a formula passes a value."""
     values = family.values_at(family.points, formula.text) - level
     if (values == values[0]).all():
-        raise InputError(f"'{formula.text}' is the same all along the family, {values[0] + level:.10g}")
+        raise InputError(f"'{formula.text}' has the same value along the whole family, {values[0] + level:.10g}")
     with np.errstate(invalid="ignore"):
         found = np.flatnonzero(values[:-1] * values[1:] <= 0)
     if not 0 <= number < len(found):
@@ -58,7 +60,7 @@ def crossing_of(machine: Machine, family: Family, formula: Formula, level: float
             raise NoOrbit(f"'{formula.text}' has no value at any orbit of the family")
         low, high = (float(each(values)) + level for each in (np.nanmin, np.nanmax))
         raise NoOrbit(
-            f"'{formula.text}' passes {level:g} along the family {len(found)} times: it lies between {low:.6g} and "
+            f"'{formula.text}' passes {level:g} along the family {len(found)} times; it lies between {low:.6g} and "
             f"{high:.6g}"
         )
     i = int(found[number])
@@ -71,17 +73,17 @@ def turn_of(machine: Machine, family: Family, formula: Formula, number: int) -> 
     rises = np.diff(values)
     found = np.flatnonzero(rises[:-1] * rises[1:] < 0) + 1
     if not 0 <= number < len(found):
-        raise NoOrbit(f"'{formula.text}' has {len(found)} extrema inside the family, and none of number {number}")
+        raise NoOrbit(f"'{formula.text}' has {len(found)} extrema inside the family, so none has the number {number}")
     return bare_point(machine, family, family[int(found[number])])
 
 
 def known_event(machine: Machine, text: object) -> Formula:
     """A formula of the quantities and parameters of a machine."""
     if not isinstance(text, str):
-        raise InputError(f"event = {text!r}; it is a kind of event, or a formula of quantities with its value")
+        raise InputError(f"event = {text!r}; it must be a kind of event, or a formula of quantities with its value")
     formula = known_formula(text, names_along(machine), "the event", machine)
     if not formula.names:
-        raise InputError(f"the event '{text}' says nothing of the orbit or the machine")
+        raise InputError(f"the event '{text}' must contain a quantity of the orbit or a parameter of the machine")
     return formula
 
 

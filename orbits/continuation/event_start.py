@@ -45,12 +45,12 @@ from .tuned_curve import values_of
 
 # Why other events are not followed.
 NOT_FOLLOWED = {
-    "branch point": "two equations hold at it, so that it is isolated in two parameters; where a symmetry holds one of "
-    "them, follow_branch_points follows it",
-    "corner": "the equations have other derivatives on its two sides",
-    "law ends": "beyond it there is no motion on one side of which its equation could be solved",
-    "family": "the number of a family is counted, and is no equation",
-    "value": "the parameter has one value on it: follow(machine, second) goes along it",
+    "branch point": "it satisfies two equations, so it is isolated in two parameters; where a symmetry satisfies one "
+    "of them, follow_branch_points follows it",
+    "corner": "the derivatives of the equations differ on its two sides",
+    "law ends": "beyond it there are no motions, so its equation cannot be solved from both sides",
+    "family": "the number of a family is a count, not an equation",
+    "value": "its parameter has one value: follow(machine, second) follows it",
 }
 
 
@@ -83,14 +83,14 @@ def event_start(machine: Machine, family: Family, event: Event | str | Mapping[s
     """Where the curve of an event of a family begins."""
     if isinstance(event, Mapping):
         if len(event) != 1:
-            raise InputError(f"event = {dict(event)!r}: it is one formula with its value")
+            raise InputError(f"event = {dict(event)!r}: it must be one formula with its value")
         ((text, value),) = event.items()
         formula = known_event(machine, text)
         level = finite_number(f"event '{text}'", value)
         condition = EventCondition(f"{text} = {level:.10g}", text, level, place=_side_of(machine, text, level))
         return _of_formula(machine, family, crossing_of(machine, family, formula, level, number), formula, condition)
     if not isinstance(event, str | Event):
-        raise InputError(f"event = {event!r}; it is an event of the family, its kind, or a formula with its value")
+        raise InputError(f"event = {event!r}; it must be an event of the family, its kind, or a formula with its value")
     if isinstance(event, str) and event.startswith(EXTREMUM):
         formula = known_event(machine, event.removeprefix(EXTREMUM))
         condition = EventCondition(event, formula.text, None)
@@ -107,8 +107,8 @@ def event_start(machine: Machine, family: Family, event: Event | str | Mapping[s
     limits = {kind: text for text, (kind, _) in LIMITS.items()}
     if found.kind not in limits:
         known = ", ".join(["fold", COLLAPSE, *limits, *CROSSINGS])
-        reason = NOT_FOLLOWED.get(found.kind, "of a function that is watched no derivatives are known: state a formula")
-        raise InputError(f"a curve of '{found.kind}' is not followed: {reason}; those of {known} are")
+        reason = NOT_FOLLOWED.get(found.kind, "a watched function has no known derivatives: state a formula")
+        raise InputError(f"a curve of '{found.kind}' cannot be followed: {reason}; curves of {known} can")
     text = limits[found.kind]
     size = getattr(own, text) if text in Certificate.__dataclass_fields__ else 0.0
     # Where it jumps, the contact turns back before a barrier on one side, and beyond it on the other.
@@ -168,7 +168,7 @@ def _check_variational(machine: Machine) -> None:
     """Raise `InputError` where a derivative by the launch speed has no equation."""
     if machine.model.changes_contact or not flow_of(machine.model.flight, tuple(machine.values)).is_smooth:
         raise InputError(
-            f"{' and '.join(VARIATIONAL)} are followed for smooth laws and for machines that land on one point alone"
+            f"{' and '.join(VARIATIONAL)} can be followed only for smooth laws and machines that land on one point"
         )
 
 
@@ -212,7 +212,7 @@ def _barrier(machine: Machine, stated: EventStatement, place: float, speed: floa
         turns = np.flatnonzero((rates[:-1] < 0) & (rates[1:] >= 0))
         if len(turns) and energy[turns[0]] < BARRIER_SEARCH.energy_left * energy.max():
             return float(distances[turns[0]])
-    raise NoOrbit("the contact has no place near which it would come to rest: its collapse is no barrier")
+    raise NoOrbit("the contact comes close to rest at no place: its collapse is not a barrier")
 
 
 def _start(
@@ -226,8 +226,8 @@ def _start(
 
 
 def _completed(machine: Machine, stated: EventStatement, known: Mapping[str, float], first: float) -> np.ndarray:
-    """The unknowns (n,) of a statement, the last of which is the `first` parameter: those that are values follow from
-    the others."""
+    """The unknowns (n,) of a statement, with the `first` parameter last: unknowns that are values follow from the
+    others."""
     names = stated.statement.unknowns
     x = np.array([*(known.get(name, 0.0) for name in names[:-1]), first])
     if stated.rows:

@@ -16,11 +16,11 @@ from .family import Family
 
 @dataclass(frozen=True, repr=False)
 class Families(Result, what="families", dimension="point"):
-    """Families of a machine along one parameter, as `follow` returns them for several numbers; `[number]` is one of
-    them, iteration goes over the numbers.
+    """Families of a machine along one parameter, as `follow` returns them for several numbers. `[number]` returns one
+    of them; iteration goes over the numbers.
 
     families : by number
-    missing : why there is none, by number
+    missing : for each number without a family, the reason
 
     >>> from orbits import follow
     >>> from problems import Hopper
@@ -57,7 +57,7 @@ class Families(Result, what="families", dimension="point"):
         return len(self.families)
 
     def table(self, machine: Machine | None = None, *, events: bool = False) -> dict[str, Any]:
-        """The tables of the families below each other, see `Family.table`; the column "family" tells them apart."""
+        """The tables of the families below each other, see `Family.table`; the column "family" has their numbers."""
         tables = [family.table(machine, events=events) for family in self.families.values()]
         return {name: np.concatenate([np.asarray(each[name]) for each in tables]) for name in tables[0]}
 
@@ -123,7 +123,7 @@ def numbers_of_families(families: object) -> tuple[int, ...]:
     """The stated numbers of families; raises `InputError` for anything but different ones."""
     numbers = tuple(map(family_number, families)) if is_list(families) else ()
     if not numbers or len({*numbers}) < len(numbers):
-        raise InputError(f"families = {families!r}; they are different numbers of families, as (1, 2, 3)")
+        raise InputError(f"families = {families!r}; they must be different numbers of families, such as (1, 2, 3)")
     return numbers
 
 

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from ..proof import BranchClaim, Proof
 
 # The reason why a family from an unfinished file has no end.
-UNFINISHED = "its file ends before it does: resume it to go on"
+UNFINISHED = "its file is incomplete: resume it to continue"
 # The setting of a family that says how it ends at its first point, where it was followed both ways.
 BEGINNING = "beginning"
 # Kinds of events in files of earlier versions, with their names of today.
@@ -120,13 +120,13 @@ class Family(
     name : of the parameter
     points : the orbits, in order along the curve
     events : the events, in order along the curve: where something happens (`kind`), after which point (`after`, its
-        index; for "value" that of the point itself), and the orbit there (`point`). The kinds are "fold",
-        "branch point", "corner", "grazing", "masses touch", "contact pulls", "landing jerk", "collapse", "law ends",
-        "foot lifts", "foot slides", "family", "multiplier 1", "flip", "Neimark-Sacker", "value" (of the parameter, in
-        `at`), and the names of the functions of `watch`
-    end : how the curve ends: "reached" (a bound of the parameter), "escaped", "homoclinic" (the orbit stays ever longer
-        near an unstable equilibrium), "closed", "degenerate", "stopped", "stuck", or "interrupted" by a time limit or
-        in an unfinished file, with the reason in words, and the limit of the parameter where it tends to one
+        index; for "value" the index of the point itself), and the orbit there (`point`). The kinds are "fold", "branch
+        point", "corner", "grazing", "masses touch", "contact pulls", "landing jerk", "collapse", "law ends", "foot
+        lifts", "foot slides", "family", "multiplier 1", "flip", "Neimark-Sacker", "value" (of the parameter, in `at`),
+        and the names of the functions of `watch`
+    end : how the curve ends: "reached" (a bound of the parameter), "escaped", "homoclinic" (the orbit stays longer and
+        longer near an unstable equilibrium), "closed", "degenerate", "stopped", "stuck", or "interrupted" by a time
+        limit or in an unfinished file, with the reason in words, and the limit of the parameter where it tends to one
     machine : the machine in words and numbers, at the first point
     settings : the arguments of `follow`
     versions : of the packages that computed the family
@@ -169,16 +169,17 @@ class Family(
         """A quantity (m,) at points of the curve, or a formula as in `optimize`, NaN where an orbit does not have it.
 
         Quantities of the motion, such as "stroke", and formulas are computed when they are needed; this works for a
-        family that has its machine. Raises `InputError` for an unknown name, and for what is no point of a family.
+        family that has its machine. Raises `InputError` for an unknown name, and for anything that is not a point of a
+        family.
         """
         if strange := [each for each in points if not hasattr(each, "numbers")]:
-            raise InputError(f"points: {strange[0]!r} is no point of a family")
+            raise InputError(f"points: {strange[0]!r} is not a point of a family")
         numbers = names_of_numbers(self, points)
         if name in (*numbers, "value"):
             return numbers_at(points, "value" if name == self.name else name)
         if self.source is None:
-            known = f"they have {', '.join(numbers)}; those of motions need Family.load(path, machine)"
-            raise InputError(f"the family is of no known machine and has no quantity '{name}': {known}")
+            known = f"they have {', '.join(numbers)}; quantities of motions need Family.load(path, machine)"
+            raise InputError(f"the family does not know its machine and has no quantity '{name}': {known}")
         from .formula_columns import formula_along
 
         varied = [varied_at(self, point) for point in points]
@@ -186,7 +187,7 @@ class Family(
 
     @property
     def beginning(self) -> End | None:
-        """How the curve ends at its first point; None where it begins there."""
+        """How the curve ends at its first point, if it goes both ways; None if it begins there."""
         return End(**self.settings[BEGINNING]) if BEGINNING in self.settings else None
 
     @property
@@ -211,8 +212,8 @@ class Family(
         """The quantities of the points as columns: the parameters, the numbers and the sides of the certificate, and
         "violations", the reasons why an orbit is not a motion.
 
-        machine : that the family was followed with; if it is stated, the columns include the quantities of the motions:
-            the stroke and the rises of the heights
+        machine : the machine with which the family was followed; with it, the columns include the quantities of the
+            motions, such as the stroke and the rises of the heights
         events : whether the points of the events are among the rows, in order along the curve; "event" is then the kind
             of each, "" at other points
         """
@@ -241,7 +242,7 @@ class Family(
         return [point for point in everywhere.values() if point.value == value]
 
     def in_order(self) -> list[tuple[Point, Event | None]]:
-        """The points and those of the events, each with its event, in order along the curve."""
+        """The points of the family and of its events, each with its event, in order along the curve."""
         items: list[tuple[Point, Event | None]] = [(point, None) for point in self.points]
         for event in reversed(self.events):
             items.insert(event.after + 1, (event.point, event))
@@ -263,24 +264,24 @@ class Family(
         self, machine: Machine, digits: int | None = None, *, motion: bool = True, workers: int = 1,
         continuous: bool = False, limit: float | None = None,
     ) -> "tuple[Proof, ...] | Proof":  # fmt: skip
-        """Prove each point's orbit, on `workers` processes; nothing is claimed between points. Or, where `continuous`,
+        """Prove each point's orbit, on `workers` processes, without any claim between points. Or, with `continuous`,
         prove that the family is one continuous curve of orbits from its first point to its last, with its folds.
 
-        machine : that the family was followed with
-        digits, motion : as in `orbits.prove`; for a curve, `digits` are those of its ends and folds
+        machine : the machine with which the family was followed digits, motion : as in `orbits.prove`; for a curve,
+            `digits` apply to its ends and folds
         workers : number of processes, for points only
         continuous : whether to prove the curve; the theorem is in `orbits.proof.branch`. The machine must be
             dimensionless, with smooth springs
         limit : time limit in seconds for each point, or for the whole curve; None for 30 s and 600 s of processor time
 
-        Returns one `Proof` for each point, or that of the curve. Raises `InputError` without python-flint, for another
-        machine, for a family of another method than the simplest, and for one that cannot be a curve.
+        Returns one `Proof` for each point, or one for the curve. Raises `InputError` without python-flint, for another
+        machine, for a family that was not followed by the simplest method, and for one that cannot be a curve.
         """
         from ..proof import prove_branch, prove_claims
 
         if self.settings.get("tune"):
             raise InputError(
-                "of a family with tuned numbers single orbits are proved: prove(orbit_at(...), tune=..., at=...)"
+                "a family with tuned parameters is proved orbit by orbit: prove(orbit_at(...), tune=..., at=...)"
             )
         check_parameters(machine, *self._along)
         if continuous:
@@ -293,7 +294,7 @@ class Family(
         from .proved_curve import branch_claim
 
         if not self.points:
-            raise InputError("this family has no points of which a curve could be proved")
+            raise InputError("this family has no points from which a curve could be proved")
         ends = self._claim(machine, self.points[0]), self._claim(machine, self.points[-1])
         names = machine.model.reduction.statement.unknowns if machine.model.reduction else machine.model.half_unknowns
         return branch_claim(machine, self.name, self.settings["method"], tuple(names), self.points, ends)
@@ -306,7 +307,7 @@ class Family(
         model = here.model
         names = model.reduction.statement.unknowns if model.reduction else model.half_unknowns
         if len(names) != len(point.u):
-            raise InputError("this family was followed by another method than its machine's simplest one")
+            raise InputError("this family was not followed by its machine's simplest method")
         sizes = [1.0 if here.units is None else here.units.of(name) for name in names]
         own = {name: each * size for name, each, size in zip(names, point.u, sizes, strict=True)}
         unknowns = {"duration": point.flight_time / 2, **own}
@@ -369,7 +370,7 @@ class Family(
     ) -> Path:
         """Write a page of the family in one file (.html) that needs no network; returns its path.
 
-        quantity : that is shown along the family
+        quantity : the quantity shown along the family
         machine : that the family was followed with; a family from a file does not have it, and without it the page
             has no hops to choose from
         progress : called with the share of these hops that are solved

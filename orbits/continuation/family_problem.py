@@ -1,7 +1,7 @@
 """The orbits of a machine along a parameter, as a problem of curves.
 
-It says how they are solved and certified, and what follows where motions come to amplify small changes, at corners, and
-where the curve is lost.
+It states how they are solved and certified, and what happens where motions amplify small changes, at corners, and where
+the curve is lost.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,7 +22,7 @@ from .step_control import Options
 
 
 class BatchOptions(NamedTuple):
-    """The points of a family that are solved together, and when their derivatives are computed anew."""
+    """The points of a family that are solved together, and when their derivatives are computed again."""
 
     resolved: float = 10  # shortest steps: the family may change between points that are nearer
     # After a step that moves the ends of all motions by less than this share, second derivatives are those before it.
@@ -207,11 +207,11 @@ class FamilyProblem(Problem):
     def lost(self, lane: int, passed: Sequence[Points], error: object) -> End:
         last = passed[-1][-1:]
         if error == ANOTHER:
-            return self.endings.lost(NoOrbit("the next orbit is one of another family"), last, passed)
+            return self.endings.lost(NoOrbit("the next orbit belongs to another family"), last, passed)
         return self.endings.lost(error if isinstance(error, OrbitsError) else self._reason(last, error), last, passed)
 
     def _reason(self, last: Points, error: object) -> OrbitsError:
-        """Why the curve cannot be followed beyond a point (1): the error of the motion beside it, if it has one."""
+        """Why the curve cannot be followed beyond a point (1): the error of the motion near it, if it has one."""
         try:
             self.curve.evaluate(self._ahead(last.xs, last.tangents, self.options.step_control.shortest_step))
         except FlowError as beside:
@@ -290,7 +290,7 @@ def largest_batch(point: Points) -> int:
 
 
 def _judged(problem: Any, points: Points) -> Array:
-    """Negative at certified points (m,) behind which the curve may end or go on otherwise."""
+    """Negative at certified points (m,) behind which the curve may end or continue otherwise."""
     asks = problem.endings.asks(points) | problem.endings.hangs(points) | problem.curve.asks_for_nodes(points)
     if problem.corners:
         near = (

@@ -101,7 +101,7 @@ class FamilyRun:
         if end.kind == "closed":
             return replace(end, reason="the curve comes back to its first orbit")
         if end.kind == "stopped" and not end.reason.startswith("no motion"):
-            return replace(end, reason=f"after {count} points: raise `most` to go on")
+            return replace(end, reason=f"after {count} points: raise `most` to continue")
         if end.kind == "reached" and end.reason in (f"{bound:g}" for bound in (self.behind, self.stop)):
             back = " again, on another sheet" if end.reason == f"{self.start:g}" else ""
             return replace(end, reason=f"{self.curve.along} = {end.reason}{back}")

@@ -16,7 +16,7 @@ from ..units import LIFTOFF_SPEED
 from .curve import Curve, TestFunction
 from .step_control import Options
 
-# The test functions that are 1 or -1, for which no secant helps, and the places at which they are evaluated together.
+# The test functions that are 1 or -1, where a secant does not help, and the places of their evaluation.
 SIGNS_ALONE, PLACES_TOGETHER = ("collapse", "law ends"), 31
 Values = Callable[[Any, Points], Array]
 
@@ -83,4 +83,4 @@ def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: 
         return None if value is None else finite_number(name, value)
     except InputError:
         place = f"at alpha = {orbit.alpha:.6g}{f' {orbit.scales.text(LIFTOFF_SPEED)}' if orbit.scales else ''}"
-        raise InputError(f"watch '{name}' gives {value!r} {place}: it must give a finite number") from None
+        raise InputError(f"watch '{name}' returns {value!r} {place}; it must return a finite number") from None

@@ -58,7 +58,7 @@ def follow_fold(
     """
     check_followed(machine, across)
     if along == across:
-        raise InputError(f"the fold in '{along}' is followed along another parameter")
+        raise InputError(f"a fold in '{along}' must be followed along another parameter")
     tuned = tuned_at(machine, fold, along) if isinstance(fold, Point) else ()
     machine, method = machine_at(machine, fold, along, method)
     bounds_of(across, machine.values[across], stop)
@@ -67,6 +67,6 @@ def follow_fold(
     sizes = np.maximum(np.abs(fold.u), 0.1 * np.abs(fold.u).max())
     most = (np.abs(fold.tangent[:-1]) / sizes).max()
     if not abs(fold.tangent[-1]) < STEEPEST * most * max(abs(fold.value), 1e-3):
-        raise NoOrbit(f"this point is no fold: {along} changes along its family")
+        raise NoOrbit(f"this point is not a fold: {along} changes along its family")
     begun = start_of_fold(machine, base, fold, along)
     return collect_event(method, along, across, stop, begun, options, tuned=tuned, output=output)

@@ -111,35 +111,35 @@ def follow(
         quantity of the orbits, such as "period", "frequency" or "alpha"; or "energy", for an `OscillationFamily`: the
         periodic motions of a machine without a gap, of one that stands, or of one that bounces with a restitution of 1,
         from the normal mode of the number `family` on, or through the motion in `start`, see `Oscillation`
-    stop : its last value, in the machine's units; or a range (first, last) around its start, which the family goes
-        through both ways: from the first value, or from where the curve ends before it, to the last one
-    start : its first value, by default the machine's own; or, as in `find`, the first orbit or one near it, instead of
-        the lowest of `family`, at the machine's own value. The curve ends where it returns to this value, unless `stop`
-        is a range
+    stop : its last value, in the machine's units; or a range (first, last) around its start, which is followed both
+        ways. The family then goes from the first value, or from where the curve ends before it, to the last one
+    start : its first value, by default the machine's own; or, as in `find`, the first orbit or one near it at the
+        machine's own value, instead of the lowest orbit of `family`. The curve ends where it returns to this value,
+        unless `stop` is a range
     family : number of the family, from 1
-    families : numbers of several families instead, as (1, 2, 3), each from its own first orbit; they are one result,
-        `Families`, that draws them in one figure
-    tune : names of parameters that are unknowns too, as in `find`; their values are columns of the family
+    families : numbers of several families instead, such as (1, 2, 3), each from its own first orbit. The result is then
+        a `Families`, which draws them in one figure
+    tune : names of parameters that become unknowns, as in `find`; their values are columns of the family
     at : values to hit exactly, each time the curve passes them. A family that escapes ends where small changes grow
-        3e7-fold on the way, since its limit is known by then; it goes on where one of these values lies beyond
+        3e7-fold, since its limit is known by then, unless one of these values lies beyond
     watch : functions of the orbit whose zeros are events, by name
     longest : largest distance of two points, as a share of the parameter's whole range and of the unknowns' size
-    most : largest number of points, each way
-    stop_inadmissible : end where the orbits are not motions any more, instead of following them
+    most : largest number of points, in each direction
+    stop_inadmissible : whether to end where the orbits cease to be motions
     step_control : the constants of step-size control, of acceptance, and of the end of a run
     multipliers : whether to locate where multipliers of the map of launches cross the unit circle, at 1 ("multiplier
-        1"), at -1 ("flip"), or as a complex pair ("Neimark-Sacker"); that of the energy is always 1. Where a launch is
-        a speed alone there are no others, and this is an `InputError`
+        1"), at -1 ("flip"), or as a complex pair ("Neimark-Sacker"). The multiplier of the energy is always 1. Where a
+        launch is one speed there is no other, and this is an `InputError`
     method : the method of `find`; "shooting" uses Ipopt for the first orbit only
     output : a file to which the points are written as they are found, from the first batch on, for `Family.load` and
         `resume`
-    resume : a family to continue from its last point, and where it went both ways from its first one too; the other
+    resume : a family to continue from its last point, and also from its first one if it went both ways; the other
         arguments must be the same
     progress : called with the completed share of the parameter's range
 
-    Returns the `Family`, whose `end` says how it ended: a curve that is lost is "stuck", with the reason. Raises
-    `NoOrbit` if there is no first orbit, and `InputError` for invalid arguments. Source: pseudo-arclength
-    continuation, Keller 1977.
+    Returns the `Family`, whose `end` says how it ended; a curve that is lost is "stuck", with the reason. Raises
+    `NoOrbit` if there is no first orbit, and `InputError` for invalid arguments. Source: pseudo-arclength continuation,
+    Keller 1977.
 
     >>> from orbits import follow
     >>> from problems import Hopper
@@ -159,14 +159,14 @@ def follow(
         if not (start is None or isinstance(start, Real | Mapping)):
             raise InputError("a family along its energy starts at an energy, or at numbers of a motion by name")
         steps = options.steps(step_control.largest_batch)
-        return follow_energy(machine, stop, start, family_number(family), options.at, steps, progress)
+        return follow_energy(machine, stop, start, family, options.at, steps, progress)
 
     def followed(number: int, progress: Progress) -> Family:
         def begun(stop: Stop, resume: Family | None) -> FamilyRun:
             try:
                 return begin_run(machine, along, start, stop, number, method, options, resume, tune)
             except TimeOver as over:
-                raise over.reached("the orbit to begin with is not found yet") from None
+                raise over.reached("the first orbit is not found yet") from None
 
         if is_range(stop):
             return both_ways(begun, stop, collect_family, resume, output, progress)
@@ -175,7 +175,7 @@ def follow(
     if families is None:
         return followed(family, progress)
     if family != 1 or output is not None or resume is not None or not (start is None or isinstance(start, Real)):
-        raise InputError("families are followed from their own orbits: leave out family, a start, output and resume")
+        raise InputError("several families start from their own orbits: leave out family, start, output and resume")
     return followed_families(numbers_of_families(families), followed, progress)
 
 
@@ -184,8 +184,9 @@ def trace(
     machine: Machine, along: str, stop: Stop, start: StartLike | float | None = None, family: int = 1, **options: object
 ) -> Iterator[Orbit | Event | End]:
     """The orbits of a family one by one, as `follow` finds them: each `Orbit`, each `Event` before the orbit that
-    follows it, and last the `End`. The options are those of `follow`, from `tune` to `method`, and so are the errors.
-    Of a range as `stop` the orbits go one way, from the start to its last value; its first one is a bound behind it.
+    follows it, and finally the `End`. It takes the options of `follow`, from `tune` to `method`, and raises the same
+    errors. If `stop` is a range, the orbits go one way, from the start to the last value; the first value is a bound
+    behind the start.
 
     >>> from orbits import trace
     >>> from problems import Hopper
@@ -239,7 +240,7 @@ def follow_branch(
     machine, along, method : as the family was followed with; method None for the simplest
     branch : the point of a "branch point" event
     stop : last value of the parameter; the curve also ends where it returns to the branch point's value
-    upper : whether to start towards higher launch speeds, or else towards lower ones
+    upper : whether to start towards higher launch speeds, instead of lower ones
     at, watch, longest, most, step_control, output : as in `follow`
 
     The direction is the one across the curve in which the equations do not change to first order (Keller 1977). Raises
@@ -249,7 +250,7 @@ def follow_branch(
     options, stop = checked_options(at, watch, longest, most, False, step_control), finite_number("stop", stop)
     check_output(output)
     if stop == branch.value:
-        raise InputError(f"stop = {stop:g} is where the branch point lies: there is no way between")
+        raise InputError(f"stop = {stop:g} is the branch point itself: choose another stop")
     curve = curve_at(machine, along, method, abs(stop - branch.value), tuned_at(machine, branch, along), branch)
     x = np.array([*branch.u, branch.value])
     size = curve.size(x)
@@ -279,7 +280,7 @@ def _first_point(problem: FamilyProblem, x, direction, row, first_step: float) -
             continue
         if np.linalg.norm((step.xs[0] - x) / curve.size(x)) < LONGEST_FIRST_STEP * length:
             return step
-    raise NoOrbit(f"no other curve is found beside {curve.along} = {x[-1]:.10g}")
+    raise NoOrbit(f"no other curve is found near {curve.along} = {x[-1]:.10g}")
 
 
 @exclusive
@@ -318,15 +319,15 @@ def bounds_of(along: str, start: float, stop: Any, at: Sequence[float] = ()) -> 
     if is_range(stop) and start == ahead:
         behind, ahead = ahead, behind
     if start == ahead:
-        raise InputError(f"{along} goes from {start:g} to {ahead:g}: there is no way between")
+        raise InputError(f"{along} goes from {start:g} to {ahead:g}: choose another stop")
     if not (abs(ahead - start) >= SHORTEST_CURVE and abs(ahead - behind) <= 1 / SHORTEST_CURVE):
-        bounds = f"a way is from {SHORTEST_CURVE:g} to {1 / SHORTEST_CURVE:g} long"
+        bounds = f"its range must have a length from {SHORTEST_CURVE:g} to {1 / SHORTEST_CURVE:g}"
         raise InputError(f"{along} goes from {behind:g} to {ahead:g}: {bounds}; state the parameter in another unit")
     if (behind - start) * (ahead - start) > 0:
-        bounds = f"({behind:g}, {ahead:g}): {along} starts at {start:g}, which does not lie between them"
+        bounds = f"({behind:g}, {ahead:g}): {along} starts at {start:g}, which is not between them"
         raise InputError(f"stop = {bounds}: give bounds around it, or another start")
     if outside := [value for value in at if not min(behind, ahead) <= value <= max(behind, ahead)]:
-        raise InputError(f"at = {outside[0]:g} is not reached: {along} lies between {behind:g} and {ahead:g}")
+        raise InputError(f"at = {outside[0]:g} is not reached: {along} goes from {behind:g} to {ahead:g}")
     return behind, ahead
 
 
@@ -340,7 +341,7 @@ def begin_run(
     orbit, start = (start, None) if isinstance(start, Orbit | Mapping | str | Path) else (None, start)
     tuned = checked_tuning(machine, along, tune)
     if resume is not None and not (isinstance(resume, Family) and resume.settings.get("tune", []) == [*tuned]):
-        raise InputError("what is resumed is a family of `follow` with the same `tune`, as Family.load gives it")
+        raise InputError("resume takes a family of `follow` with the same `tune`, such as Family.load returns")
     if tuned and resume is None:
         return _begin_tuned(machine, along, orbit, start, stop, family, method, options, tuned, located)
     if start is None:
@@ -351,7 +352,7 @@ def begin_run(
     if resume is not None:
         if (family, method or resume.settings["method"]) != (resume.settings["family"], resume.settings["method"]):
             which = f"number {resume.settings['family']}, by the method '{resume.settings['method']}'"
-            raise InputError(f"the family to resume is {which}: ask for the same")
+            raise InputError(f"the family to resume is {which}: pass the same")
         return _resumed(machine, along, behind, stop, resume, options, located)
     with interrupts.deferred(), without_units(machine.units):
         family, method = 1 if family is None else family, method_of(machine.model, method)
@@ -437,7 +438,9 @@ def _check_unknowns(point: Point, curve: Curve) -> None:
     """Raise `InputError` where a point of a family does not have the unknowns of a curve's equations."""
     names = curve.equations.statement.unknowns
     if len(point.u) != len(names):
-        raise InputError(f"a point of the family has {len(point.u)} unknowns, its equations {', '.join(names)}")
+        raise InputError(
+            f"a point of the family has {len(point.u)} unknowns, but its equations have {', '.join(names)}"
+        )
 
 
 def _check_resumable(machine: Machine, along: str, behind: float, stop: float, resume: Family) -> None:
@@ -450,14 +453,14 @@ def _check_resumable(machine: Machine, along: str, behind: float, stop: float, r
     other = any(machine.values.get(name) != value for name, value in others.items())
     if along != resume.name or mine != theirs or other:
         which = f"{resume.machine} along {resume.name}"
-        raise InputError(f"the family to resume is of another machine or parameter: {which}")
+        raise InputError(f"the family to resume has another machine or parameter: {which}")
     if not resume.points:
         raise InputError("the family to resume has no points: start it anew")
     if resume.end.kind == "closed":
-        raise InputError("the family to resume has closed: there is nothing to go on to")
+        raise InputError("the family to resume has closed: nothing is left to follow")
     last = resume.points[-1]
     if not min(behind, stop) <= last.value <= max(behind, stop):
         where = f"{along} = {last.value:g}, not between {behind:g} and {stop:g}"
-        raise InputError(f"the family to resume has got to {where}")
+        raise InputError(f"the family to resume has reached {where}")
     if (last.value - stop) * (stop - behind) >= 0 and last.tangent[-1] * (stop - behind) > 0:
         raise InputError(f"the family to resume has reached {along} = {stop:g} already")

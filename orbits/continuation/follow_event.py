@@ -52,20 +52,20 @@ def follow_event(
     family : as `follow` returns it, or as it is loaded with its machine
     event : one of `family.events` or its kind: "fold", "grazing", "masses touch", "contact pulls", "landing jerk",
         "collapse", "foot lifts", "foot slides", "multiplier 1", "flip", "Neimark-Sacker"; or a formula of quantities
-        and parameters with its value, as {"clearance": 0.1}; or "extremum of" a formula, where it is stationary along
-        the family, as "extremum of alpha"
+        and parameters with its value, such as {"clearance": 0.1}; or "extremum of" a formula, such as "extremum of
+        alpha", where it is stationary along the family
     second : name of the second parameter, which begins at the machine's own value
     stop : its last value, or a range around it, as in `follow`
-    number : of the event among those of its kind, from 0 in order along the family
-    within : bounds of the family's own parameter, where the curve ends too
-    locate : whether to locate the events of the curve
+    number : index of the event among those of its kind, from 0 in order along the family
+    within : bounds of the family's own parameter, at which the curve ends
+    locate : whether to locate events on the curve
     at, longest, most, stop_inadmissible, step_control, output : as in `follow`
 
-    Returns a `Family` along `second`, whose points have the value of the family's own parameter too (`column`), with
-    the events of the curve: "fold" where `second` turns round, which on a curve of folds is a cusp, those of orbits by
-    other conditions, and "another place" where the quantity has its value at two places of the motion, beyond which it
-    is not that of the orbit. The condition itself does not make its points inadmissible. Raises `InputError` for an
-    event that is no equation, and `NoOrbit` where there is none.
+    Returns a `Family` along `second`, whose points also have the value of the family's own parameter (`column`). Its
+    events are a "fold" where `second` turns round, which is a cusp on a curve of folds; the events of orbits by other
+    conditions; and "another place", beyond which the extreme of the motion lies elsewhere. The condition itself does
+    not make its points inadmissible. Raises `InputError` for an event that has no equation, and `NoOrbit` where there
+    is no such event.
 
     >>> from orbits import follow, follow_event
     >>> from problems import Hopper
@@ -78,7 +78,7 @@ def follow_event(
     check_output(output)
     if not isinstance(family, Family):
         if (own := getattr(family, "follow_event", None)) is None:
-            raise InputError("an event is one of a family that `follow` returns")
+            raise InputError("the event must come from a family that `follow` returns")
         if number or within is not None or stop_inadmissible or not locate:
             raise InputError("number, within, stop_inadmissible and locate belong to families: leave them out")
         return own(event, second, stop, at=at, longest=longest, most=most, step_control=step_control, output=output)
@@ -102,10 +102,10 @@ def run_along_event(
         raise InputError("this family does not know its machine: load it by Family.load(path, machine)")
     check_followed(machine, second)
     if family.settings.get("event"):
-        raise InputError("events of curves of events are located, and not followed")
+        raise InputError("events on curves of events are located, but cannot be followed")
     if second in (family.name, *statement_of_family(machine, family).tuned):
         what = "lies at a value of" if second == family.name else "is on a family that tunes"
-        raise InputError(f"the event {what} {second}: it is followed along another parameter")
+        raise InputError(f"the event {what} {second}: follow it along another parameter")
     if within is not None:
         within = range_of("within", within)
     for bound in bounds_of(second, machine.values[second], stop, options.at):
@@ -173,5 +173,8 @@ def _at_its_place(family: Family, condition: EventCondition) -> Family:
     first = int(off.argmax())
     events = tuple(event for event in family.events if event.after < first)
     where = f"near {family.name} = {family.points[first].value:.6g}"
-    end = End("stopped", f"{where} another place of the motion takes over: {condition.name} holds at this one alone")
+    end = End(
+        "stopped",
+        f"{where} the condition passes to another place of the motion: {condition.name} holds at this one only",
+    )
     return replace(family, points=family.points[:first], events=events, end=end)

@@ -37,7 +37,7 @@ def formula_along(
     if wanted := [name for name in used if name in together and name not in stored]:
         numbers |= numbers_of_motions(machine, method, values, points, wanted)
     if (alone := [name for name in used if name not in numbers]) and machine.model.sticks:
-        raise InputError(f"'{alone[0]}' is not computed for many orbits of a {machine.model.name} together")
+        raise InputError(f"'{alone[0]}' cannot be computed for many orbits of a {machine.model.name} together")
     if alone:
         machines = [machine.with_values(**here) for here in values]
         numbers |= dict(zip(alone, _numbers_alone(machines, method, points, alone).T, strict=True))

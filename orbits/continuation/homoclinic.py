@@ -1,10 +1,10 @@
-"""Families that end in a homoclinic orbit: the motion stays ever longer near an unstable equilibrium.
+"""Families that end in a homoclinic orbit: the motion stays longer and longer near an unstable equilibrium.
 
-A motion that passes an equilibrium, whose smallest eigenvalue above 0 is s, within the time t comes from a state at the
-distance e**(-s t) from those from which it never leaves; the parameter p is at that distance from its limit, too. Half
-an orbit that stays there for the time t up to its middle, a state that is its own mirror image, begins at the distance
-e**(-2 s t). So the period grows as -n/s log|p - limit|, where the whole orbit passes n times, and dp/dt falls as
-e**(-2 s t/n), by which the growth is measured. Source: Kuznetsov, Elements of Applied Bifurcation Theory, section 6.2.
+Let s be the smallest eigenvalue above 0 of an equilibrium. A motion that passes it within the time t starts at the
+distance e**(-s t) from the states that never leave it, and the parameter p has that distance from its limit. If half an
+orbit stays there for the time t up to its middle, a state that is its own mirror image, it begins at the distance
+e**(-2 s t). So the period grows as -n/s log|p - limit|, where the whole orbit passes n times, and dp/dt falls as e**(-2
+s t/n), by which the growth is measured. Source: Kuznetsov, Elements of Applied Bifurcation Theory, section 6.2.
 """
 
 from typing import NamedTuple
@@ -94,7 +94,9 @@ def homoclinic(
         ahead = tangents[-1, place] / tangents[-1, i] / decay
         limit, error = float(value + ahead), float(abs(ahead) + np.spacing(abs(value)))
         expected, measured = rest.passages / rest.eigenvalue, 2 / decay
-        text = "it becomes homoclinic at {name} = {limit:.10g}: it stays ever longer near the equilibrium {place}, "
+        text = (
+            "it becomes homoclinic at {name} = {limit:.10g}: it stays longer and longer near the equilibrium {place}, "
+        )
         text += "whose smallest eigenvalue above 0 is {eigenvalue:.6g}, and as the distance from there falls by the "
         text += "factor e its period grows by {expected:.6g} (along the family {measured:.6g})"
         growths = {"expected": Quantity(expected, TIME), "measured": Quantity(measured, TIME)}

@@ -1,7 +1,7 @@
-"""Several curves of one machine followed together along a parameter, from solutions at one of its values to another.
+"""Several curves of one machine, followed together along a parameter from one value to another.
 
 Each curve takes steps of its own length along its tangent, so that it passes folds. On the way the points are solved
-nearly; those that arrive are solved to rounding.
+nearly; the points that arrive are solved to rounding.
 """
 
 from collections.abc import Iterator, Sequence
@@ -36,9 +36,9 @@ class EndsOfWays(NamedTuple):
 
 ENDS = EndsOfWays()
 NOWHERE, RETURNS, GROWS, TOO_SHORT, TOO_MANY = (
-    "Newton's method does not find where it begins",
+    "Newton's method does not find its first point",
     "its family folds and returns to straight springs",
-    "its launch grows beyond all bounds",
+    "its launch speed grows without bound",
     "its steps become too short",
     f"it takes more than {STEPS_TO_LAWS.most} steps",
 )
@@ -123,7 +123,7 @@ class Lanes(Problem):
         return End(event.kind, RETURNS if event.kind == "fold" else GROWS)
 
     def lost(self, lane: int, passed: Sequence[Points], error: object) -> Start | End:
-        """Behind a corner, where a motion grazes one of a law, the curve goes on at any angle."""
+        """Behind a corner, where a motion grazes one of a law, the curve continues at any angle."""
         last, lanes = passed[-1][-1:], np.array([lane])
         ahead, row = last.xs + ENDS.across_corner * last.tangents, last.tangents / self.size(lanes, last.xs) ** 2
         border = Border(row, np.einsum("mi,mi->m", row, ahead))

@@ -1,4 +1,5 @@
-"""Quantities of a family's orbits that are not stored in its points: of many orbits together, from their motions."""
+"""Quantities of a family's orbits that its points do not store, computed for many orbits together from their
+motions."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

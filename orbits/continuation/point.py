@@ -88,7 +88,8 @@ class Point(OfCertificate):
 
     @property
     def of_plane(self) -> tuple[str, ...]:
-        """Further columns of a machine whose masses have places across, of the stance where it stands in flight."""
+        """The additional columns of a machine whose masses have horizontal places, and of its stance if a foot stands
+        in flight."""
         if self.certificate.smallest_stance_force is not None:
             return PLANAR_NUMBERS
         return () if self.certificate.friction_needed is None else ("friction_needed",)
@@ -170,15 +171,19 @@ def check_points(points: Sequence[Point], events: Sequence[Event]) -> None:
     for point in (*points, *(event.point for event in events)):
         if not point.u or len(point.u) != len((points or [point])[0].u) or len(point.tangent) != len(point.u) + 1:
             counts = f"{len(point.u)} unknowns u, and a tangent of {len(point.tangent)}"
-            raise ValueError(f"the point at {point.value:g} has {counts}: as many for all points, and one more")
+            raise ValueError(
+                f"the point at {point.value:g} has {counts}: all points need the same number, and the tangent one more"
+            )
         if point.also.keys() != (points or [point])[0].also.keys():
-            raise ValueError(f"the point at {point.value:g} has other further parameters than the first")
+            raise ValueError(f"the point at {point.value:g} has other additional parameters than the first")
         for name in ("u", "tangent"):
             if not SMALLEST_SIZE < max(map(abs, getattr(point, name))) < 1 / SMALLEST_SIZE:
-                raise ValueError(f"the point at {point.value:g} has {name} = {getattr(point, name)}, no such numbers")
+                raise ValueError(f"the point at {point.value:g} has an invalid {name} = {getattr(point, name)}")
         if not point.alpha > SMALLEST_SIZE:
-            raise ValueError(f"the point at {point.value:g} has alpha = {point.alpha:g}; a launch speed is above 0")
+            raise ValueError(
+                f"the point at {point.value:g} has alpha = {point.alpha:g}; a launch speed must be above 0"
+            )
         if point.error < 0 or point.family < 0:  # 0 where the extension that counts does not turn in flight
             raise ValueError(f"the point at {point.value:g} has error {point.error:g} and family {point.family}")
     if wrong := [event for event in events if not -1 <= event.after < max(len(points), 1)]:
-        raise ValueError(f"an event comes after point {wrong[0].after} of {len(points)}")
+        raise ValueError(f"an event is placed after point {wrong[0].after}, but there are {len(points)} points")

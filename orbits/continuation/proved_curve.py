@@ -27,13 +27,15 @@ def branch_claim(
     Raises `InputError` for fewer than two points, for a machine in SI, and where further parameters vary.
     """
     if machine.units is not None:
-        raise InputError("a curve is proved of a dimensionless machine: follow and prove machine.dimensionless()")
+        raise InputError(
+            "a curve can be proved only for a dimensionless machine: follow and prove machine.dimensionless()"
+        )
     rows = [np.append(point.u, point.value) for point in points]
     chosen = [i for i in range(len(rows)) if i == 0 or not np.array_equal(rows[i], rows[i - 1])]
     if len(chosen) < 2:
-        raise InputError("a curve has two points at least: this family has fewer")
+        raise InputError("a curve needs at least two points; this family has fewer")
     if any(point.also for point in points):
-        raise InputError("a curve is proved along one parameter, and others vary along this family")
+        raise InputError("a curve is proved along one parameter, but others vary along this family")
     xs, tangents = np.array([rows[i] for i in chosen]), np.array([points[i].tangent for i in chosen])
     problem = FamilyProblem(Curve(machine, along, method, float(np.ptp(xs[:, -1])) or 1.0), Options())
 

@@ -1,5 +1,5 @@
-"""Starts for `find_all` of machines whose launch has more unknowns than a speed: their hops with linear springs,
-followed to the springs' own laws."""
+"""Starts for `find_all` of machines whose launch has several unknowns: hops with linear springs, followed to the
+springs' own laws."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,8 +23,8 @@ from .many_curves import WayTogether, follow_together
 # The homotopy parameter, which goes from straight lines at 0 to the springs' own laws at 1.
 LAW_SHARE = "share_of_the_springs_own_law"
 # Why there may be more hops.
-LINEAR_STOPPED = "the search for hops of straight springs has not come to its end"
-FOLLOWING_STOPPED = "some hops have not reached the springs' own laws"
+LINEAR_STOPPED = "the search for hops with linear springs is not finished"
+FOLLOWING_STOPPED = "some hops are not yet continued to the springs' own laws"
 
 
 class StartOptions(NamedTuple):
@@ -59,7 +59,7 @@ class _StraightLine(NamedTuple):
 
 
 class Ended(NamedTuple):
-    """A hop of straight springs that leads to none of the springs' own laws.
+    """A hop with linear springs that leads to no hop with the springs' own laws.
 
     start : its unknowns by name
     share : the largest share of the springs' own laws for which it was found
@@ -76,11 +76,11 @@ class Starts(Sequence[dict[str, float]]):
     """Starts for `find_all`, the unknowns of each hop by name.
 
     found : the starts
-    half_contact, half_flight : the longest half durations that were searched
-    periods : the slowest natural periods of contact and of flight with straight springs
-    linear : the number of hops of straight springs that were found
-    ended : those of them that lead to no hop of the springs' own laws
-    stopped : why there may be more hops than these; empty where the search came to its end
+    half_contact, half_flight : the longest searched half durations
+    periods : the slowest natural periods of contact and of flight with linear springs
+    linear : the number of hops found with linear springs
+    ended : the linear hops that lead to no hop with the springs' own laws
+    stopped : why there may be more hops than these; empty if the search was finished
     """
 
     found: tuple[dict[str, float], ...]
@@ -105,8 +105,8 @@ class Starts(Sequence[dict[str, float]]):
 
     def __repr__(self) -> str:
         text = f"{len(self)} starts with half contacts up to {self.half_contact:.6g} and half flights up to "
-        text += f"{self.half_flight:.6g}, from {self.linear} hops of straight springs"
-        text += f"; {len(self.ended)} of these end before the springs' own laws" if self.ended else ""
+        text += f"{self.half_flight:.6g}, from {self.linear} hops with linear springs"
+        text += f"; {len(self.ended)} of these do not reach the springs' own laws" if self.ended else ""
         return f"{text}; not all: {self.stopped}" if self.stopped else text
 
 
@@ -121,33 +121,33 @@ def starts(
     progress: Progress = None,
     limit: float | None = None,
 ) -> Starts:
-    """Starts for `find_all`: the lossless hops of a mechanism with half durations of contact and of flight up to these.
+    """Starts for `find_all`: the lossless hops of a mechanism up to some half durations of contact and flight.
 
-    machine : a `Mechanism`, or a machine that is stated as one, as `problems.Chain`
+    machine : a `Mechanism`, or a machine that is stated as one, such as `problems.Chain`
     half_contact, half_flight : the longest half durations of contact and of flight, in the machine's units; None for
         half the slowest natural period of the contact, and for the slowest natural period of the flight. The number of
         hops grows with the square of these times, divided by the periods of the fastest springs
-    seed : of the quasi-random pairs of times from which the search starts; another seed may find some more hops
-    slope : of the straight lines, in units of the slopes of the tangents; steeper lines lead to more hops of springs
-        that stiffen, those with larger extensions
+    seed : of the quasi-random pairs of times from which the search starts; another seed may find more hops
+    slope : of the linear springs that the search begins with, as a multiple of the springs' tangents; for springs that
+        stiffen, steeper lines lead to more hops, with larger extensions
     progress : called with the share that is done
-    limit : time limit in seconds, as in `find`. Where it is reached, the starts that were found until then are
-        returned, with the reason in `stopped`, and a warning is logged
+    limit : time limit in seconds, as in `find`. At the limit, the starts found so far are returned, with the reason in
+        `stopped`, and a warning is logged
 
-    Returns the unknowns of each hop, by name. Where springs are not linear, the hops of linear ones are followed, all
-    together and round folds, along a homotopy from straight lines through the zero of each force that is nearest to its
-    rest. Hops that end before the springs' own laws are in `ended`, with the reason. Hops that no linear one leads to
-    are not found: a spring that stiffens has hops without number, of ever larger extensions, which lead to linear ones
-    of other `slope`s or longer times, or to none. Raises `InputError` for dampers and other forces, gravity that
-    varies, and extensions that are not linear in the coordinates. Source: for linear springs, after Pankov 2024, arXiv
-    2402.16010.
+    Returns the unknowns of each hop, by name. Where springs are not linear, the hops of linear springs are followed
+    along a homotopy to the springs' own laws, all together and past folds; each line goes through the zero of its
+    spring's force that is nearest to rest. Hops that do not reach the springs' own laws are in `ended`, with the
+    reason. A hop is not found if no linear hop leads to it: a spring that stiffens has infinitely many hops with ever
+    larger extensions, which come from linear hops of another `slope` or of longer times, or from none. Raises
+    `InputError` for dampers and other forces, gravity that varies, and extensions that are not linear in the
+    coordinates. Source: for linear springs, after Pankov 2024, arXiv 2402.16010.
     """
     machine = machine.stated() if hasattr(machine, "stated") else machine
     check_machine(machine)
     springs = _springs_of(machine)
     laws = [from_key(spring.force, machine.values) for spring in springs]
     if not finite_number("slope", slope) > 0:
-        raise InputError(f"slope = {slope:g} is out of bounds; it lies above 0")
+        raise InputError(f"slope = {slope:g} is out of bounds; it must lie above 0")
     seed = whole_number("seed", seed, least=0, most=LARGEST_SEED)
     lines = [
         None if spring.force.degree() == 1 else _straight_line(law, slope)
@@ -167,7 +167,7 @@ def starts(
             for done in search.batches(half_contact, half_flight, seed):
                 _report(progress, share * done)
                 if done < 1 and time_left() < until:
-                    stopped = f"{LINEAR_STOPPED} in half of the time: allow it more by limit=..."
+                    stopped = f"{LINEAR_STOPPED} in half of the time: raise limit=..."
                     break
         except TimeOver as over:
             stopped = f"{LINEAR_STOPPED}: {over}"
@@ -236,15 +236,13 @@ def _outside(machine: Machine, us: np.ndarray) -> dict[int, str]:
 def _springs_of(machine: Mechanism) -> list[Spring]:
     """The springs of a machine whose hops may be followed from linear ones; raises `InputError` for another machine."""
     if not isinstance(machine, Mechanism):
-        raise InputError(f"starts are those of a Mechanism, not of a {type(machine).__name__}")
+        raise InputError(f"starts takes a Mechanism, not a {type(machine).__name__}")
     refuse_hysteresis(machine.model)
     springs = [element for element in machine.elements if isinstance(element, Spring)]
-    remedy = "starts are led there from linear hops; give find a start instead, such as that of start_from_rest"
+    remedy = "starts are continued from linear hops; give find a start instead, such as one of start_from_rest"
     for element in machine.elements:
         if isinstance(element, Damper | Force):
-            raise InputError(
-                f"the {machine.name} has a {type(element).__name__}: it has no lossless hops to start from"
-            )
+            raise InputError(f"the {machine.name} has a {type(element).__name__}, so it has no lossless hops")
     if machine.gravity.degree() > 0:
         raise InputError(f"gravity '{machine.gravity.text}' varies: {remedy}")
     return springs
@@ -264,7 +262,9 @@ def _straight_line(law: Law, share: float = 1.0) -> _StraightLine:
         forces = law(places)
         changes = np.flatnonzero(forces[:-1] * forces[1:] <= 0)
         if not changes.size:
-            raise InputError(f"spring '{law.text}' has the force {value:g} at rest, and none near it where it vanishes")
+            raise InputError(
+                f"spring '{law.text}' has the force {value:g} at rest, and its force vanishes nowhere nearby"
+            )
         nearest = changes[np.abs(places[changes] - rest).argmin()]
         zero = float(brentq(lambda r: float(law(r)), *places[nearest : nearest + 2], xtol=1e-15))
         slope = float(law.with_slope(zero)[1])
@@ -276,7 +276,7 @@ def _straight_line(law: Law, share: float = 1.0) -> _StraightLine:
 def start_from_rest(
     machine: Machine, positions: Sequence[float], half_contact: float, half_flight: float
 ) -> dict[str, float]:
-    """A start for `find`, the unknowns by name, from a guess of the state of rest in mid-contact and of the durations.
+    """A start for `find`, the unknowns by name, from guesses of the state of rest in mid-contact and of the durations.
 
     positions : (n - 1,), of the coordinates of the contact
     half_contact, half_flight : half durations of contact and of flight
@@ -286,10 +286,10 @@ def start_from_rest(
     refuse_hysteresis(machine.model)
     contact, values, count = machine.model.contact, machine.values, len(machine.model.contact.states) // 2
     if np.shape(positions) != (count,):
-        raise InputError(f"positions = {positions!r}; they are {count} numbers, from the top")
+        raise InputError(f"positions = {positions!r}; they must be {count} numbers, from the top")
     for name, time in (("half_contact", half_contact), ("half_flight", half_flight)):
         if not finite_number(name, time) > 0:
-            raise InputError(f"{name} = {time:g} is out of bounds; it lies above 0")
+            raise InputError(f"{name} = {time:g} is out of bounds; it must lie above 0")
     rest = np.zeros(2 * count)
     rest[::2] = [finite_number("positions", each) for each in positions]
     try:

@@ -1,4 +1,4 @@
-"""The options of a run along a family, as users state them, and as the steps along its curve."""
+"""The options of a run along a family, in the form that users state, and as steps along its curve."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -21,7 +21,7 @@ class StepControl:
     """The constants of a continuation run: step sizes, acceptance of steps, and the conditions that end a run.
 
     Lengths are measured along the curve, with the parameter as a share of its whole range and each unknown as a share
-    of its value. Raises `InputError`, which names a value that is out of its bounds.
+    of its value. Raises `InputError` for a value that is out of its bounds.
 
     first_step : length of the first step, and of the first step after a point that Ipopt had to solve
     shortest_step : a run ends as "stuck" when a step of this length is still rejected
@@ -43,9 +43,9 @@ class StepControl:
     largest_amplification : growth of a small change over the motion beyond which rounding errors dominate the orbit,
         even where it is divided at nodes; where the growth between nodes is larger than 3e7 there are more of them
     escape_ratio : an orbit this many times faster, longer or smaller than the first is taken to tend to infinity or to
-        shrink to nothing
+        shrink to zero
     running_ratio : a curve is taken to escape if it is lost after the launch speed has grown by this factor
-    least_progress : share of the parameter's range within which a lost curve counts as not begun
+    least_progress : a curve that is lost within this share of the parameter's range counts as not begun
     same_point : relative distance below which two points are the same, so that the curve is closed
 
     >>> from orbits import follow
@@ -82,7 +82,7 @@ class StepControl:
         check_bounds(self, "step_control")
         if not self.shortest_step < self.first_step <= self.longest_step:
             bounds = f"shortest_step = {self.shortest_step:g} and longest_step = {self.longest_step:g}"
-            raise InputError(f"step_control.first_step = {self.first_step:g}: it lies between {bounds}")
+            raise InputError(f"step_control.first_step = {self.first_step:g}: it must lie between {bounds}")
 
 
 @dataclass(frozen=True)
@@ -113,17 +113,17 @@ def checked_options(*args: Any, **options: Any) -> Options:
     at, longest, control = unchecked.at, unchecked.longest, unchecked.step_control
     watch = {} if unchecked.watch is None else unchecked.watch
     if not is_list(at):
-        raise InputError(f"at = {at!r}; it is a list of values")
+        raise InputError(f"at = {at!r}; it must be a list of values")
     if not isinstance(watch, Mapping):
-        raise InputError(f"watch = {watch!r}; it is a mapping of names to functions of the orbit")
+        raise InputError(f"watch = {watch!r}; it must be a mapping of names to functions of the orbit")
     if not isinstance(control, StepControl):
-        raise InputError(f"step_control = {control!r}; it is a StepControl")
+        raise InputError(f"step_control = {control!r}; it must be a StepControl")
     at = tuple(sorted({finite_number("at", value) for value in at}))
     if not (shortest := LEAST_PLAY * control.shortest_step) <= finite_number("longest", longest) <= 1:
-        raise InputError(f"longest = {longest:g}; it is a share of the way, from {shortest:g} to 1")
+        raise InputError(f"longest = {longest:g}; it must be a share of the way, from {shortest:g} to 1")
     most = whole_number("most", unchecked.most, "points")
     for name, function in watch.items():
         if not callable(function) or name in (*TEST_FUNCTIONS, *OTHER_EVENTS):
-            raise InputError(f"watch '{name}' is a function of the orbit, under a name of its own")
+            raise InputError(f"watch '{name}' must be a function of the orbit, with a name that nothing else has")
     flags: Any = {name: true_or_false(name, getattr(unchecked, name)) for name in ("stop_inadmissible", "multipliers")}
     return replace(unchecked, at=at, watch=dict(watch), longest=float(longest), most=most, **flags)

@@ -95,12 +95,12 @@ def values_of(machine: Machine, names: Sequence[str]) -> np.ndarray:
 def checked_tuning(machine: Machine, along: str, tune: Any) -> tuple[str, ...]:
     """The tuned parameters of a family along a name; raises `InputError` where it cannot be followed so."""
     if not isinstance(along, str):
-        raise InputError(f"along = {along!r}; it is the name of a parameter")
+        raise InputError(f"along = {along!r}; it must be the name of a parameter")
     check_machine(machine, "with_values")
     _refuse_along(machine, along)
     if tune is None:
         if is_quantity(machine, along):
-            raise InputError(f"'{along}' is a quantity of the orbits: say by tune= which parameter changes with it")
+            raise InputError(f"'{along}' is a quantity of the orbits: name in tune= the parameter that changes with it")
         check_followed(machine, along)
         if machine.model.sticks:
             check_count(machine, (), ())
@@ -112,13 +112,13 @@ def checked_tuning(machine: Machine, along: str, tune: Any) -> tuple[str, ...]:
     else:
         check_followed(machine, along, *tuned)
         if along in tuned:
-            raise InputError(f"'{along}' is followed, so that it is not tuned")
+            raise InputError(f"'{along}' is followed, so it cannot be tuned")
         check_count(machine, tuned, ())
     return tuned
 
 
 def _refuse_along(machine: Machine, along: str) -> None:
-    """Raise `InputError` where a family cannot go along a name, since it is that of a quantity that is no equation of
+    """Raise `InputError` where a family cannot go along a name, since it names a quantity that gives no equation of
     half an orbit, or that the orbits do not have."""
     if along in machine.values or is_quantity(machine, along):
         return
@@ -127,8 +127,8 @@ def _refuse_along(machine: Machine, along: str) -> None:
     if along in quantity_names(machine.model, machine.values):
         known = ", ".join(prescribable(machine.model))
         raise InputError(
-            f"'{along}' is found from the whole motion and is no equation of half an orbit: a family with tuned "
-            f"parameters goes along {known}; find(machine, tune=..., at={{'{along}': ...}}) finds one orbit"
+            f"'{along}' depends on the whole motion and gives no equation of half an orbit: a family with tuned "
+            f"parameters can go along {known}; find(machine, tune=..., at={{'{along}': ...}}) finds one orbit"
         )
 
 

@@ -82,13 +82,13 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
     parameters : all parameters by name, the free ones with the values found
     violation : largest amount by which the accurate motion violates a condition, a bound, or the sign of a path
         expression
-    error : the most by which the states of the accurate motion, relative to their size, or its cost differ from those
-        of the nonlinear program
+    error : the largest difference between the accurate motion and the nonlinear program, in the states relative to
+        their size, or in the cost
     coarseness : relative change of the cost by the last halving of the intervals, NaN if they were not halved.
-        Violation and error are those of this motion and do not say what finer inputs would save
+        Violation and error belong to this motion and do not show what finer inputs would save
     iterations, rounds : Ipopt's iterations, and the solves in which they were taken
     seconds : time taken in all
-    status : "optimal"; anything else is raised as an error
+    status : always "optimal"; anything else is raised as an error
     units : of the cost, the time, the states and the inputs, by name; empty where the numbers are not in SI. Violation
         and error have none
     bare : the same motion without units, None where there are none
@@ -130,7 +130,8 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Names of the states that all stages have, in the order of the first stage. A leg's own are in `legs`."""
+        """Names of the states that all stages share, in the order of the first stage; `legs` has all states of each
+        leg."""
         return tuple(name for name in self.legs[0].states if all(name in leg.states for leg in self.legs))
 
     @property
@@ -139,7 +140,7 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
         return tuple(dict.fromkeys(name for leg in self.legs for name in leg.inputs.names))
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
-        """The `states` (..., n) at times (...), from 0 to `end`; where two stages meet, those of the later one.
+        """The `states` (..., n) at times (...), from 0 to `end`; where two stages meet, the states of the later one.
 
         Raises `InputError` for other times, and for anything but numbers.
         """
@@ -169,7 +170,7 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
     def follow(self, name: str, to: float, **options: Any) -> "OptimalFamily":
         """Follow the motion in a parameter: an `OptimalFamily` of motions of locally least cost, on the same intervals.
 
-        name : of one of its `parameters` that has a value
+        name : of one of its `parameters` with a value
         to : the last value of the parameter
         options : as in `orbits.control.optimal_family.follow_optimum`, such as `at`, values among those of the family
 
@@ -187,22 +188,24 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
         return family
 
     def schedule(self, *names: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """The times (k + 1,) at which piecewise constant inputs change, and their values (k,) in between, 0 where a
-        stage does not have them, as `simulate` takes them.
+        """The times (k + 1,) at which piecewise constant inputs change, and their values (k,) in between, in the form
+        that `simulate` takes; an input that a stage does not have is 0 there.
 
-        Raises `InputError` for a name that is no input, and for an input that varies within an interval.
+        Raises `InputError` for a name that is not an input, and for an input that varies within an interval.
         """
         if strange := set(names).difference(*(leg.inputs.names for leg in self.legs)):
             raise InputError(f"there is no input '{min(strange)}'")
         rows = {name: [leg.input_column(name) for leg in self.legs] for name in names}
         if varying := [name for name, columns in rows.items() if any(c[:, 1:].any() for c in columns)]:
-            raise InputError(f"input '{varying[0]}' varies within an interval: it is no schedule; give it degree 0")
+            raise InputError(
+                f"input '{varying[0]}' varies within an interval, which a schedule cannot do; give it degree 0"
+            )
         times = np.concatenate([*(leg.start + leg.inputs.times[:-1] for leg in self.legs), [self.end]])
         return times, {name: np.concatenate([c[:, 0] for c in columns]) for name, columns in rows.items()}
 
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
         """Columns (k,) by name at times (k,), evenly spaced by default: "time", "stage", the states, the inputs, and
-        the "running cost", the cost of the stages so far without the costs at their ends."""
+        the "running cost", the cost so far without the costs at the ends of stages."""
         t = times_within(np.linspace(0.0, self.end, TABLE_ROWS) if t is None else t, self.end, self._second).ravel()
         states, inputs = self(t), self.inputs_at(t)
         stages = np.array([leg.phase for leg in self.legs])[index_of_legs(self.legs, t)]

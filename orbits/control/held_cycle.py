@@ -1,4 +1,4 @@
-"""The cycle that a feedback holds, in pieces between instants, with what becomes of small changes along it.
+"""The cycle that a feedback holds, in pieces between instants, with the growth of small changes along it.
 
 At a fixed time after lift-off the state depends smoothly on the launch, although the time of a tangential landing does
 not: such a landing is a projection (`tangential_landing`). At a landing with a speed the state at a fixed time has the
@@ -93,7 +93,7 @@ class Plan(NamedTuple):
 
     def needed(self, cycle: Cycle) -> list[int]:
         """The places of the instants at which something is measured or changes: a flight that is cut where it lands on
-        the cycle itself would begin anew with a gap that is rounding."""
+        the cycle itself would begin again with a gap that is rounding."""
         inputs = [cycle.input_after(time) for time in self.times.tolist()]
         own = {0, len(self.times) - 1, *self.measured.tolist(), *self.begins.tolist(), *self.ends.tolist()}
         return [j for j in range(len(self.times)) if j in own or inputs[j] != inputs[j - 1]]
@@ -113,9 +113,9 @@ def planned(cycle: Cycle, when: str, parts: int, delay: float, share: tuple[floa
     measured = {"continuous": begins - delay, "lift-off": 0.0 * begins, "apex": 0.0 * begins + 0.5 * flight}[when]
     longest = {"continuous": begins[0], "lift-off": begins[0], "apex": (last - 0.5) * flight}[when]
     if delay < 0:
-        raise InputError(Message("delay = {delay:g}: it is at least 0", delay=Quantity(delay, TIME)))
+        raise InputError(Message("delay = {delay:g}; it must be at least 0", delay=Quantity(delay, TIME)))
     if delay > longest * (1 - CYCLE.together) and delay > 0:
-        text = "delay = {delay:g}: the first input follows its measurement after {longest:g}, and no delay is longer"
+        text = "delay = {delay:g}; it must be at most {longest:g}, the time from a measurement to its first input"
         raise InputError(Message(text, delay=Quantity(delay, TIME), longest=Quantity(float(longest), TIME)))
     wanted = np.sort(np.concatenate([[0.0, flight, cycle.period], cycle.times, begins, closes, measured]))
     apart, least = [0.0, flight, cycle.period], CYCLE.together * cycle.period
@@ -293,7 +293,7 @@ class Runs:
             return *tangential_landing(impacts, (x, np.eye(len(x))), time, end, foot), closing
         (held,), (after,), *_ = impacts.landing(end[None])
         if not held:
-            raise InputError("the cycle bounces as it lands, where a feedback holds cycles of one landing")
+            raise InputError("the cycle bounces as it lands, but a feedback can hold only cycles of one landing")
         y = impacts.onto_contact @ after
         before, later = (
             impacts.flight.rates(end, impacts.flight.data(end[None], impacts.p)[0]),

@@ -1,5 +1,5 @@
-"""Disturbed launches of a machine that a feedback holds, simulated with its limits, delay and noise: which come back,
-and what that costs."""
+"""Disturbed launches of a machine with a feedback, simulated with its limits, delay and noise: which come back, and at
+what cost."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -30,8 +30,8 @@ class HeldLaunches(Result, what="held launches", dimension="launch", in_line=("s
     source : the machine
     when : the decisions of the feedback
     delay, noise : of its measurements; the noise is the deviation of each state as a share of its range
-    within : the share of the launch speed up to which a launch has come back
-    errors : (m,), by which share the launch speeds are off at first
+    within : the relative error of the launch speed below which a launch has come back
+    errors : (m,), the relative errors of the launch speeds at first
     statuses : how the simulations ended
     speeds : (m, hops + 1), the launch speeds, NaN after the end
     off : (m, hops + 1), the largest change of a launch, as a share of the launch speed in the sizes of the cycle
@@ -68,7 +68,7 @@ class HeldLaunches(Result, what="held launches", dimension="launch", in_line=("s
 
     @property
     def returned(self) -> np.ndarray:
-        """Whether (m,) each has come back as the last hop ends, within the limits all along."""
+        """Whether (m,) each launch has come back at the end of the last hop, without ever exceeding the limits."""
         done = np.array([status == "done" for status in self.statuses])
         obeyed = np.array([not names for names in self.exceeded])
         return done & obeyed & (self.off[:, -1] <= self.within)
@@ -86,7 +86,7 @@ class HeldLaunches(Result, what="held launches", dimension="launch", in_line=("s
         return np.where(self.returned, last, np.nan)
 
     def title(self) -> str:
-        return f"{int(self.returned.sum())} of {len(self.errors)} launches come back, decided {self.when}"
+        return f"{int(self.returned.sum())} of {len(self.errors)} launches come back, inputs decided {self.when}"
 
     def table(self) -> dict[str, Any]:
         """A row for each launch."""
@@ -114,7 +114,7 @@ class HeldLaunches(Result, what="held launches", dimension="launch", in_line=("s
         return notes
 
     def plot(self, axes: Axes | None = None) -> Axes:
-        """Plot by how much each launch is off, hop after hop; returns the axes."""
+        """Plot the error of each launch, hop after hop; returns the axes."""
         return shown("launch_figures").plot_held_launches(self, axes)
 
 
@@ -136,9 +136,9 @@ def held_launches(
     """The launches of `Hold.launches`, see there."""
     wanted, hops = np.atleast_1d(np.array(errors, dtype=float)), whole_number("hops", hops, "hops")
     if not (wanted.ndim == 1 and np.isfinite(wanted).all() and (wanted > -1).all()):
-        raise InputError(f"errors = {errors!r}; they are shares of the launch speed above -1, as [-0.05, 0.05]")
+        raise InputError(f"errors = {errors!r}; they must be shares of the launch speed above -1, as [-0.05, 0.05]")
     if not (finite_number("noise", noise) >= 0 and finite_number("within", within) > 0):
-        raise InputError(f"noise = {noise:g}, within = {within:g}: shares of at least 0, and above 0")
+        raise InputError(f"noise = {noise:g}, within = {within:g}: noise must be at least 0, and within above 0")
     rng, deviations = np.random.default_rng(seed), noise * np.ptp(held.states, axis=0)
     if held.cycle.kind != "force":
         deviations[-1] = 0.0  # the actuator knows its own state
@@ -151,7 +151,7 @@ def held_launches(
         launch[section.names.index("alpha")] *= 1 + error
         y = section.states(launch[None], own[[section.places[section.dependent]]])[0]
         if not np.isfinite(y).all():
-            raise NoOrbit(f"no launch exists with the speed changed by {error:g}; choose a smaller error")
+            raise NoOrbit(f"no launch has its speed changed by {error:g}; choose a smaller error")
         motion = simulate(held.cycle.machine, section.unknowns_of(y), hops=hops, feedback=_Noisy(held, deviations, rng))
         rows.append(_measured(held, section, own, y, motion, hops))
     speed, force, energy, power = _sizes(held, units)

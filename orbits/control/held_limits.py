@@ -1,8 +1,8 @@
-"""What an actuator can do, as bounds of the changes of its input that a feedback decides.
+"""The limits of an actuator, as bounds of the changes of its input that a feedback decides.
 
-The bounds of power and of a force that falls with the speed are taken where the cycle is fastest within each interval,
-with a margin, since disturbed motions are faster. A motion that is faster than the margin allows may exceed them, which
-`HeldLimits.exceeded` tells.
+The bounds of power, and of a force that falls with the speed, apply where the cycle is fastest within each interval,
+with a margin, since disturbed motions are faster. A motion that is faster than the margin allows may exceed them;
+`HeldLimits.exceeded` reports this.
 """
 
 from collections.abc import Mapping
@@ -22,8 +22,8 @@ class HeldLimits:
 
     rate, stroke : of the rate of an actuator's state, and of a displacement
     force, power : of its force and its power on the machine, in both directions
-    speed_force : (v0, F0): faster than v0 it does not drive, and at a speed v below with a force of F0 (1 - |v|/v0) at
-        most
+    speed_force : (v0, F0): the actuator does not drive at speeds above v0; at a speed v below, its force is at most F0
+        (1 - |v|/v0)
     """
 
     rate: float = np.inf
@@ -39,10 +39,10 @@ class HeldLimits:
         numbers = [each for each in numbers if not (isinstance(each[1], Real) and each[1] == np.inf)]
         for name, number in numbers:
             if not finite_number(name, number) > 0:
-                raise InputError(f"{name} = {number:g}: a bound of the actuator is above 0")
+                raise InputError(f"{name} = {number:g}; a bound of the actuator must be above 0")
 
     def stated(self) -> dict[str, Any]:
-        """The bounds that there are."""
+        """The finite bounds."""
         return {name: x for name, x in asdict(self).items() if x is not None and x != np.inf}
 
     def forces(self, speed: np.ndarray) -> np.ndarray:
@@ -85,11 +85,11 @@ class HeldLimits:
 def _speed_and_force(stated: Any) -> tuple[float, float]:
     """The bound of the force by the speed; raises `InputError` for an invalid one."""
     if not isinstance(stated, tuple | list) or len(stated) != 2:
-        text = "the speed at which no force is left to drive, and the force at rest"
-        raise InputError(f"speed_force = {stated!r}; it is two numbers, {text}")
+        text = "the speed at which the driving force vanishes, and the force at rest"
+        raise InputError(f"speed_force = {stated!r}; it must be two numbers, {text}")
     speed, force = (finite_number("speed_force", each) for each in stated)
     if not (speed > 0 and force > 0):
-        raise InputError(f"speed_force = ({speed:g}, {force:g}): both numbers of the actuator's bound are above 0")
+        raise InputError(f"speed_force = ({speed:g}, {force:g}): both numbers must be above 0")
     return speed, force
 
 
@@ -169,7 +169,7 @@ def refuse_what_the_cycle_exceeds(cycle: Cycle, found: Linearised, limits: HeldL
     """Raise `InputError` where the cycle itself exceeds a limit, with what it needs in the units of `limits`."""
     if cycle.kind != "displacement's rate" and np.isfinite(limits.stroke):
         raise InputError(
-            f"stroke = {limits.stroke:g}: it bounds the displacement of a spring's end, and the actuator is a force; "
+            f"stroke = {limits.stroke:g}: it bounds the displacement of a spring's end, but the actuator is a force; "
             "leave it out"
         )
     of = Demand.of(cycle.kind, found.force.ravel(), found.speed.ravel(), cycle.inputs, found.states)

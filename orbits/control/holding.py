@@ -1,23 +1,23 @@
-"""Feedback that holds a cycle: inputs that are constant in parts of each cycle, decided by measured states.
+"""Feedback that holds a cycle: inputs that are constant in parts of each cycle, decided from measured states.
 
 A machine leaves its cycle: an unstable one by its multipliers outside the unit circle, and a lossless hop because
 launches with less energy lose more and more. A force between two parts of the machine, or another actuator, brings it
-back. Flight and contact each have some intervals in which the input changes by a constant u. It is decided by the state
-at an instant before: u = -K (x - x*), x* the state of the cycle as long after lift-off. The gains K are those of the
-linear quadratic regulator of the cycle (`regulator`). All is counted in sizes of the cycle: the highest gap, the period
-over 2 pi, and the mean contact force, which is the weight.
+back. Flight and contact each have some intervals in which the input changes by a constant u. It is decided from the
+state x at an earlier instant: u = -K (x - x*), where x* is the state of the cycle at the same time after lift-off. The
+gains K are those of the linear quadratic regulator of the cycle (`regulator`). All quantities are measured in sizes of
+the cycle: the highest gap, the period over 2 pi, and the mean contact force, which is the weight.
 
-A launch that is faster takes longer, so that x - x* is mostly a shift of time at the end of a hop. A cycle that is
-shifted is a cycle, and needs no input where it has none itself. So x is compared with the nearest state x*(t + s) of
-the cycle, and K x*' s is added, which vanishes then: to first order this is the same, and beyond it the nearest state
-leaves out the square of the shift.
+A faster launch takes longer, so at the end of a hop x - x* is mostly a shift of time. A shifted cycle is a cycle too
+and needs no further input. So x is compared with the nearest state x*(t + s) of the cycle, and K x*' s is added, which
+vanishes in this case. To first order the result is the same; beyond it, the nearest state leaves out the square of the
+shift.
 
-A landing loses the power 4/3 of the gap that is left, which is more than a linear feedback gives back where that is
-large. Inputs that are decided once for a whole flight are chosen so that the flight ends in a tangential landing of its
-own, where the launch is not too far off: by Newton's method on the flight itself, from the inputs of the regulator
-(`landing_softly`). What the launch lacks is then added in contact.
+A landing loses the power 4/3 of the remaining gap, which for a large gap is more than a linear feedback gives back. So
+inputs that are decided once for a whole flight make the flight end in a tangential landing, unless the launch is too
+far off: Newton's method on the flight finds them from the inputs of the regulator (`landing_softly`). What the launch
+lacks is then added in contact.
 
-What is decided is cut to what the actuator can do. On the cycle itself u = 0: the feedback costs nothing there.
+Inputs are cut to the limits of the actuator. On the cycle itself u = 0, so the feedback costs nothing there.
 """
 
 from collections.abc import Mapping
@@ -71,8 +71,8 @@ HOLDING = HoldOptions()
 class Hold:
     """A feedback that holds a cycle, to be passed to `simulate(held.machine, launch, feedback=held)`.
 
-    machine : that which it holds, with an actuator or with the force `name` along an extension; the input is that of
-        the cycle unless the feedback changes it
+    machine : the machine to simulate, with an actuator or with the force `name` along an extension; without feedback
+        its input is that of the cycle
     along, name : the extension along which it acts, and the parameter that is its input
     when, delay : of the decisions, as in `hold`
     names : of the numbers of a launch (d,), and of the actuator
@@ -80,10 +80,11 @@ class Hold:
     cycle : what is held
     states : (k + 1, n), the flight states of the cycle at these instants
     series, steps : their Taylor coefficients (k, n, K + 1), and the times up to which these are accurate
-    gains, mixed : (N, n) and (N, N), a change of input per change of the state that is measured, and of those decided
-        before, with the opposite sign
-    sizes : (n,), by which states are compared with the nearest of the cycle
-    limits, bare_limits, room : what the actuator can do, in the units of the machine and without, and its bounds
+    gains, mixed : (N, n) and (N, N), the change of an input per change of the measured state, and per change of the
+        inputs decided before, with the opposite sign
+    sizes : (n,), the units in which a state is compared with the nearest one of the cycle
+    limits, bare_limits, room : the limits of the actuator in the machine's units and without dimensions, and the bounds
+        of its input
     multipliers, held_multipliers : (d,) without and with the feedback, by falling modulus
     slopes : (2, N') of the gap and its speed at landing by the inputs in flight, where these are decided at once
 
@@ -121,17 +122,18 @@ class Hold:
 
     @property
     def times(self) -> np.ndarray:
-        """The instants since lift-off at which something is measured or changes. The last input is in force up to the
-        lift-off, which on the cycle is at the last instant: a contact that is cut there would end by rounding."""
+        """The instants since lift-off at which something is measured or changes. The last input acts up to the next
+        lift-off, which on the cycle is at the last instant: rounding would decide the end of a contact that is cut
+        there."""
         times = self.plan.times[self._needed]
         return np.append(times[:-1], HOLDING.longest * times[-1])
 
     def measured(self, state: np.ndarray) -> np.ndarray:
-        """The flight state (n,) as it is measured: exactly."""
+        """The flight state (n,) as it is measured, without noise."""
         return state
 
     def input(self, index: int, states: Mapping[int, np.ndarray]) -> float:
-        """The input from an instant to the next, by the flight states (n,) measured at the instants so far."""
+        """The input from one instant to the next, from the flight states (n,) measured so far."""
         place = self._needed[index]
         here, acts = self.cycle.input_after(float(self.plan.times[place])), self.plan.acts(place)
         if acts < 0:
@@ -139,9 +141,9 @@ class Hold:
         return here + float(self.decided(acts, {self._needed[i]: state for i, state in states.items()})[acts])
 
     def decided(self, last: int, states: Mapping[int, np.ndarray]) -> np.ndarray:
-        """The changes (N,) of inputs up to the last of these numbers, by the states measured.
+        """The changes (N,) of inputs up to the last of these numbers, from the measured states.
 
-        Those of a flight that are decided at once are found together.
+        Inputs of a flight that are decided at once are found together.
         """
         found, together = np.zeros(len(self.gains)), 0 if self.slopes is None else self.slopes.shape[1]
         for i in range(max(last + 1, together)):
@@ -161,8 +163,8 @@ class Hold:
         return self.room.cut(i, change, self.plan, self.states[:, -1], off)
 
     def off(self, instant: int, states: Mapping[int, np.ndarray]) -> tuple[np.ndarray, float, np.ndarray]:
-        """By how much a state is off the nearest one of the cycle (n,), how much later that is than the instant, and
-        the rates (n,) there."""
+        """The difference (n,) of a state from the nearest one of the cycle, how much later that one is than the
+        instant, and the rates (n,) there."""
         state, series, squares = states[instant], self.series[instant], self.sizes**2
         most = HOLDING.reach * float(self.steps[instant])
         orders, shift = np.arange(series.shape[1]), 0.0
@@ -179,14 +181,14 @@ class Hold:
         self, errors: ArrayLike = (-0.05, -0.01, 0.01, 0.05), *, hops: int = 10, noise: float = 0.0, seed: int = 0,
         within: float = 1e-3, progress: Progress = None,
     ) -> HeldLaunches:  # fmt: skip
-        """Simulate launches that are off, with the limits and the delay: which come back, and what that costs.
+        """Simulate launches that are off the cycle, with the limits and the delay: which come back, and at what cost.
 
-        errors : (m,), the shares by which the launch speed is off
+        errors : (m,), relative errors of the launch speed
         hops : the number of lift-offs of each
-        noise : the deviation of the measurement of each state, as a share of its range in the cycle
+        noise : the standard deviation of the measurement of each state, as a share of its range in the cycle
         seed : of the noise
-        within : the share of the launch speed up to which a launch has come back
-        progress : called with the share that is done
+        within : the relative error of the launch speed below which a launch has come back
+        progress : called with the completed share
 
         >>> from orbits import find
         >>> from orbits.control import hold
@@ -197,10 +199,11 @@ class Hold:
         return held_launches(self, errors, hops, noise, seed, within, progress)
 
     def simulated_multipliers(self, step: float = 1e-7) -> np.ndarray:
-        """The multipliers (d,) of the simulated cycle, by differences of launches that are extrapolated to none.
+        """The multipliers (d,) of the simulated cycle, by differences of launches, extrapolated to a difference of 0.
 
         step : the largest change of a number of the launch, in sizes of the cycle. A change h loses h**(4/3) at a
-            tangential landing, so that differences have errors in h**(1/3) and h**(2/3), which are taken away
+            tangential landing, so that differences have errors in h**(1/3) and h**(2/3), which the extrapolation
+            removes
         """
         return simulated_multipliers(self, step)
 
@@ -253,19 +256,19 @@ def hold(
 ) -> Hold:  # fmt: skip
     """A feedback that holds a lossless orbit by a force along an extension.
 
-    orbit : of a machine that is turned back in time and stands on one foot, as a hopper, a `Chain` or a runner
-    along : a formula of the coordinates, as "phi - theta" of a hip, whose rate times the force is its power
-    when : the force is decided "continuous", as each interval begins; at "lift-off"; or at the "apex", in the middle of
-        the flight, for the rest of the cycle
-    parts : the number of intervals in each phase, in each of which the force is constant
-    effort : the weight r of the force's square against that of the launch's change, both in units of the orbit: its
-        highest gap, its period over 2 pi and its mean contact force
-    landing : the weight of the squares of the gap and its speed where the foot should land; a landing loses the power
-        4/3 of that gap. By default 200, or 20 where a launch is more than its speed
-    delay : from a measurement to the force that it decides; the multipliers do not depend on it
+    orbit : of a machine with a reversor that stands on one foot, such as a hopper, a `Chain` or a runner
+    along : a formula of the coordinates, such as "phi - theta" of a hip; its rate times the force is the power
+    when : when the force is decided: "continuous", at the beginning of each interval; at "lift-off"; or at the "apex",
+        in the middle of the flight, for the rest of the cycle
+    parts : the number of intervals in each phase; the force is constant in each interval
+    effort : the weight r of the squared force, relative to that of the squared change of the launch, both in units of
+        the orbit: its highest gap, its period over 2 pi and its mean contact force
+    landing : the weight of the squares of the gap and its speed where the foot should land, since a landing loses the
+        power 4/3 of that gap. By default 200, or 20 where a launch has several numbers
+    delay : the time from a measurement to the force that it decides; the multipliers do not depend on it
     force, power, speed_force : limits of the force, its power, and its force by its speed, see `HeldLimits`
 
-    Raises `NoOrbit` where the force does not reach what grows, and `InputError` for other machines.
+    Raises `NoOrbit` where the force does not affect every growing change, and `InputError` for other machines.
 
     >>> from orbits import find, simulate
     >>> from orbits.control import hold
@@ -302,11 +305,9 @@ def hold_cycle(
     if landing is None:
         landing = HOLDING.landing if cycle.machine.model.one_speed else HOLDING.landing_of_several
     if not (finite_number("effort", effort) > 0 and finite_number("landing", landing) >= 0):
-        raise InputError(
-            f"effort = {effort:g}, landing = {landing:g}; weights lie above 0, that of the landing may be 0"
-        )
+        raise InputError(f"effort = {effort:g}, landing = {landing:g}; effort must be above 0, landing at least 0")
     if when not in DECISIONS:
-        raise InputError(f"when = {when!r}; inputs are decided {', '.join(map(repr, DECISIONS))}")
+        raise InputError(f"when = {when!r}; it must be one of {', '.join(map(repr, DECISIONS))}")
     plan = planned(cycle, when, parts, delay, (HOLDING.begins, HOLDING.ends))
     found, count = linearised(cycle, plan), len(plan.begins)
     refuse_what_the_cycle_exceeds(cycle, found, limits, bare)
@@ -315,8 +316,8 @@ def hold_cycle(
     if when != "continuous":
         if not cast(np.ndarray, found.pieces[plan.landing].gap).size:
             raise InputError(
-                f"when = {when!r}: inputs that are decided once in a hop are chosen so that it lands without a loss, "
-                "and this one lands with an impact; pass when='continuous'"
+                f"when = {when!r}: inputs decided once in a hop make it land without loss, but this hop lands with "
+                "an impact; pass when='continuous'"
             )
         by_state, slopes = _effects_on_landing(plan, found)
         gains = landing_softly(gains, by_state, slopes)
@@ -363,32 +364,33 @@ def _effects_on_landing(plan: Plan, found: Linearised) -> tuple[np.ndarray, np.n
 def _stated_orbit(orbit: Orbit) -> Orbit:
     """The orbit as that of a mechanism, where its machine is stated as one."""
     if not isinstance(orbit, Orbit):
-        raise InputError(f"orbit = {orbit!r}; hold takes a lossless orbit, as find(machine) returns")
+        raise InputError(f"orbit = {orbit!r}; it must be a lossless orbit, such as find(machine) returns")
     machine: Any = orbit.source
     if machine is None or isinstance(machine, Mechanism) or not hasattr(machine, "stated"):
         return orbit
     if machine.units is not None:
         raise InputError(
-            f"a {machine.model.name} in SI is held with its actuator: keep_hopping(machine, actuator=...).hold(...)"
+            f"a {machine.model.name} in SI needs its actuator: use keep_hopping(machine, actuator=...).hold(...)"
         )
     return replace(orbit, source=machine.stated())
 
 
 def _driven(orbit: Orbit, along: str) -> Mechanism:
-    """The machine of an orbit with the force along an extension; raises `InputError` for those that are not held."""
+    """The machine of an orbit with the force along an extension; raises `InputError` for a machine that cannot be
+    held."""
     machine = orbit.source
     if not isinstance(machine, Mechanism) or machine.model.changes_contact:
-        stated = "is stated as a mechanism and stands on one foot"
+        stated = "is a Mechanism that stands on one foot"
         raise InputError(f"hold takes a machine that {stated}, not a {orbit.machine['machine']}")
     if not isinstance(along, str):
-        raise InputError(f"along = {along!r}; it is a formula of the coordinates, as 'phi - theta'")
+        raise InputError(f"along = {along!r}; it must be a formula of the coordinates, such as 'phi - theta'")
     if INPUT in machine.names:
-        raise InputError(f"'{INPUT}' is the name of the force, and a parameter of the machine: rename it")
+        raise InputError(f"'{INPUT}' is the name of the force and of a parameter of the machine: rename the parameter")
     if unknown := sorted(names_in(along) - {*machine.coordinates, *machine.parameters}):
         hint = suggest(unknown[0], machine.coordinates)
         raise InputError(f"along '{along}': there is no coordinate '{unknown[0]}'{hint}")
     if not orbit.contact_time or machine.restitution or machine.model.reversor is None:
-        raise InputError("hold takes lossless orbits with a contact, of machines that are turned back in time")
+        raise InputError("hold takes a lossless orbit with a contact, of a machine with a reversor")
     parameters, elements = {**machine.parameters, INPUT: 0.0}, [*machine.elements, Force(along, _force)]
     return replace(machine, elements=elements, parameters=parameters, reversor=None)
 

@@ -2,9 +2,9 @@
 
 The nonlinear program is that of the motion, on the same intervals. Each point satisfies the conditions of first order
 to rounding and those of second order, by the signs of pivots. On the way the Taylor steps are compared with steps of
-half the length, and path expressions are evaluated within the intervals: where either is not good enough, the program
-is refined as `steer` does it, and followed from there. A motion of the family is integrated again by the accurate flow
-when it is asked for, as that of `steer`.
+half the length, and path expressions are evaluated within the intervals. Where either is not good enough, the program
+is refined as in `steer`, and followed from there. When a motion of the family is requested, the accurate flow
+integrates it again, as in `steer`.
 """
 
 import time
@@ -73,10 +73,10 @@ class OptimalFamily(
 
     name : of the parameter
     values, costs, slopes : (k,), of the parameter, the least cost, and the derivative of the least cost by it
-    active : of each point the bounds that are active, in words
+    active : for each point the active bounds, in words
     events : in order, each with the `value` of the parameter, the least `cost` there, and its `text`: "enters" or
-        "leaves", of a bound that is active from there on, or until there; "fold" or "bifurcation", where the minimum is
-        lost; or "mesh", where the program is refined
+        "leaves", for a bound that is active from there on, or up to there; "fold" or "bifurcation", where the minimum
+        is lost; or "mesh", where the program is refined
     end : "reached", "fold", "bifurcation", "infeasible", "degenerate", "stuck" or "stopped", with the reason in words
     unknowns : number of unknowns of the program
     seconds : time taken in all
@@ -107,10 +107,10 @@ class OptimalFamily(
     def at(self, value: float) -> Control:
         """The motion at a value of the parameter, integrated again by the accurate flow.
 
-        Raises `InputError` for a value outside the family, and for a family that was read from a file.
+        Raises `InputError` for a value outside the family, and for a family from a file.
         """
         if self.trail is None:
-            raise InputError("a family from a file has no programs to solve: follow it again for its motions")
+            raise InputError("a family from a file has no programs to solve: follow it again to get its motions")
         low, high = min(self.values), max(self.values)
         if not low <= finite_number(self.name, value) <= high:
             raise InputError(f"{self.name} = {value:g}; the family goes from {low:.6g} to {high:.6g}")
@@ -197,12 +197,12 @@ def follow_optimum(
     if parameters is None:
         if name not in known.problem.fixed:
             choice = ", ".join(known.problem.fixed) or "none"
-            raise InputError(f"'{name}' is no parameter with a value; there are: {choice}")
+            raise InputError(f"'{name}' is not a parameter with a value; choose one of {choice}")
         place = known.problem.fixed.index(name)
         parameters, start = _one_of(fixed, place), float(fixed[place])
     first, last = finite_number("start", start), finite_number("to", to)
     if first == last:
-        raise InputError(f"to = {last:g}: the motion is at this value of {name} already")
+        raise InputError(f"to = {last:g}: the motion has this value of {name} already")
     checked = checked_options(at, longest=longest, most=most)
     bounds_of(name, first, last, checked.at)
     longest = checked.longest
@@ -366,7 +366,7 @@ class _RunAlongFamily:
             return None
         if self.events and self.events[-1].kind in LOST_TOUCHES:
             self.events.pop()
-        text = "a touch has become flat, and its points are exchanged"
+        text = "a touch has become flat, so that its points are exchanged"
         self.events.append(Event("mesh", value=value, cost=found.cost, text=text))
         return curve, known
 

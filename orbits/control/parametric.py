@@ -152,7 +152,7 @@ def program_derivatives(problem: Transcription, moving: tuple[tuple[int, int], .
 
 
 def _own_unknowns(problem: Transcription, varied: ca.MX, count: int) -> list[ca.MX]:
-    """What varies (v, N) in the intervals of each stage, of all that varies, the first of which are the unknowns."""
+    """What varies (v, N) in the intervals of each stage, of all that varies, with the unknowns first."""
     found, start, common = list[ca.MX](), 0, ca.vertcat(varied[count - len(problem.free) : count], varied[-1])
     for n, intervals, m in problem.shapes:
         ends = np.cumsum([start, 1, n * (intervals + 1), m * intervals]).tolist()
@@ -165,7 +165,7 @@ def _own_unknowns(problem: Transcription, varied: ca.MX, count: int) -> list[ca.
 
 
 def _on_diagonal(blocks: ca.MX, count: int) -> ca.MX:
-    """Matrices that stand beside each other as blocks on a diagonal."""
+    """Matrices as blocks on a diagonal."""
     block = ca.horzsplit(blocks, blocks.shape[1] // count)[0].sparsity()
     return ca.MX(ca.diagcat(*[block] * count), blocks.nz[:])
 

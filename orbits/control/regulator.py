@@ -1,10 +1,9 @@
 """The linear quadratic regulator of a cycle whose inputs are decided at some of its instants, by its Riccati recursion.
 
-A change of the launch is carried through the pieces of a cycle, and so are the inputs that are decided but not in force
-yet: z = (x, u), x (a,) the change of the state and u (N,) all inputs of the cycle. At the beginning of a piece some
-inputs are decided, u_i = -gains . z, and one input acts in it. The gains minimise the sum of |y|^2 of the launches
-y, of r u_i^2 of the inputs, and of the squares of the gap and its speed where the foot should land, over all cycles to
-come.
+The state z = (x, u) passes through the pieces of a cycle: x (a,) is the change of the state, and u (N,) are all inputs
+of the cycle, also those already decided but not yet in force. At the beginning of a piece some inputs are decided, u_i
+= -gains . z, and one input acts in it. The gains minimise the sum of |y|^2 of the launches y, of r u_i^2 of the inputs,
+and of the squares of the gap and its speed where the foot should land, over all cycles to come.
 """
 
 from typing import NamedTuple
@@ -44,8 +43,8 @@ class Piece(NamedTuple):
 
 
 def regulator(pieces: list[Piece], count: int, effort: float, landing: float) -> tuple[np.ndarray, np.ndarray]:
-    """The gains of inputs, of which there are `count`, rows (count, a + count) of which those of a smaller state have
-    zeros between; and the matrix (d, d) of a cycle with them.
+    """The gains of `count` inputs, rows (count, a + count), where the rows of a smaller state have zeros between; and
+    the matrix (d, d) of a cycle with them.
 
     effort, landing : weights of the squares of an input and of the gap
 
@@ -79,7 +78,7 @@ def regulator(pieces: list[Piece], count: int, effort: float, landing: float) ->
         if largest > REGULATOR.largest_cost:
             break
         last = largest
-    raise NoOrbit("the input does not reach all that grows, and no feedback by it holds the cycle")
+    raise NoOrbit("the input does not affect every growing change, so no feedback with it holds the cycle")
 
 
 def cycle_with(pieces: list[Piece], gains: np.ndarray) -> np.ndarray:

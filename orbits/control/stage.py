@@ -19,14 +19,18 @@ INTERVAL_LENGTH = "interval's length"
 # Name of the time since the start of the first stage among the parameters of what is said of the end of a stage.
 ELAPSED = "elapsed time"
 RUNNING_COST = "running cost"  # the last row of a leg, in the unit of the cost
-COLUMNS_OF_CONTROL = ("time", "stage", RUNNING_COST)  # of its table, beside states and inputs, which have other names
+COLUMNS_OF_CONTROL = (
+    "time",
+    "stage",
+    RUNNING_COST,
+)  # of its table, in addition to states and inputs, which have other names
 
 
 @dataclass(frozen=True)
 class Input:
     """A control input: a polynomial on each interval of a stage, which may jump between intervals.
 
-    degree : of the polynomial, from 0
+    degree : of the polynomial, at least 0
     low, high : bounds of its Bernstein coefficients, numbers or p -> expression. The input lies within them everywhere,
         and for degrees 0 and 1 these bounds are not more restrictive than bounds of its values
     """
@@ -48,7 +52,7 @@ class Stage:
     phase : the `Phase`
     intervals : number of intervals, all of the same length
     duration : bounds (low, high) of the duration, the lower one above 0
-    inputs : inputs by name
+    inputs : the `Input`s by name
     start : (x, before, p) -> expressions that vanish at the start; `before` is the final state of the previous stage,
         for the first stage that of the last
     end : (x, p) -> expressions that vanish at the end; here, in `final` and in `above`, p has the "elapsed time" too,
@@ -58,7 +62,7 @@ class Stage:
     final : (x, p) -> the cost at the end
     above : (x, p) -> expressions that are not negative at the end
 
-    Stages compare by identity: the functions compiled for them are stored for the next call. `steer` raises
+    Stages compare by identity, since the functions compiled for them are stored for the next call. `steer` raises
     `InputError` for a stage with invalid numbers, bounds or functions.
 
     >>> from orbits.control import Input, Stage
@@ -130,7 +134,7 @@ def check_stage(number: int, stage: Stage, parameters: Collection[str]) -> None:
     """Raise `InputError` for an invalid stage; `parameters` are the names of the problem's parameters."""
     where = f"stage {number} ({stage.phase.name})"
     if check_range(f"{where}: duration", stage.duration)[0] <= 0:
-        raise InputError(f"{where}: duration from {stage.duration[0]:g}; it is above 0")
+        raise InputError(f"{where}: the shortest duration is {stage.duration[0]:g}; it must be above 0")
     whole_number(f"{where}: intervals", stage.intervals, "intervals")
     for name in (*stage.phase.states, *stage.inputs):
         if name in COLUMNS_OF_CONTROL:
@@ -145,8 +149,8 @@ def check_stage(number: int, stage: Stage, parameters: Collection[str]) -> None:
 def check_range(what: str, bounds: object) -> tuple[float, float]:
     """The two bounds, in order; raises `InputError`."""
     if not isinstance(bounds, tuple | list) or len(bounds) != 2 or not all(isinstance(one, Real) for one in bounds):
-        raise InputError(f"{what}: bounds are a lowest and a highest number, not {bounds!r}")
+        raise InputError(f"{what}: the bounds must be a lowest and a highest number, not {bounds!r}")
     low, high = bounds
     if not low <= high:
-        raise InputError(f"{what} lies between {low:g} and {high:g}: bounds conflict")
+        raise InputError(f"the bounds of {what} conflict: {low:g} and {high:g}")
     return low, high

@@ -77,23 +77,24 @@ def steer(
     free: Mapping[str, tuple[float, float]] | None = None, tolerance: float = 1e-9, refine: float | None = None,
     rounds: int = STEER_OPTIONS.rounds, progress: Progress = None,
 ) -> Control:  # fmt: skip
-    """Find a motion through `stages`, one after the other, of locally least cost: no motion near it costs less.
+    """Find a motion of locally least cost through `stages`, one after the other: no motion near it costs less.
 
     stages : in order, each a `Stage`
     parameters : values by name of the parameters `p` of the stages that are neither inputs nor free
-    guess : a `Guess` for each stage, or a `Control` nearby; its multipliers are used too if the stages are the same
+    guess : a `Guess` for each stage, or a nearby `Control`, whose multipliers are used too if the stages are the same
     free : bounds (low, high) of further parameters, which are optimised too. They start in the middle, or at the bound
         if the other bound is infinite, or at the values in the guess's `parameters`
     tolerance : the largest violation and error allowed
     refine : all intervals are halved until the relative change of the cost is at most this. With None they are not
-        halved, and it is not known how much finer intervals would save
+        halved, so it is not known how much finer intervals would save
     rounds : most solves of the nonlinear program, each after the conditions or the steps have been made finer
-    progress : called after each solve of the nonlinear program, whose number is not known before, with the share done:
-        1/2 after the first, 3/4 after the second, and 1 at the end
+    progress : called after each solve of the nonlinear program with the share done: 1/2 after the first, 3/4 after the
+        second, and 1 at the end, since the number of solves is not known before
 
-    The nonlinear program, by direct multiple shooting, is solved by Ipopt, and its solution is integrated again. Raises
-    `InputError` for invalid arguments and for bounds that conflict, and `NoOrbit`, with the reason, where there is no
-    such motion, a stage collapses or runs away, the cost has no lower bound, or none is found from the guess.
+    Ipopt solves the nonlinear program of direct multiple shooting, and the accurate flow integrates its solution again.
+    Raises `InputError` for invalid arguments and for bounds that conflict, and `NoOrbit`, with the reason, where there
+    is no such motion, where a stage collapses or runs away, where the cost has no lower bound, or where the guess leads
+    to no motion.
 
     >>> from orbits import steer
     >>> from orbits.control import Guess, Input, Stage
@@ -106,14 +107,14 @@ def steer(
     """
     began = time.perf_counter()
     if not is_list(stages) or not all(isinstance(stage, Stage) for stage in stages):
-        raise InputError(f"stages = {stages!r}; they are a list, each a Stage")
+        raise InputError(f"stages = {stages!r}; they must be a list, each a Stage")
     for name, value in (("parameters", parameters), ("free", free)):
         if not isinstance(value, Mapping | None):
-            raise InputError(f"{name} = {value!r}; it is a mapping of names")
+            raise InputError(f"{name} = {value!r}; it must be a mapping of names")
     stages, parameters, free = tuple(stages), dict(parameters or {}), dict(free or {})
     _check(stages, parameters, free, tolerance)
     if refine is not None and not finite_number("refine", refine) > tolerance:
-        raise InputError(f"refine = {refine:g}; a share of the cost above the tolerance, {tolerance:g}")
+        raise InputError(f"refine = {refine:g}; it must be a share of the cost above the tolerance, {tolerance:g}")
     rounds, solves, report = whole_number("rounds", rounds, "solves"), count(1), progress or (lambda share: None)
     solved = lambda: report(1 - 0.5 ** next(solves))  # noqa: E731
     with interrupts.deferred():
@@ -128,14 +129,14 @@ def _check(stages, parameters: Mapping, free: Mapping, tolerance: float) -> None
     """Raise `InputError` for invalid arguments."""
     finest = STEER_OPTIONS.finest_tolerance
     if not finite_number("tolerance", tolerance) >= finest:
-        raise InputError(f"tolerance = {tolerance:g}; rounding allows for {finest:g} or more")
+        raise InputError(f"tolerance = {tolerance:g}; because of rounding it must be at least {finest:g}")
     if not stages:
         raise InputError("there are no stages: give at least one")
     for number, stage in enumerate(stages, start=1):
         check_stage(number, stage, {*parameters, *free})
     for name, bounds in free.items():
         if name in parameters:
-            raise InputError(f"parameter '{name}' has a value and is left free: choose one")
+            raise InputError(f"parameter '{name}' has a value and is also free: choose one")
         check_range(f"parameter '{name}'", bounds)
     for name, value in parameters.items():
         finite_number(f"parameter '{name}'", value)
@@ -154,8 +155,8 @@ def _halved(
         if coarseness <= refine:
             return found
     raise NoOrbit(
-        f"the cost still changes by {coarseness:.1e} of it with {stages[0].intervals} intervals in the first stage; "
-        "start with more, let inputs be of a higher degree, or take a larger `refine`"
+        f"the cost still changes by the share {coarseness:.1e} with {stages[0].intervals} intervals in the first "
+        "stage; start with more, raise the degree of the inputs, or take a larger `refine`"
     )
 
 
@@ -168,7 +169,7 @@ def steered_on_intervals(
     try:
         problem = transcription(stages, tuple(parameters), tuple(free), (1,) * len(stages), ())
     except KeyError as error:
-        raise InputError(f"a stage asks for {error}, which is neither an input of it nor a parameter") from None
+        raise InputError(f"a stage uses {error}, which is neither one of its inputs nor a parameter") from None
     bounds, fixed = problem.bounds(free), np.array(list(parameters.values()), dtype=float)
     current = _warm_or_cold_start(problem, guess, free, bounds, fixed)
     first, iterations, work = current.problem.unpack(current.x), 0, 0
@@ -192,7 +193,7 @@ def steered_on_intervals(
             motion = roll_out(current, found.cost, fixed)
         except FlowError as reason:
             text = (
-                "the motion that the search comes to cannot be followed: {reason}; begin nearer to a motion, by guess="
+                "the search reached a motion that cannot be followed: {reason}; begin nearer to a motion, with guess="
             )
             raise NoOrbit(Message(text, reason=reason)) from reason
         _check_not_collapsed(stages, [of.unknowns for of in motion.stages])
@@ -205,13 +206,13 @@ def steered_on_intervals(
             break
         current = finer
     if motion is None:
-        raise NoOrbit("the cost does not settle to an order of magnitude; bound the inputs, or round the cost")
+        raise NoOrbit("the cost does not converge even roughly; bound the inputs, or smooth the cost")
     minima = [item for of in motion.stages for item in of.minima.items()]
     names = [name for name, (values, _) in minima if values.min() < -tolerance][:1]
     low = "".join(f": {name} still falls below zero between interval ends" for name in names)
     raise NoOrbit(
-        f"the motion does not settle to {tolerance:.0e}, it is off by {max(motion.error, motion.violation):.1e} after "
-        f"{rounds} rounds{low}; take more intervals or a larger tolerance"
+        f"the motion does not converge to {tolerance:.0e}; it is off by {max(motion.error, motion.violation):.1e} "
+        f"after {rounds} rounds{low}; take more intervals or a larger tolerance"
     )
 
 
@@ -267,9 +268,9 @@ def _unknowns_of_guess(problem: Transcription, guess, free: Mapping, bounds) -> 
     parameters, and `bounds` are the bounds of all unknowns."""
     guesses = guess.legs if isinstance(guess, Control) else guess
     if not isinstance(guesses, tuple | list) or not all(isinstance(one, Guess | ControlledLeg) for one in guesses):
-        raise InputError(f"guess = {guess!r}; it is a Guess for each stage, or a Control")
+        raise InputError(f"guess = {guess!r}; it must be a Guess for each stage, or a Control")
     if len(guesses) != len(problem.stages):
-        raise InputError(f"the guess has {len(guesses)} stages where there are {len(problem.stages)}")
+        raise InputError(f"the guess has {len(guesses)} stages, but the problem has {len(problem.stages)}")
     parts = [_sampled(stage, as_guess(stage, one)) for stage, one in zip(problem.stages, guesses, strict=True)]
     low, high = (bound[len(bound) - len(free) :] for bound in bounds)
     middle = np.where(np.isfinite(low + high), 0.5 * (low + high), np.where(np.isfinite(low), low, high))
@@ -277,7 +278,7 @@ def _unknowns_of_guess(problem: Transcription, guess, free: Mapping, bounds) -> 
     parameters = guess.parameters if isinstance(guess, Control) else {}
     x = problem.pack(parts, [parameters.get(name, value) for name, value in zip(free, middle, strict=True)])
     if not np.isfinite(x).all():
-        raise InputError("the guess is not finite everywhere")
+        raise InputError("the guess must have finite numbers")
     return x
 
 
@@ -294,10 +295,10 @@ def _sampled(stage: Stage, guess: Guess) -> StageUnknowns:
     where, size, n = f"the guess of the {stage.phase.name}", len(stage.phase.states), stage.intervals
     duration = finite_number(f"{where}: duration", guess.duration)
     if strange := guess.inputs.keys() - stage.inputs.keys():
-        raise InputError(f"{where} is of an input '{min(strange)}': it has none such")
+        raise InputError(f"{where} has an input '{min(strange)}', which the stage does not have")
     nodes = np.array([np.asarray(guess.states(t), dtype=float) for t in np.linspace(0, duration, n + 1)])
     if nodes.shape != (n + 1, size):
-        raise InputError(f"{where} is not {size} numbers, {', '.join(stage.phase.states)}")
+        raise InputError(f"{where} must have {size} numbers, {', '.join(stage.phase.states)}")
     rows = []
     for name, control in stage.inputs.items():
         value = guess.inputs.get(name, 0.0)
@@ -313,8 +314,8 @@ def _check_not_away(stages, first: list[StageUnknowns], last: list[StageUnknowns
     for number, (stage, guessed, found) in enumerate(zip(stages, first, last, strict=True), start=1):
         if np.isinf(stage.duration[1]) and found.duration > STEER_OPTIONS.runaway * guessed.duration:
             text = (
-                "stage {number} ({name}) runs away: it lasts {time:.2g} already, and the longer it lasts the less it "
-                "costs; bound its duration"
+                "stage {number} ({name}) runs away: it lasts {time:.2g}, and it costs less the longer it lasts; "
+                "bound its duration"
             )
             raise NoOrbit(Message(text, number=number, name=stage.phase.name, time=Quantity(found.duration, TIME)))
 
@@ -324,8 +325,8 @@ def _check_not_collapsed(stages, unknowns: list[StageUnknowns]) -> None:
     for number, (stage, part) in enumerate(zip(stages, unknowns, strict=True), start=1):
         if _shortest(stage, part):
             text = (
-                "stage {number} ({name}) collapses: least cost is at its shortest duration {time:g}; ask for a motion "
-                "without that stage or, in stages of your own, fix its duration"
+                "stage {number} ({name}) collapses: its cost is least at its shortest duration {time:g}; leave this "
+                "stage out or, in stages of your own, fix its duration"
             )
             time = Quantity(stage.duration[0], TIME)
             raise CollapsedStage(Message(text, number=number, name=stage.phase.name, time=time))
@@ -336,7 +337,7 @@ def _reason_of_failure(problem: Transcription, found: Minimum) -> str | Message:
     if found.kind == "bottomless":
         return "the cost has no lower bound: bound the inputs, or let them cost something"
     if found.kind == "undefined":
-        return "the equations stop being numbers on the way; start from a nearer motion"
+        return "the equations become infinite or undefined on the way; start nearer to a motion"
     if found.kind == "overdetermined":
         return "there are more conditions than inputs can meet: take more intervals, or drop a condition"
     worst = int(np.argmax(np.nan_to_num(found.off, nan=np.inf)))
@@ -346,11 +347,11 @@ def _reason_of_failure(problem: Transcription, found: Minimum) -> str | Message:
         text = "no motion meets the conditions: {name} is missed{active}; widen a bound"
     elif found.feasible:
         text = (
-            "no convergence from this guess: the conditions hold, but the cost goes on falling{active}; start from a "
-            "nearer motion, take more intervals, or round the cost"
+            "no convergence from this guess: the conditions hold, but the cost keeps falling{active}; start "
+            "nearer to a motion, take more intervals, or smooth the cost"
         )
     else:
-        text = "no convergence from this guess ({name} is missed){active}; start from a nearer motion"
+        text = "no convergence from this guess ({name} is missed){active}; start nearer to a motion"
     return Message(text, name=name, active=active)
 
 

@@ -13,12 +13,12 @@ from ..records import NONE
 from ..result import Progress
 from ..running import TimeOver, interrupts
 from ..symbolic import suggest
-from ..units import ENERGY, FREQUENCY, TIME, Message, Quantity, in_units, without_units
+from ..units import ENERGY, FREQUENCY, TIME, in_units, without_units
 from .oscillation_curve import DRIFT, ERROR, MARGIN, MULTIPLIERS, RESIDUAL, OscillationCurve, near_motion, near_rest
 from .oscillations import Oscillation, OscillationEvent, OscillationFamily
 from .oscillator import DURATION, Oscillator, is_elastic, refuse_oscillator
 
-# The quantities of oscillations that are no states, with their dimensions.
+# The quantities of oscillations that are not states, with their dimensions.
 DIMENSIONS_OF_OSCILLATIONS = {
     **{"energy": ENERGY, "frequency": FREQUENCY},
     **dict.fromkeys(("period", "error", "time", DURATION), TIME),
@@ -73,7 +73,7 @@ class _Followed:
                 raise InputError(f"start has no '{name}'{suggest(str(name), known)}; it has {', '.join(known)}")
             found[name] = finite_number(f"start '{name}'", value) / self._unit(TIME if name == DURATION else name)
         if not found.get(DURATION, 1.0) > 0:
-            raise InputError(f"start 'duration' = {start[DURATION]:g}; it is above 0, about a period")
+            raise InputError(f"start 'duration' = {start[DURATION]:g}; it must be above 0, about a period")
         if DURATION not in found and (moving := [name for name in found if name.endswith("'")]):
             raise InputError(f"start has the speed {moving[0]} and no 'duration': state both for a motion")
         return found
@@ -110,9 +110,7 @@ class _Followed:
             end = next(item for item in run if isinstance(item, End))
             point = run.passed(0)[-1][-1:]
             if point.values[0] != energy:
-                text = "the family does not come to the energy {energy:.6g}: {kind}, {reason}"
-                energy_there = Quantity(energy, ENERGY)
-                raise NoOrbit(Message(text, energy=energy_there, kind=end.kind, reason=end.reason))
+                raise NoOrbit(f"the family does not come to the energy {energy:.6g}: {end.kind}, {end.reason}")
             point = started(curve, point.xs, steps, way)
         return curve, point
 
@@ -158,9 +156,13 @@ class _Followed:
                             progress(min(max(float(item.values[-1] - begin) / (last - begin), 0.0), 1.0))
             except TimeOver as over:
                 end = End("interrupted", str(over))
-        unit, n, own = self._unit, len(self.states), np.concatenate([each.own for each in points])
+        xs, own, unit = (
+            np.concatenate([each.xs for each in points]),
+            np.concatenate([each.own for each in points]),
+            self._unit,
+        )
         sizes = np.array([*map(unit, self.states), unit(TIME), 1.0, unit(ENERGY)])
-        xs = np.concatenate([each.xs for each in points]) * sizes
+        xs, n = xs * sizes, len(self.states)
         if end.kind == "reached":
             end = End("reached", f"{xs[-1, -1]:g} {self._texts().get('energy', '')}".rstrip())
         return OscillationFamily(

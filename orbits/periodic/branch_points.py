@@ -39,16 +39,16 @@ BRANCH_POINTS = BranchPointOptions()
 
 @dataclass(frozen=True)
 class BranchPoint:
-    """A design at which runs branch off the vertical hop, to one side and to the other.
+    """A design at which runs branch off the vertical hop, to both sides.
 
     machine : with the values of the branch point
-    values, errors : of the parameters that were searched, by name, and bounds on their errors
+    values, errors : of the two searched parameters by name, and bounds on their errors
     hop : the vertical hop, certified as an orbit of `machine.upright()`
     direction : the lateral unknowns of a launch, by name, per unit of the speed of the centre of mass in flight
     step : the step per unit of this speed
     nullity : the number of independent directions; 1 at a simple branch point
-    conditioning : of the lateral conditions, with columns and then rows scaled to the size 1, the least singular value
-        that is not 0 over the largest; near 0 two directions almost exist
+    conditioning : the least singular value other than 0 over the largest, of the lateral conditions with columns and
+        then rows scaled to size 1; near 0, a second direction almost exists
     """
 
     machine: Machine
@@ -61,12 +61,12 @@ class BranchPoint:
     conditioning: float
 
     def start(self, speed: float) -> dict[str, float]:
-        """The unknowns of half a run near the branch point by name, as `find` takes them, for a small speed; what is
-        wrong with them, and the change of the parameters along the branch, grow like its square. Raises `InputError`
+        """The unknowns by name of half a run near the branch point, as a start of `find`, for a small speed. Their
+        error, and the change of the parameters along the branch, grow like the square of the speed. Raises `InputError`
         for the speed 0, at which every design hops."""
         speed, own = finite_number("speed", speed), unknowns_of_hop(self.hop)
         if speed == 0:
-            raise InputError("speed = 0: there every design hops, so that no run is found; start at 0.01, or at -0.01")
+            raise InputError("speed = 0: at speed 0 every design hops, so no run is found; start at 0.01 or -0.01")
         lateral = {name: speed * value for name, value in self.direction.items()}
         return {**own, **lateral, STEP_LENGTH: speed * self.step}
 
@@ -80,7 +80,7 @@ def find_branch_points(
     designs: int = 100,
     limit: float | None = None,
 ) -> tuple[BranchPoint, ...]:
-    """All designs in a range of two numbers of a machine at which runs branch off its vertical hop.
+    """Find all designs in a range of two parameters at which runs branch off the vertical hop of a machine.
 
     machine : a `problems.runner`, or another `Mechanism` with one coordinate that sticks
     over : the range of each of two parameters, by name
@@ -89,12 +89,12 @@ def find_branch_points(
     limit : time limit in seconds, as in `find`; None for the limit of a `time_limit` around it, if there is one
 
     A design is a branch point where the matrix of the lateral conditions, see `branch_statement`, loses its rank, so
-    that all its largest minors vanish. These are computed on a grid of designs, whose cells are halved until one minor
-    has no zero there, or all are nearly linear; Newton's method then solves the branch points to rounding. Between the
-    samples of a cell the curvature of a minor is assumed to be at most four times what their second differences show.
-    This is not a proof. Branch points closer to each other than a cell that is halved five times may be missed, and so
-    are those in cells where a design has no hop of the family, or one in which parts pass through each other. Wide
-    ranges above 0 are divided evenly in their logarithm.
+    that all its largest minors vanish. These are computed on a grid of designs. Its cells are halved until one minor
+    has no zero there, or all are nearly linear. Newton's method then solves for the branch points to rounding. Between
+    the samples of a cell the curvature of a minor is assumed to be at most four times what their second differences
+    show. This is not a proof. The search may miss branch points that are closer together than a cell halved five times.
+    It misses those in cells where a design has no hop of the family, or one in which parts pass through each other.
+    Wide ranges above 0 are divided evenly in their logarithm.
 
     Returns the branch points by the first parameter. A run near one is found from its `start`. Raises `NoOrbit` where
     there is none, or no hop, and `InputError` for a machine without a vertical hop and for invalid ranges.
@@ -118,7 +118,7 @@ def find_branch_points(
                 found.append(point)
     if not found:
         box = " and ".join(f"{name} from {low:g} to {high:g}" for name, (low, high) in ranges.items())
-        without = f"; at {missed} of the designs there is no such hop" if missed else ""
+        without = f"; {missed} of the designs have no such hop" if missed else ""
         raise NoOrbit(f"no run branches off the vertical hop of family {family} with {box}{without}")
     return tuple(sorted(found, key=lambda point: tuple(point.values.values())))
 
@@ -131,14 +131,14 @@ def _checked_ranges(machine: Machine, over: Mapping[str, tuple[float, float]]) -
     sticks, found = len(machine.model.sticks), dict[str, tuple[float, float]]()
     if sticks != 1 or machine.model.reversor is None:
         raise InputError(
-            f"a {machine.model.name} has {sticks or 'no'} coordinates that stick: runs branch off the vertical hop of "
-            'a machine that its reversor mirrors, with one; state sticks=("x",) for its place along the ground'
+            f"a {machine.model.name} has {sticks or 'no'} coordinates that stick, but runs branch off the vertical hop "
+            'of a machine with a reversor and one such coordinate; state sticks=("x",) for its place along the ground'
         )
     if not isinstance(over, Mapping):
-        raise InputError(f"over = {over!r}; it is a mapping of names to ranges, as over={{'inertia': (4.0, 9.0)}}")
+        raise InputError(f"over = {over!r}; it must be a mapping of names to ranges, as over={{'inertia': (4.0, 9.0)}}")
     check_parameters(machine, *over)
     if len(over) != 2:
-        raise InputError(f"over = {dict(over)!r}: a branch point is a pair of values; state the ranges of two")
+        raise InputError(f"over = {dict(over)!r}: a branch point has two parameters; state the ranges of two")
     for name, ends in over.items():
         low, high = range_of(f"over '{name}'", ends)
         for end in (low, high):
@@ -153,10 +153,10 @@ def _checked_ranges(machine: Machine, over: Mapping[str, tuple[float, float]]) -
 
 
 class Lateral:
-    """The lateral conditions beside the vertical hops of one family, at designs that differ in the parameters `names`.
+    """The lateral conditions near the vertical hops of one family, at designs that differ in the parameters `names`.
 
-    A launch has 2 k lateral unknowns, of which the s forces along the ground that vanish leave 2 k - s columns. The
-    2 k rows are the lateral places in mid-flight and in mid-contact.
+    A launch has 2 k lateral unknowns; the s forces along the ground that vanish leave 2 k - s columns. The 2 k rows are
+    the lateral places in mid-flight and in mid-contact.
     """
 
     def __init__(self, machine: Any, names: tuple[str, ...], family: int):
@@ -210,7 +210,7 @@ class Lateral:
         return found[of_each.ravel()]
 
     def _hop(self, values: Mapping[str, float]) -> dict[str, float]:
-        """The unknowns of one vertical hop; raises `NoOrbit` for one that is no motion."""
+        """The unknowns of one vertical hop; raises `NoOrbit` for a hop that is not a motion."""
         return unknowns_of_hop(vertical_hop(self.upright.with_values(**values), self.family))
 
     @cached_property
@@ -227,7 +227,7 @@ class Lateral:
         return MappedFunction(ca.Function("at_launch", [u, p], slopes))
 
     def launches(self, us: np.ndarray, ps: np.ndarray) -> np.ndarray:
-        """Launches (m, 2 k, 2 k - s) without a force along the ground, beside hops (m, n)."""
+        """Launches (m, 2 k, 2 k - s) without a force along the ground, near hops (m, n)."""
         forces, count, pivots = self.at_launch(us, ps)[0], len(self.beside.unknowns), list[int]()
         # Those unknowns are eliminated on which the forces depend most, the same ones for all designs.
         for row in np.abs(forces).max(0):
@@ -240,7 +240,7 @@ class Lateral:
 
     def conditions(self, us: np.ndarray, ps: np.ndarray, launches: np.ndarray) -> np.ndarray:
         """The lateral places (m, 2 k, columns) in mid-flight and mid-contact after lateral launches (m, 2 k, columns)
-        beside hops (m, n); NaN where they cannot be followed."""
+        near hops (m, n); NaN where they cannot be followed."""
         (m, _, columns), times = launches.shape, len(self.equations.durations)
         us, ps = np.repeat(us, columns, axis=0), np.repeat(ps, columns, axis=0)
         us = np.hstack([us[:, :-times], launches.swapaxes(1, 2).reshape(m * columns, -1), us[:, -times:]])

@@ -1,6 +1,6 @@
-"""The statement of a branch point: where a lateral motion beside the vertical hop of a machine begins to close with it.
+"""The statement of a branch point: where a lateral motion near the vertical hop of a machine begins to close with it.
 
-To first order the lateral states d of a motion beside the hop obey d' = A(y) d, with A the derivative of their rates by
+To first order the lateral states d of a motion near the hop obey d' = A(y) d, with A the derivative of their rates by
 themselves at the states y of the hop, which they do not change. Half an orbit has 2 k lateral unknowns at its launch,
 and 2 k + s homogeneous conditions: s forces along the ground vanish at lift-off, and k places vanish in mid-flight and
 in mid-contact each. So a solution other than 0 exists where s + 1 numbers of the machine have certain values. There a
@@ -26,7 +26,7 @@ def whole_hop_statement(hop: Model) -> Statement:
 
 @lru_cache(maxsize=64)
 def branch_statement(model: Model, hop: Model, tuned: tuple[str, ...]) -> Statement:
-    """Half a vertical hop with a lateral motion beside it; the parameters for which that exists are unknowns, one more
+    """Half a vertical hop with a lateral motion near it; the parameters for which that exists are unknowns, one more
     than there are coordinates that stick.
 
     The lateral unknowns of a launch have the length 1. Of a coordinate that sticks the place in mid-flight is left
@@ -63,7 +63,7 @@ def branch_statement(model: Model, hop: Model, tuned: tuple[str, ...]) -> Statem
 
 
 class BesideVerticalHop:
-    """The motions of a model beside its vertical `hop`: its states, followed by the lateral ones to first order."""
+    """The motions of a model near its vertical `hop`: its states, followed by the lateral ones to first order."""
 
     def __init__(self, model: Model, hop: Model):
         self.model, self.hop = model, hop
@@ -75,7 +75,7 @@ class BesideVerticalHop:
         return [i for i, name in enumerate(phase.states) if name not in own]
 
     def phase(self, phase: Phase) -> Phase:
-        """A phase of the model beside the hop."""
+        """A phase of the model near the hop."""
         lateral, hop = self.lateral(phase), self.hop.flight if phase is self.model.flight else self.hop.contact
 
         def field(x: Scalars, p: Parameters, q: Scalars) -> list[Algebraic]:
@@ -94,7 +94,7 @@ class BesideVerticalHop:
         return ca.vertsplit(ca.densify(slopes @ ca.vertcat(*x[count:])))
 
     def places(self, phase: Phase, x: Scalars) -> list[Algebraic]:
-        """The lateral places of a phase, but for those of coordinates that stick."""
+        """The lateral places of a phase, except those of coordinates that stick."""
         names = [phase.states[i] for i in self.lateral(phase)]
         each = zip(names, x[len(x) - len(names) :], strict=True)
         return [place for name, place in each if not name.endswith("'") and name not in self.model.sticks]

@@ -36,44 +36,46 @@ _SIDES = np.array([None, "above", "below"], dtype=object)
 class Certificate:
     """The results of the checks of an orbit after it was found; lengths, times and forces are in the machine's units.
 
-    family : counted on the orbit: the stationary points of the extension after lift-off up to mid-flight, less one
+    family : counted on the orbit: one less than the number of stationary points of the extension from lift-off to
+        mid-flight
     residual : largest of the equations that were solved
-    error : bound on |alpha - true alpha|, from an independent integration; at a fold of a family it is measured across
-        the curve, and alpha itself is known to the square root of rounding only
+    error : bound on |alpha - true alpha|, from an independent integration. At a fold of a family it is measured across
+        the curve, and alpha itself is known only to the square root of rounding
     energy_drift : largest change of energy over flight and contact, relative to the launch's kinetic energy
-    clearance : lowest interior minimum of the contact point's height in flight, and in contact of that of the point
-        that lands next if it is another one; None where there is none
-    smallest_separation : least distance within the machine over the cycle, None where no length is stated
-    smallest_contact_force : lowest interior minimum of the force in contact, None where it has none (at both ends the
-        force is 0, and normally it has one maximum in between)
-    largest_contact_force : its maximum, None where the contact does not end
+    clearance : lowest interior minimum of the contact point's height in flight, and of the height in contact of the
+        point that lands next if that is another one; None if there is no minimum
+    smallest_separation : least distance within the machine over the cycle; None where no length is stated
+    smallest_contact_force : lowest interior minimum of the force in contact; None if it has none (the force is 0 at
+        both ends, and normally has one maximum in between)
+    largest_contact_force : its maximum; None where the contact does not end
     landing_jerk : third derivative of the contact point's height at landing; negative on a motion
-    loss_coefficient : C of the one-step map alpha + d -> alpha + d - C |d|**(4/3) of plastic landings on the side of
-        alpha where hops land once; on the other, where they bounce once, it is 10 C. Where a launch is more than a
-        speed, a hop loses the energy C dE/dalpha |d|**(4/3) if alpha alone is changed, and C has the sign of alpha.
-        None where a law has a corner at lift-off, so that the landing jerk jumps
-    stable_side : "above", the side from which it attracts where impacts lose energy, as all do but those with the
-        restitution 1; None for an orbit that is no motion, where the loss is not known to differ from 0, and where a
-        launch is more than a speed: `multipliers` says there what attracts. `attraction_width` says how far
+    loss_coefficient : C of the one-step map alpha + d -> alpha + d - C |d|**(4/3) of plastic landings, on the side of
+        alpha where hops land once; on the other side, where they bounce once, it is 10 C. Where a launch has several
+        numbers, a hop loses the energy C dE/dalpha |d|**(4/3) if only alpha changes, and C has the sign of alpha. None
+        where a law has a corner at lift-off, so that the landing jerk jumps
+    stable_side : "above", the side from which the orbit attracts if impacts lose energy, that is, unless the
+        restitution is 1; `attraction_width` is how far. None for an orbit that is not a motion, where the loss is not
+        known to differ from 0, and where a launch has several numbers: there `multipliers` determines the stability
     violations : the conditions of a motion that it violates, in words; empty for an admissible orbit
-    loss_error : estimate of the error of `loss_coefficient`, None where there is none
+    loss_error : estimate of the error of `loss_coefficient`; None without one
     unfolding : multiple of the energy gradient added to the equations of motion; None where this is not an unknown
-    alpha_noise : standard deviation of alpha from the noise of the rows of a measured law; None without noise, where it
-        is not known, and along a family
-    alpha_per_noise : where that noise is not known, the standard deviation of alpha for each unit of the standard
-        deviation of a row's force; else None
+    alpha_noise : standard deviation of alpha due to the noise of the rows of a measured law; None without noise, where
+        it is not known, and along a family
+    alpha_per_noise : where the noise is not known, the standard deviation of alpha per unit of the standard deviation
+        of a row's force; else None
     bounce_side : "above" or "below", the side of alpha on which hops land with a bounce; None where the loss is not
         known to differ from 0
-    bounce_factor : what a hop loses on that side over what it loses on the other, where a landing with a speed is a
-        hand-over; None for 10, where it is not
-    friction_needed : the largest share of the force across the ground in that along it, over the phases in which
-        something stands; None where the machine does not state where its masses are across, where a foot lifts, and
-        where the ground would have to pull
-    friction_error, friction_time : an estimate of its error, and the time in the cycle at which it is needed first
-    smallest_stance_force : the least force across the ground on what stands in flight, None where nothing does
-    stance_judged : whether it is a violation that this force is not positive, None where nothing stands in flight
-    robustness : how far above alpha launches come to the orbit where landings are plastic, restitution 0, to leading
-        order: the `attraction_width()`, an estimate up to some 5 % of alpha; None where nothing is known to attract
+    bounce_factor : the loss of a hop on that side over its loss on the other side, if a landing with a speed changes
+        the standing foot; None means 10, the factor of all other machines
+    friction_needed : the coefficient of friction that the orbit needs: the largest ratio of the force along the ground
+        to the force across it, while a foot stands. None where the machine does not state the horizontal places of its
+        masses, where a foot lifts, and where the ground would have to pull
+    friction_error, friction_time : an estimate of its error, and the first time in the cycle at which it is needed
+    smallest_stance_force : the least force across the ground on the foot that stands in flight; None if none stands
+    stance_judged : whether a force that is not positive there is a violation; None if no foot stands in flight
+    robustness : how far above alpha launches converge to the orbit with plastic landings (restitution 0), to leading
+        order: the `attraction_width()`, an estimate that is valid up to some 5 % of alpha; None if the orbit is not
+        known to attract
     """
 
     family: int
@@ -108,21 +110,21 @@ class Certificate:
             object.__setattr__(self, "stable_side", "above")
 
     def losses_in_words(self, restitution: float) -> str:
-        """The note of a table on what hops lose on both sides of the orbit, where impacts have this restitution; empty
-        where it is not known to differ from 0."""
+        """The note of a table on the losses of hops on both sides of the orbit, for impacts with this restitution;
+        empty where the loss is not known to differ from 0."""
         if (factors := self._factors(restitution)) is None:
             return "   (of plastic landings)" if restitution else ""
         above, below = (f"{each:.4g} C" for each in factors)
         if restitution:
-            return f"   (of plastic landings; with the restitution {restitution:g} it is {above} above, {below} below)"
+            return f"   (of plastic landings; with restitution {restitution:g}, {above} above and {below} below)"
         return f"   ({above} above)" if self.bounce_side == "above" else f"   ({below} below)"
 
     def attraction_width(self, restitution: float = 0.0) -> float | None:
-        """How far above alpha launches come to the orbit, to leading order, where impacts have this restitution.
+        """How far above alpha launches converge to the orbit, to leading order, for impacts with this restitution.
 
         A launch alpha + d loses c d**(4/3), with c = C, or 10 C where it bounces, and stays above alpha for d below
-        c**-3, which is returned, in the unit of launch speeds; None where nothing is known to attract. It is an
-        estimate for widths far below alpha; `ReturnMap.basin` computes the true one from the map.
+        c**-3. This width is returned, in the unit of launch speeds; None if the orbit is not known to attract. It is an
+        estimate for widths far below alpha; `ReturnMap.basin` computes the true width from the map.
         """
         if not self.stable_side or not self.loss_coefficient or (factors := self._factors(restitution)) is None:
             return None
@@ -163,7 +165,7 @@ def certify(model: Model, cycles: Cycles) -> tuple[Records[Certificate], dict[in
     leaps = (changes > np.maximum(WORST_DRIFT * launch[:, None], ERRORS.doubtful_ratio * floors)).any(1)
     refused = dict[int, NoOrbit]()
     for i in (~finite | leaps).nonzero()[0].tolist():
-        overflow = "its numbers overflow; state the machine in units nearer to 1"
+        overflow = "its numbers overflow; choose units that make the machine's numbers nearer to 1"
         reason = f"its energy drifts by {drift[i]:.1e}{NARROW}" if finite[i] else overflow
         refused[i] = NoOrbit(f"the orbit cannot be certified: {reason}")
     families = families_of(model, curves["extension"], cycles.halves_per_flight)

@@ -100,7 +100,7 @@ def known_solutions(
     """
     equations = equations_of(model, method, names)
     if us.shape[1] < equations.size:
-        raise InputError("this family was followed by another method than its settings say")
+        raise InputError("this family was not followed by the method that its settings name")
     us = us[:, : equations.size]
     evaluation = with_nodes(equations, us, ps, equations.evaluate_all(us, ps))
     return Solved(model, method, equations, us, ps, evaluation, errors)
@@ -241,8 +241,8 @@ def _skipped(model: Model, p: Mapping, method: str) -> tuple[str, ...]:
     skipped = {
         "flight: closed form, nothing integrated": method == "closed form",
         "search: one scalar equation, no solver": method == "closed form",
-        "flight: the extension alone is integrated, 2 states of 4": method == "relative",
-        "flight: half of it, by time reversal": few or (method == "shooting" and bool(model.reversor)),
+        "flight: only the extension is integrated, 2 states of 4": method == "relative",
+        "flight: only half is integrated, by time reversal": few or (method == "shooting" and bool(model.reversor)),
         "search: Newton on a few unknowns from a measured guess, no Ipopt": few,
         f"contact: {'closed form' if model.contact.closed_form else integrated}": True,
         "separation of the masses: no rest length given": model.separation(p) is None,

@@ -1,6 +1,6 @@
-"""The orbits of many machines that differ in numbers alone, each continued from one orbit, all of them together.
+"""The orbits of many machines that differ only in numbers, all continued together from one orbit.
 
-The parameters of every machine are reached along a straight way from those of the first one, or else by one parameter
+The parameters of each machine are reached along a straight line from those of the first one, or else one parameter
 after the other. So no result depends on the other machines.
 """
 
@@ -39,7 +39,7 @@ AT_FOLD, NOT_REACHED = "ends", "not reached"
 # The most integration steps of a motion that is followed together with others.
 STEPS_TOGETHER = FLOW_CONTROL.together
 # What helps where no other reason is known.
-NEARER = "give a start that is nearer"
+NEARER = "give a start closer to it"
 
 
 class Continued(NamedTuple):
@@ -126,7 +126,9 @@ def _continued_from(
         us[which] = solved.us
     left = np.flatnonzero(np.isnan(us[:, 0]))
     if (reached.shares[left] == 0).any() and (steps := _steps_of(equations, u, p)) > STEPS_TOGETHER:
-        too_long = f"the motion of the start takes {steps} integration steps, and sweeps follow up to {STEPS_TOGETHER}"
+        too_long = (
+            f"the motion of the start takes {steps} integration steps, but a sweep follows at most {STEPS_TOGETHER}"
+        )
         reasons |= dict.fromkeys(left[reached.shares[left] == 0].tolist(), too_long)
     stopped = {
         i: _why_stopped(names, p, ps[i], vary, reached.shares[i], reached.folds[i], reasons.get(i, NEARER))
@@ -244,5 +246,5 @@ def _why_stopped(
     at = p + min(share if fold == np.inf else fold, 1.0) * (end - p)
     where = ", ".join(f"{name} = {at[names.index(name)]:.6g}" for name in vary)
     if fold < np.inf:
-        return AT_FOLD, f"on the way from the start the orbits end at a fold, at {where}"
+        return AT_FOLD, f"on the way from the start the orbits end in a fold, at {where}"
     return NOT_REACHED, f"the way from the start is lost at {where}: {reason}"

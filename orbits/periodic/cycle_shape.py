@@ -1,4 +1,4 @@
-"""The shape of a cycle: how the whole of it is made of the stored motions, and the parts of it that are shown."""
+"""The shape of a cycle: how the stored motions make up the whole cycle, and the parts of it that are shown."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -63,7 +63,7 @@ class Shape:
         return SignedShift(signs, lambda p: shift).rows(first, {})
 
     def in_units(self, sizes: np.ndarray) -> "Shape":
-        """This shape, but for its heights, in units in which one old unit of the flight states is `sizes` (n,)."""
+        """This shape, except its heights, in units in which one old unit of the flight states is `sizes` (n,)."""
         if self.steps is None:
             return self
         own = sizes, sizes[(self.embed != 0).argmax(0)], np.ones(len(sizes)), sizes
@@ -71,12 +71,12 @@ class Shape:
         return replace(self, steps=StepMaps(*steps))
 
     def unrolled(self, states: np.ndarray, landings: np.ndarray) -> np.ndarray:
-        """Flight states (..., n) in the labels of before so many landings (...)."""
+        """Flight states (..., n) in the labels before these numbers of landings (...)."""
         return states if self.steps is None else relabelled_back(states, landings, self.steps.signs, self.steps.shift)
 
 
 def relabelled_back(states: np.ndarray, steps: np.ndarray, signs: ArrayLike, shifts: ArrayLike) -> np.ndarray:
-    """States (..., n) in the labels of before so many relabellings (...), x -> signs x + shifts."""
+    """States (..., n) in the labels before these numbers of relabellings (...), x -> signs x + shifts."""
     moved, count = np.asarray(shifts), steps[..., None]
     turned = np.where(count % 2 == 1, moved - states, states)
     return np.where(np.asarray(signs) > 0, states - count * moved, turned)

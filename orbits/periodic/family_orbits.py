@@ -1,4 +1,4 @@
-"""The orbits of a family: the one that its guess leads to, and those that a search finds."""
+"""The orbits of a family: the one that its guess leads to, and the orbits that a search finds."""
 
 import time
 from dataclasses import replace
@@ -67,7 +67,7 @@ def _all_of_family(
     if not (model.search and model.reversor):
         remedy = "give find_all starts" if model.one_speed else "find_all(machine, starts(machine)) finds its hops"
         remedy = model.violations.get("none", "give find a start") if model.sticks else remedy
-        raise InputError(f"the families of a {model.name} are not searched: {remedy}")
+        raise InputError(f"the families of a {model.name} cannot be searched: {remedy}")
     if method == "closed form":
         only = _solved_for(machine, family, method)
         if fastest is not None and only.alpha > fastest:
@@ -88,13 +88,13 @@ def _all_of_family(
             if orbit and not any(same_orbit(orbit, other) for other in found):
                 found.append(orbit)
         except NoOrbit as error:
-            text = "; the one near {about:.6g} is refused" + ("" if in_units(error, None) in refusal else ": {error}")
+            text = "; the one near {about:.6g} is rejected" + ("" if in_units(error, None) in refusal else ": {error}")
             refused = Message(text, about=Quantity(float(about), LIFTOFF_SPEED), error=error)
     if not found:
         raise none_found(model, cells, refused)
     if cells.stopped or refused:
         why = f"the search was stopped after {cells.launches} launches" if cells.stopped else "one cannot be certified"
-        LOGGER.warning("family %d may have more orbits than the %d that are found: %s", family, len(found), why)
+        LOGGER.warning("family %d may have more orbits than the %d found: %s", family, len(found), why)
     known = None if refused or incomplete(model, cells) else len(found)
     return tuple(replace(orbit, known_in_family=known) for orbit in found)
 
@@ -121,7 +121,7 @@ def incomplete(model: Model, cells: Cells) -> str | Message:
         text = "it was stopped after {launches} launches, up to launch speed {high:.4g}"
         return Message(text, launches=cells.launches, high=Quantity(cells.searched[1], LIFTOFF_SPEED))
     if not model.plain:
-        return "orbits of machines that step may lie between falls, in narrow ranges"
+        return "orbits of machines that step may lie in narrow ranges between falls"
     return ""
 
 
@@ -169,7 +169,7 @@ def another_family(wanted: int, found: int) -> str:
 
 
 def same_orbit(a: Orbit, b: Orbit) -> bool:
-    """Whether two orbits of a machine are the same but for rounding."""
+    """Whether two orbits of a machine are the same except for rounding."""
     x, y = ([orbit.alpha, orbit.flight_time, *orbit.flight(0.0)] for orbit in (a, b))
     return np.allclose(x, y, rtol=SAME_ORBIT, atol=SAME_ORBIT * max(map(abs, x)))
 
@@ -177,5 +177,5 @@ def same_orbit(a: Orbit, b: Orbit) -> bool:
 def family_number(family: int) -> int:
     """The number of a family; raises `InputError` for an invalid number."""
     if isinstance(family, bool) or not isinstance(family, int | np.integer) or not 1 <= family <= LARGEST_FAMILY:
-        raise InputError(f"family = {family!r}; a family is a whole number from 1 to {LARGEST_FAMILY}")
+        raise InputError(f"family = {family!r}; a family must be a whole number from 1 to {LARGEST_FAMILY}")
     return int(family)

@@ -40,7 +40,7 @@ class SearchOptions(NamedTuple):
     # Towards launches without a turn the lateness may grow without bounds: as a logarithm by at most 50 times its
     # change in the previous cell, down to neighbouring numbers, and as a fourth root by at most this many times it.
     steepest_end: float = 1e4
-    launches: int = 20_000  # after which no more cells are halved
+    launches: int = 20_000  # then cells are not halved any more
     launches_of_steps: int = 1_000  # of machines that step, which fall over in many ways, each with a bound of its own
     resolving_share: float = 0.25  # of the launches, at most, resolves the turning points on each side
     # Where orbits are sought below a launch speed, cells up to this multiple of it show how the lateness bends.
@@ -116,7 +116,7 @@ class Lateness:
 
     def _followed(self, alphas: np.ndarray, which: np.ndarray) -> tuple[np.ndarray, ...]:
         """Lateness and times (k,), whether each motion (k,) breaks off, as it runs away or reaches a singularity, and
-        the numbers of turns (k,) that were found, of those that are needed."""
+        the numbers of turns (k,) that were found, of the needed turns."""
         u, p = self._unknowns(alphas, which), self._parameters(which)
         limit = SEARCH.latest_turn * self.paces[which] * (self.scales[which] + alphas)
         states = columns(self.arc.start(u, np.zeros(0), p))
@@ -281,7 +281,7 @@ class Lateness:
 
 
 def _well_apart(speeds: np.ndarray) -> np.ndarray:
-    """Of increasing launch speeds (k,) those that are not followed by nearly the same one."""
+    """Increasing launch speeds (k,) without those followed by nearly the same one."""
     return speeds[np.append(np.diff(speeds) > SEARCH.narrowest * speeds[1:], True)]
 
 

@@ -50,29 +50,28 @@ def find(
 
     machine : a `problems.Hopper`, a `problems.Juggler`, a `Mechanism`, or another `Machine` with `model`, `values`,
         `describe` and `units`
-    family : its number, from 1; None is 1. Family n has n + 1 stationary points of the extension from lift-off to
+    family : its number, from 1; None means 1. In family n the extension has n + 1 stationary points from lift-off to
         mid-flight
-    start : the initial guess, instead of the model's own: an orbit nearby, the name of a file of one, or the unknowns
-        of a half orbit by name. The orbit that is found may be of any family, unless `family` is stated too. A file is
-        only a guess, and may have been edited
+    start : the initial guess, instead of the model's own: a nearby orbit, the name of its file, or the unknowns of a
+        half orbit by name. The result may belong to any family, unless `family` is stated too. A file is only a guess,
+        and may have been edited
     method : "closed form", "relative", "half orbit", or "shooting", which is multiple shooting by Ipopt; None for the
         simplest that the machine allows
-    tune : names of parameters that are unknowns too, one for each quantity in `at`; the search begins at their values
-        in the machine, whose own orbit leads to the one that is returned
+    tune : names of parameters that become unknowns, one for each quantity in `at`; the search begins with their values
+        in the machine and continues from the machine's own orbit
     at : values of quantities of the orbit by name, in the machine's units, such as "period", "frequency", "alpha",
         "clearance" or the rise of a height. With "energy" and no `tune` it is an `Oscillation` of this energy that is
         found, see `follow`: of the normal mode of the number `family`, near the equilibrium at places in `start`, or in
         the family through the motion that `start` states, as `Oscillation.start`
     progress : called with the completed share of the homotopy, where there is one
-    limit : time limit in seconds; None for 30 s of processor time, or for the limit of a `time_limit` around it
+    limit : time limit in seconds; None means 30 s of processor time, or the limit of a `time_limit` around it
 
-    Where a family has several orbits, the one of least launch speed is returned. To know it, all orbits are searched as
-    by `find_all` where the laws of the machine have many or narrow bends, and where none is found otherwise. For other
-    machines the orbit is the first one under constant gravity, or the one continued from it to the varying gravity; its
-    `known_in_family` is None, since others are not searched for. The orbit may be inadmissible: see its `violations`.
-    Raises `NoOrbit` when there is no orbit, when a solution belongs to another family, or when the limit is reached,
-    and `InputError` for an invalid family, method or limit. Source: eqs. (9) to (12) of the paper, and its section 9
-    for the symmetry.
+    If a family has several orbits, the one of least launch speed is returned. All orbits are searched as by `find_all`
+    where the laws of the machine have many or narrow bends, and where no orbit is found otherwise. For other machines
+    the result is the first orbit under constant gravity, or its continuation to varying gravity; then `known_in_family`
+    is None, since others are not searched. The orbit may be inadmissible: see its `violations`. Raises `NoOrbit` when
+    there is no orbit, when a solution belongs to another family, or when the limit is reached, and `InputError` for an
+    invalid family, method or limit. Source: eqs. (9) to (12) of the paper, and its section 9 for the symmetry.
 
     >>> from orbits import find
     >>> from problems import Hopper
@@ -80,11 +79,11 @@ def find(
     >>> round(orbit.alpha, 9), orbit.admissible
     (2.936459188, True)
     """
-    if tune is None and isinstance(at, Mapping) and [*at] == [ENERGY_OF_CYCLE]:
+    if tune is None and at is not None and [*at] == [ENERGY_OF_CYCLE]:
         if method is not None or not (start is None or isinstance(start, Mapping)):
             raise InputError("an oscillation is found without a method=, and from a start= of numbers by name")
         with time_limit(limit):
-            return find_oscillation(machine, at[ENERGY_OF_CYCLE], start, family_number(1 if family is None else family))
+            return find_oscillation(machine, at[ENERGY_OF_CYCLE], start, family_number(family or 1))
     check_machine(machine)
     number = None if family is None else family_number(family)
     if isinstance(start, str | Path):
@@ -114,23 +113,22 @@ def find_all(
     """All orbits of a family, or the different orbits that `find` reaches from several starts, by launch speed.
 
     machine, method : as in `find`
-    starts : initial guesses as in `find`, instead of a family; or the number of the family, as in `find`
-    family : as in `find`, where there are no starts
-    fastest : the largest launch speed that is searched for a family, in the machine's units. None is 1e4 times the
-        number of the family, in multiples of the inverse root of the spring's slope at rest, or 30 times where gravity
-        varies and where the spring has many bends. The slowest launch is 1e-3 of these multiples.
+    starts : initial guesses as in `find`; or the number of a family
+    family : as in `find`, if there are no starts
+    fastest : the largest launch speed of the search for a family, in the machine's units. With u the inverse root of
+        the spring's slope at rest, None means 1e4 u times the number of the family, or 30 u times it where gravity
+        varies or the spring has many bends. The slowest launch is 1e-3 u.
     progress : called with the completed share of the launches near an orbit, or of the starts
     limit : time limit in seconds of the search, or of each start, as in `find`
 
-    The orbits of a family are the zeros of one function of the launch speed (see `family_search`). It is sampled so
-    that the turning points of the extension move over no feature of the spring's law from one speed to the next, and
-    its curvature between them is assumed to be at most four times what its second differences show. This is not a
-    proof, but the samples are refined where it matters. A search is stopped after 20,000 launches, or after 1,000 of a
-    machine that steps, whose orbits may lie between falls, in narrow ranges of launch speeds. Where a search may have
-    missed orbits, their `known_in_family` is None. Where it was stopped, or where an orbit could not be certified, a
-    warning is logged too. Starts that lead to no orbit are left out. Raises `NoOrbit` where there is none, with the
-    range that was searched or the last reason, and `InputError` for invalid arguments, and for a family of a model that
-    has no such search.
+    The orbits of a family are the zeros of one function of the launch speed (see `family_search`). The samples of this
+    function are so close that the turning points of the extension skip no feature of the spring's law. Between samples,
+    its curvature is assumed to be at most four times what its second differences show; this is not a proof, but the
+    samples are refined where it matters. The search stops after 20,000 launches, or after 1,000 for a machine that
+    steps, whose orbits may lie in narrow ranges of launch speeds between falls. If the search may have missed orbits,
+    their `known_in_family` is None. If it was stopped, or an orbit could not be certified, a warning is logged too.
+    Starts that lead to no orbit are left out. Raises `NoOrbit` if there is none, with the searched range or the last
+    reason, and `InputError` for invalid arguments and for a model without such a search.
 
     >>> from orbits import find_all
     >>> from problems import Hopper
@@ -144,7 +142,7 @@ def find_all(
         check_machine(machine)
         refuse_hysteresis(machine.model)
         if fastest is not None and not finite_number("fastest", fastest) > 0:
-            raise InputError(f"fastest = {fastest:g} is no launch speed; it lies above 0")
+            raise InputError(f"fastest = {fastest:g} is not a launch speed; it must lie above 0")
         family, method = (
             family_number(next(each for each in (starts, family, 1) if each is not None)),
             method_of(machine.model, method),
@@ -154,7 +152,7 @@ def find_all(
     if family is not None or fastest is not None:
         raise InputError("find_all takes starts, or a family with the fastest launch speed to search, not both")
     if isinstance(starts, Mapping | Orbit):
-        raise InputError("starts is a list of starts: for one there is find(machine, start=...); or give family=")
+        raise InputError("starts must be a list of starts: for one start use find(machine, start=...); or give family=")
     found, reason, starts = list[Orbit](), None, list(starts)
     for i, start in enumerate(starts):
         if progress:

@@ -16,7 +16,7 @@ from ..model import Arc, Phase, Pieces, Statement
 
 @lru_cache(maxsize=64)
 def fold_statement(statement: Statement, along: str) -> Statement:
-    """The boundary value statement of the folds of another statement F(u, parameter) = 0 in a parameter.
+    """The boundary value problem for the folds of another statement F(u, parameter) = 0 in a parameter.
 
     statement : of n unknowns u, one of them "alpha", on smooth phases
     along : name of the parameter
@@ -27,7 +27,9 @@ def fold_statement(statement: Statement, along: str) -> Statement:
     """
     for pieces in (arc.phase.pieces for arc in statement.arcs if arc.phase.pieces):
         if along in _names_read(pieces):
-            raise InputError(f"the pieces of a law move with {along}: folds and flips in it cannot be followed")
+            raise InputError(
+                f"the breakpoints of a law move with {along}: folds and flips in {along} cannot be followed"
+            )
     pairs = zip(statement.arcs, (None, *statement.arcs), strict=False)
     arcs = tuple(_doubled(arc, statement.unknowns, along, before) for arc, before in pairs)
     unknowns = (*statement.unknowns, *(f"d{name}" for name in statement.unknowns if name != "alpha"), along)

@@ -1,8 +1,9 @@
-"""The friction that an orbit in the plane needs: the largest share of the force across the ground in that along it.
+"""The coefficient of friction that an orbit in the plane needs: the largest ratio of the force along the ground to the
+force across it.
 
-The largest |T|/N is the number for which the least of share N - |T| over the motion is 0. From a share below it, the
-place of that least value gives the next (Dinkelbach 1967), and the last place is that of the largest |T|/N. Where a
-foot sticks, both forces vanish at landing and at lift-off: there the share is the ratio |T'|/N' of their rates.
+The largest |T|/N is the number q for which the minimum of q N - |T| over the motion is 0. From a smaller q, the place
+of that minimum gives the next q (Dinkelbach 1967), and the last place is that of the largest |T|/N. Where a foot
+sticks, both forces vanish at landing and at lift-off: there the ratio is |T'|/N' of their rates.
 """
 
 from functools import partial
@@ -102,7 +103,10 @@ def with_friction(model: Model, cycles: Cycles, certificates: Records[Certificat
     limits = np.broadcast_to(planar.friction(cycles.p) if planar.friction else np.inf, len(cycles))
     when = place + np.where(where == planar.stands, cycles.flight_times, 0.0)
     for i in (known & (needed > limits)).nonzero()[0].tolist():
-        text = "it needs the friction {needed:.6g} at t = {time:.6g}, above the stated {limit:.6g}: a foot slides"
+        text = (
+            "it needs the friction coefficient {needed:.6g} at t = {time:.6g}, above the stated {limit:.6g}: a "
+            "foot slides"
+        )
         numbers = {"needed": float(needed[i]), "limit": float(limits[i]), "time": Quantity(when[i], TIME)}
         violations[i] += (Message(text, **numbers),)
     found = {"friction_needed": needed, "friction_error": error, "friction_time": when}
@@ -115,7 +119,7 @@ def with_friction(model: Model, cycles: Cycles, certificates: Records[Certificat
 
 def _forces_of_ground(phase: Phase, motions: Trajectories, which: np.ndarray, vanishing: bool = False) -> _OfGround:
     rows = [motions.coefficients[:, motions.names.index(name)] for name in (NORMAL_FORCE, TANGENTIAL_FORCE)]
-    if vanishing:  # but for rounding
+    if vanishing:  # up to rounding
         rows = [row.copy() for row in rows]
         for row in rows:
             row[motions.first, 0] = 0.0

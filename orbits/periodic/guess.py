@@ -35,7 +35,7 @@ GUESS = GuessOptions()
 # Extensions outward on either side, in units of length and multiples of the family, at which barriers are detected.
 BARRIER_EXTENSIONS = np.outer([1.0, -1.0], np.geomspace(0.3, 300.0, 100)).ravel()
 # Why a motion may break down under a formula with exp.
-OVERFLOWS = "; exp(x) may overflow on the way: 1/(1 + exp(x)) is (1 - tanh(x/2))/2"
+OVERFLOWS = "; exp(x) may overflow on the way: write 1/(1 + exp(x)) as (1 - tanh(x/2))/2"
 SPEED_OF_EXTENSION = Affine((0.0, 1.0))  # of the relative motion
 GOLDEN = (np.sqrt(5) - 1) / 2
 
@@ -60,12 +60,14 @@ def guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]
     gravity, or from its linear hops; raises `NoOrbit` where there is none."""
     refuse_hysteresis(model)
     if not model.conservative:
-        raise NoOrbit("a damped machine loses energy on every hop: it has no lossless orbit, but a return map")
+        raise NoOrbit("a damped machine loses energy on every hop: it has no lossless orbit; use its return map")
     if not (model.relative or model.is_guessed):
         remedy = (
-            "" if model.one_speed else ", as one of starts(machine), or search by find_all(machine, starts(machine))"
+            ""
+            if model.one_speed
+            else ", such as one of starts(machine), or search with find_all(machine, starts(machine))"
         )
-        raise NoOrbit(f"the model of a {model.name} has no guess of its families: give `find` a start{remedy}")
+        raise NoOrbit(f"no guess of the families of a {model.name} is known: give `find` a start{remedy}")
     found = guesses(model, family, {name: np.array([value]) for name, value in p.items()}, 1)
     if found.refused:
         raise found.refused[0]
@@ -73,7 +75,7 @@ def guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]
 
 
 def guesses(model: Model, family: int, p: Mapping[str, np.ndarray], count: int) -> Guesses:
-    """The guesses of this number of machines of a model, with parameters (m,) by name, of which there may be none."""
+    """The guesses of this number of machines of a model, with parameters (m,) by name; there may be none."""
     if model.relative:
         return _by_relative_motion(model.relative, family, p, count)
     found, single, refused = np.full((3, count), np.nan), np.zeros(count, bool), dict[int, OrbitsError]()
@@ -260,7 +262,7 @@ class _LaunchSearch:
             if not len(going := open_.nonzero()[0]):
                 break
             here = points[going]
-            left = here[:, 1, 1] < here[:, 1, 2]  # the minimum is beside the left one of the inner speeds
+            left = here[:, 1, 1] < here[:, 1, 2]  # the minimum is next to the left one of the inner speeds
             here = np.where(left[:, None, None], here[:, :, [0, 1, 1, 2]], here[:, :, [1, 2, 2, 3]])
             ends = here[:, 0, 3] - here[:, 0, 0]
             new = np.where(left, here[:, 0, 3] - GOLDEN * ends, here[:, 0, 0] + GOLDEN * ends)

@@ -10,10 +10,10 @@ flight T where
 
     (cos(w T) H sin(r s)/r + sin(w T)/w H cos(r s)) c = 0.
 
-For n coordinates these are n equations for the n - 1 amplitudes c, of which the size does not matter: they hold at
-isolated pairs of times. The size of c is that with which the load holds the gap without an acceleration at lift-off
-(after Pankov, arXiv 2402.16010, who leaves two equations for the two times). The equations are made of sines and
-cosines, and they have no poles, whatever modes turn at the same time.
+For n coordinates these are n equations for the n - 1 amplitudes c, whose size does not matter: they hold at isolated
+pairs of times. The size of c is that with which the load holds the gap without an acceleration at lift-off (after
+Pankov, arXiv 2402.16010, who leaves two equations for the two times). The equations are made of sines and cosines, and
+they have no poles, whatever modes turn at the same time.
 """
 
 from collections.abc import Iterator
@@ -34,7 +34,7 @@ class LinearOptions(NamedTuple):
     # equations there.
     batch: int = 128
     idle_batches: int = 4  # successive batches without a new root, after which the search ends
-    steps: int = 20  # after so many hardly any start still converges
+    steps: int = 20  # after this number hardly any start still converges
     converged_step: float = 1e-8  # as a share of the times: a start with a smaller step has converged
     same_root: float = 1e-7  # as a share of the times: roots that are closer are the same
     polishing_steps: int = 3  # further ones, after which a root is known to rounding
@@ -77,7 +77,7 @@ class LinearSearch:
         that is done after each. The half times are the longest; another seed may find some more hops."""
         longest = np.array([finite_number("half_contact", half_contact), finite_number("half_flight", half_flight)])
         if not (longest > 0).all():
-            raise InputError(f"half_contact = {half_contact}, half_flight = {half_flight}: both are above 0")
+            raise InputError(f"half_contact = {half_contact}, half_flight = {half_flight}: both must be above 0")
         tried, idle, share = 0, 0, 0.0
         while idle < LINEAR.idle_batches:
             new = self._equations.roots(sobol_points(LINEAR.batch, 2, seed, tried) * longest, longest)
@@ -130,16 +130,18 @@ class _HopEquations:
     def __init__(self, inertia: ArrayLike, stiffness: ArrayLike, load: ArrayLike, gap: ArrayLike):
         self.flight = flight = linear_modes(inertia, stiffness, load)
         if flight.pushed:
-            raise InputError("the stiffness is not positive semidefinite: a motion is pushed away from rest")
+            raise InputError("the stiffness is not positive semidefinite: a motion moves away from rest without bound")
         self.squares, self.loads, self.size = flight.squares, flight.loads, len(flight.squares)
         weights = np.array(gap, dtype=float)
         if weights.shape != (self.size,) or not np.isfinite(weights).all() or not weights.any():
-            raise InputError(f"gap = {gap!r}: it has one weight for each of the {self.size} coordinates")
+            raise InputError(f"gap = {gap!r}: it must have one weight for each of the {self.size} coordinates")
         of_gap = weights @ flight.shapes
         closed = np.linalg.qr(of_gap[:, None], mode="complete")[0][:, 1:]
         squares, turned = np.linalg.eigh(closed.T * self.squares @ closed)
         if not (squares > MODES.slowest_square * flight.square).all():
-            raise NoOrbit("a motion that leaves gap and springs as they are never comes back: hold it by a spring")
+            raise NoOrbit(
+                "a motion that changes neither the gap nor a spring never comes back: add a spring that holds it"
+            )
         self.rates, self.held = np.sqrt(squares), closed @ turned
         self.centre = self.held @ (self.loads @ self.held / squares)
         # The gap's acceleration is pull . q + push.
@@ -179,8 +181,8 @@ class _HopEquations:
             return unknowns[inside & self._holds(unknowns)]
 
     def _newton_step(self, unknowns: Array) -> Array:
-        """The change (m, 1 + n) of unknowns, of which that of the amplitudes does not change their size; NaN where the
-        equations are singular."""
+        """The change (m, 1 + n) of unknowns, where the amplitudes keep their size; NaN where the equations are
+        singular."""
         c, s, by_amplitudes, _, v, a, j = self.sums(unknowns)
         n, matrix = self.size, np.zeros((len(unknowns), self.size + 1, self.size + 2))
         columns = c * a + s * j, c * a - self.squares * s * v, c * v + s * a

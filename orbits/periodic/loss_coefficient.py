@@ -25,7 +25,7 @@ from ..symbolic import ElementwiseFunction, cached
 
 
 class LossOptions(NamedTuple):
-    """The numbers of the losses beside a lossless landing."""
+    """The numbers of the losses near a lossless landing."""
 
     least_square: float = 1e-20  # of the speed of bounces: the sum of their losses ends there
     # With a larger share of the speed left by a hand-over, or the root of a larger restitution, bounces are too many to

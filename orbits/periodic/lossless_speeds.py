@@ -66,7 +66,7 @@ def _searched_orbits(machine: Machine, high: float) -> Iterator[Orbit]:
 def _orbits_of_families(machine: Machine, low: float, high: float) -> Iterator[Orbit]:
     """The orbit that `find` returns for each family, until several in a row lie beyond `high` or do not exist. Of a
     machine that steps the launch speeds may fall with the family, and they converge: there until several lie beyond
-    `low` or `high`, of so many families at most."""
+    `low` or `high`, of this number of families at most."""
     beyond, steps, last = 0, not machine.model.plain, low
     for family in range(1, SEARCH.families + 1) if steps else count(1):
         interrupts.heed()

@@ -1,4 +1,5 @@
-"""The conditions that an orbit meets as a motion: nothing touches the ground or passes through another, nothing pulls.
+"""The conditions of a motion: nothing touches the ground too early, parts do not pass through each other, and no
+contact pulls.
 
 They are checked on functions of the motions, by their lowest values and their zeros; the family is counted there too.
 """
@@ -22,7 +23,7 @@ LARGEST_MIDDLE = 0.1
 # What rounding makes of a gap, in last digits of the largest term of its motion.
 ROUNDED_STATE = 256.0
 # The gap is stationary at the end of a half flight when its rate there, times the time of that half, is below this
-# share of the largest gap: in a mirrored motion the rate vanishes but for rounding, which is far smaller.
+# share of the largest gap: in a mirrored motion the rate vanishes up to rounding, which is far smaller.
 STATIONARY = 1e-6
 Violation = tuple[int, str]  # the index of the orbit, and the violation in words
 
@@ -227,7 +228,8 @@ def separations_of(
 def _least_of_all(
     cycles: Cycles, curves: Mapping[str, TurnsAndZeros], of: str, words: str, what: str
 ) -> tuple[np.ndarray, list[Violation]]:
-    """The least values (m,) of one function over the cycles, and those that are not positive as violations in words."""
+    """The least values (m,) of one function over the cycles, and the values that are not positive as violations in
+    words."""
     found = np.full(len(cycles), NONE)
     least, when = _least_of_halves(cycles, *curves[f"{of} 0"].lowest())
     where, others = np.full(len(cycles), "flight", dtype=object), []

@@ -43,8 +43,8 @@ from .saved_orbit import (
 
 # The quantities that follow from others of an orbit.
 DERIVED = (*("admissible", "frequency", "duty_factor", "stroke", "loop_energy", "rises", "apexes"),)
-# What is said of an orbit that is no motion of a machine with the same name and parameters.
-OTHER_EQUATIONS = "its motion does not satisfy these equations, as after a change of a table or a function"
+# The message about an orbit that is not a motion of a machine with the same name and parameters.
+OTHER_EQUATIONS = "its motion does not satisfy these equations; a table or a function may have changed"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -54,31 +54,30 @@ class Orbit(
 ):  # fmt: skip
     """A lossless periodic motion: flight from time 0 to `flight_time`, then contact to `period`.
 
-    Of a machine that steps, the motion is periodic up to the relabelling after each landing, and the states are in the
-    labels of the present stance: they jump at the landing, see `unrolled`.
+    For a machine that steps, the motion is periodic up to the relabelling after each landing. The states are in the
+    labels of the present stance, so they jump at the landing; see `unrolled`.
 
     alpha : launch speed
     liftoff_extension : of the spring, at lift-off and landing
     flight_time, contact_time : durations; contact_time None when the contact never ends
-    flight, contact : the first halves, as piecewise polynomials, whose mirror images in time are the second ones; whole
-        motions where the model has no reversor
+    flight, contact : the first halves, as piecewise polynomials, whose mirror images in time are the second halves;
+        whole motions if the model has no reversor
     machine : the machine in words and numbers
     shape : how the whole cycle is built from the halves
     method, skipped : the method that found it, and the steps that were not needed for this machine
     seconds : wall time of the search and the certificate
-    scales : the units of the dimensionless numbers; None for a machine that is stated without units. The numbers of
-        an orbit with scales are in SI, except `residual`, `energy_drift` and `unfolding`, which are dimensionless
-    bare : the same orbit without units, None where there are none
-    known_in_family : the number of orbits of its family in the launch speeds of a search, this one included; None where
-        there was no search, or where it may have missed some
-    peak_force_in_weights : the largest contact force over the weight that the contact carries, that of all that rises
-        with it; None where that is not known
-    step, speed : of a machine that moves on along the ground, by how much it does so from landing to landing, and how
-        fast its centre of mass moves along the ground in flight; None for another
-    source : the machine that it was found for; None for an orbit from a file
-    tuned_errors : bounds on the errors of those of the machine's parameters that were tuned, by name; `tuned` are their
-        values
-    prescribed : the values of quantities that they were tuned to, by name
+    scales : the units of the dimensionless numbers; None for a machine stated without units. The numbers of an orbit
+        with scales are in SI, except `residual`, `energy_drift` and `unfolding`, which are dimensionless
+    bare : the same orbit without units; None for a machine without units
+    known_in_family : the number of orbits of its family, this one included, in the searched range of launch speeds;
+        None without a search, or if the search may have missed some
+    peak_force_in_weights : the largest contact force over the weight that the contact carries; None where that weight
+        is not known
+    step, speed : for a machine that moves along the ground, its step from landing to landing, and the speed along the
+        ground of its centre of mass in flight; None for other machines
+    source : the machine for which it was found; None for an orbit from a file
+    tuned_errors : bounds on the errors of the tuned parameters, by name; `tuned` has their values
+    prescribed : the prescribed values of quantities, by name
 
     >>> from orbits import find
     >>> from problems import Hopper
@@ -128,8 +127,8 @@ class Orbit(
         return to_json(document)
 
     def with_tuned(self, errors: Mapping[str, float], prescribed: Mapping[str, float]) -> "Orbit":
-        """This orbit, whose parameters of these names were tuned, with these bounds on their errors, so that
-        quantities have prescribed values; without units, parameters that are not numbers of that machine are left out.
+        """This orbit with the names of its tuned parameters, bounds on their errors, and the prescribed values; without
+        units, parameters that the dimensionless machine does not have are left out.
         """
         tuned: dict[str, Any] = {"tuned_errors": dict(errors), "prescribed": dict(prescribed)}
         if not (self.bare and self.scales):
@@ -142,7 +141,7 @@ class Orbit(
 
     @property
     def tuned(self) -> dict[str, float]:
-        """The values of those of the machine's parameters that were tuned, by name."""
+        """The values of the tuned parameters, by name."""
         values = {name: self._number(name) for name in self.tuned_errors}
         return {name: value for name, value in values.items() if value is not None}
 
@@ -152,7 +151,7 @@ class Orbit(
         return known.get(name)
 
     def dimensionless(self) -> "Orbit":
-        """The orbit in its machine's dimensionless units; the orbit itself if it has no other units."""
+        """The orbit in its machine's dimensionless units; the orbit itself if it has no units."""
         return self.bare or self
 
     @property
@@ -162,7 +161,7 @@ class Orbit(
 
     @property
     def violations(self) -> tuple[str, ...]:
-        """The conditions of a motion that it violates, in words; empty for an admissible orbit."""
+        """The violated conditions of a motion, in words; empty for an admissible orbit."""
         return self.certificate.violations
 
     @property
@@ -190,7 +189,7 @@ class Orbit(
     @property
     def duty_factor(self) -> float | None:
         """The share of the period that is contact; None when the contact never ends, and where two points take turns,
-        as those of a wheel."""
+        as on a wheel."""
         if self.contact is None or self.contact_time is None or LANDED_FORCE in self.contact.names:
             return None
         return self.contact_time / self.period
@@ -202,8 +201,8 @@ class Orbit(
 
     @property
     def loop_energy(self) -> float | None:
-        """The energy that a hop with this launch speed loses on the measured loop of which the machine's spring is a
-        branch; None for other springs, where such a hop has no next launch, and without the machine."""
+        """The energy that a hop with this launch speed loses on the measured loop of the machine's spring; None for a
+        spring without a loop, for a hop without a next launch, and without the machine."""
         try:
             return self.upkeep_on_loop and self.upkeep_on_loop.energy
         except OrbitsError:
@@ -211,23 +210,24 @@ class Orbit(
 
     @cached_property
     def upkeep_on_loop(self) -> Any:
-        """What keeps the machine hopping on the measured loop of which its spring is a branch, an `Upkeep`; None for
-        other springs, and without the machine. Raises `NoOrbit` where the hop has no next launch there."""
+        """What keeps the machine hopping on the measured loop of its spring, an `Upkeep`; None for a spring without a
+        loop, and without the machine. Raises `NoOrbit` where the hop has no next launch there."""
         return getattr(self.source, "on_loop", lambda alpha: None)(self.alpha)
 
     @property
     def mean_speed(self) -> float | None:
-        """The step over the period; None for a machine that does not move on, and where there is no period."""
+        """The step over the period; None for a machine that does not move along the ground, and without a period."""
         return None if self.step is None or self.contact_time is None else self.step / self.period
 
     @property
     def cost_of_transport(self) -> float | None:
-        """The energy that is lost over the weight and the way, which is 0; None for a machine that does not move on."""
+        """The lost energy over the weight and the distance, which is 0; None for a machine that does not move along the
+        ground."""
         return None if self.step is None else 0.0
 
     @cached_property
     def rises(self) -> dict[str, float]:
-        """The largest rise of each of the shape's heights above its value at lift-off in flight, by name."""
+        """The largest rise of each height in flight, above its value at lift-off, by name."""
         found = dict[str, float]()
         for name, height in self.shape.heights.items():
             each = [height.series(c) for c in self._halves(self.flight)]
@@ -252,8 +252,8 @@ class Orbit(
 
     @property
     def apexes(self) -> dict[str, float]:
-        """The largest value of each of these heights in flight, by name: the height above the ground. None without a
-        separation, which needs the lengths of the machine."""
+        """The largest height of each of these in flight, above the ground, by name. None without a separation, since
+        heights need the lengths of the machine."""
         if self.certificate.smallest_separation is None:
             return {}
         first = self.flight.coefficients[:1]
@@ -262,7 +262,7 @@ class Orbit(
 
     @property
     def numbers(self) -> dict[str, Any]:
-        """The fields and the quantities of the orbit by name, None for one that it does not have."""
+        """The fields and the quantities of the orbit by name; None for a quantity that it does not have."""
         known = vars(self.certificate) | vars(self) | {"period": self.contact_time and self.period}
         return known | {
             name: getattr(self, name) for name in (*DERIVED, *(FIELDS_OF_RUNS if self.step is not None else ()))
@@ -276,7 +276,7 @@ class Orbit(
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Flight states (..., n) at times `t` (...): any time, or 0 <= t <= flight_time where there is no period.
 
-        Of a machine that steps they are in the labels of the present stance. Raises `InputError` for other times, and
+        For a machine that steps they are in the labels of the present stance. Raises `InputError` for other times, and
         for anything but numbers.
         """
         times, shape = finite_times(t), self.shape
@@ -295,8 +295,8 @@ class Orbit(
         return np.where((times <= self.flight_time)[..., None], flying, standing)
 
     def unrolled(self, t: ArrayLike) -> np.ndarray:
-        """Flight states (..., n) at times `t` (...) in the labels of the first flight: of a machine that steps they go
-        on smoothly from step to step. Raises `InputError` as a call does."""
+        """Flight states (..., n) at times `t` (...) in the labels of the first flight: for a machine that steps they
+        continue smoothly from step to step. Raises `InputError` as a call does."""
         states, times = self(t), np.asarray(t, dtype=float)
         if self.contact_time is None:
             return states
@@ -306,7 +306,8 @@ class Orbit(
     def contact_force(self, t: ArrayLike, *, landed: bool = False) -> np.ndarray:
         """The contact force (...) at times `t` (...), positive where it presses; 0 in flight.
 
-        landed : whether that on the point that has landed, of a machine that steps, not that on the one that opens next
+        landed : for a machine that steps, whether to return the force on the point that has landed, instead of the
+            force on the point that opens next
 
         Raises `InputError` for times at which the orbit has no states, and for a motion that was saved without its
         force.
@@ -317,7 +318,7 @@ class Orbit(
         row, image = (LANDED_FORCE, CONTACT_FORCE) if landed else (CONTACT_FORCE, LANDED_FORCE)
         image = image if LANDED_FORCE in self.contact.names else row
         if row not in self.contact.names:
-            raise InputError(f"this orbit does not tell its contact force, but {', '.join(self.contact.names)}")
+            raise InputError(f"this orbit has no contact force of this name; it has {', '.join(self.contact.names)}")
         since = np.mod(np.asarray(t, dtype=float), self.period) - self.flight_time
         later = (since > self.contact.times[-1]) & (self.shape.contact_reversor is not None)
         inside = np.clip(np.where(later, self.contact_time - since, since), 0, self.contact.times[-1])
@@ -325,14 +326,14 @@ class Orbit(
         return np.where(since > 0, np.where(later, second, first), 0.0)
 
     def spring_forces(self, t: ArrayLike) -> dict[str, np.ndarray]:
-        """The force (...) of each spring at times `t` (...), tension positive, by name: "spring force", or of several
+        """The force (...) of each spring at times `t` (...), tension positive, by name: "spring force", or for several
         springs "spring force of y1 - y2" with their extensions. A spring along an angle has a torque.
 
-        Raises `InputError` for times at which the orbit has no states, and for an orbit without its machine, as one
-        from a file that was read without it.
+        Raises `InputError` for times at which the orbit has no states, and for an orbit without its machine, such as
+        one from a file that was read without it.
         """
         if self.source is None:
-            raise InputError("the springs' forces need the machine: name it, Orbit.load(path, machine)")
+            raise InputError("the springs' forces need the machine: pass it, Orbit.load(path, machine)")
         return spring_forces(self.source, self(t))
 
     def document(self) -> Document:
@@ -355,8 +356,8 @@ class Orbit(
         return document | {"units": {**self.machine.get("units", {}), **units}, "si": self.si()}
 
     def si(self) -> dict[str, float | None]:
-        """The main results in SI units, by names that end in their units; raises `InputError` for a machine that is
-        not in SI."""
+        """The main results in SI units, by names that end in their units; raises `InputError` for a machine without SI
+        units."""
         if self.scales is None:
             raise InputError("this machine was stated in dimensionless units; state it in SI for results in SI")
         figures, units = self.numbers, self.scales.texts()
@@ -412,8 +413,8 @@ class Orbit(
         return rows_of_orbit(self)
 
     def plot(self, axes: Axes | None = None) -> Axes:
-        """Plot heights against time as in Fig. 3 of the paper, or instants of a machine that states its drawing in the
-        plane; returns the axes."""
+        """Plot heights against time, as in Fig. 3 of the paper, or, for a machine with a drawing in the plane, pictures
+        at several instants; returns the axes."""
         if getattr(self.source, "drawing", None) is not None:
             return shown("plane").plot_in_plane(self, axes)
         return shown("plot").plot_orbit(self, axes)
@@ -427,12 +428,12 @@ class Orbit(
         return shown("animation").animate_orbit(self, path, frames, progress)
 
     def export(self, folder: str | Path, t: ArrayLike | None = None) -> Path:
-        """Write the motion for simulators of robots to a folder, which is made where it is missing; returns its path.
+        """Write the motion to a folder for robot simulators; makes the folder if it is missing, and returns its path.
 
         "motion.csv" has the places and then the speeds of the joints at times `t`, by default over a cycle, or some of
         a machine that moves on; "model.xml" is the machine's model for MuJoCo, whose joints have the same order, and
         "springs_for_drake.py" adds its springs to a plant in Drake. The model has no ground that touches; it names what
-        is left out, and the error of springs that are no cubics.
+        is left out, and the error of springs that are not cubics.
 
         Raises `InputError` for a machine that is not a column of masses and states no `bodies`, for an orbit without
         its machine, and where the folder cannot be written to.
@@ -440,8 +441,8 @@ class Orbit(
         return shown("simulators").export_orbit(self, folder, t)
 
     def page(self, path: str | Path) -> Path:
-        """Write a page in one file (.html) that needs no network: the animated machine, the certificate, heights, phase
-        portrait, contact force and, where the orbit has its machine, the spring's law; returns its path.
+        """Write a page in one file (.html) that needs no network, with the animated machine, the certificate, heights,
+        phase portrait, contact force and, if the orbit has its machine, the spring's law; returns its path.
 
         Raises `InputError` for a bad path, and without Bokeh.
         """
@@ -458,19 +459,19 @@ class Orbit(
 
     @classmethod
     def _read(cls, machine: Machine | None, file: BinaryIO) -> "Orbit":
-        """The orbit in an open file. A changed file is refused, but is still a start for `find`, which solves anew."""
+        """The orbit in an open file. A changed file is refused, but is still a start for `find`, which solves again."""
         try:
             document = parse_json(file.read())
             document = unsealed(document) if has_digest(document, file.name) else document
         except Changed as error:
-            raise ValueError(f"{error}, as find(machine, start=FILE) does") from None
+            raise ValueError(f"{error}; find(machine, start=FILE) does so") from None
         orbit = cls.of_saved(document)
         check_consistent(orbit.document(), document)
         if machine is None:
             return orbit
         machine = is_of(machine, orbit.machine)
         if not is_orbit_of(orbit, machine):
-            raise ValueError(f"it is of another machine: {OTHER_EQUATIONS}")
+            raise ValueError(f"it belongs to another machine: {OTHER_EQUATIONS}")
         return replace(orbit, source=machine)
 
     @classmethod
@@ -488,7 +489,7 @@ class Orbit(
         bare = cls._conform({**data["bare"], "format": cls.form(), "motion": data["motion"]}, SavedOrbit)
         orbit = orbit_in_units(cls(**stated_fields(bare)), units, machine_in_document(data))
         if len(data["violations"]) != len(orbit.violations):
-            raise ValueError("its violations in SI and without units are not as many")
+            raise ValueError("its violations in SI and without units differ in number")
         own = {"tuned_errors": saved_tuned_errors(data), "prescribed": data.get("prescribed", {})}
         return replace(orbit, certificate=replace(orbit.certificate, violations=tuple(data["violations"])), **own)
 

@@ -46,12 +46,12 @@ def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str
 
 
 def vertical_hop(upright: Machine, family: int) -> Orbit:
-    """The lowest hop of a family of the machine that stays upright; raises `NoOrbit` for one that is no motion, beside
-    which no run begins."""
+    """The lowest hop of a family of the machine that stays upright; raises `NoOrbit` for a hop that is not a motion,
+    since runs do not begin near it."""
     hop = lowest_of_family(upright, family, method_of(upright.model))
     if (least := hop.certificate.smallest_separation) is not None and not least > 0:
         raise NoOrbit(
-            f"in the vertical hop of family {family} parts pass through each other ({least:.3g}): "
+            f"in the vertical hop of family {family} parts pass through each other ({least:.3g}), so "
             "no run begins there; give a start"
         )
     if hop.contact_time is None:

@@ -1,4 +1,4 @@
-"""The table of an orbit: its rows, and the digits of its numbers, as many as their errors allow."""
+"""The table of an orbit: its rows, and the digits of its numbers that their errors allow."""
 
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -61,7 +61,7 @@ def errors_of(orbit: "Orbit", options: TableOptions = TABLE_OF_ORBIT) -> dict[st
 def rows_of_orbit(orbit: "Orbit") -> Iterator[Row]:
     """The machine, then the certificate: speed, times, distances, forces, the loss of a neighbouring hop, errors,
     whether it is a motion, and, in rows named `VIOLATED`, the reasons why not. A quantity without a value has no row,
-    but for the separation, which is not checked then."""
+    except the separation, which is not checked then."""
     c, own, errors = orbit.certificate, machine_numbers(orbit.machine), errors_of(orbit)
     if own:
         texts = [f"{name} = {{:g}} {unit}".rstrip() for name, (_, unit) in own.items()]
@@ -120,7 +120,7 @@ def _launches(orbit: "Orbit") -> Iterator[Row]:
         unit = f" {orbit.unit_of('alpha')}".rstrip()
         yield Row("launch range", {"launch_range": width}, (f"up to {{:.2g}}{unit} above alpha, to leading order",))
     elif width is not None:
-        yield Row("launch range", {"launch_range": "above alpha, farther than leading order tells"})
+        yield Row("launch range", {"launch_range": "above alpha, beyond the range of the leading order"})
 
 
 def _quantity(orbit: "Orbit", name: str, errors: Mapping[str, float]) -> Row:
@@ -164,7 +164,7 @@ def _friction(orbit: "Orbit") -> Iterator[Row]:
 
 
 def _on_loop(orbit: "Orbit") -> Iterator[Row]:
-    """What the hop loses on the measured loop of which the spring is one branch."""
+    """What the hop loses on the measured loop of the spring."""
     try:
         upkeep: Any = orbit.upkeep_on_loop
     except OrbitsError as error:
@@ -173,5 +173,5 @@ def _on_loop(orbit: "Orbit") -> Iterator[Row]:
     if upkeep is not None:
         speed, joule = (f" {orbit.scales.text(each)}" if orbit.scales else "" for each in (LIFTOFF_SPEED, ENERGY))
         numbers = {"loop_energy": upkeep.energy, "next launch on the loop": orbit.alpha - upkeep.inject}
-        text = f"a hop loses {{:.4g}}{joule}; its next launch is {{:.6g}}{speed}"
+        text = f"a hop loses {{:.4g}}{joule}; its next launch speed is {{:.6g}}{speed}"
         yield Row("on the measured loop", numbers, (text,))

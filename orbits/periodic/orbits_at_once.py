@@ -1,7 +1,7 @@
-"""The orbits of many machines that differ in numbers alone: guessed, solved, measured and certified together.
+"""The orbits of many machines that differ only in numbers, guessed, solved, measured and certified together.
 
-Each is found as `find` finds it, from its own guess, so that no result depends on the other members. Where this does
-not lead directly to a certified orbit of the family, the machine is left to `find`.
+Each is found as in `find`, from its own guess, so no result depends on the other members. Where this does not lead
+directly to a certified orbit of the family, `find` searches for this machine alone.
 """
 
 import time
@@ -34,7 +34,7 @@ from .orbit import Orbit
 
 
 class TogetherOptions(NamedTuple):
-    """How many motions are kept in memory together: fewer of those that may have more steps."""
+    """How many motions are kept in memory together: fewer where they may have more steps."""
 
     motions: int = 1024  # of low families, on a law of few pieces
     low_families: int = 32  # the half flights of higher ones last longer
@@ -236,7 +236,7 @@ def _solved_together(
 
 def _at_value(kernel: NewtonKernel, us: np.ndarray, ps: np.ndarray, recorded: int = 0) -> Solutions:
     """The solutions to which Newton's method converges from guesses (m, n), with fixed parameters (m, np), and their
-    motions of at most so many `recorded` steps."""
+    motions of at most this number of `recorded` steps."""
     xs = np.column_stack([us, ps[:, kernel.place]])
     rows, units = np.zeros(xs.shape), np.maximum(np.abs(xs), NEWTON.smallest_unit)
     rows[:, -1] = 1.0

@@ -177,7 +177,7 @@ def near_rest(oscillator: Oscillator, number: int, energy: float) -> Oscillation
     if oscillator.bounces and number > 1:
         raise InputError(f"family = {number}: one family of bounces begins at the equilibrium")
     if not 1 <= number <= oscillator.n:
-        raise InputError(f"family = {number}: the normal modes of this machine are numbered from 1 to {oscillator.n}")
+        raise InputError(f"family = {number}: this machine has {oscillator.n} normal modes, by rising frequency")
     guess = oscillator.bounce if oscillator.bounces else oscillator.mode(number)
     error: OrbitsError | None = None
     for _ in range(OSCILLATOR.attempts):

@@ -21,14 +21,14 @@ class Oscillation(Result, what="oscillation", in_line=("energy", "period", "stab
     """A periodic motion of a conservative machine, of one arc, as `find` returns it for an energy.
 
     It is a motion with a closed gap, the motion of a machine without a gap, or where the restitution is 1, the flight
-    from one elastic impact to the next. The period is certified by the defects of the integration steps, and the energy
-    by the work along the motion.
+    from one elastic impact to the next. The defects of the integration steps certify the period, and the work along the
+    motion certifies the energy.
 
     machine : in words and numbers
     energy : above the energy at the equilibrium
     period, error : the period, and a bound on its error
     energy_drift : largest change of the energy along the motion, as a share of it
-    residual : the largest one of the equations
+    residual : the largest residual of the equations
     unfolding : multiple of the energy's gradient added to the equations of motion, which vanishes up to rounding
     multipliers : (2n - 2, 2), the real and the imaginary parts of the multipliers without the two of the time and of
         the energy, which are 1; empty for one coordinate
@@ -125,7 +125,7 @@ class Oscillation(Result, what="oscillation", in_line=("energy", "period", "stab
 
 @dataclass(frozen=True)
 class OscillationEvent:
-    """An event on a family of oscillations, located.
+    """A located event on a family of oscillations.
 
     kind : "fold" (the energy turns round), "branch point" (another family crosses), "turn of the period" (it is longest
         or shortest there), "flip" (two multipliers pass -1: a family of twice the period begins), "Krein collision"

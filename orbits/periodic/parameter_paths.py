@@ -1,4 +1,4 @@
-"""Ways of the parameters of many machines, along which the orbit of each is led, all of them together.
+"""Ways of the parameters of many machines, along which the orbits of all machines are followed together.
 
 In each round every machine takes a step of its own length along its way: a predictor from the tangents, and Newton's
 method back to the orbits. A step is accepted where the predictor was good and the tangents at both ends agree with it,
@@ -25,14 +25,14 @@ PASSES_TWO = "the motion passes two unstable equilibria one after the other: fol
 class WayOptions(NamedTuple):
     """Steps along ways, which are shares of them. Errors are shares of the unknowns' sizes, and misses, the changes of
     the equations that belong to them, shares of the largest unknown, since orbits of other families are near where
-    motions are long, or amplify small changes: these have other tangents, or lie beside the prediction.
+    motions are long, or amplify small changes: these have other tangents, or lie away from the prediction.
 
     shortest, most : a way is given up where a step of the shortest length is rejected, or after the most rounds
     shorter, shorten, lengthen : ratio of a step to the rejected one before it, and bounds of that to an accepted one
     moved : largest error and miss of an accepted step, of its prediction and of the mean of the tangents at its ends
     aim : share of these that the next step is to have
     across_branch : where the orientation of the equations changes, a step over a branch point is accepted if the error
-        is no larger than this share of the step; beyond a fold it would be as large as the step
+        is at most this share of the step; beyond a fold it would be as large as the step
     corrections : largest number of Newton steps
     rough : a Newton step with a smaller error and miss leads to a point that serves for the next step
     contraction : a guess is not in the basin of the orbit if a Newton step shrinks by no more than this
@@ -61,7 +61,7 @@ STRAIGHT_WAYS = WayOptions()
 
 
 class WaysDone(NamedTuple):
-    """The result of following ways: the unknowns (m, n) at their ends, NaN for those that were given up; the shares
+    """The result of following ways: the unknowns (m, n) at their ends, NaN for machines that were given up; the shares
     (m,) of the way that are done, and the shares (m,) at which there is a fold, infinite without any; the solutions at
     the ends of those, by index, on which motions were divided; and why others are not led further, by index, where that
     is known."""
@@ -134,7 +134,7 @@ def _went_along(
     report: Callable[[int], None], options: WayOptions,
 ) -> "_Lanes":  # fmt: skip
     """The machines of a stretch, with parameters (k, np) at its start, as far as they get on the rest of their ways;
-    `report` is called with the number of those that are still going."""
+    `report` is called with the number of machines that are still going."""
     places, lanes = [equations.parameters.index(name) for name in vary], _Lanes(stretch, equations.own, options)
     ways = (ends - starts)[:, places, None]
     which, evaluation = equations.evaluate_lanes(stretch.xs, starts, vary)
@@ -180,7 +180,7 @@ def _with_nodes(
     anew: bool, options: WayOptions,
 ) -> NodedSolution | None:  # fmt: skip
     """The solution near unknowns (N,) with the nodes of a division, if any, and parameters (np,): with the nodes that
-    it asks for where it is divided `anew`, else with nodes where they are of use. None without one nearby; the reason
+    it asks for where it is divided `again`, else with nodes where they are of use. None without one nearby; the reason
     of the machine `which` is noted where there is one that its launch does not determine."""
     own = division.equations if division else equations
     try:
@@ -200,7 +200,7 @@ class _Lanes:
     and their derivatives by the share, the same one step before, the length of the next step, the orientation of the
     equations, and the share at which a fold is expected, infinite where none is; the least sizes of those unknowns,
     after the first `own` ones, that are tuned parameters; the rounds needed; and whether its motion `hangs`, that is,
-    has come to amplify small changes, and is to be divided before it goes on. The shares are those of a stretch."""
+    has come to amplify small changes, and is to be divided before it continues. The shares are those of a stretch."""
 
     def __init__(self, stretch: _Stretch, own: int, options: WayOptions):
         self.options = options
@@ -241,8 +241,8 @@ class _Lanes:
         self, lanes: Array, new: Array, guesses: Array, solved: Array, found: Array, jacobians: Array, growths: Array,
         ways: Array,
     ) -> None:  # fmt: skip
-        """Take the steps of lanes (k,) to shares (k,) that are good, and shorten the others: those that are `solved`,
-        by their indices, with the unknowns found, and the Jacobians and the growths of small changes there."""
+        """Take the steps of lanes (k,) to shares (k,) that are good, and shorten the others: the `solved` ones, by
+        their indices, with the unknowns found, and the Jacobians and the growths of small changes there."""
         self.rounds[lanes] += 1
         options = self.options
         refused, lanes_found, old = np.ones(len(lanes), bool), lanes[solved], self.us[lanes[solved]]

@@ -1,4 +1,4 @@
-"""The quantities of an orbit: the name of each in tables, and its values for m orbits; dimensions are in `units`."""
+"""The quantities of an orbit: their names in tables, and their values for m orbits; `units` has their dimensions."""
 
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, NamedTuple
@@ -117,9 +117,9 @@ def _mean_speed(model: Model, cycles: Cycles) -> np.ndarray:
 OF_LOSS = ("loss_coefficient", "robustness")
 VARIATIONAL = ("landing_sensitivity", *OF_LOSS)  # these need the variation of the flight with alpha
 FRICTION_LEFT = "friction_left"  # the stated friction less that which is needed
-ACCURACY = "it says how accurately an orbit is known, and is no property of its motion"
-OF_LOOP = "it is lost on the measured loop of which a spring is one branch: a column of sweeps and families, no design"
-NOT_BY_SPEED = "it is a slope by the launch speed alone, and a launch of this machine has several unknowns"
+ACCURACY = "it is the accuracy of an orbit, not a property of its motion"
+OF_LOOP = "it is a loss on the spring's measured loop: sweeps and families have it as a column, designs do not"
+NOT_BY_SPEED = "it is a derivative by the launch speed, but a launch of this machine has several unknowns"
 # In the order of every table; there is one of the "rises", and one of the "apexes", for each height of the machine.
 QUANTITIES: dict[str, OrbitQuantity] = {
     "alpha": OrbitQuantity(lambda model, cycles: cycles.u["alpha"], "alpha", True),
@@ -132,11 +132,13 @@ QUANTITIES: dict[str, OrbitQuantity] = {
         lambda model, cycles: model.liftoff_extension(cycles.u, cycles.p), "lift-off extension", True
     ),
     "stroke": OrbitQuantity(_stroke, in_si=True),
-    "admissible": OrbitQuantity(apart="it is a verdict: designs are always motions, and a sweep has the column status"),
+    "admissible": OrbitQuantity(
+        apart="it is a verdict: designs are always motions, and a sweep has the column status instead"
+    ),
     "error": OrbitQuantity(apart=ACCURACY),
     "residual": OrbitQuantity(apart=ACCURACY),
     "energy_drift": OrbitQuantity(apart=ACCURACY),
-    "family": OrbitQuantity(apart="it is a count, which is chosen by the argument family"),
+    "family": OrbitQuantity(apart="it is a count: choose it by the argument family"),
     "clearance": OrbitQuantity(words="clearance", in_si=True),
     "smallest_separation": OrbitQuantity(words="smallest separation", in_si=True),
     "rises": OrbitQuantity(words="rise of"),
@@ -185,16 +187,20 @@ def absent_quantities(model: Model, p: Mapping) -> dict[str, str]:
     why |= {} if model.tension else {"largest_spring_force": f"a {model.name} states no force of one spring"}
     why |= {} if model.one_speed else dict.fromkeys(VARIATIONAL, NOT_BY_SPEED)
     if model.separation(p) is None:
-        why["smallest_separation"] = "the machine states no length, as rest_length, that tells how far masses are apart"
+        why["smallest_separation"] = (
+            "the machine states no length, such as rest_length, from which the separation of its masses follows"
+        )
         apexes = (f"{name.removesuffix(RISE)}{APEX}" for name in model.of_heights(p))
-        why |= dict.fromkeys(apexes, "the machine states no length, as rest_length, that tells how high its masses are")
+        why |= dict.fromkeys(
+            apexes, "the machine states no length, such as rest_length, from which the heights of its masses follow"
+        )
     if model.weight(p) is None:
-        why["peak_force_in_weights"] = f"the weight that the contact of a {model.name} carries is not known"
+        why["peak_force_in_weights"] = f"the weight on the contact of a {model.name} is not known"
     why |= {"duty_factor": f"two points of a {model.name} take turns on the ground"} if model.changes_contact else {}
     if planar is None:
         why |= dict.fromkeys(PLANAR, f"a {model.name} states no places of its masses along the ground")
     elif not planar.stands:
-        why["smallest_stance_force"] = f"nothing of a {model.name} stands on the ground in flight"
+        why["smallest_stance_force"] = f"no part of a {model.name} stands on the ground in flight"
     if planar is not None and not planar.friction:
         why[FRICTION_LEFT] = "the machine states no friction of the ground"
     why |= {} if model.moves_on else dict.fromkeys(OF_RUNS, f"a {model.name} does not move on along the ground")
@@ -214,12 +220,12 @@ def quantity_names(model: Model, p: Mapping) -> list[str]:
 
 
 def unknown_quantity(model: Model, p: Mapping, name: str, known: Collection[str]) -> str:
-    """Why a name is none of the `known` ones, in words: the machine's orbits do not have the quantity, it is not
-    computed there, or there is none of this name."""
+    """Why a name is not one of the `known` ones, in words: the machine's orbits do not have the quantity, it is not
+    computed there, or no quantity has this name."""
     if why := absent_quantities(model, p).get(name):
         return f"no quantity '{name}' here: {why}"
     if name in quantity_names(model, p):
-        return f"'{name}' is not among {', '.join(known)}, which are known here"
+        return f"'{name}' is not available here; choose one of {', '.join(known)}"
     return f"unknown quantity '{name}'{suggest(name, known)}"
 
 

@@ -1,7 +1,7 @@
-"""The range of extensions that an orbit needs of a measured law whose range it leaves.
+"""The range of extensions that an orbit needs if it leaves the range of a measured law.
 
-The law is continued by straight lines beyond its ends, with its slopes there. An orbit of that spring says how far to
-measure; it is never returned, since nobody knows the force there.
+The law is continued by straight lines beyond its ends, with its slopes there. An orbit of that spring shows how far to
+measure; it is never returned, since the force there is unknown.
 """
 
 from collections.abc import Callable

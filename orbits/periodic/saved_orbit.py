@@ -12,7 +12,7 @@ from .certificate import Certificate
 from .cycle_shape import SavedShape, shape_of
 from .quantities import CERTIFIED, OF_RUNS
 
-# Two statements of a number in a file agree if their relative difference is no larger.
+# Two statements of a number in a file agree if their relative difference is at most this.
 SAME_NUMBER = 1e-9
 LOOP_ENERGY = "loop_energy"  # which an orbit does not have without its machine
 # The fields of an orbit that older files, or those of other machines, do not have.
@@ -133,7 +133,7 @@ def check_consistent(document: Mapping[str, object], data: Mapping[str, Any]) ->
             and name not in (*sides, "seconds", LOOP_ENERGY)
             and not _same_numbers(data[name], document[name])
         ):
-            raise ValueError(f"it says {name} = {data[name]!r}, and by its motion that is {document[name]!r}")
+            raise ValueError(f"it states {name} = {data[name]!r}, but its motion has {document[name]!r}")
 
 
 def _same_numbers(one: object, other: object) -> bool:

@@ -23,7 +23,7 @@ def check_start(machine: Machine, start: object) -> None:
     refuse_one_way(model)
     if start is None and model.conservative and not (model.is_guessed or model.search):
         raise InputError(
-            f"the families of a {model.name} are not guessed: give start= an orbit of it"
+            f"no guess of the families of a {model.name} is known: give an orbit of it as start="
             + ("" if model.one_speed or model.sticks else ", such as one of find_all(machine, starts(machine))")
         )
 
@@ -53,7 +53,7 @@ def stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[st
             unknowns[STEP_LENGTH] = start.shape.steps.reversor_shift[model.flight.states.index(model.sticks[0])]
         return unknowns | ({} if start.contact_time is None else {"contact_duration": start.contact_time / 2})
     if not isinstance(start, Mapping):
-        raise InputError(f"start = {start!r}; it is an orbit, or a mapping of unknowns to numbers")
+        raise InputError(f"start = {start!r}; it must be an orbit, or a mapping of unknowns to numbers")
     # Further unknowns may be stated although not every statement has them.
     further = {"contact_duration", "unfolding", *((STEP_LENGTH,) if model.sticks else ())}
     if unknown := [name for name in start if name not in {*model.half_unknowns, *further}]:
@@ -61,7 +61,7 @@ def stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[st
     stated = {"unfolding": 0.0, **{name: finite_number(f"start '{name}'", value) for name, value in start.items()}}
     for name in ("duration", "contact_duration"):
         if not 0 < stated.get(name, 1.0) < LONGEST_START:
-            text, times = "start '{name}' = {time:g}; it lies between 0 and {most:g}", (stated[name], LONGEST_START)
+            text, times = "start '{name}' = {time:g}; it must lie between 0 and {most:g}", (stated[name], LONGEST_START)
             time, most = (Quantity(number, TIME) for number in times)
             raise InputError(Message(text, name=name, time=time, most=most))
     return stated

@@ -1,7 +1,7 @@
 """Where the search for a run begins: the vertical hop of the machine, with the lateral rates that fit it best.
 
 Beside a vertical hop, small lateral places and rates obey linear equations, and have to satisfy more conditions than
-there are of them. Where a machine is near one with runs beside its hop, the direction in which the conditions change
+there are of them. Where a machine is near one with runs near its hop, the direction in which the conditions change
 least is nearly that of the runs; it is scaled to the prescribed quantity. Runs begin exactly at designs at which that
 change vanishes.
 """
@@ -34,7 +34,7 @@ RUN_START = RunStartOptions()
 
 
 def run_along_speeds(machine: Any, tuning: Tuning, starts: Sequence[Mapping[str, float]]) -> Solved:
-    """The run with prescribed quantities, none of which says how fast it is: on the family of runs that begins near the
+    """The run with prescribed quantities that do not say how fast it is: on the family of runs that begins near the
     first start that leads to a run, the first one that has the quantities as the speed grows; raises `NoOrbit` where
     there is none. The starts are unknowns of half orbits by name.
 
@@ -48,7 +48,7 @@ def run_along_speeds(machine: Any, tuning: Tuning, starts: Sequence[Mapping[str,
         found = solve_tuned(machine, replace(tuning, values={"speed": speed, **rest}), known)
         return dict(zip(found.equations.statement.unknowns, found.us[0].tolist(), strict=True))
 
-    no_run, reason = f"no run with {name} = {value:.6g} is found beside the vertical hop", None
+    no_run, reason = f"no run with {name} = {value:.6g} is found near the vertical hop", None
     for start in starts:
         stand, speed = (prescribed_value(machine, each, start) for each in (name, "speed"))
         try:
@@ -58,7 +58,7 @@ def run_along_speeds(machine: Any, tuning: Tuning, starts: Sequence[Mapping[str,
             reason = reason or error
     else:
         raise NoOrbit(f"{no_run}: {reason}")
-    last, ended = stand, "faster ones are not searched"
+    last, ended = stand, "faster runs are not searched"
     for _ in range(RUN_START.speeds):
         here = prescribed_value(machine, name, known)
         if (here - value) * (last - value) <= 0:
@@ -80,7 +80,7 @@ def run_start(machine: Any, equations: Shooting, hop: Mapping[str, float], at: M
     machine : without dimensions, with a coordinate that sticks
     equations : those of its runs with tuned parameters; the last ones are those of prescribed quantities
     hop : the unknowns of its vertical hop, those of `Mechanism.upright`
-    at : values of quantities of the run, of which "speed", "mean_speed" or "step" says how fast it is
+    at : values of quantities of the run; "speed", "mean_speed" or "step" says how fast it is
 
     Raises `NoOrbit` where the conditions do not change with any lateral motion.
     """
@@ -109,8 +109,8 @@ def run_start(machine: Any, equations: Shooting, hop: Mapping[str, float], at: M
         near = at_share(share)
         if not (found := float(OF_STEPS[name].of(model, near, {**p, STEP_LENGTH: near[STEP_LENGTH]}))):
             if share != first:
-                raise NoOrbit(f"{name} = {value:g} is too small for a double's range: prescribe one farther from 0")
-            raise NoOrbit(f"the {model.name} does not move along the ground beside its vertical hop: give a start")
+                raise NoOrbit(f"{name} = {value:g} is too small for double precision: prescribe a value farther from 0")
+            raise NoOrbit(f"the {model.name} does not move along the ground near its vertical hop: give a start")
         share, last = share * value / found, share
         if abs(share - last) <= RUN_START.same_share * abs(share):
             break

@@ -1,7 +1,7 @@
 """Orbits with tuned parameters where quantities of the whole motion are prescribed, such as a clearance.
 
-They are no equations of half an orbit, and are reached by Newton's method with differences around the solution of those
-that are.
+They give no equations of half an orbit, and are reached by Newton's method with differences around the solution of the
+equations.
 """
 
 from collections.abc import Callable
@@ -92,7 +92,7 @@ def _by_moving(
         except TimeOver as over:
             if np.isnan(found).any():
                 raise
-            raise over.reached("on the way to {} it has come to {}, with {}".format(at, *reached()[::-1])) from None
+            raise over.reached("on the way to {} it reached {}, with {}".format(at, *reached()[::-1])) from None
 
     def off(found: np.ndarray) -> float:
         return float(np.max(np.abs(found - wanted) / sizes))
@@ -111,7 +111,7 @@ def _by_moving(
             noise = np.abs(wanted - found) + steps.rounding * np.abs(found)
             own = np.abs(np.linalg.inv(slopes)) @ noise + np.spacing(np.abs(x))
             return orbit, errors | dict(zip(moved, own.tolist(), strict=True))
-        share, last, reason = min(1.0, steps.longest / size), size, "it comes no closer"
+        share, last, reason = min(1.0, steps.longest / size), size, "no step comes closer"
         while share > steps.shortest:
             try:
                 trial = solved(x + share * step, orbit)
@@ -124,7 +124,7 @@ def _by_moving(
         else:
             break
     else:
-        reason = f"{steps.most} steps do not lead there"
+        reason = f"{steps.most} steps did not reach it"
     ran, here = reached()
     raise NoOrbit(f"no orbit with {at} is reached: {ran.replace(' =', ' ran to')}, where {here}, and {reason}")
 

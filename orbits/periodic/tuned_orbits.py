@@ -1,4 +1,4 @@
-"""Orbits with tuned parameters: as many numbers of a machine are unknowns as there are conditions too many.
+"""Orbits with tuned parameters: numbers of a machine that become unknowns, one for each condition in excess.
 
 Half an orbit of a model may have more equations than unknowns, and each quantity of the orbit whose value is prescribed
 is one equation more. Then as many parameters of the machine are unknowns too, the tuned ones.
@@ -50,7 +50,7 @@ TUNED = TunedOptions()
 # What to do where an orbit does not determine a tuned number, by whether the machine sticks.
 OTHER = "tune another number"
 AT_A_SPEED = "prescribe a speed farther from 0, or start at a run that has one"
-REMEDIES = OTHER, f"{OTHER}; or {AT_A_SPEED}: the vertical hop runs at no speed, whatever its inertia"
+REMEDIES = OTHER, f"{OTHER}; or {AT_A_SPEED}: the vertical hop has speed 0 for every inertia"
 
 
 class Prescribed(NamedTuple):
@@ -87,7 +87,7 @@ OF_STEPS: dict[str, Prescribed] = {
     "mean_speed": Prescribed(lambda model, u, p: step_of(model, u, p) / _period(model, u, p), SPEED, True),
     STEP_LENGTH: Prescribed(lambda model, u, p: p[STEP_LENGTH], LENGTH),
 }
-# Those of these that are no parameters.
+# The ones that are not parameters.
 QUANTITIES_ALONG = {*PRESCRIBED, *OF_STEPS} - {STEP_LENGTH}
 # Quantities of the whole motion that are ranges, or maxima of what is 0 at lift-off.
 NEVER_NEGATIVE = ("stroke", "largest_contact_force", "peak_force_in_weights", "duty_factor", "friction_needed")
@@ -125,18 +125,18 @@ def tuning_of(machine: Machine, tune: str | Iterable[str] | None, at: Mapping[st
     names = tuned_names(machine, tune)
     at = {} if at is None else at
     if not isinstance(at, Mapping):
-        raise InputError(f"at = {at!r}; it is a mapping of quantities to values, as at={{'period': 9.0}}")
+        raise InputError(f"at = {at!r}; it must be a mapping of quantities to values, as at={{'period': 9.0}}")
     others, known = quantities_of_motion(machine), prescribable(machine.model)
     values = {name: finite_number(f"at '{name}'", value) for name, value in at.items()}
     for name in values:
         if name in machine.values and name not in known:
-            raise InputError(f"at '{name}': that is a number of the machine; state it there, or tune it")
+            raise InputError(f"at '{name}': it is a parameter of the machine; set it there, or tune it")
         if name == "step" and name not in known and machine.model.moves_on:
-            raise InputError("at 'step': it follows from the geometry of this machine; state that instead")
+            raise InputError("at 'step': it follows from the geometry of this machine; set that instead")
         if name not in (*known, *others):
             if name in quantity_names(machine.model, machine.values):
                 designed = f"optimize(machine, ..., subject_to=['{name} == {values[name]:g}'])"
-                raise InputError(f"at '{name}': it is computed for designs alone, and prescribed by {designed}")
+                raise InputError(f"at '{name}': it can be prescribed only in designs, by {designed}")
             why = unknown_quantity(machine.model, machine.values, name, [*known, *others])
             raise InputError(f"at '{name}': {why}")
         _check_value(machine, name, values[name])
@@ -152,19 +152,19 @@ def _check_value(machine: Machine, name: str, value: float) -> None:
     never_negative = positive or name in NEVER_NEGATIVE or name.endswith(RISE)
     if (value < 0 and never_negative) or (value == 0 and positive):
         bound = "above 0" if positive else "at least 0"
-        raise InputError(f"at '{name}' = {value:g}: it is {bound} in every orbit; prescribe such a value")
+        raise InputError(f"at '{name}' = {value:g}: prescribe a value {bound}, as every orbit has")
 
 
 def tuned_names(machine: Machine, tune: str | Iterable[str] | None) -> tuple[str, ...]:
     """The names of the tuned parameters; raises `InputError` for one that is unknown, fixed, or stated twice."""
     if isinstance(tune, Mapping) or not (tune is None or isinstance(tune, Iterable)):
-        raise InputError(f"tune = {tune!r}; it has names, whose search begins at their values in the machine")
+        raise InputError(f"tune = {tune!r}; it must list names; the search begins at their values in the machine")
     names = tuple(list_of_names("tune", () if tune is None else tune))
     check_parameters(machine, *names)
     if len({*names}) < len(names):
-        raise InputError(f"tune = {names!r}: it names each parameter once")
+        raise InputError(f"tune = {names!r}: name each parameter once")
     if machine.model.reversor is None:
-        raise InputError(f"a {machine.model.name} has no reversor: only half of an orbit that has one is tuned")
+        raise InputError(f"a {machine.model.name} has no reversor, but tuning solves for half an orbit and needs one")
     machine.with_values(**{name: machine.values[name] for name in names})  # refuses one that follows from others
     return names
 
@@ -183,12 +183,12 @@ def quantities_of_motion(machine: Machine) -> list[str]:
 
 
 def check_count(machine: Machine, tuned: Sequence[str], prescribed: Iterable[str]) -> None:
-    """Raise `InputError` where a machine's equations are not as many as their unknowns."""
+    """Raise `InputError` where the numbers of a machine's equations and unknowns differ."""
     prescribed, model = [*prescribed], machine.model
     unknowns, equations = counts(model, tuple(machine.values))
     if (needed := equations - unknowns + len(prescribed)) == len(tuned):
         return
-    stated = f"tune = {[*tuned]} names {len(tuned)} of the numbers of the {model.name}"
+    stated = f"tune = {[*tuned]} names {len(tuned)} parameters of the {model.name}"
     reason = f"one for each quantity of at = {prescribed}"
     if equations > unknowns:
         more = ", and one more" + reason.removeprefix("one") if prescribed else ""
@@ -196,7 +196,7 @@ def check_count(machine: Machine, tuned: Sequence[str], prescribed: Iterable[str
     free = [name for name in machine.values if name not in (*tuned, *model.fixed, model.homotopy)]
     remedy = f"choose among {', '.join(free)}"
     if needed < len(tuned):
-        remedy = f"leave {len(tuned) - needed} out, or prescribe as many more quantities"
+        remedy = f"leave {len(tuned) - needed} out, or prescribe {len(tuned) - needed} more"
     raise InputError(f"{stated}, and {needed} {'is' if needed == 1 else 'are'} needed: {reason}; {remedy}")
 
 
@@ -251,7 +251,7 @@ def solve_tuned(machine: Machine, tuning: Tuning, u: Mapping[str, float]) -> Sol
     names = tuple(tuning.values)
     equations = tuned_equations(machine, tuning.names, names)
     if "contact_duration" in equations.statement.unknowns and "contact_duration" not in u:
-        raise NoOrbit(f"the contact of the orbit to begin with does not end: it has no {' and no '.join(names)}")
+        raise NoOrbit(f"the contact of the first orbit does not end: it has no {' and no '.join(names)}")
     start = {**{name: machine.values[name] for name in equations.statement.tuned}, **u}
     here = np.array([prescribed_value(machine, name, start) for name in names])
     targets = np.array(
@@ -290,7 +290,7 @@ def _along_way(
                 break
             except TimeOver as over:
                 tuned = ", ".join(f"{name} = {value:.6g}" for name, value in tuned_values(equations, found.u).items())
-                raise over.reached(f"on the way to {text(1.0)} it has come to {text(reached)}, with {tuned}") from None
+                raise over.reached(f"on the way to {text(1.0)} it reached {text(reached)}, with {tuned}") from None
             except (NoOrbit, FlowError, InputError) as error:
                 step = min(step, 1 - reached) / 2
                 if step < TUNED.shortest_way:
@@ -305,7 +305,7 @@ def _no_beginning(equations: Shooting, x: np.ndarray, p: np.ndarray, names: Sequ
     prescribed quantities depend on the tuned parameters at all says the rank of the equations."""
     all_of, tuned = ", ".join(names) or "the orbit", ", ".join(_without_step(equations.statement.tuned))
     if unused := ", ".join(_unused(equations, x, p)):
-        reason = f"no equation of half an orbit has {unused}"
+        reason = f"no equation of half an orbit contains {unused}"
         return NoOrbit(f"{all_of} does not depend on {unused}: tune another number ({reason})")
     try:
         jacobian = equations.evaluate(x, p).jacobian * np.maximum(np.abs(x), TUNED.smallest)
@@ -315,7 +315,7 @@ def _no_beginning(equations: Shooting, x: np.ndarray, p: np.ndarray, names: Sequ
     except (FlowError, np.linalg.LinAlgError):
         pass
     runs = STEP_LENGTH in equations.parameters
-    remedy = "begin near a design at which runs begin, by find_branch_points" if runs else "give a start"
+    remedy = "begin near a design found by find_branch_points, where runs begin" if runs else "give a start"
     return NoOrbit(f"the search for {all_of} by tuning {tuned} does not converge where it begins: {remedy} ({error})")
 
 
@@ -351,7 +351,7 @@ def tuned_values(equations: Shooting, x: np.ndarray) -> dict[str, float]:
 
 
 def _without_step(names: Iterable[str]) -> list[str]:
-    """The names of tuned parameters but for the step, which no user names."""
+    """The names of tuned parameters except the step, which users do not name."""
     return [name for name in names if name != STEP_LENGTH]
 
 

@@ -1,4 +1,4 @@
-"""The orbit with tuned parameters, near that of the machine itself or a start."""
+"""The orbit with tuned parameters, near the machine's own orbit or a start."""
 
 import time
 from collections.abc import Iterator, Mapping
@@ -123,7 +123,7 @@ def _starts_of_run(machine: Any, family: int, tuning: Tuning) -> Iterator[dict[s
 def start_of_run(
     machine: Any, hop: Mapping[str, float], tuning: Tuning, faster: float | None = None
 ) -> dict[str, float]:
-    """The unknowns of a half orbit by name, with the step, where the search for a run of a machine begins: beside its
+    """The unknowns of a half orbit by name, with the step, where the search for a run of a machine begins: near its
     vertical hop. All is in the machine's units.
 
     hop : the unknowns of half of it by name, without dimensions

@@ -35,7 +35,7 @@ def test_it_ends(point):
 
 @pytest.mark.slow
 def test_names_are_refused(point):
-    with pytest.raises(InputError, match="'inertia' is a number of the branch point"):
+    with pytest.raises(InputError, match="'inertia' is a parameter of the branch point"):
         follow_branch_points(point, "inertia", [7.0])
     with pytest.raises(InputError, match="foot_width"):
         follow_branch_points(point, "foot_width", [7.0])

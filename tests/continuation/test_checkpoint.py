@@ -68,16 +68,16 @@ def test_what_cannot_be_resumed_or_watched_is_said(softening_family):
         ({"stop": 1.0, "resume": done}, "has reached beta = 1 already"),
         ({"stop": 0.5, "resume": done}, "not between 0 and 0.5"),
         ({"stop": 1.0, "resume": "x"}, "a family of `follow`"),
-        ({"stop": 1.0, "watch": {"fold": lambda orbit: 1.0}}, "a name of its own"),
+        ({"stop": 1.0, "watch": {"fold": lambda orbit: 1.0}}, "with a name that nothing else has"),
         ({"stop": 1.0, "watch": [abs]}, "a mapping of names"),
         ({"stop": 1.0, "at": 0.5}, "a list of values"),
         ({"stop": 1.0, "watch": {"word": lambda orbit: "x"}, "most": 1}, "watch 'word' gives 'x'"),
     ):
         with pytest.raises(InputError, match=message):
             follow(Hopper("cubic"), "beta", start=0.0, **question)
-    with pytest.raises(InputError, match="give it another name"):
+    with pytest.raises(InputError, match="rename it"):
         follow(Hopper("r + alpha*r**3", parameters={"alpha": 0.1}), "alpha", 1.0)
-    with pytest.raises(InputError, match="it is the name of a parameter"):
+    with pytest.raises(InputError, match="it must be the name of a parameter"):
         follow(Hopper("cubic"), ["beta"], 1.0)
 
 

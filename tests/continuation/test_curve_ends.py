@@ -20,7 +20,7 @@ def test_no_first_orbit_is_said_and_a_lost_curve_keeps_what_it_has():
         follow(Hopper("cubic"), "beta", 0.0, -0.1)
     family = follow(Hopper("r"), "mass_ratio", -1.0)
     assert family.end.kind == "degenerate"
-    assert family.end.reason.startswith("there is no such machine any more at mass_ratio = ")
+    assert family.end.reason.startswith("the machine ceases to exist at mass_ratio = ")
     assert len(family.end.reason) <= 300
     assert len(family) > 10
 
@@ -38,7 +38,7 @@ def test_an_isola_closes():
     assert family[-1].u == pytest.approx(family[0].u, rel=1e-9)
     assert follow(machine, "q", 0.1).end.reason == "q = 0 again, on another sheet"
     for start, bounds in ((0.0, (0.05, 0.1)), (0.5, (-1.0, -0.2)), (0.5, (-0.2, -1.0)), (-0.5, (0.2, 1.0))):
-        with pytest.raises(InputError, match="does not lie between"):
+        with pytest.raises(InputError, match="is not between"):
             follow(machine, "q", bounds, start=start)
 
 
@@ -197,9 +197,9 @@ NEAR = history(lambda s: 0.8 - s, np.geomspace(4.0, 0.004, 300), 1)
         (last_point(5.0, 8e8), FAR, True, "gravity no longer returns the machine near b = 0.75"),
         (last_point(4000.0, 8000.0, -1e6), FAR, True, "the spring no longer lifts the foot near b = 0.75"),
         (last_point(4000.0, 8000.0, 60.0), FAR, True, "the launch speed grows without bound"),
-        (last_point(0.004, 0.01), NEAR, True, "the flight shrinks to nothing near b = 0.75"),
-        (last_point(0.004, 0.01), NEAR, False, "the flight shrinks to nothing near b = 0.75"),
-        (last_point(-0.004, 4.0), NEAR, True, "the launch speed falls to nothing near b = 0.75"),
+        (last_point(0.004, 0.01), NEAR, True, "the flight shrinks to zero near b = 0.75"),
+        (last_point(0.004, 0.01), NEAR, False, "the flight shrinks to zero near b = 0.75"),
+        (last_point(-0.004, 4.0), NEAR, True, "the launch speed falls to zero near b = 0.75"),
         (last_point(0.004, 4.0), NEAR, False, None),
         (last_point(4000.0, 8000.0), FAR[:2], True, None),
         (last_point(0.004, 0.01), NEAR[:2], True, None),
@@ -226,7 +226,7 @@ def test_what_a_lost_curve_ends_in():
         assert (end.kind, end.reason) == ("stuck", f"at b = 0.75, alpha = {point.own[0].alpha:g}: no root")
     for error, what in (
         (BreaksDown("it breaks down"), "does not come back (it"),
-        (NoStep("none"), "found beside it (none"),
+        (NoStep("none"), "found near it (none"),
     ):
         for growth, remedy in ((1.0, "allow steps shorter than 1e-05"), (1e6, "Follow another parameter")):
             end = lost(error, last_point(12.0, 8000.0, amplification=growth), passed(FAR))
@@ -236,10 +236,10 @@ def test_what_a_lost_curve_ends_in():
     end = lost(InputError("no mass"), last_point(12.0, 8000.0), passed(FAR))
     assert (end.kind, end.reason) == (
         "degenerate",
-        "there is no such machine any more at b = 0.75, alpha = 12: no mass",
+        "the machine ceases to exist at b = 0.75, alpha = 12: no mass",
     )
     beside = last_point(12.0, 8000.0, value=0.5 + 1e-9)
-    remedy = "; a parameter over decades is followed by its inverse or its logarithm"
+    remedy = "; over several decades, follow the inverse or the logarithm of the parameter"
     assert lost(reason, beside, passed(FAR)).reason.endswith("no root" + remedy)
     end = endings(running_ratio=4.0, largest_amplification=1e3).far(
         last_point(5.0, 8.0, amplification=1e4), passed(FAR)

@@ -72,7 +72,7 @@ def test_a_family_that_is_not_there_says_why():
 def test_what_families_cannot_be_asked_for():
     leg = hopper_in_si(60.0, 3.0, stiffness=8000.0)
     for wrong, words in (
-        (3, "families = 3; they are different"),
+        (3, "families = 3; they must be different"),
         ((1, 1), "different"),
         ((), "different"),
         ((0,), "whole"),
@@ -85,5 +85,5 @@ def test_what_families_cannot_be_asked_for():
         {"output": "x.jsonl"},
         {"resume": follow(leg, "foot_mass", 3.1)},
     ):
-        with pytest.raises(InputError, match="leave out family, a start, output and resume"):
+        with pytest.raises(InputError, match="leave out family, start, output and resume"):
             follow(leg, "foot_mass", 4.0, families=(1, 2), **other)

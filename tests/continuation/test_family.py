@@ -48,7 +48,7 @@ class TestOnDisk:
 def test_questions_about_quantities_and_values_that_are_not_there(softening_family, tmp_path):
     with pytest.raises(InputError, match="unknown quantity 'height'; known: alpha, "):
         softening_family.plot("height")
-    with pytest.raises(InputError, match=r"at = 0\.1 is not reached: beta lies between 0 and -0.02"):
+    with pytest.raises(InputError, match=r"at = 0\.1 is not reached: beta goes from 0 to -0\.02"):
         follow(Hopper("cubic"), "beta", -0.02, 0.0, at=[0.1])
     with pytest.raises(InputError, match=r"ending, \.jsonl or \.json or \.csv or \.nc"):
         softening_family.save(tmp_path / "family.txt")
@@ -87,5 +87,5 @@ def test_a_family_of_machines_that_stand_has_the_friction_that_they_need():
 
 def test_values_are_those_of_points():
     family = follow(Hopper("cubic", rest_length=20), "beta", 0.1, start=0.0)
-    with pytest.raises(InputError, match="points: 'l' is no point of a family"):
+    with pytest.raises(InputError, match="points: 'l' is not a point of a family"):
         family.values_at("log(r)", "alpha")

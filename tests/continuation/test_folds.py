@@ -39,7 +39,7 @@ def test_bad_questions_are_refused():
         follow_fold(machine, fold, "beta", "gamma", 1.0)
     with pytest.raises(InputError, match="along another parameter"):
         follow_fold(machine, fold, "beta", "beta", 1.0)
-    with pytest.raises(InputError, match="no way between"):
+    with pytest.raises(InputError, match="choose another stop"):
         follow_fold(machine, fold, "beta", "delta", 0.0)
     with pytest.raises(InputError, match="another method"):
         follow_fold(machine, fold, "beta", "delta", 1.0, method="half orbit")

@@ -159,7 +159,7 @@ def test_what_is_not_followed_is_refused(low, quintic, tmp_path):
         ("no event 'grazing'; it has 1 'masses touch'", "grazing", "delta", 1.0),
         ("no event 'flip'; .*follow\\(..., multipliers=True\\)", "flip", "delta", 1.0),
         ("there is no event 'folds'; did you mean 'fold'", "folds", "delta", 1.0),
-        ("'clearance' is no event: a quantity is followed at a value", "clearance", "delta", 1.0),
+        ("'clearance' is not an event: follow the quantity at a value", "clearance", "delta", 1.0),
         ("'rest_lenght' to follow; did you mean 'rest_length'", "masses touch", "rest_lenght", 1.0),
         ("unknown quantity 'nix'", {"nix": 1.0}, "delta", 1.0),
         ("passes 100 along the family 0 times", {"alpha": 100.0}, "delta", 1.0),
@@ -167,14 +167,14 @@ def test_what_is_not_followed_is_refused(low, quintic, tmp_path):
         ("one formula with its value", {}, "delta", 1.0),
         ("no parameter 'gamma'", "masses touch", "gamma", 1.0),
         ("along another parameter", "masses touch", "beta", 1.0),
-        ("no way between", "masses touch", "delta", 0.0),
+        ("choose another stop", "masses touch", "delta", 0.0),
         ("out of bounds", "masses touch", "rest_length", -1.0),
     ):
         with pytest.raises((InputError, NoOrbit), match=text):
             follow_event(low, event, second, stop)
     with pytest.raises(NoOrbit, match="number = 1: the family has 1 'masses touch'"):
         follow_event(low, "masses touch", "delta", 1.0, number=1)
-    with pytest.raises(InputError, match="same all along the family"):
+    with pytest.raises(InputError, match="same value along the whole family"):
         follow_event(low, {"rest_length": 9.0}, "delta", 1.0)
     with pytest.raises(InputError, match="the curve begins at beta"):
         follow_event(low, "masses touch", "delta", 1.0, within=(1.0, 2.0))
@@ -183,7 +183,7 @@ def test_what_is_not_followed_is_refused(low, quintic, tmp_path):
     for event in (quintic.events[0], Event("enters", value=0.5, text="stroke <="), Event("fold")):
         with pytest.raises(InputError, match="is none of this family"):
             follow_event(low, event, "delta", 1.0)
-    with pytest.raises(InputError, match=r"within = .*; a range goes up"):
+    with pytest.raises(InputError, match=r"within = .*; low must be below high"):
         follow_event(low, "masses touch", "delta", 1.0, within=(1.0, 0.0))
     asked = follow(quintic.source, "beta", -5e-3, at=[-5.5e-3])
     with pytest.raises(InputError, match="one value on it"):
@@ -191,7 +191,7 @@ def test_what_is_not_followed_is_refused(low, quintic, tmp_path):
     with pytest.raises(InputError, match=r"Family.load\(path, machine\)"):
         follow_event(Family.load(asked.save(tmp_path / "a.json")), "value", "delta", 1.0)
     curve = follow_event(quintic, "fold", "delta", -1e-7)
-    with pytest.raises(InputError, match="of curves of events"):
+    with pytest.raises(InputError, match="on curves of events"):
         follow_event(curve, "fold", "rest_length", 1.0)
 
 
@@ -221,7 +221,7 @@ def test_multipliers_that_leave_the_unit_circle(chain):
 
 
 def test_multipliers_are_refused_where_there_is_one():
-    with pytest.raises(InputError, match="crosses nothing"):
+    with pytest.raises(InputError, match="which is always 1"):
         follow(Hopper("cubic", rest_length=9.0), "beta", 0.1, multipliers=True)
 
 

@@ -70,7 +70,7 @@ def test_a_wrong_name_is_refused_with_the_reason(family):
     wrong = {
         "step": "'step' here: a hopper does not move on along the ground",
         "friction_needed": "'friction_needed' here: a hopper states no places",
-        "loss_error": "'loss_error' here: it says how accurately",
+        "loss_error": "'loss_error' here: it",
         "strok": "unknown quantity 'strok'; did you mean 'stroke'",
     }
     for name, words in wrong.items():

@@ -82,9 +82,9 @@ def test_why_curves_end():
     assert way.share == 1
     assert way.furthest == pytest.approx([0.25, 0.25], abs=0.02)
     grows = Curves(lambda u: 0.5 - 0.5 / (1 + u), lambda u: 0.5 / (1 + u) ** 2)
-    assert reasons(followed(grows, 0.0)) == {0: ("escaped", "its launch grows beyond all bounds")}
+    assert reasons(followed(grows, 0.0)) == {0: ("escaped", "its launch speed grows without bound")}
     none = Curves(lambda u: 1.0 + u**2, lambda u: 2.0 * u)
-    assert reasons(followed(none, 0.0)) == {0: ("stuck", "Newton's method does not find where it begins")}
+    assert reasons(followed(none, 0.0)) == {0: ("stuck", "Newton's method does not find its first point")}
     turns = Curves(lambda u: np.where(u < 0.3, u, 1.8 - 5 * u), lambda u: np.where(u < 0.3, 1.0, -5.0))
     way = followed(turns, 0.0)
     assert reasons(way) == {0: ("stuck", "its steps become too short")}

@@ -119,14 +119,14 @@ def test_a_search_that_is_stopped_says_so(caplog, monkeypatch):
 
     some = starts(machine, *LONGEST, progress=lambda share: slow(0.3 * (share > 0.1)), limit=0.25)
     assert "not all: " in repr(some)
-    assert "some hops have not reached the springs' own laws: it takes more than 0.25 s" in some.stopped
+    assert "some hops are not yet continued to the springs' own laws: it takes more than 0.25 s" in some.stopped
     assert len(some) < len(every)
     none = starts(machine, *LONGEST, progress=lambda share: slow(0.3), limit=0.1)
     assert len(none) == 0
-    assert "search for hops of straight springs has not come to its end" in none.stopped
+    assert "search for hops with linear springs is not finished" in none.stopped
     assert "it takes more than 0.1 s" in caplog.text
     half = starts(machine, *LONGEST, progress=lambda share: slow(0.6 * (share <= 0.1)), limit=2.0)
-    assert "has not come to its end in half of the time: allow it more by limit=" in half.stopped
+    assert "is not finished in half of the time: raise limit=" in half.stopped
     assert half.linear > 0
 
 
@@ -144,10 +144,10 @@ def test_the_usual_times_are_natural_periods():
 @pytest.mark.parametrize(
     ("elements", "more", "telling"),
     [
-        ([Spring("body - foot", "k*r"), Damper("body - foot", 0.1)], {}, "has a Damper: it has no lossless hops"),
+        ([Spring("body - foot", "k*r"), Damper("body - foot", 0.1)], {}, "has a Damper, so it has no lossless hops"),
         ([Spring("body - foot", "k*r"), Force("body", lambda y, v, p: 0.1)], {}, "has a Force"),
-        ([Spring("body - foot", "k*r")], {"gravity": "1/(1 + z/60)**2"}, "gravity .* varies: starts are led there"),
-        ([Spring("body - foot", "exp(r)")], {}, "has the force 1 at rest, and none near it where it vanishes"),
+        ([Spring("body - foot", "k*r")], {"gravity": "1/(1 + z/60)**2"}, "gravity .* varies: starts are"),
+        ([Spring("body - foot", "exp(r)")], {}, "has the force 1 at rest, and its force vanishes nowhere nearby"),
         ([Spring("body - foot", "-k*r - c*r**3")], {}, "has the slope -3 where it is unloaded, not above 0"),
     ],
 )

@@ -22,16 +22,16 @@ def cubic(stop: float = 1.0, longest: float = 0.2, **constants):
 @pytest.mark.parametrize(
     ("constants", "message"),
     [
-        ({"first_step": 2.0}, r"step_control.first_step = 2.0; it is a number from 1e-08 to 1"),
-        ({"largest_turn": np.nan}, "step_control.largest_turn = nan; it is a number from"),
-        ({"safety": "a"}, "step_control.safety = 'a'; it is a number from"),
-        ({"largest_batch": 2.5}, "step_control.largest_batch = 2.5; it is a number of"),
-        ({"neighbours": 9}, "step_control.neighbours = 9; it is a number of points or steps, from 1 to 8"),
+        ({"first_step": 2.0}, r"step_control.first_step = 2.0; it must be a number from 1e-08 to 1"),
+        ({"largest_turn": np.nan}, "step_control.largest_turn = nan; it must be a number from"),
+        ({"safety": "a"}, "step_control.safety = 'a'; it must be a number from"),
+        ({"largest_batch": 2.5}, "step_control.largest_batch = 2.5; it must be a number of"),
+        ({"neighbours": 9}, "step_control.neighbours = 9; it must be a number of points or steps, from 1 to 8"),
         (
             {"shortest_step": 1e-2},
-            "first_step = 0.005: it lies between shortest_step = 0.01 and longest_step",
+            "first_step = 0.005: it must lie between shortest_step = 0.01 and longest_step",
         ),
-        ({"longest_step": 1e-3}, "first_step = 0.005: it lies between .* longest_step = 0.001"),
+        ({"longest_step": 1e-3}, "first_step = 0.005: it must lie between .* longest_step = 0.001"),
     ],
 )
 def test_bad_constants_are_refused(constants, message):
@@ -46,9 +46,9 @@ def test_they_are_keywords_documented_and_fixed():
     with pytest.raises(FrozenInstanceError):
         control.first_step = 1e-3
     assert all(knob.name in StepControl.__doc__ for knob in fields(control))
-    with pytest.raises(InputError, match="it is a StepControl"):
+    with pytest.raises(InputError, match="it must be a StepControl"):
         follow(Hopper("cubic"), "beta", 1.0, 0.0, step_control={"first_step": 1e-3})
-    with pytest.raises(InputError, match=r"it is a share of the way, from 0\.01 to 1"):
+    with pytest.raises(InputError, match=r"it must be a share of the way, from 0\.01 to 1"):
         cubic(longest=1e-3, shortest_step=1e-3)
 
 

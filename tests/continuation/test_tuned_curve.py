@@ -71,11 +71,11 @@ def test_a_fold_along_a_quantity_is_located():
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        ({"along": "period"}, "say by tune= which parameter changes with it"),
-        ({"along": "clearance", "tune": "k"}, "found from the whole motion and is no equation"),
+        ({"along": "period"}, "name in tune= the parameter that changes with it"),
+        ({"along": "clearance", "tune": "k"}, "depends on the whole motion and gives no equation"),
         ({"along": "mass_ratio", "tune": "k"}, r"names 1 .*, and 0 are needed: one for each quantity"),
-        ({"along": "k", "tune": "k"}, "'k' is followed, so that it is not tuned"),
-        ({"along": "alpha", "tune": ("k", "mass_ratio")}, "names 2 of the numbers of the hopper, and 1 is needed"),
+        ({"along": "k", "tune": "k"}, "'k' is followed, so it cannot be tuned"),
+        ({"along": "alpha", "tune": ("k", "mass_ratio")}, "names 2 parameters of the hopper, and 1 is needed"),
         ({"along": "alpha", "tune": "k", "method": "shooting"}, "tunes no parameters"),
         ({"along": "alpha", "tune": "q"}, "no parameter 'q'"),
         ({"along": "alfa", "tune": "k"}, "no parameter 'alfa'"),
@@ -125,5 +125,5 @@ def test_points_of_a_family_of_runs_are_orbits_again():
     assert run.source.values["inertia"] == pytest.approx(family[-1].also["inertia"], rel=1e-12)
     assert {*run.tuned_errors} == {"step", "inertia", "hip_stiffness"}
     assert run.prescribed == {"speed": 0.41}
-    with pytest.raises(NoOrbit, match="this point is no fold"):
+    with pytest.raises(NoOrbit, match="this point is not a fold"):
         follow_fold(machine, family[-1], "speed", "rest_length", 3.8)

@@ -85,7 +85,7 @@ def changed(document, *path_and_value):
     ("damage", "words"),
     [
         (("format", "persistent-orbits orbit 1"), "expected 'persistent-orbits control 1'"),
-        (("cost", "12"), "cost = '12'; it is a finite number"),
+        (("cost", "12"), "cost = '12'; it must be a finite number"),
         (("cost", 10**400), "cost"),
         (("legs", []), "its stages do not follow"),
         (("legs", 0, "start", 0.5), "its stages do not follow"),

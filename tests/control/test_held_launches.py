@@ -93,8 +93,8 @@ def test_launches_in_si(tmp_path):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"errors": [-1.5]}, "errors = .* they are shares of the launch speed above -1"),
-        ({"noise": -0.1}, "noise = -0.1, within = 0.001: shares"),
+        ({"errors": [-1.5]}, "errors = .* they must be shares of the launch speed above -1"),
+        ({"noise": -0.1}, "noise = -0.1, within = 0.001:"),
         ({"hops": 0}, "hops = 0"),
     ],
 )

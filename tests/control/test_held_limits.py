@@ -68,7 +68,7 @@ def test_limits_that_the_hop_itself_exceeds():
         kept.hold(**{name: 1.001 * need})
     with pytest.raises(InputError, match=r"speed_force = \(8\.0, 0\.01\): the hop itself needs \d+\.\d+ times this"):
         pushed.hold(speed_force=(8.0, 0.01))
-    with pytest.raises(InputError, match=r"stroke = 1: .* and the actuator is a force; leave it out"):
+    with pytest.raises(InputError, match=r"stroke = 1: .* the actuator is a force; leave it out"):
         pushed.hold(stroke=1.0)
 
 
@@ -80,11 +80,11 @@ def test_limits_in_other_units():
 
 
 def test_invalid_limits():
-    with pytest.raises(InputError, match="force = 0: a bound of the actuator is above 0"):
+    with pytest.raises(InputError, match="force = 0; a bound of the actuator must be above 0"):
         HeldLimits(force=0.0)
-    with pytest.raises(InputError, match=r"speed_force = 3\.0; it is two numbers"):
+    with pytest.raises(InputError, match=r"speed_force = 3\.0; it must be two numbers"):
         HeldLimits(speed_force=3.0)
-    with pytest.raises(InputError, match=r"speed_force = \(1, -1\): both numbers of the actuator's bound are above 0"):
+    with pytest.raises(InputError, match=r"speed_force = \(1, -1\): both numbers must be above 0"):
         HeldLimits(speed_force=(1.0, -1.0))
 
 

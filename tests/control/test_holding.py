@@ -165,7 +165,9 @@ def test_a_delay_is_bridged_by_the_cycle():
     assert simulated_multipliers(orbit, late) == pytest.approx(np.abs(late.held_multipliers), rel=1e-3)
     assert np.abs(from_launch(late, orbit, -0.01).launches[-1] / orbit.alpha - 1) < 1e-6
     assert "decided as each interval begins, 0.5 after the measurement" in str(late)
-    with pytest.raises(InputError, match=r"delay = 1: the first input follows its measurement after 0\.898682"):
+    with pytest.raises(
+        InputError, match=r"delay = 1; it must be at most 0\.898682, the time from a measurement to its first input"
+    ):
         hold(orbit, "y1 - y2", delay=1.0)
 
 
@@ -175,15 +177,15 @@ def test_what_is_not_held(run, held):
         hold(find(rimless_wheel(angle=0.3)), "angle")
     with pytest.raises(InputError, match="there is no coordinate 'body'"):
         hold(find(Hopper()), "body - foot")
-    with pytest.raises(InputError, match="a hopper in SI is held with its actuator"):
+    with pytest.raises(InputError, match="a hopper in SI needs its actuator"):
         hold(find(hopper_in_si(10.0, 1.0, stiffness=1e4)), "y1 - y2")
-    with pytest.raises(InputError, match="when = 'landing'; inputs are decided 'continuous', 'lift-off', 'apex'"):
+    with pytest.raises(InputError, match="when = 'landing'; it must be one of 'continuous', 'lift-off', 'apex'"):
         hold(run, "phi - theta", when="landing")
-    with pytest.raises(InputError, match="power = -1: a bound of the actuator is above 0"):
+    with pytest.raises(InputError, match="power = -1: a bound of the actuator must be above 0"):
         hold(run, "phi - theta", power=-1.0)
-    with pytest.raises(InputError, match="effort = 0, landing = 20; weights lie above 0"):
+    with pytest.raises(InputError, match="effort = 0, landing = 20; effort must be above 0"):
         hold(run, "phi - theta", effort=0.0)
-    with pytest.raises(InputError, match="a schedule and a feedback exclude each other"):
+    with pytest.raises(InputError, match="leave out either the schedule or the feedback"):
         simulate(held.machine, run, hops=1, feedback=held, schedule=([0.0, 1.0], {"hold": [0.0]}))
     with pytest.raises(InputError, match="feedback: the machine has no parameter 'hold'"):
         simulate(Hopper(), 4.6, hops=1, feedback=held)

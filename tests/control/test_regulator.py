@@ -27,7 +27,7 @@ def test_the_regulator_against_that_of_the_whole_cycle():
     cost = solve_discrete_are(a, b, q, r, s=s)
     gain = np.linalg.solve(r + b.T @ cost @ b, b.T @ cost @ a + s.T)
     assert np.abs(matrix - (a - b @ gain)).max() < 1e-9 * np.abs(matrix).max()
-    with pytest.raises(NoOrbit, match="does not reach all that grows"):
+    with pytest.raises(NoOrbit, match="does not affect every growing change"):
         regulator([Piece(np.diag([2.0, 0.5]), np.array([0.0, 1.0]), 0, (0,))], 1, 1.0, 0.0)
     # Decided together at the start, or before they act: the second input is a function of the same state.
     at_once = [stages[0]._replace(decides=(0, 1)), *(each._replace(decides=()) for each in stages[1:])]

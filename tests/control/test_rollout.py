@@ -38,5 +38,5 @@ def test_the_search_is_bounded_in_solves_and_in_work(monkeypatch):
     with pytest.raises(InputError, match="rounds = 0"):
         steer(stages, guess=guess, rounds=0)
     monkeypatch.setattr(steer_module, "STEER_OPTIONS", steer_module.STEER_OPTIONS._replace(work=1))
-    with pytest.raises(NoOrbit, match="does not settle"):
+    with pytest.raises(NoOrbit, match="does not converge"):
         steer(stages, guess=guess)

@@ -14,12 +14,12 @@ from orbits.model import Phase
 @pytest.mark.parametrize(
     ("stage", "words"),
     [
-        (lambda: cart(duration=(0.0, 1.0)), "is above 0"),
-        (lambda: cart(duration=(2.0, 1.0)), "bounds conflict"),
-        (lambda: cart(low=1.0, high=-1.0), "input 'f' lies between 1 and -1: bounds conflict"),
+        (lambda: cart(duration=(0.0, 1.0)), "is 0; it must be above 0"),
+        (lambda: cart(duration=(2.0, 1.0)), "bounds of stage 1 \\(cart\\): duration conflict"),
+        (lambda: cart(low=1.0, high=-1.0), "input 'f' of stage 1 \\(cart\\): input 'f' conflict: 1 and -1"),
         (lambda: cart(intervals=0), "from 1"),
         (lambda: cart(degree=-1), "from 0"),
-        (lambda: cart(running=lambda x, p, q: p["price"]), "asks for 'price'"),
+        (lambda: cart(running=lambda x, p, q: p["price"]), "'price'"),
         (lambda: cart(intervals="a"), "intervals = 'a'"),
         (
             lambda: Stage(Phase("cart", ("x", "time"), lambda x, p, q: [x[1], 1]), 4, (1.0, 1.0)),

@@ -101,7 +101,7 @@ def test_the_hop_may_depend_on_the_ranges():
         ({"inertia": (2.0, 1.0), "hip_stiffness": (5.0, 6.0)}, r"'inertia' = \(2, 1\)"),
         ({"inertia": (1.0, 2.0), "hip": (5.0, 6.0)}, "hip"),
         ({"inertia": (-3.0, 9.0), "hip_stiffness": (5.0, 6.0)}, r"\(-3, 9\): state a range of values that the machine"),
-        ({"inertia": 5.0, "hip_stiffness": (5.0, 6.0)}, "over 'inertia' = 5.0; it is a pair"),
+        ({"inertia": 5.0, "hip_stiffness": (5.0, 6.0)}, "over 'inertia' = 5.0; it must be a pair"),
         ("inertia", "a mapping of names to ranges"),
     ],
 )

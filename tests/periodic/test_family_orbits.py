@@ -27,7 +27,7 @@ def test_large_families():
 
 @pytest.mark.parametrize("family", [0, -1, 1.5, "one", True, 10**7])
 def test_bad_families(family):
-    with pytest.raises(InputError, match="a family is a whole number"):
+    with pytest.raises(InputError, match="a family must be a whole number"):
         find(Hopper(), family)
 
 

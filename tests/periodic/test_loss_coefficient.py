@@ -78,7 +78,7 @@ class TestLossCoefficient:
         assert 0.75 < shares[0] < shares[1] < shares[2] < 1
         light = find(Hopper(mass_ratio=0.01))
         assert light.certificate.attraction_width() > 100
-        assert dict(light.rows())["launch range"] == "above alpha, farther than leading order tells"
+        assert dict(light.rows())["launch range"] == "above alpha, beyond the range of the leading order"
         assert dict(light.rows())["loss coefficient C"].endswith("   (10 C below)")
         assert find(HeavyHand()).certificate.attraction_width() is None
 
@@ -89,7 +89,7 @@ class TestLossCoefficient:
         lost = ReturnMap(machine)([orbit.alpha + 1e-8, orbit.alpha - 1e-8]).loss / (2 * orbit.alpha * 1e-8 ** (4 / 3))
         late, early = np.array(bounce_factors(0.5)) * orbit.certificate.loss_coefficient
         assert lost == pytest.approx([late, early], rel=2e-3)
-        assert "with the restitution 0.5 it is 1.075 C above, 21.6 C below" in dict(orbit.rows())["loss coefficient C"]
+        assert "with restitution 0.5, 1.075 C above and 21.6 C below" in dict(orbit.rows())["loss coefficient C"]
         assert "launch range" not in str(find(Hopper(restitution=1.0)))
         with pytest.raises(NoOrbit, match=f"loses {late:.4g} .* {early:.4g} "):
             multiplier(machine, orbit.alpha)

@@ -89,5 +89,5 @@ def test_rows_say_what_belongs_together():
     assert rows["largest contact force"] == f"{peak:.6g} N   ({peak / (63 * 9.80665):.6g} weights)"
     assert "clearance" not in rows
     assert find(Hopper()).rows()[2][1] == "up to 0.021 above alpha, to leading order"
-    assert rows["launch range"] == "above alpha, farther than leading order tells"
+    assert rows["launch range"] == "above alpha, beyond the range of the leading order"
     assert len(str(leg).splitlines()) <= 23

@@ -39,7 +39,7 @@ def test_a_file_that_tells_a_number_in_two_ways(cubic_hop, tmp_path, name, chang
     """Its digest is that of what it says."""
     document = cubic_hop.saved()
     path = write_json(document | {name: change(document[name])}, tmp_path / "hop.json", "orbit")
-    with pytest.raises(InputError, match=f"it says {name}"):
+    with pytest.raises(InputError, match=f"it states {name}"):
         Orbit.load(path)
     assert find(cubic_hop.source, start=path).alpha == pytest.approx(cubic_hop.alpha, abs=1e-12)
 
@@ -48,7 +48,7 @@ def test_a_file_in_si_tells_each_number_twice(tmp_path):
     document = find(hopper_in_si(3.0, 2.0, stiffness=500.0)).saved()
     path = write_json(document, tmp_path / "hop.json", "orbit")
     assert Orbit.load(path).alpha == document["alpha"]
-    with pytest.raises(InputError, match="it says alpha"):
+    with pytest.raises(InputError, match="it states alpha"):
         Orbit.load(write_json(document | {"alpha": 1.01 * document["alpha"]}, path, "orbit"))
 
 

@@ -24,9 +24,9 @@ def test_a_distant_start_leads_to_the_orbit_of_damped_steps():
 @pytest.mark.parametrize(
     ("start", "message"),
     [
-        (5, "it is an orbit, or a mapping of unknowns"),
+        (5, "it must be an orbit, or a mapping of unknowns"),
         ({"speed": 1.0}, "start has 'speed'; the unknowns are liftoff, alpha, duration"),
-        ({"alpha": 4.5, "duration": 2e4}, "'duration' = 20000; it lies between 0 and 10000"),
+        ({"alpha": 4.5, "duration": 2e4}, "'duration' = 20000; it must lie between 0 and 10000"),
         ({"alpha": float("nan")}, "start 'alpha'"),
     ],
 )

@@ -72,7 +72,9 @@ def test_runs_with_a_heavy_foot_are_found_from_far_away(rest_length, speed, iner
 @pytest.mark.slow
 def test_a_design_far_from_where_runs_begin_is_no_lack_of_dependence():
     """The inertia of these runs grows without bound as their speed falls to 0.23."""
-    with pytest.raises(NoOrbit, match="does not converge where it begins: begin near a design at which runs begin"):
+    with pytest.raises(
+        NoOrbit, match="does not converge where it begins: begin near a design found by find_branch_points"
+    ):
         find(runner(0.25, 4.0, 5.7, 5.4), tune=TUNE, at={"speed": 0.1})
 
 

@@ -30,7 +30,9 @@ def contact_time(k: float, mass_ratio: float) -> float:
 
 @pytest.mark.slow
 def test_a_number_that_no_equation_has_is_named():
-    with pytest.raises(NoOrbit, match=r"on friction: tune another number \(no equation of half an orbit has friction"):
+    with pytest.raises(
+        NoOrbit, match=r"on friction: tune another number \(no equation of half an orbit contains friction"
+    ):
         find(runner(friction=0.9), tune=("friction", "inertia"), at={"speed": 0.4})
 
 
@@ -48,7 +50,7 @@ def test_where_the_time_is_over_the_place_is_named(monkeypatch, slow, name):
 
     monkeypatch.setattr(home, slow, late)
     value = known.period if name == "period" else known.rises["body"]
-    text = f"more than 30 s; on the way to {name} = 4 it has come to {name} = {value:.6g}, with beta = 0.3"
+    text = f"more than 30 s; on the way to {name} = 4 it reached {name} = {value:.6g}, with beta = 0.3"
     with pytest.raises(NoOrbit, match=text):
         find(CUBIC, tune="beta", at={name: 4.0})
 
@@ -121,22 +123,22 @@ def test_tuned_numbers_are_in_the_table_and_in_files(tmp_path):
     [
         ({"tune": "q", "at": {"alpha": 5.0}}, "no parameter 'q'"),
         ({"tune": "k", "at": {"alfa": 5.0}}, "did you mean 'alpha'"),
-        ({"tune": "k", "at": {"mass_ratio": 5.0}}, "'mass_ratio': that is a number of the machine"),
+        ({"tune": "k", "at": {"mass_ratio": 5.0}}, "'mass_ratio': it is a parameter of the machine"),
         (
             {"tune": "k", "at": {"alpha": 5.0, "period": 9.0}},
             r"names 1 .*, and 2 are needed: one for each quantity of at = \['alpha', 'period'\]; choose among",
         ),
         ({"tune": "k"}, r"names 1 .*, and 0 are needed: one for each quantity of at = \[\]; leave 1 out, or prescribe"),
-        ({"at": {"alpha": 5.0}}, r"tune = \[\] names 0 of the numbers of the \w+, and 1 is needed: .*; choose among"),
-        ({"tune": ("k", "k"), "at": {"alpha": 5.0}}, "names each parameter once"),
-        ({"tune": 3, "at": {"alpha": 5.0}}, "tune = 3; it has names"),
-        ({"tune": {"k": 2.0}, "at": {"alpha": 5.0}}, "whose search begins at their values in the machine"),
+        ({"at": {"alpha": 5.0}}, r"tune = \[\] names 0 parameters of the hopper, and 1 is needed: .*; choose among"),
+        ({"tune": ("k", "k"), "at": {"alpha": 5.0}}, "each parameter once"),
+        ({"tune": 3, "at": {"alpha": 5.0}}, "tune = 3; it must list names"),
+        ({"tune": {"k": 2.0}, "at": {"alpha": 5.0}}, "search begins at their values in the machine"),
         ({"tune": "k", "at": {"alpha": float("nan")}}, "at 'alpha' = nan"),
         ({"tune": "k", "at": ["alpha"]}, "a mapping of quantities to values"),
-        ({"tune": "k", "at": {"frequency": -2.0}}, "'frequency' = -2: it is above 0 in every orbit"),
-        ({"tune": "k", "at": {"contact_time": 0.0}}, "'contact_time' = 0: it is above 0 in every orbit"),
-        ({"tune": "k", "at": {"alpha": -1.0}}, "'alpha' = -1: it is above 0 in every orbit"),
-        ({"tune": "k", "at": {"stroke": -1.0}}, "'stroke' = -1: it is at least 0 in every orbit"),
+        ({"tune": "k", "at": {"frequency": -2.0}}, "'frequency' = -2: prescribe a value above 0, as every orbit"),
+        ({"tune": "k", "at": {"contact_time": 0.0}}, "'contact_time' = 0: prescribe a value above 0, as every orbit"),
+        ({"tune": "k", "at": {"alpha": -1.0}}, "'alpha' = -1: prescribe a value above 0, as every orbit"),
+        ({"tune": "k", "at": {"stroke": -1.0}}, "'stroke' = -1: prescribe a value at least 0, as every orbit"),
         ({"tune": "k", "at": {"alpha": 5.0}, "method": "shooting"}, "tunes no parameters"),
     ],
 )
@@ -257,5 +259,5 @@ def test_a_contact_that_hangs():
 
 @pytest.mark.slow
 def test_a_contact_that_no_launch_determines():
-    with pytest.raises(NoOrbit, match="its launch does not determine it any more in 16 digits"):
+    with pytest.raises(NoOrbit, match="of its launch do not determine it"):
         find(Hopper("cubic", parameters={"beta": -0.005}), tune="beta", at={"contact_time": 100.0})
